@@ -1,0 +1,1 @@
+"""From measurements to an ErrorModel: one estimator, many observations, learned residuals."""

@@ -1,0 +1,84 @@
+"""The contract between everything that learns a robot's error and everything that uses it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+
+from robotrue.calibration.tables import MeanTables
+from robotrue.core.archive import Archive
+from robotrue.core.arrays import Array
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.model import RobotModel
+from robotrue.robot.statics import NO_LOAD, Load
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Query:
+    """Where the error is wanted.
+
+    Attributes:
+        joints: (n, dof) rad, commanded.
+        load: Payload and wrench, one row or n.
+        approach: (n, dof) sign of the last motion of each joint, 0 or empty = unknown.
+        T_flange_tool: (4, 4) tool point asked about; None is the point that was measured.
+    """
+
+    joints: Array
+    load: Load = NO_LOAD
+    approach: Array = field(default_factory=lambda: np.empty(0))
+    T_flange_tool: Array | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Prediction:
+    """Error = actual minus commanded, in the base frame.
+
+    Attributes:
+        error: (n, 3) m, of the tool point.
+        rotation_error: (n, 3) rad, left rotation vector; NaN where the model cannot know.
+        covariance: (n, 3, 3) m^2 of the *actual* position about its prediction at one visit:
+            parameters, learned residual and repeatability, without the instrument.
+    """
+
+    error: Array
+    rotation_error: Array
+    covariance: Array
+
+
+class ErrorModel(Protocol):
+    """What compensation, validation and online work know of a calibration, and nothing else."""
+
+    @property
+    def robot(self) -> RobotModel:
+        """The nominal robot, as the controller computes it, with the tool that was measured."""
+        ...
+
+    def predict(self, query: Query) -> Prediction:
+        """Returns mean and covariance of the error at every query row."""
+        ...
+
+    def mean_tables(self, load: Load = NO_LOAD) -> MeanTables | None:
+        """Returns the mean as flat tables for fast inversion; None if it has no such form."""
+        ...
+
+    def in_base(self, measurements: MeasurementSet) -> MeasurementSet:
+        """Returns the set with its positions in base, by the station the model estimated.
+
+        Sets already in base come back as they are.
+
+        Raises:
+            ModelMismatchError: The set comes from a station the model has never seen.
+        """
+        ...
+
+    def training_summary(self) -> Mapping[str, Any]:
+        """Returns JSON values: method, data hash, row counts, region, held-out result, doubts."""
+        ...
+
+    def to_archive(self) -> Archive:
+        """Returns everything needed to rebuild the model."""
+        ...

@@ -1,0 +1,1 @@
+"""Frames, poses, units, arrays, archives: NumPy only, knows no robot."""

@@ -1,0 +1,50 @@
+"""Arrays that are checked once and never change again."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from robotrue.errors import ShapeError
+
+Array: TypeAlias = npt.NDArray[np.float64]
+"""float64 array; shape, frame and unit are in the docstring of whoever names it."""
+IntArray: TypeAlias = npt.NDArray[np.int64]
+BoolArray: TypeAlias = npt.NDArray[np.bool_]
+
+
+def frozen(
+    values: npt.ArrayLike,
+    shape: tuple[int | None, ...],
+    name: str,
+    *,
+    dtype: Any = np.float64,
+    allow_nan: bool = False,
+) -> Any:
+    """Returns ``values`` as a read-only array of the given shape.
+
+    Args:
+        values: Anything NumPy can read; copied only if it is writeable or of another type.
+        shape: Expected shape; ``None`` leaves a dimension free.
+        name: What the array is called in the message.
+        dtype: Element type.
+        allow_nan: NaN marks "not known" here.
+
+    Raises:
+        ShapeError: Wrong shape, or a value that is not finite.
+    """
+    array = np.array(values, dtype=dtype)
+    if array.ndim != len(shape) or any(
+        want is not None and have != want for have, want in zip(array.shape, shape, strict=False)
+    ):
+        wanted = "(" + ", ".join("any" if s is None else str(s) for s in shape) + ")"
+        raise ShapeError(f"{name} has shape {array.shape}, expected {wanted}.")
+    if np.issubdtype(array.dtype, np.floating):
+        bad = np.isinf(array) if allow_nan else ~np.isfinite(array)
+        if bad.any():
+            where = tuple(int(i) for i in np.argwhere(bad)[0])
+            raise ShapeError(f"{name}{list(where)} is {array[where]}, expected a finite number.")
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,57 @@
+"""Homogeneous poses ``T_a_b`` (b in a): (..., 4, 4) arrays, metres."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.core.rotations import matrix_from_abc
+
+
+def pose(rotation: Array, translation: Array) -> Array:
+    """Returns T from R (..., 3, 3) and p (..., 3) in m; shape (..., 4, 4)."""
+    rotation = np.asarray(rotation, dtype=np.float64)
+    translation = np.asarray(translation, dtype=np.float64)
+    lead = np.broadcast_shapes(rotation.shape[:-2], translation.shape[:-1])
+    out = np.zeros((*lead, 4, 4))
+    out[..., :3, :3] = rotation
+    out[..., :3, 3] = translation
+    out[..., 3, 3] = 1.0
+    return out
+
+
+def pose_from_xyz_abc(xyz: Array, abc: Array) -> Array:
+    """Returns T from xyz (..., 3) m and KUKA A, B, C (..., 3) rad; shape (..., 4, 4)."""
+    return pose(matrix_from_abc(abc), xyz)
+
+
+def inverse(transform: Array) -> Array:
+    """Returns the inverse pose, ``T_b_a`` from ``T_a_b``; shape (..., 4, 4)."""
+    rotation_t = np.swapaxes(transform[..., :3, :3], -1, -2)
+    return pose(rotation_t, -(rotation_t @ transform[..., :3, 3:])[..., 0])
+
+
+def apply(transform: Array, points: Array) -> Array:
+    """Returns ``p_a = T_a_b p_b`` for points (..., 3) in m."""
+    return (transform[..., :3, :3] @ points[..., None])[..., 0] + transform[..., :3, 3]
+
+
+def fit_rigid(points_b: Array, points_a: Array, weights: Array | None = None) -> Array:
+    """Returns the ``T_a_b`` (4, 4) that best takes points in b to points in a.
+
+    Weighted least squares over proper rotations (Kabsch 1976; Umeyama 1991, eq. 40-43, no scale).
+
+    Args:
+        points_b: (n, 3) m.
+        points_a: (n, 3) m.
+        weights: (n,) non-negative; equal if not given.
+
+    Fails when: the points lie on one line; the rotation about it is then arbitrary.
+    """
+    w = np.ones(len(points_b)) if weights is None else np.asarray(weights, dtype=np.float64)
+    w = w / w.sum()
+    mean_b, mean_a = w @ points_b, w @ points_a
+    u, _, vt = np.linalg.svd(((points_a - mean_a) * w[:, None]).T @ (points_b - mean_b))
+    u[:, 2] *= np.sign(np.linalg.det(u @ vt))
+    rotation = u @ vt
+    return pose(rotation, mean_a - rotation @ mean_b)

@@ -1,0 +1,1 @@
+"""Machining programs in and out: one Program type, one file per controller dialect."""

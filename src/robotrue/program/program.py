@@ -1,0 +1,163 @@
+"""A machining program as columns of targets, tied to the bytes it came from.
+
+A program of a million targets is a handful of arrays, not a million objects. The source bytes stay
+as they are; a dialect remembers where each number stands and rewrites only what changed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from robotrue.core.arrays import Array, frozen
+
+
+class Motion(IntEnum):
+    """How the controller moves to a target."""
+
+    PTP = 0
+    LIN = 1
+    ARC_VIA = 2
+    ARC_END = 3
+    SPLINE = 4
+    UNUSED = 5  # a stored point that no motion in the program names
+
+
+class Reason(IntEnum):
+    """Why a target cannot be compensated, found while reading; 0 means it can."""
+
+    NONE = 0
+    EXPRESSION = 1
+    RELATIVE = 2
+    UNKNOWN_FRAME = 3
+    EXTERNAL_AXIS = 4
+    JOINT_TARGET = 5  # an axis target: compensated on request only
+    INCOMPLETE = 6
+    TOOL_ON_FLOOR = 7  # workpiece on the robot
+    UNUSED = 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Program:
+    """n targets in file order and the file they stand in.
+
+    Attributes:
+        name: File name.
+        dialect: Registered name of the dialect that read it.
+        data: The source bytes, untouched.
+        position: (n, 3) m, target in its base frame; NaN for axis targets.
+        rotation: (n, 3, 3) orientation of the tool in its base frame; NaN for axis targets.
+        axes: (n, dof) rad, the controller's axis values of axis targets; NaN otherwise.
+        motion: (n,) :class:`Motion`.
+        reason: (n,) :class:`Reason`.
+        status: (n,) configuration word as written (KUKA S; -1 if absent).
+        turn: (n,) turn word as written (KUKA T; -1 if absent).
+        line: (n,) one-based line of the target.
+        frame: (n,) index into ``T_base_frame``: the work frame the target is written in.
+        tool: (n,) index into ``T_flange_tool``.
+        T_base_frame: (f, 4, 4) work frames in the robot base.
+        T_flange_tool: (t, 4, 4) tools.
+        notes: What the reader wants the user to know, one sentence each, with line numbers.
+        spans: Dialect's own table of byte positions; opaque to everyone else.
+    """
+
+    name: str
+    dialect: str
+    data: bytes
+    position: Array
+    rotation: Array
+    axes: Array
+    motion: npt.NDArray[np.int64]
+    reason: npt.NDArray[np.int64]
+    status: npt.NDArray[np.int64]
+    turn: npt.NDArray[np.int64]
+    line: npt.NDArray[np.int64]
+    frame: npt.NDArray[np.int64]
+    tool: npt.NDArray[np.int64]
+    T_base_frame: Array
+    T_flange_tool: Array
+    notes: tuple[str, ...] = ()
+    spans: Any = None
+
+    def __post_init__(self) -> None:
+        """Checks shapes and freezes."""
+        n = len(self.position)
+        for name, shape in (
+            ("position", (n, 3)),
+            ("rotation", (n, 3, 3)),
+            ("axes", (n, None)),
+            ("T_base_frame", (None, 4, 4)),
+            ("T_flange_tool", (None, 4, 4)),
+        ):
+            object.__setattr__(self, name, frozen(getattr(self, name), shape, name, allow_nan=True))
+        for name in ("motion", "reason", "status", "turn", "line", "frame", "tool"):
+            object.__setattr__(self, name, frozen(getattr(self, name), (n,), name, dtype=np.int64))
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Replacement:
+    """New values for the targets of a program; rows that are not ``changed`` keep their bytes.
+
+    Attributes:
+        changed: (n,) rows to rewrite.
+        position: (n, 3) m, in the target's own base frame.
+        rotation: (n, 3, 3).
+        axes: (n, dof) rad, controller's axes, for axis targets.
+        status: (n,) new configuration word, -1 keeps what is written.
+        turn: (n,) new turn word, -1 keeps what is written.
+    """
+
+    changed: npt.NDArray[np.bool_]
+    position: Array
+    rotation: Array
+    axes: Array
+    status: npt.NDArray[np.int64]
+    turn: npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameTable:
+    """Frames a program names but does not hold ($config.dat, wobj tables), and the defaults.
+
+    Attributes:
+        T_base_frame: Default work frame (4, 4) when the program sets none.
+        T_flange_tool: Default tool (4, 4) when the program sets none.
+        bases: Work frames by the controller's number or name.
+        tools: Tools by the controller's number or name.
+    """
+
+    T_base_frame: Array = field(default_factory=lambda: np.eye(4))
+    T_flange_tool: Array = field(default_factory=lambda: np.eye(4))
+    bases: Mapping[str, Array] = field(default_factory=dict)
+    tools: Mapping[str, Array] = field(default_factory=dict)
+
+
+class Dialect(Protocol):
+    """One controller language: a leaf file that registers itself by name."""
+
+    name: str
+    suffixes: tuple[str, ...]
+
+    def detect(self, data: bytes) -> float:
+        """Returns 0..1: how surely these bytes are in this dialect."""
+        ...
+
+    def read(self, data: bytes, *, name: str, frames: FrameTable) -> Program:
+        """Returns the program.
+
+        Raises:
+            FormatError: The bytes are not in this dialect, with the line.
+        """
+        ...
+
+    def write(self, program: Program, replacement: Replacement) -> bytes:
+        """Returns the source bytes with the changed numbers, and only those, replaced."""
+        ...

@@ -1,0 +1,1 @@
+"""Serial arms: chain, forward and inverse kinematics, Jacobians, statics, presets."""

@@ -1,0 +1,238 @@
+"""Forward kinematics and analytic Jacobians, vectorised over poses.
+
+The chain is walked once as elementary rotations and translations. Each elementary transform leaves
+its axis and origin behind; every derivative is then one cross product: a rotation about axis u
+through p moves the tool point x by u x (x - p), a translation along u by u.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.robot.model import RobotModel, parameter_slice
+
+X, Y, Z = 0, 1, 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChainState:
+    """The chain at n poses: everything Jacobians and statics need. Base frame, m.
+
+    Attributes:
+        rotation: (n, 3, 3) R_base_tool.
+        position: (n, 3) p_base_tool.
+        param_axis: (n, P, 3) unit axis of each elementary error, NaN-free; P = 5 dof + 12
+            (theta, d, a, alpha, beta per joint, then base and tool).
+        param_origin: (n, P, 3) point the axis goes through.
+        param_is_rotation: (P,) rotation or translation.
+        link_rotation: (n, dof, 3, 3) link frames.
+        link_position: (n, dof, 3) link origins.
+        flange_rotation: (n, 3, 3).
+        flange_position: (n, 3).
+    """
+
+    rotation: Array
+    position: Array
+    param_axis: Array
+    param_origin: Array
+    param_is_rotation: Array
+    link_rotation: Array
+    link_position: Array
+    flange_rotation: Array
+    flange_position: Array
+
+    @property
+    def joint_axis(self) -> Array:
+        """(n, dof, 3) unit joint axes in base."""
+        return self.param_axis[:, : self.link_position.shape[1]]
+
+    @property
+    def joint_origin(self) -> Array:
+        """(n, dof, 3) points on the joint axes in base, m."""
+        return self.param_origin[:, : self.link_position.shape[1]]
+
+    @property
+    def transforms(self) -> Array:
+        """(n, 4, 4) T_base_tool."""
+        out = np.zeros((len(self.position), 4, 4))
+        out[:, :3, :3] = self.rotation
+        out[:, :3, 3] = self.position
+        out[:, 3, 3] = 1.0
+        return out
+
+
+class _Walker:
+    """A frame walking down the chain; columns and origin are (3, n) arrays."""
+
+    def __init__(self, n: int) -> None:
+        self.columns = [np.repeat(np.eye(3)[:, [k]], n, axis=1) for k in range(3)]
+        self.origin = np.zeros((3, n))
+
+    def rotate(self, axis: int, angle: Array | float) -> tuple[Array, Array]:
+        j, k = (axis + 1) % 3, (axis + 2) % 3
+        cosine, sine = np.cos(angle), np.sin(angle)
+        cj, ck = self.columns[j], self.columns[k]
+        self.columns[j] = cosine * cj + sine * ck
+        self.columns[k] = cosine * ck - sine * cj
+        return self.columns[axis], self.origin
+
+    def translate(self, axis: int, length: float) -> tuple[Array, Array]:
+        before = self.origin
+        self.origin = before + length * self.columns[axis]
+        return self.columns[axis], before
+
+    def place(self, transform: Array) -> None:
+        stack = np.stack(self.columns, axis=1)  # (3, 3, n): [row, column, pose]
+        self.origin = self.origin + np.einsum("rcn,c->rn", stack, transform[:3, 3])
+        turned = np.einsum("rcn,ck->rkn", stack, transform[:3, :3])
+        self.columns = [np.ascontiguousarray(turned[:, k]) for k in range(3)]
+
+    def rotation(self) -> Array:
+        return np.moveaxis(np.stack(self.columns, axis=1), -1, 0)
+
+    def position(self) -> Array:
+        return np.ascontiguousarray(self.origin.T)
+
+
+def joint_angles(robot: RobotModel, joints: Array, shift: Array | None = None) -> Array:
+    """Returns theta (n, dof) rad from q (n, dof) rad, errors included.
+
+    Args:
+        robot: The arm with its errors.
+        joints: (n, dof) rad, what the controller commands.
+        shift: (n, dof) rad, added to q on the drive side (ripple, deflection).
+    """
+    q = np.asarray(joints, dtype=np.float64) * (1.0 + robot.error("gear"))
+    if shift is not None:
+        q = q + shift
+    return q @ robot.joint_map.T + robot.theta + robot.error("theta")
+
+
+def walk(robot: RobotModel, joints: Array, shift: Array | None = None) -> ChainState:
+    """Returns the state of the chain at every pose.
+
+    Args:
+        robot: The arm; its ``errors`` are used (call on ``robot.nominal()`` for the controller's).
+        joints: (n, dof) rad.
+        shift: (n, dof) rad, see :func:`joint_angles`; compliance is *not* added here
+            (see :func:`robotrue.robot.statics.deflected`).
+    """
+    theta = joint_angles(robot, joints, shift)
+    n, dof = theta.shape
+    marks: dict[int, tuple[Array, Array]] = {}
+    links: list[tuple[Array, Array]] = []
+    walker = _Walker(n)
+    base, tool = 5 * dof, 5 * dof + 6
+    _error_pose(walker, robot.error("base"), base, marks)
+    for i in range(dof):
+        _link(walker, robot, theta[:, i], i, marks)
+        links.append((walker.rotation(), walker.position()))
+    walker.place(robot.T_flange_tool)
+    _error_pose(walker, robot.error("tool"), tool, marks)
+    count = 5 * dof + 12
+    is_rotation = np.zeros(count, dtype=bool)
+    is_rotation[: 2 * dof] = np.repeat([True, False], dof)
+    is_rotation[3 * dof : 5 * dof] = True
+    is_rotation[base + 3 : base + 6] = True
+    is_rotation[tool + 3 : tool + 6] = True
+    return ChainState(
+        rotation=walker.rotation(),
+        position=walker.position(),
+        param_axis=np.stack([marks[k][0].T for k in range(count)], axis=1),
+        param_origin=np.stack([marks[k][1].T for k in range(count)], axis=1),
+        param_is_rotation=is_rotation,
+        link_rotation=np.stack([r for r, _ in links], axis=1),
+        link_position=np.stack([p for _, p in links], axis=1),
+        flange_rotation=links[-1][0],
+        flange_position=links[-1][1],
+    )
+
+
+def _error_pose(
+    walker: _Walker, values: Array, start: int, marks: dict[int, tuple[Array, Array]]
+) -> None:
+    for k in range(3):
+        marks[start + k] = walker.translate(k, float(values[k]))
+    for k in range(3):
+        marks[start + 3 + k] = walker.rotate(k, float(values[3 + k]))
+
+
+def _link(
+    walker: _Walker, robot: RobotModel, theta: Array, i: int, marks: dict[int, tuple[Array, Array]]
+) -> None:
+    dof = robot.dof
+    d = float(robot.d[i] + robot.error("d")[i])
+    a = float(robot.a[i] + robot.error("a")[i])
+    alpha = float(robot.alpha[i] + robot.error("alpha")[i])
+    beta = float(robot.error("beta")[i])
+    if robot.convention == "dh":
+        marks[i] = walker.rotate(Z, theta)
+        marks[dof + i] = walker.translate(Z, d)
+        marks[2 * dof + i] = walker.translate(X, a)
+        marks[3 * dof + i] = walker.rotate(X, alpha)
+        marks[4 * dof + i] = walker.rotate(Y, beta)
+    else:
+        marks[3 * dof + i] = walker.rotate(X, alpha)
+        marks[2 * dof + i] = walker.translate(X, a)
+        marks[4 * dof + i] = walker.rotate(Y, beta)
+        marks[i] = walker.rotate(Z, theta)
+        marks[dof + i] = walker.translate(Z, d)
+
+
+def forward(robot: RobotModel, joints: Array, shift: Array | None = None) -> Array:
+    """Returns T_base_tool (n, 4, 4) of the rigid arm with its geometric errors.
+
+    Args:
+        robot: The arm; call on ``robot.nominal()`` for what the controller computes.
+        joints: (n, dof) rad.
+        shift: (n, dof) rad on the drive side.
+    """
+    return walk(robot, joints, shift).transforms
+
+
+def joint_jacobian(robot: RobotModel, state: ChainState) -> Array:
+    """Returns dx/dq (n, 6, dof): tool-point translation (m/rad), then rotation, in base."""
+    columns = _columns(state, slice(0, robot.dof))
+    return columns @ (robot.joint_map * (1.0 + robot.error("gear")))
+
+
+def drive_jacobian(robot: RobotModel, state: ChainState) -> Array:
+    """Returns dx/dshift (n, 6, dof): the tool twist per rad of drive-side ripple or deflection."""
+    return _columns(state, slice(0, robot.dof)) @ robot.joint_map
+
+
+def parameter_jacobian(
+    robot: RobotModel, state: ChainState, joints: Array, torque: Array | None = None
+) -> Array:
+    """Returns dx/derrors (n, 6, 7 dof + 12), linear part first, base frame.
+
+    The rotation part is the left (base-frame) rotation vector per unit of the parameter.
+
+    Args:
+        robot: The arm.
+        state: From :func:`walk` (or ``deflected``) at the same joints.
+        joints: (n, dof) rad, for the gear columns.
+        torque: (n, dof) N m on the drives, for the compliance columns; zero if not given.
+    """
+    dof = robot.dof
+    n = len(state.position)
+    out = np.zeros((n, 6, 7 * dof + 12))
+    out[:, :, : 5 * dof] = _columns(state, slice(0, 5 * dof))
+    out[:, :, 7 * dof :] = _columns(state, slice(5 * dof, 5 * dof + 12))
+    drive = drive_jacobian(robot, state)
+    out[:, :, parameter_slice(dof, "gear")] = drive * np.asarray(joints)[:, None, :]
+    if torque is not None:
+        out[:, :, parameter_slice(dof, "compliance")] = drive * torque[:, None, :]
+    return out
+
+
+def _columns(state: ChainState, which: slice) -> Array:
+    axis = state.param_axis[:, which]
+    arm = state.position[:, None, :] - state.param_origin[:, which]
+    turning = state.param_is_rotation[which][None, :, None]
+    linear = np.where(turning, np.cross(axis, arm), axis)
+    angular = np.where(turning, axis, 0.0)
+    return np.swapaxes(np.concatenate([linear, angular], axis=2), 1, 2)

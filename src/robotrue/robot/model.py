@@ -1,0 +1,198 @@
+"""The robot as data: nominal geometry, what the controller believes, and its errors.
+
+The *nominal* robot is what the controller computes with: rigid, error-free. The *actual* robot is
+the nominal one plus ``errors``, one flat vector with a fixed layout (:func:`parameter_names`).
+All errors zero is the nominal robot, so "before" and "after" are the same code.
+
+Kinematics (``convention``)::
+
+    T_base_tool = base . link_1 ... link_n . T_flange_tool . tool
+    dh   link_i = Rz(theta_i) Tz(d_i) Tx(a_i) Rx(alpha_i) Ry(beta_i)
+    mdh  link_i = Rx(alpha_i) Tx(a_i) Ry(beta_i) Rz(theta_i) Tz(d_i)
+
+``base`` and ``tool`` are error poses Tx Ty Tz Rx Ry Rz, in that order. The joint angle is
+
+    theta = theta_0 + dtheta + joint_map @ ((1 + gear) * q + ripple + compliance * torque)
+
+with ``torque`` on the drives from gravity, payload and wrench (:mod:`robotrue.robot.statics`).
+In ``mdh`` alpha_i and a_i belong to the axis *before* joint i (Craig's alpha_{i-1}, a_{i-1}).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Final, Literal, TypeAlias
+
+import numpy as np
+
+from robotrue.core.arrays import Array, frozen
+from robotrue.core.units import STANDARD_GRAVITY
+from robotrue.errors import ConfigurationError, ShapeError
+
+Convention: TypeAlias = Literal["dh", "mdh"]
+
+PER_JOINT: Final = ("theta", "d", "a", "alpha", "beta", "gear", "compliance")
+"""Error parameters that exist once per joint, in the order of the flat vector."""
+POSE_TERMS: Final = ("x", "y", "z", "rx", "ry", "rz")
+UNITS: Final[Mapping[str, str]] = {
+    "theta": "rad",
+    "d": "m",
+    "a": "m",
+    "alpha": "rad",
+    "beta": "rad",
+    "gear": "1",
+    "compliance": "rad/(N m)",
+    "base": "m or rad",
+    "tool": "m or rad",
+}
+
+
+def parameter_names(dof: int) -> tuple[str, ...]:
+    """Returns the names of the error vector: ``theta1 .. compliance6, base_x .. tool_rz``."""
+    joints = tuple(f"{term}{i + 1}" for term in PER_JOINT for i in range(dof))
+    frames = tuple(f"{frame}_{term}" for frame in ("base", "tool") for term in POSE_TERMS)
+    return joints + frames
+
+
+def parameter_slice(dof: int, group: str) -> slice:
+    """Returns where a group (a name of ``PER_JOINT``, ``"base"`` or ``"tool"``) stands.
+
+    Raises:
+        ConfigurationError: No such group.
+    """
+    if group in PER_JOINT:
+        start = PER_JOINT.index(group) * dof
+        return slice(start, start + dof)
+    if group in ("base", "tool"):
+        start = len(PER_JOINT) * dof + (6 if group == "tool" else 0)
+        return slice(start, start + 6)
+    raise ConfigurationError(
+        f"no parameter group {group!r}; groups are {(*PER_JOINT, 'base', 'tool')}."
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Configuration:
+    """How the controller counts its axes, for programs: ``A = sign * q + offset``.
+
+    Attributes:
+        sign: (n,) +1 or -1.
+        offset: (n,) rad.
+    """
+
+    sign: Array
+    offset: Array
+
+    def to_controller(self, joints: Array) -> Array:
+        """Returns the controller's axis values in rad from model joints (..., n) rad."""
+        return self.sign * joints + self.offset
+
+    def to_model(self, axes: Array) -> Array:
+        """Returns model joints in rad from the controller's axis values (..., n) rad."""
+        return self.sign * (axes - self.offset)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotModel:
+    """A serial arm of n revolute joints, its nominal geometry and its errors.
+
+    Attributes:
+        name: Preset or user name.
+        convention: ``"dh"`` (standard) or ``"mdh"`` (modified, Craig).
+        theta: (n,) rad, joint offset of the DH table.
+        d: (n,) m.
+        a: (n,) m.
+        alpha: (n,) rad.
+        joint_map: (n, n), theta = joint_map @ q; identity, or the coupling of a parallelogram.
+        limits: (n, 2) rad, lower and upper limit of q.
+        link_mass: (n,) kg; zeros where unknown.
+        link_com: (n, 3) m, centre of mass in the link's own DH frame.
+        T_flange_tool: (4, 4), the tool the controller uses (or the reflector).
+        gravity: (3,) m/s^2 in the base frame.
+        errors: (7 n + 12,) SI, layout of :func:`parameter_names`; zero is nominal.
+        controller: How the controller counts the axes.
+        maker: Brand, chooses the configuration bits (``"kuka"``, ``"abb"``, ...).
+    """
+
+    name: str
+    convention: Convention
+    theta: Array
+    d: Array
+    a: Array
+    alpha: Array
+    joint_map: Array = field(default_factory=lambda: np.empty((0, 0)))
+    limits: Array = field(default_factory=lambda: np.empty((0, 2)))
+    link_mass: Array = field(default_factory=lambda: np.empty(0))
+    link_com: Array = field(default_factory=lambda: np.empty((0, 3)))
+    T_flange_tool: Array = field(default_factory=lambda: np.eye(4))
+    gravity: Array = field(default_factory=lambda: np.array([0.0, 0.0, -STANDARD_GRAVITY]))
+    errors: Array = field(default_factory=lambda: np.empty(0))
+    controller: Configuration | None = None
+    maker: str = "generic"
+
+    def __post_init__(self) -> None:
+        """Checks shapes once and freezes every array; empty ones take their neutral value."""
+        n = len(self.d)
+        if self.convention not in ("dh", "mdh"):
+            raise ConfigurationError(f"convention {self.convention!r}, expected 'dh' or 'mdh'.")
+        neutral = {
+            "joint_map": np.eye(n),
+            "limits": np.tile([-2.0 * np.pi, 2.0 * np.pi], (n, 1)),
+            "link_mass": np.zeros(n),
+            "link_com": np.zeros((n, 3)),
+            "errors": np.zeros(len(PER_JOINT) * n + 12),
+        }
+        shapes: dict[str, tuple[int, ...]] = {
+            "theta": (n,),
+            "d": (n,),
+            "a": (n,),
+            "alpha": (n,),
+            "joint_map": (n, n),
+            "limits": (n, 2),
+            "link_mass": (n,),
+            "link_com": (n, 3),
+            "T_flange_tool": (4, 4),
+            "gravity": (3,),
+            "errors": (len(PER_JOINT) * n + 12,),
+        }
+        for name, shape in shapes.items():
+            value = getattr(self, name)
+            if name in neutral and np.size(value) == 0:
+                value = neutral[name]
+            object.__setattr__(self, name, frozen(value, shape, name))
+        if self.controller is None:
+            object.__setattr__(
+                self, "controller", Configuration(sign=np.ones(n), offset=np.zeros(n))
+            )
+        if (self.limits[:, 0] >= self.limits[:, 1]).any():
+            raise ShapeError("limits: every lower joint limit must be below its upper one.")
+
+    @property
+    def dof(self) -> int:
+        """Number of joints."""
+        return len(self.d)
+
+    @property
+    def reach(self) -> float:
+        """Upper bound in m of the distance from the base origin to the tool point."""
+        links = np.abs(self.a).sum() + np.abs(self.d).sum()
+        return float(links + np.linalg.norm(self.T_flange_tool[:3, 3]))
+
+    def error(self, group: str) -> Array:
+        """Returns one group of the error vector, e.g. ``error("compliance")`` (n,) rad/(N m)."""
+        return self.errors[parameter_slice(self.dof, group)]
+
+    def nominal(self) -> RobotModel:
+        """Returns the robot the controller believes in: all errors zero, rigid."""
+        return replace(self, errors=np.zeros_like(self.errors))
+
+    def with_errors(self, errors: Array) -> RobotModel:
+        """Returns the robot with another error vector."""
+        return replace(self, errors=errors)
+
+    def with_tool(self, T_flange_tool: Array) -> RobotModel:
+        """Returns the robot with another tool; the errors of the old tool do not carry over."""
+        errors = self.errors.copy()
+        errors[parameter_slice(self.dof, "tool")] = 0.0
+        return replace(self, T_flange_tool=T_flange_tool, errors=errors)

@@ -1,0 +1,92 @@
+"""Torques on the drives and the deflection they cause.
+
+Load torque is positive when it turns the joint in its positive sense, so a joint of compliance c
+moves by +c * torque. Torques are taken at the nominal rigid posture: errors of a milliradian change
+them by a thousandth, and the deflection stays linear in the compliances, so its Jacobian is exact.
+
+Source: Deng et al. 2022, eq. 4-7, with SI units throughout.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from robotrue.core.arrays import Array, frozen
+from robotrue.robot.forward import ChainState, walk
+from robotrue.robot.model import RobotModel
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Load:
+    """What the arm carries and what pushes on it, at n poses or (n = 1) at all.
+
+    Attributes:
+        mass: (n,) kg, payload at the flange.
+        com: (n, 3) m, its centre of mass in the flange frame.
+        wrench: (n, 6) N, N m: force and moment on the tool, at the tool point, in base axes.
+    """
+
+    mass: Array = field(default_factory=lambda: np.zeros(1))
+    com: Array = field(default_factory=lambda: np.zeros((1, 3)))
+    wrench: Array = field(default_factory=lambda: np.zeros((1, 6)))
+
+    def __post_init__(self) -> None:
+        """Checks shapes and freezes."""
+        object.__setattr__(self, "mass", frozen(self.mass, (None,), "mass"))
+        object.__setattr__(self, "com", frozen(self.com, (None, 3), "com"))
+        object.__setattr__(self, "wrench", frozen(self.wrench, (None, 6), "wrench"))
+
+
+NO_LOAD = Load()
+
+
+def drive_torque(robot: RobotModel, joints: Array, load: Load = NO_LOAD) -> Array:
+    """Returns the load torque on each drive (n, dof) in N m: gravity, payload and wrench.
+
+    Args:
+        robot: The arm; masses from ``link_mass`` and ``link_com``.
+        joints: (n, dof) rad.
+        load: Payload and wrench, one row or n rows.
+    """
+    state = walk(robot.nominal(), joints)
+    return torque_at(robot, state, load)
+
+
+def torque_at(robot: RobotModel, state: ChainState, load: Load) -> Array:
+    """Returns :func:`drive_torque` for a chain state already walked (nominal, rigid)."""
+    axis, origin = state.joint_axis, state.joint_origin
+    n = len(axis)
+    centre = state.link_position + np.einsum("nlij,lj->nli", state.link_rotation, robot.link_com)
+    # Mass and first moment of everything outboard of each joint, summed from the tip.
+    mass_out = np.cumsum(robot.link_mass[::-1])[::-1]
+    moment = robot.link_mass[None, :, None] * centre
+    moment_out = np.cumsum(moment[:, ::-1], axis=1)[:, ::-1]
+    arm_force = moment_out - mass_out[None, :, None] * origin
+    torque = np.einsum("nik,nik->ni", axis, np.cross(arm_force, robot.gravity))
+    offset = np.broadcast_to(load.com, (n, 3))
+    payload = state.flange_position + np.einsum("nij,nj->ni", state.flange_rotation, offset)
+    weight = np.broadcast_to(load.mass, (n,))[:, None] * robot.gravity
+    torque += np.einsum("nik,nik->ni", axis, np.cross(payload[:, None] - origin, weight[:, None]))
+    wrench = np.broadcast_to(load.wrench, (n, 6))
+    lever = np.cross(state.position[:, None] - origin, wrench[:, None, :3])
+    torque += np.einsum("nik,nik->ni", axis, lever + wrench[:, None, 3:])
+    drives: Array = torque @ robot.joint_map
+    return drives
+
+
+def deflected(
+    robot: RobotModel, joints: Array, load: Load = NO_LOAD, shift: Array | None = None
+) -> tuple[ChainState, Array]:
+    """Returns the chain of the actual, loaded arm and the drive torques (n, dof) N m.
+
+    Args:
+        robot: The arm with errors; ``compliance`` times torque is added on the drive side.
+        joints: (n, dof) rad, commanded.
+        load: Payload and wrench.
+        shift: (n, dof) rad, further drive-side shift such as ripple.
+    """
+    torque = drive_torque(robot, joints, load)
+    bend = torque * robot.error("compliance")
+    return walk(robot, joints, bend if shift is None else bend + shift), torque
