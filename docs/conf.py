@@ -1,0 +1,20 @@
+from __future__ import annotations
+
+import robotrue
+
+project = "robotrue"
+author = "The robotrue authors"
+copyright = "The robotrue authors, Apache-2.0"
+release = version = robotrue.__version__
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+myst_enable_extensions = ["colon_fence", "dollarmath"]
+myst_heading_anchors = 3
+html_theme = "furo"
+html_title = "robotrue"
+exclude_patterns = ["_build"]
+autodoc_typehints = "none"
+autodoc_member_order = "bysource"
+napoleon_google_docstring = True
+napoleon_custom_sections = ["Fails when"]
+nitpicky = False
+suppress_warnings = ["myst.xref_missing"]
