@@ -1,0 +1,182 @@
+"""The ``robotrue`` command: signatures only; each command's work is in the file of its name.
+
+Data go to stdout, everything else to stderr. Exit 0: done. Exit 1: refused or failed,
+with a message that says why. Exit 2: the command line itself is wrong. Heavy imports happen inside
+the commands, so ``robotrue --help`` answers at once.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from robotrue import __version__
+from robotrue.errors import RobotrueError
+
+app = typer.Typer(
+    name="robotrue",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    help="Makes an industrial robot cut where the CAM said.",
+)
+
+Json = Annotated[bool, typer.Option("--json", help="Machine-readable result on stdout.")]
+CellFile = Annotated[Path, typer.Argument(metavar="CELL", help="cell.toml")]
+ModelFile = Annotated[Path, typer.Argument(metavar="MODEL", help="Model file of `calibrate`.")]
+
+
+def _version(value: bool) -> None:
+    if value:
+        sys.stdout.write(f"robotrue {__version__}\n")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Calibrate a robot, know how far to trust it, and compensate its programs."""
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder for everything the demo makes.")] = Path(
+        "demo-out"
+    ),
+    data: Annotated[
+        Path | None, typer.Option(help="Folder of measured data: the same job on a real UR10.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the virtual cell.")] = 1,
+    json: Json = False,
+) -> None:
+    """Measure, calibrate, validate, compensate and re-measure a virtual cell (or real data)."""
+    from robotrue.cli.demo import run
+
+    run(out=out, data=data, seed=seed, as_json=json)
+
+
+@app.command()
+def calibrate(
+    cell: CellFile,
+    measurements: Annotated[list[Path], typer.Argument(metavar="MEAS...", help="Measurements.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Model file to write.")],
+    method: Annotated[
+        str, typer.Option(help="auto, or one of nominal, geometric, elastic, ripple, gp.")
+    ] = "auto",
+    mapping: Annotated[
+        Path | None, typer.Option(help="Column mapping (TOML) for files of another layout.")
+    ] = None,
+    report: Annotated[Path | None, typer.Option(help="Also write a report page (HTML).")] = None,
+    json: Json = False,
+) -> None:
+    """Learn the robot's error from measured poses and write a model file."""
+    from robotrue.cli.calibrate import run
+
+    run(cell, measurements, output, method=method, mapping=mapping, report=report, as_json=json)
+
+
+@app.command()
+def validate(
+    model: ModelFile,
+    measurements: Annotated[list[Path], typer.Argument(metavar="MEAS...", help="Held-out poses.")],
+    mapping: Annotated[Path | None, typer.Option(help="Column mapping (TOML).")] = None,
+    report: Annotated[Path | None, typer.Option(help="Also write a report page (HTML).")] = None,
+    json: Json = False,
+) -> None:
+    """Say how well a model predicts poses it has not seen."""
+    from robotrue.cli.validate import run
+
+    run(model, measurements, mapping=mapping, report=report, as_json=json)
+
+
+@app.command()
+def predict(
+    model: ModelFile,
+    queries: Annotated[Path, typer.Argument(metavar="QUERIES", help="CSV of joints, wrench.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="CSV to write.")],
+    json: Json = False,
+) -> None:
+    """Predict the error (actual minus commanded) and its standard deviation."""
+    from robotrue.cli.predict import run
+
+    run(model, queries, output, as_json=json)
+
+
+@app.command()
+def compensate(
+    model: Annotated[
+        Path, typer.Argument(metavar="MODEL|CELL", help="Model file; a cell.toml changes nothing.")
+    ],
+    program: Annotated[Path, typer.Argument(metavar="PROGRAM", help="Program to compensate.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Program to write.")],
+    wrench: Annotated[
+        str | None,
+        typer.Option(help="Process force on the tool, base axes: FX,FY,FZ[,MX,MY,MZ] in N, N m."),
+    ] = None,
+    axis_targets: Annotated[
+        bool, typer.Option(help="Compensate axis targets too (PTP {A1 ..}).")
+    ] = False,
+    max_shift_mm: Annotated[
+        float, typer.Option(help="Leave a target alone if it would move further than this.")
+    ] = 10.0,
+    json: Json = False,
+) -> None:
+    """Rewrite a program so that the robot lands where it says."""
+    from robotrue.cli.compensate import run
+
+    run(
+        model,
+        program,
+        output,
+        wrench=wrench,
+        axis_targets=axis_targets,
+        max_shift_mm=max_shift_mm,
+        as_json=json,
+    )
+
+
+@app.command()
+def inspect(
+    path: Annotated[
+        Path, typer.Argument(metavar="FILE", help="Model, cell, measurements or program.")
+    ],
+    json: Json = False,
+) -> None:
+    """Say what a file holds: a model, a cell, measurements or a program."""
+    from robotrue.cli.inspect import run
+
+    run(path, as_json=json)
+
+
+def run() -> None:
+    """Runs the command line and exits with 0, 1 or 2."""
+    try:
+        app()
+    except RobotrueError as error:
+        _report(error)
+        raise SystemExit(1) from None
+    except KeyboardInterrupt:
+        sys.stderr.write("robotrue: stopped; nothing was left half-written.\n")
+        raise SystemExit(1) from None
+
+
+def _report(error: RobotrueError) -> None:
+    sys.stderr.write(f"robotrue: {error}\n")
+    if "--json" in sys.argv:
+        import json
+
+        fault = {
+            "kind": type(error).__name__,
+            "message": error.message,
+            "source": error.source,
+            "line": error.line,
+            "hint": error.hint,
+        }
+        sys.stdout.write(json.dumps({"error": fault}) + "\n")
