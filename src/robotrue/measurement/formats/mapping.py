@@ -1,0 +1,187 @@
+"""Which column of a file holds what: the whole difference between one instrument and another."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Final, Literal, TypeAlias
+
+from robotrue.core.units import DEG, MM, UM
+from robotrue.errors import ConfigurationError
+from robotrue.measurement.measurement_set import MeasurementFrame
+
+AngleUnit: TypeAlias = Literal["deg", "rad"]
+LengthUnit: TypeAlias = Literal["mm", "m", "um"]
+RotationForm: TypeAlias = Literal["rz_ry_rx", "rx_ry_rz", "rotation_vector", "wxyz", "xyzw"]
+"""How three (or four) printed numbers make a matrix.
+
+``rz_ry_rx``: columns rx, ry, rz and R = Rz(rz) Ry(ry) Rx(rx) (KUKA's C, B, A);
+``rx_ry_rz``: columns rx, ry, rz and R = Rx(rx) Ry(ry) Rz(rz) (intrinsic XYZ, Leica T-Mac);
+``rotation_vector``: Universal Robots; ``wxyz``, ``xyzw``: unit quaternions.
+"""
+
+ANGLE: Final[Mapping[str, float]] = {"deg": DEG, "rad": 1.0}
+LENGTH: Final[Mapping[str, float]] = {"mm": MM, "m": 1.0, "um": UM}
+GROUPS: Final = (
+    "joints",
+    "position",
+    "position_minus",
+    "rotation",
+    "position_std",
+    "position_correlation",
+    "rotation_std",
+    "force",
+    "moment",
+    "approach",
+    "temperature",
+    "payload_mass",
+    "payload_com",
+    "target",
+    "station",
+    "set_name",
+)
+"""Fields of a mapping that name columns."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ColumnMapping:
+    """Where the columns are, in which units and signs. Names are compared without case.
+
+    ``position = sign * (columns - columns of position_minus) + offset``, then the unit;
+    ``joints = sign * columns + offset`` likewise.
+
+    Attributes:
+        name: What the layout is called.
+        joints: One column per joint.
+        position: x, y, z of the measured point.
+        position_minus: Columns subtracted from them: a file with target and "target minus actual"
+            gives the actual point as ``position`` = target, ``position_minus`` = difference.
+        rotation: Measured orientation.
+        position_std: Standard deviations of x, y, z (one sigma).
+        position_correlation: Covariances xy, xz, yz in the square of the length unit.
+        rotation_std: Standard deviations of the three printed angles (one sigma).
+        force: fx, fy, fz in N on the tool, base axes.
+        moment: mx, my, mz in N m at the tool point, base axes.
+        approach: Sign of the last motion of each joint: -1, 0, 1.
+        temperature: One column, deg C.
+        payload_mass: One column, kg at the flange.
+        payload_com: x, y, z of its centre of mass in the flange frame.
+        target: One column, number of the reflector.
+        station: One column, number of the instrument set-up.
+        set_name: One column, name of the set (campaign, block) a row belongs to.
+        joints_unit: Unit of ``joints``.
+        joints_sign: +1 or -1 per joint; empty is +1.
+        joints_offset: Per joint, in the file's unit; empty is 0.
+        position_unit: Unit of ``position``, its deviations and ``payload_com``.
+        position_sign: +1 or -1 per axis.
+        position_offset: In the file's unit.
+        rotation_unit: Unit of ``rotation`` and ``rotation_std``.
+        rotation_form: How the numbers make a matrix.
+        frame: Frame of position and rotation if the caller does not say.
+        constants: Columns the file does not have, with one value for all rows.
+        optional: Groups that may be absent as a whole.
+        ignore_other: Columns nobody asked for are passed over; otherwise they are an error.
+        delimiter: Between cells, None finds out; ``" "`` is any run of blanks.
+        decimal: ``"."`` or ``","``, None finds out.
+        encoding: None finds out.
+        skip_lines: Lines before the header.
+        header: False names the columns "1", "2", ...
+        worksheet: Sheet of a workbook; None is the only one with values.
+    """
+
+    name: str
+    joints: tuple[str, ...]
+    position: tuple[str, ...]
+    position_minus: tuple[str, ...] = ()
+    rotation: tuple[str, ...] = ()
+    position_std: tuple[str, ...] = ()
+    position_correlation: tuple[str, ...] = ()
+    rotation_std: tuple[str, ...] = ()
+    force: tuple[str, ...] = ()
+    moment: tuple[str, ...] = ()
+    approach: tuple[str, ...] = ()
+    temperature: tuple[str, ...] = ()
+    payload_mass: tuple[str, ...] = ()
+    payload_com: tuple[str, ...] = ()
+    target: tuple[str, ...] = ()
+    station: tuple[str, ...] = ()
+    set_name: tuple[str, ...] = ()
+    joints_unit: AngleUnit = "deg"
+    joints_sign: tuple[float, ...] = ()
+    joints_offset: tuple[float, ...] = ()
+    position_unit: LengthUnit = "mm"
+    position_sign: tuple[float, ...] = (1.0, 1.0, 1.0)
+    position_offset: tuple[float, ...] = (0.0, 0.0, 0.0)
+    rotation_unit: AngleUnit = "deg"
+    rotation_form: RotationForm = "rz_ry_rx"
+    frame: MeasurementFrame = "base"
+    constants: Mapping[str, float] = field(default_factory=dict)
+    optional: tuple[str, ...] = ()
+    ignore_other: bool = True
+    delimiter: str | None = None
+    decimal: str | None = None
+    encoding: str | None = None
+    skip_lines: int = 0
+    header: bool = True
+    worksheet: str | None = None
+
+    def __post_init__(self) -> None:
+        """Checks how many columns each group names, and every unit.
+
+        Raises:
+            ConfigurationError: A group of the wrong length, an unknown unit or group name.
+        """
+        object.__setattr__(self, "constants", MappingProxyType(dict(self.constants)))
+        dof = len(self.joints)
+        quaternion = self.rotation_form in ("wxyz", "xyzw")
+        wanted = dict.fromkeys(GROUPS, 3) | {
+            "joints": dof,
+            "approach": dof,
+            "rotation": 4 if quaternion else 3,
+            **dict.fromkeys(("temperature", "payload_mass", "target", "station", "set_name"), 1),
+        }
+        if dof == 0:
+            raise ConfigurationError(f"mapping {self.name!r} names no joint columns.")
+        for group, count in wanted.items():
+            have = len(getattr(self, group))
+            if have not in (0, count):
+                raise ConfigurationError(
+                    f"mapping {self.name!r}: {group} names {have} columns, expected {count}."
+                )
+        for group, count in (("joints_sign", dof), ("joints_offset", dof)):
+            if len(getattr(self, group)) not in (0, count):
+                raise ConfigurationError(f"mapping {self.name!r}: {group} needs {count} values.")
+        for group in ("position_sign", "position_offset"):
+            if len(getattr(self, group)) != 3:
+                raise ConfigurationError(f"mapping {self.name!r}: {group} needs 3 values.")
+        self._check_words()
+
+    def _check_words(self) -> None:
+        allowed: dict[str, tuple[str | None, ...]] = {
+            "joints_unit": tuple(ANGLE),
+            "rotation_unit": tuple(ANGLE),
+            "position_unit": tuple(LENGTH),
+            "rotation_form": ("rz_ry_rx", "rx_ry_rz", "rotation_vector", "wxyz", "xyzw"),
+            "frame": ("base", "tracker"),
+            "decimal": (None, ".", ","),
+        }
+        for name, words in allowed.items():
+            if getattr(self, name) not in words:
+                raise ConfigurationError(
+                    f"mapping {self.name!r}: {name} is {getattr(self, name)!r}, "
+                    f"allowed: {', '.join(str(w) for w in words if w)}."
+                )
+        for group in self.optional:
+            if group not in GROUPS:
+                raise ConfigurationError(f"mapping {self.name!r}: no group {group!r} to leave out.")
+
+    def columns(self, *, required_only: bool = False) -> tuple[str, ...]:
+        """Returns the names of the columns the mapping speaks of, without the constant ones."""
+        return tuple(
+            name
+            for group in GROUPS
+            if not (required_only and group in self.optional)
+            for name in getattr(self, group)
+            if name not in self.constants
+        )

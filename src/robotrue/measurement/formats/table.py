@@ -1,0 +1,336 @@
+"""From named columns of text to a MeasurementSet: the one reader behind every instrument."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from robotrue.core.arrays import Array
+from robotrue.core.rotations import (
+    matrix_from_abc,
+    matrix_from_intrinsic_xyz,
+    matrix_from_quat_wxyz,
+    matrix_from_rotation_vector,
+)
+from robotrue.errors import FormatError
+from robotrue.measurement.formats.canonical import unknown_column
+from robotrue.measurement.formats.mapping import ANGLE, GROUPS, LENGTH, ColumnMapping
+from robotrue.measurement.formats.sheet import Sheet, column_key
+from robotrue.measurement.measurement_set import MeasurementFrame, MeasurementSet
+from robotrue.measurement.tracker import Instrument, default_instrument
+
+_ZERO_CELSIUS = 273.15
+
+
+class Columns:
+    """The columns a mapping names in a sheet, as numbers.
+
+    Raises:
+        FormatError: On the first column that is missing, unknown or not a number.
+    """
+
+    def __init__(self, sheet: Sheet, mapping: ColumnMapping) -> None:
+        self.sheet = sheet
+        self.mapping = mapping
+        self._index = {column_key(name): i for i, name in enumerate(sheet.header)}
+        self._constants: Mapping[str, float] = {
+            column_key(name): value for name, value in mapping.constants.items()
+        }
+        for group in GROUPS:
+            self._check_group(group)
+        if not mapping.ignore_other:
+            self._refuse_others()
+
+    def __len__(self) -> int:
+        return len(self.sheet.cells)
+
+    def _has(self, name: str) -> bool:
+        return column_key(name) in self._index or column_key(name) in self._constants
+
+    def _check_group(self, group: str) -> None:
+        names = getattr(self.mapping, group)
+        missing = [name for name in names if not self._has(name)]
+        if not missing or (group in self.mapping.optional and len(missing) == len(names)):
+            return
+        raise FormatError(
+            f"no column {', '.join(repr(name) for name in missing)}; the file has "
+            f"{', '.join(self.sheet.header)}.",
+            source=self.sheet.source,
+            line=self.sheet.header_line,
+            hint=f"name the columns in a mapping (layout here: {self.mapping.name!r}).",
+        )
+
+    def _refuse_others(self) -> None:
+        known = {column_key(name) for name in self.mapping.columns()}
+        for name in self.sheet.header:
+            if column_key(name) not in known:
+                raise unknown_column(name, self.mapping.columns(), self.sheet)
+
+    def present(self, group: str) -> bool:
+        """Returns True if the file (or a constant) has the group."""
+        names = getattr(self.mapping, group)
+        return bool(names) and all(self._has(name) for name in names)
+
+    def numbers(self, group: str) -> Array:
+        """Returns the group's columns (n, k) in the file's units, every value finite."""
+        return np.stack([self._column(name) for name in getattr(self.mapping, group)], axis=1)
+
+    def whole(self, group: str) -> npt.NDArray[np.int64]:
+        """Returns a column of whole numbers from 0 (n,)."""
+        (name,) = getattr(self.mapping, group)
+        values = self._column(name)
+        bad = np.flatnonzero((values != np.round(values)) | (values < 0))
+        if bad.size:
+            raise self.fault(
+                int(bad[0]), name, f"{values[bad[0]]:g}, expected a number 0, 1, 2 ..."
+            )
+        return values.astype(np.int64)
+
+    def words(self, group: str) -> tuple[str, ...]:
+        """Returns a column of text (n,)."""
+        (name,) = getattr(self.mapping, group)
+        index = self._index[column_key(name)]
+        column = tuple(row[index] for row in self.sheet.cells)
+        for i, word in enumerate(column):
+            if not word:
+                raise self.fault(i, name, "blank, expected a name")
+        return column
+
+    def _column(self, name: str) -> Array:
+        key = column_key(name)
+        if key not in self._index:
+            return np.full(len(self), self._constants[key])
+        index = self._index[key]
+        cells = [row[index] for row in self.sheet.cells]
+        plain = cells
+        if self.sheet.decimal == ",":
+            plain = [cell.replace(",", ".") for cell in cells]
+        try:
+            values = np.array([float(cell) for cell in plain])
+        except ValueError:
+            values = np.array([_number(cell) for cell in plain])
+        bad = ~np.isfinite(values)
+        for i, cell in enumerate(cells):
+            mixed = "." in cell if self.sheet.decimal == "," else "," in cell
+            if bad[i] or mixed or "_" in cell:
+                raise self.fault(i, name, _complaint(cell, self.sheet.decimal))
+        return values
+
+    def fault(self, row: int, name: str, what: str) -> FormatError:
+        """Returns the error for one cell: file, line, column and what is there."""
+        return FormatError(
+            f"column {name!r} is {what}.",
+            source=self.sheet.source,
+            line=self.sheet.lines[row],
+            hint="correct or delete that row.",
+        )
+
+
+def _number(cell: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        return float("nan")
+
+
+def _complaint(cell: str, decimal: str) -> str:
+    if not cell:
+        return "blank, expected a number"
+    if "," in cell or "." in cell:
+        return f"{cell!r}, expected a number with decimal mark {decimal!r} and no separators"
+    return f"{cell!r}, expected a finite number"
+
+
+def read_table(
+    sheet: Sheet,
+    mapping: ColumnMapping,
+    *,
+    frame: MeasurementFrame | None = None,
+    instrument: Instrument | None = None,
+) -> MeasurementSet:
+    """Returns the measurements of a sheet.
+
+    Args:
+        sheet: From :func:`robotrue.measurement.formats.sheet.read_sheet`.
+        mapping: What the columns hold.
+        frame: Frame of the positions; None takes the mapping's.
+        instrument: Covariance of a point where the file has no standard deviations; None is a
+            laser tracker of 15 um + 5 um/m (bound, two sigma) three metres away.
+
+    Raises:
+        FormatError: A column is missing or unknown, or a cell is not what it should be.
+    """
+    columns = Columns(sheet, mapping)
+    position = _position(columns)
+    rotation, rotation_covariance = _rotation(columns)
+    group, names = _sets(columns)
+    n = len(columns)
+    return MeasurementSet(
+        joints=joint_columns(columns),
+        position=position,
+        covariance=_covariance(columns, position, instrument or default_instrument),
+        frame=frame or mapping.frame,
+        rotation=rotation,
+        rotation_covariance=rotation_covariance,
+        wrench=wrench_columns(columns),
+        payload_mass=payload_column(columns),
+        payload_com=columns.numbers("payload_com") * LENGTH[mapping.position_unit]
+        if columns.present("payload_com")
+        else np.full((n, 3), np.nan),
+        approach=approach_columns(columns),
+        temperature=columns.numbers("temperature")[:, 0] + _ZERO_CELSIUS
+        if columns.present("temperature")
+        else np.full(n, np.nan),
+        target=_numbers_or_zero(columns, "target"),
+        station=_numbers_or_zero(columns, "station"),
+        group=group,
+        group_names=names,
+        source_row=np.array(sheet.lines),
+        sources=tuple(f"{Path(sheet.source).name} sha256:{sheet.digest}" for _ in names),
+    )
+
+
+def joint_columns(columns: Columns) -> Array:
+    """Returns joints (n, dof) in rad."""
+    mapping = columns.mapping
+    values = columns.numbers("joints")
+    if mapping.joints_sign:
+        values = values * np.asarray(mapping.joints_sign)
+    if mapping.joints_offset:
+        values = values + np.asarray(mapping.joints_offset)
+    return values * ANGLE[mapping.joints_unit]
+
+
+def wrench_columns(columns: Columns) -> Array:
+    """Returns the wrench (n, 6) N, N m; zero where the file has none."""
+    out = np.zeros((len(columns), 6))
+    for group, part in (("force", slice(0, 3)), ("moment", slice(3, 6))):
+        if columns.present(group):
+            out[:, part] = columns.numbers(group)
+    return out
+
+
+def payload_column(columns: Columns) -> Array:
+    """Returns the payload (n,) kg; NaN ("the cell's") where the file has none."""
+    if not columns.present("payload_mass"):
+        return np.full(len(columns), np.nan)
+    values: Array = columns.numbers("payload_mass")[:, 0]
+    _positive(columns, "payload_mass", values[:, None], zero=True)
+    return values
+
+
+def approach_columns(columns: Columns) -> Array:
+    """Returns the approach signs (n, dof); zero (unknown) where the file has none."""
+    if not columns.present("approach"):
+        return np.zeros((len(columns), len(columns.mapping.joints)))
+    values = columns.numbers("approach")
+    bad = np.argwhere(~np.isin(values, (-1.0, 0.0, 1.0)))
+    if bad.size:
+        row, k = (int(i) for i in bad[0])
+        raise columns.fault(
+            row, columns.mapping.approach[k], f"{values[row, k]:g}, expected -1, 0 or 1"
+        )
+    return values
+
+
+def _position(columns: Columns) -> Array:
+    mapping = columns.mapping
+    values = columns.numbers("position")
+    if mapping.position_minus:
+        values = values - columns.numbers("position_minus")
+    values = values * np.asarray(mapping.position_sign) + np.asarray(mapping.position_offset)
+    return values * LENGTH[mapping.position_unit]
+
+
+def _covariance(columns: Columns, position: Array, instrument: Instrument) -> Array:
+    if not columns.present("position_std"):
+        return instrument(position)
+    unit = LENGTH[columns.mapping.position_unit]
+    std = columns.numbers("position_std")
+    _positive(columns, "position_std", std)
+    out = (std * unit)[:, :, None] ** 2 * np.eye(3)
+    if columns.present("position_correlation"):
+        shared = columns.numbers("position_correlation") * unit**2
+        sign = np.asarray(columns.mapping.position_sign)
+        for k, (i, j) in enumerate(((0, 1), (0, 2), (1, 2))):
+            out[:, i, j] = out[:, j, i] = shared[:, k] * sign[i] * sign[j]
+        bad = np.flatnonzero(np.linalg.eigvalsh(out)[:, 0] <= 0.0)
+        if bad.size:
+            raise columns.fault(
+                int(bad[0]),
+                columns.mapping.position_correlation[0],
+                "larger than the standard deviations allow",
+            )
+    return out
+
+
+def _rotation(columns: Columns) -> tuple[Array, Array]:
+    n, mapping = len(columns), columns.mapping
+    missing = np.full((n, 3, 3), np.nan)
+    if not columns.present("rotation"):
+        return missing, missing
+    values = columns.numbers("rotation")
+    form = mapping.rotation_form
+    if form in ("wxyz", "xyzw"):
+        quat_wxyz = values if form == "wxyz" else values[:, [3, 0, 1, 2]]
+        bad = np.flatnonzero(np.abs(np.linalg.norm(quat_wxyz, axis=1) - 1.0) > 1e-3)
+        if bad.size:
+            row = int(bad[0])
+            length = np.linalg.norm(quat_wxyz[row])
+            raise columns.fault(
+                row, mapping.rotation[0], f"part of a quaternion of length {length:g}"
+            )
+        return matrix_from_quat_wxyz(quat_wxyz), missing
+    angles = values * ANGLE[mapping.rotation_unit]
+    if form == "rotation_vector":
+        return matrix_from_rotation_vector(angles), missing
+    intrinsic = form == "rx_ry_rz"
+    matrix = matrix_from_intrinsic_xyz(angles) if intrinsic else matrix_from_abc(angles[:, ::-1])
+    if not columns.present("rotation_std"):
+        return matrix, missing
+    std = columns.numbers("rotation_std")
+    _positive(columns, "rotation_std", std)
+    axes = _euler_axes(angles, intrinsic)
+    scaled: Array = axes * (std * ANGLE[mapping.rotation_unit])[:, None, :]
+    return matrix, scaled @ np.swapaxes(scaled, 1, 2)
+
+
+def _euler_axes(angles: Array, intrinsic: bool) -> Array:
+    """Returns (n, 3, 3): column k is the axis about which angle k (rx, ry, rz) turns."""
+    alone = np.zeros((3, *angles.shape))
+    for k in range(3):
+        alone[k, :, k] = angles[:, k]
+    rx, ry, rz = (matrix_from_abc(a[:, ::-1]) for a in alone)
+    x, y, z = np.eye(3)
+    n = (len(angles), 3)
+    if intrinsic:
+        columns = [np.broadcast_to(x, n), rx @ y, (rx @ ry) @ z]
+    else:
+        columns = [(rz @ ry) @ x, rz @ y, np.broadcast_to(z, n)]
+    return np.stack(columns, axis=2)
+
+
+def _positive(columns: Columns, group: str, values: Array, *, zero: bool = False) -> None:
+    bad = np.argwhere(values < 0.0 if zero else values <= 0.0)
+    if bad.size:
+        row, k = (int(i) for i in bad[0])
+        allowed = "0 or more" if zero else "above 0"
+        raise columns.fault(
+            row, getattr(columns.mapping, group)[k], f"{values[row, k]:g}, expected {allowed}"
+        )
+
+
+def _numbers_or_zero(columns: Columns, group: str) -> npt.NDArray[np.int64]:
+    return columns.whole(group) if columns.present(group) else np.zeros(len(columns), np.int64)
+
+
+def _sets(columns: Columns) -> tuple[npt.NDArray[np.int64], tuple[str, ...]]:
+    if not columns.present("set_name"):
+        return np.zeros(len(columns), np.int64), (Path(columns.sheet.source).stem,)
+    words = columns.words("set_name")
+    names = tuple(dict.fromkeys(words))
+    number = {name: i for i, name in enumerate(names)}
+    return np.array([number[word] for word in words]), names
