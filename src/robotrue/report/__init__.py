@@ -1,1 +1,1 @@
-"""TODO."""
+"""One self-contained page and one JSON file from the same numbers."""

@@ -1,0 +1,321 @@
+"""What a report says, before anyone decides how it looks.
+
+A page and a JSON file are two views of the same :class:`ReportContent`. Whoever has results builds
+one (:func:`robotrue.report.calibration.calibration_content` does it for a validation) and hands it
+to :func:`robotrue.report.page.report_html` and :func:`robotrue.report.json.report_json`::
+
+    content = ReportContent(
+        title="Flange hole, 210 mm",
+        verdict=Verdict(tone="good", text="Lands within 0.21 mm (mean) of where CAM said."),
+        simulated=True,
+        tiles=(Tile(label="mean error", value=0.205, unit="mm", before=1.459),),
+        sections=(Section(title="Dry run", blocks=(table, PointErrors(...), HoleContour(...))),),
+        provenance=(Fact(name="seed", value="7"),),
+    )
+
+Arrays are SI like everywhere; tiles and tables hold numbers in the unit they name beside them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final, Literal, TypeAlias
+
+import numpy as np
+
+from robotrue.core.arrays import Array, frozen
+from robotrue.errors import ShapeError
+
+Tone: TypeAlias = Literal["good", "caution", "bad", "plain"]
+"""How a statement is coloured: as asked, look closer, not as asked, no judgement."""
+Cell: TypeAlias = str | int | float | None
+"""One table cell; floats are printed with the digits of their column, None as a dash."""
+Plane: TypeAlias = Literal["xy", "xz", "yz"]
+
+PLANES: Final = ("xy", "xz", "yz")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """The one line a reader takes home.
+
+    Attributes:
+        text: One sentence with the number in it.
+        tone: Its colour.
+        detail: A second, smaller sentence: on what data, by which rule.
+    """
+
+    text: str
+    tone: Tone = "plain"
+    detail: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tile:
+    """One key number.
+
+    Attributes:
+        label: What it is, two to four words.
+        value: The number, in ``unit``.
+        unit: ``"mm"``, ``"%"``, ``"deg"``, or empty.
+        digits: Decimals printed.
+        before: The same number before compensation, printed small beside it; None to leave out.
+        note: A few words below, e.g. ``"220 held-out poses"``.
+        tone: Colour of the number.
+    """
+
+    label: str
+    value: float
+    unit: str = ""
+    digits: int = 3
+    before: float | None = None
+    note: str = ""
+    tone: Tone = "plain"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Column:
+    """One table column.
+
+    Attributes:
+        title: Heading.
+        unit: Unit of its numbers, printed after the heading; empty for words and counts.
+        digits: Decimals of its floats.
+    """
+
+    title: str
+    unit: str = ""
+    digits: int = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table:
+    """A table with a heading.
+
+    Attributes:
+        title: Heading.
+        columns: One per cell of each row.
+        rows: Cells, floats in the unit of their column.
+        caption: What to read in it, one sentence.
+        highlight: Row index to set off (the chosen method), None for none.
+    """
+
+    title: str
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    caption: str = ""
+    highlight: int | None = None
+
+    def __post_init__(self) -> None:
+        """Checks that every row has one cell per column."""
+        for index, row in enumerate(self.rows):
+            if len(row) != len(self.columns):
+                raise ShapeError(
+                    f"table {self.title!r}: row {index} has {len(row)} cells, "
+                    f"expected {len(self.columns)}."
+                )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PointErrors:
+    """Plot of the error length at each point, before and after, in row order.
+
+    Attributes:
+        before: (n,) m.
+        after: (n,) m.
+        title: Heading.
+        caption: One sentence.
+        axis_label: What is counted along the axis.
+        limit: A tolerance in m to draw as a line, None for none.
+    """
+
+    before: Array
+    after: Array
+    title: str = "Error at every point"
+    caption: str = ""
+    axis_label: str = "point"
+    limit: float | None = None
+
+    def __post_init__(self) -> None:
+        """Checks shapes and freezes."""
+        _freeze_all(self, ("before", "after"), (None,))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ErrorDistribution:
+    """Plot of the histogram and the cumulative share of error lengths, before and after.
+
+    Attributes:
+        before: (n,) m.
+        after: (n,) m.
+        title: Heading.
+        caption: One sentence.
+    """
+
+    before: Array
+    after: Array
+    title: str = "How the errors are distributed"
+    caption: str = ""
+
+    def __post_init__(self) -> None:
+        """Checks shapes and freezes."""
+        _freeze_all(self, ("before", "after"), (None,))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ErrorMap:
+    """Plot of error arrows at their places, before and after side by side.
+
+    Attributes:
+        position: (n, 3) m, where, in base.
+        before: (n, 3) m, actual minus commanded.
+        after: (n, 3) m.
+        plane: Which two axes are drawn.
+        magnification: Arrow length over error length; stated in the plot.
+        title: Heading.
+        caption: One sentence.
+    """
+
+    position: Array
+    before: Array
+    after: Array
+    plane: Plane = "xy"
+    magnification: float = 100.0
+    title: str = "Where the errors point"
+    caption: str = ""
+
+    def __post_init__(self) -> None:
+        """Checks shapes and freezes."""
+        _freeze_all(self, ("position", "before", "after"), (None, 3))
+        if self.plane not in PLANES:
+            raise ShapeError(f"plane {self.plane!r}, expected one of {PLANES}.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CoveragePlot:
+    """Plot of stated against observed probability: is the uncertainty honest?
+
+    Attributes:
+        stated: (k,) stated probability of the regions, 0 to 1.
+        observed: (k,) share of points inside them.
+        low: (k,) lower end of the interval of ``observed``.
+        high: (k,) upper end.
+        title: Heading.
+        caption: One sentence.
+    """
+
+    stated: Array
+    observed: Array
+    low: Array
+    high: Array
+    title: str = "Is the stated uncertainty honest?"
+    caption: str = ""
+
+    def __post_init__(self) -> None:
+        """Checks shapes and freezes."""
+        _freeze_all(self, ("stated", "observed", "low", "high"), (None,))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HoleContour:
+    """Plot of a circular contour, deviations magnified, before and after.
+
+    Attributes:
+        radius: m, of the commanded circle.
+        angle: (n,) rad, of each point on it.
+        before: (n, 2) m, in-plane deviation of each point, actual minus commanded.
+        after: (n, 2) m.
+        magnification: Drawn over true deviation; stated in the plot.
+        limit: Tolerance in m, drawn (magnified too) as a band, None for none.
+        title: Heading.
+        caption: One sentence.
+    """
+
+    radius: float
+    angle: Array
+    before: Array
+    after: Array
+    magnification: float = 20.0
+    limit: float | None = None
+    title: str = "Contour of the hole"
+    caption: str = ""
+
+    def __post_init__(self) -> None:
+        """Checks shapes and freezes."""
+        _freeze_all(self, ("angle",), (None,))
+        _freeze_all(self, ("before", "after"), (None, 2))
+        if len(self.angle) != len(self.before):
+            raise ShapeError(f"{len(self.angle)} angles for {len(self.before)} deviations.")
+        if not (np.isfinite(self.radius) and self.radius > 0.0):
+            raise ShapeError(f"radius {self.radius} m, expected a positive length.")
+
+
+Block: TypeAlias = Table | PointErrors | ErrorDistribution | ErrorMap | CoveragePlot | HoleContour
+"""Anything that can stand in a section, in reading order."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Section:
+    """A chapter of the page.
+
+    Attributes:
+        title: Heading.
+        blocks: Tables and plots in reading order.
+        text: One or two sentences before them.
+    """
+
+    title: str
+    blocks: tuple[Block, ...] = ()
+    text: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fact:
+    """One line of provenance or conditions.
+
+    Attributes:
+        name: E.g. ``"robotrue"``, ``"data"``, ``"seed"``, ``"payload"``.
+        value: E.g. ``"0.1.0"``, ``"grid.csv sha256:ab12"``.
+    """
+
+    name: str
+    value: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportContent:
+    """Everything a report says.
+
+    Attributes:
+        title: Heading of the page.
+        verdict: The one line.
+        simulated: True when any number comes from a simulated robot; the page then says so at the
+            top and in the print header.
+        subtitle: Robot, cell, date of the data.
+        tiles: Key numbers, three to six.
+        sections: The body.
+        unseen: What the data cannot determine, one sentence each.
+        doubts: When not to trust the numbers, one sentence each.
+        provenance: Hashes, versions, settings, conditions.
+    """
+
+    title: str
+    verdict: Verdict
+    simulated: bool
+    subtitle: str = ""
+    tiles: tuple[Tile, ...] = ()
+    sections: tuple[Section, ...] = ()
+    unseen: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
+    provenance: tuple[Fact, ...] = field(default=())
+
+
+def _freeze_all(owner: object, names: tuple[str, ...], shape: tuple[int | None, ...]) -> None:
+    """Freezes the named arrays and checks that they are equally long."""
+    for name in names:
+        object.__setattr__(owner, name, frozen(getattr(owner, name), shape, name))
+    lengths = {name: len(getattr(owner, name)) for name in names}
+    if len(set(lengths.values())) > 1:
+        raise ShapeError(f"{type(owner).__name__}: lengths differ: {lengths}.")
+    if not all(lengths.values()):
+        raise ShapeError(f"{type(owner).__name__}: no points.")

@@ -1,0 +1,103 @@
+"""Matplotlib figures as inline SVG that follows the page's colours.
+
+The object interface only: no pyplot, no global figure list, so any thread may draw.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Callable
+from typing import Any, Final
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+
+from robotrue.report.theme import LIGHT
+
+INK: Final = LIGHT["ink"]
+MUTED: Final = LIGHT["muted"]
+RULE: Final = LIGHT["rule"]
+BEFORE: Final = LIGHT["before"]
+AFTER: Final = LIGHT["after"]
+BAND: Final = LIGHT["band"]
+CAUTION: Final = LIGHT["caution"]
+
+_SETTINGS: Final[dict[Any, Any]] = {
+    "svg.fonttype": "none",  # text stays text: searchable, in the page's font
+    "svg.hashsalt": "robotrue",  # equal content gives equal ids, hence equal bytes
+    "font.family": ["DejaVu Sans"],
+    "font.size": 11.0,
+    "axes.edgecolor": RULE,
+    "axes.labelcolor": MUTED,
+    "axes.titlecolor": INK,
+    "axes.titlesize": 12.0,
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.unicode_minus": True,
+    "grid.color": RULE,
+    "grid.linewidth": 0.8,
+    "text.color": INK,
+    "xtick.color": RULE,
+    "ytick.color": RULE,
+    "xtick.labelcolor": MUTED,
+    "ytick.labelcolor": MUTED,
+    "legend.frameon": False,
+    "legend.labelcolor": INK,
+    "figure.facecolor": "none",
+    "axes.facecolor": "none",
+    "savefig.facecolor": "none",
+}
+_NUMBER = re.compile(r"\d+\.\d{3,}")
+
+
+def inline_svg(
+    draw: Callable[[list[Axes]], None],
+    *,
+    key: str,
+    label: str,
+    width: float = 10.0,
+    height: float = 3.6,
+    panels: int = 1,
+) -> str:
+    """Returns an ``<svg>`` element, without any address of another host.
+
+    Args:
+        draw: Draws on the given axes, left to right.
+        key: Prefix that keeps the ids of several plots on one page apart.
+        label: What the plot shows, for screen readers.
+        width: Inches at the page's full width.
+        height: Inches.
+        panels: Number of axes side by side.
+    """
+    with mpl.rc_context(_SETTINGS):
+        figure = Figure(figsize=(width, height), layout="constrained")
+        FigureCanvasSVG(figure)
+        draw(list(figure.subplots(1, panels, squeeze=False)[0]))
+        stream = io.StringIO()
+        figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
+    return _embeddable(stream.getvalue(), key, label)
+
+
+def _embeddable(text: str, key: str, label: str) -> str:
+    """Returns the element alone: ids prefixed, colours as variables, no namespace addresses."""
+    text = text[text.index("<svg") :].strip()
+    text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, flags=re.DOTALL)
+    text = re.sub(r'\s+xmlns(:\w+)?="[^"]*"', "", text)
+    text = re.sub(r"<!--.*?-->\s*", "", text, flags=re.DOTALL)
+    text = re.sub(r'\bid="([^"]+)"', rf'id="{key}-\1"', text)
+    text = re.sub(r'href="#([^"]+)"', rf'href="#{key}-\1"', text)
+    text = re.sub(r"url\(#([^)]+)\)", rf"url(#{key}-\1)", text)
+    text = text.replace("xlink:href", "href")
+    for name, colour in LIGHT.items():
+        text = re.sub(colour, f"var(--{name})", text, flags=re.IGNORECASE)
+    text = re.sub(r"font: ([\d.]+)px [^;\"]+", r"font-size: \1px", text)
+    text = _NUMBER.sub(lambda m: f"{float(m.group()):.2f}", text)
+    text = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", text, count=1)
+    text = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", text, count=1)
+    return text.replace("<svg", f'<svg role="img" aria-label="{label}"', 1)

@@ -1,0 +1,131 @@
+"""The same report for programs: every number of the page, units in the names."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.core.units import DEG, MM
+from robotrue.report.content import (
+    Block,
+    Cell,
+    Column,
+    CoveragePlot,
+    ErrorDistribution,
+    ErrorMap,
+    HoleContour,
+    PointErrors,
+    ReportContent,
+    Table,
+)
+
+
+def report_json(content: ReportContent) -> str:
+    """Returns the report as JSON text; equal content gives equal text, NaN becomes null."""
+    return json.dumps(report_document(content), indent=1, allow_nan=False, ensure_ascii=False)
+
+
+def report_document(content: ReportContent) -> Mapping[str, Any]:
+    """Returns the report as JSON values; lengths in mm, angles in deg, named so."""
+    return {
+        "format": "robotrue-report",
+        "format_version": 1,
+        "title": content.title,
+        "subtitle": content.subtitle,
+        "simulated": content.simulated,
+        "verdict": {
+            "tone": content.verdict.tone,
+            "text": content.verdict.text,
+            "detail": content.verdict.detail,
+        },
+        "tiles": [
+            {
+                "label": tile.label,
+                "value": _finite(tile.value),
+                "unit": tile.unit,
+                "before": _finite(tile.before),
+                "note": tile.note,
+            }
+            for tile in content.tiles
+        ],
+        "sections": [
+            {
+                "title": section.title,
+                "text": section.text,
+                "blocks": [_block(block) for block in section.blocks],
+            }
+            for section in content.sections
+        ],
+        "unseen": list(content.unseen),
+        "doubts": list(content.doubts),
+        "provenance": {fact.name: fact.value for fact in content.provenance},
+    }
+
+
+def _block(block: Block) -> Mapping[str, Any]:
+    head: dict[str, Any] = {"title": block.title, "caption": block.caption}
+    match block:
+        case Table():
+            names = [_column_name(column) for column in block.columns]
+            rows = [dict(zip(names, map(_cell, row), strict=True)) for row in block.rows]
+            return head | {"kind": "table", "rows": rows, "highlight": block.highlight}
+        case PointErrors():
+            return head | {
+                "kind": "point-errors",
+                "before_mm": _mm(block.before),
+                "after_mm": _mm(block.after),
+                "limit_mm": None if block.limit is None else block.limit / MM,
+            }
+        case ErrorDistribution():
+            return head | {
+                "kind": "distribution",
+                "before_mm": _mm(block.before),
+                "after_mm": _mm(block.after),
+            }
+        case ErrorMap():
+            return head | {
+                "kind": "map",
+                "plane": block.plane,
+                "position_mm": _mm(block.position),
+                "before_mm": _mm(block.before),
+                "after_mm": _mm(block.after),
+            }
+        case CoveragePlot():
+            return head | {
+                "kind": "coverage",
+                "stated": block.stated.tolist(),
+                "observed": block.observed.tolist(),
+                "low": block.low.tolist(),
+                "high": block.high.tolist(),
+            }
+        case HoleContour():
+            return head | {
+                "kind": "hole-contour",
+                "radius_mm": block.radius / MM,
+                "angle_deg": np.round(block.angle / DEG, 6).tolist(),
+                "before_mm": _mm(block.before),
+                "after_mm": _mm(block.after),
+                "limit_mm": None if block.limit is None else block.limit / MM,
+            }
+
+
+def _column_name(column: Column) -> str:
+    return f"{column.title} {column.unit}".strip().replace(" ", "_")
+
+
+def _mm(values: Array) -> Any:
+    # A tenth of a nanometre: below any instrument, and the file stays readable.
+    return np.round(values / MM, 7).tolist()
+
+
+def _cell(value: Cell) -> Cell:
+    return _finite(value) if isinstance(value, float) else value
+
+
+def _finite(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else value
