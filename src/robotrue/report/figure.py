@@ -54,6 +54,7 @@ _SETTINGS: Final[dict[Any, Any]] = {
     "savefig.facecolor": "none",
 }
 _NUMBER = re.compile(r"\d+\.\d{3,}")
+_GEOMETRY = re.compile(r' (?:d|x|y|points|transform)="[^"]*"')
 
 
 def inline_svg(
@@ -84,6 +85,10 @@ def inline_svg(
     return _embeddable(stream.getvalue(), key, label)
 
 
+def _two_decimals(number: re.Match[str]) -> str:
+    return f"{float(number.group()):.2f}"
+
+
 def _embeddable(text: str, key: str, label: str) -> str:
     """Returns the element alone: ids prefixed, colours as variables, no namespace addresses."""
     text = text[text.index("<svg") :].strip()
@@ -97,7 +102,7 @@ def _embeddable(text: str, key: str, label: str) -> str:
     for name, colour in LIGHT.items():
         text = re.sub(colour, f"var(--{name})", text, flags=re.IGNORECASE)
     text = re.sub(r"font: ([\d.]+)px [^;\"]+", r"font-size: \1px", text)
-    text = _NUMBER.sub(lambda m: f"{float(m.group()):.2f}", text)
+    text = _GEOMETRY.sub(lambda m: _NUMBER.sub(_two_decimals, m.group()), text)
     text = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", text, count=1)
     text = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", text, count=1)
     return text.replace("<svg", f'<svg role="img" aria-label="{label}"', 1)

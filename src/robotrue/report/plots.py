@@ -35,11 +35,11 @@ def point_errors_svg(plot: PointErrors, key: str) -> str:
             (plot.before, BEFORE, "before"),
             (plot.after, AFTER, "after"),
         ):
-            line = "-" if len(values) <= 120 else ""
+            line = "-" if len(values) <= 120 else "none"
             ax.plot(
                 shown + 1,
                 values[shown] / MM,
-                line,
+                linestyle=line,
                 marker="o",
                 markersize=4.5 if len(shown) <= 120 else 2.2,
                 markeredgewidth=0.0,
