@@ -1,1 +1,1 @@
-"""TODO."""
+"""A virtual cell for demonstration, tutorials and tests: no method may import it."""

@@ -1,0 +1,113 @@
+"""The mean force of a cutting pass, so that a simulated hole is cut and not only driven.
+
+Linear mechanistic model, forces averaged over a spindle turn. Source: Altintas 2012, Manufacturing
+Automation, eq. 2.17-2.19 (edge terms left out). The pressures below are **assumed**, of the size
+printed for wrought aluminium; Deng et al. 2022 print cutting data (Table 10) but no force.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.core.units import MM
+from robotrue.errors import ConfigurationError
+
+TANGENTIAL: Final = 800e6
+"""Pa, assumed."""
+RADIAL: Final = 240e6
+"""Pa, assumed."""
+AXIAL: Final = 80e6
+"""Pa, assumed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cut:
+    """One kind of pass with an end mill that turns clockwise, seen from the spindle.
+
+    Attributes:
+        spindle: rev/s.
+        teeth: Number of teeth.
+        feed_per_tooth: m.
+        depth: m, along the tool.
+        width: m, radial.
+        diameter: m, of the tool.
+    """
+
+    spindle: float
+    teeth: int
+    feed_per_tooth: float
+    depth: float
+    width: float
+    diameter: float
+
+    def __post_init__(self) -> None:
+        """Checks the width of cut."""
+        if not 0.0 < self.width <= self.diameter:
+            raise ConfigurationError(
+                f"width of cut {self.width / MM:g} mm, expected more than 0 and at most the "
+                f"tool diameter {self.diameter / MM:g} mm."
+            )
+
+    @property
+    def feed(self) -> float:
+        """Feed rate, m/s."""
+        return self.spindle * self.teeth * self.feed_per_tooth
+
+
+SLOT: Final = Cut(
+    spindle=3000 / 60,
+    teeth=3,
+    feed_per_tooth=0.1 * MM,
+    depth=1 * MM,
+    width=10 * MM,
+    diameter=10 * MM,
+)
+"""Slotting of Deng et al. 2022, Table 10."""
+SIDE: Final = Cut(
+    spindle=6000 / 60,
+    teeth=3,
+    feed_per_tooth=0.05 * MM,
+    depth=1 * MM,
+    width=1 * MM,
+    diameter=10 * MM,
+)
+"""Side milling of Deng et al. 2022, Table 10."""
+
+
+def mean_force(cut: Cut) -> Array:
+    """Returns the mean force on the tool (3,) N: along the feed, to its left, along the tool up.
+
+    Material stands to the right of the feed (climb milling) where the cut is narrower than the
+    tool. With N teeth, depth b, feed per tooth c and the immersion phi from phi_0 to pi::
+
+        F_feed = N b c / 8 pi [ K_t cos 2 phi - K_r (2 phi - sin 2 phi) ]
+        F_left = N b c / 8 pi [ K_t (2 phi - sin 2 phi) + K_r cos 2 phi ]
+        F_up   = N b c / 2 pi [ -K_a cos phi ]
+    """
+    start = np.pi - np.arccos(1.0 - 2.0 * cut.width / cut.diameter)
+    phi = np.array([start, np.pi])
+    swept = 2.0 * phi - np.sin(2.0 * phi)
+    scale = cut.teeth * cut.depth * cut.feed_per_tooth / (8.0 * np.pi)
+    feed = scale * np.diff(TANGENTIAL * np.cos(2.0 * phi) - RADIAL * swept)[0]
+    left = scale * np.diff(TANGENTIAL * swept + RADIAL * np.cos(2.0 * phi))[0]
+    up = 4.0 * scale * np.diff(-AXIAL * np.cos(phi))[0]
+    return np.array([feed, left, up])
+
+
+def cutting_wrench(cut: Cut, feed_direction: Array, tool_axis: Array) -> Array:
+    """Returns the wrench on the tool (n, 6) N, N m at its tip, in the axes of the arguments.
+
+    Args:
+        cut: The pass.
+        feed_direction: (n, 3) unit vectors.
+        tool_axis: (n, 3) unit vectors from the tip into the spindle.
+    """
+    left = np.cross(tool_axis, feed_direction)
+    force = mean_force(cut)
+    wrench = np.zeros((len(feed_direction), 6))
+    wrench[:, :3] = force[0] * feed_direction + force[1] * left + force[2] * tool_axis
+    return wrench

@@ -1,0 +1,174 @@
+"""Where a campaign measures: the sampling plan of Deng et al. 2022 and seeded random poses.
+
+Poses are those of the reflector, in cylinder coordinates about joint 1: angle, radius, height. The
+attitude turns with the angle (convention A of the reproduction): the flange axis lies in the arm
+plane and points 60 deg below the horizontal. Tables 6 and 7 print the ranges and the steps but no
+attitude of departure and no reflector; both are **assumed** here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array, IntArray
+from robotrue.core.poses import pose
+from robotrue.core.rotations import matrix_from_abc
+from robotrue.core.units import DEG, MM
+from robotrue.errors import ReachError
+from robotrue.robot.inverse import inverse_batch
+from robotrue.robot.model import RobotModel
+
+POSTURE: Final = np.array([0.0, 0.0, 0.0, 0.0, -60.0, 0.0]) * DEG
+"""(6,) rad, model joints: the branch every plan uses, elbow up, tool ahead."""
+ATTITUDE: Final = matrix_from_abc(np.array([0.0, 150.0, 0.0]) * DEG)
+"""(3, 3) R_base_flange at angle 0: flange axis 60 deg below the horizontal."""
+RADII: Final = np.arange(800.0, 1401.0, 100.0) * MM
+HEIGHTS: Final = np.arange(700.0, 1201.0, 100.0) * MM
+RX: Final = np.arange(-15.0, 15.1, 15.0) * DEG
+RY: Final = np.arange(-10.0, 10.1, 5.0) * DEG
+RZ: Final = np.arange(-10.0, 10.1, 2.5) * DEG
+SUB_SPACES: Final = ((-30, -20), (-15, -5), (0, 10), (15, 25), (30, 40))
+"""deg; the only five disjoint slabs of [-30, 40] with the 126 grid points of the source each."""
+TARGETS_EACH: Final = 16
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PaperPlan:
+    """The poses of Tables 6 and 7, joints in rad.
+
+    Attributes:
+        source: (126, 6) complete sampling of theta1 in [-40, -30] deg.
+        target: (80, 6) 16 poses in each of five sub-spaces of [-30, 40] deg.
+        sub_space: (80,) which sub-space.
+        validation: (378, 6) complete sampling of [-20, 20] deg.
+        check: (50, 6) poses of [-20, 20] deg that are on no grid.
+    """
+
+    source: Array
+    target: Array
+    sub_space: IntArray
+    validation: Array
+    check: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Region:
+    """A part of the workspace in cylinder coordinates, and how far the attitude may turn.
+
+    Attributes:
+        angle: Lower and upper angle about joint 1, rad.
+        radius: Lower and upper distance from axis 1, m.
+        height: Lower and upper height, m.
+        turn: Largest turn of the attitude about its own x, y, z, rad.
+    """
+
+    angle: tuple[float, float] = (-40 * DEG, 40 * DEG)
+    radius: tuple[float, float] = (800 * MM, 1400 * MM)
+    height: tuple[float, float] = (700 * MM, 1200 * MM)
+    turn: tuple[float, float, float] = (15 * DEG, 10 * DEG, 10 * DEG)
+
+
+VALIDATION: Final = Region(angle=(-20 * DEG, 20 * DEG))
+"""The validation region of Table 7."""
+
+
+def cylinder_poses(angle: Array, radius: Array, height: Array, turn: Array) -> Array:
+    """Returns T_base_target (n, 4, 4) whose rotation is that of the flange.
+
+    Args:
+        angle: (n,) rad about joint 1.
+        radius: (n,) m from axis 1.
+        height: (n,) m.
+        turn: (n, 3) rad: the attitude turned by Rz(rz) Ry(ry) Rx(rx) in its own axes, given as
+            rx, ry, rz.
+    """
+    heading = np.zeros((len(angle), 3))
+    heading[:, 0] = angle
+    rotation = matrix_from_abc(heading) @ ATTITUDE @ matrix_from_abc(turn[:, ::-1])
+    place = np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=1)
+    return pose(rotation, place)
+
+
+def grid_poses(angles_deg: Array, rng: np.random.Generator) -> Array:
+    """Returns the complete sampling of some angles: 42 poses each, attitudes drawn from the steps.
+
+    Positions are complete, attitudes random: the two levels of section 2.4.
+    """
+    grid = np.meshgrid(np.asarray(angles_deg) * DEG, RADII, HEIGHTS, indexing="ij")
+    angle, radius, height = (g.ravel() for g in grid)
+    turn = np.stack([rng.choice(steps, len(angle)) for steps in (RX, RY, RZ)], axis=1)
+    return cylinder_poses(angle, radius, height, turn)
+
+
+def region_poses(region: Region, n: int, rng: np.random.Generator) -> Array:
+    """Returns n poses (n, 4, 4) drawn uniformly from a region, reachable or not."""
+    low, high = np.array([region.angle, region.radius, region.height]).T
+    place = rng.uniform(low, high, (n, 3))
+    turn = rng.uniform(-1.0, 1.0, (n, 3)) * region.turn
+    return cylinder_poses(place[:, 0], place[:, 1], place[:, 2], turn)
+
+
+def paper_plan(robot: RobotModel, seed: int) -> PaperPlan:
+    """Returns the sampling plan of the paper for one draw of its random attitudes.
+
+    Args:
+        robot: The nominal KR160 with the reflector as its tool.
+        seed: Of the attitudes, the choice of the target poses and the check poses.
+
+    Raises:
+        ReachError: A pose is out of reach, as with another arm or another reflector.
+    """
+    rng = np.random.default_rng([seed, 19])
+    source = grid_poses(np.arange(-40.0, -29.0, 5.0), rng)
+    slabs = [grid_poses(np.arange(low, high + 1.0, 5.0), rng) for low, high in SUB_SPACES]
+    picks = [slab[rng.choice(len(slab), TARGETS_EACH, replace=False)] for slab in slabs]
+    return PaperPlan(
+        source=_joints(robot, source),
+        target=_joints(robot, np.concatenate(picks)),
+        sub_space=np.repeat(np.arange(len(SUB_SPACES)), TARGETS_EACH),
+        validation=_joints(robot, grid_poses(np.arange(-20.0, 21.0, 5.0), rng)),
+        check=_joints(robot, region_poses(VALIDATION, 50, rng)),
+    )
+
+
+def random_joints(robot: RobotModel, n: int, *, seed: int, region: Region | None = None) -> Array:
+    """Returns n reachable postures (n, 6) rad inside the joint limits, equal for equal seeds.
+
+    Args:
+        robot: The nominal arm; its tool is the point the region is about.
+        n: How many.
+        seed: Of the draw.
+        region: Where; the whole range of Table 6 if not given.
+
+    Raises:
+        ReachError: Fewer than one pose in fifty of the region can be taken.
+        ConfigurationError: The arm has no closed inverse.
+    """
+    rng = np.random.default_rng([seed, 23])
+    where = Region() if region is None else region
+    found: list[Array] = []
+    for _ in range(50):
+        joints = inverse_batch(robot, region_poses(where, n, rng), near=POSTURE)
+        found.append(joints[np.isfinite(joints).all(axis=1)])
+        if sum(map(len, found)) >= n:
+            return np.concatenate(found)[:n]
+    raise ReachError(
+        f"only {sum(map(len, found))} of {50 * n} poses drawn from the region can be taken.",
+        hint="a region nearer to the robot, or smaller turns of the attitude.",
+    )
+
+
+def _joints(robot: RobotModel, poses: Array) -> Array:
+    joints = inverse_batch(robot, poses, near=POSTURE)
+    lost = np.flatnonzero(~np.isfinite(joints).all(axis=1))
+    if len(lost):
+        x, y, z = poses[lost[0], :3, 3] / MM
+        raise ReachError(
+            f"{len(lost)} of {len(poses)} poses of the plan are out of reach, the first at "
+            f"({x:.1f}, {y:.1f}, {z:.1f}) mm.",
+            hint="use the KR160 preset and its reflector.",
+        )
+    return joints
