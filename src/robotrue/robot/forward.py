@@ -15,6 +15,7 @@ from robotrue.core.arrays import Array
 from robotrue.robot.model import RobotModel, parameter_slice
 
 X, Y, Z = 0, 1, 2
+_BLOCK = 4096  # poses walked at a time in forward(), so that the frame stays in the cache
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,6 +76,9 @@ class _Walker:
         j, k = (axis + 1) % 3, (axis + 2) % 3
         cosine, sine = np.cos(angle), np.sin(angle)
         cj, ck = self.columns[j], self.columns[k]
+        if isinstance(angle, float) and abs(cosine) < 1e-16:  # a right angle of a DH table
+            self.columns[j], self.columns[k] = sine * ck, -sine * cj
+            return self.columns[axis], self.origin
         self.columns[j] = cosine * cj + sine * ck
         self.columns[k] = cosine * ck - sine * cj
         return self.columns[axis], self.origin
@@ -190,7 +194,56 @@ def forward(robot: RobotModel, joints: Array, shift: Array | None = None) -> Arr
         joints: (n, dof) rad.
         shift: (n, dof) rad on the drive side.
     """
-    return walk(robot, joints, shift).transforms
+    theta = joint_angles(robot, joints, shift)
+    out = np.zeros((len(theta), 4, 4))
+    out[:, 3, 3] = 1.0
+    for start in range(0, len(theta), _BLOCK):
+        block = theta[start : start + _BLOCK]
+        walker = _Walker(len(block))
+        _pose_only(walker, robot, block)
+        part = out[start : start + _BLOCK]
+        for k in range(3):
+            part[:, :3, k] = walker.columns[k].T
+        part[:, :3, 3] = walker.origin.T
+    return out
+
+
+def _pose_only(walker: _Walker, robot: RobotModel, theta: Array) -> None:
+    """Walks like :func:`walk`, without marks and without lengths and angles that are zero."""
+
+    def turn(axis: int, angle: float) -> None:
+        if angle != 0.0:
+            walker.rotate(axis, angle)
+
+    def move(axis: int, length: float) -> None:
+        if length != 0.0:
+            walker.translate(axis, length)
+
+    def offset(values: Array) -> None:
+        for k in range(3):
+            move(k, float(values[k]))
+        for k in range(3):
+            turn(k, float(values[3 + k]))
+
+    offset(robot.error("base"))
+    d, a = robot.d + robot.error("d"), robot.a + robot.error("a")
+    alpha, beta = robot.alpha + robot.error("alpha"), robot.error("beta")
+    for i in range(robot.dof):
+        if robot.convention == "dh":
+            walker.rotate(Z, theta[:, i])
+            move(Z, float(d[i]))
+            move(X, float(a[i]))
+            turn(X, float(alpha[i]))
+            turn(Y, float(beta[i]))
+        else:
+            turn(X, float(alpha[i]))
+            move(X, float(a[i]))
+            turn(Y, float(beta[i]))
+            walker.rotate(Z, theta[:, i])
+            move(Z, float(d[i]))
+    if not np.array_equal(robot.T_flange_tool, np.eye(4)):
+        walker.place(robot.T_flange_tool)
+    offset(robot.error("tool"))
 
 
 def joint_jacobian(robot: RobotModel, state: ChainState) -> Array:

@@ -12,7 +12,8 @@ spherical wrist", fig. 2.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -21,7 +22,7 @@ from robotrue.core.arrays import Array, frozen
 from robotrue.core.poses import inverse as inverse_pose
 from robotrue.core.poses import pose
 from robotrue.robot.forward import forward, walk
-from robotrue.robot.model import RobotModel
+from robotrue.robot.model import Convention, RobotModel
 
 TOLERANCE: Final = 1e-9
 """m or rad by which an axis may miss the ideal; a table rounded coarser is not ortho-parallel."""
@@ -144,14 +145,25 @@ def opw_geometry(robot: RobotModel) -> OpwGeometry | None:
     """
     if robot.dof != 6 or not _is_unimodular(robot.joint_map):
         return None
-    bare = replace(robot.nominal(), T_flange_tool=np.eye(4))
+    table = np.concatenate([robot.theta, robot.d, robot.a, robot.alpha, robot.joint_map.ravel()])
+    return _from_table(robot.convention, table.tobytes())
+
+
+@lru_cache(maxsize=64)
+def _from_table(convention: Convention, table: bytes) -> OpwGeometry | None:
+    """Kept by table: every inverse asks for it, and reading it costs as much as 1000 inverses."""
+    theta, d, a, alpha, *rod = np.frombuffer(table).reshape(-1, 6)
+    bare = RobotModel(
+        name="bare", convention=convention, theta=theta, d=d, a=a, alpha=alpha,
+        joint_map=np.array(rod),
+    )  # fmt: skip
     geometry = _read_axes(bare)
     if geometry is None:
         return None
     span = np.linspace(-2.9, 2.9, 6 * _PROBES)
     probes = np.sin(7.0 * span.reshape(_PROBES, 6)) * np.pi
     gap = np.abs(opw_forward(geometry, probes) - forward(bare, probes)).max()
-    return geometry if gap < TOLERANCE * max(1.0, robot.reach) else None
+    return geometry if gap < TOLERANCE * max(1.0, bare.reach) else None
 
 
 def _is_unimodular(matrix: Array) -> bool:

@@ -40,8 +40,9 @@ def preset_names() -> tuple[str, ...]:
 def preset(name: str) -> RobotModel:
     """Returns the nominal robot of a name.
 
-    Upper and lower case, blanks, ``-``, ``_``, ``/`` and the brand do not matter, and the front part
-    of a name will do where it is unique: ``"kr160"``, ``"KUKA KR 160 R1570"``, ``"irb-6660"``.
+    Upper and lower case, blanks, ``-``, ``_``, ``/`` and the brand do not matter, and the front
+    part of a name will do where it is unique: ``"kr160"``, ``"KUKA KR 160 R1570"``,
+    ``"irb-6660"``.
 
     Raises:
         ConfigurationError: No such preset, or several; the message lists them.
