@@ -227,7 +227,7 @@ def _header(
             raise FormatError(f"column {i + 1} has no name.", source=path, line=line)
         if column_key(name) in seen:
             raise FormatError(
-                f"column name {name!r} appears twice: columns {seen[column_key(name)]} and {i + 1}.",
+                f"column {name!r} appears twice: columns {seen[column_key(name)]} and {i + 1}.",
                 source=path,
                 line=line,
                 hint="rename or remove one of them.",

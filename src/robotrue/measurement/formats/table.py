@@ -241,8 +241,8 @@ def _position(columns: Columns) -> Array:
     values = columns.numbers("position")
     if mapping.position_minus:
         values = values - columns.numbers("position_minus")
-    values = values * np.asarray(mapping.position_sign) + np.asarray(mapping.position_offset)
-    return values * LENGTH[mapping.position_unit]
+    sign, offset = np.array(mapping.position_sign), np.array(mapping.position_offset)
+    return np.asarray((sign * values + offset) * LENGTH[mapping.position_unit])
 
 
 def _covariance(columns: Columns, position: Array, instrument: Instrument) -> Array:
@@ -293,7 +293,7 @@ def _rotation(columns: Columns) -> tuple[Array, Array]:
         return matrix, missing
     std = columns.numbers("rotation_std")
     _positive(columns, "rotation_std", std)
-    axes = _euler_axes(angles, intrinsic)
+    axes: Array = _euler_axes(angles, intrinsic)
     scaled: Array = axes * (std * ANGLE[mapping.rotation_unit])[:, None, :]
     return matrix, scaled @ np.swapaxes(scaled, 1, 2)
 

@@ -1,0 +1,94 @@
+"""The cell as a value: which robot, what it carries, what measures it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from robotrue.core.arrays import Array, frozen
+from robotrue.errors import ShapeError
+from robotrue.measurement.measurement_set import MeasurementFrame
+from robotrue.measurement.tracker import (
+    DEFAULT_SPECIFICATION,
+    TrackerSpecification,
+    point_covariance,
+)
+from robotrue.robot.model import RobotModel
+from robotrue.robot.statics import NO_LOAD, Load
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cell:
+    """A robot and its surroundings, SI. Everything but the robot has a default.
+
+    Attributes:
+        robot: The nominal arm; its ``T_flange_tool`` is the tool programs use. Default tool: the
+            flange itself.
+        T_flange_target: (4, 4) the measured reflector. Default: the tool point.
+        frame: Frame of measured positions: ``base``, or ``tracker`` where its place is not known.
+            Default: ``base``.
+        tracker_position: (3,) m, the instrument in that frame; None is "not known". Default: the
+            origin for ``tracker``, not known for ``base``.
+        tracker: Bounds of the instrument. Default: 15 um + 5 um/m, read as two sigma.
+        repeatability: m, one standard deviation per axis of the robot's own scatter at a pose.
+            Default: 0.03 mm.
+        payload: What hangs on the flange, one row, no wrench. Default: nothing.
+        T_base_frame: (4, 4) work frame of programs that set none. Default: the robot base.
+        compliance_prior: (dof,) rad/(N m), one over the stated joint stiffness; NaN where nothing
+            is stated. Default: NaN.
+        doubts: What the cell cannot model with what it was told, one sentence each.
+        source: File it was read from; empty if made in code.
+        digest: SHA-256 of that file.
+    """
+
+    robot: RobotModel
+    T_flange_target: Array = field(default_factory=lambda: np.empty(0))
+    frame: MeasurementFrame = "base"
+    tracker_position: Array | None = None
+    tracker: TrackerSpecification = DEFAULT_SPECIFICATION
+    repeatability: float = 3e-5
+    payload: Load = NO_LOAD
+    T_base_frame: Array = field(default_factory=lambda: np.eye(4))
+    compliance_prior: Array = field(default_factory=lambda: np.empty(0))
+    doubts: tuple[str, ...] = ()
+    source: str = ""
+    digest: str = ""
+
+    def __post_init__(self) -> None:
+        """Checks shapes and fills the defaults that depend on other fields.
+
+        Raises:
+            ShapeError: A wrong shape, or a repeatability below zero.
+        """
+        target = self.T_flange_target
+        if np.size(target) == 0:
+            target = self.robot.T_flange_tool
+        prior = self.compliance_prior
+        if np.size(prior) == 0:
+            prior = np.full(self.robot.dof, np.nan)
+        position = self.tracker_position
+        if position is None and self.frame == "tracker":
+            position = np.zeros(3)
+        if position is not None:
+            position = frozen(position, (3,), "tracker_position")
+        object.__setattr__(self, "tracker_position", position)
+        object.__setattr__(self, "T_flange_target", frozen(target, (4, 4), "T_flange_target"))
+        object.__setattr__(self, "T_base_frame", frozen(self.T_base_frame, (4, 4), "T_base_frame"))
+        object.__setattr__(
+            self,
+            "compliance_prior",
+            frozen(prior, (self.robot.dof,), "compliance_prior", allow_nan=True),
+        )
+        if not 0.0 <= self.repeatability < np.inf:
+            raise ShapeError(f"repeatability is {self.repeatability} m, expected 0 or more.")
+
+    @property
+    def measured_robot(self) -> RobotModel:
+        """The nominal arm with the reflector as its tool: the point measurements are about."""
+        return self.robot.with_tool(self.T_flange_target)
+
+
+def tracker_covariance(cell: Cell, position: Array) -> Array:
+    """Returns the instrument's covariance (n, 3, 3) m^2 at positions (n, 3) m in ``cell.frame``."""
+    return point_covariance(cell.tracker, position, cell.tracker_position)

@@ -1,0 +1,57 @@
+"""A cell.toml to start from, with every key and its default."""
+
+from __future__ import annotations
+
+from typing import Final
+
+_EXAMPLE: Final = """\
+# A robot cell for robotrue. Every table but [robot] may be left out; the values shown in comments
+# are then used.
+schema = 1
+
+[robot]
+# Exactly one of: preset; urdf; convention with dh.
+preset = "KUKA KR160 R1570"
+# urdf = "robot.urdf"              # relative to this file
+# convention = "dh"                # "dh": Rz Tz Tx Rx.  "mdh" (Craig): Rx Tx Rz Tz
+# dh = [
+#   {theta_deg = 0, alpha_deg = 90, d_mm = 500, a_mm = 250},
+#   # ... one row per joint
+# ]
+# The following lists have one entry per joint (link) and replace what the preset says.
+# limits_deg = [[-185, 185], [-140, -5], [-120, 155], [-350, 350], [-125, 125], [-350, 350]]
+# mass_kg = [200, 150, 120, 40, 25, 10]
+# centre_of_mass_mm = [[0, 0, 0], [0, 0, 0], [0, 0, 0], [0, 0, 0], [0, 0, 0], [0, 0, 0]]
+# stiffness_Nm_per_rad = [1.75e6, 1.72e6, 1.95e6, 3.73e6, 2.11e6, 1.74e6]
+# gravity_m_per_s2 = [0, 0, -9.80665]
+
+[tool]                             # flange to tool, what the programs use
+xyz_mm = [0, 0, 0]                 # default: the flange
+abc_deg = [0, 0, 0]                # KUKA A, B, C: Rz(A) Ry(B) Rx(C)
+
+[payload]                          # what hangs on the flange
+mass_kg = 0
+centre_of_mass_mm = [0, 0, 0]      # in the flange frame
+
+# [target]                         # the measured reflector, in the flange frame
+# xyz_mm = [0, 0, 50]              # default: the tool point
+
+[tracker]
+frame = "base"                     # or "unknown": the calibration estimates where it stands
+# xyz_mm = [3000, 0, 500]          # the tracker, in the frame of the measured positions; default:
+#                                  # for "unknown" the origin, for "base" not known (3 m away)
+# sigma_um = 7.5                   # one standard deviation; default 7.5 um + 2.5 um/m, that is a
+# sigma_um_per_m = 2.5             # bound of 15 um + 5 um/m read as two sigma
+
+[repeatability]
+mm = 0.03                          # one standard deviation per axis
+
+[base]                             # work frame of programs that set none
+xyz_mm = [0, 0, 0]
+abc_deg = [0, 0, 0]
+"""
+
+
+def write_cell_example() -> str:
+    """Returns the text of a commented cell.toml that states every key and default."""
+    return _EXAMPLE

@@ -1,0 +1,91 @@
+"""The keys of cell.toml, their types and their defaults, in the file's own units.
+
+Only :mod:`robotrue.cell.config` imports this file; pydantic is slow to load.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Length = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Above0 = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+Three = Annotated[list[Number], Field(min_length=3, max_length=3)]
+Two = Annotated[list[Number], Field(min_length=2, max_length=2)]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+class DhRow(_Table):
+    """One row of a DH table."""
+
+    theta_deg: Number
+    alpha_deg: Number
+    d_mm: Number
+    a_mm: Number
+
+
+class RobotTable(_Table):
+    """``[robot]``: a preset, a URDF file, or a DH table; the lists have one entry per joint."""
+
+    preset: str | None = None
+    urdf: str | None = None
+    convention: Literal["dh", "mdh"] | None = None
+    dh: Annotated[list[DhRow], Field(min_length=1)] | None = None
+    limits_deg: list[Two] | None = None
+    mass_kg: list[Length] | None = None
+    centre_of_mass_mm: list[Three] | None = None
+    stiffness_Nm_per_rad: list[Above0] | None = None
+    gravity_m_per_s2: Three | None = None
+
+
+class PoseTable(_Table):
+    """``[tool]`` and ``[base]``."""
+
+    xyz_mm: Three = [0.0, 0.0, 0.0]
+    abc_deg: Three = [0.0, 0.0, 0.0]
+
+
+class PayloadTable(_Table):
+    """``[payload]``."""
+
+    mass_kg: Length = 0.0
+    centre_of_mass_mm: Three = [0.0, 0.0, 0.0]
+
+
+class TargetTable(_Table):
+    """``[target]``."""
+
+    xyz_mm: Three
+
+
+class TrackerTable(_Table):
+    """``[tracker]``."""
+
+    frame: Literal["base", "unknown"] = "base"
+    xyz_mm: Three | None = None
+    sigma_um: Length | None = None
+    sigma_um_per_m: Length | None = None
+
+
+class RepeatabilityTable(_Table):
+    """``[repeatability]``."""
+
+    mm: Length = 0.03
+
+
+class CellFile(_Table):
+    """The whole file."""
+
+    schema_: Annotated[Literal[1], Field(alias="schema")]
+    robot: RobotTable
+    tool: PoseTable | None = None
+    payload: PayloadTable = PayloadTable()
+    target: TargetTable | None = None
+    tracker: TrackerTable = TrackerTable()
+    repeatability: RepeatabilityTable = RepeatabilityTable()
+    base: PoseTable = PoseTable()

@@ -1,0 +1,119 @@
+"""What is wrong with a cell.toml, in the user's words: key, value, what is allowed, line."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from robotrue.cell.schema import CellFile
+from robotrue.errors import ConfigurationError
+
+_HEADER: Final = re.compile(r"\s*\[\s*([^\[\]]+?)\s*\]\s*(?:#.*)?")
+
+
+def configuration_error(
+    cause: ValidationError, tables: Mapping[str, Any], *, path: str | Path, text: str
+) -> ConfigurationError:
+    """Returns the error for the first fault pydantic found; unknown keys come before the others.
+
+    A misspelt key is both unknown and missing; the first is what helps.
+    """
+    faults = sorted(cause.errors(), key=lambda fault: fault["type"] != "extra_forbidden")
+    fault = faults[0]
+    where = tuple(fault["loc"])
+    message, hint = _message(fault["type"], where, fault.get("ctx") or {}, fault["input"])
+    if where == ("schema",) and fault["type"] == "literal_error":
+        hint = "update robotrue, or write the file for schema 1."
+    if fault["type"] == "missing" and where == ("schema",):
+        hint = "begin the file with: schema = 1."
+    more = len(faults) - 1
+    if more:
+        message += f" ({more} more fault{'s' if more > 1 else ''} in the file.)"
+    return ConfigurationError(message, source=path, line=line_of_key(text, where), hint=hint)
+
+
+def _message(
+    kind: str, where: Sequence[str | int], facts: Mapping[str, Any], value: Any
+) -> tuple[str, str | None]:
+    key = _dotted(where)
+    shown = repr(value) if len(repr(value)) <= 60 else repr(value)[:57] + "..."
+    if kind == "extra_forbidden":
+        known = _known_keys(where[:-1])
+        near = [k for k in known if k.startswith(f"{where[-1]}_")] or difflib.get_close_matches(
+            str(where[-1]), known, n=1, cutoff=0.5
+        )
+        hint = f"{_dotted((*where[:-1], near[0]))}." if near else "remove the key."
+        return f"unknown key {key}; allowed are {', '.join(known)}.", hint
+    if kind == "missing":
+        return f"{key} is missing.", None
+    expected = {
+        "literal_error": f"expected {facts.get('expected')}",
+        "float_type": "expected a number",
+        "finite_number": "expected a finite number",
+        "greater_than": f"expected above {facts.get('gt', 0):g}",
+        "greater_than_equal": f"expected {facts.get('ge', 0):g} or more",
+        "list_type": "expected a list",
+        "string_type": "expected text in quotation marks",
+        "too_short": f"expected {facts.get('min_length')} values",
+        "too_long": f"expected {facts.get('max_length')} values",
+    }.get(kind, "expected a table" if "model" in kind or "dict" in kind else "not allowed here")
+    return f"{key} is {shown}, {expected}.", None
+
+
+def _dotted(where: Sequence[str | int]) -> str:
+    """Returns ``robot.dh[2].d_mm`` for ("robot", "dh", 1, "d_mm"); rows count from one."""
+    out = ""
+    for part in where:
+        out += f"[{part + 1}]" if isinstance(part, int) else f"{'.' if out else ''}{part}"
+    return out
+
+
+def _known_keys(where: Sequence[str | int]) -> list[str]:
+    """Returns the keys a table may have."""
+    model: type[BaseModel] = CellFile
+    for part in where:
+        if isinstance(part, str):
+            found = _table_type(model.model_fields[part].annotation)
+            model = found or model
+    return [field.alias or name for name, field in model.model_fields.items()]
+
+
+def _table_type(annotation: Any) -> type[BaseModel] | None:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    for inner in get_args(annotation):
+        found = _table_type(inner)
+        if found is not None:
+            return found
+    return None
+
+
+def line_of_key(text: str, where: Sequence[str | int]) -> int | None:
+    """Returns the one-based line on which a key stands, or its nearest table; None if neither.
+
+    Args:
+        text: The TOML file.
+        where: The key's path, e.g. ("robot", "dh", 1, "d_mm").
+    """
+    names = [part for part in where if isinstance(part, str)]
+    inside: list[str] = []
+    best: tuple[int, int] | None = None
+    for number, line in enumerate(text.splitlines(), start=1):
+        header = _HEADER.fullmatch(line)
+        if header:
+            inside = [part.strip().strip("\"'") for part in header[1].split(".")]
+            here = inside
+        else:
+            key = re.match(r"\s*([\w\"'.-]+)\s*=", line)
+            if key is None:
+                continue
+            here = inside + [part.strip("\"'") for part in key[1].split(".")]
+        depth = len(here)
+        if here == names[:depth] and (best is None or depth > best[0]):
+            best = (depth, number)
+    return best[1] if best else None
