@@ -6,7 +6,7 @@ as they are; a dialect remembers where each number stands and rewrites only what
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, Protocol
@@ -132,12 +132,16 @@ class FrameTable:
         T_flange_tool: Default tool (4, 4) when the program sets none.
         bases: Work frames by the controller's number or name.
         tools: Tools by the controller's number or name.
+        external_axes_at_rest: The external axes stand still in the whole program, and every frame
+            here is given with them where they stand; only then are targets with an external axis
+            away from zero compensated.
     """
 
     T_base_frame: Array = field(default_factory=lambda: np.eye(4))
     T_flange_tool: Array = field(default_factory=lambda: np.eye(4))
     bases: Mapping[str, Array] = field(default_factory=dict)
     tools: Mapping[str, Array] = field(default_factory=dict)
+    external_axes_at_rest: bool = False
 
 
 class Dialect(Protocol):
@@ -155,6 +159,20 @@ class Dialect(Protocol):
 
         Raises:
             FormatError: The bytes are not in this dialect, with the line.
+        """
+        ...
+
+    def companions(self, name: str) -> tuple[str, ...]:
+        """Returns the names of files that belong to a file of this name, if they exist."""
+        ...
+
+    def read_job(
+        self, files: Sequence[tuple[str, bytes]], *, frames: FrameTable
+    ) -> tuple[Program, ...]:
+        """Returns one program per (name, bytes), read together: points of one, motions of another.
+
+        Raises:
+            FormatError: The bytes are not in this dialect, with the file and line.
         """
         ...
 

@@ -1,1 +1,127 @@
-"""TODO."""
+"""Controller dialects by name, and the two verbs that use them: read a job, write a program.
+
+A program on a controller is often more than one file: the motions in a ``.src``, the points in the
+``.dat`` beside it. A job is all of them, one :class:`Program` each::
+
+    job = read_job("part.src", frames)
+    for program in job:
+        replacement = ...
+        write_atomic(folder / program.name, write_program(program, replacement))
+
+A dialect is a leaf file with a module-level ``DIALECT``; :func:`register` names it, and it is
+imported when it is first asked for.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+from typing import Final, cast
+
+from robotrue.core.files import read_bytes
+from robotrue.errors import ConfigurationError, FormatError
+from robotrue.program.program import Dialect, FrameTable, Program, Replacement
+
+_MODULES: Final[dict[str, str]] = {"krl": "robotrue.program.formats.krl"}
+_SURE: Final = 0.4
+
+
+def register(name: str, module: str) -> None:
+    """Adds a dialect: ``module`` is imported on first use and holds it as ``DIALECT``.
+
+    Raises:
+        ConfigurationError: The name is taken by another module.
+    """
+    if _MODULES.get(name, module) != module:
+        raise ConfigurationError(f"dialect {name!r} is already {_MODULES[name]}.")
+    _MODULES[name] = module
+
+
+def dialects() -> tuple[str, ...]:
+    """Returns the registered names, sorted."""
+    return tuple(sorted(_MODULES))
+
+
+def dialect(name: str) -> Dialect:
+    """Returns a dialect by its name.
+
+    Raises:
+        ConfigurationError: No dialect has this name.
+    """
+    if name not in _MODULES:
+        raise ConfigurationError(
+            f"no dialect is called {name!r}.", hint=f"one of {', '.join(dialects())}."
+        )
+    return cast(Dialect, import_module(_MODULES[name]).DIALECT)
+
+
+def detect(data: bytes, name: str) -> Dialect:
+    """Returns the dialect of a file from its content and, where that is not enough, its name.
+
+    A file whose content no dialect recognises goes to the one that owns its suffix, so that the
+    refusal names the line.
+
+    Raises:
+        FormatError: Neither content nor suffix belongs to a registered dialect.
+    """
+    known = [dialect(each) for each in dialects()]
+    best = max(known, key=lambda each: each.detect(data))
+    if best.detect(data) >= _SURE:
+        return best
+    for each in known:
+        if Path(name).suffix.lower() in each.suffixes:
+            return each
+    raise FormatError(
+        f"not a program robotrue reads; it knows {', '.join(dialects())}.",
+        source=name,
+        line=1,
+        hint="give the file the controller runs, with its own suffix.",
+    )
+
+
+def read_job(path: str | Path, frames: FrameTable | None = None) -> tuple[Program, ...]:
+    """Returns the programs of a job: the file named first, then companions that hold targets.
+
+    Args:
+        path: A program file; its companions (KRL: the ``.dat`` of a ``.src``) lie beside it.
+        frames: What the program names but does not hold; base and flange if not given.
+
+    Raises:
+        FormatError: A file cannot be read, or is not in a registered dialect.
+    """
+    path = Path(path)
+    data = read_bytes(path)
+    language = detect(data, path.name)
+    files = [(path.name, data)]
+    for name in language.companions(path.name):
+        beside = path.with_name(name)
+        if beside.is_file() and not any(beside.samefile(path.with_name(n)) for n, _ in files):
+            files.append((name, read_bytes(beside)))
+    programs = language.read_job(files, frames=frames or FrameTable())
+    return programs[:1] + tuple(program for program in programs[1:] if len(program))
+
+
+def read_program(path: str | Path, frames: FrameTable | None = None) -> Program:
+    """Returns the program of a job that is one file.
+
+    Raises:
+        FormatError: As :func:`read_job`; or the targets stand in more than one file.
+    """
+    job = read_job(path, frames)
+    if len(job) > 1:
+        raise FormatError(
+            f"the targets stand in {len(job)} files: {', '.join(p.name for p in job)}.",
+            source=path,
+            hint="read them together with read_job and write each.",
+        )
+    return job[0]
+
+
+def write_program(program: Program, replacement: Replacement) -> bytes:
+    """Returns the program's bytes with the changed numbers replaced and nothing else touched.
+
+    Raises:
+        ConfigurationError: Its dialect is not registered.
+        ShapeError: A changed row has a value that cannot be written.
+    """
+    return dialect(program.dialect).write(program, replacement)

@@ -1,0 +1,78 @@
+"""KUKA KRL: ``.src`` programs and the ``.dat`` files beside them.
+
+What is read: inline, stored, array and structure points; PTP, LIN, CIRC and their S and SPL forms;
+base and tool as the program sets them. What is never rewritten: anything but the numbers of targets;
+``$BASE``, ``$TOOL``, ``BASE_DATA``, ``TOOL_DATA`` and ``LOAD_DATA`` least of all. How numbers are
+written is told in :mod:`robotrue.program.formats.krl_write`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import PurePath
+from typing import Final
+
+from robotrue.program.program import FrameTable, Program, Replacement
+
+_HEAD: Final = re.compile(
+    rb"^(?:\xef\xbb\xbf)?\s*&ACCESS|^\s*(?:GLOBAL\s+)?DEF(?:DAT|FCT)?\s+\w",
+    re.IGNORECASE | re.MULTILINE,
+)
+_MOTION: Final = re.compile(
+    rb"^\s*S?(?:PTP|LIN|CIRC|SPL)(?:_REL)?\s*\{|=\s*\{\s*(?:E6POS|E6AXIS|POS|FRAME|AXIS)\s*:",
+    re.IGNORECASE | re.MULTILINE,
+)
+
+
+class Krl:
+    """The KRL dialect."""
+
+    name = "krl"
+    suffixes = (".src", ".dat", ".sub")
+
+    def detect(self, data: bytes) -> float:
+        """Returns 1 for a KRL header with a motion or point, less for one of the two."""
+        python_like = re.search(rb"^\s*def\s+\w+\(.*\):", data[:20000], re.MULTILINE)
+        head = bool(_HEAD.search(data)) and not python_like
+        motion = bool(_MOTION.search(data))
+        return 0.5 * motion + 0.5 * head
+
+    def read(self, data: bytes, *, name: str, frames: FrameTable) -> Program:
+        """Returns the program of one file.
+
+        Raises:
+            FormatError: Not KRL, cut off, or a number that cannot be read.
+        """
+        return self.read_job([(name, data)], frames=frames)[0]
+
+    def companions(self, name: str) -> tuple[str, ...]:
+        """Returns the ``.dat`` of a ``.src`` and the other way round, in either case."""
+        path = PurePath(name)
+        other = "src" if path.suffix.lower() == ".dat" else "dat"
+        return tuple(f"{path.stem}.{form}" for form in (other, other.upper(), other.capitalize()))
+
+    def read_job(
+        self, files: Sequence[tuple[str, bytes]], *, frames: FrameTable
+    ) -> tuple[Program, ...]:
+        """Returns one program per file, read together.
+
+        Raises:
+            FormatError: Not KRL, cut off, or a number that cannot be read.
+        """
+        from robotrue.program.formats.krl_read import read_krl
+
+        return read_krl(files, frames)
+
+    def write(self, program: Program, replacement: Replacement) -> bytes:
+        """Returns the file with the numbers of the changed rows replaced.
+
+        Raises:
+            ShapeError: A changed row has a value that cannot be written.
+        """
+        from robotrue.program.formats.krl_write import write_krl
+
+        return write_krl(program, replacement)
+
+
+DIALECT: Final = Krl()

@@ -1,0 +1,206 @@
+"""Which work frame and tool a KRL program has at each line."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.core.poses import pose_from_xyz_abc
+from robotrue.core.units import DEG, MM
+from robotrue.program.program import FrameTable
+
+_FDAT: Final = re.compile(r"(TOOL_NO|BASE_NO|IPO_FRAME)\s+(#?\w+)", re.IGNORECASE)
+_DATA: Final = re.compile(r"(BASE|TOOL)_DATA\s*\[\s*(\w+)\s*\]$", re.IGNORECASE)
+_IDENTITY: Final = ("$nullframe", "$world", "$robroot")
+
+
+class State(NamedTuple):
+    """Frame and tool in force: indices into the tables, and whether #TCP is interpolated."""
+
+    base: int = 0
+    tool: int = 0
+    on_robot: bool = False
+
+
+class Inline(NamedTuple):
+    """FDAT: the numbers an inline form hands over; ``None`` is not known."""
+
+    tool: str | None
+    base: str | None
+    on_robot: bool
+
+
+def read_fdat(text: str) -> Inline:
+    """Returns the numbers in ``{TOOL_NO 1,BASE_NO 1,IPO_FRAME #BASE}``."""
+    found = {name.upper(): value for name, value in _FDAT.findall(text)}
+    on_robot = found.get("IPO_FRAME", "#BASE").upper() != "#BASE"
+    return Inline(found.get("TOOL_NO"), found.get("BASE_NO"), on_robot)
+
+
+class Frames:
+    """Work frames and tools as the program sets them, with the cell's table behind it.
+
+    Attributes:
+        state: What is in force at the line being read.
+        changes: (line, state) from which zero-based line on a state is in force, in order.
+        fdat: Inline-form data by lower-case name.
+    """
+
+    def __init__(self, table: FrameTable, name: str) -> None:
+        self.table = table
+        self.name = name
+        self.state = State()
+        self.changes: list[tuple[int, State]] = [(0, self.state)]
+        self.fdat: dict[str, Inline] = {}
+        self.matrices: dict[str, list[Array]] = {
+            "base": [np.asarray(table.T_base_frame, dtype=np.float64)],
+            "tool": [np.asarray(table.T_flange_tool, dtype=np.float64)],
+        }
+        self.cures: dict[tuple[str, int], str] = {}
+        self._index: dict[tuple[str, bytes], int] = {
+            (side, matrices[0].tobytes()): 0 for side, matrices in self.matrices.items()
+        }
+        self._data: dict[tuple[str, str], int] = {}
+        self._pending: Inline | None = None
+
+    def enter(self, line: int, state: State) -> None:
+        """Puts a state in force from a line on."""
+        if state != self.state:
+            self.state = state
+            self.changes.append((line, state))
+
+    def put(self, line: int, side: str, index: int) -> None:
+        """Puts one frame in force from a line on."""
+        state = self.state
+        self.enter(
+            line, state._replace(base=index) if side == "base" else state._replace(tool=index)
+        )
+
+    def known(self, side: str, matrix: Array) -> int:
+        """Returns the index of a frame, entering it if it is new."""
+        key = (side, matrix.tobytes())
+        if key not in self._index:
+            self._index[key] = len(self.matrices[side])
+            self.matrices[side].append(matrix)
+        return self._index[key]
+
+    def unknown(self, side: str, line: int, what: str, cure: str) -> int:
+        """Returns the index of a frame that is not known, with the sentence that says why."""
+        self.matrices[side].append(np.full((4, 4), np.nan))
+        index = len(self.matrices[side]) - 1
+        self.cures[side, index] = f"{self.name}:{line + 1}: the {side} {what}; {cure}."
+        return index
+
+    def is_unknown(self, side: str, index: int) -> bool:
+        """Returns whether a frame could not be resolved."""
+        return (side, index) in self.cures
+
+    def aggregate(self, side: str, line: int, values: Array) -> int:
+        """Returns the index of a frame written as X, Y, Z, A, B, C in mm and deg."""
+        if not np.isfinite(values).all():
+            return self.unknown(
+                side,
+                line,
+                "leaves components out or computes them",
+                "write all of X, Y, Z, A, B, C as numbers",
+            )
+        return self.known(side, pose_from_xyz_abc(values[:3] * MM, values[3:] * DEG))
+
+    def number(self, side: str, line: int, number: str | None) -> int:
+        """Returns the index of a numbered frame: set in the program, in the table, or 0."""
+        if number is None or not number.isdigit():
+            return self.unknown(
+                side, line, f"number {number or '?'} is computed", "write the number out"
+            )
+        number = str(int(number))
+        if (side, number) in self._data:
+            return self._data[side, number]
+        matrix = _lookup(self._given(side), number)
+        if matrix is not None:
+            return self.known(side, matrix)
+        if number == "0":
+            return self.known(side, np.eye(4))
+        return self.unknown(
+            side,
+            line,
+            f"number {number} stands in the controller ($config.dat), not in the program",
+            f"add {side} {number} to the frame table",
+        )
+
+    def expression(self, side: str, line: int, text: str, variables: Mapping[str, Array]) -> int:
+        """Returns the index of what stands right of ``$BASE=`` or ``$TOOL=``, not an aggregate."""
+        text = text.strip()
+        match = _DATA.match(text)
+        if match and match[1].lower() == side:
+            return self.number(side, line, match[2])
+        if text.lower() in _IDENTITY:
+            return self.known(side, np.eye(4))
+        if text.lower() in variables:
+            return self.aggregate(side, line, variables[text.lower()])
+        matrix = _lookup(self._given(side), text)
+        if matrix is not None:
+            return self.known(side, matrix)
+        return self.unknown(
+            side,
+            line,
+            f"is {text[:40]!r}, which the program does not hold as numbers",
+            f"write the {side} as numbers, or add it to the frame table by this name",
+        )
+
+    def store(self, side: str, number: str, index: int) -> None:
+        """Remembers ``BASE_DATA[n]`` or ``TOOL_DATA[n]`` as the program writes it."""
+        self._data[side, str(int(number)) if number.isdigit() else number] = index
+
+    def pend(self, inline: Inline | None) -> None:
+        """Takes FDAT_ACT; it comes into force with the next BAS call that uses it."""
+        self._pending = inline
+
+    def apply_pending(self, line: int) -> None:
+        """Puts FDAT_ACT in force: ``BAS(#FRAMES)``, ``BAS(#PTP_PARAMS)``, ``BAS(#CP_PARAMS)``."""
+        if self._pending is not None:
+            self.enter(line, self.inline_state(line, self._pending))
+
+    def inline_state(self, line: int, inline: Inline) -> State:
+        """Returns the state an inline form's numbers stand for."""
+        return State(
+            self.number("base", line, inline.base),
+            self.number("tool", line, inline.tool),
+            inline.on_robot,
+        )
+
+    def merge(self, line: int, states: list[State]) -> None:
+        """Puts in force what holds after alternative branches; differing frames are unknown."""
+        what, cure = "depends on which branch ran", "set it again after the branches"
+        first = states[0]
+        for side in ("base", "tool"):
+            if len({getattr(state, side) for state in states}) > 1:
+                first = first._replace(**{side: self.unknown(side, line, what, cure)})
+        on_robot = any(state.on_robot for state in states)
+        self.enter(line, first._replace(on_robot=on_robot))
+
+    def close_loop(self, line: int, entry_line: int, entry: State) -> None:
+        """Marks what a loop's first lines cannot know: its own end changed the frame."""
+        if self.state == entry:
+            return
+        what, cure = "differs between the first and later turns of a loop", "set it in the loop"
+        later = (i for i, (where, _) in enumerate(self.changes) if where > entry_line)
+        at = next(later, len(self.changes))
+        unsure = entry
+        for side in ("base", "tool"):
+            if getattr(entry, side) != getattr(self.state, side):
+                unsure = unsure._replace(**{side: self.unknown(side, entry_line, what, cure)})
+        self.changes.insert(at, (entry_line, unsure))
+
+    def _given(self, side: str) -> Mapping[str, Array]:
+        return self.table.bases if side == "base" else self.table.tools
+
+
+def _lookup(table: Mapping[str, Array], name: str) -> Array | None:
+    for key, matrix in table.items():
+        if key.lower() == name.lower():
+            return np.asarray(matrix, dtype=np.float64)
+    return None

@@ -1,0 +1,445 @@
+"""Reads the lines of a KRL file in program order: which point is moved to, how, and where it stands.
+
+Lines that are a motion to a plain aggregate never come here; the scanner has already sorted them.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.program.formats.krl_frames import Frames, State, read_fdat
+from robotrue.program.formats.krl_scan import (
+    INLINE_ARC,
+    INLINE_LIN,
+    INLINE_PTP,
+    INLINE_SPLINE,
+    NOT_CONSTANT,
+    STATEMENT,
+    Scan,
+)
+from robotrue.program.program import Motion, Reason
+
+MOTION_OF: Final = {
+    INLINE_PTP: Motion.PTP,
+    INLINE_LIN: Motion.LIN,
+    INLINE_SPLINE: Motion.SPLINE,
+    INLINE_ARC: Motion.ARC_END,
+}
+_MOTION: Final = re.compile(r"\s*S?(PTP|LIN|CIRC|SPL)(_REL)?(?!\w)", re.IGNORECASE)
+_WORD: Final = re.compile(r"\s*(\$?\w+)")
+_REFERENCE: Final = re.compile(r"(\$?[A-Za-z_]\w*)(?:\s*\[([^\]]*)\])?((?:\s*\.\s*[A-Za-z_]\w*)*)")
+_DEFINE: Final = re.compile(
+    r"\s*(?:(?:GLOBAL|DECL|CONST)\s+)*(?:(\w+)\s+)?(\$?\w+)\s*(?:\[([^\]]*)\])?"
+    r"((?:\s*\.\s*\w+)*)\s*=(?!=)\s*",
+    re.IGNORECASE,
+)
+_BAS: Final = re.compile(r"\s*BAS\s*\(\s*#(\w+)\s*(?:,\s*(\w+)\s*)?", re.IGNORECASE)
+_WITH: Final = re.compile(r"(\$(?:BASE|TOOL|IPO_MODE)\s*=\s*)(\{[^}]*\}|[^,]+)", re.IGNORECASE)
+_MEMBER: Final = re.compile(r"(\w*)\s*(\[[^\]]*\])?\s*([{}])")
+_CALL: Final = re.compile(r"\s*(\w+)\s*\(")
+_STRING: Final = re.compile(r'"[^"]*"')
+_POINT_TYPES: Final = ("e6pos", "pos", "frame", "e6axis", "axis")
+_OTHER_TYPES: Final = ("fdat", "pdat", "ldat", "load", "int", "real", "bool", "char", "signal")
+_BRANCH: Final = {"if", "switch"}
+_LOOP: Final = {"for": "endfor", "while": "endwhile", "loop": "endloop", "repeat": "until"}
+_LOOP_END: Final = set(_LOOP.values())
+_SILENT: Final = {"ext", "extfct", "import", "end", "endfct", "enddat", "struc", "enum"}
+
+
+class Definition(NamedTuple):
+    """A stored point: its file, aggregate, and name ``variable[index].path`` in lower case."""
+
+    file: int
+    agg: int
+    variable: str
+    index: str
+    path: str
+
+
+@dataclass(slots=True)
+class Story:
+    """What the walk collects.
+
+    Attributes:
+        definitions: Every stored point.
+        uses: (file, aggregate) to the (line, motion) it is moved to with.
+        flags: (file, aggregate) to the reason it cannot be compensated.
+        arcs: Pairs of (file, aggregate): auxiliary and end point.
+        tainted: (variable, path) that take part in an expression, with a line.
+        sequence: (line, aggregate of the main file or -1, is auxiliary): what moves the robot;
+            -1 where it is not known what moved it.
+        notes: Sentences for the user.
+        has_def: The file has a DEF, DEFFCT or DEFDAT.
+    """
+
+    definitions: list[Definition]
+    uses: dict[tuple[int, int], list[tuple[int, Motion]]]
+    flags: dict[tuple[int, int], Reason]
+    arcs: list[tuple[tuple[int, int], tuple[int, int]]]
+    tainted: dict[tuple[str, str], int]
+    sequence: list[tuple[int, int, bool]]
+    notes: list[str]
+    has_def: bool
+
+
+def _clean(text: str | None) -> str:
+    return re.sub(r"\s+", "", text or "").lower()
+
+
+class Walk:
+    """One reading of a main file and the data file beside it."""
+
+    def __init__(self, scans: list[Scan], names: list[str], frames: Frames) -> None:
+        self.scans, self.names, self.frames = scans, names, frames
+        self.first = [np.searchsorted(s.agg_line, np.arange(len(s.line_kind) + 1)) for s in scans]
+        self.story = Story([], defaultdict(list), {}, [], {}, [], [], False)
+        self._current: dict[str, dict[tuple[str, str], Definition]] = defaultdict(dict)
+        self._variables: dict[str, Array] = {}
+        # (state at entry, states at the ends of branches, has an else, is past its first case)
+        self._branches: list[tuple[State, list[State], bool, bool]] = []
+        self._loops: list[tuple[int, State]] = []
+        self._splines: list[State] = []
+        self._calls: dict[str, list[State]] = defaultdict(list)
+        self._absent: set[str] = set()
+
+    def data_file(self, file: int) -> None:
+        """Reads declarations only."""
+        for line in np.flatnonzero(self.scans[file].line_kind == STATEMENT).tolist():
+            code = self._code(file, line)
+            match = _WORD.match(code)
+            word = match[1].lower() if match else ""
+            if word == "defdat":
+                self.story.has_def = True
+            elif word not in _SILENT and "=" in code:
+                self._assign(file, line, code)
+
+    def main_file(self, file: int) -> None:
+        """Reads every statement in program order."""
+        for line in np.flatnonzero(self.scans[file].line_kind == STATEMENT).tolist():
+            self._statement(file, line, self._code(file, line))
+
+    def _code(self, file: int, line: int) -> str:
+        code = self.scans[file].code(line)
+        return (
+            _STRING.sub(lambda m: '"' + " " * (len(m[0]) - 2) + '"', code) if '"' in code else code
+        )
+
+    def _statement(self, file: int, line: int, code: str) -> None:
+        motion = _MOTION.match(code)
+        if motion and not re.match(r"\s*[=(\[.]", code[motion.end() :]):
+            self._motion(file, line, code, motion)
+            return
+        match = _WORD.match(code)
+        word = match[1].lower() if match else ""
+        if word == "bas":
+            self._bas(line, code)
+        elif word in ("def", "deffct", "global") and re.search(r"\bDEF(FCT)?\b", code, re.I):
+            self._define(line, code)
+        elif word == "defdat":
+            self.story.has_def = True
+        elif word in _SILENT:
+            pass
+        elif word == "spline":
+            self._splines.append(self.frames.state)
+            self._with(file, line, code)
+        elif word == "endspline":
+            self.frames.enter(line + 1, self._splines.pop() if self._splines else State())
+        elif self._control(line, word, code):
+            self._barrier(line)
+            self._taint(line, code)
+        elif _DEFINE.match(code):
+            self._assign(file, line, code)
+        elif word not in ("decl", "wait", "halt", "return", *_POINT_TYPES, *_OTHER_TYPES):
+            call = _CALL.match(code)
+            if call:
+                self._calls[call[1].lower()].append(self.frames.state)
+                self._barrier(line)
+            elif code.rstrip().endswith(":"):
+                self._barrier(line)
+            self._taint(line, code)
+
+    def _define(self, line: int, code: str) -> None:
+        self.story.has_def = True
+        self._barrier(line)
+        self._branches.clear()
+        self._loops.clear()
+        self._splines.clear()
+        name = re.search(r"(\w+)\s*\(", code)
+        calls = self._calls.get(name[1].lower(), []) if name else []
+        if calls:
+            self.frames.merge(line, calls)
+        else:
+            self.frames.enter(line, State())
+
+    def _control(self, line: int, word: str, code: str) -> bool:
+        """Follows frames through branches and loops; returns whether the line is control flow."""
+        frames = self.frames
+        if word in _BRANCH:
+            self._branches.append((frames.state, [], False, word == "if"))
+        elif word in ("else", "case", "default"):
+            if self._branches:
+                entry, ends, other, started = self._branches.pop()
+                if started:
+                    ends.append(frames.state)
+                self._branches.append((entry, ends, other or word != "case", True))
+                frames.enter(line, entry)
+        elif word in ("endif", "endswitch"):
+            if self._branches:
+                entry, ends, other, _ = self._branches.pop()
+                frames.merge(line, [*ends, frames.state, *([] if other else [entry])])
+        elif word in _LOOP:
+            self._loops.append((line, frames.state))
+        elif word in _LOOP_END:
+            if self._loops:
+                frames.close_loop(line, *self._loops.pop())
+        else:
+            return word in ("goto", "interrupt", "trigger", "exit", "resume")
+        return True
+
+    def _bas(self, line: int, code: str) -> None:
+        match = _BAS.match(code)
+        if not match:
+            return
+        what = match[1].lower()
+        if what in ("tool", "base"):
+            self.frames.put(line, what, self.frames.number(what, line, match[2]))
+        elif what == "ex_base":
+            index = self.frames.unknown(
+                "base", line, "follows an external axis (BAS #EX_BASE)", "program it at rest"
+            )
+            self.frames.put(line, "base", index)
+        elif what in ("frames", "ptp_params", "cp_params"):
+            self.frames.apply_pending(line)
+
+    def _assign(self, file: int, line: int, code: str) -> None:
+        match = _DEFINE.match(code)
+        if not match:
+            return
+        kind, variable = (match[1] or "").lower(), match[2].lower()
+        index, path, rest = _clean(match[3]), _clean(match[4]).strip("."), code[match.end() :]
+        if variable in ("$base", "$tool"):
+            self._set_frame(file, line, variable[1:], path, rest)
+        elif variable == "$ipo_mode":
+            on_robot = rest.strip().lower() != "#base"
+            self.frames.enter(line, self.frames.state._replace(on_robot=on_robot))
+        elif variable in ("base_data", "tool_data"):
+            side = variable[:4]
+            if index.isdigit() and not path:
+                self.frames.store(side, index, self._resolve(file, line, side, rest))
+            else:
+                what, cure = "data is changed by an expression", "write it as numbers"
+                self.frames.store(side, index, self.frames.unknown(side, line, what, cure))
+        elif variable == "fdat_act":
+            self._inline(line, path, rest)
+        elif kind == "fdat":
+            self.frames.fdat[variable] = read_fdat(rest)
+        elif variable in ("load_data", "$load", "pdat_act", "ldat_act") or kind in _OTHER_TYPES:
+            self._taint(line, rest)
+        else:
+            self._point(file, line, code, match.end(), variable, index, path)
+
+    def _point(
+        self, file: int, line: int, code: str, at: int, variable: str, index: str, path: str
+    ) -> None:
+        scan, first = self.scans[file], self.first[file]
+        offset = int(scan.line_start[line])
+        aggs = range(int(first[line]), int(first[line + 1]))
+        for agg in aggs:
+            here = int(scan.agg_open[agg]) - offset
+            inner = path if here == at else _member_path(code[at:here], path)
+            definition = Definition(file, agg, variable, index, inner)
+            self.story.definitions.append(definition)
+            self._current[variable][index, inner] = definition
+            if scan.agg_flag[agg] & NOT_CONSTANT:
+                self.story.flags[file, agg] = Reason.EXPRESSION
+            if here == at:
+                self._variables[variable] = self._values(file, agg)
+        rest = code[at:]
+        if aggs:
+            tail = code[int(scan.agg_close[aggs[-1]]) - offset + 1 :].strip()
+            if rest.startswith("{") and (not tail or tail.startswith(("}", ","))):
+                return
+            rest = tail
+        self._variables.pop(variable, None)
+        self.story.tainted.setdefault((variable, path), line)
+        self._taint(line, rest)
+
+    def _values(self, file: int, agg: int) -> Array:
+        scan = self.scans[file]
+        values = np.full(6, np.nan)
+        for token in range(int(scan.agg_token[agg]), int(scan.agg_token[agg + 1])):
+            if scan.tok_component[token] < 6:
+                values[scan.tok_component[token]] = scan.tok_value[token]
+        return values
+
+    def _resolve(self, file: int, line: int, side: str, rest: str) -> int:
+        first = self.first[file]
+        aggs = range(int(first[line]), int(first[line + 1]))
+        if rest.startswith("{") and len(aggs) >= 1:
+            scan = self.scans[file]
+            agg = next(a for a in aggs if scan.agg_open[a] >= scan.line_start[line])
+            tail = rest[rest.find("}") + 1 :].strip()
+            if not tail:
+                return self.frames.aggregate(side, line, self._values(file, agg))
+        return self.frames.expression(side, line, rest, self._variables)
+
+    def _set_frame(self, file: int, line: int, side: str, path: str, rest: str) -> None:
+        if path:
+            what, cure = "is changed by a single component", "write the whole frame as numbers"
+            index = self.frames.unknown(side, line, what, cure)
+        else:
+            index = self._resolve(file, line, side, rest)
+        self.frames.put(line, side, index)
+
+    def _inline(self, line: int, path: str, rest: str) -> None:
+        frames = self.frames
+        inline = read_fdat(rest)
+        if path or not rest.startswith("{"):
+            inline = frames.fdat.get(rest.strip().lower(), read_fdat("")) if not path else inline
+        frames.pend(inline)
+
+    def _with(self, file: int, line: int, code: str) -> None:
+        """Puts in force what a WITH clause sets for its motion or spline block."""
+        for match in _WITH.finditer(code):
+            name, rest = match[1].strip(" =\t").lower(), match[2].strip()
+            if name == "$ipo_mode":
+                on_robot = not rest.lower().startswith("#base")
+                self.frames.enter(line, self.frames.state._replace(on_robot=on_robot))
+            elif rest.startswith("{"):
+                scan, start = self.scans[file], int(self.scans[file].line_start[line])
+                here = [
+                    a
+                    for a in range(int(self.first[file][line]), int(self.first[file][line + 1]))
+                    if int(scan.agg_open[a]) - start == match.start(2)
+                ]
+                values = self._values(file, here[0]) if here else np.full(6, np.nan)
+                self.frames.put(line, name[1:], self.frames.aggregate(name[1:], line, values))
+            else:
+                index = self.frames.expression(name[1:], line, rest, self._variables)
+                self.frames.put(line, name[1:], index)
+
+    def _barrier(self, line: int) -> None:
+        self.story.sequence.append((line, -1, False))
+
+    def _taint(self, line: int, code: str) -> None:
+        for name, _, path in _REFERENCE.findall(code):
+            self.story.tainted.setdefault((name.lower(), _clean(path).strip(".")), line)
+
+    def _motion(self, file: int, line: int, code: str, match: re.Match[str]) -> None:
+        kind, relative = match[1].upper(), match[2] is not None
+        operands, end = self._operands(file, line, code, match.end(), 2 if kind == "CIRC" else 1)
+        before = self.frames.state
+        self._with(file, line, code[:0].ljust(end) + code[end:])
+        motion = {"PTP": Motion.PTP, "LIN": Motion.LIN, "SPL": Motion.SPLINE}.get(kind)
+        used: list[list[tuple[int, int]]] = []
+        for number, operand in enumerate(operands):
+            how = motion if motion is not None else (Motion.ARC_VIA, Motion.ARC_END)[number]
+            for key in operand:
+                self.story.uses[key].append((line, how))
+                if relative:
+                    self.story.flags[key] = Reason.RELATIVE
+            used.append(operand)
+            single = len(operand) == 1 and operand[0][0] == file and not relative
+            agg = operand[0][1] if single else -1
+            if how is not Motion.ARC_VIA:
+                self.story.sequence.append((line, agg, False))
+            elif agg >= 0:
+                self.story.sequence.append((line, agg, True))
+        if not operands:
+            self._barrier(line)
+        if len(used) == 2 and all(used):
+            self.story.arcs.extend(
+                (via, last)
+                for via in used[0]
+                for last in (used[1] if len(used[0]) == 1 or len(used[1]) == 1 else ())
+            )
+            if len(used[0]) > 1 and len(used[0]) == len(used[1]):
+                self.story.arcs.extend(zip(used[0], used[1], strict=True))
+        self.frames.enter(line + 1, before)
+
+    def _operands(
+        self, file: int, line: int, code: str, at: int, most: int
+    ) -> tuple[list[list[tuple[int, int]]], int]:
+        """Returns the stored or inline points each operand may be, and where the tail starts."""
+        found: list[list[tuple[int, int]]] = []
+        while len(found) < most:
+            at += len(code[at:]) - len(code[at:].lstrip())
+            keys, end = self._operand(file, line, code, at)
+            rest = code[end:].lstrip()
+            if rest[:1] in (":", "+", "-", "*", "/", "("):
+                stop = re.search(r",|\bC_|\bWITH\b", code[end:], re.IGNORECASE)
+                tail = end + stop.start() if stop else len(code)
+                self._taint(line, code[at:tail])
+                extra = [
+                    (file, a)
+                    for a in range(int(self.first[file][line]), int(self.first[file][line + 1]))
+                    if at
+                    <= int(self.scans[file].agg_open[a] - self.scans[file].line_start[line])
+                    < tail
+                ]
+                keys, end = extra, tail
+                for key in keys:
+                    self.story.flags[key] = Reason.EXPRESSION
+                self.story.notes.append(
+                    f"{self.names[file]}:{line + 1}: the target is computed; it is not compensated."
+                )
+            found.append(keys)
+            comma = code[end:].lstrip()
+            if not comma.startswith(",") or len(found) == most:
+                return found, end
+            at = code.index(",", end) + 1
+        return found, at
+
+    def _operand(
+        self, file: int, line: int, code: str, at: int
+    ) -> tuple[list[tuple[int, int]], int]:
+        scan = self.scans[file]
+        if code[at : at + 1] == "{":
+            for agg in range(int(self.first[file][line]), int(self.first[file][line + 1])):
+                if int(scan.agg_open[agg] - scan.line_start[line]) == at:
+                    if scan.agg_flag[agg] & NOT_CONSTANT:
+                        self.story.flags[file, agg] = Reason.EXPRESSION
+                    return [(file, agg)], int(scan.agg_close[agg] - scan.line_start[line]) + 1
+            self._note(line, file, "the target is not a list of components; it is not compensated")
+            return [], len(code)
+        match = _REFERENCE.match(code, at)
+        if not match:
+            return [], at
+        variable, index, path = match[1].lower(), _clean(match[2]), _clean(match[3]).strip(".")
+        stored = self._current.get(variable, {})
+        if index and not re.fullmatch(r"\d+(,\d+)*", index):
+            keys = [(d.file, d.agg) for (_, p), d in stored.items() if p == path]
+        else:
+            one = stored.get((index, path))
+            keys = [] if one is None else [(one.file, one.agg)]
+        if not keys and not variable.startswith("$") and variable not in self._absent:
+            self._absent.add(variable)
+            self._note(
+                line,
+                file,
+                f"no file of this program gives {match[0].strip()} a value; "
+                "it is not compensated (give its .dat, too)",
+            )
+        return keys, match.end()
+
+    def _note(self, line: int, file: int, text: str) -> None:
+        self.story.notes.append(f"{self.names[file]}:{line + 1}: {text}.")
+
+
+def _member_path(prefix: str, outer: str) -> str:
+    """Returns the member path of an aggregate inside a structure: ``{fCnC {`` gives ``fcnc``."""
+    stack: list[str] = []
+    for match in _MEMBER.finditer(prefix):
+        if match[3] == "{":
+            stack.append((match[1] + _clean(match[2])).lower())
+        elif stack:
+            stack.pop()
+    last = re.search(r"(\w+)\s*(\[[^\]]*\])?\s*$", prefix)
+    names = [outer, *stack[1:], last[1].lower() + _clean(last[2]) if last else ""]
+    return ".".join(name for name in names if name)

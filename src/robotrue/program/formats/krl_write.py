@@ -1,0 +1,358 @@
+"""Splices new numbers into the bytes of a KRL file; every other byte is copied.
+
+The rule for one number, in the unit it is printed in: with ``d`` the decimals it was printed with
+(4 if it had fewer than 3, so that a correction of a hundredth of a millimetre is not rounded away;
+6 if it had an exponent), it is rewritten only when the new value is further than half of the last
+of those digits from the number that stands there. A ``+`` and a bare ``.5`` stay in style, and a
+number standing after two or more blanks keeps its column. S and T keep their base (decimal,
+``'B..'``, ``'H..'``).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.rotations import abc_from_matrix
+from robotrue.core.units import DEG, MM
+from robotrue.errors import ShapeError
+from robotrue.program.formats.krl_scan import Bytes, Ints
+from robotrue.program.program import Program, Replacement
+
+_CHUNK: Final = 1 << 16
+_SAME_POSITION: Final = 1e-11
+"""m; coordinates nearer than this to the ones read are the ones read."""
+_SAME_ROTATION: Final = 1e-10
+"""Largest difference of a matrix element (6e-9 deg) of an orientation that counts as unchanged.
+
+Near gimbal lock equal matrices may give A and C that differ in every printed digit.
+"""
+_INHERITED: Final = 0.5e-4
+"""mm or deg; a component is inserted when what it would inherit is further off than this."""
+_LARGEST: Final = 1e9
+_WIDEST: Final = 28
+"""Bytes one rewritten number can take: sign, ten digits, point, fifteen decimals, padding apart."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KrlSpans:
+    """Where the numbers of the targets stand.
+
+    Attributes:
+        token: (n,) first token of each target.
+        tokens: (n,) how many it has.
+        component: (t,) component code of every token of the file.
+        start: (t,) its first byte.
+        length: (t,) its bytes.
+        value: (t,) its value as printed.
+        is_axis: (n,) the target is an axis target.
+        partial: (p,) rows with components left out that they inherit.
+        donor: (p, 6) the row each left-out component is inherited from, -1 if written or free.
+    """
+
+    token: Ints
+    tokens: Ints
+    component: Bytes
+    start: Ints
+    length: npt.NDArray[np.uint16]
+    value: Array
+    is_axis: BoolArray
+    partial: IntArray
+    donor: IntArray
+
+
+def write_krl(program: Program, replacement: Replacement) -> bytes:
+    """Returns the file with the numbers of the changed rows replaced and nothing else touched.
+
+    A component a target leaves out is inserted behind its last one when the target, or the one it
+    inherits from, moved; this is the only case in which bytes are added that stood nowhere. The
+    auxiliary point of an arc gets no orientation it did not have: controllers ignore it.
+
+    Raises:
+        ShapeError: A changed row has a value that is not finite, or beyond 1e9 mm or deg.
+    """
+    spans = program.spans
+    if not isinstance(spans, KrlSpans):
+        raise ShapeError(f"{program.name} was not read by the krl dialect, but by another.")
+    changed = np.asarray(replacement.changed, dtype=np.bool_)
+    if changed.shape != (len(program),):
+        raise ShapeError(f"changed has shape {changed.shape}, expected ({len(program)},).")
+    values, touched = _new_values(program, replacement, spans, changed)
+    status = np.where(changed, replacement.status, -1).astype(np.int64)
+    turn = np.where(changed, replacement.turn, -1).astype(np.int64)
+    row, component, value = _insertions(spans, values)
+    if not (touched.any() or len(row) or (status >= 0).any() or (turn >= 0).any()):
+        return program.data
+    room = len(program.data) + _WIDEST * (int(touched.sum()) + 2 * len(row))
+    room += 64 * int(np.count_nonzero((status >= 0) | (turn >= 0)))
+    out = np.empty(room, np.uint8)
+    size = _splice(
+        np.frombuffer(program.data, np.uint8),
+        spans.token,
+        spans.tokens,
+        spans.component,
+        spans.start,
+        spans.length,
+        spans.value,
+        values,
+        touched,
+        status,
+        turn,
+        row,
+        component,
+        value,
+        out,
+    )
+    return out[:size].tobytes()
+
+
+def _new_values(
+    program: Program, replacement: Replacement, spans: KrlSpans, changed: BoolArray
+) -> tuple[Array, BoolArray]:
+    """Returns what every row shall say, (n, 6) in mm and deg, and which of it may differ."""
+    values = printed_values(spans)
+    touched = np.zeros(values.shape, dtype=np.bool_)
+    rows = np.flatnonzero(changed)
+    for first in range(0, len(rows), _CHUNK):
+        part = rows[first : first + _CHUNK]
+        pose = part[~spans.is_axis[part]]
+        if len(pose):
+            _new_poses(program, replacement, pose, values, touched)
+        axis = part[spans.is_axis[part]]
+        if len(axis):
+            move = np.abs(replacement.axes[axis] - program.axes[axis]) > _SAME_ROTATION
+            move |= ~np.isfinite(replacement.axes[axis])
+            values[axis] = np.where(move, replacement.axes[axis] / DEG, values[axis])
+            touched[axis] = move
+    bad = touched & ~(np.abs(values) < _LARGEST)
+    if bad.any():
+        at = int(np.argwhere(bad)[0][0])
+        raise ShapeError(
+            f"the new target is {values[at].tolist()} (mm, deg), expected finite numbers "
+            "below 1e9.",
+            source=program.name,
+            line=int(program.line[at]),
+            hint="leave this row unchanged.",
+        )
+    return values, touched
+
+
+def _new_poses(
+    program: Program, replacement: Replacement, rows: IntArray, values: Array, touched: BoolArray
+) -> None:
+    position = replacement.position[rows]
+    move = np.abs(position - program.position[rows]) > _SAME_POSITION
+    move |= ~np.isfinite(position)
+    rotation = replacement.rotation[rows]
+    difference = np.abs(rotation - program.rotation[rows]).max(axis=(1, 2))
+    turn = ~(difference <= _SAME_ROTATION)
+    xyz = np.where(move, position / MM, values[rows, :3])
+    abc = values[rows, 3:]
+    if turn.any():
+        abc = abc.copy()
+        abc[turn] = abc_from_matrix(rotation[turn], near=abc[turn] * DEG) / DEG
+    values[rows, :3], values[rows, 3:] = xyz, abc
+    touched[rows, :3], touched[rows, 3:] = move, turn[:, None]
+
+
+def printed_values(spans: KrlSpans) -> Array:
+    """Returns X..C or A1..A6 of every row as the controller has them, (n, 6) in mm and deg."""
+    values = np.full((len(spans.token), 6), np.nan)
+    _gather(spans.token, spans.tokens, spans.component, spans.value, values)
+    if len(spans.partial):
+        k, c = np.nonzero(spans.donor >= 0)
+        values[spans.partial[k], c] = values[spans.donor[k, c], c]
+    return values
+
+
+def _insertions(spans: KrlSpans, values: Array) -> tuple[IntArray, IntArray, Array]:
+    """Returns (row, component code, value) of what must be written where nothing stood."""
+    k, c = np.nonzero(spans.donor >= 0)
+    row = spans.partial[k]
+    want, have = values[row, c], values[spans.donor[k, c], c]
+    use = np.abs(want - have) > _INHERITED
+    row, c = row[use], c[use]
+    return row, c + 6 * spans.is_axis[row], want[use]
+
+
+@numba.njit(cache=True)  # type: ignore[misc]
+def _gather(token: Any, tokens: Any, component: Any, value: Any, values: Any) -> None:
+    for row in range(token.size):
+        for t in range(token[row], token[row] + tokens[row]):
+            if component[t] < 12:
+                values[row, component[t] % 6] = value[t]
+
+
+@numba.njit(cache=True)  # type: ignore[misc]
+def _style(buf: Any, start: Any, end: Any) -> Any:
+    """Returns (decimals to write, has a plus, has no digit before the point)."""
+    decimals, point, exponent = 0, -1, False
+    for i in range(start, end):
+        if buf[i] == 46:
+            point = i
+        elif buf[i] == 69 or buf[i] == 101:
+            exponent = True
+            break
+        elif point >= 0 and 48 <= buf[i] <= 57:
+            decimals += 1
+    if exponent:
+        decimals = 6
+    elif decimals < 3:
+        decimals = 4
+    first = start + (buf[start] == 43 or buf[start] == 45)
+    return min(decimals, 15), buf[start] == 43, point == first
+
+
+@numba.njit(cache=True)  # type: ignore[misc]
+def _decimal(out: Any, k: Any, whole: Any) -> Any:
+    """Writes a non-negative integer at ``k``; returns its end."""
+    size, rest = 1, whole // 10
+    while rest > 0:
+        size += 1
+        rest //= 10
+    for i in range(size):
+        out[k + size - 1 - i] = 48 + whole % 10
+        whole //= 10
+    return k + size
+
+
+@numba.njit(cache=True)  # type: ignore[misc]
+def _number(out: Any, k: Any, value: Any, decimals: Any, plus: Any, bare: Any) -> Any:
+    """Writes ``value`` with ``decimals`` at ``k``; returns its end."""
+    scale = 1
+    for _ in range(decimals):
+        scale *= 10
+    magnitude = abs(value)
+    whole = int(np.floor(magnitude))
+    fraction = int(np.rint((magnitude - whole) * scale))
+    if fraction >= scale:
+        whole, fraction = whole + 1, fraction - scale
+    if value < 0 and (whole > 0 or fraction > 0):
+        out[k] = 45
+        k += 1
+    elif plus:
+        out[k] = 43
+        k += 1
+    if whole > 0 or not bare:
+        k = _decimal(out, k, whole)
+    out[k] = 46
+    for i in range(decimals):
+        out[k + decimals - i] = 48 + fraction % 10
+        fraction //= 10
+    return k + 1 + decimals
+
+
+@numba.njit(cache=True)  # type: ignore[misc]
+def _integer(out: Any, k: Any, value: Any, buf: Any, start: Any, end: Any) -> Any:
+    """Writes S or T in the base and at least the digits of the bytes it replaces."""
+    if buf[start] != 39:
+        return _decimal(out, k, value)
+    base = 2 if (buf[start + 1] & 223) == 66 else 16
+    size, rest = 1, value // base
+    while rest > 0:
+        size += 1
+        rest //= base
+    size = max(size, end - start - 3)
+    out[k], out[k + 1] = 39, buf[start + 1]
+    for i in range(size):
+        digit = value % base
+        value //= base
+        out[k + 1 + size - i] = digit + (48 if digit < 10 else 55)
+    out[k + 2 + size] = 39
+    return k + 3 + size
+
+
+@numba.njit(cache=True)  # type: ignore[misc]
+def _copy(out: Any, k: Any, buf: Any, start: Any, end: Any) -> Any:
+    for i in range(start, end):
+        out[k] = buf[i]
+        k += 1
+    return k
+
+
+@numba.njit(cache=True)  # type: ignore[misc]
+def _place(out: Any, k: Any, buf: Any, cursor: Any, start: Any, end: Any, text: Any) -> Any:
+    """Copies up to a token and writes ``text`` for it, its column kept where blanks allow."""
+    lead = 0
+    while start - lead - 1 >= cursor and buf[start - lead - 1] == 32:
+        lead += 1
+    growth = text.size - (end - start)
+    eat = min(growth, lead - 1) if lead >= 2 and growth > 0 else 0
+    k = _copy(out, k, buf, cursor, start - eat)
+    if lead >= 2:
+        for _ in range(-growth):
+            out[k] = 32
+            k += 1
+    return _copy(out, k, text, 0, text.size)
+
+
+@numba.njit(cache=True)  # type: ignore[misc]
+def _insert(out: Any, k: Any, component: Any, value: Any, decimals: Any) -> Any:
+    """Writes ``,NAME value`` for a left-out component."""
+    out[k] = 44
+    k += 1
+    if component < 3:
+        out[k] = 88 + component
+    elif component < 6:
+        out[k] = 62 + component
+    else:
+        out[k] = 65
+        k += 1
+        out[k] = 43 + component
+    out[k + 1] = 32
+    return _number(out, k + 2, value, decimals, False, False)
+
+
+@numba.njit(cache=True)  # type: ignore[misc]
+def _splice(
+    buf: Any,
+    token: Any,
+    tokens: Any,
+    component: Any,
+    start: Any,
+    length: Any,
+    old: Any,
+    values: Any,
+    touched: Any,
+    status: Any,
+    turn: Any,
+    add_row: Any,
+    add_component: Any,
+    add_value: Any,
+    out: Any,
+) -> Any:
+    """Copies ``buf`` to ``out`` with the new numbers; returns the bytes written."""
+    scratch = np.empty(96, np.uint8)
+    cursor, k, add = 0, 0, 0
+    for row in range(token.size):
+        inserting = add < add_row.size and add_row[add] == row
+        most = 0
+        for t in range(token[row], token[row] + tokens[row]):
+            first, last, code, size = start[t], start[t] + length[t], component[t], 0
+            if code < 12 and (touched[row, code % 6] or inserting):
+                decimals, plus, bare = _style(buf, first, last)
+                most = max(most, decimals)
+                new = values[row, code % 6]
+                if touched[row, code % 6] and abs(new - old[t]) > 0.5 * 10.0**-decimals:
+                    size = _number(scratch, 0, new, decimals, plus, bare)
+            elif code == 18 and status[row] >= 0 and status[row] != old[t]:
+                size = _integer(scratch, 0, status[row], buf, first, last)
+            elif code == 19 and turn[row] >= 0 and turn[row] != old[t]:
+                size = _integer(scratch, 0, turn[row], buf, first, last)
+            if size > 0:
+                k = _place(out, k, buf, cursor, first, last, scratch[:size])
+                cursor = last
+        if inserting:
+            t = token[row] + tokens[row] - 1
+            last = start[t] + length[t]
+            k = _copy(out, k, buf, cursor, last)
+            cursor = last
+            while add < add_row.size and add_row[add] == row:
+                k = _insert(out, k, add_component[add], add_value[add], max(most, 4))
+                add += 1
+    return _copy(out, k, buf, cursor, buf.size)
