@@ -1,0 +1,108 @@
+"""Reasons not to trust a number, found by rule and said in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array, IntArray
+from robotrue.core.units import DEG, MM
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.validation.metrics import Coverage, ErrorStatistics
+
+FEW_POINTS: Final = 20
+"""With 20 points the interval of a 95 % coverage is 24 points wide; fewer decide nothing."""
+REPEATABILITY: Final = 0.03 * MM
+"""m, 3-D, the best an industrial arm repeats to; part of every single visit."""
+REGION_MARGIN: Final = 2.0 * DEG
+
+
+def physical_floor(instrument_covariance: Array) -> float:
+    """Returns the least error in m one visit per pose can show: instrument and repeatability.
+
+    Root sum of squares of the instrument's 3-D sigma and :data:`REPEATABILITY`.
+
+    Args:
+        instrument_covariance: (n, 3, 3) m^2.
+    """
+    instrument = float(np.mean(np.trace(instrument_covariance, axis1=1, axis2=2)))
+    return float(np.hypot(np.sqrt(instrument), REPEATABILITY))
+
+
+def outside_training_region(summary: Mapping[str, Any], joints: Array) -> IntArray:
+    """Returns the rows with a joint more than 2 deg outside the range the model was trained in.
+
+    The range is ``summary["region"]["joints_min"]`` and ``["joints_max"]`` in rad; without them no
+    row is returned.
+
+    Args:
+        summary: :meth:`ErrorModel.training_summary`.
+        joints: (n, dof) rad.
+    """
+    region = summary.get("region")
+    if not isinstance(region, Mapping) or not {"joints_min", "joints_max"} <= set(region):
+        return np.zeros(0, dtype=np.int64)
+    low = np.asarray(region["joints_min"], dtype=np.float64) - REGION_MARGIN
+    high = np.asarray(region["joints_max"], dtype=np.float64) + REGION_MARGIN
+    rows: IntArray = np.flatnonzero(((joints < low) | (joints > high)).any(axis=1))
+    return rows
+
+
+def find_doubts(
+    *,
+    after: ErrorStatistics,
+    aligned: ErrorStatistics | None,
+    coverage: Coverage,
+    outside: int,
+    floor: float,
+    summary: Mapping[str, Any],
+    measured: MeasurementSet,
+) -> tuple[str, ...]:
+    """Returns every reason found not to take the result at its word, one sentence each."""
+    found = []
+    known = {str(source) for source in summary.get("sources", ())}
+    shared = sorted(known & set(measured.sources))
+    if shared:
+        found.append(
+            f"The fit saw these files: {', '.join(shared)}. Errors on them say how well the model "
+            "bends, not how well it predicts; validate on poses held back."
+        )
+    if after.n < FEW_POINTS:
+        found.append(
+            f"Only {after.n} poses: the largest error and the coverage mean little; at least "
+            f"{FEW_POINTS} are asked for."
+        )
+    if outside:
+        found.append(
+            f"{outside} of {after.n} poses have a joint outside the range the model was trained "
+            "in: there it extrapolates."
+        )
+    if after.mean < floor:
+        found.append(
+            f"A mean of {after.mean / MM:.3f} mm is below the {floor / MM:.3f} mm that instrument "
+            f"and repeatability ({REPEATABILITY / MM:.2f} mm) allow for one visit per pose: "
+            "averaged, simulated, or seen by the fit."
+        )
+    if aligned is not None and after.mean >= aligned.mean:
+        found.append(
+            f"Correcting base and tool alone gives {aligned.mean / MM:.3f} mm on these poses, the "
+            f"model {after.mean / MM:.3f} mm: the model is no better than a frame correction here."
+        )
+    found.extend(_coverage_doubt(coverage))
+    if len(np.unique(measured.target)) > 1:
+        found.append("Several reflectors in one set: the model predicts one tool point for all.")
+    found.extend(str(doubt) for doubt in summary.get("doubts", ()))
+    return tuple(found)
+
+
+def _coverage_doubt(coverage: Coverage) -> tuple[str, ...]:
+    if coverage.is_honest:
+        return ()
+    direction = "too small" if coverage.share < coverage.level else "too large"
+    return (
+        f"The stated {100 * coverage.level:.0f} % regions hold {100 * coverage.share:.1f} % of the "
+        f"poses (interval {100 * coverage.low:.1f} to {100 * coverage.high:.1f} %): the stated "
+        f"uncertainty is {direction} here.",
+    )

@@ -1,0 +1,87 @@
+"""What a model says about measured rows: the one comparison everything else here counts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotrue.calibration.model import ErrorModel, Query
+from robotrue.core.arrays import Array
+from robotrue.errors import ModelMismatchError, ShapeError
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.forward import forward
+from robotrue.robot.statics import NO_LOAD, Load
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Evaluation:
+    """Measured against commanded and against predicted, row by row, in base.
+
+    Attributes:
+        measured: The set in base.
+        nominal: (n, 4, 4) T_base_tool the controller computes.
+        before: (n, 3) m, measured minus nominal.
+        after: (n, 3) m, measured minus (nominal plus predicted error).
+        rotation_error: (n, 3) rad, predicted left rotation vector; NaN where unknown.
+        covariance: (n, 3, 3) m^2 of ``after``: prediction plus instrument.
+    """
+
+    measured: MeasurementSet
+    nominal: Array
+    before: Array
+    after: Array
+    rotation_error: Array
+    covariance: Array
+
+
+def evaluate(
+    model: ErrorModel, measurements: MeasurementSet, *, payload: Load | None = None
+) -> Evaluation:
+    """Returns the comparison of a model with measured rows.
+
+    Args:
+        model: Any error model.
+        measurements: Rows in base, or from a station the model has estimated.
+        payload: Mass and centre used where a row does not state its own; no payload if None.
+
+    Raises:
+        ShapeError: No rows, or a prediction that is not finite.
+        ModelMismatchError: Another number of joints, or an unknown station.
+    """
+    if not len(measurements):
+        raise ShapeError("no measured poses to compare with.")
+    robot = model.robot.nominal()
+    if measurements.dof != robot.dof:
+        raise ModelMismatchError(
+            f"{measurements.dof} joints measured, the model's robot {robot.name} has {robot.dof}.",
+            hint="check that the file belongs to this robot.",
+        )
+    measured = model.in_base(measurements)
+    nominal = forward(robot, measured.joints)
+    prediction = model.predict(
+        Query(joints=measured.joints, load=row_loads(measured, payload), approach=measured.approach)
+    )
+    if not np.isfinite(prediction.error).all():
+        row = int(np.flatnonzero(~np.isfinite(prediction.error).all(axis=1))[0])
+        raise ShapeError(f"the model predicts no finite error at row {row}.")
+    before = measured.position - nominal[:, :3, 3]
+    return Evaluation(
+        measured=measured,
+        nominal=nominal,
+        before=before,
+        after=before - prediction.error,
+        rotation_error=prediction.rotation_error,
+        covariance=prediction.covariance + measured.covariance,
+    )
+
+
+def row_loads(measurements: MeasurementSet, payload: Load | None = None) -> Load:
+    """Returns the load of every row: its own payload where stated, else ``payload``; its wrench."""
+    n = len(measurements)
+    default = NO_LOAD if payload is None else payload
+    unknown = ~np.isfinite(measurements.payload_mass)
+    mass = np.where(unknown, np.broadcast_to(default.mass, (n,)), measurements.payload_mass)
+    own = np.where(np.isfinite(measurements.payload_com), measurements.payload_com, 0.0)
+    com = np.where(unknown[:, None], np.broadcast_to(default.com, (n, 3)), own)
+    return Load(mass=mass, com=com, wrench=measurements.wrench)
