@@ -35,7 +35,7 @@ T_FLANGE_TARGET: Final = pose(np.eye(3), np.array([-150.0, 0.0, 50.0]) * MM)
 T_FLANGE_TOOL: Final = pose_from_xyz_abc(
     np.array([140.0, 0.0, 300.0]) * MM, np.array([0.0, 30.0, 0.0]) * DEG
 )
-"""Assumed: tip of the end mill, spindle at 30 deg to the flange axis; z points out of the spindle."""
+"""Assumed: tip of the end mill, spindle at 30 deg to the flange axis, z out of the spindle."""
 MEAN_ERROR: Final = 1.5 * MM
 """Mean error before calibration that a drawn arm is scaled to; the paper measured 1.499 mm."""
 

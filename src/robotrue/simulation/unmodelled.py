@@ -138,7 +138,7 @@ def drive_shift(
 
 
 def thermal_drift(effects: Unmodelled, time: Array, campaign: int) -> tuple[Array, Array]:
-    """Returns the drift at some times of a campaign: base shift (n, 3) m, joints 2 and 3 (n, 2) rad.
+    """Returns base shift (n, 3) m and turn of joints 2, 3 (n, 2) rad at times of a campaign.
 
     A sum of 64 waves with frequencies from a Cauchy density: its covariance over phases is
     ``sigma^2 exp(-|t| / 1 h)``, an Ornstein-Uhlenbeck process that needs no time grid.

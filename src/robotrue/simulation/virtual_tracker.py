@@ -106,7 +106,7 @@ def measure(
         joints,
         load,
         approach=approach,
-        time=SECONDS_PER_POSE * np.arange(n),
+        time=SECONDS_PER_POSE * np.arange(n, dtype=np.float64),
         campaign=campaign,
         T_flange_tool=T_flange_tool,
     )[:, :3, 3]
