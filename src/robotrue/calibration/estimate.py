@@ -1,0 +1,228 @@
+"""From a robot and a measurement set to parameters, covariance, identifiability and a verdict."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Literal, TypeAlias
+
+import numpy as np
+
+from robotrue.calibration.estimator import Posterior, maximise
+from robotrue.calibration.identifiability import Identifiability, analyse
+from robotrue.calibration.observations import Observation, observations_of
+from robotrue.calibration.priors import build_prior
+from robotrue.calibration.settings import FitSettings
+from robotrue.calibration.start import start_state
+from robotrue.core.arrays import Array, IntArray
+from robotrue.core.files import sha256
+from robotrue.errors import ConfigurationError, ModelMismatchError, ObservabilityError
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.model import PER_JOINT, RobotModel
+
+Status: TypeAlias = Literal["determined", "conditional"]
+GEOMETRY: Final = ("theta", "d", "a", "alpha", "beta", "gear")
+MANY_SCREENED: Final = 0.05
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """What may be said of a fit.
+
+    Attributes:
+        status: ``"determined"``: every direction a prediction depends on was seen by the data.
+            ``"conditional"``: some rest on the prior; ``doubts`` names each with its cure.
+        doubts: Sentences, also for harmless combinations and screened rows.
+    """
+
+    status: Status
+    doubts: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """Result of one calibration.
+
+    Attributes:
+        posterior: Parameters, covariance, noise, residuals as the estimator left them.
+        identifiability: What the data saw.
+        verdict: What may be said.
+        screened: (k,) rows of the measurement set with weight zero.
+        residual: (n, 3) m, measured minus predicted, rows and frame of the measurement set.
+        rows: Number of rows.
+        data_sha256: Hash of joints and positions.
+        sources: Of the measurement set.
+        joint_range: (2, dof) rad, smallest and largest joint values of the data.
+        position_range: (2, 3) m, frame of the measurements.
+    """
+
+    posterior: Posterior
+    identifiability: Identifiability
+    verdict: Verdict
+    screened: IntArray
+    residual: Array
+    rows: int
+    data_sha256: str
+    sources: tuple[str, ...]
+    joint_range: Array
+    position_range: Array
+
+    @property
+    def rms(self) -> float:
+        """Root mean square 3-D residual of the rows that counted, m."""
+        kept = np.delete(self.residual, self.screened, axis=0)
+        return float(np.sqrt((kept**2).sum(axis=1).mean())) if len(kept) else 0.0
+
+    def table(self) -> list[tuple[str, float, float]]:
+        """Returns name, value and posterior sd of every robot parameter, SI."""
+        layout = self.posterior.layout
+        sd = np.sqrt(np.diagonal(self.posterior.covariance))
+        errors = self.posterior.state.robot.errors
+        return [(layout.names[i], float(errors[i]), float(sd[i])) for i in range(layout.robot_size)]
+
+
+def free_groups(method: str) -> tuple[str, ...]:
+    """Returns the groups a method estimates; ``base`` and ``tool`` always.
+
+    Raises:
+        ConfigurationError: Not ``nominal``, ``geometric`` or ``elastic``.
+    """
+    groups = {"nominal": (), "geometric": GEOMETRY, "elastic": PER_JOINT}
+    if method not in groups:
+        raise ConfigurationError(f"no parameter set {method!r}; sets are {list(groups)}.")
+    return (*groups[method], "base", "tool")
+
+
+def estimate(
+    robot: RobotModel,
+    measurements: MeasurementSet,
+    settings: FitSettings,
+    groups: tuple[str, ...],
+) -> Estimate:
+    """Returns the MAP estimate of the chosen groups.
+
+    Args:
+        robot: Nominal arm (errors it carries are the prior mean).
+        measurements: In base, or in tracker frames that are then estimated; with an unknown
+            tracker frame the base errors are held at zero because the station takes their place.
+        settings: Loads, priors, solver.
+        groups: From :func:`free_groups`.
+
+    Raises:
+        ObservabilityError: Fewer numbers than what they should determine.
+        ImplausibleDataError: Points that cannot be this robot's.
+        ModelMismatchError: Another number of joints.
+        ConvergenceError: The estimator did not settle.
+    """
+    if measurements.dof != robot.dof:
+        raise ModelMismatchError(
+            f"measurements have {measurements.dof} joints, robot {robot.name} has {robot.dof}."
+        )
+    robot, layout, start = start_state(robot, measurements)
+    if layout.stations:
+        groups = tuple(g for g in groups if g != "base")
+    prior = build_prior(
+        layout,
+        start,
+        settings.scales,
+        free_groups=groups,
+        stiffness=settings.stiffness,
+        payload_mass=float(settings.payload.mass[0]),
+        tool_rotation=bool((measurements.has_rotation & (measurements.target == 0)).any()),
+    )
+    observations = observations_of(
+        robot,
+        measurements,
+        settings.payload,
+        repeatability=settings.repeatability_sd,
+        rotation_sd=settings.rotation_sd,
+    )
+    _require_numbers(measurements, settings)
+    posterior = maximise(observations, prior, layout, settings.solver)
+    seen = analyse(posterior.state.robot, layout, posterior.information, prior.sd, settings.payload)
+    nuisances = layout.size - layout.robot_size
+    if posterior.numbers < seen.determinable + nuisances and not settings.lean_on_prior:
+        raise ObservabilityError(
+            f"{len(measurements)} poses give {posterior.numbers} usable numbers; "
+            f"{seen.determinable + nuisances} parameters are to be determined.",
+            hint=f"measure at least {-(-(seen.determinable + nuisances) // 3)} poses, choose a "
+            "smaller method, or set lean_on_prior to accept what the prior says.",
+        )
+    screened, residual = _by_row(posterior, observations, len(measurements))
+    return Estimate(
+        posterior=posterior,
+        identifiability=seen,
+        verdict=_verdict(seen, posterior, screened, len(measurements), settings),
+        screened=screened,
+        residual=residual,
+        rows=len(measurements),
+        data_sha256=sha256(measurements.joints.tobytes() + measurements.position.tobytes()),
+        sources=measurements.sources,
+        joint_range=np.stack([measurements.joints.min(axis=0), measurements.joints.max(axis=0)]),
+        position_range=np.stack(
+            [measurements.position.min(axis=0), measurements.position.max(axis=0)]
+        ),
+    )
+
+
+def _require_numbers(measurements: MeasurementSet, settings: FitSettings) -> None:
+    if len(measurements) < 4 and not settings.lean_on_prior:
+        raise ObservabilityError(
+            f"{len(measurements)} measured poses; even base and tool need 4.",
+            hint="measure 30 to 60 poses spread over the joint ranges.",
+        )
+
+
+def _by_row(
+    posterior: Posterior, observations: tuple[Observation, ...], count: int
+) -> tuple[IntArray, Array]:
+    residual = np.zeros((count, 3))
+    screened = []
+    for o, rest, u in zip(observations, posterior.residuals, posterior.weights, strict=True):
+        residual[o.rows] = rest[:, :3]
+        screened.append(o.rows[u == 0.0])
+    return np.sort(np.concatenate(screened)), residual
+
+
+def _verdict(
+    seen: Identifiability,
+    posterior: Posterior,
+    screened: IntArray,
+    rows: int,
+    settings: FitSettings,
+) -> Verdict:
+    doubts = [f"not seen by the data: {d}." for d in seen.harmful]
+    short = posterior.numbers < seen.determinable
+    if short:
+        doubts.append(
+            f"{posterior.numbers} numbers for {seen.determinable} parameters: leans on the prior."
+        )
+    many = len(screened) > MANY_SCREENED * rows
+    if len(screened):
+        doubts.append(
+            f"{len(screened)} of {rows} rows carry no weight (row {int(screened[0]) + 1} first): "
+            "their residual has a chance below one in a million under the fitted noise."
+        )
+    compliance = [
+        (name, value, sd)
+        for (name, value), sd in zip(
+            _compliances(posterior), np.sqrt(_compliance_variance(posterior)), strict=True
+        )
+    ]
+    negative = [name for name, value, sd in compliance if value < -2.0 * sd]
+    doubts += [
+        f"{name} is negative beyond its uncertainty: check masses and loads." for name in negative
+    ]
+    doubts += [f"combination {d.name}: {d.cure}." for d in seen.unseen if d.harmless]
+    sound = not (seen.harmful or short or many or negative)
+    return Verdict(status="determined" if sound else "conditional", doubts=tuple(doubts))
+
+
+def _compliances(posterior: Posterior) -> list[tuple[str, float]]:
+    values = posterior.state.robot.error("compliance")
+    return [(f"compliance{i + 1}", float(v)) for i, v in enumerate(values)]
+
+
+def _compliance_variance(posterior: Posterior) -> Array:
+    start = posterior.layout.index("compliance1")
+    place = slice(start, start + posterior.layout.dof)
+    return np.asarray(np.diagonal(posterior.covariance)[place])

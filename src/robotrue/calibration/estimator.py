@@ -1,0 +1,418 @@
+"""One MAP estimator for every calibration: Gauss-Newton over named blocks with Gaussian priors.
+
+At a linearisation the posterior of the step x is Gaussian with precision
+
+    A = diag(1 / sd^2) + sum_i u_i J_i^T N_i^-1 J_i,      N_i = C_i + sum_c noise_c diag(white_c)
+
+Robust weights u, the white noise and the prior scales are iterated to their joint fixed point on
+the linear problem (MacKay 1992, "The evidence framework", eq. 4.9-4.10, for scales and noise by
+the gradient of the evidence); then the state moves and everything is linearised anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from robotrue.calibration.observations import CHANNELS, Linearisation, Observation
+from robotrue.calibration.parameters import Layout, State, difference, retract
+from robotrue.calibration.priors import PULL, Prior
+from robotrue.calibration.robust import Loss, consistency, robust_variance, weights
+from robotrue.core.arrays import Array, BoolArray
+from robotrue.errors import ConvergenceError, ObservabilityError
+
+CHUNK: Final = 2048
+"""Rows linearised at a time: bounds the memory of the chain walk."""
+INNER: Final = 60
+"""Scale updates per linearisation."""
+SETTLED: Final = 1e-3
+"""Relative change of variances, and of weights, that ends them."""
+NOISE_FLOOR: Final = 1e-18
+"""m^2 or rad^2: below a nanometre noise means nothing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SolverSettings:
+    """How the fixed point is found.
+
+    Attributes:
+        loss: Robust rule of :mod:`robotrue.calibration.robust`.
+        learn_noise: Add white noise to lengths and angles as the data ask.
+        learn_scales: Move the prior scales of the learnable groups.
+        max_iterations: Linearisations.
+        tolerance: Largest step at the end, in posterior standard deviations.
+    """
+
+    loss: Loss = "huber"
+    learn_noise: bool = True
+    learn_scales: bool = True
+    max_iterations: int = 30
+    tolerance: float = 1e-3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Posterior:
+    """Where the estimator stopped.
+
+    Attributes:
+        layout: The parameter vector.
+        state: MAP point.
+        prior: With the learned scales.
+        covariance: (P, P) of the step about ``state``, SI; zero where fixed.
+        information: (P, P) J^T W J of the data alone, zero where fixed.
+        noise: (2,) learned white variance of lengths (m^2) and angles (rad^2), per axis.
+        residuals: Per observation (n, m) m or rad.
+        weights: Per observation (n,) robust weight; 0 is screened out.
+        chi2: Sum of the weighted whitened squares.
+        numbers: Count of numbers with weight above zero.
+        evidence: Log marginal likelihood of the linearised problem, screened rows left out.
+        iterations: Linearisations used.
+    """
+
+    layout: Layout
+    state: State
+    prior: Prior
+    covariance: Array
+    information: Array
+    noise: Array
+    residuals: tuple[Array, ...]
+    weights: tuple[Array, ...]
+    chi2: float
+    numbers: int
+    evidence: float
+    iterations: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Scales:
+    """What the inner loop moves besides the step."""
+
+    noise: Array
+    sd: Array
+    weights: tuple[Array, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Solution:
+    """Solution of one linear problem."""
+
+    step: Array
+    scaled_covariance: Array
+    information: Array
+    whitened: tuple[Array, ...]
+    lengths: tuple[Array, ...]
+    noise_trace: Array
+    noise_power: Array
+    log_noise: float
+    log_precision: float
+
+
+def maximise(
+    observations: Sequence[Observation], prior: Prior, layout: Layout, settings: SolverSettings
+) -> Posterior:
+    """Returns the MAP point, its covariance and the learned scales.
+
+    Args:
+        observations: At least one, with at least one row.
+        prior: Its centre is the starting point.
+        layout: The parameter vector.
+        settings: Robust rule, learning, tolerance.
+
+    Raises:
+        ObservabilityError: No rows, or no free parameter.
+        ConvergenceError: Still moving after ``max_iterations``.
+    """
+    if not any(len(o.rows) for o in observations) or not prior.free.any():
+        raise ObservabilityError(
+            f"nothing to estimate: {sum(len(o.rows) for o in observations)} rows, "
+            f"{int(prior.free.sum())} free parameters."
+        )
+    centre, free = prior.centre, prior.free
+    state = centre
+    data = _linearise(observations, layout, state)
+    scales = _first_scales(data, prior, free, settings)
+    damping = 0.0
+    for iteration in range(1, settings.max_iterations + 1):
+        offset = difference(layout, state, centre)[free]
+        scales, solution = _settle(data, offset, prior, free, scales, settings)
+        before = _objective(data, offset, scales)
+        while True:
+            step = np.zeros(layout.size)
+            step[free] = _damped(solution, scales, damping)
+            trial = retract(layout, state, step)
+            moved = _linearise(observations, layout, trial)
+            after = _objective(moved, difference(layout, trial, centre)[free], scales)
+            if after <= before * (1.0 + 1e-9) + 1e-9:
+                break
+            damping = max(10.0 * damping, 1e-3)
+            if damping > 1e9:
+                raise ConvergenceError(
+                    f"no step lowers the misfit (iteration {iteration}).",
+                    hint="check units, joint signs and the tracker frame of the measurements.",
+                )
+        size = float(np.max(np.abs(step[free]) / _posterior_sd(solution, scales)))
+        state, data, damped, damping = trial, moved, damping > 0.0, damping / 100.0
+        damping = 0.0 if damping < 1e-4 else damping
+        if size < settings.tolerance and not damped:
+            offset = difference(layout, state, centre)[free]
+            solution = _solve(data, offset, free, scales, settings)
+            return _finish(data, observations, layout, state, prior, scales, solution, iteration)
+    raise ConvergenceError(
+        f"still moving by {size:.2g} posterior sd after {settings.max_iterations} iterations.",
+        hint="check units and joint signs, or allow more iterations.",
+    )
+
+
+def _linearise(
+    observations: Sequence[Observation], layout: Layout, state: State
+) -> tuple[Linearisation, ...]:
+    return tuple(
+        o.linearise(layout, state, slice(start, start + CHUNK))
+        for o in observations
+        for start in range(0, len(o.rows), CHUNK)
+    )
+
+
+def _whitener(item: Linearisation, noise: Array) -> tuple[Array, Array]:
+    """Inverse Cholesky factors (n, m, m) and log determinants (n,) of the covariances."""
+    m = item.residual.shape[1]
+    lower = np.linalg.cholesky(item.covariance + (noise @ item.white) * np.eye(m))
+    log_det = 2.0 * np.log(np.diagonal(lower, axis1=1, axis2=2)).sum(axis=1)
+    return np.linalg.inv(lower), log_det
+
+
+def _solve(
+    data: Sequence[Linearisation],
+    offset: Array,
+    free: BoolArray,
+    scales: _Scales,
+    settings: SolverSettings,
+) -> _Solution:
+    """Solves the linear problem at fixed scales, with the sums that noise learning needs."""
+    count = len(offset)
+    information, gradient = np.zeros((count, count)), np.zeros(count)
+    log_noise = 0.0
+    kept = []
+    for item, u in zip(data, scales.weights, strict=True):
+        inverse, log_det = _whitener(item, scales.noise)
+        n, m = item.residual.shape
+        z0 = (inverse @ item.residual[:, :, None])[:, :, 0]
+        jacobian = inverse @ item.jacobian[:, :, free]
+        root = np.sqrt(u)[:, None]
+        flat = (jacobian * root[:, :, None]).reshape(n * m, count)
+        information += flat.T @ flat
+        gradient += flat.T @ (z0 * root).reshape(-1)
+        log_noise += float(log_det[u > 0.0].sum())
+        kept.append((inverse, z0, jacobian))
+    sd = scales.sd
+    precision = np.eye(count) + sd[:, None] * information * sd
+    factor = cho_factor(precision, lower=True)
+    scaled_covariance = cho_solve(factor, np.eye(count))
+    step = sd * cho_solve(factor, sd * gradient - offset / sd)
+    whitened = tuple(z0 - jacobian @ step for _, z0, jacobian in kept)
+    trace, power = np.zeros(CHANNELS), np.zeros(CHANNELS)
+    if settings.learn_noise:
+        covariance = sd[:, None] * scaled_covariance * sd
+        for item, u, (inverse, _, jacobian), z in zip(
+            data, scales.weights, kept, whitened, strict=True
+        ):
+            back = np.swapaxes(inverse, 1, 2)
+            force = (back @ z[:, :, None])[:, :, 0]  # N^-1 r
+            pull = back @ jacobian  # N^-1 J
+            spread = np.einsum("nmp,nmp->nm", pull @ covariance, pull)
+            diagonal = np.einsum("nkm,nkm->nm", inverse, inverse)  # diag N^-1
+            live = consistency(z.shape[1], settings.loss) * (u > 0.0)[:, None]
+            power += item.white @ (u[:, None] * force**2).sum(axis=0)
+            trace += item.white @ (live * diagonal - u[:, None] * spread).sum(axis=0)
+    return _Solution(
+        step=step,
+        scaled_covariance=scaled_covariance,
+        information=information,
+        whitened=whitened,
+        lengths=tuple(np.linalg.norm(z, axis=1) for z in whitened),
+        noise_trace=trace,
+        noise_power=power,
+        log_noise=log_noise,
+        log_precision=2.0 * float(np.log(np.diagonal(factor[0])).sum()),
+    )
+
+
+def _first_scales(
+    data: Sequence[Linearisation], prior: Prior, free: BoolArray, settings: SolverSettings
+) -> _Scales:
+    """Scales to start from: full weights, and noise read off the median row of a plain fit."""
+    noise = np.zeros(CHANNELS)
+    for item in data:
+        if not np.isfinite(item.residual).all():
+            raise ObservabilityError("a residual is not finite.", hint="look for NaN in the data.")
+    ones = tuple(np.ones(len(item.residual)) for item in data)
+    scales = _Scales(noise=np.full(CHANNELS, NOISE_FLOOR), sd=prior.sd[free], weights=ones)
+    if not settings.learn_noise:
+        return replace(scales, noise=noise)
+    plain = replace(settings, learn_noise=False)
+    solution = _solve(data, np.zeros(int(free.sum())), free, scales, plain)
+    for channel in range(CHANNELS):
+        lengths, typical = [], []
+        for item in data:
+            mine = np.flatnonzero(item.white[channel])
+            if len(mine):
+                rest = item.residual[:, mine] - item.jacobian[:, mine][:, :, free] @ solution.step
+                spread = float(item.white[channel, mine[0]])
+                lengths.append(np.linalg.norm(rest, axis=1) / np.sqrt(spread))
+                typical.append(len(mine))
+        if lengths:
+            noise[channel] = robust_variance(np.concatenate(lengths), min(typical))
+    return replace(scales, noise=np.maximum(noise, NOISE_FLOOR))
+
+
+def _settle(
+    data: Sequence[Linearisation],
+    offset: Array,
+    prior: Prior,
+    free: BoolArray,
+    scales: _Scales,
+    settings: SolverSettings,
+) -> tuple[_Scales, _Solution]:
+    """Iterates weights, noise and prior scales on the linear problem to their fixed point."""
+    instrument = np.array([_instrument(data, channel) for channel in range(CHANNELS)])
+    base, group = prior.sd[free], prior.group[free]
+    for _ in range(INNER):
+        solution = _solve(data, offset, free, scales, settings)
+        new_weights = tuple(
+            weights(length, z.shape[1], settings.loss)
+            for length, z in zip(solution.lengths, solution.whitened, strict=True)
+        )
+        noise = scales.noise
+        if settings.learn_noise:
+            ratio = np.where(
+                solution.noise_trace > 0.0,
+                solution.noise_power
+                / np.where(solution.noise_trace > 0.0, solution.noise_trace, 1.0),
+                1.0,
+            )
+            noise = np.maximum(noise * np.clip(ratio, 0.01, 100.0), NOISE_FLOOR)
+        sd = scales.sd
+        if settings.learn_scales:
+            sd = _learned(offset + solution.step, solution, base, group)
+        change = max(
+            float(np.max(np.abs(noise - scales.noise) / (noise + instrument))),
+            float(np.max(np.abs(sd / scales.sd - 1.0))),
+            max(
+                float(np.max(np.abs(a - b), initial=0.0))
+                for a, b in zip(new_weights, scales.weights, strict=True)
+            ),
+        )
+        if change < SETTLED:
+            break
+        scales = _Scales(noise=noise, sd=sd, weights=new_weights)
+    return scales, solution
+
+
+def _instrument(data: Sequence[Linearisation], channel: int) -> float:
+    """Mean variance per axis that the covariances state, m^2 or rad^2."""
+    parts = [
+        np.diagonal(item.covariance, axis1=1, axis2=2)[:, item.white[channel] > 0.0].ravel()
+        for item in data
+    ]
+    known = np.concatenate(parts)
+    return max(float(known.mean()) if len(known) else 1.0, NOISE_FLOOR)
+
+
+def _learned(deviation: Array, solution: _Solution, base: Array, group: Array) -> Array:
+    """Prior sd of each free parameter after one update of its group's common factor."""
+    sd = base.copy()
+    seen = 1.0 - np.diagonal(solution.scaled_covariance)
+    for number in np.unique(group[group >= 0]):
+        mine = group == number
+        squares = float(((deviation[mine] / base[mine]) ** 2).sum())
+        factor = (PULL + squares) / (PULL + float(seen[mine].sum()))
+        sd[mine] = base[mine] * np.sqrt(factor)
+    return sd
+
+
+def _objective(data: Sequence[Linearisation], offset: Array, scales: _Scales) -> float:
+    """Weighted misfit plus prior at fixed scales."""
+    total = float(((offset / scales.sd) ** 2).sum())
+    for item, u in zip(data, scales.weights, strict=True):
+        inverse, _ = _whitener(item, scales.noise)
+        z = (inverse @ item.residual[:, :, None])[:, :, 0]
+        total += float(u @ (z**2).sum(axis=1))
+    return total
+
+
+def _posterior_sd(solution: _Solution, scales: _Scales) -> Array:
+    return scales.sd * np.sqrt(np.diagonal(solution.scaled_covariance))
+
+
+def _damped(solution: _Solution, scales: _Scales, damping: float) -> Array:
+    """Step of the damped problem (A + damping diag A) y = A y0, in parameter units."""
+    if damping == 0.0:
+        return solution.step
+    sd = scales.sd
+    precision = np.eye(len(sd)) + sd[:, None] * solution.information * sd
+    pull = precision @ (solution.step / sd)
+    damped = precision + damping * np.diag(np.diagonal(precision))
+    step: Array = sd * cho_solve(cho_factor(damped, lower=True), pull)
+    return step
+
+
+def _finish(
+    data: Sequence[Linearisation],
+    observations: Sequence[Observation],
+    layout: Layout,
+    state: State,
+    prior: Prior,
+    scales: _Scales,
+    solution: _Solution,
+    iterations: int,
+) -> Posterior:
+    """Puts the pieces into full, named shape."""
+    free = prior.free
+    where = np.ix_(free, free)
+    covariance, information = np.zeros((2, layout.size, layout.size))
+    covariance[where] = scales.sd[:, None] * solution.scaled_covariance * scales.sd
+    information[where] = solution.information
+    sd = prior.sd.copy()
+    sd[free] = scales.sd
+    chi2, numbers = 0.0, 0
+    for item, u in zip(data, scales.weights, strict=True):
+        inverse, _ = _whitener(item, scales.noise)
+        z = (inverse @ item.residual[:, :, None])[:, :, 0]
+        chi2 += float(u @ (z**2).sum(axis=1))
+        numbers += int((u > 0.0).sum()) * z.shape[1]
+    offset = difference(layout, state, prior.centre)[free]
+    evidence = -0.5 * (
+        chi2
+        + float(((offset / scales.sd) ** 2).sum())
+        + solution.log_noise
+        + solution.log_precision
+        + numbers * float(np.log(2.0 * np.pi))
+    )
+    return Posterior(
+        layout=layout,
+        state=state,
+        prior=replace(prior, sd=sd),
+        covariance=covariance,
+        information=information,
+        noise=scales.noise,
+        residuals=_joined([item.residual for item in data], observations),
+        weights=_joined(list(scales.weights), observations),
+        chi2=chi2,
+        numbers=numbers,
+        evidence=evidence,
+        iterations=iterations,
+    )
+
+
+def _joined(parts: list[Array], observations: Sequence[Observation]) -> tuple[Array, ...]:
+    """Chunks put together again, one array per observation."""
+    out, start = [], 0
+    for o in observations:
+        count = -(-len(o.rows) // CHUNK)
+        out.append(np.concatenate(parts[start : start + count]))
+        start += count
+    return tuple(out)

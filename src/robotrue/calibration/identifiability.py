@@ -1,0 +1,247 @@
+"""What the data see, what they do not, by name, and which measurement would show it.
+
+In coordinates scaled by the prior an eigenvalue of the data's information is the number of times
+the data know a direction better than the prior does. Directions below :data:`UNSEEN` are the
+prior's alone. To each, ever richer imagined measurements are tried until one shows it; what none
+shows are parameters that move the arm alike, of which only a combination exists.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, Literal, TypeAlias
+
+import numpy as np
+
+from robotrue.calibration.parameters import Layout
+from robotrue.core.arrays import Array, IntArray
+from robotrue.robot.forward import drive_jacobian, parameter_jacobian, walk
+from robotrue.robot.model import RobotModel, parameter_slice
+from robotrue.robot.statics import Load, torque_at
+
+UNSEEN: Final = 0.1
+"""Information below this, in units of the prior's, is none: the sd shrinks by less than 5 %."""
+SEEN: Final = 9.0
+"""Information above this is enough: the sd is less than a third of the prior's."""
+PROBES: Final = 80
+_NAMED: Final = 0.08
+
+Reveal: TypeAlias = Literal["poses", "side load", "orientation", "another tool", "root", "nothing"]
+CURES: Final[dict[Reveal, str]] = {
+    "poses": "add poses spread further over the joint ranges and tool orientations",
+    "side load": "measure some poses under a known horizontal force, or state the stiffness",
+    "orientation": "use a reflector away from that axis, several reflectors, or a 6-D probe",
+    "another tool": "nothing for the measured tool; register any other tool on its own, "
+    "or measure several reflectors",
+    "root": "nothing inside the cell; to know it against the robot root, measure the root",
+    "nothing": "nothing: these move the arm alike, only their combination exists",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Direction:
+    """A combination of parameters that the data cannot see.
+
+    Attributes:
+        name: For one parameter its name; for two the combination that *is* seen
+            (``theta1 + base_rz``); for more the names that trade off.
+        terms: (name, coefficient) of the unseen direction, SI, largest scaled term 1.
+        reveal: The kind of measurement that would show it.
+        cure: What to do, in words.
+        harmless: True where no prediction for the measured tool depends on it.
+    """
+
+    name: str
+    terms: tuple[tuple[str, float], ...]
+    reveal: Reveal
+    cure: str
+    harmless: bool
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.cure}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Identifiability:
+    """The analysis of one fit.
+
+    Attributes:
+        names: (P,) parameters of the ``robot`` block that are estimated.
+        sd_ratio: (P,) posterior over prior standard deviation of each.
+        information: (P,) eigenvalues in prior-scaled coordinates, falling.
+        unseen: Directions the data cannot see.
+        determinable: How many directions points without extra load could determine at best.
+    """
+
+    names: tuple[str, ...]
+    sd_ratio: Array
+    information: Array
+    unseen: tuple[Direction, ...]
+    determinable: int
+
+    @property
+    def classes(self) -> dict[str, str]:
+        """Each parameter: ``"seen"``, ``"weakly seen"`` or ``"prior only"``."""
+        seen, unseen = (1.0 + SEEN) ** -0.5, (1.0 + UNSEEN) ** -0.5
+        return {
+            name: "seen" if ratio < seen else "weakly seen" if ratio < unseen else "prior only"
+            for name, ratio in zip(self.names, self.sd_ratio, strict=True)
+        }
+
+    @property
+    def harmful(self) -> tuple[Direction, ...]:
+        """Unseen directions that predictions do depend on."""
+        return tuple(d for d in self.unseen if not d.harmless)
+
+
+def analyse(
+    robot: RobotModel, layout: Layout, information: Array, prior_sd: Array, payload: Load
+) -> Identifiability:
+    """Returns what the data see of the ``robot`` block.
+
+    Args:
+        robot: The arm at the solution.
+        layout: The parameter vector; stations say that the base is not known.
+        information: (P, P) J^T W J of the data, SI.
+        prior_sd: (P,) physical scales, zero where fixed.
+        payload: Of the imagined measurements.
+    """
+    size = layout.robot_size
+    free = np.flatnonzero(prior_sd[:size] > 0.0)
+    sd = prior_sd[free]
+    scaled = _marginal(information, prior_sd, free, size)
+    values, vectors = np.linalg.eigh(scaled)
+    dark = vectors[:, values < UNSEEN]
+    variance = np.einsum("ij,j,ij->i", vectors, 1.0 / (1.0 + np.maximum(values, 0.0)), vectors)
+    names = tuple(layout.names[i] for i in free)
+    kinds = _imagined(robot, free, sd, payload, base_known=not layout.stations)
+    unseen: list[Direction] = []
+    for kind, gram in kinds:
+        if not dark.shape[1]:
+            break
+        strength, turn = np.linalg.eigh(dark.T @ gram @ dark)
+        turned = dark @ turn
+        lit = strength > 1.0
+        unseen += _named(turned[:, lit], names, sd, kind, robot)
+        dark = turned[:, ~lit]
+    unseen += _named(dark, names, sd, "nothing", robot)
+    reachable = np.linalg.eigvalsh(kinds[0][1])
+    return Identifiability(
+        names=names,
+        sd_ratio=np.sqrt(variance),
+        information=values[::-1],
+        unseen=tuple(unseen),
+        determinable=int((reachable > 1.0).sum()),
+    )
+
+
+def _marginal(information: Array, prior_sd: Array, free: IntArray, size: int) -> Array:
+    """Information on the free robot parameters, nuisances integrated out, prior-scaled."""
+    nuisance = size + np.flatnonzero(prior_sd[size:] > 0.0)
+    sd, other = prior_sd[free], prior_sd[nuisance]
+    out: Array = sd[:, None] * information[np.ix_(free, free)] * sd
+    if len(nuisance):
+        cross = sd[:, None] * information[np.ix_(free, nuisance)] * other
+        own = other[:, None] * information[np.ix_(nuisance, nuisance)] * other
+        out = out - cross @ np.linalg.solve(own + np.eye(len(nuisance)), cross.T)
+    return 0.5 * (out + out.T)
+
+
+def _imagined(
+    robot: RobotModel, free: IntArray, sd: Array, payload: Load, *, base_known: bool
+) -> list[tuple[Reveal, Array]]:
+    """Information of ever richer campaigns of PROBES poses, 0.05 mm and 0.1 mrad per axis."""
+    rng = np.random.default_rng(0)
+    low, high = np.clip(robot.limits, -np.pi, np.pi).T
+    joints = low + (high - low) * rng.random((PROBES, robot.dof))
+    state = walk(robot, joints)
+    weight = max(float(robot.link_mass.sum() * np.linalg.norm(robot.gravity)), 200.0)
+    push = np.zeros((PROBES, 6))
+    push[:, :3] = 0.1 * weight * rng.standard_normal((PROBES, 3))
+    quiet = Load(mass=payload.mass, com=payload.com)
+    loaded = Load(mass=payload.mass, com=payload.com, wrench=push)
+    scale = np.repeat([1.0 / 5e-5, 1.0 / 1e-4], 3)[None, :, None]
+    still = scale * parameter_jacobian(robot, state, joints, torque_at(robot, state, quiet))
+    pushed = still.copy()
+    pushed[:, :, parameter_slice(robot.dof, "compliance")] = (
+        scale * drive_jacobian(robot, state) * torque_at(robot, state, loaded)[:, None, :]
+    )
+    bare = pushed.copy()
+    bare[:, :, parameter_slice(robot.dof, "tool")] = 0.0
+    out: list[tuple[Reveal, Array]] = []
+    campaigns: tuple[tuple[Reveal, Array], ...] = (
+        ("poses", still[:, :3]),
+        ("side load", pushed[:, :3]),
+        ("orientation", pushed),
+        ("another tool", bare),
+    )
+    base = parameter_slice(robot.dof, "base")
+    for kind, jacobian in campaigns:
+        flat = jacobian[:, :, free].reshape(-1, len(free)) * sd
+        if not base_known:
+            frame = jacobian[:, :, base].reshape(len(flat), 6)
+            q, _ = np.linalg.qr(frame)
+            flat = flat - q @ (q.T @ flat)
+        out.append((kind, flat.T @ flat))
+    if not base_known:
+        flat = pushed[:, :, free].reshape(-1, len(free)) * sd
+        out.append(("root", flat.T @ flat))
+    return out
+
+
+def _named(
+    directions: Array, names: Sequence[str], sd: Array, kind: Reveal, robot: RobotModel
+) -> list[Direction]:
+    out = []
+    # Names read best where a milliradian weighs as much as a millimetre, whatever the prior.
+    even = np.array(
+        [s if n.startswith("compliance") else 1e-3 for n, s in zip(names, sd, strict=True)]
+    )
+    for row in _sparse(directions * (sd / even)[:, None]):
+        order = np.flatnonzero(np.abs(row) > _NAMED)
+        physical = row[order] * even[order]
+        terms = tuple(
+            (names[i], float(value / physical[0])) for i, value in zip(order, physical, strict=True)
+        )
+        out.append(
+            Direction(
+                name=_name(terms),
+                terms=terms,
+                reveal=kind,
+                cure=_reason(terms, kind, robot) + CURES[kind],
+                harmless=kind in ("another tool", "root", "nothing"),
+            )
+        )
+    return out
+
+
+def _sparse(directions: Array) -> Array:
+    """Rows (k, P) that span the columns, reduced to echelon form with complete pivoting."""
+    rows = directions.T.copy()
+    for i in range(len(rows)):
+        flat = int(np.argmax(np.abs(rows[i:])))
+        r, c = i + flat // rows.shape[1], flat % rows.shape[1]
+        rows[[i, r]] = rows[[r, i]]
+        rows[i] /= rows[i, c]
+        for k in range(len(rows)):
+            if k != i:
+                rows[k] -= rows[k, c] * rows[i]
+    return rows
+
+
+def _name(terms: tuple[tuple[str, float], ...]) -> str:
+    if len(terms) == 2:
+        (first, _), (second, value) = terms
+        seen = -1.0 / value
+        size = "" if abs(abs(seen) - 1.0) < 0.02 else f"{abs(seen):.3g} "
+        return f"{first} {'+' if seen > 0 else '-'} {size}{second}"
+    return " ~ ".join(name for name, _ in terms)
+
+
+def _reason(terms: tuple[tuple[str, float], ...], kind: Reveal, robot: RobotModel) -> str:
+    """Why a lone compliance is not seen, where gravity is the reason."""
+    if len(terms) != 1 or kind != "side load" or not terms[0][0].startswith("compliance"):
+        return ""
+    joint = terms[0][0].removeprefix("compliance")
+    return f"no torque about axis {joint} in these poses (gravity does not load a vertical axis); "

@@ -1,0 +1,130 @@
+"""Calibration methods by name: from a robot and measurements to an error model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+
+from robotrue.calibration.estimate import Estimate, estimate, free_groups
+from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.rigid_flexible import RigidFlexibleModel
+from robotrue.calibration.settings import FitSettings
+from robotrue.errors import ConfigurationError
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.model import RobotModel
+
+__all__ = ["METHODS", "FitFunction", "FitSettings", "fit", "fit_rigid_flexible"]
+
+FitFunction: TypeAlias = Callable[[RobotModel, MeasurementSet, FitSettings], ErrorModel]
+
+
+def fit(
+    robot: RobotModel,
+    measurements: MeasurementSet,
+    *,
+    method: str = "elastic",
+    settings: FitSettings | None = None,
+) -> ErrorModel:
+    """Returns the error model that ``method`` makes of the measurements.
+
+    Args:
+        robot: Nominal arm whose ``T_flange_tool`` is the nominal reflector.
+        measurements: In base or in an unknown tracker frame.
+        method: A key of :data:`METHODS`.
+        settings: See :class:`FitSettings`.
+
+    Raises:
+        ConfigurationError: No such method.
+        ObservabilityError: Too few measurements for what is asked.
+        ImplausibleDataError: The measurements cannot belong to this robot.
+        ModelMismatchError: Another number of joints.
+        ConvergenceError: The estimator did not settle.
+    """
+    if method not in METHODS:
+        raise ConfigurationError(f"no calibration method {method!r}; methods are {list(METHODS)}.")
+    return METHODS[method](robot, measurements, FitSettings() if settings is None else settings)
+
+
+def fit_nominal(
+    robot: RobotModel, measurements: MeasurementSet, settings: FitSettings
+) -> RigidFlexibleModel:
+    """Returns the baseline: the controller's kinematics, only base and tool fitted."""
+    return fit_rigid_flexible(robot, measurements, settings, method="nominal")
+
+
+def fit_geometric(
+    robot: RobotModel, measurements: MeasurementSet, settings: FitSettings
+) -> RigidFlexibleModel:
+    """Returns base, tool and all geometric errors; no compliance."""
+    return fit_rigid_flexible(robot, measurements, settings, method="geometric")
+
+
+def fit_elastic(
+    robot: RobotModel, measurements: MeasurementSet, settings: FitSettings
+) -> RigidFlexibleModel:
+    """Returns geometry and joint compliance."""
+    return fit_rigid_flexible(robot, measurements, settings, method="elastic")
+
+
+METHODS: Final[dict[str, FitFunction]] = {
+    "nominal": fit_nominal,
+    "geometric": fit_geometric,
+    "elastic": fit_elastic,
+}
+"""Fit function of every method; richer methods add themselves here."""
+
+
+def fit_rigid_flexible(
+    robot: RobotModel, measurements: MeasurementSet, settings: FitSettings, *, method: str
+) -> RigidFlexibleModel:
+    """Returns the rigid-flexible model of one of the three parameter sets.
+
+    Raises:
+        ConfigurationError: A method that is not ``nominal``, ``geometric`` or ``elastic``.
+    """
+    return model_of(estimate(robot, measurements, settings, free_groups(method)), settings, method)
+
+
+def model_of(result: Estimate, settings: FitSettings, method: str) -> RigidFlexibleModel:
+    """Returns the error model of an estimate."""
+    size = result.posterior.layout.robot_size
+    state = result.posterior.state
+    return RigidFlexibleModel(
+        robot=state.robot.nominal(),
+        errors=state.robot.errors,
+        covariance=result.posterior.covariance[:size, :size],
+        repeatability=settings.repeatability_sd,
+        white=float(np.sqrt(result.posterior.noise[0])),
+        T_tracker_base=state.T_tracker_base,
+        summary=_summary(result, method),
+    )
+
+
+def _summary(result: Estimate, method: str) -> dict[str, Any]:
+    """JSON values; lengths of this block are SI like everything in an archive."""
+    posterior, seen = result.posterior, result.identifiability
+    return {
+        "method": method,
+        "rows": result.rows,
+        "numbers": posterior.numbers,
+        "screened_rows": [int(i) for i in result.screened],
+        "data_sha256": result.data_sha256,
+        "sources": list(result.sources),
+        "joint_range_rad": result.joint_range.tolist(),
+        "position_range_m": result.position_range.tolist(),
+        "verdict": result.verdict.status,
+        "doubts": list(result.verdict.doubts),
+        "unseen": [{"name": d.name, "cure": d.cure, "harmless": d.harmless} for d in seen.unseen],
+        "parameters": {
+            name: {"value": float(value), "sd": float(sd), "class": seen.classes.get(name, "fixed")}
+            for name, value, sd in result.table()
+        },
+        "white_sd_m": float(np.sqrt(posterior.noise[0])),
+        "white_sd_rad": float(np.sqrt(posterior.noise[1])),
+        "rms_m": result.rms,
+        "chi2": posterior.chi2,
+        "evidence": posterior.evidence,
+        "iterations": posterior.iterations,
+    }

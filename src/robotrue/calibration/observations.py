@@ -1,0 +1,302 @@
+"""What instruments say about the arm, each with its residual, analytic Jacobian and covariance.
+
+``residual = measured - predicted`` and ``jacobian = d predicted / d parameters``, so a Gauss-Newton
+step solves ``jacobian @ step = residual``. Covariances hold the instrument and the repeatability;
+``white`` says where the learned white noise (of lengths, of angles) adds to them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final, Protocol
+
+import numpy as np
+
+from robotrue.calibration.parameters import Layout, State
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.rotations import rotation_vector_from_matrix, skew
+from robotrue.errors import ImplausibleDataError
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.forward import parameter_jacobian, walk
+from robotrue.robot.model import RobotModel, parameter_slice
+from robotrue.robot.statics import Load, drive_torque
+
+IN_BASE: Final = -1
+"""Station number of a row that is measured in the robot base."""
+CHANNELS: Final = 2
+"""Learned white noise: of lengths (m^2) and of angles (rad^2)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Linearisation:
+    """An observation at a state: n rows of m numbers, P parameters.
+
+    Attributes:
+        residual: (n, m) measured minus predicted.
+        jacobian: (n, m, P) derivative of the prediction.
+        covariance: (n, m, m) of the residual without learned noise.
+        white: (2, m) how often the learned length and angle variances add to each number.
+    """
+
+    residual: Array
+    jacobian: Array
+    covariance: Array
+    white: Array
+
+
+class Observation(Protocol):
+    """Anything that can be linearised: tracker points, poses, distances, touches."""
+
+    @property
+    def rows(self) -> IntArray:
+        """(n,) row of the measurement set each entry came from."""
+        ...
+
+    def linearise(self, layout: Layout, state: State, part: slice = ...) -> Linearisation:
+        """Returns residual, Jacobian and covariance of the rows in ``part``."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Visits:
+    """n visits of the arm: what decides where a reflector on the flange is.
+
+    Attributes:
+        joints: (n, dof) rad, commanded.
+        torque: (n, dof) N m on the drives, at the nominal posture.
+        target: (n,) reflector.
+        station: (n,) tracker set-up, or ``IN_BASE``.
+    """
+
+    joints: Array
+    torque: Array
+    target: IntArray
+    station: IntArray
+
+    def __len__(self) -> int:
+        return len(self.joints)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PositionObservation:
+    """Points seen by a tracker.
+
+    Attributes:
+        visits: Postures and loads.
+        position: (n, 3) m in the frame of the visit's station.
+        covariance: (n, 3, 3) m^2, instrument and repeatability, same frame.
+        rows: (n,) rows of the measurement set.
+    """
+
+    visits: Visits
+    position: Array
+    covariance: Array
+    rows: IntArray
+
+    def linearise(self, layout: Layout, state: State, part: slice = slice(None)) -> Linearisation:
+        """Returns the linearised rows; residual (n, 3) m."""
+        point, _, jacobian = _seen(layout, state, self.visits, part, rotations=False)
+        return Linearisation(
+            residual=self.position[part] - point,
+            jacobian=jacobian,
+            covariance=self.covariance[part],
+            white=np.array([[1.0, 1.0, 1.0], [0.0, 0.0, 0.0]]),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseObservation:
+    """Full poses of a target: point and orientation.
+
+    Attributes:
+        visits: Postures and loads.
+        position: (n, 3) m.
+        rotation: (n, 3, 3).
+        covariance: (n, 6, 6) m^2, rad^2 (left rotation vector), instrument and repeatability.
+        rows: (n,) rows of the measurement set.
+    """
+
+    visits: Visits
+    position: Array
+    rotation: Array
+    covariance: Array
+    rows: IntArray
+
+    def linearise(self, layout: Layout, state: State, part: slice = slice(None)) -> Linearisation:
+        """Returns the linearised rows; residual (n, 6): m, then rad (left rotation vector)."""
+        point, rotation, jacobian = _seen(layout, state, self.visits, part, rotations=True)
+        angle = rotation_vector_from_matrix(self.rotation[part] @ np.swapaxes(rotation, 1, 2))
+        # log(exp(r) exp(-e)) = r - Jr^-1(r) e; the series is exact to |r|^4 / 720.
+        turn = skew(angle)
+        jacobian[:, 3:] = (np.eye(3) + 0.5 * turn + turn @ turn / 12.0) @ jacobian[:, 3:]
+        return Linearisation(
+            residual=np.concatenate([self.position[part] - point, angle], axis=1),
+            jacobian=jacobian,
+            covariance=self.covariance[part],
+            white=np.repeat(np.eye(2), 3, axis=1),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DistanceObservation:
+    """Distances between the target point at two visits: ball bar, gauge, two sockets.
+
+    Attributes:
+        first: Postures at one end.
+        second: Postures at the other end.
+        distance: (n,) m.
+        variance: (n,) m^2, instrument and the repeatability of both visits.
+        rows: (n,) number of each distance.
+
+    Fails when: a distance is (nearly) zero; its direction, and so its derivative, is then lost.
+    """
+
+    first: Visits
+    second: Visits
+    distance: Array
+    variance: Array
+    rows: IntArray
+
+    def __post_init__(self) -> None:
+        """Refuses distances too short to have a direction."""
+        if len(self.distance) and float(np.min(self.distance)) < 1e-3:
+            raise ImplausibleDataError(
+                f"distance {np.min(self.distance) * 1e3:.4f} mm, must be at least 1 mm.",
+                hint="coincident points carry no direction; leave such pairs out.",
+            )
+
+    def linearise(self, layout: Layout, state: State, part: slice = slice(None)) -> Linearisation:
+        """Returns the linearised rows; residual (n, 1) m."""
+        a, _, jacobian_a = _seen(layout, state, self.first, part, rotations=False)
+        b, _, jacobian_b = _seen(layout, state, self.second, part, rotations=False)
+        length = np.linalg.norm(b - a, axis=1)
+        along = (b - a) / length[:, None]
+        return Linearisation(
+            residual=(self.distance[part] - length)[:, None],
+            jacobian=along[:, None, :] @ (jacobian_b - jacobian_a),
+            covariance=self.variance[part][:, None, None],
+            white=np.array([[2.0], [0.0]]),
+        )
+
+
+def loads_of(measurements: MeasurementSet, payload: Load) -> Load:
+    """Returns the load of every row; what a row does not say comes from ``payload``."""
+    n = len(measurements)
+    mass = np.where(np.isnan(measurements.payload_mass), payload.mass[0], measurements.payload_mass)
+    com = np.where(
+        np.isnan(measurements.payload_com),
+        np.broadcast_to(payload.com[0], (n, 3)),
+        measurements.payload_com,
+    )
+    return Load(mass=mass, com=com, wrench=measurements.wrench)
+
+
+def observations_of(
+    robot: RobotModel,
+    measurements: MeasurementSet,
+    payload: Load,
+    *,
+    repeatability: float,
+    rotation_sd: float,
+) -> tuple[Observation, ...]:
+    """Returns the set as observations: rows with a full pose and rows with a point.
+
+    Args:
+        robot: Nominal arm; only its posture and masses are used, for the torques.
+        measurements: The set, in base or in a tracker frame.
+        payload: Load of rows that state none.
+        repeatability: m, sd per axis of one visit.
+        rotation_sd: rad per axis, where a row states no covariance of its orientation.
+    """
+    torque = drive_torque(robot, measurements.joints, loads_of(measurements, payload))
+    station = (
+        measurements.station
+        if measurements.frame == "tracker"
+        else np.full(len(measurements), IN_BASE)
+    )
+    covariance = measurements.covariance + repeatability**2 * np.eye(3)
+    posed = measurements.has_rotation
+    out: list[Observation] = []
+    for rows in (np.flatnonzero(~posed), np.flatnonzero(posed)):
+        if not len(rows):
+            continue
+        visits = Visits(
+            joints=measurements.joints[rows],
+            torque=torque[rows],
+            target=measurements.target[rows],
+            station=station[rows],
+        )
+        if not posed[rows[0]]:
+            out.append(
+                PositionObservation(
+                    visits=visits,
+                    position=measurements.position[rows],
+                    covariance=covariance[rows],
+                    rows=rows,
+                )
+            )
+            continue
+        angular = measurements.rotation_covariance[rows]
+        known = np.isfinite(angular).all(axis=(1, 2), keepdims=True)
+        full = np.zeros((len(rows), 6, 6))
+        full[:, :3, :3] = covariance[rows]
+        full[:, 3:, 3:] = np.where(known, angular, rotation_sd**2 * np.eye(3))
+        out.append(
+            PoseObservation(
+                visits=visits,
+                position=measurements.position[rows],
+                rotation=measurements.rotation[rows],
+                covariance=full,
+                rows=rows,
+            )
+        )
+    return tuple(out)
+
+
+def _seen(
+    layout: Layout, state: State, visits: Visits, part: slice, *, rotations: bool
+) -> tuple[Array, Array, Array]:
+    """Point (n, 3), rotation (n, 3, 3) and Jacobian (n, 3 or 6, P) in the station's frame."""
+    robot, joints, torque = state.robot, visits.joints[part], visits.torque[part]
+    target, station = visits.target[part], visits.station[part]
+    chain = walk(robot, joints, torque * robot.error("compliance"))
+    count = 6 if rotations else 3
+    rotation = chain.rotation.copy() if state.T_flange_target else chain.rotation
+    point = chain.position.copy() if state.T_flange_target else chain.position
+    for k, T in state.T_flange_target.items():
+        mine = target == k
+        rotation[mine] = chain.flange_rotation[mine] @ T[:3, :3]
+        point[mine] = chain.flange_position[mine] + chain.flange_rotation[mine] @ T[:3, 3]
+    out = np.zeros((len(joints), count, layout.size))
+    out[:, :, : layout.robot_size] = parameter_jacobian(
+        robot, replace(chain, position=point), joints, torque
+    )[:, :count]
+    blocks = layout.blocks
+    for k in state.T_flange_target:
+        mine = target == k
+        place = blocks[f"target/{k}"]
+        out[mine, :, parameter_slice(layout.dof, "tool")] = 0.0
+        out[mine, :3, place.start : place.start + 3] = chain.flange_rotation[mine]
+        if rotations and place.stop - place.start == 6:
+            out[mine, 3:, place.start + 3 : place.stop] = chain.flange_rotation[mine]
+    for k, T in state.T_tracker_base.items():
+        _into_station(out, point, rotation, np.equal(station, k), T, blocks[f"station/{k}"])
+    return point, rotation, out
+
+
+def _into_station(
+    jacobian: Array, point: Array, rotation: Array, mine: BoolArray, T: Array, place: slice
+) -> None:
+    """Takes the chosen rows from base to the tracker frame, in place."""
+    turn = T[:3, :3]
+    lever = point[mine] @ turn.T
+    rows = jacobian[mine]
+    for start in range(0, rows.shape[1], 3):
+        rows[:, start : start + 3] = turn @ rows[:, start : start + 3]
+    rows[:, :3, place.start : place.start + 3] = np.eye(3)
+    rows[:, :3, place.start + 3 : place.stop] = -skew(lever)
+    if rows.shape[1] == 6:
+        rows[:, 3:, place.start + 3 : place.stop] = np.eye(3)
+    jacobian[mine] = rows
+    point[mine] = lever + T[:3, 3]
+    rotation[mine] = turn @ rotation[mine]

@@ -1,0 +1,140 @@
+"""What is estimated: one named vector made of blocks, and the state it moves.
+
+Blocks: ``robot`` (the error vector of :class:`RobotModel`, 7 dof + 12), ``station/k`` (6: pose of a
+tracker frame that is not known), ``target/k`` (3 or 6: a further reflector on the flange; reflector
+0 is the robot's own tool). A step is a vector in this layout; poses move on their manifold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector_from_matrix
+from robotrue.errors import ConfigurationError
+from robotrue.robot.model import PER_JOINT, POSE_TERMS, RobotModel, parameter_names
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Layout:
+    """Where each block stands in the parameter vector.
+
+    Attributes:
+        dof: Number of joints.
+        stations: Indices of the tracker frames to be estimated.
+        targets: (index, size) of the further reflectors; size 3 (point) or 6 (pose).
+    """
+
+    dof: int
+    stations: tuple[int, ...] = ()
+    targets: tuple[tuple[int, int], ...] = ()
+
+    @property
+    def robot_size(self) -> int:
+        """Length of the ``robot`` block."""
+        return len(PER_JOINT) * self.dof + 12
+
+    @property
+    def size(self) -> int:
+        """Length of the whole vector."""
+        return self.robot_size + 6 * len(self.stations) + sum(size for _, size in self.targets)
+
+    @property
+    def blocks(self) -> dict[str, slice]:
+        """Name of each block and its slice."""
+        out = {"robot": slice(0, self.robot_size)}
+        start = self.robot_size
+        for kind, entries in (
+            ("station", tuple((k, 6) for k in self.stations)),
+            ("target", self.targets),
+        ):
+            for index, size in entries:
+                out[f"{kind}/{index}"] = slice(start, start + size)
+                start += size
+        return out
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Name of every parameter: ``theta1 .. tool_rz, station/0_x .. target/1_z``."""
+        out = list(parameter_names(self.dof))
+        for block, place in list(self.blocks.items())[1:]:
+            out.extend(f"{block}_{term}" for term in POSE_TERMS[: place.stop - place.start])
+        return tuple(out)
+
+    def index(self, name: str) -> int:
+        """Returns where a parameter stands.
+
+        Raises:
+            ConfigurationError: No such parameter.
+        """
+        try:
+            return self.names.index(name)
+        except ValueError:
+            raise ConfigurationError(
+                f"no parameter {name!r} in this fit.", hint="names look like theta1 or tool_x."
+            ) from None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class State:
+    """A point in parameter space.
+
+    Attributes:
+        robot: The arm with its current errors.
+        T_tracker_base: Per station (4, 4).
+        T_flange_target: Per further reflector (4, 4).
+    """
+
+    robot: RobotModel
+    T_tracker_base: Mapping[int, Array] = field(default_factory=dict)
+    T_flange_target: Mapping[int, Array] = field(default_factory=dict)
+
+
+def retract(layout: Layout, state: State, step: Array) -> State:
+    """Returns the state moved by ``step`` (size,), SI.
+
+    A station or target pose moves by a shift and a left rotation about its own origin:
+    t + v, exp([phi]x) R.
+    """
+    blocks = layout.blocks
+    return State(
+        robot=state.robot.with_errors(state.robot.errors + step[blocks["robot"]]),
+        T_tracker_base={
+            k: _moved(T, step[blocks[f"station/{k}"]]) for k, T in state.T_tracker_base.items()
+        },
+        T_flange_target={
+            k: _moved(T, step[blocks[f"target/{k}"]]) for k, T in state.T_flange_target.items()
+        },
+    )
+
+
+def difference(layout: Layout, state: State, origin: State) -> Array:
+    """Returns the step (size,) that takes ``origin`` to ``state``: the inverse of retract."""
+    blocks = layout.blocks
+    out = np.zeros(layout.size)
+    out[blocks["robot"]] = state.robot.errors - origin.robot.errors
+    for kind, new, old in (
+        ("station", state.T_tracker_base, origin.T_tracker_base),
+        ("target", state.T_flange_target, origin.T_flange_target),
+    ):
+        for k, T in new.items():
+            place = blocks[f"{kind}/{k}"]
+            step = np.concatenate(
+                [
+                    T[:3, 3] - old[k][:3, 3],
+                    rotation_vector_from_matrix(T[:3, :3] @ old[k][:3, :3].T),
+                ]
+            )
+            out[place] = step[: place.stop - place.start]
+    return out
+
+
+def _moved(transform: Array, step: Array) -> Array:
+    out = transform.copy()
+    out[:3, 3] += step[:3]
+    if len(step) == 6:
+        out[:3, :3] = matrix_from_rotation_vector(step[3:]) @ transform[:3, :3]
+    return out

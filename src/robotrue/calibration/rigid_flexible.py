@@ -1,0 +1,220 @@
+"""The rigid-flexible error model: identified geometry and joint compliance, with their covariance.
+
+    error = forward(actual, loaded) - forward(nominal),  covariance = J S J^T + (r^2 + w^2) I
+
+with S the posterior covariance of the errors, r the repeatability and w the white noise the data
+asked for beyond it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
+
+import numpy as np
+
+from robotrue.calibration.archive import robot_arrays, robot_document, robot_from
+from robotrue.calibration.model import Prediction, Query
+from robotrue.calibration.tables import MeanTables, rigid_tables
+from robotrue.core.archive import Archive
+from robotrue.core.arrays import Array, frozen
+from robotrue.core.poses import apply, inverse
+from robotrue.core.rotations import rotation_vector_from_matrix
+from robotrue.errors import ArchiveError, ModelMismatchError, ShapeError
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.forward import forward, parameter_jacobian
+from robotrue.robot.model import RobotModel, parameter_slice
+from robotrue.robot.statics import NO_LOAD, Load, deflected
+
+KIND: Final = "error-model/rigid-flexible"
+SCHEMA: Final = 1
+_ROWS: Final = 4096
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RigidFlexibleModel:
+    """Geometry and compliance of one arm, as identified.
+
+    Attributes:
+        robot: The nominal arm, with the tool that was measured.
+        errors: (7 dof + 12,) SI, identified.
+        covariance: (7 dof + 12, 7 dof + 12) of ``errors``.
+        repeatability: m, sd per axis of one visit.
+        white: m, sd per axis of the white noise learned beyond instrument and repeatability.
+        T_tracker_base: (4, 4) of every tracker set-up that was estimated.
+        summary: JSON values for :meth:`training_summary`.
+    """
+
+    robot: RobotModel
+    errors: Array
+    covariance: Array
+    repeatability: float
+    white: float
+    T_tracker_base: Mapping[int, Array] = field(default_factory=dict)
+    summary: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Checks shapes and freezes."""
+        size = len(self.robot.errors)
+        object.__setattr__(self, "robot", self.robot.nominal())
+        object.__setattr__(self, "errors", frozen(self.errors, (size,), "errors"))
+        object.__setattr__(self, "covariance", frozen(self.covariance, (size, size), "covariance"))
+
+    @property
+    def actual(self) -> RobotModel:
+        """The arm with its identified errors and the measured tool."""
+        return self.robot.with_errors(self.errors)
+
+    def predict(self, query: Query) -> Prediction:
+        """Returns mean and covariance of the error at every query row, base frame.
+
+        With another tool in the query the errors of the measured one, and their covariance, do not
+        apply; what is left is the error of the arm at that tool point.
+
+        Raises:
+            ShapeError: Joints of another robot.
+        """
+        joints = np.asarray(query.joints, dtype=np.float64)
+        if joints.ndim != 2 or joints.shape[1] != self.robot.dof:
+            raise ShapeError(f"joints has shape {joints.shape}, expected (any, {self.robot.dof}).")
+        n = len(joints)
+        out = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3, 3))
+        for start in range(0, n, _ROWS):
+            part = slice(start, start + _ROWS)
+            error, turn, jacobian = linearised(
+                self, joints[part], _load_rows(query.load, part, n), query.T_flange_tool
+            )
+            out[0][part], out[1][part] = error, turn
+            out[2][part] = jacobian[:, :3] @ self.covariance @ np.swapaxes(jacobian[:, :3], 1, 2)
+        noise = (self.repeatability**2 + self.white**2) * np.eye(3)
+        return Prediction(error=out[0], rotation_error=out[1], covariance=out[2] + noise)
+
+    def mean_tables(self, load: Load = NO_LOAD) -> MeanTables | None:
+        """Returns the mean as flat tables; the load enters when they are evaluated."""
+        return rigid_tables(self.actual)
+
+    def in_base(self, measurements: MeasurementSet) -> MeasurementSet:
+        """Returns the set with positions, orientations and covariances in base.
+
+        Raises:
+            ModelMismatchError: A station the model has never seen.
+        """
+        if measurements.frame == "base":
+            return measurements
+        unknown = sorted(set(measurements.station.tolist()) - set(self.T_tracker_base))
+        if unknown:
+            raise ModelMismatchError(
+                f"tracker station {unknown[0]} is not in the model, which knows "
+                f"{sorted(self.T_tracker_base)}.",
+                hint="calibrate with rows of that station, or register it first.",
+            )
+        T = inverse(np.stack([self.T_tracker_base[int(k)] for k in measurements.station]))
+        turn = T[:, :3, :3]
+        back = np.swapaxes(turn, 1, 2)
+        return replace(
+            measurements,
+            frame="base",
+            position=apply(T, measurements.position),
+            covariance=turn @ measurements.covariance @ back,
+            rotation=turn @ measurements.rotation,
+            rotation_covariance=turn @ measurements.rotation_covariance @ back,
+        )
+
+    def training_summary(self) -> Mapping[str, Any]:
+        """Returns JSON values: method, data, row counts, verdict, identifiability, doubts."""
+        return dict(self.summary)
+
+    def to_archive(self) -> Archive:
+        """Returns everything needed to rebuild the model, bit for bit."""
+        stations = sorted(self.T_tracker_base)
+        return Archive(
+            kind=KIND,
+            schema=SCHEMA,
+            document={
+                "robot": robot_document(self.robot),
+                "repeatability": self.repeatability,
+                "white": self.white,
+                "stations": stations,
+                "summary": dict(self.summary),
+            },
+            arrays={
+                **robot_arrays(self.robot),
+                "errors": self.errors,
+                "covariance": self.covariance,
+                "T_tracker_base": np.array(
+                    [self.T_tracker_base[k] for k in stations], dtype=np.float64
+                ).reshape(-1, 4, 4),
+            },
+        )
+
+
+def from_archive(archive: Archive) -> RigidFlexibleModel:
+    """Returns the model in an archive.
+
+    Raises:
+        ArchiveError: Another kind, a newer schema, or parts that are missing.
+    """
+    if archive.kind != KIND:
+        raise ArchiveError(f"an archive of kind {archive.kind!r}, expected {KIND!r}.")
+    readers = {1: _read_1}
+    if archive.schema not in readers:
+        raise ArchiveError(
+            f"{KIND} schema {archive.schema}; this robotrue reads {sorted(readers)}.",
+            hint="update robotrue.",
+        )
+    return readers[archive.schema](archive)
+
+
+def _read_1(archive: Archive) -> RigidFlexibleModel:
+    try:
+        document = archive.document
+        stations = [int(k) for k in document["stations"]]
+        return RigidFlexibleModel(
+            robot=robot_from(archive),
+            errors=archive.array("errors"),
+            covariance=archive.array("covariance"),
+            repeatability=float(document["repeatability"]),
+            white=float(document["white"]),
+            T_tracker_base=dict(zip(stations, archive.array("T_tracker_base"), strict=True)),
+            summary=document["summary"],
+        )
+    except (KeyError, TypeError, ValueError) as cause:
+        raise ArchiveError(f"{KIND} schema 1 is incomplete ({cause!r}).") from cause
+
+
+def linearised(
+    model: RigidFlexibleModel, joints: Array, load: Load, T_flange_tool: Array | None = None
+) -> tuple[Array, Array, Array]:
+    """Returns error (n, 3) m, rotation error (n, 3) rad and d(error)/d(errors) (n, 6, 7 dof + 12).
+
+    Args:
+        model: The model.
+        joints: (n, dof) rad.
+        load: One row or n.
+        T_flange_tool: Another tool; its columns of tool errors are zero.
+    """
+    nominal, actual = model.robot, model.actual
+    if T_flange_tool is not None:
+        nominal, actual = nominal.with_tool(T_flange_tool), actual.with_tool(T_flange_tool)
+    believed = forward(nominal, joints)
+    state, torque = deflected(actual, joints, load)
+    jacobian = parameter_jacobian(actual, state, joints, torque)
+    if T_flange_tool is not None:
+        jacobian[:, :, parameter_slice(actual.dof, "tool")] = 0.0
+    turn = rotation_vector_from_matrix(state.rotation @ np.swapaxes(believed[:, :3, :3], 1, 2))
+    return state.position - believed[:, :3, 3], turn, jacobian
+
+
+def _load_rows(load: Load, part: slice, n: int) -> Load:
+    """The load of a run of rows; columns of one row stay as they are."""
+    if n <= _ROWS:
+        return load
+    return Load(
+        **{
+            name: getattr(load, name)
+            if len(getattr(load, name)) == 1
+            else getattr(load, name)[part]
+            for name in ("mass", "com", "wrench")
+        }
+    )

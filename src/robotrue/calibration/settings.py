@@ -1,0 +1,55 @@
+"""What a fit is told besides the robot and the measurements."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final
+
+from robotrue.calibration.estimator import SolverSettings
+from robotrue.calibration.priors import PriorScales, StiffnessPrior
+from robotrue.errors import ConfigurationError
+from robotrue.robot.statics import NO_LOAD, Load
+
+RP_PER_SIGMA: Final = 3.6158
+"""ISO 9283 RP = mean l + 3 S_l over the distances l to the barycentre. For an isotropic Gaussian of
+sd sigma per axis l is Maxwell distributed: mean 1.5958 sigma, sd 0.6734 sigma."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FitSettings:
+    """Settings of every calibration method.
+
+    Attributes:
+        payload: Load of rows that do not state their own.
+        repeatability: m, ISO 9283 RP of the arm as in its data sheet; the sd per axis is
+            RP / 3.6158.
+        scales: Prior standard deviations.
+        stiffness: Known joint stiffness; without it a broad scale from the arm's weight is learned.
+        rotation_sd: rad per axis of a measured orientation without covariance.
+        solver: Robust rule, what is learned, iterations.
+        lean_on_prior: Accept fewer numbers than the parameters they should determine; the rest
+            then comes from the prior, and the verdict says so.
+    """
+
+    payload: Load = NO_LOAD
+    repeatability: float = 6e-5
+    scales: PriorScales = field(default_factory=PriorScales)
+    stiffness: StiffnessPrior | None = None
+    rotation_sd: float = 2e-4
+    solver: SolverSettings = field(default_factory=SolverSettings)
+    lean_on_prior: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuses values that cannot be."""
+        if not 0.0 <= self.repeatability < 0.01:
+            raise ConfigurationError(
+                f"repeatability {self.repeatability * 1e3:g} mm, allowed 0 to 10 mm.",
+                hint="0.06 mm is written repeatability=6e-5.",
+            )
+        if len(self.payload.mass) != 1 or len(self.payload.com) != 1:
+            raise ConfigurationError("the default payload must be one load, not one per row.")
+
+    @property
+    def repeatability_sd(self) -> float:
+        """Standard deviation per axis of one visit, m."""
+        return self.repeatability / RP_PER_SIGMA
