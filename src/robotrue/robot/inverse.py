@@ -102,7 +102,8 @@ def _joints(arm: OpwGeometry, angles: Array) -> Array:
     if np.array_equal(arm.joint_map, np.eye(6)):
         return serial
     unmap = np.rint(np.linalg.inv(arm.joint_map))
-    return np.einsum("ij,bjm->bim", unmap, serial)
+    joints: Array = np.einsum("ij,bjm->bim", unmap, serial)
+    return joints
 
 
 def _block(arm: OpwGeometry, hand: Array, near: Array) -> Array:

@@ -1,0 +1,199 @@
+"""Configuration words of the controllers, from joints; and joints from KUKA's status and turn.
+
+A Cartesian target says where the tool is, not how the arm gets there. Each brand adds words that
+do: which of the eight branches, which turn of an axis. All need an ortho-parallel arm with a
+spherical wrist and speak of the controller's own axes (``robot.controller``).
+
+Sources: KUKA KSS system integrators' manual ("Status and Turn"); ABB RAPID reference, ``confdata``;
+Fanuc and Yaskawa operators' manuals. Rules marked *from memory* or *by robot type* below were not
+checked on a controller: compare one taught point before trusting them.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.core.poses import inverse as inverse_pose
+from robotrue.core.rotations import wrap
+from robotrue.errors import ConfigurationError, ReachError
+from robotrue.robot.inverse import inverse_branches, require_opw
+from robotrue.robot.model import Configuration, RobotModel
+from robotrue.robot.opw import OpwGeometry
+
+EDGE: Final = 1e-6
+"""rad; an angle nearer than this to the edge of two words satisfies both."""
+_TURN: Final = 2.0 * np.pi
+_QUARTER: Final = np.pi / 2.0
+
+
+def controller_axes(robot: RobotModel, joints: Array) -> Array:
+    """Returns the axis values the controller displays (..., 6) rad from q (..., 6) rad."""
+    return _counting(robot).to_controller(np.asarray(joints, dtype=np.float64))
+
+
+def _counting(robot: RobotModel) -> Configuration:
+    if robot.controller is None:  # RobotModel always fills it in
+        raise ConfigurationError(f"{robot.name} has no controller axes.")
+    return robot.controller
+
+
+def _posture(geometry: OpwGeometry, joints: Array) -> tuple[Array, Array]:
+    """How far the wrist point is ahead of axis 1 in m, and the fold of the elbow in rad."""
+    angles = geometry.angles(np.asarray(joints, dtype=np.float64))
+    ahead, _ = geometry.wrist_point(angles)
+    fold = wrap(angles[..., 2] + np.arctan2(geometry.a2, geometry.c3))
+    return ahead, fold
+
+
+def kuka_status_turn(robot: RobotModel, joints: Array) -> tuple[IntArray, IntArray]:
+    """Returns KUKA's S and T (...,) of joints q (..., 6) rad.
+
+    S bit 0: the wrist point is behind axis 1 (overhead). Bit 1: the forearm is folded to the
+    positive side of axis 3; A3 >= 0 where axes 3 and 4 meet, and A3 at or beyond the angle at which
+    axis 2, axis 3 and the wrist point are in line where they are offset. Bit 2: A5 is negative
+    (0 <= A5 < 180 and A5 < -180 deg give 0). Bit 3 (taught on an absolute-accuracy robot, *from
+    memory*) is not set. T bit i: axis i + 1 is negative.
+
+    Raises:
+        ConfigurationError: Not an ortho-parallel arm.
+    """
+    ahead, fold = _posture(require_opw(robot), joints)
+    axes = controller_axes(robot, joints)
+    status = (ahead < 0.0) + 2 * (fold >= 0.0) + 4 * (wrap(axes[..., 4]) < 0.0)
+    turn = (axes < 0.0) @ (1 << np.arange(6))
+    return np.asarray(status, dtype=np.int64), np.asarray(turn, dtype=np.int64)
+
+
+def joints_from_status_turn(
+    robot: RobotModel,
+    T_base_tool: Array,
+    status: int,
+    turn: int | None = None,
+    *,
+    near: Array | None = None,
+) -> Array:
+    """Returns the joints q (6,) rad of a pose with KUKA's status and turn.
+
+    Args:
+        robot: The arm; nominal geometry and its ``T_flange_tool`` are used.
+        T_base_tool: (4, 4).
+        status: S; bits 0 to 2 choose the branch.
+        turn: T; chooses the sign of every axis. Without it the turns nearest to ``near``.
+        near: (6,) rad, for axes the turn leaves open and for a straight wrist; zero of the
+            controller's axes if not given.
+
+    Raises:
+        ReachError: The pose cannot be reached with these words inside the limits.
+        ConfigurationError: Not an ortho-parallel arm.
+    """
+    T = frozen(T_base_tool, (4, 4), "T_base_tool")[None] @ inverse_pose(robot.T_flange_tool)
+    geometry, counting = require_opw(robot), _counting(robot)
+    seed = counting.to_model(np.zeros(6)) if near is None else np.asarray(near, dtype=np.float64)
+    options = inverse_branches(robot, T, reference=seed, geometry=geometry)[0]
+    options = options[~np.isnan(options).any(axis=1)]
+    fitting = options[[_has_status(robot, geometry, q, status) for q in options]]
+    found = [_with_turn(robot, q, turn, seed) for q in fitting]
+    inside = np.array([q for q in found if q is not None]).reshape(-1, 6)
+    if not len(inside):
+        words = f"S {status}" + ("" if turn is None else f", T {turn}")
+        have = sorted({int(kuka_status_turn(robot, q)[0]) for q in options})
+        raise ReachError(
+            f"{robot.name} does not reach this pose with {words} inside its joint limits; "
+            f"the pose has S {have if have else 'none'}.",
+            hint="check tool and base of the target, or leave S and T away.",
+        )
+    best: Array = inside[np.argmin(np.sum((inside - seed) ** 2, axis=1))]
+    return best
+
+
+def _has_status(robot: RobotModel, geometry: OpwGeometry, joints: Array, status: int) -> bool:
+    """Whether S fits; a bit whose quantity is on the edge fits either way."""
+    ahead, fold = _posture(geometry, joints)
+    bend = wrap(controller_axes(robot, joints)[4])
+    on_edge = np.abs([ahead, fold, bend]) < EDGE
+    have = int(kuka_status_turn(robot, joints)[0])
+    different = (have ^ status) & 7
+    return all(on_edge[bit] for bit in range(3) if different >> bit & 1)
+
+
+def _with_turn(robot: RobotModel, joints: Array, turn: int | None, seed: Array) -> Array | None:
+    """Joints on the turn that T asks for, inside the limits and nearest to the seed."""
+    counting = _counting(robot)
+    out = np.empty(6)
+    for i in range(6):
+        lower, upper = robot.limits[i] + np.array([-1e-9, 1e-9])
+        first = int(np.ceil((lower - joints[i]) / _TURN))
+        last = int(np.floor((upper - joints[i]) / _TURN))
+        choices = joints[i] + _TURN * np.arange(first, last + 1)
+        if turn is not None:
+            axis = counting.sign[i] * choices + counting.offset[i]
+            negative = bool(turn >> i & 1)
+            choices = choices[((axis < 0.0) == negative) | (np.abs(axis) < EDGE)]
+        if not len(choices):
+            return None
+        out[i] = choices[np.argmin(np.abs(choices - seed[i]))]
+    return out
+
+
+def abb_confdata(robot: RobotModel, joints: Array) -> IntArray:
+    """Returns ABB's cf1, cf4, cf6, cfx (..., 4) of joints q (..., 6) rad.
+
+    cf1, cf4, cf6: quarter turn of axes 1, 4 and 6 (0..90 deg = 0, 90..180 = 1, -90..0 = -1). cfx of
+    an arm with a spherical wrist: 4 if the wrist point is behind axis 1, plus 2 if it is behind the
+    lower arm, plus 1 if axis 5 is negative.
+
+    Fails when: the robot type counts cfx otherwise (arms with a parallel rod and some paint and
+    seven-axis arms do, *by robot type, from memory*); take cfx from a taught point then.
+
+    Raises:
+        ConfigurationError: Not an ortho-parallel arm.
+    """
+    ahead, fold = _posture(require_opw(robot), joints)
+    axes = controller_axes(robot, joints)
+    quarters = np.floor(axes[..., [0, 3, 5]] / _QUARTER)
+    cfx = 4 * (ahead < 0.0) + 2 * (fold < 0.0) + (wrap(axes[..., 4]) < 0.0)
+    out = np.concatenate([quarters, np.asarray(cfx)[..., None]], axis=-1)
+    return out.astype(np.int64)
+
+
+def fanuc_config(robot: RobotModel, joints: Array) -> str:
+    """Returns Fanuc's CONFIG of joints q (6,) rad, e.g. ``"N U T, 0, 0, 0"``.
+
+    F if J5 is negative, else N; U if the elbow is above the line from shoulder to wrist, else D; T
+    if the wrist point is in front of axis 1, else B; then the turns of J4, J5 and J6: 0 within
+    +-180 deg, 1 for 180..540, -1 for -540..-180. F / N by the sign of J5 is *from memory*; some
+    robot types print the turn of J1 in place of J5's.
+
+    Raises:
+        ConfigurationError: Not an ortho-parallel arm.
+    """
+    q = frozen(joints, (6,), "joints")
+    ahead, fold = _posture(require_opw(robot), q)
+    axes = controller_axes(robot, q)
+    letters = (
+        "F" if wrap(axes[4]) < 0.0 else "N",
+        "U" if fold >= 0.0 else "D",
+        "T" if ahead >= 0.0 else "B",
+    )
+    turns = np.rint(axes[3:] / _TURN).astype(int)
+    return f"{' '.join(letters)}, {turns[0]}, {turns[1]}, {turns[2]}"
+
+
+def yaskawa_rconf(robot: RobotModel, joints: Array) -> IntArray:
+    """Returns the first six fields of Yaskawa's RCONF (..., 6) of joints q (..., 6) rad.
+
+    0 flip / 1 no flip; 0 upper / 1 lower elbow; 0 front / 1 rear; then 1 where the R, T and S axis
+    is beyond +-180 deg. Flip: R within a quarter turn of zero or of a whole turn, *from memory*.
+
+    Raises:
+        ConfigurationError: Not an ortho-parallel arm.
+    """
+    ahead, fold = _posture(require_opw(robot), joints)
+    axes = controller_axes(robot, joints)
+    no_flip = np.abs(wrap(axes[..., 3])) > _QUARTER
+    beyond = [np.abs(axes[..., i]) > np.pi for i in (3, 5, 0)]
+    fields = [no_flip, fold < 0.0, ahead < 0.0, *beyond]
+    return np.stack([np.asarray(f) for f in fields], axis=-1).astype(np.int64)
