@@ -1,0 +1,129 @@
+"""Selection: the simple one on data without structure, the rich one where it helps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from validation_fakes import SIGMA, FakeModel, arm, measured
+
+from robotrue.errors import ObservabilityError, ShapeError
+from robotrue.robot.forward import forward
+from robotrue.validation.auto import fit_auto
+from robotrue.validation.selection import default_splits, paired_gain, select
+from robotrue.validation.splits import contiguous_blocks
+
+
+def features(joints):
+    return np.concatenate([np.ones((len(joints), 1)), np.sin(joints), np.cos(2 * joints)], axis=1)
+
+
+def fit_nothing(measurements):
+    return FakeModel()
+
+
+def fit_features(measurements):
+    error = measurements.position - forward(arm(), measurements.joints)[:, :3, 3]
+    weights = np.linalg.lstsq(features(measurements.joints), error, rcond=None)[0]
+    return FakeModel(mean=lambda joints: features(joints) @ weights)
+
+
+def fit_fails(measurements):
+    raise ObservabilityError("too few poses for this method.")
+
+
+def bend(joints):
+    return 0.3e-3 * np.stack([np.sin(joints[:, 0]), np.cos(2 * joints[:, 1]), joints[:, 2] * 0], 1)
+
+
+METHODS = {"simple": fit_nothing, "rich": fit_features}
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_noise_alone_keeps_the_simple_one(seed):
+    result = select(METHODS, measured(150, seed=seed))
+    assert result.winner == "simple"
+    assert "rich" in result.reason
+    assert "does not beat simple" in result.reason
+
+
+@pytest.mark.parametrize("n", [30, 60, 150])
+def test_structure_lets_the_rich_one_win(n):
+    result = select(METHODS, measured(n, error=bend))
+    assert result.winner == "rich"
+    assert result.table[1].gain > result.table[1].noise > 0.0
+    assert result.table[1].log_density > result.table[0].log_density
+
+
+def test_a_method_that_cannot_be_fitted_is_named_not_chosen():
+    result = select({"broken": fit_fails, **METHODS}, measured(60, error=bend))
+    assert result.winner == "rich"
+    assert result.table[0].failure == "too few poses for this method."
+    with pytest.raises(ObservabilityError, match=r"no method could be fitted; broken: too few"):
+        select({"broken": fit_fails}, measured(60))
+    with pytest.raises(ShapeError, match="nothing to select from"):
+        select({}, measured(60))
+
+
+def test_bugs_in_a_method_are_not_hidden():
+    def broken(measurements):
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        select({"broken": broken, **METHODS}, measured(60))
+
+
+def test_default_splits_grow_with_the_number_of_rows():
+    kinds = {n: [s.kind for s in default_splits(measured(n))] for n in (12, 60, 150)}
+    assert kinds[12] == ["random"] * 12
+    assert kinds[60] == ["blocks"] * 5
+    assert kinds[150] == ["blocks"] * 5 + ["regions"] * 3
+
+
+def test_fits_are_limited_and_the_winner_sees_all_rows():
+    seen = []
+
+    def counting(measurements):
+        seen.append(len(measurements))
+        return FakeModel()
+
+    result = fit_auto({"only": counting}, measured(4000))
+    assert seen[:-1] == [1500] * 6
+    assert seen[-1] == 4000
+    assert result.selection.table[0].n == 6 * 500
+    assert "up to 1500 rows fit and 500 score" in result.selection.rule
+
+
+def test_auto_attaches_the_evidence():
+    def attach(model, summary):
+        return FakeModel(mean=model.mean, summary={"selection": summary})
+
+    result = fit_auto(METHODS, measured(60, error=bend), attach=attach)
+    assert result.model.training_summary()["selection"]["winner"] == "rich"
+    table = result.model.training_summary()["selection"]["table"]
+    assert [row["name"] for row in table] == ["simple", "rich"]
+    assert table[0]["gain"] is None
+
+
+def test_progress_counts_every_fit():
+    calls = []
+    select(
+        METHODS,
+        measured(60),
+        splits=contiguous_blocks(60, blocks=3),
+        progress=lambda text, done, total: calls.append((done, total)),
+    )
+    assert calls == [(k, 6) for k in range(7)]
+
+
+def test_paired_gain_by_hand():
+    # Fold means 1, 2, 3: mean 2, sd 1, t(0.95, 2) = 2.91999, half width 2.91999 / sqrt 3.
+    gain, noise = paired_gain(np.array([1.0, 1.0, 2.0, 3.0]), np.array([0, 0, 1, 2]))
+    assert gain == pytest.approx(2.0)
+    assert noise == pytest.approx(2.91999 / 3**0.5, rel=1e-5)
+
+
+def test_mean_per_kind_adds_up():
+    score = select(METHODS, measured(150)).table[0]
+    assert set(score.mean_by_kind) == {"blocks", "regions"}
+    assert np.mean(list(score.mean_by_kind.values())) == pytest.approx(score.mean)
+    assert score.mean == pytest.approx(SIGMA * np.sqrt(8 / np.pi), rel=0.1)
