@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array, BoolArray, frozen
+from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
 from robotrue.core.poses import inverse, pose
 from robotrue.core.rotations import abc_from_matrix, matrix_from_abc
 from robotrue.core.units import DEG, MM
@@ -118,16 +118,20 @@ def hole_program(hole: FlangeHole, robot: RobotModel) -> bytes:
 
 def slot_rows(program: Program, hole: FlangeHole, level: int) -> BoolArray:
     """Returns (n,) True for the slot targets of a level (1 .. levels), found by their place."""
-    return _rows(program, hole, hole.slot_radius, level) & (program.motion == Motion.LIN)
+    rows: BoolArray = _rows(program, hole, hole.slot_radius, level)
+    out: BoolArray = np.logical_and(rows, program.motion == Motion.LIN)
+    return out
 
 
 def side_rows(program: Program, hole: FlangeHole, level: int) -> BoolArray:
     """Returns (n,) True for the arc targets of a level's side pass, via points included."""
     arc = (program.motion == Motion.ARC_VIA) | (program.motion == Motion.ARC_END)
-    return _rows(program, hole, hole.side_radius, level) & arc
+    rows: BoolArray = _rows(program, hole, hole.side_radius, level)
+    out: BoolArray = np.logical_and(rows, arc)
+    return out
 
 
-def check_rows(program: Program, hole: FlangeHole, level: int) -> Array:
+def check_rows(program: Program, hole: FlangeHole, level: int) -> IntArray:
     """Returns the 39 equally spaced targets of a level's slot: indices (39,) into the program.
 
     Raises:
@@ -140,8 +144,7 @@ def check_rows(program: Program, hole: FlangeHole, level: int) -> Array:
             f"expected {_LINES + 1}.",
             hint="use the program hole_program wrote for this hole, before compensation.",
         )
-    out: Array = found[: CHECKS * 4 : 4]
-    return out
+    return np.asarray(found[: CHECKS * 4 : 4], dtype=np.int64)
 
 
 def _rows(program: Program, hole: FlangeHole, radius: float, level: int) -> BoolArray:

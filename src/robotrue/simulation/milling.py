@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robotrue.core.arrays import Array
+from robotrue.core.arrays import Array, IntArray
 from robotrue.core.units import MM
 from robotrue.errors import ReachError
 from robotrue.program.program import Program
@@ -23,7 +23,7 @@ WALL_STEP = 2.0 * MM
 
 
 def dry_run(
-    cell: VirtualCell, wanted: Program, driven: Program, rows: Array, *, campaign: int
+    cell: VirtualCell, wanted: Program, driven: Program, rows: IntArray, *, campaign: int
 ) -> Array:
     """Returns the measured error (m, 3) m in base of the tool point at some targets, no force.
 

@@ -1,0 +1,165 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from robotrue.core.poses import inverse
+from robotrue.core.units import MM, UM
+from robotrue.errors import ConfigurationError, FormatError, ShapeError
+from robotrue.program.formats import dialect
+from robotrue.program.program import FrameTable, Motion
+from robotrue.simulation.commanded_path import commanded_path, feed_directions, target_poses
+from robotrue.simulation.cutting import SIDE, SLOT, Cut, cutting_wrench, mean_force
+from robotrue.simulation.flange_hole import (
+    FlangeHole,
+    check_rows,
+    hole_program,
+    side_rows,
+    slot_rows,
+    to_part,
+)
+from robotrue.simulation.hole_contour import evaluate_hole, fit_cylinder
+from robotrue.simulation.milling import dry_run, mill_hole
+from robotrue.simulation.presets import deng2022
+
+
+def wall(centre, radius, *, slope=(0.0, 0.0), n=90):
+    turn = np.linspace(0.0, 2.0 * np.pi, n, endpoint=False)
+    levels = [0.0, -0.01, -0.03]
+    return np.concatenate(
+        [
+            np.column_stack(
+                [
+                    centre[0] + slope[0] * z + radius * np.cos(turn),
+                    centre[1] + slope[1] * z + radius * np.sin(turn),
+                    np.full(n, z),
+                ]
+            )
+            for z in levels
+        ]
+    )
+
+
+def test_a_perfect_hole_has_no_error():
+    result = evaluate_hole(wall((0.15, 0.15), 0.105), centre=np.array([0.15, 0.15]), radius=0.105)
+    assert result.position < 1e-13
+    assert np.abs(result.contour).max() < 1e-13
+    assert np.abs(result.deviation).max() < 1e-13
+
+
+def test_a_shifted_and_wide_hole_is_told_apart():
+    points = wall((0.15 + 0.144 * MM, 0.15 - 0.298 * MM), 0.105 + 0.2 * MM)
+    result = evaluate_hole(points, centre=np.array([0.15, 0.15]), radius=0.105)
+    np.testing.assert_allclose(result.position_error / MM, [0.144, -0.298], atol=1e-9)
+    assert result.position / MM == pytest.approx(0.331, abs=5e-4)  # Table 11
+    np.testing.assert_allclose(result.contour / MM, 0.2, atol=1e-9)
+    assert np.abs(result.form).max() < 1e-12
+
+
+def test_an_oval_hole_has_the_form_of_its_oval():
+    turn = np.linspace(0.0, 2.0 * np.pi, 360, endpoint=False)
+    radius = 0.105 + 0.05 * MM * np.cos(2.0 * turn)
+    flat = np.column_stack([radius * np.cos(turn), radius * np.sin(turn)])
+    points = np.concatenate([np.column_stack([flat, np.full(360, z)]) for z in (0.0, -0.03)])
+    result = evaluate_hole(points, centre=np.zeros(2), radius=0.105)
+    assert np.abs(result.form).max() / MM == pytest.approx(0.05, abs=1e-4)
+    assert result.position / UM < 0.01
+
+
+def test_the_axis_is_read_at_the_top_face():
+    points = wall((0.0, 0.0), 0.105)
+    leaning = points + np.outer(points[:, 2], [0.01, 0.0, 0.0])
+    fit = fit_cylinder(leaning)
+    assert fit.slope[0] == pytest.approx(0.01, abs=1e-3)
+    assert np.linalg.norm(fit.centre) < 2 * UM
+    with pytest.raises(ShapeError, match="5 points"):
+        fit_cylinder(points[:5])
+
+
+@pytest.fixture(scope="module")
+def cell():
+    return deng2022(1)
+
+
+@pytest.fixture(scope="module")
+def hole():
+    return FlangeHole(depth=3 * MM)
+
+
+@pytest.fixture(scope="module")
+def program(cell, hole):
+    data = hole_program(hole, cell.known.robot)
+    return dialect("krl").read(data, name="hole.src", frames=FrameTable())
+
+
+def test_the_written_krl_is_read_back(program, hole, cell):
+    assert not program.notes
+    np.testing.assert_allclose(program.T_flange_tool[-1], cell.known.robot.T_flange_tool, atol=1e-7)
+    poses = target_poses(program)
+    cartesian = np.isfinite(program.position).all(axis=1)
+    assert cartesian.sum() == len(program) - 1  # one axis target to start from
+    np.testing.assert_allclose(poses[cartesian][:, 2, 2], -1.0, atol=1e-9)  # tool straight down
+    for level in (1, 2, 3):
+        assert slot_rows(program, hole, level).sum() == 157
+        assert side_rows(program, hole, level).sum() == 16
+
+
+def test_the_39_checks_are_equally_spaced_on_the_slot(program, hole):
+    rows = check_rows(program, hole, 2)
+    assert len(rows) == 39
+    flat = program.position[rows, :2] - hole.centre
+    step = np.diff(np.unwrap(np.arctan2(flat[:, 1], flat[:, 0])))
+    np.testing.assert_allclose(step, 2.0 * np.pi / 39, atol=1e-5)
+    with pytest.raises(ConfigurationError, match="level 9"):
+        check_rows(program, hole, 9)
+
+
+def test_the_commanded_side_pass_is_a_circle(program, hole):
+    path = commanded_path(program, side_rows(program, hole, 1), 1 * MM)
+    local = to_part(hole, path[:, :3, 3])
+    radius = np.linalg.norm(local[:, :2] - hole.centre, axis=1)
+    np.testing.assert_allclose(radius, hole.side_radius, atol=0.2 * UM)  # four decimals of a mm
+    turn = np.unwrap(np.arctan2(*(local[:, :2] - hole.centre).T[::-1]))
+    assert (np.diff(turn) > 0.0).all()  # counter-clockwise
+    assert turn[-1] - turn[0] == pytest.approx(2.0 * np.pi, abs=0.02)
+    along = feed_directions(path)
+    inward = np.cross([0.0, 0.0, 1.0], along)
+    outward = (local - [*hole.centre, 0.0]) @ inverse(hole.T_base_part)[:3, :3]
+    assert (np.sum(inward * outward, axis=1) < 0.0).all()
+
+
+def test_a_joint_move_cannot_be_followed(program):
+    rows = np.zeros(len(program), dtype=bool)
+    rows[np.flatnonzero(program.motion == Motion.PTP)[0]] = True
+    with pytest.raises(FormatError, match="PTP"):
+        commanded_path(program, rows, 1 * MM)
+
+
+def test_an_exact_arm_mills_the_nominal_hole(program, hole):
+    perfect = deng2022(1, exact=True, level=0.0, repeatability=0.0)
+    from dataclasses import replace
+
+    arm = replace(perfect.robot, actual=perfect.robot.nominal)
+    result = mill_hole(replace(perfect, robot=arm), hole, program, program, campaign=0)
+    assert result.position < 2 * UM
+    assert np.abs(result.form).mean() < 25 * UM  # the tracker's noise on single points
+
+
+def test_the_uncompensated_arm_misses_as_the_papers_did(cell, hole, program):
+    rows = check_rows(program, hole, 2)
+    error = np.linalg.norm(dry_run(cell, program, program, rows, campaign=1), axis=1) / MM
+    assert 0.8 < error.mean() < 2.2  # Table 9: 1.459
+    result = mill_hole(cell, hole, program, program, campaign=2)
+    assert result.position > 0.3 * MM
+
+
+def test_slot_force_is_the_closed_form():
+    force = mean_force(SLOT)
+    chip = SLOT.teeth * SLOT.depth * SLOT.feed_per_tooth
+    np.testing.assert_allclose(force[:2], [-chip / 4 * 240e6, chip / 4 * 800e6])
+    assert SIDE.feed == pytest.approx(0.015)
+    assert np.linalg.norm(mean_force(SIDE)) < np.linalg.norm(force)
+    wrench = cutting_wrench(SLOT, np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 0.0, 1.0]]))
+    np.testing.assert_allclose(wrench[0, :3], force)  # feed x, left y, up z
+    with pytest.raises(ConfigurationError, match="width of cut"):
+        Cut(spindle=1.0, teeth=3, feed_per_tooth=1e-4, depth=1e-3, width=0.02, diameter=0.01)

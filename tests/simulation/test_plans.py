@@ -1,0 +1,54 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from robotrue.core.units import DEG, MM
+from robotrue.errors import ReachError
+from robotrue.robot.forward import forward
+from robotrue.simulation.plans import SUB_SPACES, Region, paper_plan, random_joints
+from robotrue.simulation.presets import deng2022
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return deng2022(1, exact=True).known.measured_robot
+
+
+def test_the_papers_plan_has_its_counts_and_ranges(robot):
+    plan = paper_plan(robot, 1)
+    counts = [len(plan.source), len(plan.target), len(plan.validation), len(plan.check)]
+    assert counts == [126, 80, 378, 50]  # Table 7
+    assert np.bincount(plan.sub_space).tolist() == [16] * 5
+    for joints, low, high in ((plan.source, -40, -30), (plan.validation, -20, 20)):
+        x, y, z = forward(robot, joints)[:, :3, 3].T
+        angle = np.arctan2(y, x) / DEG
+        assert angle.min() == pytest.approx(low)
+        assert angle.max() == pytest.approx(high)
+        assert np.hypot(x, y).max() == pytest.approx(1400 * MM)
+        assert (z.min(), z.max()) == pytest.approx((700 * MM, 1200 * MM))
+
+
+def test_target_poses_lie_in_their_sub_space(robot):
+    plan = paper_plan(robot, 2)
+    x, y, _ = forward(robot, plan.target)[:, :3, 3].T
+    low, high = np.array(SUB_SPACES)[plan.sub_space].T
+    angle = np.arctan2(y, x) / DEG
+    assert ((angle > low - 1e-9) & (angle < high + 1e-9)).all()
+
+
+def test_random_postures_repeat_by_seed_and_keep_the_limits(robot):
+    q = random_joints(robot, 200, seed=5)
+    np.testing.assert_array_equal(q, random_joints(robot, 200, seed=5))
+    assert np.abs(q - random_joints(robot, 200, seed=6)).max() > 0.1
+    assert ((q >= robot.limits[:, 0]) & (q <= robot.limits[:, 1])).all()
+
+
+def test_a_region_out_of_reach_is_refused(robot):
+    far = Region(radius=(3.0, 4.0))
+    with pytest.raises(ReachError, match="only 0 of"):
+        random_joints(robot, 10, seed=1, region=far)
+    with pytest.raises(ReachError, match="out of reach"):
+        paper_plan(replace(robot, a=0.5 * robot.a), 1)
