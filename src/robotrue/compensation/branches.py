@@ -1,0 +1,235 @@
+"""Kernels that choose the nominal joints of a target: closed form where the arm allows it.
+
+Source of the closed form: Brandstoetter, Angerer, Hofbaur 2014, eq. 1-16, with the parameters of
+:class:`robotrue.robot.opw.OpwGeometry`.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from robotrue.compensation.compiled import EXACT, compiled
+from robotrue.compensation.kernels import chain, invert6, jacobian, mix
+from robotrue.compensation.pack import Pack
+from robotrue.core.arrays import Array, IntArray
+
+TURN = 2.0 * math.pi
+NEAR = 0.3  # rad: a step so small cannot lead to another branch
+OUTSIDE = 1e6  # rad^2 added to the distance of a solution beyond a joint limit
+NO_ARRAY = np.empty((0, 4))
+
+
+@compiled(EXACT)
+def place(pose: Array, row: Array, out: Array) -> None:
+    """Writes the product of two poses (12,)."""
+    for i in range(3):
+        a, b, c = pose[3 * i], pose[3 * i + 1], pose[3 * i + 2]
+        for j in range(3):
+            out[3 * i + j] = a * row[j] + b * row[3 + j] + c * row[6 + j]
+        out[9 + i] = pose[9 + i] + a * row[9] + b * row[10] + c * row[11]
+
+
+@compiled(EXACT)
+def closed_branch(
+    g: Array, hand: Array, shoulder: int, elbow: int, flip: int, turn4: float, out: Array
+) -> bool:
+    """Writes theta_opw (6,) rad of one of the eight branches; False if it does not exist.
+
+    Args:
+        g: (7,) a1, a2, b, c1, c2, c3, c4 in m.
+        hand: (12,) wrist flange in base, z along axis 6.
+        shoulder: +1 facing the target, -1 reaching over the back.
+        elbow: +1 or -1, the two sides of the elbow.
+        flip: +1 or -1, sign of theta 5.
+        turn4: rad, theta 4 to take where the wrist is stretched and only theta 4 + 6 exists.
+        out: (6,) written.
+    """
+    cx = hand[9] - g[6] * hand[2]
+    cy = hand[10] - g[6] * hand[5]
+    cz = hand[11] - g[6] * hand[8]
+    squared = cx * cx + cy * cy - g[2] * g[2]
+    if squared < 0.0:
+        return False
+    ahead = shoulder * math.sqrt(squared)
+    out[0] = math.atan2(cy, cx) - math.atan2(g[2], ahead)
+    nx, nz = ahead - g[0], cz - g[3]
+    fore2 = g[1] * g[1] + g[5] * g[5]
+    s2 = nx * nx + nz * nz
+    fore, s = math.sqrt(fore2), math.sqrt(s2)
+    at_shoulder = (s2 + g[4] * g[4] - fore2) / (2.0 * s * g[4])
+    at_elbow = (s2 - g[4] * g[4] - fore2) / (2.0 * g[4] * fore)
+    if not (abs(at_shoulder) < 1.0 + 1e-12 and abs(at_elbow) < 1.0 + 1e-12):
+        return False
+    bend = math.acos(min(1.0, max(-1.0, at_elbow)))
+    lift = math.acos(min(1.0, max(-1.0, at_shoulder)))
+    out[1] = math.atan2(nx, nz) - elbow * lift
+    out[2] = elbow * bend - math.atan2(g[1], g[5])
+    c1, s1 = math.cos(out[0]), math.sin(out[0])
+    c23, s23 = math.cos(out[1] + out[2]), math.sin(out[1] + out[2])
+    # Rows of (Rz(theta1) Ry(theta2 + theta3))^T times the columns of the hand.
+    m13 = c23 * (c1 * hand[2] + s1 * hand[5]) - s23 * hand[8]
+    m23 = c1 * hand[5] - s1 * hand[2]
+    m33 = s23 * (c1 * hand[2] + s1 * hand[5]) + c23 * hand[8]
+    m31 = s23 * (c1 * hand[0] + s1 * hand[3]) + c23 * hand[6]
+    m32 = s23 * (c1 * hand[1] + s1 * hand[4]) + c23 * hand[7]
+    sine5 = math.sqrt(m13 * m13 + m23 * m23)
+    out[4] = math.atan2(flip * sine5, m33)
+    if sine5 > 1e-9:
+        out[3] = math.atan2(flip * m23, flip * m13)
+        out[5] = math.atan2(flip * m32, -flip * m31)
+    else:
+        m11 = c23 * (c1 * hand[0] + s1 * hand[3]) - s23 * hand[6]
+        m21 = c1 * hand[3] - s1 * hand[0]
+        total = math.atan2(m21, m11)  # theta 4 + theta 6 with theta 5 = 0
+        out[3] = turn4
+        out[5] = total - turn4 if m33 > 0.0 else math.atan2(-m21, -m11) + turn4
+    return True
+
+
+@compiled(EXACT)
+def _to_joints(p: Pack, theta: Array, near: Array, settle: bool, out: Array) -> float:
+    """Writes q (6,) rad at the turn nearest to ``near``; returns its squared distance, rad^2.
+
+    With ``settle`` a joint beyond its limit may take another turn, and a solution that stays
+    beyond is ranked behind all others.
+    """
+    for i in range(6):
+        out[i] = p.opw_sign[i] * (theta[i] - p.opw_offset[i])
+    if p.coupled:
+        mix(p.uncoupling, out)
+    distance = 0.0
+    for i in range(6):
+        q = out[i] + TURN * math.floor((near[i] - out[i]) / TURN + 0.5)
+        if settle:
+            low, high = p.limits[i, 0], p.limits[i, 1]
+            if q > high and q - TURN >= low:
+                q -= TURN
+            elif q < low and q + TURN <= high:
+                q += TURN
+            if q > high or q < low:
+                distance += OUTSIDE
+        out[i] = q
+        distance += (q - near[i]) * (q - near[i])
+    return distance
+
+
+@compiled(EXACT)
+def closed_joints(
+    p: Pack, tool: int, target: Array, near: Array, settle: bool, branch: IntArray,
+    theta: Array, trial: Array, hand: Array, out: Array,
+) -> bool:  # fmt: skip
+    """Writes the nominal joints (6,) rad nearest to ``near``; False where there are none.
+
+    Args:
+        p: The arm.
+        tool: Index of the tool.
+        target: (12,) tool pose in base.
+        near: (6,) rad.
+        settle: The turns may be chosen anew to stay within the joint limits.
+        branch: (3,) shoulder, elbow, flip of the target before, 0 unknown; renewed.
+        theta: (6,) work.
+        trial: (6,) work.
+        hand: (12,) work.
+        out: (6,) rad, written.
+    """
+    place(target, p.opw_end[tool], hand)
+    turn4 = p.opw_sign[3] * near[3] + p.opw_offset[3]
+    if (
+        branch[0] != 0
+        and not settle
+        and closed_branch(p.opw, hand, branch[0], branch[1], branch[2], turn4, theta)
+    ):
+        _to_joints(p, theta, near, False, out)
+        widest = 0.0
+        for i in range(6):
+            widest = max(widest, abs(out[i] - near[i]))
+        if widest < NEAR:
+            return True
+    best = np.inf
+    for code in range(8):
+        shoulder, elbow, flip = 1 - 2 * (code & 1), 1 - (code & 2), 1 - (code & 4) // 2
+        if closed_branch(p.opw, hand, shoulder, elbow, flip, turn4, theta):
+            distance = _to_joints(p, theta, near, settle, trial)
+            if distance < best - 1e-12:
+                best = distance
+                branch[0], branch[1], branch[2] = shoulder, elbow, flip
+                out[:] = trial
+    return best < np.inf
+
+
+@compiled(EXACT)
+def iterated_joints(
+    p: Pack, tool: int, target: Array, near: Array, work: Array, matrix: Array, out: Array
+) -> bool:
+    """Writes nominal joints (6,) rad by Newton from ``near``; False if it does not arrive.
+
+    For arms without a closed form here. Steps are held under 0.3 rad, so it stays on the branch.
+
+    Args:
+        p: The arm.
+        tool: Index of the tool.
+        target: (12,) tool pose in base.
+        near: (6,) rad.
+        work: (8, 18) work.
+        matrix: (3, 6, 6) work.
+        out: (6,) rad, written.
+    """
+    sine, cosine, step, pose = work[0, :6], work[1, :6], work[2, :6], work[3, :12]
+    axis, origin = work[4].reshape(6, 3), work[5].reshape(6, 3)
+    out[:] = near
+    for _ in range(40):
+        for i in range(6):
+            step[i] = out[i]
+        if p.coupled:
+            mix(p.coupling, step)
+        for i in range(6):
+            sine[i], cosine[i] = math.sin(step[i] + p.zero[i]), math.cos(step[i] + p.zero[i])
+        chain(
+            p.nominal, p.nominal_end[tool], sine, cosine, p.com[:0], axis, origin, axis,
+            p.flange, p.flange, pose,
+        )  # fmt: skip
+        miss, twist = deviation(pose, target, step)
+        if miss < 1e-12 and twist < 1e-12:
+            return True
+        jacobian(p, axis, origin, pose, matrix[0])
+        if not invert6(matrix[0], matrix[1], matrix[2]):
+            return False
+        widest = 0.0
+        for i in range(6):
+            total = 0.0
+            for k in range(6):
+                total += matrix[2, i, k] * (step[k] / p.length if k < 3 else step[k])
+            sine[i] = total
+            widest = max(widest, abs(total))
+        damp = min(1.0, 0.3 / widest) if widest > 0.0 else 1.0
+        for i in range(6):
+            out[i] -= damp * sine[i]
+        if widest < 1e-13:
+            return miss < 1e-9 and twist < 1e-9
+    return miss < 1e-9 and twist < 1e-9
+
+
+@compiled(EXACT)
+def deviation(pose: Array, target: Array, out: Array) -> tuple[float, float]:
+    """Writes pose minus target as (6,) m, sine of the rotation vector; returns both lengths."""
+    for i in range(3):
+        out[i] = pose[9 + i] - target[9 + i]
+    x = y = z = 0.0
+    for j in range(3):
+        x += pose[6 + j] * target[3 + j] - pose[3 + j] * target[6 + j]
+        y += pose[j] * target[6 + j] - pose[6 + j] * target[j]
+        z += pose[3 + j] * target[j] - pose[j] * target[3 + j]
+    trace = 0.0
+    for j in range(9):
+        trace += pose[j] * target[j]
+    out[3], out[4], out[5] = 0.5 * x, 0.5 * y, 0.5 * z
+    turn = 0.5 * math.sqrt(x * x + y * y + z * z)
+    if trace < 1.0:  # more than a quarter turn: keep the step long enough to get there
+        scale = math.atan2(turn, 0.5 * (trace - 1.0)) / max(turn, 1e-6)
+        out[3] *= scale
+        out[4] *= scale
+        out[5] *= scale
+        turn *= scale
+    return math.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2]), turn

@@ -1,0 +1,154 @@
+"""A program whose targets are moved so that the actual tool lands where they were.
+
+Per target: the nominal inverse picks the branch, Newton on the calibrated, loaded arm finds the
+joints at which the *actual* tool stands on the target, and the nominal pose at those joints is what
+the controller must be told. Arcs stay arcs and lines stay lines: targets move, none are added.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.tables import rigid_tables
+from robotrue.compensation.chunks import Outcome, empty_outcome, solve_chunks
+from robotrue.compensation.pack import pack_tables
+from robotrue.compensation.plan import Plan, lay_out, new_words
+from robotrue.compensation.predicted import by_prediction, covariances
+from robotrue.compensation.result import Compensation, line_list
+from robotrue.compensation.settings import CompensationSettings
+from robotrue.compensation.status import Route, Status
+from robotrue.core.arrays import Array
+from robotrue.core.poses import pose
+from robotrue.core.units import UM
+from robotrue.program.program import Program, Replacement
+from robotrue.robot.inverse_numeric import solve_global
+from robotrue.robot.model import RobotModel
+
+SAME_TOOL = 1e-9  # m and rad by which a program's tool may differ from the measured one
+
+
+def compensate(
+    model: ErrorModel, program: Program, *, settings: CompensationSettings | None = None
+) -> Compensation:
+    """Returns the targets to command so that the actual tool lands on those of the program.
+
+    The result depends on the order of the targets only through the arm's configuration and, with
+    backlash, through the direction each joint comes from. Targets that cannot be compensated keep
+    their values and say why in their status.
+
+    Args:
+        model: Error of the robot. Where it has :meth:`~ErrorModel.mean_tables` the compiled route
+            is taken, else Newton on its predictions.
+        program: Targets in work frames and with tools that the reader has resolved.
+        settings: Load, guards and tolerances.
+
+    Raises:
+        ConfigurationError: The arm has not six joints, or the load does not fit the program.
+        ModelMismatchError: Axis targets of another arm.
+
+    Fails when: the controller corrects absolute accuracy itself; the correction is then made twice.
+    """
+    settings = settings or CompensationSettings()
+    load = settings.load_for(len(program))
+    robot = model.robot.nominal()
+    measured = np.array(
+        [
+            np.allclose(t, robot.T_flange_tool, rtol=0.0, atol=SAME_TOOL)
+            for t in program.T_flange_tool
+        ]
+    )
+    tables = model.mean_tables(load)
+    pack = pack_tables(tables or rigid_tables(robot), program.T_flange_tool, measured)
+    plan = lay_out(robot, program, settings)
+    outcome = empty_outcome(program, plan, covariance=settings.covariance)
+    turn_known = True
+    search = partial(_search, robot, program)
+    for part in solve_chunks(pack, program, plan, settings, load, outcome, search):
+        if tables is None:
+            turn_known &= by_prediction(
+                model, robot, program, plan, settings, load, measured, outcome, part
+            )
+        if settings.covariance:
+            covariances(model, program, load, measured, outcome, part)
+    notes = list(plan.notes)
+    if not turn_known:
+        notes.append(
+            "the model knows no rotation error at some targets; their rotation was kept as nominal."
+        )
+    return _result(robot, program, plan, settings, outcome, notes)
+
+
+def _search(robot: RobotModel, program: Program, row: int, near: Array) -> Array | None:
+    """Returns nominal joints (6,) rad of a target by search from many postures, or None."""
+    tool = robot.with_tool(program.T_flange_tool[program.tool[row]])
+    T_frame_tool = pose(program.rotation[row], program.position[row])
+    T_base_tool = program.T_base_frame[program.frame[row]] @ T_frame_tool
+    found = solve_global(tool, T_base_tool[None], near=near)
+    return found.joints[0] if found.converged[0] else None
+
+
+def _result(
+    robot: RobotModel,
+    program: Program,
+    plan: Plan,
+    settings: CompensationSettings,
+    outcome: Outcome,
+    notes: list[str],
+) -> Compensation:
+    n = len(program)
+    changed = outcome.status == Status.COMPENSATED
+    status, turn = np.full(n, -1, dtype=np.int64), np.full(n, -1, dtype=np.int64)
+    worded = plan.worded[changed[plan.worded]]
+    if len(worded):
+        words = new_words(robot, program, worded, outcome.joints[worded])
+        status[worded], turn[worded] = words[0], words[1]
+        notes.extend(words[2])
+    axes = program.axes
+    moved = np.flatnonzero(changed & (plan.route == Route.AXES))
+    if len(moved) and robot.controller is not None:
+        axes = np.array(program.axes)
+        axes[moved] = robot.controller.to_controller(outcome.joints[moved])
+    notes.extend(_notes(program, settings, outcome))
+    return Compensation(
+        replacement=Replacement(
+            changed=changed,
+            position=outcome.position,
+            rotation=outcome.rotation.reshape(n, 3, 3),
+            axes=axes,
+            status=status,
+            turn=turn,
+        ),
+        status=outcome.status,
+        predicted_error_before=outcome.before,
+        predicted_error_after=outcome.after,
+        shift=outcome.shift,
+        turn=outcome.turn,
+        joints=outcome.joints,
+        covariance=outcome.covariance,
+        singular_value=outcome.singular,
+        notes=tuple(notes),
+    )
+
+
+def _notes(program: Program, settings: CompensationSettings, outcome: Outcome) -> list[str]:
+    """Returns one sentence for each status that means a target was left alone, and for doubts."""
+    notes = []
+    for status in Status:
+        if status in (Status.COMPENSATED, Status.UNCHANGED_NO_ERROR, Status.UNCHANGED_AXIS_TARGET):
+            continue
+        rows = np.flatnonzero(outcome.status == status)
+        if len(rows):
+            notes.append(f"{line_list(program, rows)}: unchanged, {status.explanation}.")
+    if len(outcome.covariance):
+        sigma = np.sqrt(np.trace(outcome.covariance, axis1=1, axis2=2))
+        rows = np.flatnonzero(sigma > settings.max_sigma)
+        if len(rows):
+            notes.append(
+                f"{line_list(program, rows)}: outside what the calibration knows, predicted to "
+                f"{np.nanmax(sigma) / UM:.0f} um (1 sigma) where {settings.max_sigma / UM:.0f} um "
+                "is allowed; measure poses there."
+            )
+    return notes

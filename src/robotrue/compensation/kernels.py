@@ -1,0 +1,282 @@
+"""Scalar kernels: the calibrated arm and its inversion, about a microsecond per target.
+
+The formulae are those of :mod:`robotrue.robot.forward`, :mod:`robotrue.robot.statics` and
+:mod:`robotrue.calibration.tables`; the tests hold them to a nanometre against each other.
+All arguments are SI, base frame; a pose is twelve numbers, rotation row by row, then position.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from robotrue.compensation.compiled import EXACT, SUMS, compiled
+from robotrue.compensation.pack import Pack
+from robotrue.core.arrays import Array
+
+LOG2E = 1.0 / math.log(2.0)
+LN2_HIGH = float.fromhex("0x1.62e42fee00000p-1")
+LN2_LOW = float.fromhex("0x1.a39ef35793c76p-33")
+ROUND = 6755399441055744.0  # 1.5 * 2**52: adding it leaves the nearest integer in the low bits
+
+
+@compiled(EXACT)
+def turn_sincos(
+    sine: Array, cosine: Array, angle: Array, out_sine: Array, out_cosine: Array
+) -> None:
+    """Writes sin and cos of (x + angle) from those of x; small angles by series."""
+    for i in range(6):
+        a = angle[i]
+        a2 = a * a
+        if a2 < 4e-4:
+            s = a * (1.0 - a2 / 6.0 * (1.0 - a2 / 20.0 * (1.0 - a2 / 42.0)))
+            c = 1.0 - a2 / 2.0 * (1.0 - a2 / 12.0 * (1.0 - a2 / 30.0 * (1.0 - a2 / 56.0)))
+        else:
+            s = math.sin(a)
+            c = math.cos(a)
+        out_sine[i] = sine[i] * c + cosine[i] * s
+        out_cosine[i] = cosine[i] * c - sine[i] * s
+
+
+@compiled(EXACT)
+def chain(
+    links: Array, end: Array, sine: Array, cosine: Array, com: Array,
+    axis: Array, origin: Array, moment: Array, flange: Array, last: Array, out: Array,
+) -> None:  # fmt: skip
+    """Walks C_0 Rz C_1 ... Rz C_6: pose of the tool, joint axes, and first moments of the links.
+
+    Args:
+        links: (6, 12) C_0..C_5.
+        end: (12,) C_6.
+        sine: (6,) of theta.
+        cosine: (6,) of theta.
+        com: (6, 4) first moment and mass per link; an empty array leaves moments alone.
+        axis: (6, 3), written.
+        origin: (6, 3) m, written.
+        moment: (6, 3) kg m, written.
+        flange: (3,) m, point behind joint 6 to place; with ``last`` (3,) where it goes.
+        last: (3,) m, written.
+        out: (12,) written.
+    """
+    c = links[0]
+    x0, x1, x2 = c[0], c[3], c[6]
+    y0, y1, y2 = c[1], c[4], c[7]
+    z0, z1, z2 = c[2], c[5], c[8]
+    p0, p1, p2 = c[9], c[10], c[11]
+    weigh = com.shape[0] > 0
+    for i in range(6):
+        axis[i, 0], axis[i, 1], axis[i, 2] = z0, z1, z2
+        origin[i, 0], origin[i, 1], origin[i, 2] = p0, p1, p2
+        s, k = sine[i], cosine[i]
+        t0, t1, t2 = k * x0 + s * y0, k * x1 + s * y1, k * x2 + s * y2
+        y0, y1, y2 = k * y0 - s * x0, k * y1 - s * x1, k * y2 - s * x2
+        x0, x1, x2 = t0, t1, t2
+        if weigh:
+            m = com[i]
+            moment[i, 0] = m[3] * p0 + x0 * m[0] + y0 * m[1] + z0 * m[2]
+            moment[i, 1] = m[3] * p1 + x1 * m[0] + y1 * m[1] + z1 * m[2]
+            moment[i, 2] = m[3] * p2 + x2 * m[0] + y2 * m[1] + z2 * m[2]
+            if i == 5:
+                f0, f1, f2 = flange[0], flange[1], flange[2]
+                last[0] = p0 + x0 * f0 + y0 * f1 + z0 * f2
+                last[1] = p1 + x1 * f0 + y1 * f1 + z1 * f2
+                last[2] = p2 + x2 * f0 + y2 * f1 + z2 * f2
+        c = links[i + 1] if i < 5 else end
+        p0 += x0 * c[9] + y0 * c[10] + z0 * c[11]
+        p1 += x1 * c[9] + y1 * c[10] + z1 * c[11]
+        p2 += x2 * c[9] + y2 * c[10] + z2 * c[11]
+        u0, v0 = x0 * c[0] + y0 * c[3] + z0 * c[6], x0 * c[1] + y0 * c[4] + z0 * c[7]
+        z0 = x0 * c[2] + y0 * c[5] + z0 * c[8]
+        u1, v1 = x1 * c[0] + y1 * c[3] + z1 * c[6], x1 * c[1] + y1 * c[4] + z1 * c[7]
+        z1 = x1 * c[2] + y1 * c[5] + z1 * c[8]
+        u2, v2 = x2 * c[0] + y2 * c[3] + z2 * c[6], x2 * c[1] + y2 * c[4] + z2 * c[7]
+        z2 = x2 * c[2] + y2 * c[5] + z2 * c[8]
+        x0, x1, x2, y0, y1, y2 = u0, u1, u2, v0, v1, v2
+    out[0], out[1], out[2] = x0, y0, z0
+    out[3], out[4], out[5] = x1, y1, z1
+    out[6], out[7], out[8] = x2, y2, z2
+    out[9], out[10], out[11] = p0, p1, p2
+
+
+@compiled(EXACT)
+def joint_torque(
+    axis: Array, origin: Array, moment: Array, mass_out: Array, gravity: Array,
+    payload: float, centre: Array, wrench: Array, point: Array, out: Array,
+) -> None:  # fmt: skip
+    """Writes the torque (6,) N m of link weights, payload and wrench about the joint axes."""
+    g0, g1, g2 = gravity[0], gravity[1], gravity[2]
+    m0, m1, m2 = payload * centre[0], payload * centre[1], payload * centre[2]
+    w0, w1, w2 = wrench[0], wrench[1], wrench[2]
+    p0, p1, p2 = point[9], point[10], point[11]
+    n0 = p1 * w2 - p2 * w1 + wrench[3]
+    n1 = p2 * w0 - p0 * w2 + wrench[4]
+    n2 = p0 * w1 - p1 * w0 + wrench[5]
+    for j in range(6):
+        i = 5 - j
+        m0 += moment[i, 0]
+        m1 += moment[i, 1]
+        m2 += moment[i, 2]
+        mass = mass_out[i] + payload
+        f0, f1, f2 = mass * g0 + w0, mass * g1 + w1, mass * g2 + w2
+        o0, o1, o2 = origin[i, 0], origin[i, 1], origin[i, 2]
+        t0 = m1 * g2 - m2 * g1 + n0 - (o1 * f2 - o2 * f1)
+        t1 = m2 * g0 - m0 * g2 + n1 - (o2 * f0 - o0 * f2)
+        t2 = m0 * g1 - m1 * g0 + n2 - (o0 * f1 - o1 * f0)
+        out[i] = axis[i, 0] * t0 + axis[i, 1] * t1 + axis[i, 2] * t2
+
+
+@compiled(EXACT)
+def ripple(p: Pack, joints: Array, sine: Array, cosine: Array, work: Array, out: Array) -> None:
+    """Adds A_k sin(N_k q) + B_k cos(N_k q) to ``out`` (6,) rad.
+
+    Consecutive harmonics by Clenshaw's recurrence, all twelve sums abreast; ``work`` is (3, 12).
+    """
+    count = p.ripple.shape[0]
+    if count == 0:
+        return
+    if not p.consecutive:
+        for i in range(6):
+            total = 0.0
+            for k in range(count):
+                angle = p.harmonics[k] * joints[i]
+                total += p.ripple[k, i] * math.sin(angle) + p.ripple[k, i + 6] * math.cos(angle)
+            out[i] += total
+        return
+    one, two, twice = work[0], work[1], work[2]
+    for i in range(6):
+        twice[i] = 2.0 * cosine[i]
+        twice[i + 6] = 2.0 * cosine[i]
+    one[:] = 0.0
+    two[:] = 0.0
+    for j in range(count):
+        row = p.ripple[count - 1 - j]
+        for i in range(12):
+            fresh = row[i] + twice[i] * one[i] - two[i]
+            two[i] = one[i]
+            one[i] = fresh
+    for i in range(6):
+        out[i] += sine[i] * one[i] + cosine[i] * one[i + 6] - two[i + 6]
+
+
+@compiled(EXACT)
+def _bumps(p: Pack, sine: Array, cosine: Array, whole: Array, value: Array) -> None:
+    """Writes exp(-|s - C_m|^2 / 2) to ``value`` (m,), in vector registers; |error| < 1e-14."""
+    s, c, k = sine, cosine, p.scale
+    s0, s1, s2, s3, s4, s5 = (
+        s[0] * k[0], s[1] * k[1], s[2] * k[2], s[3] * k[3], s[4] * k[4], s[5] * k[5],
+    )  # fmt: skip
+    c0, c1, c2, c3, c4, c5 = (
+        c[0] * k[6], c[1] * k[7], c[2] * k[8], c[3] * k[9], c[4] * k[10], c[5] * k[11],
+    )  # fmt: skip
+    own = -0.5 * (s0 * s0 + s1 * s1 + s2 * s2 + s3 * s3 + s4 * s4 + s5 * s5)
+    own -= 0.5 * (c0 * c0 + c1 * c1 + c2 * c2 + c3 * c3 + c4 * c4 + c5 * c5)
+    t, bias = p.centres, p.centre_bias
+    a0, a1, a2, a3, a4, a5 = t[0], t[1], t[2], t[3], t[4], t[5]
+    b0, b1, b2, b3, b4, b5 = t[6], t[7], t[8], t[9], t[10], t[11]
+    for m in range(bias.shape[0]):
+        x = bias[m] + own + s0 * a0[m] + s1 * a1[m] + s2 * a2[m] + s3 * a3[m] + s4 * a4[m]
+        x += s5 * a5[m] + c0 * b0[m] + c1 * b1[m] + c2 * b2[m] + c3 * b3[m] + c4 * b4[m]
+        x += c5 * b5[m]
+        x = x if x > -700.0 else -700.0
+        shifted = x * LOG2E + ROUND
+        power = shifted - ROUND
+        r = x - power * LN2_HIGH - power * LN2_LOW
+        e = 1.0 / 39916800.0
+        e = e * r + 1.0 / 3628800.0
+        e = e * r + 1.0 / 362880.0
+        e = e * r + 1.0 / 40320.0
+        e = e * r + 1.0 / 5040.0
+        e = e * r + 1.0 / 720.0
+        e = e * r + 1.0 / 120.0
+        e = e * r + 1.0 / 24.0
+        e = e * r + 1.0 / 6.0
+        e = e * r + 0.5
+        e = e * r + 1.0
+        value[m] = e * r + 1.0
+        whole[m] = shifted
+    exponent, bits = whole.view(np.int64), value.view(np.int64)
+    for m in range(bias.shape[0]):
+        bits[m] += exponent[m] << 52  # times 2**power: the low bits of shifted hold it
+
+
+@compiled(SUMS)
+def _weighted(weights: Array, value: Array, out: Array) -> None:
+    """Writes weights @ value (3,)."""
+    a = b = c = 0.0
+    w0, w1, w2 = weights[0], weights[1], weights[2]
+    for m in range(value.shape[0]):
+        a += w0[m] * value[m]
+        b += w1[m] * value[m]
+        c += w2[m] * value[m]
+    out[0], out[1], out[2] = a, b, c
+
+
+@compiled(EXACT)
+def smooth(p: Pack, sine: Array, cosine: Array, work: Array, out: Array) -> None:
+    """Writes the smooth residual (3,) m; ``work`` is (2, m)."""
+    if p.centre_bias.shape[0] == 0:
+        out[:] = 0.0
+        return
+    _bumps(p, sine, cosine, work[0], work[1])
+    _weighted(p.weights, work[1], out)
+
+
+@compiled(EXACT)
+def invert6(matrix: Array, work: Array, out: Array) -> bool:
+    """Writes the inverse of a 6x6 matrix (Gauss-Jordan, partial pivoting); False if singular."""
+    for i in range(6):
+        for j in range(6):
+            work[i, j] = matrix[i, j]
+            out[i, j] = 1.0 if i == j else 0.0
+    for k in range(6):
+        pivot = k
+        for i in range(k + 1, 6):
+            if abs(work[i, k]) > abs(work[pivot, k]):
+                pivot = i
+        if not abs(work[pivot, k]) > 1e-13:
+            return False
+        if pivot != k:
+            for j in range(6):
+                work[k, j], work[pivot, j] = work[pivot, j], work[k, j]
+                out[k, j], out[pivot, j] = out[pivot, j], out[k, j]
+        scale = 1.0 / work[k, k]
+        for j in range(6):
+            work[k, j] *= scale
+            out[k, j] *= scale
+        for i in range(6):
+            if i != k:
+                factor = work[i, k]
+                for j in range(6):
+                    work[i, j] -= factor * work[k, j]
+                    out[i, j] -= factor * out[k, j]
+    return True
+
+
+@compiled(EXACT)
+def jacobian(p: Pack, axis: Array, origin: Array, pose: Array, out: Array) -> None:
+    """Writes dx/dq (6, 6) of the tool point, linear rows divided by ``length``."""
+    scale = 1.0 / p.length
+    for i in range(6):
+        a0, a1, a2 = axis[i, 0], axis[i, 1], axis[i, 2]
+        r0, r1, r2 = pose[9] - origin[i, 0], pose[10] - origin[i, 1], pose[11] - origin[i, 2]
+        out[0, i] = (a1 * r2 - a2 * r1) * scale
+        out[1, i] = (a2 * r0 - a0 * r2) * scale
+        out[2, i] = (a0 * r1 - a1 * r0) * scale
+        out[3, i], out[4, i], out[5, i] = a0, a1, a2
+    if p.coupled:
+        for k in range(6):
+            mix(p.coupling.T, out[k])
+    for i in range(6):
+        gain = 1.0 + p.gear[i]
+        for k in range(6):
+            out[k, i] *= gain
+
+
+@compiled(EXACT)
+def mix(matrix: Array, vector: Array) -> None:
+    """Replaces a vector (6,) by matrix @ vector."""
+    v0, v1, v2, v3, v4, v5 = vector[0], vector[1], vector[2], vector[3], vector[4], vector[5]
+    for i in range(6):
+        m = matrix[i]
+        vector[i] = m[0] * v0 + m[1] * v1 + m[2] * v2 + m[3] * v3 + m[4] * v4 + m[5] * v5

@@ -1,0 +1,102 @@
+"""What a compensation may do, and under which load."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from robotrue.core.arrays import Array, frozen
+from robotrue.core.units import DEG
+from robotrue.errors import ConfigurationError
+from robotrue.robot.statics import NO_LOAD, Load
+
+ApproachRule: TypeAlias = Literal["path", "unknown"]
+"""``path``: the sign of each joint's last motion is that between targets; ``unknown``: none."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CompensationSettings:
+    """Load, guards and tolerances. SI.
+
+    Attributes:
+        load: Payload, and the wrench if ``wrench`` is not given; one row for the program or one
+            per target.
+        wrench: (6,) for the program or (n, 6) per target: N and N m on the tool, at the tool
+            point, in base axes. Empty takes the wrench of ``load``.
+        home: (6,) rad, where the arm is before the first target; empty is the middle of the
+            limits.
+        axis_targets: Compensate axis targets too.
+        approach: Where the sign of the last motion comes from, for backlash.
+        max_shift: m, largest correction of the position.
+        max_turn: rad, largest correction of the rotation.
+        min_shift: m and rad; a correction smaller than this is none.
+        min_singular_value: Of the Jacobian with metres divided by half the reach.
+        min_wrist_angle: rad between axes 4 and 6.
+        max_joint_step: rad a joint may turn between two targets of a straight or circular move.
+        tolerance: m left between actual tool and target.
+        turn_tolerance: rad left.
+        covariance: Also predict the covariance at every target (slower).
+        max_sigma: m; with ``covariance``, targets predicted less surely than this are noted.
+    """
+
+    load: Load = NO_LOAD
+    wrench: Array = field(default_factory=lambda: np.empty(0))
+    home: Array = field(default_factory=lambda: np.empty(0))
+    axis_targets: bool = False
+    approach: ApproachRule = "path"
+    max_shift: float = 10e-3
+    max_turn: float = 1.0 * DEG
+    min_shift: float = 1e-9
+    min_singular_value: float = 5e-3
+    min_wrist_angle: float = 0.5 * DEG
+    max_joint_step: float = 90.0 * DEG
+    tolerance: float = 1e-7
+    turn_tolerance: float = 1e-7
+    covariance: bool = False
+    max_sigma: float = 0.2e-3
+
+    def __post_init__(self) -> None:
+        """Checks that every limit is a positive number and freezes the arrays."""
+        for name in ("max_shift", "max_turn", "max_joint_step", "tolerance", "turn_tolerance"):
+            self._require_positive(name, zero=False)
+        for name in ("min_shift", "min_singular_value", "min_wrist_angle", "max_sigma"):
+            self._require_positive(name, zero=True)
+        if self.approach not in ("path", "unknown"):
+            raise ConfigurationError(f"approach {self.approach!r}, expected 'path' or 'unknown'.")
+        wrench = np.asarray(self.wrench, dtype=np.float64)
+        if wrench.size:
+            rows = frozen(np.atleast_2d(wrench), (None, 6), "wrench")
+            object.__setattr__(self, "wrench", rows)
+            if self.load.wrench.any():
+                raise ConfigurationError(
+                    "the wrench is given twice, in load and in wrench.",
+                    hint="leave it out of the load.",
+                )
+        if np.size(self.home):
+            object.__setattr__(self, "home", frozen(self.home, (6,), "home"))
+
+    def _require_positive(self, name: str, *, zero: bool) -> None:
+        value = float(getattr(self, name))
+        if not (value > 0.0 or (zero and value == 0.0)):
+            raise ConfigurationError(
+                f"{name} is {value}, expected a number {'not below' if zero else 'above'} 0."
+            )
+
+    def load_for(self, count: int) -> Load:
+        """Returns payload and wrench, checked against the number of targets.
+
+        Raises:
+            ConfigurationError: Neither one row nor one per target.
+        """
+        wrench = self.wrench if self.wrench.size else self.load.wrench
+        load = Load(mass=self.load.mass, com=self.load.com, wrench=wrench)
+        for name in ("mass", "com", "wrench"):
+            rows = len(getattr(load, name))
+            if rows not in (1, count):
+                raise ConfigurationError(
+                    f"{name} of the load has {rows} rows, the program {count} targets.",
+                    hint="give one row, or one per target in file order.",
+                )
+        return load
