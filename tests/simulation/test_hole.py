@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -137,8 +139,6 @@ def test_a_joint_move_cannot_be_followed(program):
 
 def test_an_exact_arm_mills_the_nominal_hole(program, hole):
     perfect = deng2022(1, exact=True, level=0.0, repeatability=0.0)
-    from dataclasses import replace
-
     arm = replace(perfect.robot, actual=perfect.robot.nominal)
     result = mill_hole(replace(perfect, robot=arm), hole, program, program, campaign=0)
     assert result.position < 2 * UM

@@ -15,8 +15,9 @@ import numpy as np
 from robotrue.core.arrays import Array, frozen
 from robotrue.errors import ConvergenceError, ShapeError
 
-_STEPS: Final = 30
-_TOLERANCE: Final = 1e-12
+_STEPS: Final = 50
+_TOLERANCE: Final = 1e-11  # m, and slope
+_TALL: Final = 0.1  # height over radius from which the direction of the axis is fitted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,10 +77,11 @@ def fit_cylinder(points: Array) -> Cylinder:
     """Returns the cylinder of least squared radial distance, axis within 45 deg of z.
 
     Args:
-        points: (n, 3) m, on the wall, at two heights at least.
+        points: (n, 3) m, on the wall.
 
-    Fails when: all points lie at one height (the slope is then held at zero), or on less than about
-    a third of the turn, where centre and radius trade against each other.
+    Fails when: the points span less height than a tenth of the radius; they do not tell the
+    direction of the axis, and it is held along z. Or they lie on less than about a third of the
+    turn; centre and radius then trade against each other.
 
     Raises:
         ShapeError: Fewer than six points, or not finite.
@@ -93,7 +95,7 @@ def fit_cylinder(points: Array) -> Cylinder:
     first = np.linalg.lstsq(flat, x * x + y * y, rcond=None)[0]
     values = np.array([first[0], first[1], 0.0, 0.0, 0.0])
     values[4] = np.sqrt(max(first[2] + first[0] ** 2 + first[1] ** 2, 1e-12))
-    free = 5 if np.ptp(z) > 1e-3 * values[4] else 3
+    free = 5 if np.ptp(z) > _TALL * values[4] else 3
     columns = [0, 1, 4, 2, 3][:free]
     for _ in range(_STEPS):
         residual, jacobian = _radial(points, values)

@@ -1,0 +1,284 @@
+"""``robotrue demo``: the whole job on a virtual cell, every file left behind to run again.
+
+The virtual robot is a simulation. Everything the demo prints about it says so.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+
+from robotrue.calibration.methods import METHODS, fit
+from robotrue.calibration.model import ErrorModel
+from robotrue.cell.cell import Cell
+from robotrue.cell.config import read_cell
+from robotrue.cli.calibrate import fit_settings
+from robotrue.cli.compensate import frame_table
+from robotrue.cli.console import emit_json, emit_table, progress, say
+from robotrue.cli.inputs import measured
+from robotrue.compensation.compensate import compensate
+from robotrue.compensation.result import Compensation
+from robotrue.compensation.settings import CompensationSettings
+from robotrue.core.arrays import Array
+from robotrue.core.files import write_atomic
+from robotrue.core.rotations import abc_from_matrix
+from robotrue.core.units import DEG, MM, UM
+from robotrue.measurement.formats.canonical import write_canonical
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.program.formats import read_program, write_program
+from robotrue.program.program import Program
+from robotrue.report.content import ReportContent, Table
+from robotrue.report.json import report_json
+from robotrue.report.page import report_html
+from robotrue.simulation.flange_hole import FlangeHole, check_rows, hole_program
+from robotrue.simulation.hole_contour import HoleResult
+from robotrue.simulation.milling import dry_run, mill_hole
+from robotrue.simulation.plans import VALIDATION, Region, random_joints
+from robotrue.simulation.presets import STIFFNESS, VirtualCell, deng2022
+from robotrue.simulation.virtual_tracker import measure
+from robotrue.store.model_file import write_model
+from robotrue.validation.auto import AutoFit, fit_auto
+from robotrue.validation.metrics import ErrorStatistics, error_statistics
+from robotrue.validation.validate import validate
+
+Progress: TypeAlias = Callable[[str, float], None]
+"""Told what is done next and the share of the job that is behind, 0 to 1."""
+
+CALIBRATION_POSES: Final = 80
+HELD_OUT_POSES: Final = 50
+REGION: Final = Region(turn=(20 * DEG, 20 * DEG, 40 * DEG))
+CHECK_LEVEL: Final = 15
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DemoResult:
+    """What a demo leaves behind.
+
+    Attributes:
+        folder: Where the files are.
+        page: The HTML page.
+        results: JSON values, units in the names.
+        tables: What the command prints.
+        simulated: True for the virtual cell.
+    """
+
+    folder: Path
+    page: Path
+    results: Mapping[str, Any]
+    tables: tuple[Table, ...]
+    simulated: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HoleRuns:
+    """Errors at the check targets (m, 3) m and the milled holes, before and after."""
+
+    dry_before: Array
+    dry_after: Array
+    hole_before: HoleResult
+    hole_after: HoleResult
+
+
+def run(*, out: Path, data: Path | None, seed: int, as_json: bool) -> None:
+    """Runs the demo with a bar on stderr; tables, or JSON, on stdout."""
+    with progress(total=100) as bar:
+        task = bar.task_ids[0]
+
+        def step(text: str, done: float) -> None:
+            bar.update(task, description=text, completed=100.0 * done)
+
+        if data is None:
+            result = run_demo(out, seed=seed, progress=step)
+        else:
+            from robotrue.cli.demo_data import run_demo_on_data
+
+            result = run_demo_on_data(data, out, seed=seed, progress=step)
+    if as_json:
+        emit_json(result.results)
+    else:
+        for table in result.tables:
+            columns = [f"{c.title} {c.unit}".strip() for c in table.columns]
+            emit_table(table.title, columns, [[_cell(c) for c in row] for row in table.rows])
+    say(f"page: {result.page}")
+    say(f"everything to run it again: {result.folder}")
+
+
+def run_demo(out_dir: Path, *, seed: int = 1, progress: Progress | None = None) -> DemoResult:
+    """Returns the demo on the virtual KR160: measured, calibrated, compensated, measured again.
+
+    Writes ``cell.toml``, ``calibration.csv``, ``held_out.csv``, ``flange_hole.src``,
+    ``model.robotrue``, ``flange_hole_compensated.src``, ``demo.html`` and ``results.json``.
+
+    Args:
+        out_dir: Folder, made if it is not there; files of the same names are replaced.
+        seed: Of the virtual cell and all its noise.
+        progress: Told before each step.
+
+    Raises:
+        FormatError: The folder cannot be written to.
+    """
+    from robotrue.cli.demo_page import demo_content, demo_results, demo_tables
+
+    tell = progress or (lambda text, done: None)
+    out_dir = Path(out_dir)
+    out_dir.mkdir(parents=True, exist_ok=True)
+    tell("measuring the virtual cell", 0.0)
+    virtual, hole = deng2022(seed), FlangeHole()
+    write_virtual_cell(virtual, hole, out_dir)
+    cell = read_cell(out_dir / "cell.toml")
+    training = measured(cell, [out_dir / "calibration.csv"], None)
+    chosen = calibrated(
+        cell, training, lambda text, done: tell(f"calibrating: {text}", 0.05 + 0.6 * done)
+    )
+    write_model(out_dir / "model.robotrue", chosen.model, cell)
+    tell("validating on poses the fit never saw", 0.68)
+    held_out = measured(cell, [out_dir / "held_out.csv"], None)
+    report = validate(chosen.model, held_out, payload=cell.payload)
+    tell("compensating the flange-hole program", 0.72)
+    program, driven, compensation = compensated(
+        chosen.model, cell, out_dir / "flange_hole.src", out_dir / "flange_hole_compensated.src"
+    )
+    tell("running the program on the virtual cell, before and after", 0.85)
+    runs = run_hole(virtual, hole, program, driven)
+    tell("writing the page", 0.97)
+    tables = demo_tables(report, runs)
+    results = demo_results(seed, chosen, report, runs, compensation)
+    content = demo_content(
+        seed=seed, hole=hole, chosen=chosen, report=report, runs=runs, tables=tables
+    )
+    page = write_report(out_dir, content, results)
+    tell("done", 1.0)
+    return DemoResult(folder=out_dir, page=page, results=results, tables=tables, simulated=True)
+
+
+def write_virtual_cell(virtual: VirtualCell, hole: FlangeHole, folder: Path) -> None:
+    """Writes what an engineer at this cell would have: cell file, two campaigns, the program."""
+    write_atomic(folder / "cell.toml", cell_toml(virtual.known).encode())
+    target = virtual.known.T_flange_target
+    robot = virtual.known.measured_robot
+    campaigns = (
+        ("calibration", CALIBRATION_POSES, REGION),
+        ("held_out", HELD_OUT_POSES, VALIDATION),
+    )
+    for number, (name, count, region) in enumerate(campaigns):
+        joints = random_joints(robot, count, seed=virtual.seed + 1000 * number, region=region)
+        taken = measure(
+            virtual.robot,
+            virtual.tracker,
+            joints,
+            seed=virtual.seed,
+            campaign=number,
+            T_flange_tool=target,
+            name=f"simulated {name} seed={virtual.seed}",
+        )
+        write_canonical(folder / f"{name}.csv", taken)
+    write_atomic(folder / "flange_hole.src", hole_program(hole, virtual.known.robot))
+
+
+def cell_toml(cell: Cell) -> str:
+    """Returns the cell file of a virtual KR160 cell."""
+    tool, target = cell.robot.T_flange_tool, cell.T_flange_target
+    position = np.zeros(3) if cell.tracker_position is None else cell.tracker_position
+    spec = cell.tracker
+    return "\n".join(
+        [
+            "# virtual cell: simulated, made by `robotrue demo`; masses are assumed",
+            "schema = 1",
+            "[robot]",
+            'preset = "KUKA KR160 R1570"',
+            f"stiffness_Nm_per_rad = {_numbers(STIFFNESS, 1.0)}",
+            "[tool]",
+            f"xyz_mm = {_numbers(tool[:3, 3], MM)}",
+            f"abc_deg = {_numbers(abc_from_matrix(tool[:3, :3]), DEG)}",
+            "[payload]",
+            f"mass_kg = {cell.payload.mass[0]:.6g}",
+            f"centre_of_mass_mm = {_numbers(cell.payload.com[0], MM)}",
+            "[target]",
+            f"xyz_mm = {_numbers(target[:3, 3], MM)}",
+            "[tracker]",
+            'frame = "base"',
+            f"xyz_mm = {_numbers(position, MM)}",
+            f"sigma_um = {spec.range_bound / spec.divisor / UM:.6g}",
+            f"sigma_um_per_m = {spec.range_bound_per_m / spec.divisor / UM:.6g}",
+            "[repeatability]",
+            f"mm = {cell.repeatability / MM:.6g}",
+            "",
+        ]
+    )
+
+
+def calibrated(cell: Cell, training: MeasurementSet, step: Progress) -> AutoFit:
+    """Returns the method that wins on held-out blocks, fitted on all rows."""
+    settings = fit_settings(cell)
+    candidates = {
+        name: partial(fit, cell.measured_robot, method=name, settings=settings) for name in METHODS
+    }
+    return fit_auto(
+        candidates,
+        training,
+        payload=cell.payload,
+        progress=lambda text, done, total: step(text, done / total),
+    )
+
+
+def compensated(
+    model: ErrorModel, cell: Cell, source: Path, target: Path
+) -> tuple[Program, Program, Compensation]:
+    """Returns the program, its compensated copy as read back from the file, and the details."""
+    program = read_program(source, frame_table(cell))
+    settings = CompensationSettings(load=cell.payload)
+    result = compensate(model, program, settings=settings)
+    write_atomic(target, write_program(program, result.replacement))
+    return program, read_program(target, frame_table(cell)), result
+
+
+def run_hole(virtual: VirtualCell, hole: FlangeHole, program: Program, driven: Program) -> HoleRuns:
+    """Returns dry run and hole of the program as it was and as compensated."""
+    rows = check_rows(program, hole, CHECK_LEVEL)
+    return HoleRuns(
+        dry_before=dry_run(virtual, program, program, rows, campaign=2),
+        dry_after=dry_run(virtual, program, driven, rows, campaign=3),
+        hole_before=mill_hole(virtual, hole, program, program, campaign=4),
+        hole_after=mill_hole(virtual, hole, program, driven, campaign=5),
+    )
+
+
+def write_report(folder: Path, content: ReportContent, results: Mapping[str, Any]) -> Path:
+    """Writes ``demo.html``, ``report.json`` and ``results.json``; returns the page's path."""
+    page = folder / "demo.html"
+    write_atomic(page, report_html(content).encode())
+    write_atomic(folder / "report.json", report_json(content).encode())
+    write_atomic(folder / "results.json", json.dumps(dict(results), indent=1).encode())
+    return page
+
+
+def statistics_mm(s: ErrorStatistics) -> dict[str, float | int]:
+    """Returns the JSON values of error statistics."""
+    return {
+        "n": s.n,
+        "mean_mm": s.mean / MM,
+        "p95_mm": s.p95 / MM,
+        "max_mm": s.max / MM,
+        "std_mm": s.std / MM,
+    }
+
+
+def lengths_mm(errors: Array) -> dict[str, float | int]:
+    """Returns the JSON values of error vectors (n, 3) m."""
+    return statistics_mm(error_statistics(errors))
+
+
+def _numbers(values: Array, unit: float) -> str:
+    return "[" + ", ".join(f"{v / unit:.9g}" for v in values) + "]"
+
+
+def _cell(value: str | int | float | None) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.3f}" if isinstance(value, float) else str(value)
