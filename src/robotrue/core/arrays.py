@@ -35,7 +35,10 @@ def frozen(
     Raises:
         ShapeError: Wrong shape, or a value that is not finite.
     """
-    array = np.array(values, dtype=dtype)
+    if isinstance(values, np.ndarray) and values.dtype == dtype and not values.flags.writeable:
+        array = values
+    else:
+        array = np.array(values, dtype=dtype)
     if array.ndim != len(shape) or any(
         want is not None and have != want for have, want in zip(array.shape, shape, strict=False)
     ):

@@ -1,7 +1,7 @@
 """KUKA KRL: ``.src`` programs and the ``.dat`` files beside them.
 
 What is read: inline, stored, array and structure points; PTP, LIN, CIRC and their S and SPL forms;
-base and tool as the program sets them. What is never rewritten: anything but the numbers of targets;
+base and tool as the program sets them. Nothing but the numbers of targets is ever rewritten,
 ``$BASE``, ``$TOOL``, ``BASE_DATA``, ``TOOL_DATA`` and ``LOAD_DATA`` least of all. How numbers are
 written is told in :mod:`robotrue.program.formats.krl_write`.
 """
@@ -25,6 +25,10 @@ _MOTION: Final = re.compile(
 )
 
 
+_LOOKED_AT: Final = 1 << 18
+"""Bytes that decide on the dialect."""
+
+
 class Krl:
     """The KRL dialect."""
 
@@ -33,7 +37,8 @@ class Krl:
 
     def detect(self, data: bytes) -> float:
         """Returns 1 for a KRL header with a motion or point, less for one of the two."""
-        python_like = re.search(rb"^\s*def\s+\w+\(.*\):", data[:20000], re.MULTILINE)
+        data = data[:_LOOKED_AT]
+        python_like = re.search(rb"^\s*def\s+\w+\(.*\):", data, re.MULTILINE)
         head = bool(_HEAD.search(data)) and not python_like
         motion = bool(_MOTION.search(data))
         return 0.5 * motion + 0.5 * head

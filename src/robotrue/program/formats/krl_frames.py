@@ -25,6 +25,10 @@ class State(NamedTuple):
     tool: int = 0
     on_robot: bool = False
 
+    def with_frame(self, side: str, index: int) -> State:
+        """Returns the state with another base or tool."""
+        return self._replace(base=index) if side == "base" else self._replace(tool=index)
+
 
 class Inline(NamedTuple):
     """FDAT: the numbers an inline form hands over; ``None`` is not known."""
@@ -75,10 +79,7 @@ class Frames:
 
     def put(self, line: int, side: str, index: int) -> None:
         """Puts one frame in force from a line on."""
-        state = self.state
-        self.enter(
-            line, state._replace(base=index) if side == "base" else state._replace(tool=index)
-        )
+        self.enter(line, self.state.with_frame(side, index))
 
     def known(self, side: str, matrix: Array) -> int:
         """Returns the index of a frame, entering it if it is new."""
@@ -178,7 +179,7 @@ class Frames:
         first = states[0]
         for side in ("base", "tool"):
             if len({getattr(state, side) for state in states}) > 1:
-                first = first._replace(**{side: self.unknown(side, line, what, cure)})
+                first = first.with_frame(side, self.unknown(side, line, what, cure))
         on_robot = any(state.on_robot for state in states)
         self.enter(line, first._replace(on_robot=on_robot))
 
@@ -192,7 +193,7 @@ class Frames:
         unsure = entry
         for side in ("base", "tool"):
             if getattr(entry, side) != getattr(self.state, side):
-                unsure = unsure._replace(**{side: self.unknown(side, entry_line, what, cure)})
+                unsure = unsure.with_frame(side, self.unknown(side, entry_line, what, cure))
         self.changes.insert(at, (entry_line, unsure))
 
     def _given(self, side: str) -> Mapping[str, Array]:

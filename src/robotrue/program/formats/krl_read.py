@@ -20,7 +20,7 @@ from robotrue.program.formats.krl_scan import (
     Scan,
     scan,
 )
-from robotrue.program.formats.krl_walk import MOTION_OF, Story, Walk
+from robotrue.program.formats.krl_walk import MOTION_OF, Walk
 from robotrue.program.formats.krl_write import KrlSpans
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 
@@ -32,6 +32,9 @@ _SIGNS: Final = (
     (rb"(?m)^\s*GOTO\s*/", "APT or CL data"),
     (rb"(?m)^\s*(%|N?\d*\s*G0?[0-3]\b)", "ISO G-code"),
 )
+
+_CHUNK: Final = 1 << 13
+"""Rows converted at a time, so that the intermediate arrays stay in the cache."""
 
 
 def read_krl(files: Sequence[tuple[str, bytes]], frames: FrameTable) -> tuple[Program, ...]:
@@ -143,20 +146,16 @@ class _Builder:
                 f"{name}: points without the .src that moves to them; they are taken as linear "
                 "motions in the frames of their inline forms, or the defaults."
             )
-        drop = (
-            (donor >= 0) & arc_via[partial][:, None] & (np.arange(6) >= 3) & ~axis[partial][:, None]
-        )
-        good = values.copy()
-        good[incomplete] = np.nan
-        position = np.where(axis[:, None], np.nan, good[:, :3] * MM)
-        rotation = matrix_from_abc(np.where(axis[:, None], np.nan, good[:, 3:] * DEG))
+        free = (arc_via & ~axis)[partial][:, None] & (np.arange(6) >= 3)
+        values[incomplete] = np.nan
+        position, rotation, axes = _si(values, axis)
         return Program(
             name=name,
             dialect="krl",
             data=found.data,
             position=position,
             rotation=rotation,
-            axes=np.where(axis[:, None], good * DEG, np.nan),
+            axes=axes,
             motion=motion[agg],
             reason=reason,
             status=words[:, 0],
@@ -176,7 +175,8 @@ class _Builder:
                 value=found.tok_value,
                 is_axis=axis,
                 partial=partial,
-                donor=np.where(drop, -1, donor),
+                donor=donor,
+                owed=(donor >= 0) & ~free,
             ),
         )
 
@@ -308,7 +308,7 @@ class _Builder:
         state: IntArray,
         mixed: BoolArray,
     ) -> tuple[IntArray, IntArray]:
-        """Fills left-out components from the targets before; returns (rows, donors)."""
+        """Fills left-out components from the target before; returns (rows, donors) as executed."""
         written = ~np.isnan(values)
         lacking = ~written.all(axis=1)
         none = np.zeros(0, np.int64), np.zeros((0, 6), np.int64)
@@ -324,18 +324,18 @@ class _Builder:
         ]
         entries += [(line, a, int(via)) for line, a, via in self.story.sequence]
         order = np.array(sorted(entries, key=lambda e: (e[0], e[1])), dtype=np.int64)
-        rows = np.where(order[:, 1] >= 0, row_of[order[:, 1]], -1)
-        torn = rows < 0
+        rows: IntArray = np.where(order[:, 1] >= 0, row_of[order[:, 1]], -1)
+        torn: BoolArray = np.asarray(rows < 0)
         torn |= (rows >= 0) & np.isin(
             order[:, 1], [a for (f, a), _ in self._flags.items() if f == file]
         )
         torn |= (rows >= 0) & mixed[rows]
-        kind = np.where(rows >= 0, axis[rows], -1)
-        used = {r: c for r, c in zip(*np.unique(rows, return_counts=True), strict=True)}
+        kind: IntArray = np.where(rows >= 0, axis[rows].astype(np.int64), -1)
+        used = np.bincount(rows[rows >= 0], minlength=len(agg))
         inherits: dict[int, IntArray] = {}
         last = np.full(6, -1, np.int64)
         previous = -1
-        for place, row in enumerate(rows.tolist()):
+        for place, row in enumerate([int(each) for each in rows]):
             if torn[place] or (previous >= 0 and kind[place] != previous):
                 last[:] = -1
             previous = int(kind[place])
@@ -348,12 +348,11 @@ class _Builder:
                 inherits[row] = donors
                 values[row] = np.where(donors >= 0, values[donors, np.arange(6)], values[row])
             if not order[place, 2]:
-                have = written[row] | (inherits[row] >= 0 if row in inherits else False)
-                last = np.where(written[row], row, np.where(have, last, -1))
-        partial = np.array(sorted(inherits), dtype=np.int64)
-        if not len(partial):
+                kept = inherits.get(row, np.full(6, -1))
+                last = np.where(written[row] | (kept >= 0), row, -1)
+        if not inherits:
             return none
-        return partial, np.array([inherits[row] for row in partial.tolist()])
+        return np.array(list(inherits), dtype=np.int64), np.array(list(inherits.values()))
 
 
 def _nested(one: str, other: str) -> bool:
@@ -379,7 +378,24 @@ def _refuse(found: Scan, name: str) -> None:
     )
 
 
-@numba.njit(cache=True)  # type: ignore[misc]
+def _si(values: Array, axis: BoolArray) -> tuple[Array, Array, Array]:
+    """Returns position, rotation and axes in m and rad, read-only, from (n, 6) in mm and deg."""
+    n = len(values)
+    position, rotation = np.empty((n, 3)), np.empty((n, 3, 3))
+    for first in range(0, n, _CHUNK):
+        part = slice(first, first + _CHUNK)
+        position[part] = values[part, :3] * MM
+        rotation[part] = matrix_from_abc(values[part, 3:] * DEG)
+    axes: Array = np.broadcast_to(np.nan, (n, 6))
+    if axis.any():
+        position[axis], rotation[axis] = np.nan, np.nan
+        axes = np.where(axis[:, None], values * DEG, np.nan)
+    for array in (position, rotation, axes):
+        array.flags.writeable = False
+    return position, rotation, axes
+
+
+@numba.njit(cache=True)
 def _gather(
     token: Any,
     tokens: Any,

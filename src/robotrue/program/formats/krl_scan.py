@@ -1,7 +1,7 @@
-"""One pass over the bytes of a KRL file: lines, aggregates of components, and where each number stands.
+"""One pass over the bytes of a KRL file: lines, aggregates, and where each number stands.
 
-The scanner knows only what a byte scanner can know: comments (``;``), strings, ``&`` headers, braces,
-and the aggregates ``{[TYPE:] X 1.0,Y 2.0,...}`` whose members are position, axis, status or turn
+The scanner knows only what bytes tell: comments (``;``), strings, ``&`` headers, braces, and the
+aggregates ``{[TYPE:] X 1.0,Y 2.0,...}`` whose members are position, axis, status or turn
 components. Everything it finds is a column; nothing is an object per number. What a line means is
 read in ``krl_walk``.
 """
@@ -19,10 +19,10 @@ from robotrue.core.arrays import Array
 from robotrue.errors import FormatError
 
 COMPONENTS: Final = (
-    ("X", "Y", "Z", "A", "B", "C")
-    + tuple(f"A{i}" for i in range(1, 7))
-    + tuple(f"E{i}" for i in range(1, 7))
-    + ("S", "T")
+    *("X", "Y", "Z", "A", "B", "C"),
+    *("A1", "A2", "A3", "A4", "A5", "A6"),
+    *("E1", "E2", "E3", "E4", "E5", "E6"),
+    *("S", "T"),
 )
 """Component names by code: 0..5 pose (mm, deg), 6..11 axes (deg), 12..17 external, 18 S, 19 T."""
 POSE: Final = 0
@@ -114,9 +114,7 @@ def scan(data: bytes, *, name: str) -> Scan:
         FormatError: NUL bytes or UTF-16, an unbalanced brace, or a number that cannot be read.
     """
     _check_encoding(data, name)
-    braces, commas = data.count(b"{"), data.count(b",")
-    lines = data.count(b"\n") + data.count(b"\r") + 1
-    tokens = braces + commas
+    lines, braces, tokens = _room(np.frombuffer(data, np.uint8))
     line_start, line_end = np.empty(lines, np.int32), np.empty(lines, np.int32)
     line_kind = np.empty(lines, np.uint8)
     agg_line, agg_open, agg_close = (np.empty(braces, np.int32) for _ in range(3))
@@ -209,7 +207,18 @@ _TYPE_KEYS: Final = np.array([_key(word) for word in _TYPES], np.int64)
 _COMPONENT_KEYS: Final = np.array([_key(word) for word in COMPONENTS], np.int64)
 
 
-@numba.njit(cache=True)  # type: ignore[misc]
+@numba.njit(cache=True)
+def _room(buf: Any) -> Any:
+    """Returns upper bounds for lines, aggregates and tokens."""
+    ends, braces, commas = 0, 0, 0
+    for i in range(buf.size):
+        ends += (buf[i] == 10) + (buf[i] == 13)
+        braces += buf[i] == 123
+        commas += buf[i] == 44
+    return ends + 1, braces, braces + commas
+
+
+@numba.njit(cache=True)
 def _blank(buf: Any, i: Any, end: Any) -> Any:
     """Returns the first place from ``i`` that is not a blank or tab."""
     while i < end and (buf[i] == 32 or buf[i] == 9):
@@ -217,7 +226,7 @@ def _blank(buf: Any, i: Any, end: Any) -> Any:
     return i
 
 
-@numba.njit(cache=True)  # type: ignore[misc]
+@numba.njit(cache=True)
 def _word(buf: Any, i: Any, end: Any) -> Any:
     """Returns (key, end) of the word at ``i``; key 0 if none, -1 if longer than ten letters."""
     key, j = 0, i
@@ -234,7 +243,7 @@ def _word(buf: Any, i: Any, end: Any) -> Any:
     return key, j
 
 
-@numba.njit(cache=True)  # type: ignore[misc]
+@numba.njit(cache=True)
 def _find(keys: Any, key: Any) -> Any:
     for k in range(keys.size):
         if keys[k] == key:
@@ -242,7 +251,7 @@ def _find(keys: Any, key: Any) -> Any:
     return -1
 
 
-@numba.njit(cache=True)  # type: ignore[misc]
+@numba.njit(cache=True)
 def _number(buf: Any, i: Any, end: Any) -> Any:
     """Returns (value, end) of ``[+-]?digits[.digits][ E[+-]digits]`` at ``i``; end = i if none."""
     j, negative = i, False
@@ -292,7 +301,7 @@ def _number(buf: Any, i: Any, end: Any) -> Any:
     return (-value if negative else value), j
 
 
-@numba.njit(cache=True)  # type: ignore[misc]
+@numba.njit(cache=True)
 def _based(buf: Any, i: Any, end: Any) -> Any:
     """Returns (value, end) of ``'B0110'`` or ``'H1F'`` at ``i``; end = i if it is neither."""
     if i + 3 >= end:
@@ -317,7 +326,7 @@ def _based(buf: Any, i: Any, end: Any) -> Any:
     return float(value), j + 1
 
 
-@numba.njit(cache=True)  # type: ignore[misc]
+@numba.njit(cache=True)
 def _skip_value(buf: Any, i: Any, end: Any) -> Any:
     """Returns the ``,`` or ``}`` that ends an expression at ``i``, or ``end``."""
     depth = 0
@@ -333,7 +342,7 @@ def _skip_value(buf: Any, i: Any, end: Any) -> Any:
     return end
 
 
-@numba.njit(cache=True)  # type: ignore[misc]
+@numba.njit(cache=True)
 def _aggregate(
     buf: Any,
     i: Any,
@@ -399,7 +408,7 @@ def _aggregate(
         j = after + 1
 
 
-@numba.njit(cache=True)  # type: ignore[misc]
+@numba.njit(cache=True)
 def _line_ends(buf: Any, i: Any) -> Any:
     """Returns (end of code, end of line) of the line that starts at ``i``."""
     n = buf.size
@@ -413,7 +422,7 @@ def _line_ends(buf: Any, i: Any) -> Any:
     return (j if code < 0 else code), j
 
 
-@numba.njit(cache=True)  # type: ignore[misc]
+@numba.njit(cache=True)
 def _scan(
     buf: Any,
     i: Any,

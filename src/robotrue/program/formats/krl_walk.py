@@ -1,4 +1,4 @@
-"""Reads the lines of a KRL file in program order: which point is moved to, how, and where it stands.
+"""Reads the lines of a KRL file in program order: which point is moved to, and how.
 
 Lines that are a motion to a plain aggregate never come here; the scanner has already sorted them.
 """
@@ -58,7 +58,7 @@ class Definition(NamedTuple):
     file: int
     agg: int
     variable: str
-    index: str
+    subscript: str
     path: str
 
 

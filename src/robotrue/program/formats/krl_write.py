@@ -24,7 +24,7 @@ from robotrue.errors import ShapeError
 from robotrue.program.formats.krl_scan import Bytes, Ints
 from robotrue.program.program import Program, Replacement
 
-_CHUNK: Final = 1 << 16
+_CHUNK: Final = 1 << 13
 _SAME_POSITION: Final = 1e-11
 """m; coordinates nearer than this to the ones read are the ones read."""
 _SAME_ROTATION: Final = 1e-10
@@ -51,8 +51,9 @@ class KrlSpans:
         length: (t,) its bytes.
         value: (t,) its value as printed.
         is_axis: (n,) the target is an axis target.
-        partial: (p,) rows with components left out that they inherit.
-        donor: (p, 6) the row each left-out component is inherited from, -1 if written or free.
+        partial: (p,) rows with components left out that they inherit, in the order of motion.
+        donor: (p, 6) the row each left-out component is inherited from, -1 if it is written.
+        owed: (p, 6) left-out components that are inserted when the inherited value is not right.
     """
 
     token: Ints
@@ -64,6 +65,7 @@ class KrlSpans:
     is_axis: BoolArray
     partial: IntArray
     donor: IntArray
+    owed: BoolArray
 
 
 def write_krl(program: Program, replacement: Replacement) -> bytes:
@@ -164,23 +166,33 @@ def printed_values(spans: KrlSpans) -> Array:
     """Returns X..C or A1..A6 of every row as the controller has them, (n, 6) in mm and deg."""
     values = np.full((len(spans.token), 6), np.nan)
     _gather(spans.token, spans.tokens, spans.component, spans.value, values)
-    if len(spans.partial):
-        k, c = np.nonzero(spans.donor >= 0)
-        values[spans.partial[k], c] = values[spans.donor[k, c], c]
+    for row, donor in zip(spans.partial.tolist(), spans.donor, strict=True):
+        c = np.flatnonzero(donor >= 0)
+        values[row, c] = values[donor[c], c]
     return values
 
 
 def _insertions(spans: KrlSpans, values: Array) -> tuple[IntArray, IntArray, Array]:
     """Returns (row, component code, value) of what must be written where nothing stood."""
-    k, c = np.nonzero(spans.donor >= 0)
-    row = spans.partial[k]
-    want, have = values[row, c], values[spans.donor[k, c], c]
-    use = np.abs(want - have) > _INHERITED
-    row, c = row[use], c[use]
-    return row, c + 6 * spans.is_axis[row], want[use]
+    rows: list[int] = []
+    columns: list[int] = []
+    # What the controller will have, where that is not what the row is to say.
+    reached: dict[tuple[int, int], float] = {}
+    for row, donor, owed in zip(spans.partial.tolist(), spans.donor, spans.owed, strict=True):
+        for c in np.flatnonzero(owed).tolist():
+            from_row = int(donor[c])
+            have = reached.get((from_row, c), values[from_row, c])
+            if abs(values[row, c] - have) > _INHERITED:
+                rows.append(row)
+                columns.append(c)
+            else:
+                reached[row, c] = have
+    order = np.argsort(np.array(rows, np.int64), kind="stable")
+    row_at, column = np.array(rows, np.int64)[order], np.array(columns, np.int64)[order]
+    return row_at, column + 6 * spans.is_axis[row_at], values[row_at, column]
 
 
-@numba.njit(cache=True)  # type: ignore[misc]
+@numba.njit(cache=True)
 def _gather(token: Any, tokens: Any, component: Any, value: Any, values: Any) -> None:
     for row in range(token.size):
         for t in range(token[row], token[row] + tokens[row]):
@@ -188,7 +200,7 @@ def _gather(token: Any, tokens: Any, component: Any, value: Any, values: Any) ->
                 values[row, component[t] % 6] = value[t]
 
 
-@numba.njit(cache=True)  # type: ignore[misc]
+@numba.njit(cache=True)
 def _style(buf: Any, start: Any, end: Any) -> Any:
     """Returns (decimals to write, has a plus, has no digit before the point)."""
     decimals, point, exponent = 0, -1, False
@@ -208,7 +220,7 @@ def _style(buf: Any, start: Any, end: Any) -> Any:
     return min(decimals, 15), buf[start] == 43, point == first
 
 
-@numba.njit(cache=True)  # type: ignore[misc]
+@numba.njit(cache=True)
 def _decimal(out: Any, k: Any, whole: Any) -> Any:
     """Writes a non-negative integer at ``k``; returns its end."""
     size, rest = 1, whole // 10
@@ -221,7 +233,7 @@ def _decimal(out: Any, k: Any, whole: Any) -> Any:
     return k + size
 
 
-@numba.njit(cache=True)  # type: ignore[misc]
+@numba.njit(cache=True)
 def _number(out: Any, k: Any, value: Any, decimals: Any, plus: Any, bare: Any) -> Any:
     """Writes ``value`` with ``decimals`` at ``k``; returns its end."""
     scale = 1
@@ -247,7 +259,7 @@ def _number(out: Any, k: Any, value: Any, decimals: Any, plus: Any, bare: Any) -
     return k + 1 + decimals
 
 
-@numba.njit(cache=True)  # type: ignore[misc]
+@numba.njit(cache=True)
 def _integer(out: Any, k: Any, value: Any, buf: Any, start: Any, end: Any) -> Any:
     """Writes S or T in the base and at least the digits of the bytes it replaces."""
     if buf[start] != 39:
@@ -267,7 +279,7 @@ def _integer(out: Any, k: Any, value: Any, buf: Any, start: Any, end: Any) -> An
     return k + 3 + size
 
 
-@numba.njit(cache=True)  # type: ignore[misc]
+@numba.njit(cache=True)
 def _copy(out: Any, k: Any, buf: Any, start: Any, end: Any) -> Any:
     for i in range(start, end):
         out[k] = buf[i]
@@ -275,7 +287,7 @@ def _copy(out: Any, k: Any, buf: Any, start: Any, end: Any) -> Any:
     return k
 
 
-@numba.njit(cache=True)  # type: ignore[misc]
+@numba.njit(cache=True)
 def _place(out: Any, k: Any, buf: Any, cursor: Any, start: Any, end: Any, text: Any) -> Any:
     """Copies up to a token and writes ``text`` for it, its column kept where blanks allow."""
     lead = 0
@@ -291,7 +303,7 @@ def _place(out: Any, k: Any, buf: Any, cursor: Any, start: Any, end: Any, text: 
     return _copy(out, k, text, 0, text.size)
 
 
-@numba.njit(cache=True)  # type: ignore[misc]
+@numba.njit(cache=True)
 def _insert(out: Any, k: Any, component: Any, value: Any, decimals: Any) -> Any:
     """Writes ``,NAME value`` for a left-out component."""
     out[k] = 44
@@ -308,7 +320,7 @@ def _insert(out: Any, k: Any, component: Any, value: Any, decimals: Any) -> Any:
     return _number(out, k + 2, value, decimals, False, False)
 
 
-@numba.njit(cache=True)  # type: ignore[misc]
+@numba.njit(cache=True)
 def _splice(
     buf: Any,
     token: Any,
