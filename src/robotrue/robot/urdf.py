@@ -217,7 +217,8 @@ def _frames(chain: _Chain, tree: UrdfTree) -> tuple[Array, Array]:
         if _PARALLEL < sine < _ROUNDED:
             raise ConfigurationError(
                 f"axes {i + 1} and {i + 2} "
-                f"({chain.joints[i].name!r}, {chain.joints[i + 1].name!r}) are parallel but for {np.degrees(sine):.2g} deg, which looks like rounding.",
+                f"({chain.joints[i].name!r}, {chain.joints[i + 1].name!r}) are parallel but for "
+                f"{np.degrees(sine):.2g} deg, which looks like rounding.",
                 source=tree.source,
                 line=chain.joints[i + 1].line,
                 hint="right_angle=1e-4, or write pi/2 with all its digits.",

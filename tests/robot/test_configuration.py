@@ -1,0 +1,114 @@
+import numpy as np
+import pytest
+
+from robotrue.core.units import DEG
+from robotrue.errors import ReachError
+from robotrue.robot.configuration import (
+    abb_confdata,
+    controller_axes,
+    fanuc_config,
+    joints_from_status_turn,
+    kuka_status_turn,
+    yaskawa_rconf,
+)
+from robotrue.robot.forward import forward
+from robotrue.robot.inverse import branches_of
+from robotrue.robot.opw import opw_geometry
+from robotrue.robot.presets import preset
+
+from .arms import TOOL, random_joints
+
+
+@pytest.mark.parametrize("name", ["kr160", "kr300"])
+def test_pose_with_status_and_turn_gives_the_joints_back(name):
+    robot = preset(name).with_tool(TOOL)
+    joints = random_joints(robot, 300, 1)
+    poses = forward(robot, joints)
+    status, turn = kuka_status_turn(robot, joints)
+    assert set(status) == set(range(8))
+    for q, T, s, t in zip(joints, poses, status, turn, strict=True):
+        np.testing.assert_allclose(joints_from_status_turn(robot, T, int(s), int(t)), q, atol=1e-7)
+
+
+def test_status_is_the_branch_with_the_elbow_inverted():
+    robot = preset("kr160")
+    joints = random_joints(robot, 500, 2)
+    status, _ = kuka_status_turn(robot, joints)
+    branch = branches_of(robot, joints)
+    assert ((status & 1) == (branch >> 1 & 1)).all()
+    assert ((status >> 1 & 1) == 1 - (branch & 1)).all()
+    assert ((status >> 2 & 1) == (branch >> 2 & 1)).all()
+
+
+def test_elbow_bit_changes_where_the_arm_is_in_line():
+    """With 70 mm between axes 3 and 4 that is at A3 = -atan(70 / 710), not at zero."""
+    robot = preset("kr160")
+    edge = -np.degrees(np.arctan2(70.0, 710.0))
+    axes = np.array([[0, -40, edge + d, 0, 30, 0] for d in (-0.01, 0.01)]) * DEG
+    status, _ = kuka_status_turn(robot, robot.controller.to_model(axes))
+    assert (status >> 1 & 1).tolist() == [0, 1]
+
+
+def test_overhead_and_a5_bits():
+    robot = preset("kr160")
+    axes = np.array([[0, -90, 90, 0, -30, 0], [0, -140, -20, 0, 30, 0]]) * DEG
+    status, turn = kuka_status_turn(robot, robot.controller.to_model(axes))
+    assert status.tolist() == [0b110, 0b001]
+    assert turn.tolist() == [0b010010, 0b000110]
+
+
+def test_turn_chooses_between_whole_turns():
+    robot = preset("kr160")
+    axes = np.array([10, -80, 100, 20, 30, 200]) * DEG
+    pose = forward(robot, robot.controller.to_model(axes)[None])[0]
+    status, turn = (int(v) for v in kuka_status_turn(robot, robot.controller.to_model(axes)))
+    same = joints_from_status_turn(robot, pose, status, turn)
+    np.testing.assert_allclose(controller_axes(robot, same) / DEG, axes / DEG, atol=1e-7)
+    other = joints_from_status_turn(robot, pose, status, turn | 0b100000)
+    np.testing.assert_allclose(controller_axes(robot, other)[5] / DEG, -160, atol=1e-7)
+    free = joints_from_status_turn(robot, pose, status)
+    np.testing.assert_allclose(controller_axes(robot, free)[5] / DEG, -160, atol=1e-7)
+
+
+def test_impossible_words_say_what_would_do():
+    robot = preset("kr160")
+    pose = forward(robot, np.zeros((1, 6)))[0]
+    with pytest.raises(ReachError, match=r"with S 1, T 63 .* the pose has S \[0, 2"):
+        joints_from_status_turn(robot, pose, 1, 63)
+
+
+@pytest.mark.parametrize(
+    ("axes_deg", "confdata"),
+    [
+        ([45, 0, 0, 100, 30, -30], [0, 1, -1, 0]),
+        ([-100, 0, 0, -100, -30, 200], [-2, -2, 2, 1]),
+        ([10, 60, -85, 10, 30, 0], [0, 0, 0, 2]),
+    ],
+)
+def test_abb_quarters_and_cfx(axes_deg, confdata):
+    assert abb_confdata(preset("irb120"), np.array(axes_deg) * DEG).tolist() == confdata
+
+
+def test_abb_cfx_is_the_branch():
+    robot = preset("irb120")
+    joints = random_joints(robot, 200, 3)
+    branch, cfx = branches_of(robot, joints), abb_confdata(robot, joints)[:, 3]
+    expected = 4 * (branch >> 1 & 1) + 2 * (branch & 1) + (branch >> 2 & 1)
+    assert (cfx == expected).all()
+
+
+def test_fanuc_words():
+    robot = preset("gp225")
+    assert opw_geometry(robot).sign[4] == -1
+    assert fanuc_config(robot, np.array([0, 0, 0, 0, 30, 0]) * DEG) == "N U T, 0, 0, 0"
+    assert fanuc_config(robot, np.array([0, 0, 0, 190, -30, -190]) * DEG) == "F U T, 1, 0, -1"
+
+
+def test_yaskawa_words():
+    robot = preset("gp225")
+    axes = np.array([[0, 0, 0, 0, 30, 0], [0, 0, 0, 200, 30, -200], [0, 40, 90, 100, 30, 0]])
+    assert yaskawa_rconf(robot, axes * DEG).tolist() == [
+        [0, 0, 0, 0, 0, 0],
+        [1, 0, 0, 1, 1, 0],
+        [1, 1, 0, 0, 0, 0],
+    ]

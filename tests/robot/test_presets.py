@@ -1,0 +1,84 @@
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from robotrue.errors import ConfigurationError
+from robotrue.robot.forward import forward
+from robotrue.robot.opw import opw_geometry
+from robotrue.robot.presets import preset, preset_names
+
+
+@pytest.mark.parametrize(
+    ("written", "full"),
+    [
+        ("kr160", "KUKA KR160 R1570"),
+        ("KUKA KR160 R1570", "KUKA KR160 R1570"),
+        ("kuka-kr160-r1570", "KUKA KR160 R1570"),
+        ("KUKA KR 160 R1570", "KUKA KR160 R1570"),
+        ("kr_300", "KUKA KR300 R2500"),
+        ("ur10", "UR10"),
+        ("Universal Robots UR5", "UR5"),
+        ("irb 6660", "ABB IRB 6660-205/1.9"),
+        ("abb_irb6660-205/1.9", "ABB IRB 6660-205/1.9"),
+        ("IRB120", "ABB IRB 120-3/0.6"),
+        ("St\u00e4ubli TX2-90L", "Staubli TX2-90L"),
+        ("tx2 90l", "Staubli TX2-90L"),
+        ("Motoman GP225", "Yaskawa GP225"),
+    ],
+)
+def test_names_are_forgiving(written, full):
+    assert preset(written).name == full
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_every_preset_builds_under_its_own_name(name):
+    robot = preset(name)
+    assert robot.name == name
+    assert robot.dof == 6
+    assert not robot.errors.any()
+    assert np.array_equal(robot.T_flange_tool, np.eye(4))
+
+
+@pytest.mark.parametrize("written", ["ur10e", "kr161", "kr", "", "fanuc m20"])
+def test_unknown_name_lists_what_exists(written):
+    with pytest.raises(ConfigurationError) as caught:
+        preset(written)
+    assert all(name in str(caught.value) for name in preset_names())
+
+
+def test_nearest_name_is_offered():
+    with pytest.raises(ConfigurationError, match=r"Try: 'KUKA KR160 R1570'"):
+        preset("kr161")
+    with pytest.raises(ConfigurationError, match=r"Try: 'UR10'"):
+        preset("ur10e")
+
+
+def test_only_the_robot_asked_for_is_imported():
+    code = (
+        "import sys; from robotrue.robot.presets import preset; preset('ur5');"
+        "print(*[m for m in sys.modules if m.startswith('robotrue.robot.presets.')])"
+    )
+    shown = subprocess.run(  # noqa: S603
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert shown.stdout.split() == ["robotrue.robot.presets.ur5"]
+
+
+@pytest.mark.parametrize(
+    ("name", "position", "lengths"),
+    [
+        ("kr300", [1.59, 0, 1.784], [0.35, 0.041, 0, 0.675, 1.15, 1.0, 0.24]),
+        ("irb6660", [1.393, 0, 1.7945], [0.3, -0.28, 0, 0.8145, 0.7, 0.893, 0.2]),
+        ("irb120", [0.374, 0, 0.63], [0, -0.07, 0, 0.29, 0.27, 0.302, 0.072]),
+        ("tx2-90l", [0.05, 0.05, 1.15], [0.05, 0, 0.05, 0, 0.5, 0.55, 0.1]),
+        ("gp225", [1.8, 0, 1.45], [0.325, -0.3, 0, 0, 1.15, 1.225, 0.25]),
+    ],
+)
+def test_flange_at_zero_and_lengths_from_the_sources(name, position, lengths):
+    robot = preset(name)
+    np.testing.assert_allclose(forward(robot, np.zeros((1, 6)))[0, :3, 3], position, atol=1e-12)
+    geometry = opw_geometry(robot)
+    read = [getattr(geometry, n) for n in ("a1", "a2", "b", "c1", "c2", "c3", "c4")]
+    np.testing.assert_allclose(read, lengths, atol=1e-12)
