@@ -80,7 +80,34 @@ def check_plausible(
     commanded = frozen(commanded, (len(measurements), 3), "commanded")
     place = _files(measurements)
     _enough(measurements, commanded, place, minimum)
-    _stray_rows(measurements, reach)
+    stations = np.unique(measurements.station)
+    if measurements.frame == "base" or len(stations) == 1:
+        _check_station(measurements, commanded, reach, place, forward)
+    else:
+        for station in stations:
+            rows = np.flatnonzero(measurements.station == station)
+            if len(rows) >= minimum:
+                part = measurements.subset(rows)
+                _check_station(part, commanded[rows], reach, place, forward)
+    pairs = duplicate_rows(measurements)
+    if not pairs:
+        return ()
+    shown = ", ".join(f"{measurements.source_row[j]}" for _, j in pairs[:5])
+    return (
+        f"{len(pairs)} rows repeat an earlier one to the last digit (lines {shown}"
+        f"{', ...' if len(pairs) > 5 else ''} of {place}).",
+    )
+
+
+def _check_station(
+    measurements: MeasurementSet,
+    commanded: Array,
+    reach: float,
+    place: str,
+    forward: Callable[[Array], Array] | None,
+) -> None:
+    """Raises for what is wrong with points that share one frame."""
+    _stray_rows(measurements, commanded, reach)
     evidence = _evidence(measurements, commanded, reach, place)
     _unit_of_length(evidence)
     _at_rest("measured", measurements.position, 1.0 * MM, place)
@@ -91,14 +118,6 @@ def check_plausible(
         raise _wrong_robot(evidence)
     if measurements.frame == "base":
         _other_frame(evidence)
-    pairs = duplicate_rows(measurements)
-    if not pairs:
-        return ()
-    shown = ", ".join(f"{measurements.source_row[j]}" for _, j in pairs[:5])
-    return (
-        f"{len(pairs)} rows repeat an earlier one to the last digit (lines {shown}"
-        f"{', ...' if len(pairs) > 5 else ''} of {place}).",
-    )
 
 
 def _evidence(
@@ -168,21 +187,25 @@ def _at_rest(what: str, points: Array, least: float, place: str) -> None:
         )
 
 
-def _stray_rows(measurements: MeasurementSet, reach: float) -> None:
+def _stray_rows(measurements: MeasurementSet, commanded: Array, reach: float) -> None:
     """Raises if a few rows lie where the arm cannot go; if many do, it is the unit or the frame."""
     points = measurements.position
-    centre = np.zeros(3) if measurements.frame == "base" else np.median(points, axis=0)
-    allowed = (1.0 + _SHIFT) * reach * (1.0 if measurements.frame == "base" else 2.0)
+    in_base = measurements.frame == "base"
+    centre = np.zeros(3) if in_base else np.median(points, axis=0)
+    allowed = (1.0 + _SHIFT) * reach * (1.0 if in_base else 2.0)
     distance = np.linalg.norm(points - centre, axis=1)
-    far = np.flatnonzero(distance > allowed)
+    # A frame that is merely shifted takes the outermost rows out of reach; their neighbours agree.
+    gap = points - commanded if in_base else points
+    alone = np.linalg.norm(gap - np.median(gap, axis=0), axis=1) > _SHIFT * reach
+    far = np.flatnonzero((distance > allowed) & alone)
     if not 0 < far.size <= 0.1 * len(points):
         return
     row = int(far[0])
     lines = ", ".join(str(int(i)) for i in measurements.source_row[far[:5]])
-    origin = "the base" if measurements.frame == "base" else "the middle of the data"
+    origin = "the base" if in_base else "the middle of the data"
     raise ImplausibleDataError(
         f"a point {_mm(distance[row])} from {origin}, the arm reaches {_mm(reach)} "
-        f"({far.size} such rows: lines {lines}).",
+        f"({far.size} such row{'s' if far.size > 1 else ''}: line {lines}).",
         source=measurements.sources[int(measurements.group[row])].split(" sha256:")[0]
         if measurements.sources
         else None,
@@ -251,7 +274,9 @@ def _wrong_robot(evidence: _Evidence) -> ImplausibleDataError:
         f"rigid fit, for a reach of {_mm(evidence.reach)}{size}: this is not the robot that was "
         "measured, or joints and positions do not belong together.",
         source=evidence.place,
-        hint="check the robot, the order of the joint columns and [target] in the cell file.",
+        hint="number the tracker set-ups in a station column."
+        if evidence.frame == "tracker" and ", " in evidence.place
+        else "check the robot, the order of the joint columns and [target] in the cell file.",
     )
 
 
@@ -268,11 +293,13 @@ def _other_frame(evidence: _Evidence) -> None:
         return
     found = _signed_axes(evidence) if turn >= _TURN else None
     tilt = float(transform[2, 2])
-    kind = "upside down" if tilt < -0.9 else f"turned by {turn / DEG:.1f} deg"
+    kind = f"turned by {turn / DEG:.1f} deg and " if turn >= _TURN else ""
+    if tilt < -0.9:
+        kind = "upside down and "
     hint = '[tracker] frame = "unknown" lets the calibration find the frame'
     raise ImplausibleDataError(
         f"the positions are not in the robot base: they lie {_mm(direct)} rms from the commanded "
-        f"ones, and {_mm(evidence.misfit)} once the frame is {kind} and moved by "
+        f"ones, and {_mm(evidence.misfit)} once the frame is {kind}moved by "
         f"{_mm(float(np.linalg.norm(transform[:3, 3])))}.",
         source=evidence.place,
         hint=f"{hint}; or read the columns as {found}." if found else f"{hint}.",
