@@ -76,7 +76,9 @@ def frames(arm: Arm, q: Array) -> Array:
     return out
 
 
-def points(arm: Arm, q: Array, compliance: Array | None = None, force: Array | None = None) -> Array:
+def points(
+    arm: Arm, q: Array, compliance: Array | None = None, force: Array | None = None
+) -> Array:
     """Tool point (n, 3) m; deflection = compliance * torque at the unloaded posture."""
     if compliance is not None:
         q = q + compliance * torque(arm, q, np.zeros(3) if force is None else force)
@@ -116,7 +118,7 @@ def poses(count: int, seed: int = 1) -> Array:
 
 
 def tracker_sd(position: Array) -> Array:
-    """sd per axis (n,) m of the tracker at each point."""
+    """Sd per axis (n,) m of the tracker at each point."""
     distance = np.linalg.norm(position - TRACKER, axis=1)
     return (15e-6 + 6e-6 * distance) / 2.0 / np.sqrt(3.0)
 

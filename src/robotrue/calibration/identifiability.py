@@ -8,7 +8,6 @@ shows are parameters that move the arm alike, of which only a combination exists
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
@@ -26,12 +25,14 @@ SEEN: Final = 9.0
 """Information above this is enough: the sd is less than a third of the prior's."""
 PROBES: Final = 80
 _NAMED: Final = 0.08
+_EXACT: Final = 2e-3
 
 Reveal: TypeAlias = Literal["poses", "side load", "orientation", "another tool", "root", "nothing"]
 CURES: Final[dict[Reveal, str]] = {
     "poses": "add poses spread further over the joint ranges and tool orientations",
     "side load": "measure some poses under a known horizontal force, or state the stiffness",
-    "orientation": "use a reflector away from that axis, several reflectors, or a 6-D probe",
+    "orientation": "for its orientation and for other tools, use a reflector away from that axis, "
+    "several reflectors, or a 6-D probe",
     "another tool": "nothing for the measured tool; register any other tool on its own, "
     "or measure several reflectors",
     "root": "nothing inside the cell; to know it against the robot root, measure the root",
@@ -49,7 +50,7 @@ class Direction:
         terms: (name, coefficient) of the unseen direction, SI, largest scaled term 1.
         reveal: The kind of measurement that would show it.
         cure: What to do, in words.
-        harmless: True where no prediction for the measured tool depends on it.
+        harmless: True where no position of the measured reflector depends on it.
     """
 
     name: str
@@ -191,7 +192,7 @@ def _imagined(
 
 
 def _named(
-    directions: Array, names: Sequence[str], sd: Array, kind: Reveal, robot: RobotModel
+    directions: Array, names: tuple[str, ...], sd: Array, kind: Reveal, robot: RobotModel
 ) -> list[Direction]:
     out = []
     # Names read best where a milliradian weighs as much as a millimetre, whatever the prior.
@@ -199,7 +200,7 @@ def _named(
         [s if n.startswith("compliance") else 1e-3 for n, s in zip(names, sd, strict=True)]
     )
     for row in _sparse(directions * (sd / even)[:, None]):
-        order = np.flatnonzero(np.abs(row) > _NAMED)
+        order = np.flatnonzero(np.abs(row) > _NAMED).tolist()
         physical = row[order] * even[order]
         terms = tuple(
             (names[i], float(value / physical[0])) for i, value in zip(order, physical, strict=True)
@@ -210,15 +211,54 @@ def _named(
                 terms=terms,
                 reveal=kind,
                 cure=_reason(terms, kind, robot) + CURES[kind],
-                harmless=kind in ("another tool", "root", "nothing"),
+                harmless=kind not in ("poses", "side load"),
             )
         )
     return out
 
 
 def _sparse(directions: Array) -> Array:
-    """Rows (k, P) that span the columns, reduced to echelon form with complete pivoting."""
-    rows = directions.T.copy()
+    """Rows (k, P) that span the columns with few terms each.
+
+    Single parameters first, then pairs (those with the base or the tool before others), the rest
+    as an echelon form with complete pivoting.
+    """
+    out: list[Array] = []
+    basis = np.linalg.qr(directions)[0]
+    while basis.shape[1]:
+        row = _short(basis)
+        if row is None:
+            break
+        out.append(row)
+        inside = basis.T @ row
+        keep = np.linalg.qr(inside[:, None], mode="complete")[0][:, 1:]
+        basis = basis @ keep
+    return np.array([*out, *_echelon(basis.T.copy())]).reshape(-1, len(directions))
+
+
+def _short(basis: Array) -> Array | None:
+    """A direction of one or two terms that lies in the span of ``basis``, if there is one."""
+    size = len(basis)
+    away = np.eye(size) - basis @ basis.T
+    own = np.diagonal(away)
+    out = np.zeros(size)
+    if own.min() < _EXACT:
+        out[int(np.argmin(own))] = 1.0
+        return out
+    mean, half = (own[:, None] + own) / 2.0, (own[:, None] - own) / 2.0
+    rest = mean - np.hypot(half, away)
+    rest[np.tril_indices(size)] = np.inf
+    # The later parameters are base and tool: prefer them where several pairs fit.
+    fits = np.argwhere(rest < _EXACT)
+    if not len(fits):
+        return None
+    i, j = fits[np.argmax(fits[:, 1])]
+    pair = np.linalg.eigh(away[np.ix_([i, j], [i, j])])[1][:, 0]
+    out[[i, j]] = pair / np.abs(pair).max()
+    return out
+
+
+def _echelon(rows: Array) -> Array:
     for i in range(len(rows)):
         flat = int(np.argmax(np.abs(rows[i:])))
         r, c = i + flat // rows.shape[1], flat % rows.shape[1]

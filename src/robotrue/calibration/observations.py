@@ -126,9 +126,7 @@ class PoseObservation:
         """Returns the linearised rows; residual (n, 6): m, then rad (left rotation vector)."""
         point, rotation, jacobian = _seen(layout, state, self.visits, part, rotations=True)
         angle = rotation_vector_from_matrix(self.rotation[part] @ np.swapaxes(rotation, 1, 2))
-        # log(exp(r) exp(-e)) = r - Jr^-1(r) e; the series is exact to |r|^4 / 720.
-        turn = skew(angle)
-        jacobian[:, 3:] = (np.eye(3) + 0.5 * turn + turn @ turn / 12.0) @ jacobian[:, 3:]
+        jacobian[:, 3:] = _right_inverse(angle) @ jacobian[:, 3:]
         return Linearisation(
             residual=np.concatenate([self.position[part] - point, angle], axis=1),
             jacobian=jacobian,
@@ -251,6 +249,18 @@ def observations_of(
             )
         )
     return tuple(out)
+
+
+def _right_inverse(vector: Array) -> Array:
+    """Jr^-1 (n, 3, 3) with log(exp(r) exp(-e)) = r - Jr^-1(r) e for small e."""
+    angle = np.linalg.norm(vector, axis=1)
+    small = angle < 1e-3
+    safe = np.where(small, 1.0, angle)
+    exact = 1.0 / safe**2 - 1.0 / (2.0 * safe * np.tan(safe / 2.0))
+    second = np.where(small, 1.0 / 12.0 + angle**2 / 720.0, exact)[:, None, None]
+    turn = skew(vector)
+    out: Array = np.eye(3) + 0.5 * turn + second * (turn @ turn)
+    return out
 
 
 def _seen(
