@@ -90,6 +90,14 @@ def test_decimal_comma(tmp_path: Path) -> None:
     np.testing.assert_allclose(m.position[0] / MM, [1289.5, 334.9, 1027.3])
 
 
+def test_one_date_does_not_decide_the_decimal_mark(tmp_path: Path) -> None:
+    text = f"{HEADER},set\n{ROW},9.30\n".replace(",", ";")
+    text = text.replace("1289.5;334.9;1027.3", "1289,5;334,9;1027,3")
+    m = read_measurements(written(tmp_path, text))
+    np.testing.assert_allclose(m.position[0] / MM, [1289.5, 334.9, 1027.3])
+    assert m.group_names == ("9.30",)
+
+
 def test_comments_and_blank_lines_keep_line_numbers(tmp_path: Path) -> None:
     text = f"# station 1\n\n{HEADER}\n{ROW}\n\n{ROW}\n,,,,,,,,\n"
     assert read_measurements(written(tmp_path, text)).source_row.tolist() == [4, 6]

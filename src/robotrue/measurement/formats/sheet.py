@@ -103,7 +103,7 @@ def read_sheet(
         cells=cells,
         lines=tuple(line for line, _ in body),
         header_line=rows[0][0] if header else None,
-        decimal=decimal or _sniff_decimal(path, cells),
+        decimal=decimal or _sniff_decimal(cells),
     )
 
 
@@ -196,14 +196,12 @@ def _sniff_delimiter(line: str) -> str:
     return BLANKS
 
 
-def _sniff_decimal(path: str | Path, cells: tuple[tuple[str, ...], ...]) -> str:
-    for row in cells:
-        for cell in row:
-            if _DECIMAL_POINT.fullmatch(cell):
-                return "."
-            if _DECIMAL_COMMA.fullmatch(cell):
-                return ","
-    return "."
+def _sniff_decimal(cells: tuple[tuple[str, ...], ...]) -> str:
+    """Returns the mark most numbers have; a date or a version among them does not decide."""
+    some = [cell for row in cells[:100] for cell in row]
+    commas = sum(1 for cell in some if _DECIMAL_COMMA.fullmatch(cell))
+    points = sum(1 for cell in some if _DECIMAL_POINT.fullmatch(cell))
+    return "," if commas > points else "."
 
 
 def _header(
