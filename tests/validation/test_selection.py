@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 from validation_fakes import SIGMA, FakeModel, arm, measured
 
+from robotrue.calibration.methods import METHODS
+from robotrue.calibration.settings import FitSettings
 from robotrue.errors import ObservabilityError, ShapeError
 from robotrue.robot.forward import forward
-from robotrue.validation.auto import fit_auto
-from robotrue.validation.selection import default_splits, paired_gain, select
+from robotrue.robot.model import parameter_slice
+from robotrue.validation.contest import paired_gain
+from robotrue.validation.selection import default_splits, fit_auto, select
 from robotrue.validation.splits import contiguous_blocks
 
 
@@ -35,12 +40,12 @@ def bend(joints):
     return 0.3e-3 * np.stack([np.sin(joints[:, 0]), np.cos(2 * joints[:, 1]), joints[:, 2] * 0], 1)
 
 
-METHODS = {"simple": fit_nothing, "rich": fit_features}
+FAKES = {"simple": fit_nothing, "rich": fit_features}
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_noise_alone_keeps_the_simple_one(seed):
-    result = select(METHODS, measured(150, seed=seed))
+    result = select(FAKES, measured(150, seed=seed))
     assert result.winner == "simple"
     assert "rich" in result.reason
     assert "does not beat simple" in result.reason
@@ -48,14 +53,14 @@ def test_noise_alone_keeps_the_simple_one(seed):
 
 @pytest.mark.parametrize("n", [30, 60, 150])
 def test_structure_lets_the_rich_one_win(n):
-    result = select(METHODS, measured(n, error=bend))
+    result = select(FAKES, measured(n, error=bend))
     assert result.winner == "rich"
     assert result.table[1].gain > result.table[1].noise > 0.0
     assert result.table[1].log_density > result.table[0].log_density
 
 
 def test_a_method_that_cannot_be_fitted_is_named_not_chosen():
-    result = select({"broken": fit_fails, **METHODS}, measured(60, error=bend))
+    result = select({"broken": fit_fails, **FAKES}, measured(60, error=bend))
     assert result.winner == "rich"
     assert result.table[0].failure == "too few poses for this method."
     with pytest.raises(ObservabilityError, match=r"no method could be fitted; broken: too few"):
@@ -69,7 +74,7 @@ def test_bugs_in_a_method_are_not_hidden():
         raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):
-        select({"broken": broken, **METHODS}, measured(60))
+        select({"broken": broken, **FAKES}, measured(60))
 
 
 def test_default_splits_grow_with_the_number_of_rows():
@@ -82,32 +87,47 @@ def test_default_splits_grow_with_the_number_of_rows():
 def test_fits_are_limited_and_the_winner_sees_all_rows():
     seen = []
 
-    def counting(measurements):
+    def counting(robot, measurements, settings):
         seen.append(len(measurements))
         return FakeModel()
 
-    result = fit_auto({"only": counting}, measured(4000))
-    assert seen[:-1] == [1500] * 6
-    assert seen[-1] == 4000
-    assert result.selection.table[0].n == 6 * 500
-    assert "up to 1500 rows fit and 500 score" in result.selection.rule
+    model = fit_auto(arm(), measured(4000), methods={"only": counting})
+    assert seen == [1000] * 5 + [4000]
+    evidence = model.training_summary()["selection"]
+    assert evidence["table"][0]["n"] == 5 * 500
+    assert "3 blocks and 2 regions; up to 1000 rows fit and 500 score" in evidence["rule"]
 
 
-def test_auto_attaches_the_evidence():
-    def attach(model, summary):
-        return FakeModel(mean=model.mean, summary={"selection": summary})
+def test_auto_attaches_the_evidence_and_passes_the_settings_on():
+    given = FitSettings(repeatability=1e-4)
 
-    result = fit_auto(METHODS, measured(60, error=bend), attach=attach)
-    assert result.model.training_summary()["selection"]["winner"] == "rich"
-    table = result.model.training_summary()["selection"]["table"]
-    assert [row["name"] for row in table] == ["simple", "rich"]
-    assert table[0]["gain"] is None
+    def rich(robot, measurements, settings):
+        assert settings is given
+        return fit_features(measurements)
+
+    methods = {"simple": lambda robot, rows, settings: FakeModel(), "rich": rich}
+    model = fit_auto(arm(), measured(60, error=bend), given, methods=methods)
+    evidence = model.training_summary()["selection"]
+    assert evidence["winner"] == "rich"
+    assert [row["name"] for row in evidence["table"]] == ["simple", "rich"]
+    assert evidence["table"][0]["gain"] is None
+    json.dumps(evidence, allow_nan=False)
+
+
+def test_auto_on_a_real_method_table():
+    errors = arm().errors.copy()
+    errors[parameter_slice(6, "a")] = [0.5e-3, -0.4e-3, 0.3e-3, 0.0, 0.0, 0.0]
+    poses = measured(60, robot=arm().with_errors(errors), instrument=0.02e-3)
+    two = {name: METHODS[name] for name in ("nominal", "geometric")}
+    model = fit_auto(arm(), poses, methods=two)
+    assert model.training_summary()["selection"]["winner"] == "geometric"
+    assert model.training_summary()["method"] == "geometric"
 
 
 def test_progress_counts_every_fit():
     calls = []
     select(
-        METHODS,
+        FAKES,
         measured(60),
         splits=contiguous_blocks(60, blocks=3),
         progress=lambda text, done, total: calls.append((done, total)),
@@ -123,7 +143,7 @@ def test_paired_gain_by_hand():
 
 
 def test_mean_per_kind_adds_up():
-    score = select(METHODS, measured(150)).table[0]
+    score = select(FAKES, measured(150)).table[0]
     assert set(score.mean_by_kind) == {"blocks", "regions"}
     assert np.mean(list(score.mean_by_kind.values())) == pytest.approx(score.mean)
     assert score.mean == pytest.approx(SIGMA * np.sqrt(8 / np.pi), rel=0.1)

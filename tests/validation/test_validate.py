@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from validation_fakes import SIGMA, FakeModel, arm, measured
 
+from robotrue.core.files import sha256
 from robotrue.core.rotations import matrix_from_abc, matrix_from_rotation_vector
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ModelMismatchError, ShapeError
@@ -69,17 +70,29 @@ def test_worst_points_name_their_row():
 
 
 def test_doubts_are_found():
-    region = {"joints_min": [-0.5] * 6, "joints_max": [0.5] * 6}
-    summary = {"region": region, "sources": ["a.csv sha256:1"], "doubts": ["joint 1 is free."]}
+    summary = {
+        "joint_range_rad": [[-0.5] * 6, [0.5] * 6],
+        "sources": ["a.csv sha256:1"],
+        "doubts": ["joint 1 is free."],
+    }
     model = FakeModel(summary=summary, sigma=5 * SIGMA)
     report = validate(model, measured(15, sources=("a.csv sha256:1",)))
     text = "\n".join(report.doubts)
     outside = np.abs(measured(15).joints).max(axis=1) > 0.5 + 2 * DEG
     assert len(report.outside) == outside.sum() > 0
     assert f"{outside.sum()} of 15 poses have a joint outside the range" in text
-    assert "The fit saw these files: a.csv sha256:1." in text
+    assert "The fit used rows of the same file (a.csv sha256:1)" in text
     assert "Only 15 poses" in text
     assert "joint 1 is free." in text
+
+
+def test_the_very_rows_of_the_fit_are_recognised():
+    poses = measured(40)
+    mark = sha256(poses.joints.tobytes() + poses.position.tobytes())
+    doubts = validate(FakeModel(summary={"data_sha256": mark}), poses).doubts
+    assert any("The fit saw exactly these poses" in doubt for doubt in doubts)
+    others = validate(FakeModel(summary={"data_sha256": mark}), measured(40, seed=1)).doubts
+    assert not any("The fit saw" in doubt for doubt in others)
 
 
 def test_claims_that_are_wrong_are_said_in_both_directions():

@@ -25,9 +25,9 @@ from robotrue.report.content import (
     Tone,
     Verdict,
 )
+from robotrue.validation.contest import Selection
 from robotrue.validation.metrics import ErrorStatistics, wilson_interval
-from robotrue.validation.selection import Selection
-from robotrue.validation.validate import AxisAngles, ValidationReport
+from robotrue.validation.report import AxisAngles, ValidationReport
 
 _MM = "mm"
 

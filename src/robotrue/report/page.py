@@ -30,6 +30,8 @@ from robotrue.report.plots import (
 from robotrue.report.theme import STYLE
 
 SIMULATED = "SIMULATED DATA: no real robot was measured for this page"
+WIDE = 8
+"""Tables with more columns are set smaller."""
 _WORDS = ' class="words"'
 
 
@@ -125,7 +127,8 @@ def _table(table: Table) -> str:
         )
         chosen = ' class="chosen"' if index == table.highlight else ""
         rows.append(f"<tr{chosen}>{cells}</tr>")
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
+    wide = ' class="wide"' if len(table.columns) > WIDE else ""
+    return f"<table{wide}><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
 
 
 def _is_words(table: Table, index: int) -> bool:
@@ -141,7 +144,8 @@ def _cell(value: Cell, column: Column) -> str:
     if value is None:
         return "–"
     if isinstance(value, float):
-        return f"{value:.{column.digits}f}"
+        # Adding zero after rounding prints a rounded-off -0.0001 as 0.000.
+        return f"{round(value, column.digits) + 0.0:.{column.digits}f}"
     return escape(str(value))
 
 

@@ -61,7 +61,14 @@ def point_errors_svg(plot: PointErrors, key: str) -> str:
         ax.margins(x=0.02)
         ax.set_xlabel(plot.axis_label)
         ax.set_ylabel("error, mm")
-        ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2)
+        ax.legend(
+            loc="lower left",
+            bbox_to_anchor=(0.0, 1.0),
+            ncols=2,
+            borderaxespad=0.2,
+            markerscale=1.0 if len(shown) <= 120 else 2.5,
+            handletextpad=0.3,
+        )
 
     return inline_svg(draw, key=key, label=escape(plot.title, quote=True))
 

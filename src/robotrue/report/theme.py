@@ -58,7 +58,7 @@ main{max-width:1080px;margin:0 auto;padding:32px 24px 64px}
 h1{font-size:30px;line-height:1.2;margin:0 0 4px;letter-spacing:-.01em}
 h2{font-size:21px;line-height:1.3;margin:48px 0 4px;letter-spacing:-.005em}
 h3{font-size:16px;line-height:1.4;margin:0 0 4px}
-p{margin:0 0 8px;max-width:74ch}
+p{margin:0 0 8px;max-width:88ch}
 .subtitle,.caption,.note{color:var(--muted)}
 .caption,.note{font-size:14px}
 .simulated{background:var(--caution);color:var(--card);font-weight:700;letter-spacing:.06em;
@@ -87,6 +87,7 @@ th{font-weight:600;color:var(--muted);font-size:14px;white-space:nowrap}
 th .unit{font-weight:400}
 th.words,td.words{text-align:left}
 td{white-space:nowrap}td.words{white-space:normal}
+table.wide th,table.wide td{padding:6px 7px;font-size:13px}
 th:first-child,td:first-child{padding-left:4px}
 tr:last-child td{border-bottom:0}
 tr.chosen td{background:var(--band);font-weight:600}

@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
+from robotrue.core.files import sha256
 from robotrue.core.units import DEG, MM
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.validation.metrics import Coverage, ErrorStatistics
@@ -34,19 +35,19 @@ def physical_floor(instrument_covariance: Array) -> float:
 def outside_training_region(summary: Mapping[str, Any], joints: Array) -> IntArray:
     """Returns the rows with a joint more than 2 deg outside the range the model was trained in.
 
-    The range is ``summary["region"]["joints_min"]`` and ``["joints_max"]`` in rad; without them no
-    row is returned.
+    The range is ``summary["joint_range_rad"]``, lowest and highest value of each joint; without it
+    no row is returned.
 
     Args:
         summary: :meth:`ErrorModel.training_summary`.
         joints: (n, dof) rad.
     """
-    region = summary.get("region")
-    if not isinstance(region, Mapping) or not {"joints_min", "joints_max"} <= set(region):
+    stated = np.asarray(summary.get("joint_range_rad", ()), dtype=np.float64)
+    if stated.shape != (2, joints.shape[1]):
         return np.zeros(0, dtype=np.int64)
-    low = np.asarray(region["joints_min"], dtype=np.float64) - REGION_MARGIN
-    high = np.asarray(region["joints_max"], dtype=np.float64) + REGION_MARGIN
-    rows: IntArray = np.flatnonzero(((joints < low) | (joints > high)).any(axis=1))
+    low, high = stated
+    outside = (joints < low - REGION_MARGIN) | (joints > high + REGION_MARGIN)
+    rows: IntArray = np.flatnonzero(outside.any(axis=1))
     return rows
 
 
@@ -61,14 +62,8 @@ def find_doubts(
     measured: MeasurementSet,
 ) -> tuple[str, ...]:
     """Returns every reason found not to take the result at its word, one sentence each."""
-    found = []
-    known = {str(source) for source in summary.get("sources", ())}
-    shared = sorted(known & set(measured.sources))
-    if shared:
-        found.append(
-            f"The fit saw these files: {', '.join(shared)}. Errors on them say how well the model "
-            "bends, not how well it predicts; validate on poses held back."
-        )
+    found: list[str] = []
+    found.extend(_overlap_doubt(summary, measured))
     if after.n < FEW_POINTS:
         found.append(
             f"Only {after.n} poses: the largest error and the coverage mean little; at least "
@@ -95,6 +90,23 @@ def find_doubts(
         found.append("Several reflectors in one set: the model predicts one tool point for all.")
     found.extend(str(doubt) for doubt in summary.get("doubts", ()))
     return tuple(found)
+
+
+def _overlap_doubt(summary: Mapping[str, Any], measured: MeasurementSet) -> tuple[str, ...]:
+    if summary.get("data_sha256") == sha256(
+        measured.joints.tobytes() + measured.position.tobytes()
+    ):
+        return (
+            "The fit saw exactly these poses: the errors say how well the model bends, not how "
+            "well it predicts. Validate on poses held back.",
+        )
+    shared = sorted({str(s) for s in summary.get("sources", ())} & set(measured.sources))
+    if not shared:
+        return ()
+    return (
+        f"The fit used rows of the same file ({', '.join(shared)}): the numbers hold only if these "
+        "poses were held back.",
+    )
 
 
 def _coverage_doubt(coverage: Coverage) -> tuple[str, ...]:

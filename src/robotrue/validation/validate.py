@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel
-from robotrue.core.arrays import Array, IntArray
+from robotrue.core.arrays import Array
 from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.core.units import DEG
 from robotrue.measurement.measurement_set import MeasurementSet
@@ -15,101 +13,10 @@ from robotrue.robot.statics import Load
 from robotrue.validation.alignment import aligned_errors
 from robotrue.validation.doubts import find_doubts, outside_training_region, physical_floor
 from robotrue.validation.evaluation import Evaluation, evaluate
-from robotrue.validation.metrics import (
-    Coverage,
-    ErrorStatistics,
-    coverage,
-    coverage_probability,
-    error_statistics,
-)
+from robotrue.validation.metrics import coverage, coverage_probability, error_statistics
+from robotrue.validation.report import AxisAngles, ValidationReport, WorstPoint
 
 WORST_POINTS = 10
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WorstPoint:
-    """One of the rows the model misses most.
-
-    Attributes:
-        group: Name of its set.
-        source_row: One-based line in the source file.
-        joints: (dof,) rad.
-        position: (3,) m, measured, in base.
-        before: m, length of measured minus nominal.
-        after: (3,) m, measured minus predicted.
-        probability: Of the smallest stated region that holds it; above 0.999 the model did not
-            expect it.
-    """
-
-    group: str
-    source_row: int
-    joints: Array
-    position: Array
-    before: float
-    after: Array
-    probability: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AxisAngles:
-    """Angle of the tool's z axis between measured and expected, rad.
-
-    Attributes:
-        n: Rows with an orientation.
-        mean: Mean angle.
-        p95: 95th percentile.
-        max: Largest angle.
-    """
-
-    n: int
-    mean: float
-    p95: float
-    max: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ValidationReport:
-    """What a set of measured poses says about a model. SI, base frame.
-
-    Attributes:
-        robot: Name of the robot.
-        before: Measured minus nominal, as measured. For sets in a tracker frame the station is the
-            one the model estimated, so a frame error is already out; ``notes`` says so.
-        before_aligned: The same after the best base and tool fitted to these rows; None for too
-            few rows.
-        after: Measured minus (nominal plus predicted).
-        coverage: Share of rows in their stated 95 % regions.
-        axis_before: Tool axis angles before; None without orientations.
-        axis_after: Tool axis angles after; None if the model predicts no rotation.
-        worst: The rows missed most, worst first.
-        doubts: When not to trust these numbers.
-        notes: How they were made.
-        outside: (k,) rows outside the region the model was trained in.
-        floor: m, the least mean error one visit per pose can show.
-        position: (n, 3) m, measured.
-        errors_before: (n, 3) m.
-        errors_after: (n, 3) m.
-        covariance: (n, 3, 3) m^2, of ``errors_after``.
-        probability: (n,) of the smallest stated region that holds each row.
-    """
-
-    robot: str
-    before: ErrorStatistics
-    before_aligned: ErrorStatistics | None
-    after: ErrorStatistics
-    coverage: Coverage
-    axis_before: AxisAngles | None
-    axis_after: AxisAngles | None
-    worst: tuple[WorstPoint, ...]
-    doubts: tuple[str, ...]
-    notes: tuple[str, ...]
-    outside: IntArray
-    floor: float
-    position: Array
-    errors_before: Array
-    errors_after: Array
-    covariance: Array
-    probability: Array
 
 
 def validate(

@@ -1,0 +1,220 @@
+"""Who won: held-out results compared in pairs, and the sentence that says why."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.special import stdtrit
+
+from robotrue.core.arrays import Array, IntArray
+from robotrue.core.units import MM
+from robotrue.errors import ObservabilityError
+from robotrue.validation.splits import Split
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CandidateScore:
+    """How one method did on held-out poses.
+
+    Attributes:
+        name: Method.
+        n: Held-out rows scored, over all folds.
+        mean: m, mean error; NaN if it could not be fitted.
+        max: m, largest error.
+        coverage: Share in the stated 95 % regions.
+        log_density: Mean log predictive density of a row, log(1/m^3).
+        mean_by_kind: m, mean error per kind of split.
+        gain: m, mean error of the method chosen before it minus its own; NaN for the first.
+        noise: m, what the gain must exceed.
+        failure: Why it could not be fitted; empty if it could.
+    """
+
+    name: str
+    n: int
+    mean: float
+    max: float
+    coverage: float
+    log_density: float
+    mean_by_kind: Mapping[str, float]
+    gain: float
+    noise: float
+    failure: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Selection:
+    """The method chosen and the evidence.
+
+    Attributes:
+        winner: Name of the method.
+        reason: One sentence with the numbers.
+        table: Every candidate, simplest first.
+        splits: Names of the splits used.
+        rule: How rows were held out and limited, one sentence.
+    """
+
+    winner: str
+    reason: str
+    table: tuple[CandidateScore, ...]
+    splits: tuple[str, ...]
+    rule: str
+
+    def summary(self) -> Mapping[str, Any]:
+        """Returns JSON values for a model's training summary; lengths in m."""
+        return {
+            "winner": self.winner,
+            "reason": self.reason,
+            "rule": self.rule,
+            "splits": list(self.splits),
+            "table": [
+                {
+                    "name": score.name,
+                    "n": score.n,
+                    "mean": _json_number(score.mean),
+                    "max": _json_number(score.max),
+                    "coverage": _json_number(score.coverage),
+                    "log_density": _json_number(score.log_density),
+                    "mean_by_kind": dict(score.mean_by_kind),
+                    "gain": _json_number(score.gain),
+                    "noise": _json_number(score.noise),
+                    "failure": score.failure,
+                }
+                for score in self.table
+            ],
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeldOut:
+    """Held-out results of one candidate: rows of all folds, one after the other.
+
+    Attributes:
+        error: (n,) m, length of measured minus predicted.
+        inside: Share in the stated 95 % regions.
+        log_density: Mean log predictive density.
+    """
+
+    error: Array
+    inside: float
+    log_density: float
+
+
+def decide(
+    held: Mapping[str, HeldOut | str], folds: Sequence[Split], fold_of_row: IntArray, rule: str
+) -> Selection:
+    """Returns the selection, given every candidate's held-out results or why it has none.
+
+    Args:
+        held: By method, simplest first; a string is the reason of a failure.
+        folds: The splits, in the order of ``fold_of_row``.
+        fold_of_row: (n,) fold number of each held-out row.
+        rule: How rows were held out, for the report.
+
+    Raises:
+        ObservabilityError: No candidate has results.
+    """
+    winner: str | None = None
+    best: HeldOut | None = None
+    table, trail = [], []
+    for name, result in held.items():
+        gain, noise = float("nan"), float("nan")
+        if isinstance(result, str):
+            table.append(_failed(name, result))
+            trail.append(f"{name} could not be fitted")
+            continue
+        if best is None:
+            winner, best = name, result
+            trail.append(f"{name} has {result.error.mean() / MM:.3f} mm on held-out poses")
+        else:
+            gain, noise = paired_gain(best.error - result.error, fold_of_row)
+            wins = gain > noise
+            verdict = "beats" if wins else "does not beat"
+            trail.append(
+                f"{name} ({result.error.mean() / MM:.3f} mm) {verdict} {winner}: gain "
+                f"{gain / MM:.4f} mm, noise {noise / MM:.4f} mm"
+            )
+            if wins:
+                winner, best = name, result
+        table.append(_scored(name, result, folds, fold_of_row, gain, noise))
+    if winner is None:
+        first = next(iter(held.items()))
+        raise ObservabilityError(
+            f"no method could be fitted; {first[0]}: {first[1]}",
+            hint="measure more poses, or name one method to see its full message.",
+        )
+    return Selection(
+        winner=winner,
+        reason=f"{winner} is used: " + "; ".join(trail) + ".",
+        table=tuple(table),
+        splits=tuple(fold.name for fold in folds),
+        rule=rule,
+    )
+
+
+def paired_gain(difference: Array, fold_of_row: IntArray) -> tuple[float, float]:
+    """Returns the mean of paired differences and the noise it must exceed to count, both in m.
+
+    The mean of the fold means, and its one-sided 95 % Student half width over the folds. Rows of
+    one fold are not independent: they share a fit and a region.
+
+    Args:
+        difference: (n,) m, error of the simpler minus error of the richer method.
+        fold_of_row: (n,) fold number of each row, 0 .. k - 1, k >= 2 or n >= 2.
+    """
+    count = int(fold_of_row.max()) + 1
+    if count < 2:  # one split only: its rows are all there is
+        fold_of_row, count = np.arange(len(difference)), len(difference)
+    means = np.bincount(fold_of_row, weights=difference) / np.bincount(fold_of_row)
+    if count < 2:
+        return float(means.mean()), float("inf")
+    error = float(means.std(ddof=1)) / np.sqrt(count)
+    return float(means.mean()), float(stdtrit(count - 1, 0.95)) * float(error)
+
+
+def _scored(
+    name: str,
+    result: HeldOut,
+    folds: Sequence[Split],
+    fold_of_row: IntArray,
+    gain: float,
+    noise: float,
+) -> CandidateScore:
+    kinds = np.array([fold.kind for fold in folds])[fold_of_row]
+    return CandidateScore(
+        name=name,
+        n=len(result.error),
+        mean=float(result.error.mean()),
+        max=float(result.error.max()),
+        coverage=result.inside,
+        log_density=result.log_density,
+        mean_by_kind={
+            kind: float(result.error[kinds == kind].mean())
+            for kind in dict.fromkeys(fold.kind for fold in folds)
+        },
+        gain=gain,
+        noise=noise,
+        failure="",
+    )
+
+
+def _failed(name: str, why: str) -> CandidateScore:
+    nan = float("nan")
+    return CandidateScore(
+        name=name,
+        n=0,
+        mean=nan,
+        max=nan,
+        coverage=nan,
+        log_density=nan,
+        mean_by_kind={},
+        gain=nan,
+        noise=nan,
+        failure=why,
+    )
+
+
+def _json_number(value: float) -> float | None:
+    return value if np.isfinite(value) else None
