@@ -175,7 +175,11 @@ def _edit(old, new):
 @pytest.mark.parametrize(
     ("text", "line", "words"),
     [
-        (_edit('name="joint_4" type="revolute"', 'name="joint_4" type="prismatic"'), 19, "prismatic"),
+        (
+            _edit('name="joint_4" type="revolute"', 'name="joint_4" type="prismatic"'),
+            19,
+            "is prismatic",
+        ),
         (_edit('<axis xyz="1 0 0"/></joint>\n  <joint name="joint_5"', '<axis xyz="1 0 0"/><mimic joint="joint_3"/></joint>\n  <joint name="joint_5"'), 19, "follows another joint"),  # noqa: E501
         (_edit('<limit lower="-2.79253" upper="2.79253"/>', ""), 19, "without limit"),
         (_edit('<axis xyz="0 0 1"/>', '<axis xyz="0 0 0"/>'), 16, "zero axis"),

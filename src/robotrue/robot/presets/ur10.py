@@ -1,9 +1,12 @@
 """Universal Robots UR10 (CB series).
 
-Geometry: standard DH as used with the measured data sets of this package; Universal Robots ("DH
-parameters for calculations of kinematics and dynamics") prints the same numbers to 0.1 mm. The base
-frame is the controller's own; ROS turns it by 180 deg about z. Link masses and centres of mass: the
-same article, in the DH frames. Limits: +-360 deg each. Read 2026-11.
+Geometry: standard DH as Universal Robots prints it ("DH parameters for calculations of kinematics
+and dynamics") and as the measured data sets of this package use it. The CB3 manual prints an older
+series (d1 118, a2 -612.7, a3 -571.6 mm): check which one stands in the cell. The base frame is the
+controller's own; ROS turns it by 180 deg about z. Limits: +-360 deg each. Read 2026-11.
+
+Link masses and centres of mass: the same article, in the DH frames; the centres were read there,
+the masses of this series are from memory.
 """
 
 from __future__ import annotations
