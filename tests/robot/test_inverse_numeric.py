@@ -10,7 +10,7 @@ from robotrue.robot.model import parameter_slice
 from robotrue.robot.presets import preset
 from robotrue.robot.statics import Load, deflected
 
-from .arms import TOOL, arm, heavy, random_errors, random_joints
+from .arms import TOOL, arm, heavy, odd_arm, random_errors, random_joints
 
 
 def _loaded(name, count, seed):
@@ -50,6 +50,28 @@ def test_nominal_seed_comes_back_from_far():
     assert (
         np.abs(forward(robot, found.joints[found.converged]) - poses[found.converged]).max() < 1e-9
     )
+
+
+def test_singular_seed_and_singular_pose():
+    """A straight wrist in a vertical plane: two joint axes coincide to the last digit."""
+    robot = preset("kr160")
+    straight = np.zeros((1, 6))
+    pose = forward(robot, straight)
+    stays = solve(robot, pose, straight)
+    assert stays.converged[0]
+    assert stays.iterations[0] == 0
+    away = solve(robot, forward(robot, np.full((1, 6), 0.1)), straight)
+    assert away.converged[0]
+    back = solve(robot, pose, np.full(6, 0.05), tolerance=1e-9)
+    assert back.converged[0]
+
+
+def test_arm_of_four_joints_goes_where_it_can():
+    robot = odd_arm("dh", dof=4)
+    joints = random_joints(robot, 20, 8) * 0.5
+    found = solve(robot, forward(robot, joints), joints + 0.01)
+    assert found.converged.all()
+    np.testing.assert_allclose(found.joints, joints, atol=1e-7)
 
 
 def test_out_of_reach_is_said_not_hidden():

@@ -26,6 +26,7 @@ from robotrue.robot.statics import NO_LOAD, Load, deflected
 TOLERANCE: Final = 1e-10
 """m and rad; the residual at which a pose counts as reached, far below any robot or tracker."""
 _DAMPING: Final = 1e-2  # damping over squared residual at the start
+_FLOOR: Final = 1e-14  # keeps J J^T regular where the arm is singular to the last digit
 _DISTINCT: Final = 1e-4  # rad by which two solutions differ
 _TURN: Final = 2.0 * np.pi
 
@@ -91,7 +92,7 @@ def solve(
         error, lever = residual[open_], jacobian[open_]
         squared = np.sum(error * error, axis=1)
         normal = lever @ np.swapaxes(lever, 1, 2)
-        normal += (factor[open_] * squared + 1e-18)[:, None, None] * np.eye(6)
+        normal += (factor[open_] * squared + _FLOOR)[:, None, None] * np.eye(6)
         step = (np.swapaxes(lever, 1, 2) @ np.linalg.solve(normal, error[..., None]))[..., 0]
         largest = np.abs(step).max(axis=1, keepdims=True)
         trial = q[open_] + step * np.minimum(1.0, 0.5 / np.maximum(largest, 1e-300))

@@ -1,8 +1,8 @@
 """Universal Robots UR5 (CB series).
 
 Geometry: standard DH, table "UR5 series 3" of the CB3 manual, appendix C; the targets of the
-measured data set of this package agree with it to 0.01 mm. The base frame is the controller's own. Limits:
-+-360 deg each. Read 2026-11.
+measured data set of this package agree with it to 0.01 mm. The base frame is the controller's own.
+Limits: +-360 deg each. Read 2026-11.
 
 Link masses and centres of mass: Universal Robots, "DH parameters for calculations of kinematics and
 dynamics", in the DH frames; the centres were read there, the masses of this series are from memory.
