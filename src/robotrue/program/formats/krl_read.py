@@ -310,7 +310,7 @@ class _Builder:
     ) -> tuple[IntArray, IntArray]:
         """Fills left-out components from the target before; returns (rows, donors) as executed."""
         written = ~np.isnan(values)
-        lacking = ~written.all(axis=1)
+        lacking: BoolArray = np.asarray(~written.all(axis=1))
         none = np.zeros(0, np.int64), np.zeros((0, 6), np.int64)
         if file != self.main or not lacking.any():
             return none

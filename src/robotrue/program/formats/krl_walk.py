@@ -157,6 +157,8 @@ class Walk:
             self._assign(file, line, code)
         elif word not in ("decl", "wait", "halt", "return", *_POINT_TYPES, *_OTHER_TYPES):
             call = _CALL.match(code)
+            if call and call[1].lower() == "cr_process_file":
+                self._note(line, file, "the targets stand in a CAMRob csv file; it is not read")
             if call:
                 self._calls[call[1].lower()].append(self.frames.state)
                 self._barrier(line)
@@ -165,6 +167,8 @@ class Walk:
             self._taint(line, code)
 
     def _define(self, line: int, code: str) -> None:
+        if code.rstrip().endswith(":"):
+            return  # ``def name():`` is Python's or URScript's
         self.story.has_def = True
         self._barrier(line)
         self._branches.clear()

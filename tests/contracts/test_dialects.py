@@ -1,0 +1,75 @@
+"""What every dialect promises, checked on the sample programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robotrue.program.formats import detect, dialect, dialects, read_job, write_program
+from robotrue.program.program import FrameTable, Program, Replacement
+
+SUFFIXES = tuple(suffix for name in dialects() for suffix in dialect(name).suffixes)
+
+
+@pytest.fixture(scope="module")
+def samples(data_dir: Path) -> list[Path]:
+    folder = data_dir.parent / "programs"
+    found = sorted(path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES)
+    if not found:
+        pytest.skip(f"no sample programs in {folder}")
+    return found
+
+
+def shifted(program: Program, by_m: float) -> Replacement:
+    n = len(program)
+    return Replacement(
+        changed=program.reason == 0,
+        position=program.position + by_m,
+        rotation=program.rotation,
+        axes=program.axes,
+        status=np.full(n, -1),
+        turn=np.full(n, -1),
+    )
+
+
+@pytest.mark.data
+def test_zero_correction_is_byte_identical(samples: list[Path]) -> None:
+    for path in samples:
+        for program in read_job(path, FrameTable()):
+            assert program.data == path.with_name(program.name).read_bytes()
+            assert write_program(program, shifted(program, 0.0)) == program.data
+
+
+@pytest.mark.data
+def test_written_targets_are_read_again(samples: list[Path], tmp_path: Path) -> None:
+    moved = 0
+    for path in samples:
+        job = read_job(path, FrameTable())
+        for program in job:
+            (tmp_path / program.name).write_bytes(write_program(program, shifted(program, 3e-4)))
+        again = read_job(tmp_path / path.name, FrameTable())
+        for old, new in zip(job, again, strict=True):
+            use = old.reason == 0
+            moved += int(use.sum())
+            np.testing.assert_array_equal(old.reason, new.reason)
+            np.testing.assert_allclose(new.position[use], old.position[use] + 3e-4, atol=0.51e-6)
+        for program in job:
+            (tmp_path / program.name).unlink()
+    assert moved > 0
+
+
+@pytest.mark.data
+def test_content_alone_names_the_dialect(samples: list[Path]) -> None:
+    for path in samples:
+        assert path.suffix.lower() in detect(path.read_bytes(), "noname").suffixes
+
+
+@pytest.mark.data
+def test_other_languages_are_not_taken_for_one_of_these(data_dir: Path) -> None:
+    folder = data_dir.parent / "programs"
+    others = [p for p in folder.rglob("*") if p.is_file() and p.suffix.lower() not in SUFFIXES]
+    assert others
+    for path in others:
+        assert max(dialect(name).detect(path.read_bytes()) for name in dialects()) < 0.4
