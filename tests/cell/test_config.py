@@ -47,7 +47,7 @@ def test_everything_but_the_robot_has_a_default(tmp_path: Path) -> None:
     np.testing.assert_array_equal(cell.T_base_frame, np.eye(4))
     assert cell.frame == "base"
     assert cell.tracker_position is None
-    assert cell.repeatability == pytest.approx(0.03 * MM)
+    assert cell.repeatability == pytest.approx(0.06 * MM)
     assert cell.payload.mass.tolist() == [0.0]
     assert np.isnan(cell.compliance_prior).all()
     assert cell.source.endswith("cell.toml")

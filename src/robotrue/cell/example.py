@@ -44,7 +44,7 @@ frame = "base"                     # or "unknown": the calibration estimates whe
 # sigma_um_per_m = 2.5             # bound of 15 um + 5 um/m read as two sigma
 
 [repeatability]
-mm = 0.03                          # one standard deviation per axis
+mm = 0.06                          # ISO 9283 RP, as the data sheet has it
 
 [base]                             # work frame of programs that set none
 xyz_mm = [0, 0, 0]

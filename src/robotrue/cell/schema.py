@@ -75,7 +75,7 @@ class TrackerTable(_Table):
 class RepeatabilityTable(_Table):
     """``[repeatability]``."""
 
-    mm: Length = 0.03
+    mm: Length = 0.06
 
 
 class CellFile(_Table):

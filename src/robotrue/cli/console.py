@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -37,8 +37,8 @@ def emit_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]
 
 
 @contextmanager
-def progress(total: int) -> Iterator[Progress]:
-    """Shows a bar on stderr; quiet when stderr is not a terminal."""
+def progress() -> Iterator[Callable[[str, int, int], None]]:
+    """Yields ``step(what, done, of)``, a bar on stderr; quiet when stderr is not a terminal."""
     with Progress(
         SpinnerColumn(),
         TextColumn("{task.description}"),
@@ -48,8 +48,12 @@ def progress(total: int) -> Iterator[Progress]:
         transient=True,
         disable=not stderr.is_terminal,
     ) as bar:
-        bar.add_task("", total=total)
-        yield bar
+        task = bar.add_task("", total=None)
+
+        def step(what: str, done: int, of: int) -> None:
+            bar.update(task, description=what, completed=done, total=of)
+
+        yield step
 
 
 def _finite(value: Any) -> Any:

@@ -1,0 +1,51 @@
+"""``robotrue validate``: how well a model predicts poses it has not seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from robotrue.cli.console import emit_json, emit_table, say
+from robotrue.cli.inputs import measured
+from robotrue.core.units import MM
+from robotrue.store.model_file import read_model
+from robotrue.validation.metrics import ErrorStatistics
+from robotrue.validation.validate import validate
+
+
+def run(
+    model_path: Path,
+    paths: Sequence[Path],
+    *,
+    mapping: Path | None,
+    report: Path | None,
+    as_json: bool,
+) -> None:
+    """Prints the held-out statistics before and after."""
+    stored = read_model(model_path)
+    measurements = measured(stored.cell, paths, mapping)
+    result = validate(stored.model, measurements, payload=stored.cell.payload)
+    for doubt in result.doubts:
+        say(f"note: {doubt}")
+    if report is not None:
+        from robotrue.cli.pages import write_page
+
+        write_page(report, stored.model, result, title="Held-out validation")
+        say(f"report written to {report}")
+    if as_json:
+        emit_json(result.to_json())
+        return
+    emit_table(
+        f"{len(measurements)} poses, {stored.model.robot.name}",
+        ("", "mean mm", "p95 mm", "max mm", "std mm"),
+        [_row("before", result.before), _row("after", result.after)],
+    )
+    say(
+        f"{100 * result.coverage.share:.1f} % of the points lie in their stated 95 % region"
+        f" (95 % interval {100 * result.coverage.low:.1f} to {100 * result.coverage.high:.1f} %)"
+    )
+
+
+def _row(name: str, statistics: ErrorStatistics) -> tuple[str, ...]:
+    values = (statistics.mean, statistics.p95, statistics.max, statistics.std)
+    return (name, *(f"{value / MM:.3f}" for value in values))

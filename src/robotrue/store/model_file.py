@@ -1,0 +1,132 @@
+"""Model files: an error model and the cell it was measured in, in one archive.
+
+A compensated program needs more than the error: the tool, the work frame, the payload. They
+travel with the model, so the file alone is enough a year later.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from robotrue.calibration.archive import open_model
+from robotrue.calibration.model import ErrorModel
+from robotrue.cell.cell import Cell
+from robotrue.core.archive import Archive, read_archive, write_archive
+from robotrue.errors import ArchiveError
+from robotrue.measurement.tracker import TrackerSpecification
+from robotrue.robot.model import RobotModel
+from robotrue.robot.statics import Load
+
+CELL_SCHEMA: Final = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModelFile:
+    """What a model file holds.
+
+    Attributes:
+        model: The error model.
+        cell: The cell it was measured in.
+        archive: The file's content, for whoever wants the raw numbers.
+    """
+
+    model: ErrorModel
+    cell: Cell
+    archive: Archive
+
+
+def write_model(path: str | Path, model: ErrorModel, cell: Cell) -> None:
+    """Writes the model and its cell, whole or not at all.
+
+    Raises:
+        FormatError: The file cannot be written.
+    """
+    archive = model.to_archive()
+    document = {**archive.document, "cell": cell_document(cell)}
+    write_archive(path, replace(archive, document=document))
+
+
+def read_model(path: str | Path) -> ModelFile:
+    """Returns the model and its cell.
+
+    Raises:
+        ArchiveError: Not a model file, damaged, without a cell, or from a newer robotrue.
+        FormatError: The file cannot be read.
+    """
+    archive = read_archive(path)
+    model = open_model(archive)
+    stated = archive.document.get("cell")
+    if not isinstance(stated, Mapping):
+        raise ArchiveError(
+            "holds a model but no cell.", source=path, hint="calibrate again with a cell.toml."
+        )
+    return ModelFile(model=model, cell=cell_from_document(stated, model.robot), archive=archive)
+
+
+def cell_document(cell: Cell) -> dict[str, Any]:
+    """Returns the cell without its robot as JSON values, SI."""
+    tracker = cell.tracker
+    position = cell.tracker_position
+    return {
+        "schema": CELL_SCHEMA,
+        "T_flange_tool": cell.robot.T_flange_tool.tolist(),
+        "T_flange_target": cell.T_flange_target.tolist(),
+        "T_base_frame": cell.T_base_frame.tolist(),
+        "frame": cell.frame,
+        "tracker_position": None if position is None else position.tolist(),
+        "tracker": {
+            "name": tracker.name,
+            "range_bound": tracker.range_bound,
+            "range_bound_per_m": tracker.range_bound_per_m,
+            "angle_bound": tracker.angle_bound,
+            "angle_bound_per_m": tracker.angle_bound_per_m,
+            "divisor": tracker.divisor,
+        },
+        "repeatability": cell.repeatability,
+        "payload_mass": float(cell.payload.mass[0]),
+        "payload_com": cell.payload.com[0].tolist(),
+        "compliance_prior": [float(c) if np.isfinite(c) else None for c in cell.compliance_prior],
+        "doubts": list(cell.doubts),
+        "source": Path(cell.source).name,
+        "digest": cell.digest,
+    }
+
+
+def cell_from_document(stated: Mapping[str, Any], robot: RobotModel) -> Cell:
+    """Returns the cell from :func:`cell_document` and the nominal robot of the model.
+
+    Raises:
+        ArchiveError: The document is incomplete or of a newer schema.
+    """
+    if int(stated.get("schema", 0)) > CELL_SCHEMA:
+        raise ArchiveError(
+            f"cell schema {stated['schema']}, this robotrue reads up to {CELL_SCHEMA}.",
+            hint="update robotrue.",
+        )
+    try:
+        position = stated["tracker_position"]
+        return Cell(
+            robot=robot.nominal().with_tool(np.array(stated["T_flange_tool"])),
+            T_flange_target=np.array(stated["T_flange_target"]),
+            T_base_frame=np.array(stated["T_base_frame"]),
+            frame=stated["frame"],
+            tracker_position=None if position is None else np.array(position),
+            tracker=TrackerSpecification(**stated["tracker"]),
+            repeatability=stated["repeatability"],
+            payload=Load(
+                mass=np.array([stated["payload_mass"]]), com=np.array([stated["payload_com"]])
+            ),
+            compliance_prior=np.array(
+                [np.nan if c is None else c for c in stated["compliance_prior"]]
+            ),
+            doubts=tuple(stated["doubts"]),
+            source=stated["source"],
+            digest=stated["digest"],
+        )
+    except (KeyError, TypeError) as cause:
+        raise ArchiveError(f"the cell in this model file is incomplete ({cause}).") from cause
