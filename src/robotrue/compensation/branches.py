@@ -13,22 +13,22 @@ import numpy as np
 from robotrue.compensation.compiled import EXACT, compiled
 from robotrue.compensation.kernels import chain, invert6, jacobian, mix
 from robotrue.compensation.pack import Pack
+from robotrue.compensation.scratch import Scratch
 from robotrue.core.arrays import Array, IntArray
 
 TURN = 2.0 * math.pi
 NEAR = 0.3  # rad: a step so small cannot lead to another branch
 OUTSIDE = 1e6  # rad^2 added to the distance of a solution beyond a joint limit
-NO_ARRAY = np.empty((0, 4))
 
 
 @compiled(EXACT)
-def place(pose: Array, row: Array, out: Array) -> None:
-    """Writes the product of two poses (12,)."""
+def place(pose: Array, row: int, pose_in: Array, out: Array) -> None:
+    """Writes the product of a pose (12,) and row ``row`` of poses (k, 12)."""
     for i in range(3):
         a, b, c = pose[3 * i], pose[3 * i + 1], pose[3 * i + 2]
         for j in range(3):
-            out[3 * i + j] = a * row[j] + b * row[3 + j] + c * row[6 + j]
-        out[9 + i] = pose[9 + i] + a * row[9] + b * row[10] + c * row[11]
+            out[3 * i + j] = a * pose_in[row, j] + b * pose_in[row, 3 + j] + c * pose_in[row, 6 + j]
+        out[9 + i] = pose[9 + i] + a * pose_in[row, 9] + b * pose_in[row, 10] + c * pose_in[row, 11]
 
 
 @compiled(EXACT)
@@ -134,7 +134,7 @@ def closed_joints(
         hand: (12,) work.
         out: (6,) rad, written.
     """
-    place(target, p.opw_end[tool], hand)
+    place(target, tool, p.opw_end, hand)
     turn4 = p.opw_sign[3] * near[3] + p.opw_offset[3]
     if (
         branch[0] != 0
@@ -155,60 +155,9 @@ def closed_joints(
             if distance < best - 1e-12:
                 best = distance
                 branch[0], branch[1], branch[2] = shoulder, elbow, flip
-                out[:] = trial
+                for i in range(6):
+                    out[i] = trial[i]
     return best < np.inf
-
-
-@compiled(EXACT)
-def iterated_joints(
-    p: Pack, tool: int, target: Array, near: Array, work: Array, matrix: Array, out: Array
-) -> bool:
-    """Writes nominal joints (6,) rad by Newton from ``near``; False if it does not arrive.
-
-    For arms without a closed form here. Steps are held under 0.3 rad, so it stays on the branch.
-
-    Args:
-        p: The arm.
-        tool: Index of the tool.
-        target: (12,) tool pose in base.
-        near: (6,) rad.
-        work: (8, 18) work.
-        matrix: (3, 6, 6) work.
-        out: (6,) rad, written.
-    """
-    sine, cosine, step, pose = work[0, :6], work[1, :6], work[2, :6], work[3, :12]
-    axis, origin = work[4].reshape(6, 3), work[5].reshape(6, 3)
-    out[:] = near
-    for _ in range(40):
-        for i in range(6):
-            step[i] = out[i]
-        if p.coupled:
-            mix(p.coupling, step)
-        for i in range(6):
-            sine[i], cosine[i] = math.sin(step[i] + p.zero[i]), math.cos(step[i] + p.zero[i])
-        chain(
-            p.nominal, p.nominal_end[tool], sine, cosine, p.com[:0], axis, origin, axis,
-            p.flange, p.flange, pose,
-        )  # fmt: skip
-        miss, twist = deviation(pose, target, step)
-        if miss < 1e-12 and twist < 1e-12:
-            return True
-        jacobian(p, axis, origin, pose, matrix[0])
-        if not invert6(matrix[0], matrix[1], matrix[2]):
-            return False
-        widest = 0.0
-        for i in range(6):
-            total = 0.0
-            for k in range(6):
-                total += matrix[2, i, k] * (step[k] / p.length if k < 3 else step[k])
-            sine[i] = total
-            widest = max(widest, abs(total))
-        damp = min(1.0, 0.3 / widest) if widest > 0.0 else 1.0
-        for i in range(6):
-            out[i] -= damp * sine[i]
-        if widest < 1e-13:
-            return miss < 1e-9 and twist < 1e-9
-    return miss < 1e-9 and twist < 1e-9
 
 
 @compiled(EXACT)
@@ -233,3 +182,47 @@ def deviation(pose: Array, target: Array, out: Array) -> tuple[float, float]:
         out[5] *= scale
         turn *= scale
     return math.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2]), turn
+
+
+@compiled(EXACT)
+def iterated_joints(p: Pack, w: Scratch, target: Array, near: Array, out: Array) -> bool:
+    """Writes nominal joints (6,) rad by Newton from ``near``; False if it does not arrive.
+
+    For arms without a closed form here. Steps are held under 0.3 rad, so it stays on the branch.
+    ``w.nominal`` holds the chain with the tool.
+    """
+    for i in range(6):
+        out[i] = near[i]
+    miss = twist = np.inf
+    for _ in range(40):
+        for i in range(6):
+            w.shift[i] = out[i]
+        if p.coupled:
+            mix(p.coupling, w.shift)
+        for i in range(6):
+            w.theta_sine[i] = math.sin(w.shift[i] + p.zero[i])
+            w.theta_cosine[i] = math.cos(w.shift[i] + p.zero[i])
+        chain(
+            w.nominal, w.theta_sine, w.theta_cosine, False, p.com, w.centre, w.axis, w.origin,
+            w.moment, w.payload, w.told,
+        )  # fmt: skip
+        miss, twist = deviation(w.told, target, w.error)
+        if miss < 1e-12 and twist < 1e-12:
+            return True
+        jacobian(p, w.axis, w.origin, w.told, w.jacobian)
+        if not invert6(w.jacobian, w.order, w.inverse):
+            return False
+        widest = 0.0
+        for i in range(6):
+            total = 0.0
+            for k in range(3):
+                total += w.inverse[i, k] * w.error[k] / p.length
+                total += w.inverse[i, k + 3] * w.error[k + 3]
+            w.step[i] = total
+            widest = max(widest, abs(total))
+        damp = min(1.0, 0.3 / widest) if widest > 0.0 else 1.0
+        for i in range(6):
+            out[i] -= damp * w.step[i]
+        if widest < 1e-13:
+            break
+    return miss < 1e-9 and twist < 1e-9

@@ -10,6 +10,7 @@ import numpy as np
 
 from robotrue.compensation.pack import Pack
 from robotrue.compensation.plan import Plan
+from robotrue.compensation.scratch import scratch
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.status import Route, Status
 from robotrue.core.arrays import Array, IntArray
@@ -113,7 +114,7 @@ def solve_chunks(
     state = kernel.State(
         joints=np.array(home), approach=np.zeros(6), branch=np.zeros(4, dtype=np.int64)
     )
-    work = kernel.scratch(pack)
+    work = scratch(pack)
     frames = np.array(program.T_base_frame)
     frames = np.concatenate([frames[:, :3, :3].reshape(-1, 9), frames[:, :3, 3]], axis=1)
     for start in range(0, len(program), CHUNK):

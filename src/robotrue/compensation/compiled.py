@@ -25,7 +25,12 @@ def compiled(flags: frozenset[str]) -> Callable[[F], F]:
     """
 
     def decorate(function: F) -> F:
-        options: dict[str, Any] = {"fastmath": set(flags), "nogil": True, "error_model": "numpy"}
+        options: dict[str, Any] = {
+            "fastmath": set(flags),
+            "nogil": True,
+            "error_model": "numpy",
+            "forceinline": True,
+        }
         try:
             return cast(F, njit(cache=True, **options)(function))
         except RuntimeError:  # no place to cache to

@@ -41,30 +41,28 @@ def turn_sincos(
 
 @compiled(EXACT)
 def chain(
-    links: Array, end: Array, sine: Array, cosine: Array, com: Array,
-    axis: Array, origin: Array, moment: Array, flange: Array, last: Array, out: Array,
+    c: Array, sine: Array, cosine: Array, weigh: bool, com: Array, flange: Array,
+    axis: Array, origin: Array, moment: Array, last: Array, out: Array,
 ) -> None:  # fmt: skip
     """Walks C_0 Rz C_1 ... Rz C_6: pose of the tool, joint axes, and first moments of the links.
 
     Args:
-        links: (6, 12) C_0..C_5.
-        end: (12,) C_6.
+        c: (7, 12) C_0..C_6.
         sine: (6,) of theta.
         cosine: (6,) of theta.
-        com: (6, 4) first moment and mass per link; an empty array leaves moments alone.
+        weigh: Whether moments and ``last`` are wanted.
+        com: (6, 4) first moment and mass per link.
+        flange: (3,) m, point behind joint 6 to place.
         axis: (6, 3), written.
         origin: (6, 3) m, written.
         moment: (6, 3) kg m, written.
-        flange: (3,) m, point behind joint 6 to place; with ``last`` (3,) where it goes.
-        last: (3,) m, written.
+        last: (3,) m, written: where ``flange`` is in base.
         out: (12,) written.
     """
-    c = links[0]
-    x0, x1, x2 = c[0], c[3], c[6]
-    y0, y1, y2 = c[1], c[4], c[7]
-    z0, z1, z2 = c[2], c[5], c[8]
-    p0, p1, p2 = c[9], c[10], c[11]
-    weigh = com.shape[0] > 0
+    x0, x1, x2 = c[0, 0], c[0, 3], c[0, 6]
+    y0, y1, y2 = c[0, 1], c[0, 4], c[0, 7]
+    z0, z1, z2 = c[0, 2], c[0, 5], c[0, 8]
+    p0, p1, p2 = c[0, 9], c[0, 10], c[0, 11]
     for i in range(6):
         axis[i, 0], axis[i, 1], axis[i, 2] = z0, z1, z2
         origin[i, 0], origin[i, 1], origin[i, 2] = p0, p1, p2
@@ -73,25 +71,26 @@ def chain(
         y0, y1, y2 = k * y0 - s * x0, k * y1 - s * x1, k * y2 - s * x2
         x0, x1, x2 = t0, t1, t2
         if weigh:
-            m = com[i]
-            moment[i, 0] = m[3] * p0 + x0 * m[0] + y0 * m[1] + z0 * m[2]
-            moment[i, 1] = m[3] * p1 + x1 * m[0] + y1 * m[1] + z1 * m[2]
-            moment[i, 2] = m[3] * p2 + x2 * m[0] + y2 * m[1] + z2 * m[2]
+            m0, m1, m2, m3 = com[i, 0], com[i, 1], com[i, 2], com[i, 3]
+            moment[i, 0] = m3 * p0 + x0 * m0 + y0 * m1 + z0 * m2
+            moment[i, 1] = m3 * p1 + x1 * m0 + y1 * m1 + z1 * m2
+            moment[i, 2] = m3 * p2 + x2 * m0 + y2 * m1 + z2 * m2
             if i == 5:
                 f0, f1, f2 = flange[0], flange[1], flange[2]
                 last[0] = p0 + x0 * f0 + y0 * f1 + z0 * f2
                 last[1] = p1 + x1 * f0 + y1 * f1 + z1 * f2
                 last[2] = p2 + x2 * f0 + y2 * f1 + z2 * f2
-        c = links[i + 1] if i < 5 else end
-        p0 += x0 * c[9] + y0 * c[10] + z0 * c[11]
-        p1 += x1 * c[9] + y1 * c[10] + z1 * c[11]
-        p2 += x2 * c[9] + y2 * c[10] + z2 * c[11]
-        u0, v0 = x0 * c[0] + y0 * c[3] + z0 * c[6], x0 * c[1] + y0 * c[4] + z0 * c[7]
-        z0 = x0 * c[2] + y0 * c[5] + z0 * c[8]
-        u1, v1 = x1 * c[0] + y1 * c[3] + z1 * c[6], x1 * c[1] + y1 * c[4] + z1 * c[7]
-        z1 = x1 * c[2] + y1 * c[5] + z1 * c[8]
-        u2, v2 = x2 * c[0] + y2 * c[3] + z2 * c[6], x2 * c[1] + y2 * c[4] + z2 * c[7]
-        z2 = x2 * c[2] + y2 * c[5] + z2 * c[8]
+        n = i + 1
+        d0, d1, d2 = c[n, 9], c[n, 10], c[n, 11]
+        p0 += x0 * d0 + y0 * d1 + z0 * d2
+        p1 += x1 * d0 + y1 * d1 + z1 * d2
+        p2 += x2 * d0 + y2 * d1 + z2 * d2
+        a, b, e = c[n, 0], c[n, 3], c[n, 6]
+        u0, u1, u2 = x0 * a + y0 * b + z0 * e, x1 * a + y1 * b + z1 * e, x2 * a + y2 * b + z2 * e
+        a, b, e = c[n, 1], c[n, 4], c[n, 7]
+        v0, v1, v2 = x0 * a + y0 * b + z0 * e, x1 * a + y1 * b + z1 * e, x2 * a + y2 * b + z2 * e
+        a, b, e = c[n, 2], c[n, 5], c[n, 8]
+        z0, z1, z2 = x0 * a + y0 * b + z0 * e, x1 * a + y1 * b + z1 * e, x2 * a + y2 * b + z2 * e
         x0, x1, x2, y0, y1, y2 = u0, u1, u2, v0, v1, v2
     out[0], out[1], out[2] = x0, y0, z0
     out[3], out[4], out[5] = x1, y1, z1
@@ -102,16 +101,16 @@ def chain(
 @compiled(EXACT)
 def joint_torque(
     axis: Array, origin: Array, moment: Array, mass_out: Array, gravity: Array,
-    payload: float, centre: Array, wrench: Array, point: Array, out: Array,
+    payload: float, centre: Array, wrench: Array, row: int, point: Array, out: Array,
 ) -> None:  # fmt: skip
-    """Writes the torque (6,) N m of link weights, payload and wrench about the joint axes."""
+    """Writes the torque (6,) N m of link weights, payload and ``wrench[row]`` about the axes."""
     g0, g1, g2 = gravity[0], gravity[1], gravity[2]
     m0, m1, m2 = payload * centre[0], payload * centre[1], payload * centre[2]
-    w0, w1, w2 = wrench[0], wrench[1], wrench[2]
+    w0, w1, w2 = wrench[row, 0], wrench[row, 1], wrench[row, 2]
     p0, p1, p2 = point[9], point[10], point[11]
-    n0 = p1 * w2 - p2 * w1 + wrench[3]
-    n1 = p2 * w0 - p0 * w2 + wrench[4]
-    n2 = p0 * w1 - p1 * w0 + wrench[5]
+    n0 = p1 * w2 - p2 * w1 + wrench[row, 3]
+    n1 = p2 * w0 - p0 * w2 + wrench[row, 4]
+    n2 = p0 * w1 - p1 * w0 + wrench[row, 5]
     for j in range(6):
         i = 5 - j
         m0 += moment[i, 0]
@@ -143,20 +142,19 @@ def ripple(p: Pack, joints: Array, sine: Array, cosine: Array, work: Array, out:
                 total += p.ripple[k, i] * math.sin(angle) + p.ripple[k, i + 6] * math.cos(angle)
             out[i] += total
         return
-    one, two, twice = work[0], work[1], work[2]
     for i in range(6):
-        twice[i] = 2.0 * cosine[i]
-        twice[i + 6] = 2.0 * cosine[i]
-    one[:] = 0.0
-    two[:] = 0.0
+        work[2, i] = 2.0 * cosine[i]
+        work[2, i + 6] = 2.0 * cosine[i]
+    for i in range(12):
+        work[0, i] = 0.0
+        work[1, i] = 0.0
     for j in range(count):
-        row = p.ripple[count - 1 - j]
         for i in range(12):
-            fresh = row[i] + twice[i] * one[i] - two[i]
-            two[i] = one[i]
-            one[i] = fresh
+            last = work[0, i]
+            work[0, i] = p.ripple[count - 1 - j, i] + work[2, i] * last - work[1, i]
+            work[1, i] = last
     for i in range(6):
-        out[i] += sine[i] * one[i] + cosine[i] * one[i + 6] - two[i + 6]
+        out[i] += sine[i] * work[0, i] + cosine[i] * work[0, i + 6] - work[1, i + 6]
 
 
 @compiled(EXACT)
@@ -213,43 +211,52 @@ def _weighted(weights: Array, value: Array, out: Array) -> None:
 
 
 @compiled(EXACT)
-def smooth(p: Pack, sine: Array, cosine: Array, work: Array, out: Array) -> None:
-    """Writes the smooth residual (3,) m; ``work`` is (2, m)."""
+def smooth(p: Pack, sine: Array, cosine: Array, power: Array, value: Array, out: Array) -> None:
+    """Writes the smooth residual (3,) m; ``power`` and ``value`` (m,) are work."""
     if p.centre_bias.shape[0] == 0:
-        out[:] = 0.0
+        out[0], out[1], out[2] = 0.0, 0.0, 0.0
         return
-    _bumps(p, sine, cosine, work[0], work[1])
-    _weighted(p.weights, work[1], out)
+    _bumps(p, sine, cosine, power, value)
+    _weighted(p.weights, value, out)
 
 
 @compiled(EXACT)
-def invert6(matrix: Array, work: Array, out: Array) -> bool:
-    """Writes the inverse of a 6x6 matrix (Gauss-Jordan, partial pivoting); False if singular."""
+def invert6(matrix: Array, order: Array, out: Array) -> bool:
+    """Writes the inverse of a 6x6 matrix (Gauss-Jordan in place, row pivots); False if singular."""
     for i in range(6):
         for j in range(6):
-            work[i, j] = matrix[i, j]
-            out[i, j] = 1.0 if i == j else 0.0
+            out[i, j] = matrix[i, j]
     for k in range(6):
         pivot = k
         for i in range(k + 1, 6):
-            if abs(work[i, k]) > abs(work[pivot, k]):
+            if abs(out[i, k]) > abs(out[pivot, k]):
                 pivot = i
-        if not abs(work[pivot, k]) > 1e-13:
+        order[k] = pivot
+        if not abs(out[pivot, k]) > 1e-13:
             return False
         if pivot != k:
             for j in range(6):
-                work[k, j], work[pivot, j] = work[pivot, j], work[k, j]
                 out[k, j], out[pivot, j] = out[pivot, j], out[k, j]
-        scale = 1.0 / work[k, k]
-        for j in range(6):
-            work[k, j] *= scale
-            out[k, j] *= scale
+        scale = 1.0 / out[k, k]
+        out[k, k] = 1.0
+        r0, r1, r2 = out[k, 0] * scale, out[k, 1] * scale, out[k, 2] * scale
+        r3, r4, r5 = out[k, 3] * scale, out[k, 4] * scale, out[k, 5] * scale
         for i in range(6):
-            if i != k:
-                factor = work[i, k]
-                for j in range(6):
-                    work[i, j] -= factor * work[k, j]
-                    out[i, j] -= factor * out[k, j]
+            f = out[i, k]
+            out[i, k] = 0.0
+            out[i, 0] -= f * r0
+            out[i, 1] -= f * r1
+            out[i, 2] -= f * r2
+            out[i, 3] -= f * r3
+            out[i, 4] -= f * r4
+            out[i, 5] -= f * r5
+        out[k, 0], out[k, 1], out[k, 2], out[k, 3], out[k, 4], out[k, 5] = r0, r1, r2, r3, r4, r5
+    for j in range(6):
+        k = 5 - j
+        pivot = int(order[k])
+        if pivot != k:
+            for i in range(6):
+                out[i, k], out[i, pivot] = out[i, pivot], out[i, k]
     return True
 
 
@@ -265,8 +272,7 @@ def jacobian(p: Pack, axis: Array, origin: Array, pose: Array, out: Array) -> No
         out[2, i] = (a0 * r1 - a1 * r0) * scale
         out[3, i], out[4, i], out[5, i] = a0, a1, a2
     if p.coupled:
-        for k in range(6):
-            mix(p.coupling.T, out[k])
+        couple_rows(p.coupling, out)
     for i in range(6):
         gain = 1.0 + p.gear[i]
         for k in range(6):
@@ -274,9 +280,36 @@ def jacobian(p: Pack, axis: Array, origin: Array, pose: Array, out: Array) -> No
 
 
 @compiled(EXACT)
+def couple_rows(matrix: Array, rows: Array) -> None:
+    """Replaces rows (6, 6) by rows @ matrix."""
+    for k in range(6):
+        v0, v1, v2, v3, v4, v5 = (
+            rows[k, 0], rows[k, 1], rows[k, 2], rows[k, 3], rows[k, 4], rows[k, 5],
+        )  # fmt: skip
+        for i in range(6):
+            rows[k, i] = (
+                v0 * matrix[0, i] + v1 * matrix[1, i] + v2 * matrix[2, i]
+                + v3 * matrix[3, i] + v4 * matrix[4, i] + v5 * matrix[5, i]
+            )  # fmt: skip
+
+
+@compiled(EXACT)
+def mix_back(matrix: Array, vector: Array) -> None:
+    """Replaces a vector (6,) by its product with the transposed matrix."""
+    v0, v1, v2, v3, v4, v5 = vector[0], vector[1], vector[2], vector[3], vector[4], vector[5]
+    for i in range(6):
+        vector[i] = (
+            v0 * matrix[0, i] + v1 * matrix[1, i] + v2 * matrix[2, i]
+            + v3 * matrix[3, i] + v4 * matrix[4, i] + v5 * matrix[5, i]
+        )  # fmt: skip
+
+
+@compiled(EXACT)
 def mix(matrix: Array, vector: Array) -> None:
     """Replaces a vector (6,) by matrix @ vector."""
     v0, v1, v2, v3, v4, v5 = vector[0], vector[1], vector[2], vector[3], vector[4], vector[5]
     for i in range(6):
-        m = matrix[i]
-        vector[i] = m[0] * v0 + m[1] * v1 + m[2] * v2 + m[3] * v3 + m[4] * v4 + m[5] * v5
+        vector[i] = (
+            matrix[i, 0] * v0 + matrix[i, 1] * v1 + matrix[i, 2] * v2
+            + matrix[i, 3] * v3 + matrix[i, 4] * v4 + matrix[i, 5] * v5
+        )  # fmt: skip

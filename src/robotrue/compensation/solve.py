@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robotrue.compensation.branches import closed_joints, deviation, iterated_joints, place
+from robotrue.compensation.branches import closed_joints, deviation, iterated_joints
 from robotrue.compensation.compiled import EXACT, compiled
 from robotrue.compensation.kernels import (
     chain,
@@ -15,11 +15,13 @@ from robotrue.compensation.kernels import (
     jacobian,
     joint_torque,
     mix,
+    mix_back,
     ripple,
     smooth,
     turn_sincos,
 )
 from robotrue.compensation.pack import Pack
+from robotrue.compensation.scratch import Scratch
 from robotrue.compensation.status import Route, Status
 from robotrue.core.arrays import Array, IntArray
 
@@ -109,123 +111,113 @@ class State(NamedTuple):
     branch: IntArray
 
 
-class Work(NamedTuple):
-    """Scratch memory of one target."""
-
-    sines: Array  # (10, 6)
-    poses: Array  # (5, 12)
-    axes: Array  # (5, 6, 3)
-    matrices: Array  # (3, 6, 6)
-    small: Array  # (8, 18)
-    clenshaw: Array  # (3, 12)
-    bumps: Array  # (2, m)
-    bump: Array  # (3,)
-    last: Array  # (3,)
-
-
 @compiled(EXACT)
 def evaluate(
-    p: Pack, w: Work, tool: int, joints: Array, approach: Array,
-    mass: float, com: Array, wrench: Array,
-) -> None:  # fmt: skip
-    """Writes the nominal pose (``poses[0]``) and the actual one without smooth part (``poses[1]``).
+    p: Pack, w: Scratch, joints: Array, approach: Array, mass: float, wrench: Array, f: int
+) -> None:
+    """Writes the nominal pose ``told`` and the actual one without smooth part, ``real``.
 
-    ``sines[0]`` and ``sines[1]`` hold sin q and cos q on entry; ``axes[0], axes[1]`` hold the
-    actual joint axes and origins on return, ``axes[2], axes[3]`` the nominal ones.
+    ``sine`` and ``cosine`` hold those of q, ``centre`` the payload's centre behind joint 6; the
+    axes and origins of both chains are left behind.
     """
-    sine, cosine, shift = w.sines[2], w.sines[3], w.sines[4]
     if p.coupled:
         for i in range(6):
-            shift[i] = joints[i]
-        mix(p.coupling, shift)
+            w.shift[i] = joints[i]
+        mix(p.coupling, w.shift)
         for i in range(6):
-            sine[i], cosine[i] = math.sin(shift[i] + p.zero[i]), math.cos(shift[i] + p.zero[i])
+            w.theta_sine[i] = math.sin(w.shift[i] + p.zero[i])
+            w.theta_cosine[i] = math.cos(w.shift[i] + p.zero[i])
     else:
         for i in range(6):
-            s, c = w.sines[0, i], w.sines[1, i]
-            sine[i] = s * p.zero_cosine[i] + c * p.zero_sine[i]
-            cosine[i] = c * p.zero_cosine[i] - s * p.zero_sine[i]
-    flange = w.last
+            s, c = w.sine[i], w.cosine[i]
+            w.theta_sine[i] = s * p.zero_cosine[i] + c * p.zero_sine[i]
+            w.theta_cosine[i] = c * p.zero_cosine[i] - s * p.zero_sine[i]
     chain(
-        p.nominal, p.nominal_end[tool], sine, cosine, p.com, w.axes[2], w.axes[3], w.axes[4],
-        flange_of(p, com, w.bump), flange, w.poses[0],
+        w.nominal, w.theta_sine, w.theta_cosine, True, p.com, w.centre, w.told_axis,
+        w.told_origin, w.moment, w.payload, w.told,
     )  # fmt: skip
     joint_torque(
-        w.axes[2], w.axes[3], w.axes[4], p.mass_out, p.gravity, mass, flange, wrench,
-        w.poses[0], shift,
+        w.told_axis, w.told_origin, w.moment, p.mass_out, p.gravity, mass, w.payload, wrench, f,
+        w.told, w.shift,
     )  # fmt: skip
     if p.coupled:
-        mix(p.coupling.T, shift)
+        mix_back(p.coupling, w.shift)
     for i in range(6):
-        shift[i] = p.compliance[i] * shift[i] + p.gear[i] * joints[i] + p.backlash[i] * approach[i]
-    ripple(p, joints, w.sines[0], w.sines[1], w.clenshaw, shift)
+        w.shift[i] *= p.compliance[i]
+        w.shift[i] += p.gear[i] * joints[i] + p.backlash[i] * approach[i]
+    ripple(p, joints, w.sine, w.cosine, w.clenshaw, w.shift)
     if p.coupled:
-        mix(p.coupling, shift)
+        mix(p.coupling, w.shift)
     for i in range(6):
-        shift[i] += p.dtheta[i]
-    turn_sincos(sine, cosine, shift, w.sines[5], w.sines[6])
+        w.shift[i] += p.dtheta[i]
+    turn_sincos(w.theta_sine, w.theta_cosine, w.shift, w.bent_sine, w.bent_cosine)
     chain(
-        p.actual, p.actual_end[tool], w.sines[5], w.sines[6], p.com[:0], w.axes[0], w.axes[1],
-        w.axes[4], flange, flange, w.poses[1],
+        w.actual, w.bent_sine, w.bent_cosine, False, p.com, w.centre, w.axis, w.origin,
+        w.moment, w.payload, w.real,
     )  # fmt: skip
 
 
 @compiled(EXACT)
-def flange_of(p: Pack, com: Array, out: Array) -> Array:
-    """Returns the payload's centre (3,) m in the frame turned by joint 6, written to ``out``."""
-    f = p.flange
+def take_tool(p: Pack, w: Scratch, tool: int) -> None:
+    """Puts a tool on both chains."""
+    for k in range(12):
+        w.nominal[6, k] = p.nominal_end[tool, k]
+        w.actual[6, k] = p.actual_end[tool, k]
+
+
+@compiled(EXACT)
+def take_payload(p: Pack, w: Scratch, com: Array, c: int) -> None:
+    """Writes the payload's centre in the frame turned by joint 6."""
     for i in range(3):
-        out[i] = f[9 + i] + f[3 * i] * com[0] + f[3 * i + 1] * com[1] + f[3 * i + 2] * com[2]
-    return out
+        total = p.flange[9 + i]
+        for k in range(3):
+            total += p.flange[3 * i + k] * com[c, k]
+        w.centre[i] = total
 
 
 @compiled(EXACT)
 def invert_target(
-    p: Pack, g: Guard, w: Work, tool: int, target: Array, axes_given: bool, start: Array,
-    approach: Array, mass: float, com: Array, wrench: Array, out: Array, before: Array,
-    after: Array,
+    p: Pack, g: Guard, w: Scratch, axes_given: bool, start: Array, approach: Array,
+    mass: float, wrench: Array, f: int, before: Array, after: Array, row: int,
 ) -> tuple[int, float]:  # fmt: skip
     """Writes the joints that put the actual tool on the target; status and singular value.
 
     Chord Newton: the Jacobian of the nominal posture serves until it no longer takes off nine
-    tenths of the error. ``w.poses[0]`` is the command on return, ``w.poses[2]`` the target.
+    tenths of the error. ``w.joints`` and the command ``w.told`` are the result.
     """
-    step, moved = w.sines[7], w.sines[8]
-    base_sine, base_cosine = w.small[6, :6], w.small[7, :6]
-    error, offset = w.small[0, :6], w.small[1, :3]
     for i in range(6):
-        out[i] = start[i]
-        base_sine[i], base_cosine[i] = math.sin(start[i]), math.cos(start[i])
-        step[i] = 0.0
-        moved[i] = np.inf
+        w.joints[i] = start[i]
+        w.start_sine[i], w.start_cosine[i] = math.sin(start[i]), math.cos(start[i])
+        w.step[i] = 0.0
     status, singular, size_before = LOST, np.nan, np.inf
     for iteration in range(ITERATIONS):
-        turn_sincos(base_sine, base_cosine, step, w.sines[0], w.sines[1])
-        evaluate(p, w, tool, out, approach, mass, com, wrench)
+        turn_sincos(w.start_sine, w.start_cosine, w.step, w.sine, w.cosine)
+        evaluate(p, w, w.joints, approach, mass, wrench, f)
         widest = 0.0
         for i in range(6):
-            widest = max(widest, abs(step[i] - moved[i]))
-        if widest > REUSE or not widest == widest:
-            smooth(p, w.sines[0], w.sines[1], w.bumps, offset)
+            widest = max(widest, abs(w.step[i] - w.smooth_at[i]))
+        if iteration == 0 or not widest <= REUSE:
+            smooth(p, w.sine, w.cosine, w.bump_power, w.bump, w.smooth)
             for i in range(6):
-                moved[i] = step[i]
+                w.smooth_at[i] = w.step[i]
         for i in range(3):
-            w.poses[1, 9 + i] += offset[i]
+            w.real[9 + i] += w.smooth[i]
         if iteration == 0 and axes_given:
-            target[:] = w.poses[0]
-        shift, turn = deviation(w.poses[1], target, error)
-        for i in range(3):
-            after[i] = error[i]
+            for i in range(12):
+                w.target[i] = w.told[i]
         if iteration == 0:
-            for i in range(3):
-                before[i] = error[i]
-            miss, twist = deviation(w.poses[0], target, w.sines[9])
+            miss, twist = deviation(w.told, w.target, w.error)
             if not (miss < 1e-7 and twist < 1e-7):
                 return UNREACHABLE, singular
+        shift, turn = deviation(w.real, w.target, w.error)
+        for i in range(3):
+            after[row, i] = w.error[i]
+            if iteration == 0:
+                before[row, i] = w.error[i]
         size = shift + p.length * turn
         if iteration == 0 or size > 0.1 * size_before:
-            jacobian(p, w.axes[0], w.axes[1], w.poses[1], w.matrices[0])
-            if not invert6(w.matrices[0], w.matrices[1], w.matrices[2]):
+            jacobian(p, w.axis, w.origin, w.real, w.jacobian)
+            if not invert6(w.jacobian, w.order, w.inverse):
                 return SINGULAR, 0.0
             if iteration == 0:
                 status, singular = _posture(g, w)
@@ -240,142 +232,149 @@ def invert_target(
         for i in range(6):
             total = 0.0
             for k in range(3):
-                total += w.matrices[2, i, k] * error[k] / p.length
-                total += w.matrices[2, i, k + 3] * error[k + 3]
-            step[i] -= total
-            out[i] = start[i] + step[i]
+                total += w.inverse[i, k] * w.error[k] / p.length
+                total += w.inverse[i, k + 3] * w.error[k + 3]
+            w.step[i] -= total
+            w.joints[i] = start[i] + w.step[i]
     return status, singular
 
 
 @compiled(EXACT)
-def _posture(g: Guard, w: Work) -> tuple[int, float]:
+def _posture(g: Guard, w: Scratch) -> tuple[int, float]:
     """Returns the status of the posture and a lower bound of the smallest singular value."""
     squares = 0.0
     for i in range(6):
         for k in range(6):
-            squares += w.matrices[2, i, k] * w.matrices[2, i, k]
+            squares += w.inverse[i, k] * w.inverse[i, k]
     singular = 1.0 / math.sqrt(squares)
-    a, b = w.axes[2, 3], w.axes[2, 5]
-    x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+    a = w.told_axis
+    x = a[3, 1] * a[5, 2] - a[3, 2] * a[5, 1]
+    y = a[3, 2] * a[5, 0] - a[3, 0] * a[5, 2]
+    z = a[3, 0] * a[5, 1] - a[3, 1] * a[5, 0]
     if math.sqrt(x * x + y * y + z * z) < g.min_wrist_sine:
         return WRIST, singular
     return (SINGULAR if singular < g.min_singular_value else DONE), singular
 
 
 @compiled(EXACT)
-def solve_rows(p: Pack, g: Guard, r: Rows, state: State, w: Work, first: int) -> int:
+def solve_rows(p: Pack, g: Guard, r: Rows, state: State, w: Scratch, first: int) -> int:
     """Solves the rows from ``first`` on; returns the number of rows, or the row that needs help.
 
     A row of an arm without closed inverse that Newton did not reach from the target before is
     returned; the caller may set its route to ``GIVEN`` with joints, or mark it, and go on.
     """
     closed = p.opw[0] == p.opw[0]
-    target, command, back = w.poses[2], w.poses[3], w.poses[4]
-    joints = w.small[5, :6]
     count = len(r.route)
+    tool_before = -1
+    for k in range(6):
+        for i in range(12):
+            w.nominal[k, i], w.actual[k, i] = p.nominal[k, i], p.actual[k, i]
     for i in range(first, count):
-        route = r.route[i]
+        route, tool = r.route[i], r.tool[i]
         if route == SKIP:
             continue
-        tool = r.tool[i]
-        chosen = route == GIVEN or route == PASS or route == AXES
         been = state.branch[3] != 0
-        frame = r.frames[r.frame[i]]
+        if tool != tool_before:
+            take_tool(p, w, tool)
+            tool_before = tool
         if route != PASS and route != AXES:
-            back[:9] = r.rotation[i]
-            back[9:] = r.position[i]
-            place(frame, back, target)
-        if chosen:
-            joints[:] = r.joints[i]
+            _from_frame(r.frames, r.frame[i], r.rotation, r.position, i, w.target)
+        if route == GIVEN or route == PASS or route == AXES:
+            for k in range(6):
+                w.joints[k] = r.joints[i, k]
             state.branch[0] = 0
         elif closed:
             settle = route != LINEAR or not been
             if not closed_joints(
-                p, tool, target, state.joints, settle, state.branch, w.sines[0], w.sines[1],
-                command, joints,
+                p, tool, w.target, state.joints, settle, state.branch, w.theta, w.trial, w.hand,
+                w.joints,
             ):  # fmt: skip
                 r.status[i] = UNREACHABLE
                 continue
-        elif not iterated_joints(p, tool, target, state.joints, w.small, w.matrices, joints):
+        elif not iterated_joints(p, w, w.target, state.joints, w.joints):
             return i
         widest = 0.0
         for k in range(6):
-            change = joints[k] - state.joints[k]
+            change = w.joints[k] - state.joints[k]
             widest = max(widest, abs(change))
             if not g.follow_approach or not been:
                 state.approach[k] = 0.0
             elif abs(change) > STILL:
                 state.approach[k] = 1.0 if change > 0.0 else -1.0
-            state.joints[k] = joints[k]
-            r.nominal[i, k] = joints[k]
+            state.joints[k] = w.joints[k]
+            r.nominal[i, k] = w.joints[k]
             r.approach[i, k] = state.approach[k]
         state.branch[3] = 1
         if route == PASS:
             continue
         m = i if r.mass.shape[0] > 1 else 0
-        c = i if r.com.shape[0] > 1 else 0
         f = i if r.wrench.shape[0] > 1 else 0
+        take_payload(p, w, r.com, i if r.com.shape[0] > 1 else 0)
         status, singular = invert_target(
-            p, g, w, tool, target, route == AXES, state.joints, state.approach, r.mass[m],
-            r.com[c], r.wrench[f], joints, r.before[i], r.after[i],
+            p, g, w, route == AXES, state.joints, state.approach, r.mass[m], r.wrench, f,
+            r.before, r.after, i,
         )  # fmt: skip
         r.singular[i] = singular
-        shift, turned = w.sines[9], 0.0
+        turn = 0.0
         if status == DONE:
-            status, turned = _command_status(p, g, w, target, joints, state.joints)
+            status, turn = _command_status(p, g, w, state.joints)
         if route == LINEAR and been and widest > g.max_joint_step:
             status = JUMP
         r.status[i] = status
-        if status != DONE:
-            r.after[i] = r.before[i]
-            r.joints[i] = state.joints
+        done = status == DONE
+        for k in range(6):
+            r.joints[i, k] = w.joints[k] if done else state.joints[k]
+        if not done:
+            for k in range(3):
+                r.after[i, k] = r.before[i, k]
             continue
-        r.joints[i] = joints
-        r.shift[i] = shift[:3]
-        r.turn[i] = turned
+        for k in range(3):
+            r.shift[i, k] = w.error[k]
+        r.turn[i] = turn
         if route != AXES:
-            _into_frame(frame, w.poses[0], r.rotation[i], r.position[i])
+            _into_frame(r.frames, r.frame[i], w.told, r.rotation, r.position, i)
     return count
 
 
 @compiled(EXACT)
-def _command_status(
-    p: Pack, g: Guard, w: Work, target: Array, joints: Array, nominal: Array
-) -> tuple[int, float]:
-    """Returns what the guards say of a command, and its turn; its shift goes to ``sines[9]``."""
-    shift, turn = deviation(w.poses[0], target, w.sines[9])
+def _command_status(p: Pack, g: Guard, w: Scratch, nominal: Array) -> tuple[int, float]:
+    """Returns what the guards say of a command, and its turn; its shift goes to ``w.error``."""
+    shift, turn = deviation(w.told, w.target, w.error)
     if shift < g.min_shift and turn < g.min_shift:
         return NO_ERROR, turn
     if shift > g.max_shift or turn > g.max_turn:
         return STEP, turn
     for i in range(6):
         low, high = p.limits[i, 0], p.limits[i, 1]
-        if not (low <= joints[i] <= high and low <= nominal[i] <= high):
+        if not (low <= w.joints[i] <= high and low <= nominal[i] <= high):
             return LIMIT, turn
     return DONE, turn
 
 
 @compiled(EXACT)
-def _into_frame(frame: Array, pose: Array, rotation: Array, position: Array) -> None:
-    """Writes a base pose (12,) in frame coordinates."""
+def _from_frame(
+    frames: Array, f: int, rotation: Array, position: Array, row: int, out: Array
+) -> None:
+    """Writes a pose in a work frame as a base pose (12,)."""
     for i in range(3):
-        a, b, c = frame[i], frame[3 + i], frame[6 + i]
+        a, b, c = frames[f, 3 * i], frames[f, 3 * i + 1], frames[f, 3 * i + 2]
         for j in range(3):
-            rotation[3 * i + j] = a * pose[j] + b * pose[3 + j] + c * pose[6 + j]
-        x, y, z = pose[9] - frame[9], pose[10] - frame[10], pose[11] - frame[11]
-        position[i] = a * x + b * y + c * z
+            out[3 * i + j] = (
+                a * rotation[row, j] + b * rotation[row, 3 + j] + c * rotation[row, 6 + j]
+            )
+        out[9 + i] = (
+            frames[f, 9 + i] + a * position[row, 0] + b * position[row, 1] + c * position[row, 2]
+        )
 
 
-def scratch(p: Pack) -> Work:
-    """Returns scratch memory for one thread."""
-    return Work(
-        sines=np.zeros((10, 6)),
-        poses=np.zeros((5, 12)),
-        axes=np.zeros((5, 6, 3)),
-        matrices=np.zeros((3, 6, 6)),
-        small=np.zeros((8, 18)),
-        clenshaw=np.zeros((3, 12)),
-        bumps=np.zeros((2, p.centre_bias.shape[0])),
-        bump=np.zeros(3),
-        last=np.zeros(3),
-    )
+@compiled(EXACT)
+def _into_frame(
+    frames: Array, f: int, pose: Array, rotation: Array, position: Array, row: int
+) -> None:
+    """Writes a base pose (12,) in work frame coordinates."""
+    x, y, z = pose[9] - frames[f, 9], pose[10] - frames[f, 10], pose[11] - frames[f, 11]
+    for i in range(3):
+        a, b, c = frames[f, i], frames[f, 3 + i], frames[f, 6 + i]
+        for j in range(3):
+            rotation[row, 3 * i + j] = a * pose[j] + b * pose[3 + j] + c * pose[6 + j]
+        position[row, i] = a * x + b * y + c * z
