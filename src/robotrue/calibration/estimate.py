@@ -76,8 +76,9 @@ class Estimate:
         """Returns name, value and posterior sd of every robot parameter, SI."""
         layout = self.posterior.layout
         sd = np.sqrt(np.diagonal(self.posterior.covariance))
-        errors = self.posterior.state.robot.errors
-        return [(layout.names[i], float(errors[i]), float(sd[i])) for i in range(layout.robot_size)]
+        values = self.posterior.state.robot.errors
+        rows = zip(layout.names, values, sd, strict=False)
+        return [(name, float(value), float(spread)) for name, value, spread in rows]
 
 
 def free_groups(method: str) -> tuple[str, ...]:

@@ -29,7 +29,7 @@ CHUNK: Final = 2048
 """Rows linearised at a time: bounds the memory of the chain walk."""
 INNER: Final = 60
 """Scale updates per linearisation."""
-SETTLED: Final = 1e-3
+SETTLED: Final = 5e-3
 """Relative change of variances, and of weights, that ends them."""
 NOISE_FLOOR: Final = 1e-18
 """m^2 or rad^2: below a nanometre noise means nothing."""
@@ -210,9 +210,10 @@ def _solve(
         kept.append((inverse, z0, jacobian))
     sd = scales.sd
     precision = np.eye(count) + sd[:, None] * information * sd
-    factor = cho_factor(precision, lower=True)
-    scaled_covariance = cho_solve(factor, np.eye(count))
-    step = sd * cho_solve(factor, sd * gradient - offset / sd)
+    lower = np.linalg.cholesky(precision)
+    inverse_lower = np.linalg.inv(lower)
+    scaled_covariance = inverse_lower.T @ inverse_lower
+    step = sd * (inverse_lower.T @ (inverse_lower @ (sd * gradient - offset / sd)))
     whitened = tuple(z0 - jacobian @ step for _, z0, jacobian in kept)
     trace, power = np.zeros(CHANNELS), np.zeros(CHANNELS)
     if settings.learn_noise:
@@ -237,7 +238,7 @@ def _solve(
         noise_trace=trace,
         noise_power=power,
         log_noise=log_noise,
-        log_precision=2.0 * float(np.log(np.diagonal(factor[0])).sum()),
+        log_precision=2.0 * float(np.log(np.diagonal(lower)).sum()),
     )
 
 
@@ -324,14 +325,13 @@ def _instrument(data: Sequence[Linearisation], channel: int) -> float:
 
 def _learned(deviation: Array, solution: _Solution, base: Array, group: Array) -> Array:
     """Prior sd of each free parameter after one update of its group's common factor."""
-    sd = base.copy()
-    seen = 1.0 - np.diagonal(solution.scaled_covariance)
-    for number in np.unique(group[group >= 0]):
-        mine = group == number
-        squares = float(((deviation[mine] / base[mine]) ** 2).sum())
-        factor = (PULL + squares) / (PULL + float(seen[mine].sum()))
-        sd[mine] = base[mine] * np.sqrt(factor)
-    return sd
+    number = group.astype(np.int64) + 1  # 0 collects what is not learned
+    seen = np.bincount(number, 1.0 - np.diagonal(solution.scaled_covariance))
+    squares = np.bincount(number, (deviation / base) ** 2)
+    factor = np.sqrt((PULL + squares) / (PULL + seen))
+    factor[0] = 1.0
+    scaled: Array = base * factor[number]
+    return scaled
 
 
 def _objective(data: Sequence[Linearisation], offset: Array, scales: _Scales) -> float:

@@ -23,7 +23,7 @@ UNSEEN: Final = 0.1
 """Information below this, in units of the prior's, is none: the sd shrinks by less than 5 %."""
 SEEN: Final = 9.0
 """Information above this is enough: the sd is less than a third of the prior's."""
-PROBES: Final = 80
+PROBES: Final = 50
 _NAMED: Final = 0.08
 _EXACT: Final = 2e-3
 

@@ -105,6 +105,7 @@ def model_of(result: Estimate, settings: FitSettings, method: str) -> RigidFlexi
 def _summary(result: Estimate, method: str) -> dict[str, Any]:
     """JSON values; lengths of this block are SI like everything in an archive."""
     posterior, seen = result.posterior, result.identifiability
+    classes = seen.classes
     return {
         "method": method,
         "rows": result.rows,
@@ -118,7 +119,7 @@ def _summary(result: Estimate, method: str) -> dict[str, Any]:
         "doubts": list(result.verdict.doubts),
         "unseen": [{"name": d.name, "cure": d.cure, "harmless": d.harmless} for d in seen.unseen],
         "parameters": {
-            name: {"value": float(value), "sd": float(sd), "class": seen.classes.get(name, "fixed")}
+            name: {"value": float(value), "sd": float(sd), "class": classes.get(name, "fixed")}
             for name, value, sd in result.table()
         },
         "white_sd_m": float(np.sqrt(posterior.noise[0])),
