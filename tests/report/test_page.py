@@ -174,6 +174,15 @@ def test_a_model_that_does_not_help_gets_no_praise():
     assert "No better than a frame correction" in verdict.text
 
 
+def test_what_is_unseen_is_not_repeated_as_a_doubt():
+    doubts = ["not seen by the data: gear6: turn it.", "compliance2 is negative."]
+    result = validate(FakeModel(mean=wave, summary={"doubts": doubts}), measured(60, error=wave))
+    content = calibration_content(result, title="t", simulated=False, unseen=["gear6: turn it"])
+    assert content.doubts == ("compliance2 is negative.",)
+    assert content.verdict.tone == "caution"
+    assert "1 doubt below" in content.verdict.detail
+
+
 def test_an_empty_page_is_still_a_page():
     page = report_html(
         ReportContent(

@@ -55,6 +55,8 @@ def calibration_content(
         unseen: What the data cannot determine, from the calibration.
         provenance: Data hashes, settings, conditions; versions are added.
     """
+    # A model's doubts may quote what it could not see; the page says each thing once.
+    doubts = tuple(d for d in report.doubts if not any(u.rstrip(".") in d for u in unseen))
     sections = [_accuracy(report, tolerance), _uncertainty(report), _places(report)]
     if selection is not None:
         sections.append(_method(selection))
@@ -62,16 +64,16 @@ def calibration_content(
         title=title,
         subtitle=subtitle,
         simulated=simulated,
-        verdict=_verdict(report, tolerance),
+        verdict=_verdict(report, tolerance, len(doubts)),
         tiles=_tiles(report),
         sections=tuple(sections),
         unseen=tuple(unseen),
-        doubts=report.doubts,
+        doubts=doubts,
         provenance=(*provenance, *_versions(), *(Fact(name="note", value=n) for n in report.notes)),
     )
 
 
-def _verdict(report: ValidationReport, tolerance: float | None) -> Verdict:
+def _verdict(report: ValidationReport, tolerance: float | None, doubts: int) -> Verdict:
     after, before = report.after, report.before
     text = (
         f"Predicts where the robot really goes within {after.mean / MM:.3f} mm on average, "
@@ -90,9 +92,8 @@ def _verdict(report: ValidationReport, tolerance: float | None) -> Verdict:
             f"95 % of the poses are predicted within {after.p95 / MM:.3f} mm: the tolerance of "
             f"{tolerance / MM:g} mm is {'kept' if kept else 'NOT kept'}."
         )
-    elif report.doubts:
+    elif doubts:
         tone = "caution"
-    doubts = len(report.doubts)
     detail = f"{after.n} poses; without calibration {before.mean / MM:.3f} mm on average."
     if doubts:
         detail += f" {doubts} doubt{'s' if doubts > 1 else ''} below."
@@ -313,7 +314,7 @@ def _method(selection: Selection) -> Section:
                     Column(title="mean", unit=_MM),
                     *(Column(title=kind, unit=_MM) for kind in kinds),
                     Column(title="max", unit=_MM),
-                    Column(title="in 95 %", unit="%", digits=1),
+                    Column(title="in 95 % region", unit="%", digits=1),
                     Column(title="gain", unit=_MM, digits=4),
                     Column(title="noise", unit=_MM, digits=4),
                     Column(title="result"),

@@ -7,7 +7,7 @@ from html import escape
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
-from matplotlib.ticker import PercentFormatter
+from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from robotrue.core.arrays import Array
 from robotrue.core.units import MM
@@ -59,6 +59,7 @@ def point_errors_svg(plot: PointErrors, key: str) -> str:
             )
         ax.set_ylim(bottom=0.0)
         ax.margins(x=0.02)
+        ax.xaxis.set_major_locator(MaxNLocator(integer=True))
         ax.set_xlabel(plot.axis_label)
         ax.set_ylabel("error, mm")
         ax.legend(
@@ -96,7 +97,7 @@ def distribution_svg(plot: ErrorDistribution, key: str) -> str:
         cumulative.set_ylim(0.0, 1.02)
         cumulative.set_title("share of points below")
         cumulative.set_xlabel("error, mm (logarithmic)")
-        cumulative.legend(loc="upper left")
+        cumulative.legend(loc="center left", bbox_to_anchor=(0.0, 0.75))
         bins = min(40, max(8, int(np.sqrt(len(plot.after)))))
         histogram.hist(plot.after / MM, bins=bins, color=AFTER, edgecolor=BAND, linewidth=0.5)
         histogram.set_title("after")

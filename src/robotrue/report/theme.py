@@ -65,7 +65,8 @@ p{margin:0 0 8px;max-width:88ch}
  text-align:center;padding:8px 16px}
 .verdict{margin:24px 0;padding:20px 24px;background:var(--card);border:1px solid var(--rule);
  border-left:6px solid var(--tone);border-radius:8px}
-.verdict strong{display:block;font-size:23px;line-height:1.35;font-weight:650}
+.verdict strong{display:block;font-size:23px;line-height:1.35;font-weight:650;
+ text-wrap:balance}
 .verdict span{color:var(--muted)}
 .plain{--tone:var(--after)}.good{--tone:var(--good)}.caution{--tone:var(--caution)}
 .bad{--tone:var(--bad)}

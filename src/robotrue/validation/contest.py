@@ -11,7 +11,7 @@ from scipy.special import stdtrit
 
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.units import MM
-from robotrue.errors import ObservabilityError
+from robotrue.errors import ArchiveError, ObservabilityError
 from robotrue.validation.splits import Split
 
 
@@ -100,6 +100,42 @@ class HeldOut:
     error: Array
     inside: float
     log_density: float
+
+
+def selection_from_summary(summary: Mapping[str, Any]) -> Selection:
+    """Returns the selection that :meth:`Selection.summary` wrote, e.g. from a stored model.
+
+    Raises:
+        ArchiveError: The values are not those of a selection.
+    """
+    try:
+        return Selection(
+            winner=str(summary["winner"]),
+            reason=str(summary["reason"]),
+            table=tuple(_score_from(row) for row in summary["table"]),
+            splits=tuple(summary["splits"]),
+            rule=str(summary["rule"]),
+        )
+    except (KeyError, TypeError, ValueError, AttributeError) as cause:
+        raise ArchiveError(f"the selection in this summary cannot be read: {cause}.") from cause
+
+
+def _score_from(row: Mapping[str, Any]) -> CandidateScore:
+    def number(name: str) -> float:
+        return float("nan") if row[name] is None else float(row[name])
+
+    return CandidateScore(
+        name=str(row["name"]),
+        n=int(row["n"]),
+        mean=number("mean"),
+        max=number("max"),
+        coverage=number("coverage"),
+        log_density=number("log_density"),
+        mean_by_kind={str(kind): float(mean) for kind, mean in row["mean_by_kind"].items()},
+        gain=number("gain"),
+        noise=number("noise"),
+        failure=str(row["failure"]),
+    )
 
 
 def decide(

@@ -17,14 +17,10 @@ from typing import Any, Final, TypeAlias, cast
 
 import numpy as np
 
-from robotrue.calibration.methods import METHODS
-from robotrue.calibration.methods import FitFunction as MethodFunction
 from robotrue.calibration.model import ErrorModel
-from robotrue.calibration.settings import FitSettings
 from robotrue.core.arrays import IntArray
 from robotrue.errors import RobotrueError, ShapeError
 from robotrue.measurement.measurement_set import MeasurementSet
-from robotrue.robot.model import RobotModel
 from robotrue.robot.statics import Load
 from robotrue.validation.contest import HeldOut, Selection, decide
 from robotrue.validation.evaluation import evaluate
@@ -36,6 +32,8 @@ from robotrue.validation.splits import (
     random_folds,
     spatial_regions,
 )
+
+__all__ = ["FitFunction", "Selection", "default_splits", "select", "with_evidence"]
 
 FitFunction: TypeAlias = Callable[[MeasurementSet], ErrorModel]
 """Fits a model on the rows it is given."""
@@ -125,41 +123,11 @@ def select(
     return decide(held, folds, fold_of_row, _rule(folds, parts))
 
 
-def fit_auto(
-    robot: RobotModel,
-    measurements: MeasurementSet,
-    settings: FitSettings | None = None,
-    *,
-    methods: Mapping[str, MethodFunction] = METHODS,
-    progress: Progress | None = None,
-) -> ErrorModel:
-    """Returns the model of the method :func:`select` chooses, fitted on all rows.
-
-    The evidence is in the model's training summary under ``"selection"``, as
-    :meth:`robotrue.validation.contest.Selection.summary` gives it, where the model is a dataclass
-    with a ``summary`` field; another model keeps its own summary.
-
-    Args:
-        robot: Nominal arm with the measured tool.
-        measurements: All rows.
-        settings: Given to every method; the default payload is taken from it too.
-        methods: Fit functions by name, simplest first.
-        progress: Told before every fit.
-
-    Raises:
-        ObservabilityError: No method could be fitted.
-    """
-    used = FitSettings() if settings is None else settings
-    candidates = {
-        name: (lambda rows, method=method: method(robot, rows, used))
-        for name, method in methods.items()
-    }
-    selection = select(candidates, measurements, payload=used.payload, progress=progress)
-    return with_evidence(candidates[selection.winner](measurements), selection)
-
-
 def with_evidence(model: ErrorModel, selection: Selection) -> ErrorModel:
-    """Returns the model with the selection in its ``summary`` field, if it has one."""
+    """Returns the model with the selection in its training summary, under ``"selection"``.
+
+    Only a dataclass with a ``summary`` field can take it; any other model comes back as it is.
+    """
     if not is_dataclass(model) or "summary" not in {f.name for f in fields(model)}:
         return model
     summary = {**model.training_summary(), "selection": selection.summary()}

@@ -16,6 +16,8 @@ from robotrue.validation.evaluation import Evaluation, evaluate
 from robotrue.validation.metrics import coverage, coverage_probability, error_statistics
 from robotrue.validation.report import AxisAngles, ValidationReport, WorstPoint
 
+__all__ = ["ValidationReport", "validate"]
+
 WORST_POINTS = 10
 
 
