@@ -44,9 +44,12 @@ def test_values_units_and_line() -> None:
 
 def test_every_motion() -> None:
     program = body(
-        f"ptp {{{P}}} C_PTP C_DIS\nLin {{E6POS: {P}}} C_VEL\nCIRC {{{P}}},{{FRAME: {Q}}},CA 90 C_DIS\n"
-        f"SPTP {{POS: {P}}}\nSPLINE WITH $VEL.CP=0.2\nSPL {{{P}}} C_SPL\nSLIN {{{P}}} WITH $VEL.CP=0.1 C_DIS\n"
-        f"SCIRC {{{P}}}, {{{Q}}}\nENDSPLINE\nPTP {{AXIS: A1 1,A2 2,A3 3,A4 4,A5 5,A6 6}}\nPTP $AXIS_ACT"
+        f"ptp {{{P}}} C_PTP C_DIS\nLin {{E6POS: {P}}} C_VEL\n"
+        f"CIRC {{{P}}},{{FRAME: {Q}}},CA 90 C_DIS\n"
+        f"SPTP {{POS: {P}}}\nSPLINE WITH $VEL.CP=0.2\nSPL {{{P}}} C_SPL\n"
+        f"SLIN {{{P}}} WITH $VEL.CP=0.1 C_DIS\n"
+        f"SCIRC {{{P}}}, {{{Q}}}\nENDSPLINE\nPTP {{AXIS: A1 1,A2 2,A3 3,A4 4,A5 5,A6 6}}\n"
+        f"PTP $AXIS_ACT"
     )
     m = Motion
     assert motions(program) == [
@@ -59,7 +62,8 @@ def test_every_motion() -> None:
 
 def test_comments_folds_and_strings_are_not_code() -> None:
     program = body(
-        f';FOLD LIN P1 {{{Q}}}\n  ; LIN {{{Q}}}\nMsg("LIN {{{Q}}} ; not {{")\nLIN {{{P}}} ;{{ LIN {{{Q}}}\n;ENDFOLD'
+        f';FOLD LIN P1 {{{Q}}}\n  ; LIN {{{Q}}}\nMsg("LIN {{{Q}}} ; not {{")\n"
+        f"LIN {{{P}}} ;{{ LIN {{{Q}}}\n;ENDFOLD'
     )
     assert len(program) == 1
     assert program.position[0, 0] == pytest.approx(0.0125)
@@ -91,7 +95,8 @@ def test_points_of_the_dat_take_frames_and_motion_of_the_src(tmp_path: Path) -> 
 
 def test_a_dat_alone_is_read_with_its_inline_frames() -> None:
     dat = (
-        f"DEFDAT part\nDECL E6POS XP1={{{P}}}\nDECL FDAT FP1={{TOOL_NO 0,BASE_NO 4,IPO_FRAME #BASE}}\n"
+        f"DEFDAT part\nDECL E6POS XP1={{{P}}}\n"
+        f"DECL FDAT FP1={{TOOL_NO 0,BASE_NO 4,IPO_FRAME #BASE}}\n"
         f"DECL E6POS other={{{P}}}\nENDDAT\n"
     )
     program = read(dat, name="part.dat")
@@ -118,7 +123,8 @@ def test_arrays_and_structures() -> None:
 
 def test_one_element_of_an_array() -> None:
     program = body(
-        f"gf[1]={{{P}}}\ngf[2]={{{Q}}}\nPTP gf[2]\ncpos = {{POS: {P}}}\nPTP cpos\ncpos={{{Q}}}\nLIN cpos"
+        f"gf[1]={{{P}}}\ngf[2]={{{Q}}}\nPTP gf[2]\ncpos = {{POS: {P}}}\nPTP cpos\n"
+        f"cpos={{{Q}}}\nLIN cpos"
     )
     m = Motion
     assert motions(program) == [m.UNUSED, m.PTP, m.PTP, m.LIN]
@@ -297,5 +303,6 @@ def test_workpiece_on_the_robot(line: str) -> None:
 def test_a_point_no_file_holds_is_named() -> None:
     program = read(HEAD + "LIN XP7\nLIN XP7\nEND\n")
     assert program.notes == (
-        "part.src:4: no file of this program gives XP7 a value; it is not compensated (give its .dat, too).",
+        "part.src:4: no file of this program gives XP7 a value; it is not compensated "
+        "(give its .dat, too).",
     )
