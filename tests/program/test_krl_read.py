@@ -62,8 +62,9 @@ def test_every_motion() -> None:
 
 def test_comments_folds_and_strings_are_not_code() -> None:
     program = body(
-        f';FOLD LIN P1 {{{Q}}}\n  ; LIN {{{Q}}}\nMsg("LIN {{{Q}}} ; not {{")\n"
-        f"LIN {{{P}}} ;{{ LIN {{{Q}}}\n;ENDFOLD'
+        f";FOLD LIN P1 {{{Q}}}\n  ; LIN {{{Q}}}\n"
+        f'Msg("LIN {{{Q}}} ; not {{")\n'
+        f"LIN {{{P}}} ;{{ LIN {{{Q}}}\n;ENDFOLD"
     )
     assert len(program) == 1
     assert program.position[0, 0] == pytest.approx(0.0125)
