@@ -1,6 +1,8 @@
 """The synthetic heavy arm of the peer comparison, rebuilt without any method of the library.
 
 The truth lies inside the joint-spring class with exact masses: a best case, and simulated.
+Sizes as rebuilt: nominal error 3.52 / 8.09 mm, gravity sag 3.01 / 5.16, force effect 0.841 / 2.134
+(published with the case: 3.50 / 8.06, 2.89 / 4.82, 0.845 / 2.134; the sag differs by 4 to 7 %).
 Kinematics and statics are written out here in plain NumPy, so that truth and method are two codes.
 """
 
