@@ -43,8 +43,9 @@ from robotrue.simulation.plans import VALIDATION, Region, random_joints
 from robotrue.simulation.presets import STIFFNESS, VirtualCell, deng2022
 from robotrue.simulation.virtual_tracker import measure
 from robotrue.store.model_file import write_model
-from robotrue.validation.auto import AutoFit, fit_auto
+from robotrue.validation.contest import Selection
 from robotrue.validation.metrics import ErrorStatistics, error_statistics
+from robotrue.validation.selection import select, with_evidence
 from robotrue.validation.validate import validate
 
 Progress: TypeAlias = Callable[[str, float], None]
@@ -76,6 +77,14 @@ class DemoResult:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Chosen:
+    """A calibration and why it is this one."""
+
+    model: ErrorModel
+    selection: Selection
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class HoleRuns:
     """Errors at the check targets (m, 3) m and the milled holes, before and after."""
 
@@ -87,11 +96,10 @@ class HoleRuns:
 
 def run(*, out: Path, data: Path | None, seed: int, as_json: bool) -> None:
     """Runs the demo with a bar on stderr; tables, or JSON, on stdout."""
-    with progress(total=100) as bar:
-        task = bar.task_ids[0]
+    with progress() as bar:
 
         def step(text: str, done: float) -> None:
-            bar.update(task, description=text, completed=100.0 * done)
+            bar(text, round(100.0 * done), 100)
 
         if data is None:
             result = run_demo(out, seed=seed, progress=step)
@@ -213,18 +221,18 @@ def cell_toml(cell: Cell) -> str:
     )
 
 
-def calibrated(cell: Cell, training: MeasurementSet, step: Progress) -> AutoFit:
-    """Returns the method that wins on held-out blocks, fitted on all rows."""
-    settings = fit_settings(cell)
-    candidates = {
-        name: partial(fit, cell.measured_robot, method=name, settings=settings) for name in METHODS
-    }
-    return fit_auto(
+def calibrated(cell: Cell, training: MeasurementSet, step: Progress) -> Chosen:
+    """Returns the method that wins on held-out poses, fitted on all rows."""
+    robot, settings = cell.measured_robot, fit_settings(cell)
+    candidates = {name: partial(fit, robot, method=name, settings=settings) for name in METHODS}
+    selection = select(
         candidates,
         training,
         payload=cell.payload,
         progress=lambda text, done, total: step(text, done / total),
     )
+    model = with_evidence(candidates[selection.winner](training), selection)
+    return Chosen(model=model, selection=selection)
 
 
 def compensated(

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from robotrue.cli.demo import HoleRuns, lengths_mm, statistics_mm
+from robotrue.cli.demo import Chosen, HoleRuns, lengths_mm, statistics_mm
 from robotrue.compensation.result import Compensation
 from robotrue.core.arrays import Array
 from robotrue.core.units import MM
@@ -24,8 +24,7 @@ from robotrue.report.content import (
 )
 from robotrue.simulation.flange_hole import FlangeHole
 from robotrue.simulation.hole_contour import HoleResult
-from robotrue.validation.auto import AutoFit
-from robotrue.validation.validate import ValidationReport
+from robotrue.validation.report import ValidationReport
 
 _STATS: Final = tuple(Column(title=t, unit="mm") for t in ("mean", "max", "std. dev."))
 PAPER: Final = "Deng et al. 2022, measured"
@@ -86,7 +85,7 @@ def demo_tables(report: ValidationReport, runs: HoleRuns) -> tuple[Table, Table,
 
 def demo_results(
     seed: int,
-    chosen: AutoFit,
+    chosen: Chosen,
     report: ValidationReport,
     runs: HoleRuns,
     compensation: Compensation,
@@ -121,7 +120,7 @@ def demo_content(
     *,
     seed: int,
     hole: FlangeHole,
-    chosen: AutoFit,
+    chosen: Chosen,
     report: ValidationReport,
     runs: HoleRuns,
     tables: tuple[Table, Table, Table],
