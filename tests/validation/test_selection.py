@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from functools import partial
 
 import numpy as np
 import pytest
 from validation_fakes import SIGMA, FakeModel, arm, measured
 
-from robotrue.calibration.methods import fit
+from robotrue.calibration.methods import METHODS
+from robotrue.calibration.settings import FitSettings
 from robotrue.errors import ArchiveError, ObservabilityError, ShapeError
 from robotrue.robot.forward import forward
 from robotrue.robot.model import parameter_slice
@@ -88,21 +88,27 @@ def test_default_splits_grow_with_the_number_of_rows():
 def test_fits_are_limited_and_the_winner_sees_all_rows():
     seen = []
 
-    def counting(measurements):
+    def counting(robot, measurements, settings):
         seen.append(len(measurements))
         return FakeModel()
 
-    model = fit_auto({"only": counting}, measured(4000)).model
+    model = fit_auto(arm(), measured(4000), methods={"only": counting})
     assert seen == [1000] * 5 + [4000]
     evidence = model.training_summary()["selection"]
     assert evidence["table"][0]["n"] == 5 * 500
     assert "3 blocks and 2 regions; up to 1000 rows fit and 500 score" in evidence["rule"]
 
 
-def test_auto_attaches_the_evidence():
-    result = fit_auto(FAKES, measured(60, error=bend))
-    evidence = result.model.training_summary()["selection"]
-    assert evidence == result.selection.summary()
+def test_auto_attaches_the_evidence_and_passes_the_settings_on():
+    given = FitSettings(repeatability=1e-4)
+
+    def rich(robot, measurements, settings):
+        assert settings is given
+        return fit_features(measurements)
+
+    methods = {"simple": lambda robot, rows, settings: FakeModel(), "rich": rich}
+    model = fit_auto(arm(), measured(60, error=bend), given, methods=methods)
+    evidence = model.training_summary()["selection"]
     assert evidence["winner"] == "rich"
     assert [row["name"] for row in evidence["table"]] == ["simple", "rich"]
     assert evidence["table"][0]["gain"] is None
@@ -112,20 +118,12 @@ def test_auto_attaches_the_evidence():
         selection_from_summary({"winner": "rich"})
 
 
-def test_a_caller_may_attach_the_evidence_its_own_way():
-    def attach(model, evidence):
-        return FakeModel(summary={"why": evidence["winner"]})
-
-    result = fit_auto(FAKES, measured(60, error=bend), attach=attach)
-    assert result.model.training_summary() == {"why": "rich"}
-
-
 def test_auto_on_a_real_method_table():
     errors = arm().errors.copy()
     errors[parameter_slice(6, "a")] = [0.5e-3, -0.4e-3, 0.3e-3, 0.0, 0.0, 0.0]
     poses = measured(60, robot=arm().with_errors(errors), instrument=0.02e-3)
-    two = {name: partial(fit, arm(), method=name) for name in ("nominal", "geometric")}
-    model = fit_auto(two, poses).model
+    two = {name: METHODS[name] for name in ("nominal", "geometric")}
+    model = fit_auto(arm(), poses, methods=two)
     assert model.training_summary()["selection"]["winner"] == "geometric"
     assert model.training_summary()["method"] == "geometric"
 

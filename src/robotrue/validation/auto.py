@@ -2,59 +2,55 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, TypeAlias
+from collections.abc import Mapping, Sequence
+from functools import partial
 
+from robotrue.calibration.methods import METHODS
+from robotrue.calibration.methods import FitFunction as MethodFunction
 from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.settings import FitSettings
 from robotrue.measurement.measurement_set import MeasurementSet
-from robotrue.robot.statics import Load
-from robotrue.validation.contest import Selection
+from robotrue.robot.model import RobotModel
 from robotrue.validation.selection import FitFunction, Progress, select, with_evidence
 from robotrue.validation.splits import Split
 
-Attach: TypeAlias = Callable[[ErrorModel, Mapping[str, Any]], ErrorModel]
-"""Returns the model with ``Selection.summary()`` in its training summary."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AutoFit:
-    """A fitted model and why it is this one.
-
-    Attributes:
-        model: The winner, fitted on all rows.
-        selection: The evidence.
-    """
-
-    model: ErrorModel
-    selection: Selection
-
 
 def fit_auto(
-    candidates: Mapping[str, FitFunction],
+    robot: RobotModel,
     measurements: MeasurementSet,
+    settings: FitSettings | None = None,
     *,
+    methods: Mapping[str, MethodFunction] = METHODS,
     splits: Sequence[Split] | None = None,
-    payload: Load | None = None,
-    attach: Attach | None = None,
     progress: Progress | None = None,
-) -> AutoFit:
-    """Returns the winner of :func:`robotrue.validation.selection.select`, fitted on all rows.
+) -> ErrorModel:
+    """Returns the model of the method that wins on held-out poses, fitted on all rows.
+
+    The evidence is in its training summary under ``"selection"``; read it back with
+    :func:`robotrue.validation.contest.selection_from_summary`.
 
     Args:
-        candidates: Fit functions, simplest first, e.g. ``partial(fit, robot, method=name)``.
+        robot: Nominal arm with the measured tool.
         measurements: All rows.
+        settings: Given to every method; the default payload is taken from it too.
+        methods: Fit functions by name, simplest first.
         splits: What to hold out; chosen by the number of rows if None.
-        payload: Used where a row does not state its own.
-        attach: Puts the evidence into the model's training summary;
-            :func:`robotrue.validation.selection.with_evidence` if None.
         progress: Told before every fit.
 
     Raises:
-        ObservabilityError: No candidate could be fitted.
+        ObservabilityError: No method could be fitted.
     """
-    selection = select(candidates, measurements, splits=splits, payload=payload, progress=progress)
-    model = candidates[selection.winner](measurements)
-    if attach is None:
-        return AutoFit(model=with_evidence(model, selection), selection=selection)
-    return AutoFit(model=attach(model, selection.summary()), selection=selection)
+    used = FitSettings() if settings is None else settings
+    candidates: dict[str, FitFunction] = {
+        name: partial(_fit_rows, method, robot, used) for name, method in methods.items()
+    }
+    selection = select(
+        candidates, measurements, splits=splits, payload=used.payload, progress=progress
+    )
+    return with_evidence(candidates[selection.winner](measurements), selection)
+
+
+def _fit_rows(
+    method: MethodFunction, robot: RobotModel, settings: FitSettings, rows: MeasurementSet
+) -> ErrorModel:
+    return method(robot, rows, settings)
