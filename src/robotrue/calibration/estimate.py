@@ -152,7 +152,7 @@ def estimate(
     return Estimate(
         posterior=posterior,
         identifiability=seen,
-        verdict=_verdict(seen, posterior, screened, len(measurements), settings),
+        verdict=_verdict(seen, posterior, measurements.source_row[screened], len(measurements)),
         screened=screened,
         residual=residual,
         rows=len(measurements),
@@ -189,8 +189,8 @@ def _verdict(
     posterior: Posterior,
     screened: IntArray,
     rows: int,
-    settings: FitSettings,
 ) -> Verdict:
+    """Judges the fit; ``screened`` are lines of the source file."""
     doubts = [f"not seen by the data: {d}." for d in seen.harmful]
     short = posterior.numbers < seen.determinable
     if short:
@@ -200,7 +200,7 @@ def _verdict(
     many = len(screened) > MANY_SCREENED * rows
     if len(screened):
         doubts.append(
-            f"{len(screened)} of {rows} rows carry no weight (row {int(screened[0]) + 1} first): "
+            f"{len(screened)} of {rows} rows carry no weight (row {int(screened[0])} first): "
             "their residual has a chance below one in a million under the fitted noise."
         )
     compliance = [
