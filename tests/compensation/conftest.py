@@ -1,0 +1,8 @@
+"""Puts the cases of this room on the path."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
