@@ -44,6 +44,8 @@ def read_krl(files: Sequence[tuple[str, bytes]], frames: FrameTable) -> tuple[Pr
         FormatError: A file is not KRL, is cut off, or has a number that cannot be read.
     """
     names = [name for name, _ in files]
+    for name, data in files:
+        _check_encoding(data, name)
     scans = [scan(data, name=name) for name, data in files]
     stores = [i for i, name in enumerate(names) if name.lower().endswith(".dat")]
     mains = [i for i in range(len(files)) if i not in stores]
@@ -60,6 +62,30 @@ def read_krl(files: Sequence[tuple[str, bytes]], frames: FrameTable) -> tuple[Pr
         walk.main_file(file)
     builder = _Builder(walk, mains[0] if mains else -1, frames)
     return tuple(builder.program(file) for file in range(len(files)))
+
+
+def _check_encoding(data: bytes, name: str) -> None:
+    if len(data) >= 2**31 - 1:
+        raise FormatError(
+            f"{len(data)} bytes, at most 2147483646 are read.",
+            source=name,
+            hint="split the program, as the controller needs it anyway.",
+        )
+    zero = data.find(b"\0")
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise FormatError(
+            "the file is UTF-16, KRL is one byte per character.",
+            source=name,
+            line=1,
+            hint="save it as ANSI (Latin-1) or UTF-8.",
+        )
+    if zero >= 0:
+        raise FormatError(
+            f"NUL byte at offset {zero}: a binary file, UTF-16 text, or a damaged copy.",
+            source=name,
+            line=data.count(b"\n", 0, zero) + 1,
+            hint="export the program again as plain text.",
+        )
 
 
 class _Builder:

@@ -111,9 +111,8 @@ def scan(data: bytes, *, name: str) -> Scan:
     """Returns the columns of a KRL file.
 
     Raises:
-        FormatError: NUL bytes or UTF-16, an unbalanced brace, or a number that cannot be read.
+        FormatError: An unbalanced brace, or a number that cannot be read.
     """
-    _check_encoding(data, name)
     lines, braces, tokens = _room(np.frombuffer(data, np.uint8))
     line_start, line_end = np.empty(lines, np.int32), np.empty(lines, np.int32)
     line_kind = np.empty(lines, np.uint8)
@@ -166,30 +165,6 @@ def scan(data: bytes, *, name: str) -> Scan:
         tok_length=tok_length[:n_tok],
         tok_value=tok_value[:n_tok],
     )
-
-
-def _check_encoding(data: bytes, name: str) -> None:
-    if len(data) >= 2**31 - 1:
-        raise FormatError(
-            f"{len(data)} bytes, at most 2147483646 are read.",
-            source=name,
-            hint="split the program, as the controller needs it anyway.",
-        )
-    zero = data.find(b"\0")
-    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise FormatError(
-            "the file is UTF-16, KRL is one byte per character.",
-            source=name,
-            line=1,
-            hint="save it as ANSI (Latin-1) or UTF-8.",
-        )
-    if zero >= 0:
-        raise FormatError(
-            f"NUL byte at offset {zero}: a binary file, UTF-16 text, or a damaged copy.",
-            source=name,
-            line=data.count(b"\n", 0, zero) + 1,
-            hint="export the program again as plain text.",
-        )
 
 
 def _key(word: str) -> int:

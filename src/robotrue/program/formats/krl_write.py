@@ -35,6 +35,7 @@ Near gimbal lock equal matrices may give A and C that differ in every printed di
 _INHERITED: Final = 0.5e-4
 """mm or deg; a component is inserted when what it would inherit is further off than this."""
 _LARGEST: Final = 1e9
+_HALF_DIGIT: Final = np.array([0.5 * 10.0**-k for k in range(16)])
 _WIDEST: Final = 28
 """Bytes one rewritten number can take: sign, ten digits, point, fifteen decimals, padding apart."""
 
@@ -350,7 +351,7 @@ def _splice(
                 decimals, plus, bare = _style(buf, first, last)
                 most = max(most, decimals)
                 new = values[row, code % 6]
-                if touched[row, code % 6] and abs(new - old[t]) > 0.5 * 10.0**-decimals:
+                if touched[row, code % 6] and abs(new - old[t]) > _HALF_DIGIT[decimals]:
                     size = _number(scratch, 0, new, decimals, plus, bare)
             elif code == 18 and status[row] >= 0 and status[row] != old[t]:
                 size = _integer(scratch, 0, status[row], buf, first, last)
