@@ -63,7 +63,7 @@ CONTEST_ROWS: Final = 400
 CIRCLE: Final = 0.10
 """m, radius of the path."""
 POINTS: Final = 72
-CELL: Final = """# UR10, T-Mac on the flange, tracker in an unknown frame (Landgraf et al., CASE 2021).
+CELL: Final = """# UR10, T-Mac on the flange, tracker frame unknown (Landgraf et al., CASE 2021)
 # The data set starts the T-Mac at 109 mm; series A puts it at 93.1 mm, and so does this file.
 schema = 1
 [robot]

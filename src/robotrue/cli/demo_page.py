@@ -60,14 +60,14 @@ def demo_tables(report: ValidationReport, runs: HoleRuns) -> tuple[Table, Table,
             highlight=3,
         ),
         Table(
-            title="As Table 11: milled hole",
+            title="As Table 11: milled hole, position of its axis and contour",
             columns=(
                 Column(title=""),
                 Column(title="source"),
-                Column(title="position x", unit="mm"),
-                Column(title="position y", unit="mm"),
+                Column(title="x", unit="mm"),
+                Column(title="y", unit="mm"),
                 Column(title="position", unit="mm"),
-                *(Column(title=f"contour {t}", unit="mm") for t in ("mean", "max", "sd")),
+                *(Column(title=t, unit="mm") for t in ("contour", "max", "sd")),
             ),
             rows=(
                 ("after", PAPER, 0.144, 0.298, 0.331, 0.269, 0.461, 0.071),
