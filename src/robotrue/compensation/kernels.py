@@ -126,10 +126,10 @@ def joint_torque(
 
 
 @compiled(EXACT)
-def ripple(p: Pack, joints: Array, sine: Array, cosine: Array, work: Array, out: Array) -> None:
+def ripple(p: Pack, joints: Array, sine: Array, cosine: Array, out: Array) -> None:
     """Adds A_k sin(N_k q) + B_k cos(N_k q) to ``out`` (6,) rad.
 
-    Consecutive harmonics by Clenshaw's recurrence, all twelve sums abreast; ``work`` is (3, 12).
+    Consecutive harmonics by Clenshaw's recurrence, six sums abreast.
     """
     count = p.ripple.shape[0]
     if count == 0:
@@ -142,19 +142,24 @@ def ripple(p: Pack, joints: Array, sine: Array, cosine: Array, work: Array, out:
                 total += p.ripple[k, i] * math.sin(angle) + p.ripple[k, i + 6] * math.cos(angle)
             out[i] += total
         return
-    for i in range(6):
-        work[2, i] = 2.0 * cosine[i]
-        work[2, i + 6] = 2.0 * cosine[i]
-    for i in range(12):
-        work[0, i] = 0.0
-        work[1, i] = 0.0
-    for j in range(count):
-        for i in range(12):
-            last = work[0, i]
-            work[0, i] = p.ripple[count - 1 - j, i] + work[2, i] * last - work[1, i]
-            work[1, i] = last
-    for i in range(6):
-        out[i] += sine[i] * work[0, i] + cosine[i] * work[0, i + 6] - work[1, i + 6]
+    for i in range(0, 6, 3):
+        s0, s1, s2 = 0.0, 0.0, 0.0  # sums of the sines of three joints, one step back
+        c0, c1, c2 = 0.0, 0.0, 0.0
+        t0, t1, t2 = 0.0, 0.0, 0.0  # two steps back
+        d0, d1, d2 = 0.0, 0.0, 0.0
+        e0, e1, e2 = 2.0 * cosine[i], 2.0 * cosine[i + 1], 2.0 * cosine[i + 2]
+        for j in range(count):
+            k = count - 1 - j
+            # What is two steps old is added first: it does not wait for the last product.
+            t0, s0 = s0, (p.ripple[k, i] - t0) + e0 * s0
+            t1, s1 = s1, (p.ripple[k, i + 1] - t1) + e1 * s1
+            t2, s2 = s2, (p.ripple[k, i + 2] - t2) + e2 * s2
+            d0, c0 = c0, (p.ripple[k, i + 6] - d0) + e0 * c0
+            d1, c1 = c1, (p.ripple[k, i + 7] - d1) + e1 * c1
+            d2, c2 = c2, (p.ripple[k, i + 8] - d2) + e2 * c2
+        out[i] += sine[i] * s0 + cosine[i] * c0 - d0
+        out[i + 1] += sine[i + 1] * s1 + cosine[i + 1] * c1 - d1
+        out[i + 2] += sine[i + 2] * s2 + cosine[i + 2] * c2 - d2
 
 
 @compiled(EXACT)

@@ -43,7 +43,6 @@ class Scratch(NamedTuple):
     jacobian: Array  # (6, 6)
     inverse: Array  # (6, 6)
     order: Array  # (6,) pivots
-    clenshaw: Array  # (3, 12)
     bump_power: Array  # (m,)
     bump: Array  # (m,)
     smooth: Array  # (3,)
@@ -54,7 +53,7 @@ class Scratch(NamedTuple):
 _SHAPES = {
     "nominal": (7, 12), "actual": (7, 12), "told": (12,), "real": (12,), "target": (12,),
     "hand": (12,), "axis": (6, 3), "origin": (6, 3), "told_axis": (6, 3), "told_origin": (6, 3),
-    "moment": (6, 3), "jacobian": (6, 6), "inverse": (6, 6), "clenshaw": (3, 12),
+    "moment": (6, 3), "jacobian": (6, 6), "inverse": (6, 6),
     "smooth": (3,), "centre": (3,), "payload": (3,),
 }  # fmt: skip
 

@@ -145,7 +145,7 @@ def evaluate(
     for i in range(6):
         w.shift[i] *= p.compliance[i]
         w.shift[i] += p.gear[i] * joints[i] + p.backlash[i] * approach[i]
-    ripple(p, joints, w.sine, w.cosine, w.clenshaw, w.shift)
+    ripple(p, joints, w.sine, w.cosine, w.shift)
     if p.coupled:
         mix(p.coupling, w.shift)
     for i in range(6):
