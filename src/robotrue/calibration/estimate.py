@@ -31,7 +31,8 @@ class Verdict:
     Attributes:
         status: ``"determined"``: every direction a prediction depends on was seen by the data.
             ``"conditional"``: some rest on the prior; ``doubts`` names each with its cure.
-        doubts: Sentences, also for harmless combinations and screened rows.
+        doubts: Sentences, also for screened rows. Unseen combinations that no position of the
+            measured point depends on are no doubts; ``identifiability`` lists them.
     """
 
     status: Status
@@ -213,7 +214,6 @@ def _verdict(
     doubts += [
         f"{name} is negative beyond its uncertainty: check masses and loads." for name in negative
     ]
-    doubts += [f"combination {d.name}: {d.cure}." for d in seen.unseen if d.harmless]
     sound = not (seen.harmful or short or many or negative)
     return Verdict(status="determined" if sound else "conditional", doubts=tuple(doubts))
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -13,17 +12,19 @@ from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.priors import StiffnessPrior
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
-from robotrue.cli.console import emit_json, emit_table, progress, say
-from robotrue.cli.inputs import measured
+from robotrue.cli.console import emit_facts, emit_json, progress, say
+from robotrue.cli.inputs import check_output, measured
+from robotrue.cli.model_view import remarks, result_facts
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.store.model_file import write_model
+from robotrue.validation.auto import fit_auto
 from robotrue.validation.contest import Selection, selection_from_summary
-from robotrue.validation.selection import fit_auto
 from robotrue.validation.validate import validate
 
 STIFFNESS_SD = 0.3
 """Relative standard deviation taken for a stiffness stated in the cell."""
+SHOWN_ROWS = 10
 
 
 def run(
@@ -41,6 +42,9 @@ def run(
         raise ConfigurationError(
             f"method {method!r}, expected auto, {', '.join(METHODS)}.", hint="--method auto"
         )
+    sources = [cell_path, *paths, *([mapping] if mapping else [])]
+    for target in [output, *([report] if report else [])]:
+        check_output(target, sources)
     cell = read_cell(cell_path)
     for doubt in cell.doubts:
         say(f"note: {doubt}")
@@ -48,24 +52,29 @@ def run(
     model, selection = calibrated(cell, measurements, method)
     write_model(output, model, cell)
     say(f"model written to {output}")
-    summary = dict(model.training_summary())
-    for row in summary.get("screened_rows", ()):
-        line, name = measurements.source_row[row], measurements.group_names[measurements.group[row]]
-        say(f"screened out: line {line} of {name}, too far off to be this robot")
     if report is not None:
-        from robotrue.cli.pages import write_page
-
-        result = validate(model, measurements, payload=cell.payload)
-        write_page(
-            report, model, result, title="Calibration, on its own poses", selection=selection
-        )
-        say(
-            f"report written to {report} (fit residuals; hold poses out and validate for the truth)"
-        )
+        _write_report(report, model, measurements, cell, selection)
+    summary = dict(model.training_summary())
+    for line in screened_remarks(measurements, summary.get("screened_rows", ())):
+        say(line)
     if as_json:
         emit_json({"model": str(output), **summary})
     else:
-        show(summary)
+        emit_facts(f"calibration of {model.robot.name}", result_facts(summary))
+        for line in remarks(summary):
+            say(line)
+
+
+def screened_remarks(measurements: MeasurementSet, rows: Sequence[int]) -> list[str]:
+    """Returns which lines of which files the fit left out, the first ten by number."""
+    out = [
+        f"screened out: line {measurements.source_row[row]} of "
+        f"{measurements.group_names[measurements.group[row]]}, too far off to be this robot"
+        for row in rows[:SHOWN_ROWS]
+    ]
+    if len(rows) > SHOWN_ROWS:
+        out.append(f"screened out: {len(rows) - SHOWN_ROWS} more rows, all in --json")
+    return out
 
 
 def calibrated(
@@ -95,16 +104,15 @@ def fit_settings(cell: Cell) -> FitSettings:
     return FitSettings(payload=cell.payload, repeatability=cell.repeatability, stiffness=stiffness)
 
 
-def show(summary: dict[str, Any]) -> None:
-    """Prints a training summary as a table: scalars first, lists below."""
-    rows = [(k, _text(v)) for k, v in summary.items() if isinstance(v, str | int | float)]
-    emit_table("model", ("", "value"), rows)
-    for line in summary.get("doubts", ()):
-        say(f"doubt: {line}")
-    for direction in summary.get("unseen", ()):
-        if not direction.get("harmless"):
-            say(f"not seen by the data: {direction['name']}. {direction['cure']}")
+def _write_report(
+    path: Path,
+    model: ErrorModel,
+    measurements: MeasurementSet,
+    cell: Cell,
+    selection: Selection | None,
+) -> None:
+    from robotrue.cli.pages import write_page
 
-
-def _text(value: str | float) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    result = validate(model, measurements, payload=cell.payload)
+    write_page(path, model, result, title="Calibration, on its own poses", selection=selection)
+    say(f"report written to {path} (fit residuals; hold poses out and validate for the truth)")

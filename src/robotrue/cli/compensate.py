@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
 from robotrue.cli.console import emit_json, say
-from robotrue.cli.inputs import parse_wrench
+from robotrue.cli.inputs import check_output, parse_wrench
 from robotrue.compensation.compensate import compensate
 from robotrue.compensation.result import unchanged
 from robotrue.compensation.settings import CompensationSettings
@@ -35,6 +36,11 @@ def run(
     as_json: bool,
 ) -> None:
     """Writes the compensated program and says what became of each target."""
+    check_output(output, [model_path, program_path])
+    if not max_shift_mm > 0.0:
+        raise ConfigurationError(
+            f"--max-shift-mm is {max_shift_mm:g} mm, expected above 0.", hint="--max-shift-mm 10"
+        )
     bare = not read_bytes(model_path).startswith(b"PK")
     if bare:
         cell, model = read_cell(model_path), None
@@ -42,16 +48,33 @@ def run(
         stored = read_model(model_path)
         cell, model = stored.cell, stored.model
     job = read_job(program_path, frame_table(cell))
+    outputs = _outputs(job, program_path, output)
+    rewritten = [
+        _rewritten(model, cell, program, wrench, axis_targets, max_shift_mm) for program in job
+    ]
     documents = []
-    for program, target in zip(job, _outputs(job, program_path, output), strict=True):
+    for program, target, (data, document) in zip(job, outputs, rewritten, strict=True):
         for note in program.notes:
             say(f"note: {program.name}: {note}")
-        data, document = _rewritten(model, cell, program, wrench, axis_targets, max_shift_mm)
         write_atomic(target, data)
         documents.append({"output": str(target), **document})
         _tell(program, target, document)
     if as_json:
-        emit_json(documents[0] if len(documents) == 1 else {"files": documents})
+        emit_json(documents[0] if len(documents) == 1 else _together(documents))
+
+
+def _together(documents: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """The counts of a job of several files, and each file by itself."""
+    status: Counter[str] = Counter()
+    for document in documents:
+        status.update(document["status"])
+    return {
+        "output": documents[0]["output"],
+        **{k: sum(d[k] for d in documents) for k in ("targets", "compensated", "unchanged")},
+        "status": dict(status),
+        "notes": [note for document in documents for note in document["notes"]],
+        "files": list(documents),
+    }
 
 
 def _rewritten(
@@ -80,12 +103,9 @@ def _rewritten(
 def _outputs(job: Sequence[Program], source: Path, output: Path) -> list[Path]:
     """The output, and beside it one file per companion, each refused if it is a source."""
     paths = [output] + [output.with_suffix(Path(p.name).suffix) for p in job[1:]]
-    for path, program in zip(paths, job, strict=True):
-        original = source.with_name(program.name)
-        if path.exists() and original.exists() and path.samefile(original):
-            raise ConfigurationError(
-                "the output is the program itself.", source=path, hint="another name after -o."
-            )
+    originals = [source.with_name(program.name) for program in job]
+    for path in paths:
+        check_output(path, [source, *originals])
     return paths
 
 

@@ -9,16 +9,20 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
+from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
+from rich.text import Text
 
 stderr = Console(stderr=True, highlight=False)
+PIPED_WIDTH = 160
+"""Columns of a table that does not go to a terminal."""
 
 
 def say(text: str) -> None:
-    """Writes one remark to stderr."""
-    stderr.print(text, markup=False)
+    """Writes one remark to stderr, on one line: the terminal wraps, a log does not."""
+    stderr.print(text, markup=False, soft_wrap=True)
 
 
 def emit_json(document: Mapping[str, Any]) -> None:
@@ -26,14 +30,39 @@ def emit_json(document: Mapping[str, Any]) -> None:
     sys.stdout.write(json.dumps(_finite(document), indent=1, allow_nan=False) + "\n")
 
 
-def emit_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Writes a table to stdout, first column left, the rest right."""
-    table = Table(title=title, title_justify="left")
+def emit_table(
+    title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], *, words: bool = False
+) -> None:
+    """Writes a table to stdout, first column left, the rest right.
+
+    Args:
+        title: Above the table.
+        columns: Headings; all empty leaves the heading out.
+        rows: One string per column.
+        words: The other columns hold words and not numbers: left as well.
+    """
+    table = Table(title=title, title_justify="left", show_header=any(columns), box=box.SIMPLE)
     for k, column in enumerate(columns):
-        table.add_column(column, justify="left" if k == 0 else "right")
+        left = k == 0 or words
+        table.add_column(
+            column, justify="left" if left else "right", overflow="fold", no_wrap=not words
+        )
     for row in rows:
-        table.add_row(*row)
-    Console(highlight=False).print(table)
+        table.add_row(*(Text(cell) for cell in row))
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console.width = PIPED_WIDTH
+    console.print(table)
+
+
+def emit_facts(title: str, facts: Sequence[tuple[str, str]]) -> None:
+    """Writes names and values in two columns to stdout."""
+    emit_table(title, ("", ""), facts, words=True)
+
+
+def count(number: int, noun: str) -> str:
+    """Returns e.g. ``"1 file"`` or ``"2 files"``."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 @contextmanager

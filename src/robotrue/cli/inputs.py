@@ -5,62 +5,115 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Sequence
 from dataclasses import fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from robotrue.cell.cell import Cell, tracker_covariance
-from robotrue.cli.console import say
+from robotrue.cli.console import count, say
 from robotrue.core.arrays import Array
 from robotrue.core.files import read_bytes
 from robotrue.errors import ConfigurationError, FormatError, ModelMismatchError
 from robotrue.measurement.formats.mapping import ColumnMapping
 from robotrue.measurement.formats.registry import read_measurements
-from robotrue.measurement.measurement_set import MeasurementFrame, MeasurementSet, concatenate
+from robotrue.measurement.measurement_set import MeasurementSet, concatenate
 from robotrue.measurement.plausibility import check_plausible
+from robotrue.measurement.tracker import point_covariance
 from robotrue.robot.forward import forward
 
 
 def measured(
     cell: Cell, paths: Sequence[Path], mapping: Path | None, *, minimum: int = 6
 ) -> MeasurementSet:
-    """Returns all files as one set, in the cell's frame, checked for plausibility.
+    """Returns all files as one set, checked for plausibility.
+
+    Positions are in the cell's frame; those of a layout that is in the tracker's own frame stay in
+    it. Rows of all files that name no station belong to one set-up of the tracker.
 
     Raises:
         FormatError: A file that cannot be read.
         ImplausibleDataError: Numbers that cannot be this robot's.
+        ModelMismatchError: Another number of joints, or files in different frames.
     """
     layout = None if mapping is None else read_mapping(mapping)
-    frame: MeasurementFrame | None = "tracker" if cell.frame == "tracker" else None
-    sets = [
-        read_measurements(
-            path,
-            mapping=layout,
-            frame=frame,
-            instrument=lambda position: tracker_covariance(cell, position),
-        )
-        for path in paths
-    ]
-    joined = concatenate(sets)
     robot = cell.measured_robot
+    sets = [_read(cell, path, layout) for path in paths]
+    for path, found in zip(paths, sets, strict=True):
+        if found.dof != robot.dof:
+            raise ModelMismatchError(
+                f"{found.dof} joints in the measurements, {robot.dof} in {robot.name}.",
+                source=path,
+                hint="check the robot in the cell file.",
+            )
+        if found.frame != sets[0].frame:
+            raise ModelMismatchError(
+                f"positions in the {found.frame} frame, those of {paths[0]} in the "
+                f"{sets[0].frame} frame.",
+                source=path,
+                hint="calibrate from files of one frame.",
+            )
+    joined = concatenate(sets)
 
-    def tool_point(joints: Array) -> Array:
+    def measured_point(joints: Array) -> Array:
         return forward(robot, joints)[:, :3, 3]
 
-    if joined.dof != robot.dof:
-        raise ModelMismatchError(
-            f"{joined.dof} joints in the measurements, {robot.dof} in {robot.name}.",
-            source=paths[0],
-            hint="check the robot in the cell file.",
-        )
     remarks = check_plausible(
-        joined, tool_point(joined.joints), robot.reach, forward=tool_point, minimum=minimum
+        joined,
+        measured_point(joined.joints),
+        robot.reach,
+        forward=measured_point,
+        minimum=minimum,
     )
     for remark in remarks:
         say(f"note: {remark}")
-    say(f"{len(joined)} poses from {len(paths)} file{'s' if len(paths) > 1 else ''}")
+    say(f"{count(len(joined), 'pose')} from {count(len(paths), 'file')}")
     return joined
+
+
+def _read(cell: Cell, path: Path, layout: ColumnMapping | None) -> MeasurementSet:
+    """One file; a layout that is in the tracker's own frame stays in it, whatever the cell says."""
+    found = read_measurements(
+        path,
+        mapping=layout,
+        frame="tracker" if cell.frame == "tracker" else None,
+        instrument=partial(tracker_covariance, cell),
+    )
+    if found.frame == cell.frame:
+        return found
+    say(f"note: positions of {path.name} are in the frame of its tracker, not in the base")
+    # The cell's tracker position is one in the base and says nothing here: the origin is.
+    return read_measurements(
+        path,
+        mapping=layout,
+        instrument=partial(point_covariance, cell.tracker, tracker=np.zeros(3)),
+    )
+
+
+def check_output(output: Path, sources: Sequence[Path]) -> None:
+    """Refuses, before any work is done, an output that cannot be or that is one of the sources.
+
+    Raises:
+        ConfigurationError: No such folder, a folder itself, or a file that is read.
+    """
+    if output.is_dir():
+        raise ConfigurationError(
+            "the output is a folder.", source=output, hint="a file name after -o."
+        )
+    if not output.parent.is_dir():
+        raise ConfigurationError(
+            f"cannot write: the folder {output.parent} does not exist.",
+            source=output,
+            hint=f"mkdir -p {output.parent}",
+        )
+    for source in sources:
+        if output.exists() and source.exists() and output.samefile(source):
+            raise ConfigurationError(
+                f"the output is {source.name}, which is read here; it is left as it is.",
+                source=output,
+                hint="another name after -o.",
+            )
 
 
 def read_mapping(path: Path) -> ColumnMapping:

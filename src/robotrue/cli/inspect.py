@@ -3,37 +3,48 @@
 from __future__ import annotations
 
 import tomllib
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
-from robotrue.cli.console import emit_json, emit_table, say
+from robotrue.cli.console import emit_facts, emit_json, emit_table, say
+from robotrue.cli.inputs import read_mapping
+from robotrue.cli.model_view import identified, remarks, result_facts, stiffness
 from robotrue.core.files import read_bytes
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import FormatError
 from robotrue.measurement.formats.registry import read_measurements
 from robotrue.measurement.measurement_set import MeasurementSet
-from robotrue.program.formats import detect, read_program
+from robotrue.program.formats import detect, read_job
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 from robotrue.robot.forward import forward
-from robotrue.robot.model import UNITS, RobotModel, parameter_names
 from robotrue.store.model_file import ModelFile, read_model
 
+WORKBOOKS: Final = (".xlsx", ".xlsm", ".xls", ".xlsb", ".ods")
+TABLES: Final = (".csv", ".tsv", ".txt")
 
-def run(path: Path, *, as_json: bool) -> None:
+
+def run(path: Path, *, mapping: Path | None, as_json: bool) -> None:
     """Prints what the file holds."""
     data = read_bytes(path)
-    if data.startswith(b"PK") and path.suffix.lower() not in (".xlsx", ".xlsm", ".ods"):
-        document = model_document(read_model(path))
-    elif _is_cell(data):
+    if data.startswith(b"PK") and path.suffix.lower() not in WORKBOOKS:
+        stored = read_model(path)
+        if as_json:
+            emit_json(model_document(stored))
+        else:
+            show_model(path, stored)
+        return
+    if mapping is None and _is_cell(path, data):
         document = cell_document(read_cell(path))
-    elif detect(data, path.name) is not None:
-        document = program_document(read_program(path, FrameTable()))
+    elif mapping is None and _is_program(path, data):
+        document = program_document(read_job(path, FrameTable()))
     else:
-        document = measurement_document(_measurements(path))
+        document = measurement_document(_measurements(path, mapping))
     if as_json:
         emit_json(document)
     else:
@@ -41,17 +52,60 @@ def run(path: Path, *, as_json: bool) -> None:
 
 
 def model_document(stored: ModelFile) -> dict[str, Any]:
-    """Returns a model file's kind, training summary, identified errors and doubts."""
-    actual = stored.model.mean_tables()
-    errors = {} if actual is None else _identified(actual.robot)
+    """Returns a model file's kind, training summary, identified errors, stiffness and cell."""
+    cell = stored.cell
     return {
         "holds": "error model",
         "kind": stored.archive.kind,
         "schema": stored.archive.schema,
         "robot": stored.model.robot.name,
         **dict(stored.model.training_summary()),
-        "identified": errors,
+        "identified": identified(stored.model),
+        "stiffness": stiffness(stored.model),
+        "cell": {
+            "source": cell.source,
+            "sha256": cell.digest,
+            "tracker_frame": "base" if cell.frame == "base" else "unknown",
+        },
     }
+
+
+def show_model(path: Path, stored: ModelFile) -> None:
+    """Prints a model: what it came to, the errors it found, the stiffness, where it came from."""
+    summary, cell = stored.model.training_summary(), stored.cell
+    emit_facts(
+        f"{path.name}: error model of {stored.model.robot.name}",
+        [
+            *result_facts(summary),
+            ("measured", "; ".join(summary.get("sources", ())) or "not recorded"),
+            ("training data", f"sha256:{summary.get('data_sha256', 'not recorded')}"),
+            ("cell", f"{cell.source or 'made in code'} sha256:{cell.digest or 'none'}"),
+            ("tracker frame", "the robot base" if cell.frame == "base" else "found by the fit"),
+            ("kind", f"{stored.archive.kind}, schema {stored.archive.schema}"),
+        ],
+    )
+    errors = identified(stored.model)
+    if errors:
+        emit_table(
+            "identified errors, actual minus nominal",
+            ("", "value", "sd", "unit", "known"),
+            [
+                (name, *(_signed(row["value"]), _plain(row["sd"])), row["unit"], row["known"])
+                for name, row in errors.items()
+            ],
+        )
+    springs = stiffness(stored.model)
+    if springs:
+        emit_table(
+            "stiffness of the drives",
+            ("", "N m/rad", "sd", "known"),
+            [
+                (name, _big(row["Nm_per_rad"]), _big(row["sd_Nm_per_rad"]), row["known"])
+                for name, row in springs.items()
+            ],
+        )
+    for line in remarks(summary):
+        say(line)
 
 
 def cell_document(cell: Cell) -> dict[str, Any]:
@@ -68,7 +122,7 @@ def cell_document(cell: Cell) -> dict[str, Any]:
         "payload_kg": float(cell.payload.mass[0]),
         "limits_deg": (robot.limits / DEG).round(4).tolist(),
         "target_mm": (cell.T_flange_target[:3, 3] / MM).tolist(),
-        "tracker_frame": cell.frame,
+        "tracker_frame": "base" if cell.frame == "base" else "unknown",
         "tracker": cell.tracker.name,
         "tracker_sigma_at_3m_um": float(cell.tracker.sigma_range(np.array(3.0))) / UM,
         "repeatability_mm": cell.repeatability / MM,
@@ -79,6 +133,7 @@ def cell_document(cell: Cell) -> dict[str, Any]:
 def measurement_document(measurements: MeasurementSet) -> dict[str, Any]:
     """Returns counts, extent and noise of a measurement file."""
     span = np.ptp(measurements.position, axis=0) / MM
+    turns = np.stack([measurements.joints.min(axis=0), measurements.joints.max(axis=0)], axis=1)
     sigma = np.sqrt(np.trace(measurements.covariance, axis1=1, axis2=2) / 3.0) / UM
     return {
         "holds": "measurements",
@@ -88,82 +143,95 @@ def measurement_document(measurements: MeasurementSet) -> dict[str, Any]:
         "full_poses": int(measurements.has_rotation.sum()),
         "loaded_poses": int((np.abs(measurements.wrench).max(axis=1) > 0.0).sum()),
         "extent_mm": span.round(1).tolist(),
-        "joint_range_deg": (
-            np.stack([measurements.joints.min(axis=0), measurements.joints.max(axis=0)]) / DEG
-        )
-        .round(2)
-        .tolist(),
+        "joint_range_deg": (turns / DEG).round(2).tolist(),
         "mean_sigma_um": float(sigma.mean()),
         "sets": list(measurements.group_names),
         "sources": list(measurements.sources),
     }
 
 
-def program_document(program: Program) -> dict[str, Any]:
-    """Returns counts by motion and by reason of a program."""
+def program_document(job: Sequence[Program]) -> dict[str, Any]:
+    """Returns counts by motion and by reason of a program and its companions."""
+    motions: Counter[str] = Counter()
+    reasons: Counter[str] = Counter()
+    for program in job:
+        motions.update(Motion(int(m)).name.lower() for m in program.motion)
+        reasons.update(Reason(int(r)).name.lower() for r in program.reason)
+    reasons.pop(Reason.NONE.name.lower(), None)
     return {
         "holds": "program",
-        "dialect": program.dialect,
-        "targets": len(program),
-        "motions": {m.name: int(c) for m in Motion if (c := (program.motion == m).sum())},
-        "left_alone": {
-            r.name: int(c)
-            for r in Reason
-            if r is not Reason.NONE and (c := (program.reason == r).sum())
-        },
-        "notes": list(program.notes),
+        "dialect": job[0].dialect,
+        "files": [program.name for program in job],
+        "targets": sum(len(program) for program in job),
+        "motions": dict(motions),
+        "left_alone": dict(reasons),
+        "notes": [f"{program.name}: {note}" for program in job for note in program.notes],
     }
 
 
-def _identified(robot: RobotModel) -> dict[str, str]:
-    """The error vector in shop units: mm, deg, um/(kN m)."""
-    out = {}
-    for name, value in zip(parameter_names(robot.dof), robot.errors, strict=True):
-        if value == 0.0:
-            continue
-        unit = UNITS[name.rstrip("0123456789").split("_")[0]]
-        if unit == "m or rad":
-            unit = "rad" if "_r" in name else "m"
-        if unit == "m":
-            out[name] = f"{value / MM:+.4f} mm"
-        elif unit == "rad":
-            out[name] = f"{value / DEG:+.5f} deg"
-        elif unit == "1":
-            out[name] = f"{value:+.3e}"
-        else:
-            out[name] = f"{value:.4e} rad/(N m)"
-    return out
-
-
-def _is_cell(data: bytes) -> bool:
+def _is_cell(path: Path, data: bytes) -> bool:
+    if path.suffix.lower() == ".toml":
+        return True
     try:
         return "robot" in tomllib.loads(data.decode("utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError):
         return False
 
 
-def _measurements(path: Path) -> MeasurementSet:
+def _is_program(path: Path, data: bytes) -> bool:
     try:
-        return read_measurements(path)
+        detect(data, path.name)
+    except FormatError:
+        return False
+    return True
+
+
+def _measurements(path: Path, mapping: Path | None) -> MeasurementSet:
+    try:
+        return read_measurements(path, mapping=None if mapping is None else read_mapping(mapping))
     except FormatError as cause:
+        if mapping is not None or path.suffix.lower() in (*WORKBOOKS, *TABLES):
+            raise
         raise FormatError(
             f"not a model, cell, program or measurement file that is known here ({cause.message})",
             source=path,
             line=cause.line,
-            hint="robotrue inspect takes .rtm, cell.toml, KRL programs and measurement CSV.",
+            hint="robotrue inspect takes model files, cell.toml, KRL programs and measurements.",
         ) from cause
 
 
 def _show(path: Path, document: dict[str, Any]) -> None:
-    rows = []
-    later: list[str] = []
-    for key, value in document.items():
-        if isinstance(value, dict):
-            rows += [(f"{key} {k}", str(v)) for k, v in value.items() if not isinstance(v, dict)]
-        elif isinstance(value, list) and value and isinstance(value[0], str):
-            later += [f"{key}: {line}" for line in value]
-        else:
-            rows.append((key, f"{value:.6g}" if isinstance(value, float) else str(value)))
-    emit_table(path.name, ("", ""), rows)
-    for line in later:
-        say(line)
+    remarks_of = ("doubts", "notes")
+    emit_facts(
+        f"{path.name}: {document['holds']}",
+        [
+            (key.replace("_", " "), _words(value))
+            for key, value in document.items()
+            if key not in (*remarks_of, "holds")
+        ],
+    )
+    for key in remarks_of:
+        for line in document.get(key, ()):
+            say(f"{key.removesuffix('s')}: {line}")
+
+
+def _words(value: Any) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{number} {name}" for name, number in value.items()) or "none"
+    if isinstance(value, list):
+        if value and isinstance(value[0], list):
+            return ", ".join(f"{low:g} to {high:g}" for low, high in value)
+        return ", ".join(_words(part) for part in value) or "none"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _signed(value: float) -> str:
+    return f"{value:+.4f}"
+
+
+def _plain(value: float) -> str:
+    return f"{value:.4f}" if np.isfinite(value) else "not recorded"
+
+
+def _big(value: float | None) -> str:
+    return "not known" if value is None else f"{value:,.0f}"

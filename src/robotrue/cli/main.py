@@ -1,12 +1,14 @@
 """The ``robotrue`` command: signatures only; each command's work is in the file of its name.
 
-Data go to stdout, everything else to stderr. Exit 0: done. Exit 1: refused or failed,
-with a message that says why. Exit 2: the command line itself is wrong. Heavy imports happen inside
-the commands, so ``robotrue --help`` answers at once.
+Data go to stdout, everything else to stderr. Exit 0: done. Exit 1: understood, but refused or
+failed, with a message that says why (a file that is not there, too). Exit 2: the command line
+itself is wrong: an unknown option, a missing argument. Heavy imports happen inside the commands, so
+``robotrue --help`` answers at once.
 """
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -101,12 +103,13 @@ def predict(
     model: ModelFile,
     queries: Annotated[Path, typer.Argument(metavar="QUERIES", help="CSV of joints, wrench.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="CSV to write.")],
+    mapping: Annotated[Path | None, typer.Option(help="Column mapping (TOML).")] = None,
     json: Json = False,
 ) -> None:
     """Predict the error (actual minus commanded) and its standard deviation."""
     from robotrue.cli.predict import run
 
-    run(model, queries, output, as_json=json)
+    run(model, queries, output, mapping=mapping, as_json=json)
 
 
 @app.command()
@@ -147,12 +150,13 @@ def inspect(
     path: Annotated[
         Path, typer.Argument(metavar="FILE", help="Model, cell, measurements or program.")
     ],
+    mapping: Annotated[Path | None, typer.Option(help="Column mapping (TOML).")] = None,
     json: Json = False,
 ) -> None:
     """Say what a file holds: a model, a cell, measurements or a program."""
     from robotrue.cli.inspect import run
 
-    run(path, as_json=json)
+    run(path, mapping=mapping, as_json=json)
 
 
 def run() -> None:
@@ -164,6 +168,10 @@ def run() -> None:
         raise SystemExit(1) from None
     except KeyboardInterrupt:
         sys.stderr.write("robotrue: stopped; nothing was left half-written.\n")
+        raise SystemExit(1) from None
+    except BrokenPipeError:
+        # Whoever read the result has closed the pipe (``| head``); the flush at exit must not fail.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise SystemExit(1) from None
 
 

@@ -7,18 +7,31 @@ from pathlib import Path
 import numpy as np
 
 from robotrue.calibration.model import Query
-from robotrue.cli.console import emit_json, say
+from robotrue.cli.console import count, emit_json, say
+from robotrue.cli.inputs import check_output, read_mapping
 from robotrue.core.files import write_atomic
 from robotrue.core.units import MM
+from robotrue.errors import ModelMismatchError
 from robotrue.measurement.queries import QueryTable, read_queries
 from robotrue.robot.statics import Load
 from robotrue.store.model_file import ModelFile, read_model
 
 
-def run(model_path: Path, queries_path: Path, output: Path, *, as_json: bool) -> None:
+def run(
+    model_path: Path, queries_path: Path, output: Path, *, mapping: Path | None, as_json: bool
+) -> None:
     """Writes ``ex_mm, ey_mm, ez_mm, sx_mm, sy_mm, sz_mm`` (base axes), one row per query."""
+    check_output(output, [model_path, queries_path])
     stored = read_model(model_path)
-    queries = read_queries(queries_path)
+    layout = None if mapping is None else read_mapping(mapping)
+    queries = read_queries(queries_path, mapping=layout)
+    if queries.joints.shape[1] != stored.model.robot.dof:
+        raise ModelMismatchError(
+            f"{queries.joints.shape[1]} joint columns, {stored.model.robot.name} has "
+            f"{stored.model.robot.dof} joints.",
+            source=queries_path,
+            hint="one column j1_deg, j2_deg, ... per joint.",
+        )
     prediction = stored.model.predict(
         Query(joints=queries.joints, load=_load(stored, queries), approach=queries.approach)
     )
@@ -39,7 +52,10 @@ def run(model_path: Path, queries_path: Path, output: Path, *, as_json: bool) ->
             }
         )
     else:
-        say(f"{len(queries)} predictions, mean |error| {size.mean():.3f} mm, written to {output}")
+        say(
+            f"{count(len(queries), 'prediction')}, mean error {size.mean():.3f} mm, "
+            f"written to {output}"
+        )
 
 
 def _load(stored: ModelFile, queries: QueryTable) -> Load:

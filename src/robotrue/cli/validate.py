@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from robotrue.cli.console import emit_json, emit_table, say
-from robotrue.cli.inputs import measured
+from robotrue.cli.console import count, emit_json, emit_table, say
+from robotrue.cli.inputs import check_output, measured
+from robotrue.cli.model_view import harmless_remark
 from robotrue.core.units import MM
 from robotrue.store.model_file import read_model
 from robotrue.validation.metrics import ErrorStatistics
@@ -22,11 +23,15 @@ def run(
     as_json: bool,
 ) -> None:
     """Prints the held-out statistics before and after."""
+    if report is not None:
+        check_output(report, [model_path, *paths])
     stored = read_model(model_path)
     measurements = measured(stored.cell, paths, mapping)
     result = validate(stored.model, measurements, payload=stored.cell.payload)
     for doubt in result.doubts:
         say(f"note: {doubt}")
+    for line in harmless_remark(stored.model.training_summary()):
+        say(line)
     if report is not None:
         from robotrue.cli.pages import write_page
 
@@ -35,10 +40,15 @@ def run(
     if as_json:
         emit_json(result.to_json())
         return
+    aligned = result.before_aligned
     emit_table(
-        f"{len(measurements)} poses, {stored.model.robot.name}",
+        f"{count(len(measurements), 'pose')}, {stored.model.robot.name}",
         ("", "mean mm", "p95 mm", "max mm", "std mm"),
-        [_row("before", result.before), _row("after", result.after)],
+        [
+            _row("before", result.before),
+            *([_row("base and tool corrected", aligned)] if aligned is not None else []),
+            _row("after", result.after),
+        ],
     )
     say(
         f"{100 * result.coverage.share:.1f} % of the points lie in their stated 95 % region"

@@ -1,0 +1,133 @@
+"""What a model knows, in shop units: for ``inspect``, ``calibrate`` and ``validate``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+
+from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.rigid_flexible import RigidFlexibleModel
+from robotrue.core.units import DEG, MM
+from robotrue.robot.model import UNITS, parameter_names
+
+SHOP: Final = {"m": ("mm", MM), "rad": ("deg", DEG), "1": ("ppm", 1e-6)}
+"""SI unit of an error parameter, and what a shop prints."""
+
+
+def identified(model: ErrorModel) -> dict[str, dict[str, Any]]:
+    """Returns value, standard deviation, unit and class of every geometric error.
+
+    Lengths in mm, angles in deg, gear ratios in 1e-6. ``known`` is ``seen``, ``weakly seen`` or
+    ``prior only``; parameters the method does not estimate are left out.
+    """
+    out = {}
+    for name, row in _estimated(model).items():
+        unit, size = SHOP.get(_si_unit(name), ("", 1.0))
+        if unit:
+            out[name] = {
+                "value": row["value"] / size,
+                "sd": row["sd"] / size,
+                "unit": unit,
+                "known": row["class"],
+            }
+    return out
+
+
+def stiffness(model: ErrorModel) -> dict[str, dict[str, Any]]:
+    """Returns stiffness and standard deviation per joint, N m/rad; None where none is known.
+
+    The estimate is of the compliance c; stiffness is 1/c with standard deviation sd(c)/c^2, which
+    says nothing where sd(c) is not well below c.
+    """
+    out: dict[str, dict[str, Any]] = {}
+    for name, row in _estimated(model).items():
+        if not name.startswith("compliance"):
+            continue
+        value, sd = row["value"], row["sd"]
+        told = value > 0.0 and sd < 0.5 * value
+        out[f"joint {name.removeprefix('compliance')}"] = {
+            "Nm_per_rad": 1.0 / value if told else None,
+            "sd_Nm_per_rad": sd / value**2 if told else None,
+            "compliance_rad_per_Nm": value,
+            "compliance_sd_rad_per_Nm": sd,
+            "known": row["class"],
+        }
+    return out
+
+
+def result_facts(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Returns what a calibration came to, in words and mm."""
+    poses = f"{summary.get('rows', 'not recorded')}"
+    screened = len(summary.get("screened_rows", ()))
+    if screened:
+        poses += f", {screened} of them screened out"
+    facts = [("method", str(summary.get("method", "not recorded"))), ("poses", poses)]
+    for key, name in (
+        ("rms_m", "residual rms"),
+        ("held_out_blocks_mean_m", "mean on held-out blocks"),
+        ("white_sd_m", "noise learned, per axis"),
+    ):
+        if key in summary:
+            facts.append((name, f"{summary[key] / MM:.4f} mm"))
+    verdict = str(summary.get("verdict", "not recorded"))
+    facts.append(("verdict", f"{verdict}: {VERDICTS[verdict]}" if verdict in VERDICTS else verdict))
+    return facts
+
+
+VERDICTS: Final = {
+    "determined": "the data saw everything the predictions depend on",
+    "conditional": "read the doubts",
+}
+
+
+def remarks(summary: Mapping[str, Any]) -> list[str]:
+    """Returns the doubts, and one sentence for all combinations nobody needs to know apart."""
+    found = [f"doubt: {line}" for line in summary.get("doubts", ())]
+    return found + harmless_remark(summary)
+
+
+def harmless_remark(summary: Mapping[str, Any]) -> list[str]:
+    """Returns one sentence, or none, about what is unseen and does not matter."""
+    unseen = summary.get("unseen", ())
+    names = sorted((str(d["name"]) for d in unseen if d.get("harmless")), key=len)
+    if not names:
+        return []
+    shown = ", ".join(names[:3]) + (", ..." if len(names) > 3 else "")
+    return [
+        f"note: {len(names)} combination{'' if len(names) == 1 else 's'} of parameters "
+        f"({shown}) cannot be told apart; no position of the measured point depends on that. "
+        "--json says what would show each"
+    ]
+
+
+def _estimated(model: ErrorModel) -> dict[str, dict[str, Any]]:
+    """The parameters of the summary, or, of a model that keeps no table there, its mean and sd."""
+    stated = model.training_summary().get("parameters")
+    if isinstance(stated, Mapping):
+        return {
+            name: dict(stated[name])
+            for name in parameter_names(model.robot.dof)
+            if name in stated and stated[name].get("class") != "fixed"
+        }
+    actual = model.mean_tables()
+    if actual is None:
+        return {}
+    names, errors = parameter_names(actual.robot.dof), np.asarray(actual.robot.errors)
+    physics = getattr(model, "physics", None)
+    spread = np.full(len(errors), np.nan)
+    if isinstance(physics, RigidFlexibleModel):
+        spread = np.sqrt(np.diagonal(physics.covariance))
+    return {
+        name: {"value": float(value), "sd": float(sd), "class": "not recorded"}
+        for name, value, sd in zip(names, errors, spread, strict=True)
+        if value != 0.0
+    }
+
+
+def _si_unit(name: str) -> str:
+    unit = UNITS[name.rstrip("0123456789").split("_")[0]]
+    if unit == "m or rad":
+        return "rad" if "_r" in name else "m"
+    return unit
