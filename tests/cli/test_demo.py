@@ -1,0 +1,80 @@
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from robotrue.cli.demo import run_demo
+from robotrue.cli.demo_data import run_demo_on_data
+from robotrue.program.formats import read_program
+from robotrue.simulation.flange_hole import FlangeHole, side_rows
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory):
+    steps = []
+    folder = tmp_path_factory.mktemp("demo")
+    result = run_demo(folder, seed=1, progress=lambda text, done: steps.append(done))
+    return result, steps
+
+
+def test_the_demo_leaves_everything_to_run_it_again(demo):
+    folder = demo[0].folder
+    for name in (
+        "cell.toml",
+        "calibration.csv",
+        "held_out.csv",
+        "flange_hole.src",
+        "flange_hole_compensated.src",
+        "model.robotrue",
+        "demo.html",
+        "results.json",
+    ):
+        assert (folder / name).stat().st_size > 0
+
+
+def test_the_compensated_program_lands_nearer_and_says_simulated(demo):
+    results = demo[0].results
+    assert results["simulated"] is True
+    assert results["dry_run"]["after"]["mean_mm"] < 0.3 * results["dry_run"]["before"]["mean_mm"]
+    assert results["held_out"]["after"]["mean_mm"] < 0.1
+    assert results["hole"]["after"]["position_mm"] < results["hole"]["before"]["position_mm"]
+    assert json.loads((demo[0].folder / "results.json").read_text()) == results
+    assert "SIMULATED" in demo[0].page.read_text()
+    assert all("SIMULATED" in str(table.rows) for table in demo[0].tables)
+
+
+def test_only_numbers_of_targets_differ(demo):
+    before, after = (
+        (demo[0].folder / name).read_bytes().splitlines()
+        for name in ("flange_hole.src", "flange_hole_compensated.src")
+    )
+    assert len(before) == len(after)
+    changed = [b for a, b in zip(before, after, strict=True) if a != b]
+    assert all(line.startswith((b"LIN {", b"CIRC {")) for line in changed)
+    program = read_program(demo[0].folder / "flange_hole_compensated.src")
+    wanted = read_program(demo[0].folder / "flange_hole.src")
+    rows = side_rows(wanted, FlangeHole(), 1)
+    moved = np.linalg.norm(program.position[rows] - wanted.position[rows], axis=1)
+    assert 0.2e-3 < moved.mean() < 4e-3
+
+
+def test_progress_goes_from_nothing_to_done(demo):
+    steps = demo[1]
+    assert steps[0] == 0.0
+    assert steps[-1] == 1.0
+    assert steps == sorted(steps)
+
+
+@pytest.mark.data
+def test_the_demo_on_the_ur10(data_dir, tmp_path):
+    result = run_demo_on_data(data_dir, tmp_path)
+    assert result.simulated is False
+    random = result.results["held_out"][0]
+    assert random["after"]["mean_mm"] < 0.6 * random["before_aligned"]["mean_mm"]
+    kinds = {row["split"].split()[0] for row in result.results["held_out"]}
+    assert kinds == {"random", "blocks", "regions"}
+    path = result.results["path_predicted"]
+    assert path["after_by_other_model"]["mean_mm"] < 0.5 * path["before"]["mean_mm"]
+    assert "PREDICTED" in result.tables[1].title
