@@ -7,7 +7,7 @@ nominal inverse and forward alone in py-opw-kinematics (if it is installed).
     OMP_NUM_THREADS=1 python benchmarks/compensation_chain.py [TARGETS]
 
 Simulated errors; seeds are printed. CPU time of the process, best of three; compilation is timed
-by itself (a few milliseconds where the cache is warm).
+by itself (about a second where the cache is warm).
 """
 
 from __future__ import annotations

@@ -212,11 +212,11 @@ def iterated_joints(p: Pack, w: Scratch, target: Array, near: Array, out: Array)
         jacobian(p, w.axis, w.origin, w.told, w.jacobian)
         if not invert6(w.jacobian, w.order, w.inverse):
             return False
-        widest = 0.0
+        widest, scale = 0.0, 1.0 / p.length
         for i in range(6):
             total = 0.0
             for k in range(3):
-                total += w.inverse[i, k] * w.error[k] / p.length
+                total += w.inverse[i, k] * w.error[k] * scale
                 total += w.inverse[i, k + 3] * w.error[k + 3]
             w.step[i] = total
             widest = max(widest, abs(total))

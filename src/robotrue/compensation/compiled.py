@@ -25,6 +25,7 @@ def compiled(flags: frozenset[str]) -> Callable[[F], F]:
     """
 
     def decorate(function: F) -> F:
+        # The kernels allocate nothing, so reference counting (_nrt) is left out.
         options: dict[str, Any] = {
             "fastmath": set(flags),
             "nogil": True,

@@ -18,6 +18,8 @@ from robotrue.core.arrays import Array
 LOG2E = 1.0 / math.log(2.0)
 LN2_HIGH = float.fromhex("0x1.62e42fee00000p-1")
 LN2_LOW = float.fromhex("0x1.a39ef35793c76p-33")
+SIN3, SIN5, SIN7 = -1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0
+COS4, COS6, COS8 = 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40320.0
 ROUND = 6755399441055744.0  # 1.5 * 2**52: adding it leaves the nearest integer in the low bits
 
 
@@ -30,8 +32,8 @@ def turn_sincos(
         a = angle[i]
         a2 = a * a
         if a2 < 4e-4:
-            s = a * (1.0 - a2 / 6.0 * (1.0 - a2 / 20.0 * (1.0 - a2 / 42.0)))
-            c = 1.0 - a2 / 2.0 * (1.0 - a2 / 12.0 * (1.0 - a2 / 30.0 * (1.0 - a2 / 56.0)))
+            s = a + a * a2 * (SIN3 + a2 * (SIN5 + a2 * SIN7))
+            c = 1.0 + a2 * (-0.5 + a2 * (COS4 + a2 * (COS6 + a2 * COS8)))
         else:
             s = math.sin(a)
             c = math.cos(a)

@@ -229,10 +229,11 @@ def invert_target(
         if not size < 1e3:
             return LOST, singular
         size_before = size
+        scale = 1.0 / p.length
         for i in range(6):
             total = 0.0
             for k in range(3):
-                total += w.inverse[i, k] * w.error[k] / p.length
+                total += w.inverse[i, k] * w.error[k] * scale
                 total += w.inverse[i, k + 3] * w.error[k + 3]
             w.step[i] -= total
             w.joints[i] = start[i] + w.step[i]
