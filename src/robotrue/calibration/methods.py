@@ -8,7 +8,9 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from robotrue.calibration.estimate import Estimate, estimate, free_groups
+from robotrue.calibration.learned import LearnedParts, fit_learned
 from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.residual import LearnedModel
 from robotrue.calibration.rigid_flexible import RigidFlexibleModel
 from robotrue.calibration.settings import FitSettings
 from robotrue.errors import ConfigurationError
@@ -68,10 +70,26 @@ def fit_elastic(
     return fit_rigid_flexible(robot, measurements, settings, method="elastic")
 
 
+def fit_ripple(
+    robot: RobotModel, measurements: MeasurementSet, settings: FitSettings
+) -> LearnedModel:
+    """Returns geometry, compliance, joint ripple and backlash; no smooth residual."""
+    return fit_learned(
+        robot, measurements, settings, parts=LearnedParts(smooth=False), method="ripple"
+    )
+
+
+def fit_gp(robot: RobotModel, measurements: MeasurementSet, settings: FitSettings) -> LearnedModel:
+    """Returns the full learned model: ripple, and the smooth residual where it earns its place."""
+    return fit_learned(robot, measurements, settings, parts=LearnedParts(), method="gp")
+
+
 METHODS: Final[dict[str, FitFunction]] = {
     "nominal": fit_nominal,
     "geometric": fit_geometric,
     "elastic": fit_elastic,
+    "ripple": fit_ripple,
+    "gp": fit_gp,
 }
 """Fit function of every method; richer methods add themselves here."""
 

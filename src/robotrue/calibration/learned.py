@@ -1,0 +1,426 @@
+"""Fits the learned model: physics, ripple, backlash and smooth residual, jointly.
+
+1. The rigid-flexible estimate gives the posture of linearisation, the priors and a robust start.
+2. Ripple goes up a ladder of highest harmonics as long as the evidence grows.
+3. Linearisation, robust weights and noise are renewed with the ripple in place.
+4. The smooth residual is learned on what is left, and kept only where the joint evidence grows
+   *and* held-out blocks of the training rows are predicted better with it.
+5. The covariance gets its factor from the same held-out blocks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from robotrue.calibration.design import Design
+from robotrue.calibration.estimate import Estimate, estimate, free_groups
+from robotrue.calibration.estimator import NOISE_FLOOR
+from robotrue.calibration.evidence import Sums, Weights, learn
+from robotrue.calibration.held_out import HeldOut, held_out
+from robotrue.calibration.observations import (
+    CHANNELS,
+    PoseObservation,
+    PositionObservation,
+    observations_of,
+)
+from robotrue.calibration.parameters import retract
+from robotrue.calibration.residual import LearnedModel
+from robotrue.calibration.rigid_flexible import RigidFlexibleModel
+from robotrue.calibration.ripple import LADDER, REST, START, harmonics
+from robotrue.calibration.robust import weights as robust_weights
+from robotrue.calibration.settings import FitSettings
+from robotrue.calibration.smooth import choose_centres, learn_smooth
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.model import RobotModel
+
+ROUNDS: Final = 2
+"""Renewals of linearisation, weights and noise after the ladder."""
+SAMPLE: Final = 500
+"""Rows on which the lengths of the smooth residual are learned."""
+MOST_CENTRES: Final = 200
+ENOUGH: Final = 0.05
+"""Share of the prior variance that may stay uncarried at a training pose."""
+WORTH: Final = 3.0
+"""Log evidence a richer model must gain: 20 to 1."""
+LEAST_WEIGHT: Final = 0.01
+"""Weight at the start of a row the physical fit has screened: its misfit may be ripple."""
+UNSEEN: Final = 0.05
+"""Information on a coefficient, over that of its starting scale, below which it is left out."""
+MANY_ROWS: Final = 200
+"""Rows from which the ladder begins at its second rung."""
+LADDER_STEPS: Final = 8
+SEED: Final = 20
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LearnedParts:
+    """Which learned parts are tried.
+
+    Attributes:
+        ripple: Joint ripple and backlash.
+        smooth: The smooth residual.
+        highest: Largest harmonic tried.
+    """
+
+    ripple: bool = True
+    smooth: bool = True
+    highest: int = LADDER[-1]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinearFit:
+    """A design, its sums and the weights they give."""
+
+    design: Design
+    sums: list[Sums]
+    weights: Weights
+
+
+def fit_learned(
+    robot: RobotModel,
+    measurements: MeasurementSet,
+    settings: FitSettings,
+    *,
+    parts: LearnedParts,
+    method: str,
+) -> LearnedModel:
+    """Returns the learned model of the measurements.
+
+    Args:
+        robot: Nominal arm with the nominal reflector.
+        measurements: Points or poses, in base or in tracker frames.
+        settings: Loads, priors, robust rule.
+        parts: What is tried.
+        method: Name the summary carries.
+
+    Raises:
+        ObservabilityError: Too few measurements for the physical model.
+        ImplausibleDataError: The measurements cannot belong to this robot.
+        ConvergenceError: The physical estimate did not settle.
+    """
+    physical = estimate(robot, measurements, settings, free_groups("elastic"))
+    at = climb(first_design(physical, measurements, settings, parts), parts)
+    for _ in range(ROUNDS):
+        at = renewed(at)
+    found = _examined(at, settings)
+    notes: dict[str, Any] = {"smooth": "not tried"}
+    if parts.smooth:
+        at, found, notes = _with_smooth(at, found, measurements, settings)
+    return _model(physical, at, found, settings, {"method": method, **notes})
+
+
+def first_design(
+    physical: Estimate, measurements: MeasurementSet, settings: FitSettings, parts: LearnedParts
+) -> Design:
+    """Returns the design at the physical estimate, with every harmonic the rows can carry."""
+    found, robot = physical.posterior, physical.posterior.state.robot
+    observations = tuple(
+        o
+        for o in observations_of(
+            found.state.robot.nominal(),
+            measurements,
+            settings.payload,
+            repeatability=settings.repeatability_sd,
+            rotation_sd=settings.rotation_sd,
+        )
+        if isinstance(o, PositionObservation | PoseObservation)
+    )
+    weights = np.zeros(len(measurements))
+    for observation, u in zip(observations, found.weights, strict=True):
+        weights[observation.rows] = np.maximum(u, LEAST_WEIGHT)
+    able = [h for h in LADDER if h <= parts.highest and 2 * h * robot.dof <= 12 * physical.rows]
+    count = max(able, default=LADDER[0]) if parts.ripple else 0
+    design = Design(
+        observations=observations,
+        approach=measurements.approach,
+        layout=found.layout,
+        prior=found.prior,
+        state=found.state,
+        noise=found.noise,
+        weights=weights,
+        loss=settings.solver.loss,
+        count=count,
+        basis=None,
+        active=np.ones(0, dtype=bool),
+    )
+    _, backlash, smooth, end = design.starts
+    active = np.ones(end, dtype=bool)
+    active[backlash:smooth] = parts.ripple and bool((measurements.approach != 0.0).any())
+    return replace(design, active=active)
+
+
+def climb(design: Design, parts: LearnedParts) -> LinearFit:
+    """Returns the fit with as many harmonics as the evidence asks for, idle bands put aside."""
+    sums = design.sums()
+    sighted = design.active.copy()
+    sighted[design.active] = _sighted(design, sums)
+    rungs = [h for h in LADDER if h <= design.count] if parts.ripple else [0]
+    if len(design.weights) >= MANY_ROWS:
+        rungs = rungs[1:] or rungs
+    best = _rung(design, sums, sighted, rungs[0], {})
+    for rung in rungs[1:]:
+        trial = _rung(design, sums, sighted, rung, _scales(best.weights))
+        if trial.weights.evidence < best.weights.evidence + WORTH:
+            break
+        best = trial
+    return _without_idle(best)
+
+
+def renewed(at: LinearFit, *, steps: int = 8) -> LinearFit:
+    """Returns the fit with linearisation, robust weights and noise taken anew."""
+    design, fit = at.design, at.weights
+    robust = np.zeros(len(design.weights))
+    instrument, count = np.zeros(CHANNELS), np.zeros(CHANNELS)
+    for item in design.rows():
+        scale = np.repeat(np.sqrt(fit.noise), 3)[: item.values.shape[1]]
+        off = (item.values - item.columns @ fit.mean) / scale
+        robust[item.rows] = robust_weights(np.linalg.norm(off, axis=1), off.shape[1], design.loss)
+        for c in range(off.shape[1] // 3):
+            place = slice(3 * c, 3 * c + 3)
+            instrument[c] += np.trace(item.instrument[:, place, place], axis1=1, axis2=2).sum()
+            count[c] += 3 * len(item.rows)
+    known = instrument / np.maximum(count, 1.0)
+    noise = design.noise.copy()
+    for c, tau in enumerate(fit.noise):
+        noise[c] = max(float(tau) * (known[c] + noise[c]) - known[c], NOISE_FLOOR)
+    step = np.zeros(design.layout.size)
+    step[design.free] = fit.mean[: len(design.free)] - design.offset
+    moved = replace(
+        design,
+        state=retract(design.layout, design.state, step),
+        noise=noise,
+        weights=robust,
+    )
+    sums = moved.sums()
+    weights = learn(sums, moved.groups(_scales(fit)), np.ones(len(sums)), steps=steps)
+    return LinearFit(design=moved, sums=sums, weights=weights)
+
+
+def _rung(
+    design: Design, sums: Sequence[Sums], sighted: BoolArray, rung: int, scales: dict[str, float]
+) -> LinearFit:
+    active = sighted & _up_to(design, rung)
+    part = _part(sums, active[design.active])
+    trial = replace(design, active=active)
+    weights = learn(part, trial.groups(scales), np.ones(len(sums)), steps=LADDER_STEPS)
+    return LinearFit(design=trial, sums=part, weights=weights)
+
+
+def _sighted(design: Design, sums: Sequence[Sums]) -> BoolArray:
+    """Which active columns the rows can see: not the ripple of a joint without a lever."""
+    ripple, backlash, _, _ = design.starts
+    covered = np.flatnonzero(design.active)
+    seen = sum(np.diagonal(s.gram) for s in sums) * START**2
+    wave = (covered >= ripple) & (covered < backlash)
+    return np.asarray(~wave | (np.asarray(seen) > UNSEEN))
+
+
+def _up_to(design: Design, rung: int) -> BoolArray:
+    ripple, backlash, _, end = design.starts
+    keep = np.ones(end, dtype=bool)
+    number = np.tile(np.repeat(harmonics(design.count), 2), design.layout.dof)
+    keep[ripple:backlash] = number <= rung
+    return keep
+
+
+def _part(sums: Sequence[Sums], kept: BoolArray) -> list[Sums]:
+    if kept.all():
+        return list(sums)
+    return [replace(s, gram=s.gram[np.ix_(kept, kept)], pull=s.pull[kept]) for s in sums]
+
+
+def _scales(weights: Weights) -> dict[str, float]:
+    return {g.name: g.sd for g in weights.groups}
+
+
+def _without_idle(at: LinearFit) -> LinearFit:
+    """Takes out the bands and the backlash that have fallen back to rest."""
+    kept = np.ones(len(at.weights.mean), dtype=bool)
+    for group in at.weights.groups:
+        if group.name.startswith(("ripple", "backlash")) and group.sd <= 2.0 * REST:
+            kept[group.columns] = False
+    active = at.design.active.copy()
+    active[np.flatnonzero(active)[~kept]] = False
+    design = replace(at.design, active=active)
+    sums = _part(at.sums, kept)
+    weights = learn(sums, design.groups(_scales(at.weights)), at.weights.noise, steps=3)
+    return LinearFit(design=design, sums=sums, weights=weights)
+
+
+def _examined(at: LinearFit, settings: FitSettings) -> HeldOut:
+    design = at.design
+    uncarried = np.zeros(len(design.weights))
+    if design.basis is not None:
+        amplitude = at.weights.scale("smooth")
+        for o in design.observations:
+            carried = (design.basis.columns(o.visits.joints) ** 2).sum(axis=1)
+            uncarried[o.rows] = amplitude**2 * np.maximum(1.0 - carried, 0.0)
+    return held_out(design, at.sums, at.weights, uncarried, settings.repeatability_sd)
+
+
+def _with_smooth(
+    at: LinearFit, found: HeldOut, measurements: MeasurementSet, settings: FitSettings
+) -> tuple[LinearFit, HeldOut, dict[str, Any]]:
+    """Adds the smooth residual where it earns its place."""
+    residual = _in_base(at, found.error, measurements)
+    counted = np.flatnonzero(at.design.weights > 0.0)
+    rng = np.random.default_rng(SEED)
+    sample = np.sort(rng.choice(counted, min(SAMPLE, len(counted)), replace=False))
+    scales = learn_smooth(measurements.joints[sample], residual[sample])
+    notes: dict[str, Any] = {
+        "smooth_sample_rows": len(sample),
+        "smooth_sample_gain": scales.gain,
+        "smooth_sample_amplitude_m": scales.amplitude,
+        "smooth_lengths": scales.length.tolist(),
+    }
+    if scales.gain < WORTH:
+        return at, found, {**notes, "smooth": "no evidence for it"}
+    basis = choose_centres(
+        measurements.joints[counted], scales.length, most=MOST_CENTRES, enough=ENOUGH
+    )
+    extra = np.ones(3 * len(basis.centres), dtype=bool)
+    design = replace(at.design, basis=basis, active=np.concatenate([at.design.active, extra]))
+    sums = design.sums()
+    start = _scales(at.weights) | {"smooth": scales.amplitude}
+    weights = learn(sums, design.groups(start), at.weights.noise, steps=8)
+    notes["smooth_evidence_gain"] = weights.evidence - at.weights.evidence
+    if weights.evidence < at.weights.evidence + WORTH:
+        return at, found, {**notes, "smooth": "no evidence for it beside the rest"}
+    richer = renewed(LinearFit(design=design, sums=sums, weights=weights), steps=5)
+    better = _examined(richer, settings)
+    notes["held_out_mean_without_smooth_m"] = found.mean
+    notes["held_out_mean_with_smooth_m"] = better.mean
+    if better.mean >= found.mean:
+        return at, found, {**notes, "smooth": "held-out blocks are no better with it"}
+    return richer, better, {**notes, "smooth": "kept", "smooth_centres": len(basis.centres)}
+
+
+def _in_base(at: LinearFit, error: Array, measurements: MeasurementSet) -> Array:
+    """Held-out errors (n, 3) m in base: unlike fitted ones they keep what only a block has."""
+    if measurements.frame == "base":
+        return error
+    poses = at.design.state.T_tracker_base
+    turn = np.stack([poses[int(k)][:3, :3] for k in measurements.station])
+    return np.asarray(np.einsum("nji,nj->ni", turn, error))
+
+
+def _model(
+    physical: Estimate,
+    at: LinearFit,
+    found: HeldOut,
+    settings: FitSettings,
+    notes: dict[str, Any],
+) -> LearnedModel:
+    """Puts the posterior into the shape of the model."""
+    design, fit = at.design, at.weights
+    layout, dof = design.layout, design.layout.dof
+    ripple, backlash, smooth, end = design.starts
+    full, covered = np.zeros(end), np.flatnonzero(design.active)
+    full[covered] = fit.mean
+    step = np.zeros(layout.size)
+    step[design.free] = full[:ripple] - design.offset
+    state = retract(layout, design.state, step)
+    used = covered[(covered >= ripple) & (covered < backlash)] - ripple
+    count = int((used % (2 * design.count) // 2).max()) + 1 if len(used) else 0
+    coefficients = full[ripple:backlash].reshape(dof, design.count, 2)[:, :count]
+    columns, picked = _model_columns(design, covered, count)
+    root = fit.root[:, picked]
+    size = layout.robot_size
+    covariance = np.zeros((size, size))
+    physics = np.flatnonzero(columns < size)
+    covariance[np.ix_(columns[physics], columns[physics])] = root[:, physics].T @ root[:, physics]
+    centres = 0 if design.basis is None else len(design.basis.centres)
+    white = float(np.sqrt(max(_white(design, fit), 0.0)))
+    return LearnedModel(
+        physics=RigidFlexibleModel(
+            robot=state.robot.nominal(),
+            errors=state.robot.errors,
+            covariance=covariance,
+            repeatability=settings.repeatability_sd,
+            white=white,
+            T_tracker_base=state.T_tracker_base,
+        ),
+        cycles=harmonics(count),
+        ripple_sin=coefficients[:, :, 0],
+        ripple_cos=coefficients[:, :, 1],
+        backlash=full[backlash:smooth],
+        basis=design.basis,
+        smooth_weights=full[smooth:].reshape(centres, 3),
+        amplitude=fit.scale("smooth") if centres else 0.0,
+        columns=columns.astype(np.float64),
+        root=root,
+        inflation=found.inflation,
+        summary=_summary(physical, at, found, white, notes),
+    )
+
+
+def _model_columns(design: Design, covered: IntArray, count: int) -> tuple[IntArray, IntArray]:
+    """Where each active column stands in the model's own order, and which are kept."""
+    dof, size = design.layout.dof, design.layout.robot_size
+    ripple, backlash, _, _ = design.starts
+    place = np.full(len(covered), -1)
+    physical = covered < ripple
+    parameter = design.free[covered[physical]]
+    place[physical] = np.where(parameter < size, parameter, -1)
+    wave = (covered >= ripple) & (covered < backlash)
+    joint, within = np.divmod(covered[wave] - ripple, max(2 * design.count, 1))
+    place[wave] = size + joint * 2 * count + within
+    rest = covered >= backlash
+    place[rest] = size + 2 * dof * count + covered[rest] - backlash
+    picked = np.flatnonzero(place >= 0)
+    return place[picked], picked
+
+
+def _white(design: Design, fit: Weights) -> float:
+    known = [item.instrument[:, :3, :3] for item in design.rows()]
+    mean = float(np.trace(np.concatenate(known), axis1=1, axis2=2).mean()) / 3.0
+    return float(fit.noise[0]) * (mean + float(design.noise[0])) - mean
+
+
+def _summary(
+    physical: Estimate, at: LinearFit, found: HeldOut, white: float, notes: dict[str, Any]
+) -> dict[str, Any]:
+    fit = at.weights
+    screened = np.flatnonzero(at.design.weights == 0.0)
+    doubts = list(physical.verdict.doubts)
+    idle = [
+        j + 1
+        for j in range(at.design.layout.dof)
+        if at.design.count and not any(g.name.startswith(f"ripple/{j + 1}/") for g in fit.groups)
+    ]
+    if idle:
+        doubts.append(
+            f"joints {idle} show no ripple here: there is none, or the reflector is on the axis."
+        )
+    if not np.any(at.design.approach):
+        doubts.append("the approach direction of no row is known: backlash was not learned.")
+    if at.design.basis is not None:
+        doubts.append("the smooth residual is that of the measured point; other tools inherit it.")
+    if found.inflation > 4.0:
+        doubts.append(
+            f"held-out blocks are off by more than the model expects (variance times "
+            f"{found.inflation:.1f}): something drifts or is not modelled."
+        )
+    return {
+        **notes,
+        "rows": physical.rows,
+        "screened_rows": [int(i) for i in screened],
+        "data_sha256": physical.data_sha256,
+        "sources": list(physical.sources),
+        "joint_range_rad": physical.joint_range.tolist(),
+        "position_range_m": physical.position_range.tolist(),
+        "verdict": physical.verdict.status,
+        "doubts": doubts,
+        "scales": {g.name: g.sd for g in fit.groups},
+        "determined": dict(zip([g.name for g in fit.groups], fit.determined.tolist(), strict=True)),
+        "white_sd_m": white,
+        "evidence": fit.evidence,
+        "held_out_blocks_mean_m": found.mean,
+        "held_out_blocks_coverage_before": found.coverage(1.0),
+        "covariance_factor": found.inflation,
+    }

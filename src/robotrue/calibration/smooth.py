@@ -1,0 +1,184 @@
+"""The smooth residual: what neither geometry, compliance nor ripple explain, as it varies in space.
+
+Three Gaussian processes with one kernel, one per axis of the base frame,
+
+    k(q, q') = amplitude^2 exp(-|s(q) - s(q')|^2 / 2),   s(q) = [sin q, cos q] / length
+
+Lengths are learned (marginal likelihood, gradient by hand) on a part of the rows. The process is
+then carried by a few hundred centres c (pivoted Cholesky: the next centre is the training pose
+whose value the centres so far predict worst), as the linear model w ~ N(0, amplitude^2) over the
+columns L^-1 k(c, q), L L' = k(c, c) / amplitude^2. The variance that the centres do not carry,
+1 - |L^-1 k(c, q)|^2, is added back in prediction, so far from all data the mean is zero and the
+variance the prior's (Quinonero-Candela and Rasmussen 2005, section 5).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.optimize import minimize
+
+from robotrue.core.arrays import Array, frozen
+
+NUGGET: Final = 1e-8
+"""Added to k(c, c), relative to its diagonal: part of the model, not of the arithmetic alone."""
+SHORTEST: Final = 0.1
+LONGEST: Final = 30.0
+"""Range of lengths, in units of sin and cos."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SmoothBasis:
+    """Centres and lengths of the smooth residual.
+
+    Attributes:
+        centres: (m, 2 dof) scaled features of the centres.
+        scale: (2 dof,) 1 / length.
+    """
+
+    centres: Array
+    scale: Array
+
+    def __post_init__(self) -> None:
+        """Freezes."""
+        object.__setattr__(self, "scale", frozen(self.scale, (None,), "scale"))
+        shape = (None, len(self.scale))
+        object.__setattr__(self, "centres", frozen(self.centres, shape, "centres"))
+
+    def lower(self) -> Array:
+        """Returns L (m, m) with L L' = k(c, c) per unit amplitude."""
+        kernel = unit_kernel(self.centres, self.centres)
+        kernel[np.diag_indices(len(kernel))] += NUGGET
+        return np.linalg.cholesky(kernel)
+
+    def columns(self, joints: Array) -> Array:
+        """Returns L^-1 k(c, q), shape (n, m)."""
+        kernel = unit_kernel(self.centres, features(joints) * self.scale)
+        return np.ascontiguousarray(solve_triangular(self.lower(), kernel, lower=True).T)
+
+    def table_weights(self, weights: Array) -> Array:
+        """Returns W (m, 3) m, so that the mean is sum_m W[m] exp(-|s - c_m|^2 / 2)."""
+        return np.asarray(solve_triangular(self.lower(), weights, lower=True, trans=1))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SmoothScales:
+    """What was learned on the sample.
+
+    Attributes:
+        length: (2 dof,) of sin q, then of cos q.
+        amplitude: m.
+        noise: m.
+        gain: Log evidence beyond that of white noise.
+    """
+
+    length: Array
+    amplitude: float
+    noise: float
+    gain: float
+
+
+def features(joints: Array) -> Array:
+    """Returns [sin q, cos q], shape (n, 2 dof)."""
+    return np.concatenate([np.sin(joints), np.cos(joints)], axis=1)
+
+
+def unit_kernel(a: Array, b: Array) -> Array:
+    """Returns exp(-|a - b|^2 / 2) of scaled features, shape (len(a), len(b))."""
+    square = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1) - 2.0 * a @ b.T
+    kernel: Array = np.exp(-0.5 * np.maximum(square, 0.0))
+    return kernel
+
+
+def learn_smooth(joints: Array, residual: Array, *, steps: int = 60) -> SmoothScales:
+    """Returns lengths, amplitude and noise of greatest marginal likelihood.
+
+    Args:
+        joints: (n, dof) rad; n of some hundred (the cost is n^3 per step).
+        residual: (n, 3) m, base frame.
+        steps: Most steps of L-BFGS-B.
+
+    Fails when: the residual is exactly zero.
+    """
+    x = features(joints)
+    unit = max(float(np.sqrt((residual**2).mean())), 1e-12)
+    y = residual / unit
+    start = np.concatenate([np.log(np.full(x.shape[1], 1.5)), np.log([0.5, 0.7])])
+    bounds = [(np.log(SHORTEST), np.log(LONGEST))] * x.shape[1]
+    bounds += [(np.log(1e-3), np.log(10.0))] * 2
+    found = minimize(
+        negative_evidence,
+        start,
+        args=(x, y),
+        jac=True,
+        method="L-BFGS-B",
+        bounds=bounds,
+        options={"maxiter": steps},
+    )
+    white = -0.5 * (y.size * np.log(2.0 * np.pi * (y**2).mean()) + y.size)
+    return SmoothScales(
+        length=np.exp(found.x[:-2]),
+        amplitude=float(np.exp(found.x[-2])) * unit,
+        noise=float(np.exp(found.x[-1])) * unit,
+        gain=float(-found.fun - white),
+    )
+
+
+def negative_evidence(log_scales: Array, x: Array, y: Array) -> tuple[float, Array]:
+    """Returns minus the log marginal likelihood of y (n, 3) and its gradient.
+
+    Args:
+        log_scales: (2 dof + 2,) log lengths, log amplitude, log noise sd.
+        x: (n, 2 dof) unscaled features.
+        y: (n, 3) values, one process per column.
+    """
+    length, (amplitude, noise) = np.exp(log_scales[:-2]), np.exp(log_scales[-2:])
+    n, outputs = y.shape
+    scaled = x / length
+    signal = amplitude**2 * unit_kernel(scaled, scaled)
+    factor = cho_factor(signal + noise**2 * np.eye(n), lower=True)
+    alpha = cho_solve(factor, y)
+    value = 0.5 * float((y * alpha).sum())
+    value += outputs * float(np.log(np.diagonal(factor[0])).sum())
+    value += 0.5 * y.size * float(np.log(2.0 * np.pi))
+    slope = 0.5 * (outputs * cho_solve(factor, np.eye(n)) - alpha @ alpha.T)
+    weighted = slope * signal
+    # sum_ij W_ij (x_i - x_j)^2 = 2 (row sums . x^2 - x' W x)
+    rows = weighted.sum(axis=1)
+    squares = 2.0 * (rows @ scaled**2 - ((weighted @ scaled) * scaled).sum(axis=0))
+    gradient = np.concatenate(
+        [squares, [2.0 * weighted.sum(), 2.0 * noise**2 * float(np.trace(slope))]]
+    )
+    return value, gradient
+
+
+def choose_centres(joints: Array, length: Array, *, most: int, enough: float) -> SmoothBasis:
+    """Returns centres among the poses by pivoted Cholesky.
+
+    Args:
+        joints: (n, dof) rad.
+        length: (2 dof,).
+        most: Largest number of centres.
+        enough: Share of a pose's prior variance that may stay uncarried everywhere.
+    """
+    scale = 1.0 / np.asarray(length)
+    scaled = features(joints) * scale
+    left = np.ones(len(scaled))
+    rows: list[Array] = []
+    chosen: list[int] = []
+    while len(chosen) < min(most, len(scaled)):
+        pivot = int(np.argmax(left))
+        if left[pivot] <= enough:
+            break
+        row = unit_kernel(scaled[[pivot]], scaled)[0]
+        if rows:
+            made = np.asarray(rows)
+            row = row - made[:, pivot] @ made
+        row /= np.sqrt(left[pivot])
+        rows.append(row)
+        chosen.append(pivot)
+        left = np.maximum(left - row**2, 0.0)
+    return SmoothBasis(centres=scaled[chosen], scale=scale)
