@@ -2,7 +2,7 @@
 
 In whitened coordinates z = L^-1 r, C = L L^T, the centre is the median and the scale of each axis
 1.4826 MAD, never below one: a model that is better than promised does not make outliers. The
-distance of a row is |(z - centre) / scale|, in sigma.
+distance of a row is ``|(z - centre) / scale|``, in sigma.
 """
 
 from __future__ import annotations

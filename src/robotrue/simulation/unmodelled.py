@@ -44,7 +44,7 @@ class Unmodelled:
         backlash: (dof,) rad, times tanh(torque / torque_0).
         torque_0: (dof,) N m.
         approach: (dof,) rad, times the sign of the last motion.
-        stiffening: (dof,) 1 / (N m): compliance * (1 - stiffening * |torque|), kept above 1/2.
+        stiffening: (dof,) 1 / (N m): ``compliance * (1 - stiffening * |torque|)``, above 1/2.
         bending: rad / (N m): turn of joint 3 per torque on joint 2.
         tilt: (2,) rad / (N m) about base x and y.
     """

@@ -13,7 +13,7 @@ from robotrue.errors import ShapeError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ErrorStatistics:
-    """What n error vectors amount to. Lengths e_i = |error_i| in m.
+    """What n error vectors amount to. Lengths ``e_i = |error_i|`` in m.
 
     Attributes:
         n: Number of points.

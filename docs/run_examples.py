@@ -1,0 +1,82 @@
+"""Runs the commands of a page and writes what they answer below them.
+
+Every block ```` ```console ```` of a page is run in order, in one new folder per page; lines that
+begin with ``$ `` are the commands, everything else in the block is replaced by their output. A
+comment ``<!-- keep 12 -->`` before a block keeps the first 12 lines of each answer.
+
+    python docs/run_examples.py docs/tutorial/first-calibration.md [...]
+    python docs/run_examples.py --check docs/tutorial/first-calibration.md
+
+With ``--check`` nothing is written; exit 1 says that a page is out of date.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Final
+
+BLOCK: Final = re.compile(
+    r"(?P<open>(?:<!-- keep (?P<keep>\d+) -->\n)?```console\n)(?P<body>.*?)(?P<close>^```$)",
+    re.DOTALL | re.MULTILINE,
+)
+
+
+def answer(command: str, folder: Path, keep: int | None) -> str:
+    """Returns stdout and stderr of one command, as a terminal would mix them."""
+    environment = {**os.environ, "PYTHONUNBUFFERED": "1", "COLUMNS": "100"}
+    environment["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{environment['PATH']}"
+    done = subprocess.run(  # noqa: S603  the commands stand in our own pages
+        ["/bin/sh", "-c", command],
+        cwd=folder,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+    lines = [line.rstrip() for line in done.stdout.splitlines()]
+    lines = [line for line in lines if line]
+    if keep is not None and len(lines) > keep:
+        lines = [*lines[:keep], "..."]
+    return "".join(f"{line}\n" for line in lines)
+
+
+def with_answers(text: str, folder: Path) -> str:
+    """Returns the page with every answer renewed."""
+
+    def renewed(block: re.Match[str]) -> str:
+        keep = None if block["keep"] is None else int(block["keep"])
+        out = block["open"]
+        for line in block["body"].splitlines():
+            if line.startswith("$ "):
+                out += f"{line}\n{answer(line[2:], folder, keep)}"
+        return out + block["close"]
+
+    return BLOCK.sub(renewed, text)
+
+
+def main(arguments: list[str]) -> int:
+    """Renews or checks the pages named."""
+    check = "--check" in arguments
+    stale = []
+    for name in (a for a in arguments if a != "--check"):
+        page = Path(name)
+        text = page.read_text(encoding="utf-8")
+        with tempfile.TemporaryDirectory() as folder:
+            new = with_answers(text, Path(folder))
+        if new != text:
+            stale.append(name)
+            if not check:
+                page.write_text(new, encoding="utf-8")
+    for name in stale:
+        sys.stderr.write(f"{'out of date' if check else 'renewed'}: {name}\n")
+    return 1 if check and stale else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))
