@@ -136,7 +136,7 @@ class Design:
         return Rows(
             columns=inverse @ columns,
             values=(inverse @ values[:, :, None])[:, :, 0],
-            lower=lower,
+            lower=np.asarray(lower, dtype=np.float64),
             instrument=item.covariance,
             rows=rows,
         )

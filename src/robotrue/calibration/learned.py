@@ -51,6 +51,8 @@ LEAST_WEIGHT: Final = 0.01
 """Weight at the start of a row the physical fit has screened: its misfit may be ripple."""
 UNSEEN: Final = 0.05
 """Information on a coefficient, over that of its starting scale, below which it is left out."""
+POSES_PER_HARMONIC: Final = 3
+"""Poses asked for each harmonic: half the numbers the coefficients of six joints would need."""
 MANY_ROWS: Final = 200
 """Rows from which the ladder begins at its second rung."""
 LADDER_STEPS: Final = 8
@@ -133,7 +135,7 @@ def first_design(
     weights = np.zeros(len(measurements))
     for observation, u in zip(observations, found.weights, strict=True):
         weights[observation.rows] = np.maximum(u, LEAST_WEIGHT)
-    able = [h for h in LADDER if h <= parts.highest and 2 * h * robot.dof <= 12 * physical.rows]
+    able = [h for h in LADDER if h <= parts.highest and POSES_PER_HARMONIC * h <= physical.rows]
     count = max(able, default=LADDER[0]) if parts.ripple else 0
     design = Design(
         observations=observations,

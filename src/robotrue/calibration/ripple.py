@@ -46,7 +46,7 @@ def ripple_columns(drive: Array, joints: Array, cycles: Array) -> Array:
     waves = np.stack([np.sin(phase), np.cos(phase)], axis=-1)
     n, m, dof = drive.shape
     columns = drive[:, :, :, None] * waves.reshape(n, 1, dof, 2 * len(cycles))
-    return columns.reshape(n, m, 2 * dof * len(cycles))
+    return np.asarray(columns.reshape(n, m, 2 * dof * len(cycles)), dtype=np.float64)
 
 
 def ripple_groups(dof: int, count: int, start: int) -> list[Group]:

@@ -52,7 +52,7 @@ class SmoothBasis:
         """Returns L (m, m) with L L' = k(c, c) per unit amplitude."""
         kernel = unit_kernel(self.centres, self.centres)
         kernel[np.diag_indices(len(kernel))] += NUGGET
-        return np.linalg.cholesky(kernel)
+        return np.asarray(np.linalg.cholesky(kernel), dtype=np.float64)
 
     def columns(self, joints: Array) -> Array:
         """Returns L^-1 k(c, q), shape (n, m)."""
