@@ -69,7 +69,7 @@ def test_progress_goes_from_nothing_to_done(demo):
 
 @pytest.mark.data
 def test_the_demo_on_the_ur10(data_dir, tmp_path):
-    result = run_demo_on_data(data_dir, tmp_path)
+    result = run_demo_on_data(data_dir, tmp_path, rows=150)
     assert result.simulated is False
     random = result.results["held_out"][0]
     assert random["after"]["mean_mm"] < 0.6 * random["before_aligned"]["mean_mm"]
