@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from robotrue.measurement.tracker import (
 from robotrue.robot.model import RobotModel
 from robotrue.robot.statics import NO_LOAD, Load
 
+DEFAULT_TARGET_SIGMA: Final = 1e-2
+"""m, per axis: a reflector set down by eye."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cell:
@@ -26,6 +30,9 @@ class Cell:
         robot: The nominal arm; its ``T_flange_tool`` is the tool programs use. Default tool: the
             flange itself.
         T_flange_target: (4, 4) the measured reflector. Default: the tool point.
+        target_sigma: m, one standard deviation per axis of how well its place is known. What the
+            reflector's place may explain is not charged to the arm and does not carry over to
+            another tool. Default: 10 mm.
         frame: Frame of measured positions: ``base``, or ``tracker`` where its place is not known.
             Default: ``base``.
         tracker_position: (3,) m, the instrument in that frame; None is "not known". Default: the
@@ -45,6 +52,7 @@ class Cell:
 
     robot: RobotModel
     T_flange_target: Array = field(default_factory=lambda: np.empty(0))
+    target_sigma: float = DEFAULT_TARGET_SIGMA
     frame: MeasurementFrame = "base"
     tracker_position: Array | None = None
     tracker: TrackerSpecification = DEFAULT_SPECIFICATION

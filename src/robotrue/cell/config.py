@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 from pydantic import ValidationError
 
-from robotrue.cell.cell import Cell
+from robotrue.cell.cell import DEFAULT_TARGET_SIGMA, Cell
 from robotrue.cell.schema import CellFile, DhRow, PayloadTable, PoseTable, RobotTable, TrackerTable
 from robotrue.cell.wording import configuration_error, line_of_key
 from robotrue.core.arrays import Array
@@ -103,6 +103,7 @@ def _cell(file: CellFile, path: str | Path, digest: str) -> Cell:
         T_flange_target=pose(np.eye(3), np.array(file.target.xyz_mm) * MM)
         if file.target is not None
         else robot.T_flange_tool,
+        target_sigma=DEFAULT_TARGET_SIGMA if file.target is None else file.target.sigma_mm * MM,
         frame="base" if file.tracker.frame == "base" else "tracker",
         tracker_position=None
         if file.tracker.xyz_mm is None

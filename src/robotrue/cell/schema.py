@@ -61,6 +61,7 @@ class TargetTable(_Table):
     """``[target]``."""
 
     xyz_mm: Three
+    sigma_mm: Above0 = 10.0
 
 
 class TrackerTable(_Table):

@@ -9,7 +9,7 @@ import numpy as np
 
 from robotrue.calibration.methods import METHODS, FitSettings, fit
 from robotrue.calibration.model import ErrorModel
-from robotrue.calibration.priors import StiffnessPrior
+from robotrue.calibration.priors import PriorScales, StiffnessPrior
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
 from robotrue.cli.console import emit_facts, emit_json, progress, say
@@ -101,7 +101,12 @@ def fit_settings(cell: Cell) -> FitSettings:
         stiffness = StiffnessPrior(
             stiffness=1.0 / cell.compliance_prior, relative_sd=np.array(STIFFNESS_SD)
         )
-    return FitSettings(payload=cell.payload, repeatability=cell.repeatability, stiffness=stiffness)
+    return FitSettings(
+        payload=cell.payload,
+        repeatability=cell.repeatability,
+        scales=PriorScales(tool=cell.target_sigma),
+        stiffness=stiffness,
+    )
 
 
 def _write_report(

@@ -30,7 +30,7 @@ from robotrue.report.plots import (
 from robotrue.report.theme import STYLE
 
 SIMULATED = "SIMULATED DATA: no real robot was measured for this page"
-WIDE = 8
+WIDE = 7
 """Tables with more columns are set smaller."""
 _WORDS = ' class="words"'
 

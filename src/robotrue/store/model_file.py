@@ -17,12 +17,15 @@ from robotrue.calibration.archive import open_model
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.core.archive import Archive, read_archive, write_archive
+from robotrue.core.files import read_bytes
 from robotrue.errors import ArchiveError
 from robotrue.measurement.tracker import TrackerSpecification
 from robotrue.robot.model import RobotModel
 from robotrue.robot.statics import Load
 
 CELL_SCHEMA: Final = 1
+ZIP: Final = b"PK"
+"""First bytes of every model file."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,6 +61,12 @@ def read_model(path: str | Path) -> ModelFile:
         ArchiveError: Not a model file, damaged, without a cell, or from a newer robotrue.
         FormatError: The file cannot be read.
     """
+    if not read_bytes(path).startswith(ZIP):
+        raise ArchiveError(
+            "not a model file.",
+            source=path,
+            hint="a model file is what `robotrue calibrate ... -o` writes.",
+        )
     archive = read_archive(path)
     model = open_model(archive)
     stated = archive.document.get("cell")
@@ -76,6 +85,7 @@ def cell_document(cell: Cell) -> dict[str, Any]:
         "schema": CELL_SCHEMA,
         "T_flange_tool": cell.robot.T_flange_tool.tolist(),
         "T_flange_target": cell.T_flange_target.tolist(),
+        "target_sigma": cell.target_sigma,
         "T_base_frame": cell.T_base_frame.tolist(),
         "frame": cell.frame,
         "tracker_position": None if position is None else position.tolist(),
@@ -113,6 +123,7 @@ def cell_from_document(stated: Mapping[str, Any], robot: RobotModel) -> Cell:
         return Cell(
             robot=robot.nominal().with_tool(np.array(stated["T_flange_tool"])),
             T_flange_target=np.array(stated["T_flange_target"]),
+            target_sigma=float(stated["target_sigma"]),
             T_base_frame=np.array(stated["T_base_frame"]),
             frame=stated["frame"],
             tracker_position=None if position is None else np.array(position),
