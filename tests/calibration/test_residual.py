@@ -9,7 +9,16 @@ import pytest
 from planted_arm import PAYLOAD, arm, planted, postures
 
 from robotrue.calibration.archive import open_model
-from robotrue.calibration.learned import LearnedParts, fit_learned
+from robotrue.calibration.estimate import estimate, free_groups
+from robotrue.calibration.evidence import posterior, spread
+from robotrue.calibration.held_out import held_out
+from robotrue.calibration.learned import (
+    LearnedParts,
+    climb,
+    first_design,
+    fit_learned,
+    renewed,
+)
 from robotrue.calibration.methods import FitSettings
 from robotrue.calibration.model import Query
 from robotrue.calibration.residual import KIND
@@ -148,3 +157,32 @@ def test_measured_ur5_random_poses(data_dir):
     stated = model.predict(Query(joints=test.joints))
     off = test.position - forward(model.robot, test.joints)[:, :3, 3] - stated.error
     assert np.linalg.norm(off, axis=1).mean() <= 0.062e-3
+
+
+def test_taking_a_block_away_equals_solving_without_it():
+    rng = np.random.default_rng(43)
+    robot = arm()
+    joints = postures(robot, 80, rng)
+    state, _ = deflected(planted(robot, rng), joints, PAYLOAD)
+    data = MeasurementSet(
+        joints=joints,
+        position=state.position + 2e-5 * rng.standard_normal((80, 3)),
+        covariance=np.tile(4e-10 * np.eye(3), (80, 1, 1)),
+    )
+    physical = estimate(robot, data, SETTINGS, free_groups("elastic"))
+    parts = LearnedParts(highest=16)
+    at = renewed(climb(first_design(physical, data, SETTINGS, parts), parts), steps=3)
+    found = held_out(at.design, at.weights, np.zeros(80), SETTINGS.repeatability_sd)
+    chosen = np.arange(80) < 8  # the first of ten blocks
+    rest = [a.without(b) for a, b in zip(at.sums, at.design.sums(chosen), strict=True)]
+    direct = posterior(rest, at.weights.groups, at.weights.noise)
+    for item in at.design.rows(chosen):
+        off = item.lower @ (item.values - item.columns @ direct.mean)[:, :, None]
+        np.testing.assert_allclose(found.error[item.rows], off[:, :, 0], atol=1e-11)
+        stated = (
+            item.lower
+            @ (spread(direct.root, item.columns) + direct.noise[0] * np.eye(3))
+            @ np.swapaxes(item.lower, 1, 2)
+        )
+        whole = found.model[item.rows] + found.instrument[item.rows]
+        np.testing.assert_allclose(whole, stated, rtol=1e-6, atol=1e-15)

@@ -38,8 +38,8 @@ from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel
 
-ROUNDS: Final = 2
-"""Renewals of linearisation, weights and noise after the ladder."""
+ROUNDS: Final = (8, 5)
+"""Steps of learning in each renewal of linearisation, weights and noise after the ladder."""
 SAMPLE: Final = 500
 """Rows on which the lengths of the smooth residual are learned."""
 MOST_CENTRES: Final = 200
@@ -107,8 +107,8 @@ def fit_learned(
     """
     physical = estimate(robot, measurements, settings, free_groups("elastic"))
     at = climb(first_design(physical, measurements, settings, parts), parts)
-    for _ in range(ROUNDS):
-        at = renewed(at)
+    for steps in ROUNDS:
+        at = renewed(at, steps=steps)
     found = _examined(at, settings)
     notes: dict[str, Any] = {"smooth": "not tried"}
     if parts.smooth:
@@ -120,7 +120,7 @@ def first_design(
     physical: Estimate, measurements: MeasurementSet, settings: FitSettings, parts: LearnedParts
 ) -> Design:
     """Returns the design at the physical estimate, with every harmonic the rows can carry."""
-    found, robot = physical.posterior, physical.posterior.state.robot
+    found = physical.posterior
     observations = tuple(
         o
         for o in observations_of(
@@ -173,7 +173,7 @@ def climb(design: Design, parts: LearnedParts) -> LinearFit:
     return _without_idle(best)
 
 
-def renewed(at: LinearFit, *, steps: int = 8) -> LinearFit:
+def renewed(at: LinearFit, *, steps: int) -> LinearFit:
     """Returns the fit with linearisation, robust weights and noise taken anew."""
     design, fit = at.design, at.weights
     robust = np.zeros(len(design.weights))
@@ -262,7 +262,7 @@ def _examined(at: LinearFit, settings: FitSettings) -> HeldOut:
         for o in design.observations:
             carried = (design.basis.columns(o.visits.joints) ** 2).sum(axis=1)
             uncarried[o.rows] = amplitude**2 * np.maximum(1.0 - carried, 0.0)
-    return held_out(design, at.sums, at.weights, uncarried, settings.repeatability_sd)
+    return held_out(design, at.weights, uncarried, settings.repeatability_sd)
 
 
 def _with_smooth(

@@ -24,7 +24,9 @@ BANDS: Final = (1, 4, 8, 14, 20, 32, 45, 65, 97, 120, 137, 193, 251, 265)
 LADDER: Final = (16, 64, 136, 264)
 """Highest N that is tried, one after the other, while the evidence grows."""
 START: Final = 1e-5
-"""rad, sd of one coefficient from which learning starts."""
+START_FAST: Final = 3e-6
+FAST: Final = 45
+"""rad, sd of one coefficient from which learning starts, below and from ``FAST`` cycles."""
 REST: Final = 1e-7
 """rad, sd to which a band falls back that the data do not ask for."""
 
@@ -62,7 +64,7 @@ def ripple_groups(dof: int, count: int, start: int) -> list[Group]:
                     Group(
                         name=f"ripple/{joint + 1}/{low}-{min(high - 1, count)}",
                         columns=np.arange(first, first + 2 * len(chosen)),
-                        sd=START,
+                        sd=START if low < FAST else START_FAST,
                         rest=REST,
                     )
                 )
