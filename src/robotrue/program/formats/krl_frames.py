@@ -1,4 +1,4 @@
-"""Which work frame and tool a KRL program has at each line."""
+"""The work frames and tools a KRL program names, resolved to matrices where they are known."""
 
 from __future__ import annotations
 
@@ -16,18 +16,6 @@ from robotrue.program.program import FrameTable
 _FDAT: Final = re.compile(r"(TOOL_NO|BASE_NO|IPO_FRAME)\s+(#?\w+)", re.IGNORECASE)
 _DATA: Final = re.compile(r"(BASE|TOOL)_DATA\s*\[\s*(\w+)\s*\]$", re.IGNORECASE)
 _IDENTITY: Final = ("$nullframe", "$world", "$robroot")
-
-
-class State(NamedTuple):
-    """Frame and tool in force: indices into the tables, and whether #TCP is interpolated."""
-
-    base: int = 0
-    tool: int = 0
-    on_robot: bool = False
-
-    def with_frame(self, side: str, index: int) -> State:
-        """Returns the state with another base or tool."""
-        return self._replace(base=index) if side == "base" else self._replace(tool=index)
 
 
 class Inline(NamedTuple):
@@ -49,16 +37,14 @@ class Frames:
     """Work frames and tools as the program sets them, with the cell's table behind it.
 
     Attributes:
-        state: What is in force at the line being read.
-        changes: (line, state) from which zero-based line on a state is in force, in order.
+        matrices: ``base`` and ``tool`` matrices by index; 0 is the default, NaN is not known.
+        cures: The sentence for each one that is not known.
         fdat: Inline-form data by lower-case name.
     """
 
     def __init__(self, table: FrameTable, name: str) -> None:
         self.table = table
         self.name = name
-        self.state = State()
-        self.changes: list[tuple[int, State]] = [(0, self.state)]
         self.fdat: dict[str, Inline] = {}
         self.matrices: dict[str, list[Array]] = {
             "base": [np.asarray(table.T_base_frame, dtype=np.float64)],
@@ -68,18 +54,8 @@ class Frames:
         self._index: dict[tuple[str, bytes], int] = {
             (side, matrices[0].tobytes()): 0 for side, matrices in self.matrices.items()
         }
+        self._unknown: dict[tuple[str, str], int] = {}
         self._data: dict[tuple[str, str], int] = {}
-        self._pending: Inline | None = None
-
-    def enter(self, line: int, state: State) -> None:
-        """Puts a state in force from a line on."""
-        if state != self.state:
-            self.state = state
-            self.changes.append((line, state))
-
-    def put(self, line: int, side: str, index: int) -> None:
-        """Puts one frame in force from a line on."""
-        self.enter(line, self.state.with_frame(side, index))
 
     def known(self, side: str, matrix: Array) -> int:
         """Returns the index of a frame, entering it if it is new."""
@@ -90,15 +66,12 @@ class Frames:
         return self._index[key]
 
     def unknown(self, side: str, line: int, what: str, cure: str) -> int:
-        """Returns the index of a frame that is not known, with the sentence that says why."""
-        self.matrices[side].append(np.full((4, 4), np.nan))
-        index = len(self.matrices[side]) - 1
-        self.cures[side, index] = f"{self.name}:{line + 1}: the {side} {what}; {cure}."
-        return index
-
-    def is_unknown(self, side: str, index: int) -> bool:
-        """Returns whether a frame could not be resolved."""
-        return (side, index) in self.cures
+        """Returns the index of a frame that is not known; its sentence names the first line."""
+        if (side, what) not in self._unknown:
+            self.matrices[side].append(np.full((4, 4), np.nan))
+            index = self._unknown[side, what] = len(self.matrices[side]) - 1
+            self.cures[side, index] = f"{self.name}:{line + 1}: the {side} {what}; {cure}."
+        return self._unknown[side, what]
 
     def aggregate(self, side: str, line: int, values: Array) -> int:
         """Returns the index of a frame written as X, Y, Z, A, B, C in mm and deg."""
@@ -156,45 +129,13 @@ class Frames:
         """Remembers ``BASE_DATA[n]`` or ``TOOL_DATA[n]`` as the program writes it."""
         self._data[side, str(int(number)) if number.isdigit() else number] = index
 
-    def pend(self, inline: Inline | None) -> None:
-        """Takes FDAT_ACT; it comes into force with the next BAS call that uses it."""
-        self._pending = inline
-
-    def apply_pending(self, line: int) -> None:
-        """Puts FDAT_ACT in force: ``BAS(#FRAMES)``, ``BAS(#PTP_PARAMS)``, ``BAS(#CP_PARAMS)``."""
-        if self._pending is not None:
-            self.enter(line, self.inline_state(line, self._pending))
-
-    def inline_state(self, line: int, inline: Inline) -> State:
-        """Returns the state an inline form's numbers stand for."""
-        return State(
+    def inline_frames(self, line: int, inline: Inline) -> tuple[int, int, bool]:
+        """Returns (base, tool, on robot) an inline form's numbers stand for."""
+        return (
             self.number("base", line, inline.base),
             self.number("tool", line, inline.tool),
             inline.on_robot,
         )
-
-    def merge(self, line: int, states: list[State]) -> None:
-        """Puts in force what holds after alternative branches; differing frames are unknown."""
-        what, cure = "depends on which branch ran", "set it again after the branches"
-        first = states[0]
-        for side in ("base", "tool"):
-            if len({getattr(state, side) for state in states}) > 1:
-                first = first.with_frame(side, self.unknown(side, line, what, cure))
-        on_robot = any(state.on_robot for state in states)
-        self.enter(line, first._replace(on_robot=on_robot))
-
-    def close_loop(self, line: int, entry_line: int, entry: State) -> None:
-        """Marks what a loop's first lines cannot know: its own end changed the frame."""
-        if self.state == entry:
-            return
-        what, cure = "differs between the first and later turns of a loop", "set it in the loop"
-        later = (i for i, (where, _) in enumerate(self.changes) if where > entry_line)
-        at = next(later, len(self.changes))
-        unsure = entry
-        for side in ("base", "tool"):
-            if getattr(entry, side) != getattr(self.state, side):
-                unsure = unsure.with_frame(side, self.unknown(side, entry_line, what, cure))
-        self.changes.insert(at, (entry_line, unsure))
 
     def _given(self, side: str) -> Mapping[str, Array]:
         return self.table.bases if side == "base" else self.table.tools

@@ -13,7 +13,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from robotrue.core.arrays import Array
-from robotrue.program.formats.krl_frames import Frames, State, read_fdat
+from robotrue.program.formats.krl_flow import BASE, ON_ROBOT, TOOL, Flow
+from robotrue.program.formats.krl_frames import Frames, read_fdat
 from robotrue.program.formats.krl_scan import (
     INLINE_ARC,
     INLINE_LIN,
@@ -43,10 +44,14 @@ _BAS: Final = re.compile(r"\s*BAS\s*\(\s*#(\w+)\s*(?:,\s*(\w+)\s*)?", re.IGNOREC
 _WITH: Final = re.compile(r"(\$(?:BASE|TOOL|IPO_MODE)\s*=\s*)(\{[^}]*\}|[^,]+)", re.IGNORECASE)
 _MEMBER: Final = re.compile(r"(\w*)\s*(\[[^\]]*\])?\s*([{}])")
 _CALL: Final = re.compile(r"\s*(\w+)\s*\(")
+_CALLED: Final = re.compile(r"(\w+)\s*\(")
+_HANDLER: Final = re.compile(r"\bDO\s+(\w+)\s*\(", re.IGNORECASE)
+_LABEL: Final = re.compile(r"\s*(\w+)\s*:\s*$")
+_GOTO: Final = re.compile(r"\s*GOTO\s+(\w+)", re.IGNORECASE)
 _STRING: Final = re.compile(r'"[^"]*"')
 _POINT_TYPES: Final = ("e6pos", "pos", "frame", "e6axis", "axis")
 _OTHER_TYPES: Final = ("fdat", "pdat", "ldat", "load", "int", "real", "bool", "char", "signal")
-_BRANCH: Final = {"if", "switch"}
+_COLUMN: Final = {"base": BASE, "tool": TOOL}
 _LOOP: Final = {"for": "endfor", "while": "endwhile", "loop": "endloop", "repeat": "until"}
 _LOOP_END: Final = set(_LOOP.values())
 _SILENT: Final = {"ext", "extfct", "import", "end", "endfct", "enddat", "struc", "enum"}
@@ -97,19 +102,17 @@ class Walk:
 
     def __init__(self, scans: list[Scan], names: list[str], frames: Frames) -> None:
         self.scans, self.names, self.frames = scans, names, frames
+        self.flow = Flow()
+        self._storing = False
         self.first = [np.searchsorted(s.agg_line, np.arange(len(s.line_kind) + 1)) for s in scans]
         self.story = Story([], defaultdict(list), {}, [], {}, [], [], False)
         self._current: dict[str, dict[tuple[str, str], Definition]] = defaultdict(dict)
         self._variables: dict[str, Array] = {}
-        # (state at entry, states at the ends of branches, has an else, is past its first case)
-        self._branches: list[tuple[State, list[State], bool, bool]] = []
-        self._loops: list[tuple[int, State]] = []
-        self._splines: list[State] = []
-        self._calls: dict[str, list[State]] = defaultdict(list)
         self._absent: set[str] = set()
 
     def data_file(self, file: int) -> None:
         """Reads declarations only."""
+        self._storing = True
         for line in np.flatnonzero(self.scans[file].line_kind == STATEMENT).tolist():
             code = self._code(file, line)
             match = _WORD.match(code)
@@ -118,6 +121,7 @@ class Walk:
                 self.story.has_def = True
             elif word not in _SILENT and "=" in code:
                 self._assign(file, line, code)
+        self._storing = False
 
     def main_file(self, file: int) -> None:
         """Reads every statement in program order."""
@@ -131,79 +135,84 @@ class Walk:
         )
 
     def _statement(self, file: int, line: int, code: str) -> None:
+        match = _WORD.match(code)
+        word = match[1].lower() if match else ""
+        if word in ("def", "deffct", "global") and re.search(r"\bDEF(FCT)?\b", code, re.I):
+            self._define(line, code)
+            return
+        if "(" in code and word not in ("bas", *_SILENT):
+            self._called(line, word, code)
         motion = _MOTION.match(code)
         if motion and not re.match(r"\s*[=(\[.]", code[motion.end() :]):
             self._motion(file, line, code, motion)
-            return
-        match = _WORD.match(code)
-        word = match[1].lower() if match else ""
-        if word == "bas":
+        elif word == "bas":
             self._bas(line, code)
-        elif word in ("def", "deffct", "global") and re.search(r"\bDEF(FCT)?\b", code, re.I):
-            self._define(line, code)
         elif word == "defdat":
             self.story.has_def = True
         elif word in _SILENT:
             pass
         elif word == "spline":
-            self._splines.append(self.frames.state)
+            self.flow.save()
             self._with(file, line, code)
         elif word == "endspline":
-            self.frames.enter(line + 1, self._splines.pop() if self._splines else State())
+            self.flow.restore(line)
         elif self._control(line, word, code):
             self._barrier(line)
             self._taint(line, code)
         elif _DEFINE.match(code):
             self._assign(file, line, code)
-        elif word not in ("decl", "wait", "halt", "return", *_POINT_TYPES, *_OTHER_TYPES):
-            call = _CALL.match(code)
-            if call and call[1].lower() == "cr_process_file":
-                self._note(line, file, "the targets stand in a CAMRob csv file; it is not read")
-            if call:
-                self._calls[call[1].lower()].append(self.frames.state)
-                self._barrier(line)
-            elif code.rstrip().endswith(":"):
-                self._barrier(line)
-            self._taint(line, code)
+        elif word not in ("decl", "wait", "halt", *_POINT_TYPES, *_OTHER_TYPES):
+            self._other(file, line, code)
+
+    def _other(self, file: int, line: int, code: str) -> None:
+        call, label = _CALL.match(code), _LABEL.match(code)
+        if call and call[1].lower() == "cr_process_file":
+            self._note(line, file, "the targets stand in a CAMRob csv file; it is not read")
+        if label:
+            self.flow.label(line, label[1].lower())
+        if call or label:
+            self._barrier(line)
+        self._taint(line, code)
+
+    def _called(self, line: int, word: str, code: str) -> None:
+        if word in ("interrupt", "trigger"):
+            for name in _HANDLER.findall(code):
+                self.flow.handler(name.lower())
+        else:
+            self.flow.call(line, [name.lower() for name in _CALLED.findall(code)])
 
     def _define(self, line: int, code: str) -> None:
         if code.rstrip().endswith(":"):
             return  # ``def name():`` is Python's or URScript's
         self.story.has_def = True
         self._barrier(line)
-        self._branches.clear()
-        self._loops.clear()
-        self._splines.clear()
         name = re.search(r"(\w+)\s*\(", code)
-        calls = self._calls.get(name[1].lower(), []) if name else []
-        if calls:
-            self.frames.merge(line, calls)
-        else:
-            self.frames.enter(line, State())
+        self.flow.start(line, name[1].lower() if name else "")
 
     def _control(self, line: int, word: str, code: str) -> bool:
-        """Follows frames through branches and loops; returns whether the line is control flow."""
-        frames = self.frames
-        if word in _BRANCH:
-            self._branches.append((frames.state, [], False, word == "if"))
+        """Draws branches, loops and jumps; returns whether the line is control flow."""
+        flow = self.flow
+        if word in ("if", "switch"):
+            flow.branch(line, opens=word == "if")
         elif word in ("else", "case", "default"):
-            if self._branches:
-                entry, ends, other, started = self._branches.pop()
-                if started:
-                    ends.append(frames.state)
-                self._branches.append((entry, ends, other or word != "case", True))
-                frames.enter(line, entry)
+            flow.alternative(line, other=word != "case")
         elif word in ("endif", "endswitch"):
-            if self._branches:
-                entry, ends, other, _ = self._branches.pop()
-                frames.merge(line, [*ends, frames.state, *([] if other else [entry])])
+            flow.join(line)
         elif word in _LOOP:
-            self._loops.append((line, frames.state))
+            flow.loop(line)
         elif word in _LOOP_END:
-            if self._loops:
-                frames.close_loop(line, *self._loops.pop())
+            flow.close_loop(line)
+        elif word == "exit":
+            flow.exit_loop(line)
+        elif word == "return":
+            flow.leave(line)
+        elif word == "goto":
+            to = _GOTO.match(code)
+            flow.jump(line, to[1].lower() if to else "")
+        elif word == "resume":
+            flow.resume()
         else:
-            return word in ("goto", "interrupt", "trigger", "exit", "resume")
+            return word in ("interrupt", "trigger")
         return True
 
     def _bas(self, line: int, code: str) -> None:
@@ -212,14 +221,14 @@ class Walk:
             return
         what = match[1].lower()
         if what in ("tool", "base"):
-            self.frames.put(line, what, self.frames.number(what, line, match[2]))
+            self._put(line, what, self.frames.number(what, line, match[2]))
         elif what == "ex_base":
             index = self.frames.unknown(
                 "base", line, "follows an external axis (BAS #EX_BASE)", "program it at rest"
             )
-            self.frames.put(line, "base", index)
+            self._put(line, "base", index)
         elif what in ("frames", "ptp_params", "cp_params"):
-            self.frames.apply_pending(line)
+            self.flow.take_pending(line)
 
     def _assign(self, file: int, line: int, code: str) -> None:
         match = _DEFINE.match(code)
@@ -231,7 +240,7 @@ class Walk:
             self._set_frame(file, line, variable[1:], path, rest)
         elif variable == "$ipo_mode":
             on_robot = rest.strip().lower() != "#base"
-            self.frames.enter(line, self.frames.state._replace(on_robot=on_robot))
+            self._set(line, ON_ROBOT, int(on_robot))
         elif variable in ("base_data", "tool_data"):
             side = variable[:4]
             if index.isdigit() and not path:
@@ -299,14 +308,15 @@ class Walk:
             index = self.frames.unknown(side, line, what, cure)
         else:
             index = self._resolve(file, line, side, rest)
-        self.frames.put(line, side, index)
+        self._put(line, side, index)
 
     def _inline(self, line: int, path: str, rest: str) -> None:
         frames = self.frames
         inline = read_fdat(rest)
         if path or not rest.startswith("{"):
             inline = frames.fdat.get(rest.strip().lower(), read_fdat("")) if not path else inline
-        frames.pend(inline)
+        if not self._storing:
+            self.flow.pend(line, *frames.inline_frames(line, inline))
 
     def _with(self, file: int, line: int, code: str) -> None:
         """Puts in force what a WITH clause sets for its motion or spline block."""
@@ -314,7 +324,7 @@ class Walk:
             name, rest = match[1].strip(" =\t").lower(), match[2].strip()
             if name == "$ipo_mode":
                 on_robot = not rest.lower().startswith("#base")
-                self.frames.enter(line, self.frames.state._replace(on_robot=on_robot))
+                self._set(line, ON_ROBOT, int(on_robot))
             elif rest.startswith("{"):
                 scan, start = self.scans[file], int(self.scans[file].line_start[line])
                 here = [
@@ -323,10 +333,17 @@ class Walk:
                     if int(scan.agg_open[a]) - start == match.start(2)
                 ]
                 values = self._values(file, here[0]) if here else np.full(6, np.nan)
-                self.frames.put(line, name[1:], self.frames.aggregate(name[1:], line, values))
+                self._put(line, name[1:], self.frames.aggregate(name[1:], line, values))
             else:
                 index = self.frames.expression(name[1:], line, rest, self._variables)
-                self.frames.put(line, name[1:], index)
+                self._put(line, name[1:], index)
+
+    def _put(self, line: int, side: str, index: int) -> None:
+        self._set(line, _COLUMN[side], index)
+
+    def _set(self, line: int, column: int, value: int) -> None:
+        if not self._storing:
+            self.flow.set(line, (column, value))
 
     def _barrier(self, line: int) -> None:
         self.story.sequence.append((line, -1, False))
@@ -338,8 +355,10 @@ class Walk:
     def _motion(self, file: int, line: int, code: str, match: re.Match[str]) -> None:
         kind, relative = match[1].upper(), match[2] is not None
         operands, end = self._operands(file, line, code, match.end(), 2 if kind == "CIRC" else 1)
-        before = self.frames.state
-        self._with(file, line, code[:0].ljust(end) + code[end:])
+        if "$" in code[end:] and _WITH.search(code, end):
+            self.flow.save()
+            self._with(file, line, " " * end + code[end:])
+            self.flow.restore(line + 1)
         motion = {"PTP": Motion.PTP, "LIN": Motion.LIN, "SPL": Motion.SPLINE}.get(kind)
         used: list[list[tuple[int, int]]] = []
         for number, operand in enumerate(operands):
@@ -365,7 +384,6 @@ class Walk:
             )
             if len(used[0]) > 1 and len(used[0]) == len(used[1]):
                 self.story.arcs.extend(zip(used[0], used[1], strict=True))
-        self.frames.enter(line + 1, before)
 
     def _operands(
         self, file: int, line: int, code: str, at: int, most: int

@@ -1,0 +1,376 @@
+"""Builds programs from a walked KRL job: columns, reasons, notes."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numba
+import numpy as np
+
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.units import DEG, MM
+from robotrue.program.euler import matrices_from_abc
+from robotrue.program.formats.krl_flow import BASE, FOREIGN_BASE, ON_ROBOT, TOOL, differing
+from robotrue.program.formats.krl_modal import inherit, visits
+from robotrue.program.formats.krl_scan import INLINE_ARC, NOT_CONSTANT, STATEMENT, Scan
+from robotrue.program.formats.krl_walk import MOTION_OF, Walk
+from robotrue.program.formats.krl_write import KrlSpans
+from robotrue.program.program import FrameTable, Motion, Program, Reason
+
+_SIDES: Final = (("base", BASE), ("tool", TOOL))
+
+
+class Builder:
+    """Turns one walk into programs."""
+
+    def __init__(self, walk: Walk, main: int, given: FrameTable) -> None:
+        self.walk, self.main, self.given = walk, main, given
+        self.scans, self.story, self.frames = walk.scans, walk.story, walk.frames
+        self._lines, self._states = self._solved_frames()
+        self._flags = dict(self.story.flags)
+        self._taint()
+
+    def _solved_frames(self) -> tuple[IntArray, IntArray]:
+        """Returns from which line on which (base, tool, on robot, foreign base, tool) hold."""
+        ways = self.walk.flow.solve()
+        self.story.notes += [
+            f"{self.frames.name}: {name}, which an interrupt or trigger starts, changes base or "
+            "tool; targets that may come after it are compensated as if it had not run."
+            for name in ways.handlers
+        ]
+        table = np.array(ways.value, dtype=np.int64)
+        for side, column in _SIDES:
+            for mark in np.unique(table[table[:, column] < 0, column]).tolist():
+                node = differing(mark)
+                what, cure = "is not known: no way through the program leads here", "remove it"
+                if node >= 0:
+                    what, cure = ways.what[node], "set it again after this line"
+                at = node if node >= 0 else int(np.flatnonzero(table[:, column] == mark)[0])
+                index = self.frames.unknown(side, ways.line[at], what, cure)
+                table[table[:, column] == mark, column] = index
+        table[:, ON_ROBOT] = table[:, ON_ROBOT] != 0
+        calls = table[:, FOREIGN_BASE:]
+        first = calls[calls > 0].min(initial=np.iinfo(np.int64).max)
+        calls[calls < 0] = first
+        return np.array(ways.line), table[:, [BASE, TOOL, ON_ROBOT, FOREIGN_BASE, -1]]
+
+    def _taint(self) -> None:
+        paths: dict[str, list[str]] = {}
+        for variable, path in self.story.tainted:
+            paths.setdefault(variable, []).append(path)
+        for item in self.story.definitions:
+            for path in paths.get(item.variable, ()):
+                if _nested(path, item.path):
+                    self._flags[item.file, item.agg] = Reason.EXPRESSION
+
+    def _state(self, line: Any) -> Any:
+        return self._states[np.searchsorted(self._lines, line, side="right") - 1]
+
+    def program(self, file: int) -> Program:
+        """Returns the program of one file."""
+        found, name = self.scans[file], self.walk.names[file]
+        every, where = self._rows(file)
+        agg = np.flatnonzero(every >= 0)
+        motion = every[agg]
+        state, conflicts = self._row_states(file, agg, where[agg])
+        values, external, words, is_pose, is_axis = _columns(found, agg)
+        mixed = is_pose & is_axis
+        partial, donor = self._modal(file, agg, motion, values, is_axis, state, mixed)
+        incomplete = mixed | np.isnan(values).any(axis=1)
+        line = found.agg_line[agg].astype(np.int64) + 1
+        reason, notes = self._frame_reasons(state, is_axis)
+        reason[conflicts] = Reason.UNKNOWN_FRAME
+        notes += _conflict_notes(name, line[conflicts])
+        notes += self._external_reasons(external, reason, name)
+        reason[motion == Motion.UNUSED] = Reason.UNUSED
+        reason[incomplete] = Reason.INCOMPLETE
+        notes += _incomplete_notes(name, line, incomplete & ~mixed)
+        for row, why in self._flagged(file, agg):
+            reason[row] = why
+        self._pair_arcs(file, agg, motion, reason)
+        notes = self._file_notes(file, name) + notes + self._foreign_notes(state, reason)
+        free = ((motion == Motion.ARC_VIA) & ~is_axis)[partial][:, None] & (np.arange(6) >= 3)
+        values[incomplete] = np.nan
+        position, rotation, axes = _si(values, is_axis)
+        return Program(
+            name=name,
+            dialect="krl",
+            data=found.data,
+            position=position,
+            rotation=rotation,
+            axes=axes,
+            motion=motion,
+            reason=reason,
+            status=words[:, 0],
+            turn=words[:, 1],
+            line=line,
+            frame=state[:, BASE],
+            tool=state[:, TOOL],
+            T_base_frame=np.array(self.frames.matrices["base"]),
+            T_flange_tool=np.array(self.frames.matrices["tool"]),
+            notes=tuple(dict.fromkeys(notes)),
+            spans=_spans(found, agg, is_axis, partial, donor, (donor >= 0) & ~free),
+        )
+
+    def _rows(self, file: int) -> tuple[IntArray, IntArray]:
+        """Returns the motion of every aggregate (-1: no target) and the line it is moved to in."""
+        found = self.scans[file]
+        motion = np.full(len(found.agg_line), -1, np.int64)
+        line = found.agg_line.astype(np.int64)
+        if file == self.main:
+            kind = found.line_kind[found.agg_line]
+            for code, how in MOTION_OF.items():
+                motion[kind == code] = how
+            arc = np.flatnonzero(kind == INLINE_ARC)
+            motion[arc[::2]] = Motion.ARC_VIA
+            plain = np.flatnonzero(kind > STATEMENT)
+            for agg in plain[(found.agg_flag[plain] & NOT_CONSTANT) > 0].tolist():
+                self._flags[file, agg] = Reason.EXPRESSION
+        for item in self.story.definitions:
+            if item.file == file:
+                motion[item.agg] = Motion.LIN if self.main < 0 else Motion.UNUSED
+        for (where, agg), uses in self.story.uses.items():
+            if where == file:
+                hows = [how for _, how in uses]
+                motion[agg] = Motion.PTP if Motion.PTP in hows else hows[0]
+                line[agg] = uses[0][0]
+        return motion, line
+
+    def _row_states(self, file: int, agg: IntArray, line: IntArray) -> tuple[IntArray, BoolArray]:
+        """Returns the frames in force at every row and which rows are used with several."""
+        conflicts = np.zeros(len(agg), np.bool_)
+        if self.main < 0:
+            return self._inline_states(file, agg, line), conflicts
+        state = np.asarray(self._state(line), dtype=np.int64).reshape(-1, 5)
+        for (where, point), uses in self.story.uses.items():
+            if where == file and len(uses) > 1:
+                states = {tuple(self._state(use)[:3].tolist()) for use, _ in uses}
+                conflicts[np.searchsorted(agg, point)] = len(states) > 1
+        return state, conflicts
+
+    def _inline_states(self, file: int, agg: IntArray, line: IntArray) -> IntArray:
+        """Returns the frames of points without motions: those of the FDAT named like them."""
+        state = np.zeros((len(agg), 5), np.int64)
+        rows = {int(a): row for row, a in enumerate(agg)}
+        for item in self.story.definitions:
+            inline = self.frames.fdat.get("f" + item.variable[1:])
+            if item.file == file and inline is not None and item.variable.startswith("x"):
+                row = rows[item.agg]
+                state[row, :3] = self.frames.inline_frames(int(line[row]), inline)
+        return state
+
+    def _modal(
+        self,
+        file: int,
+        agg: IntArray,
+        motion: IntArray,
+        values: Array,
+        axis: BoolArray,
+        state: IntArray,
+        mixed: BoolArray,
+    ) -> tuple[IntArray, IntArray]:
+        """Fills left-out components from the target before; returns (rows, donors) as executed."""
+        if file != self.main or not np.isnan(values).any():
+            return np.zeros(0, np.int64), np.zeros((0, 6), np.int64)
+        found = self.scans[file]
+        row_of = np.full(len(found.agg_line) + 1, -1, np.int64)
+        row_of[agg] = np.arange(len(agg))
+        inline = np.flatnonzero(found.line_kind[found.agg_line[agg]] > STATEMENT)
+        torn = mixed.copy()
+        torn[[row for row, _ in self._flagged(file, agg)]] = True
+        entries = zip(
+            found.agg_line[agg[inline]].tolist(),
+            agg[inline].tolist(),
+            (motion[inline] == Motion.ARC_VIA).tolist(),
+            strict=True,
+        )
+        path = visits(entries, self.story.sequence, row_of, torn)
+        return inherit(values, path, axis.astype(np.int64), state[:, :3])
+
+    def _frame_reasons(self, state: IntArray, axis: BoolArray) -> tuple[IntArray, list[str]]:
+        """Returns the first reason of every row, from its kind and frames, and the notes."""
+        cures = self.frames.cures
+        reason = np.where(axis, int(Reason.JOINT_TARGET), int(Reason.NONE))
+        on_robot = (state[:, ON_ROBOT] > 0) & ~axis
+        reason[on_robot] = Reason.TOOL_ON_FLOOR
+        notes: list[str] = []
+        for side, column in _SIDES:
+            lost = np.isin(state[:, column], [i for which, i in cures if which == side])
+            if side == "base":
+                lost &= ~axis
+            reason[lost] = Reason.UNKNOWN_FRAME
+            notes += [cures[side, i] for i in np.unique(state[lost, column]).tolist()]
+        if on_robot.any():
+            notes.append(
+                f"{self.frames.name}: {int(on_robot.sum())} targets carry the workpiece on the "
+                "robot (#TCP); they are not compensated."
+            )
+        return reason, notes
+
+    def _external_reasons(self, external: Array | None, reason: IntArray, name: str) -> list[str]:
+        if external is None:
+            return []
+        away = (np.abs(external) > 0).any(axis=1)
+        still = bool((external == external[:1]).all())
+        if not away.any() or (self.given.external_axes_at_rest and still):
+            return []
+        reason[away] = Reason.EXTERNAL_AXIS
+        column = int(np.flatnonzero((np.abs(external) > 0).any(axis=0))[0])
+        low, high = external[:, column].min(), external[:, column].max()
+        return [
+            f"{name}: external axis E{column + 1} is {low:g} to {high:g} (mm or deg) and may carry "
+            f"the robot or the part; {int(away.sum())} targets are not compensated. If it stands "
+            "still and the frames hold there, say so in the frame table."
+        ]
+
+    def _foreign_notes(self, state: IntArray, reason: IntArray) -> list[str]:
+        """Names the first call out of these files that a compensated target relies on."""
+        after = (state[:, 3:] > 0).any(axis=1) & (reason == Reason.NONE)
+        if not after.any():
+            return []
+        calls = state[after, 3:]
+        return [
+            f"{self.frames.name}:{calls[calls > 0].min()}: this calls a routine that is not in "
+            f"these files. {int(after.sum())} targets are compensated in the base and tool set "
+            "before it: if a called routine changes either, set them again after the call."
+        ]
+
+    def _file_notes(self, file: int, name: str) -> list[str]:
+        notes = list(self.story.notes) if file == max(self.main, 0) else []
+        if self.main < 0:
+            notes.append(
+                f"{name}: points without the .src that moves to them; they are taken as linear "
+                "motions in the frames of their inline forms, or the defaults."
+            )
+        return notes
+
+    def _flagged(self, file: int, agg: IntArray) -> list[tuple[int, int]]:
+        rows = [
+            (int(np.searchsorted(agg, a)), a, why)
+            for (f, a), why in self._flags.items()
+            if f == file
+        ]
+        return [(row, why) for row, a, why in rows if row < len(agg) and agg[row] == a]
+
+    def _pair_arcs(self, file: int, agg: IntArray, motion: IntArray, reason: IntArray) -> None:
+        """Gives both points of an arc the same fate: half a corrected arc is another arc."""
+        found = self.scans[file]
+        if file == self.main:
+            via = np.flatnonzero(
+                (found.line_kind[found.agg_line[agg]] == INLINE_ARC) & (motion == Motion.ARC_VIA)
+            )
+            worse = np.where(reason[via] > 0, reason[via], reason[via + 1])
+            reason[via] = worse
+            reason[via + 1] = np.where(reason[via + 1] > 0, reason[via + 1], worse)
+        for pair in self.story.arcs:
+            rows = [int(np.searchsorted(agg, a)) for f, a in pair if f == file]
+            if len(rows) == 2:
+                worst = next((int(reason[r]) for r in rows if reason[r] > 0), 0)
+                for row in rows:
+                    reason[row] = reason[row] or worst
+
+
+def _conflict_notes(name: str, lines: IntArray) -> list[str]:
+    return [
+        f"{name}:{line}: this point is used with more than one base or tool; it is not compensated."
+        for line in lines[:5].tolist()
+    ]
+
+
+def _incomplete_notes(name: str, line: IntArray, rows: BoolArray) -> list[str]:
+    at = np.flatnonzero(rows)
+    if not len(at):
+        return []
+    return [
+        f"{name}:{line[at[0]]}: {len(at)} targets from this line on leave components out, and what "
+        "they inherit is not known; they are not compensated, but follow the target before them "
+        "where it is. Write all six components."
+    ]
+
+
+def _nested(one: str, other: str) -> bool:
+    return (
+        not one
+        or not other
+        or (other + ".").startswith(one + ".")
+        or (one + ".").startswith(other + ".")
+    )
+
+
+def _spans(
+    found: Scan,
+    agg: IntArray,
+    is_axis: BoolArray,
+    partial: IntArray,
+    donor: IntArray,
+    owed: BoolArray,
+) -> KrlSpans:
+    token = found.agg_token[agg]
+    return KrlSpans(
+        token=token,
+        tokens=found.agg_token[agg + 1] - token,
+        component=found.tok_component,
+        start=found.tok_start,
+        length=found.tok_length,
+        value=found.tok_value,
+        is_axis=is_axis,
+        partial=partial,
+        donor=donor,
+        owed=owed,
+    )
+
+
+def _columns(
+    found: Scan, agg: IntArray
+) -> tuple[Array, Array | None, IntArray, BoolArray, BoolArray]:
+    """Returns values (n, 6) in mm and deg, external axes if any, S and T, is pose, is axis."""
+    n = len(agg)
+    values = np.full((n, 6), np.nan)
+    any_external = bool((found.tok_component >= 12).any()) and n > 0
+    external = np.zeros((n if any_external else 1, 6))
+    words = np.full((n, 2), -1, np.int64)
+    pose, axis = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
+    token, end = found.agg_token[agg], found.agg_token[agg + 1]
+    _gather(token, end, found.tok_component, found.tok_value, values, external, words, pose, axis)
+    return values, (external if any_external else None), words, pose, axis
+
+
+def _si(values: Array, axis: BoolArray) -> tuple[Array, Array, Array]:
+    """Returns position, rotation and axes in m and rad, read-only, from (n, 6) in mm and deg."""
+    position = values[:, :3] * MM
+    rotation = matrices_from_abc(values[:, 3:], DEG)
+    axes: Array = np.broadcast_to(np.nan, (len(values), 6))
+    if axis.any():
+        position[axis], rotation[axis] = np.nan, np.nan
+        axes = np.where(axis[:, None], values * DEG, np.nan)
+    for array in (position, rotation, axes):
+        array.flags.writeable = False
+    return position, rotation, axes
+
+
+@numba.njit(cache=True)
+def _gather(
+    token: Any,
+    end: Any,
+    component: Any,
+    value: Any,
+    values: Any,
+    external: Any,
+    words: Any,
+    pose: Any,
+    axis: Any,
+) -> None:
+    """Fills the dense columns of every row from its tokens."""
+    for row in range(token.size):
+        for t in range(token[row], end[row]):
+            code = component[t]
+            if code < 12:
+                values[row, code % 6] = value[t]
+                if code < 6:
+                    pose[row] = True
+                else:
+                    axis[row] = True
+            elif code < 18:
+                external[row, code - 12] = value[t]
+            else:
+                words[row, code - 18] = int(value[t])

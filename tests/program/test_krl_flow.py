@@ -1,0 +1,158 @@
+"""Frames through subprograms, jumps, loops and calls out of the program."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from krl_samples import changed_lines, read, replacement, write
+
+from robotrue.core.poses import pose
+from robotrue.core.units import MM
+from robotrue.program.program import FrameTable, Program, Reason
+
+P = "LIN {X 12.500,Y -0.375,Z -1.250,A 0.500,B 0.250,C 180.000}"
+
+
+def at_x(x_mm: float) -> np.ndarray:
+    return pose(np.eye(3), np.array([x_mm, 0.0, 0.0]) * MM)
+
+
+TABLE = FrameTable(
+    bases={str(i): at_x(i) for i in range(1, 10)}, tools={str(i): at_x(i) for i in range(1, 10)}
+)
+
+
+def bases(text: str) -> list[float | None]:
+    """x of the base of every target in mm, None where it is not known; ``/`` ends a line."""
+    program = read(text.replace("/", "\n").replace("P!", P), TABLE)
+    assert set(program.reason.tolist()) <= {Reason.NONE, Reason.UNKNOWN_FRAME}
+    return [
+        None if why else round(float(program.T_base_frame[base][0, 3] / MM), 6)
+        for why, base in zip(program.reason.tolist(), program.frame.tolist(), strict=True)
+    ]
+
+
+def tools(program: Program) -> list[float]:
+    return [round(float(program.T_flange_tool[i][0, 3] / MM), 6) for i in program.tool.tolist()]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        # A subprogram that sets the base: its caller goes on with it.
+        ("DEF p()/BAS(#BASE,1)/P!/s()/P!/END/DEF s()/BAS(#BASE,2)/P!/END", [1, 2, 2]),
+        ("DEF p()/BAS(#BASE,1)/s( )/P!/END/DEF s()/t()/END/DEF t()/$BASE=BASE_DATA[3]/END", [3]),
+        # One that sets it on one way only.
+        ("DEF p()/BAS(#BASE,1)/s()/P!/END/DEF s()/IF x THEN/BAS(#BASE,2)/ENDIF/END", [None]),
+        # One that leaves it alone, called in two frames: each caller keeps its own.
+        ("DEF p()/BAS(#BASE,1)/s()/P!/BAS(#BASE,2)/s()/P!/END/DEF s()/P!/END", [1, 2, None]),
+        # Defined in the wrong order, and recursive.
+        ("DEF p()/BAS(#BASE,4)/b()/END/DEF a()/P!/END/DEF b()/a()/END", [4]),
+        ("DEF p()/BAS(#BASE,4)/a()/P!/END/DEF a()/P!/IF x THEN/a()/ENDIF/P!/END", [4, 4, 4]),
+        ("DEF p()/BAS(#BASE,1)/x=f(1)/P!/END/DEFFCT INT f(a:IN)/BAS(#BASE,2)/RETURN 1/ENDFCT", [2]),
+        # RETURN on one way.
+        ("DEF p()/BAS(#BASE,1)/s()/P!/END/DEF s()/IF x THEN/RETURN/ENDIF/BAS(#BASE,2)/END", [None]),
+        # GOTO, forward and backward, with equal and with different frames.
+        ("DEF p()/BAS(#BASE,1)/IF x THEN/GOTO a/ENDIF/BAS(#BASE,2)/P!/a:/P!/END", [2, None]),
+        ("DEF p()/BAS(#BASE,1)/IF x THEN/GOTO a/ENDIF/BAS(#BASE,1)/a:/P!/END", [1]),
+        ("DEF p()/BAS(#BASE,1)/a:/P!/BAS(#BASE,2)/P!/GOTO A/END", [None, 2]),
+        ("DEF p()/BAS(#BASE,1)/a:/P!/BAS(#TOOL,2)/GOTO a/END", [None]),
+        ("DEF p()/GOTO a/BAS(#BASE,1)/P!/a:/P!/END", [None, 0]),
+        # A loop that changes the base after it changed the tool.
+        ("DEF p()/BAS(#BASE,1)/LOOP/BAS(#TOOL,3)/P!/BAS(#BASE,2)/P!/ENDLOOP/END", [None, 2]),
+        ("DEF p()/BAS(#BASE,1)/LOOP/s()/BAS(#BASE,2)/ENDLOOP/END/DEF s()/P!/END", [None]),
+        ("DEF p()/BAS(#BASE,1)/LOOP/IF x THEN/EXIT/ENDIF/BAS(#BASE,2)/ENDLOOP/P!/END", [None]),
+        # A loop that sets it first.
+        ("DEF p()/BAS(#BASE,9)/FOR i=1 TO 3/BAS(#BASE,1)/P!/BAS(#BASE,2)/P!/ENDFOR/END", [1, 2]),
+        # FDAT_ACT of either branch.
+        ("DEF p()/IF x THEN/FDAT_ACT={TOOL_NO 1,BASE_NO 1,IPO_FRAME #BASE}/ELSE/"
+         "FDAT_ACT={TOOL_NO 1,BASE_NO 2,IPO_FRAME #BASE}/ENDIF/BAS(#FRAMES)/P!/END", [None]),
+        # A handler runs at any line.
+        ("DEF p()/INTERRUPT DECL 3 WHEN $IN[1]==TRUE DO h()/BAS(#BASE,1)/P!/END/"
+         "DEF h()/P!/BAS(#BASE,2)/BAS(#TOOL,2)/P!/END", [1, None, 2]),
+    ],
+)  # fmt: skip
+def test_the_base_on_every_way(text: str, expected: list[float | None]) -> None:
+    assert bases(text) == expected
+
+
+def test_a_subprogram_that_sets_the_tool_only() -> None:
+    text = f"DEF p()\nBAS(#BASE,1)\nBAS(#TOOL,1)\ns()\n{P}\nEND\nDEF s()\nBAS(#TOOL,5)\nEND\n"
+    program = read(text, TABLE)
+    assert tools(program) == [5.0]
+    assert program.reason.tolist() == [Reason.NONE]
+    assert program.notes == ()
+
+
+def test_the_note_says_where_the_ways_part() -> None:
+    program = read(f"DEF p()\nBAS(#BASE,1)\na:\n{P}\nBAS(#BASE,2)\nGOTO a\nEND\n", TABLE)
+    assert program.notes == (
+        "part.src:3: the base differs between the ways that lead to this label; set it again "
+        "after this line.",
+    )
+
+
+def test_a_handler_that_changes_frames_is_named() -> None:
+    head = f"DEF p()\nINTERRUPT DECL 3 WHEN $IN[1]==TRUE DO h()\n{P}\nEND\nDEF h()\n"
+    assert read(head + "$OUT[1]=TRUE\nEND\n", TABLE).notes == ()
+    assert read(head + "BAS(#BASE,2)\nEND\n", TABLE).notes == (
+        "part.src: h, which an interrupt or trigger starts, changes base or tool; targets that "
+        "may come after it are compensated as if it had not run.",
+    )
+
+
+def test_an_unknown_routine_is_named_once() -> None:
+    text = f"DEF p()\nBAS(#BASE,1)\n{P}\nspindle_on(9000)\n{P}\nCUT()\n{P}\nEND\n"
+    program = read(text, TABLE)
+    assert program.reason.tolist() == [Reason.NONE] * 3
+    assert program.notes == (
+        "part.src:4: this calls a routine that is not in these files. 2 targets are compensated "
+        "in the base and tool set before it: if a called routine changes either, set them again "
+        "after the call.",
+    )
+
+
+@pytest.mark.parametrize(
+    "after",
+    [
+        f"BAS(#BASE,1)\nBAS(#TOOL,1)\n{P}",
+        f"FDAT_ACT={{TOOL_NO 1,BASE_NO 1,IPO_FRAME #BASE}}\nBAS(#CP_PARAMS,1)\n{P}",
+        "BAS(#BASE,1)",
+    ],
+)
+def test_an_unknown_routine_before_frames_are_set_is_no_matter(after: str) -> None:
+    assert read(f"DEF p()\n{P}\nspindle_on()\n{after}\nEND\n", TABLE).notes == ()
+
+
+@pytest.mark.parametrize(
+    "call", ["WAIT SEC (0.5)", "BAS(#VEL_PTP,50)", "x=SIN(a)", "IF (a AND (b)) THEN\nENDIF"]
+)
+def test_the_controllers_own_routines_leave_frames_alone(call: str) -> None:
+    assert read(f"DEF p()\n{call}\n{P}\nEND\n", TABLE).notes == ()
+
+
+def test_a_flagged_target_does_not_move_with_its_neighbour() -> None:
+    """What it inherits is known: the old values are written into it."""
+    text = (
+        f"DEF p()\n{P}\nLIN {{X 20.0,E1 5.0}}\n{P}\nLIN {{Z 5.0,E1 5.0}}\n"
+        "LIN {X 7.0,Y 8.0,E1 5.0}\nEND\n"
+    )
+    program = read(text)
+    assert program.reason.tolist() == [0, Reason.EXTERNAL_AXIS, 0, *[Reason.EXTERNAL_AXIS] * 2]
+    assert changed_lines(program, replacement(program, by_mm=(0.1, 0.1, 0.1))) == [
+        P.replace("12.5", "12.6").replace("-0.375", "-0.275").replace("-1.25", "-1.15"),
+        "LIN {X 20.0,E1 5.0,Y -0.3750,Z -1.2500}",
+        P.replace("12.5", "12.6").replace("-0.375", "-0.275").replace("-1.25", "-1.15"),
+        "LIN {Z 5.0,E1 5.0,X 12.5000,Y -0.3750}",
+    ]
+
+
+def test_an_incomplete_target_keeps_what_it_is_known_to_inherit() -> None:
+    """X, Y and Z are known from the lines before, A, B and C are not."""
+    text = f"DEF p()\n{P}\nsub()\nLIN {{X 1.0,Y 2.0,Z 3.0}}\nLIN {{X 9.0}}\nEND\n"
+    program = read(text)
+    assert program.reason.tolist() == [0, Reason.INCOMPLETE, Reason.INCOMPLETE]
+    change = replacement(program, by_mm=(0.1, 0.1, 0.1))
+    assert changed_lines(program, change)[0].startswith("LIN {X 12.600")
+    assert write(program, change).splitlines()[3:] == text.splitlines()[3:]
+    assert any("follow the target before them where it is" in note for note in program.notes)
