@@ -17,6 +17,7 @@ from typing import Final
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.lapack import dtrtri
 
 from robotrue.calibration.observations import CHANNELS, Linearisation, Observation
 from robotrue.calibration.parameters import Layout, State, difference, retract
@@ -211,7 +212,7 @@ def _solve(
     sd = scales.sd
     precision = np.eye(count) + sd[:, None] * information * sd
     lower = np.linalg.cholesky(precision)
-    inverse_lower = np.linalg.inv(lower)
+    inverse_lower, _ = dtrtri(lower, lower=1)
     scaled_covariance = inverse_lower.T @ inverse_lower
     step = sd * (inverse_lower.T @ (inverse_lower @ (sd * gradient - offset / sd)))
     whitened = tuple(z0 - jacobian @ step for _, z0, jacobian in kept)
@@ -224,7 +225,8 @@ def _solve(
             back = np.swapaxes(inverse, 1, 2)
             force = (back @ z[:, :, None])[:, :, 0]  # N^-1 r
             pull = back @ jacobian  # N^-1 J
-            spread = np.einsum("nmp,nmp->nm", pull @ covariance, pull)
+            flat = pull.reshape(-1, count)  # one product, not one per row
+            spread = np.einsum("kp,kp->k", flat @ covariance, flat).reshape(z.shape)
             diagonal = np.einsum("nkm,nkm->nm", inverse, inverse)  # diag N^-1
             live = consistency(z.shape[1], settings.loss) * (u > 0.0)[:, None]
             power += item.white @ (u[:, None] * force**2).sum(axis=0)

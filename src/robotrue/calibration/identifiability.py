@@ -115,7 +115,8 @@ def analyse(
     values, vectors = np.linalg.eigh(scaled)
     dark = vectors[:, values < UNSEEN]
     variance = np.einsum("ij,j,ij->i", vectors, 1.0 / (1.0 + np.maximum(values, 0.0)), vectors)
-    names = tuple(layout.names[i] for i in free)
+    every = layout.names
+    names = tuple(every[i] for i in free)
     kinds = _imagined(robot, free, sd, payload, base_known=not layout.stations)
     unseen: list[Direction] = []
     for kind, gram in kinds:
@@ -194,7 +195,9 @@ def _imagined(
 def _named(
     directions: Array, names: tuple[str, ...], sd: Array, kind: Reveal, robot: RobotModel
 ) -> list[Direction]:
-    out = []
+    out: list[Direction] = []
+    if not directions.shape[1]:
+        return out
     # Names read best where a milliradian weighs as much as a millimetre, whatever the prior.
     even = np.array(
         [s if n.startswith("compliance") else 1e-3 for n, s in zip(names, sd, strict=True)]
@@ -247,7 +250,7 @@ def _short(basis: Array) -> Array | None:
         return out
     mean, half = (own[:, None] + own) / 2.0, (own[:, None] - own) / 2.0
     rest = mean - np.hypot(half, away)
-    rest[np.tril_indices(size)] = np.inf
+    rest[np.tri(size, dtype=np.bool_)] = np.inf
     # The later parameters are base and tool: prefer them where several pairs fit.
     fits = np.argwhere(rest < _EXACT)
     if not len(fits):
