@@ -17,7 +17,7 @@ from robotrue.core.arrays import Array
 def matrices_from_abc(abc: Array, unit: float) -> Array:
     """Returns R = Rz(A) Ry(B) Rx(C), shape (n, 3, 3), from (n, 3) A, B, C in ``unit`` rad."""
     out = np.empty((len(abc), 3, 3))
-    _matrices(np.ascontiguousarray(abc), unit, out)
+    _matrices(abc, unit, out)
     return out
 
 

@@ -18,13 +18,12 @@ import numpy as np
 import numpy.typing as npt
 
 from robotrue.core.arrays import Array, BoolArray, IntArray
-from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ShapeError
+from robotrue.program.euler import nearest_abc
 from robotrue.program.formats.krl_scan import Bytes, Ints
 from robotrue.program.program import Program, Replacement
 
-_CHUNK: Final = 1 << 13
 _SAME_POSITION: Final = 1e-11
 """m; coordinates nearer than this to the ones read are the ones read."""
 _SAME_ROTATION: Final = 1e-10
@@ -120,18 +119,21 @@ def _new_values(
     """Returns what every row shall say, (n, 6) in mm and deg, and which of it may differ."""
     values = printed_values(spans)
     touched = np.zeros(values.shape, dtype=np.bool_)
-    rows = np.flatnonzero(changed)
-    for first in range(0, len(rows), _CHUNK):
-        part = rows[first : first + _CHUNK]
-        pose = part[~spans.is_axis[part]]
-        if len(pose):
-            _new_poses(program, replacement, pose, values, touched)
-        axis = part[spans.is_axis[part]]
-        if len(axis):
-            move = np.abs(replacement.axes[axis] - program.axes[axis]) > _SAME_ROTATION
-            move |= ~np.isfinite(replacement.axes[axis])
-            values[axis] = np.where(move, replacement.axes[axis] / DEG, values[axis])
-            touched[axis] = move
+    _new_poses(
+        changed & ~spans.is_axis,
+        program.position,
+        np.ascontiguousarray(replacement.position, dtype=np.float64),
+        program.rotation,
+        np.ascontiguousarray(replacement.rotation, dtype=np.float64),
+        values,
+        touched,
+    )
+    axis = np.flatnonzero(changed & spans.is_axis)
+    if len(axis):
+        move = np.abs(replacement.axes[axis] - program.axes[axis]) > _SAME_ROTATION
+        move |= ~np.isfinite(replacement.axes[axis])
+        values[axis] = np.where(move, replacement.axes[axis] / DEG, values[axis])
+        touched[axis] = move
     bad = touched & ~(np.abs(values) < _LARGEST)
     if bad.any():
         at = int(np.argwhere(bad)[0][0])
@@ -145,22 +147,27 @@ def _new_values(
     return values, touched
 
 
+@numba.njit(cache=True)
 def _new_poses(
-    program: Program, replacement: Replacement, rows: IntArray, values: Array, touched: BoolArray
+    rows: Any, position: Any, moved: Any, rotation: Any, turned: Any, values: Any, touched: Any
 ) -> None:
-    position = replacement.position[rows]
-    move = np.abs(position - program.position[rows]) > _SAME_POSITION
-    move |= ~np.isfinite(position)
-    rotation = replacement.rotation[rows]
-    difference = np.abs(rotation - program.rotation[rows]).max(axis=(1, 2))
-    turn = ~(difference <= _SAME_ROTATION)
-    xyz = np.where(move, position / MM, values[rows, :3])
-    abc = values[rows, 3:]
-    if turn.any():
-        abc = abc.copy()
-        abc[turn] = abc_from_matrix(rotation[turn], near=abc[turn] * DEG) / DEG
-    values[rows, :3], values[rows, 3:] = xyz, abc
-    touched[rows, :3], touched[rows, 3:] = move, turn[:, None]
+    """Fills in the changed rows what they shall say and marks what may differ."""
+    for row in range(rows.size):
+        if not rows[row]:
+            continue
+        for c in range(3):
+            if not abs(moved[row, c] - position[row, c]) <= _SAME_POSITION:
+                values[row, c] = moved[row, c] / MM
+                touched[row, c] = True
+        same = True
+        for i in range(3):
+            for j in range(3):
+                same &= abs(turned[row, i, j] - rotation[row, i, j]) <= _SAME_ROTATION
+        if not same:
+            a, b, c = values[row, 3] * DEG, values[row, 4] * DEG, values[row, 5] * DEG
+            a, b, c = nearest_abc(turned[row], a, b, c)
+            values[row, 3], values[row, 4], values[row, 5] = a / DEG, b / DEG, c / DEG
+            touched[row, 3:] = True
 
 
 def printed_values(spans: KrlSpans) -> Array:
@@ -289,19 +296,21 @@ def _copy(out: Any, k: Any, buf: Any, start: Any, end: Any) -> Any:
 
 
 @numba.njit(cache=True)
-def _place(out: Any, k: Any, buf: Any, cursor: Any, start: Any, end: Any, text: Any) -> Any:
-    """Copies up to a token and writes ``text`` for it, its column kept where blanks allow."""
+def _place(
+    out: Any, k: Any, buf: Any, cursor: Any, start: Any, end: Any, text: Any, size: Any
+) -> Any:
+    """Copies up to a token and writes ``text[:size]`` for it, its column kept where blanks allow."""
     lead = 0
     while start - lead - 1 >= cursor and buf[start - lead - 1] == 32:
         lead += 1
-    growth = text.size - (end - start)
+    growth = size - (end - start)
     eat = min(growth, lead - 1) if lead >= 2 and growth > 0 else 0
     k = _copy(out, k, buf, cursor, start - eat)
     if lead >= 2:
         for _ in range(-growth):
             out[k] = 32
             k += 1
-    return _copy(out, k, text, 0, text.size)
+    return _copy(out, k, text, 0, size)
 
 
 @numba.njit(cache=True)
@@ -358,7 +367,7 @@ def _splice(
             elif code == 19 and turn[row] >= 0 and turn[row] != old[t]:
                 size = _integer(scratch, 0, turn[row], buf, first, last)
             if size > 0:
-                k = _place(out, k, buf, cursor, first, last, scratch[:size])
+                k = _place(out, k, buf, cursor, first, last, scratch, size)
                 cursor = last
         if inserting:
             t = token[row] + tokens[row] - 1
