@@ -246,7 +246,7 @@ def test_damaged_bytes_among_the_numbers(tmp_path: Path) -> None:
     data = f"{HEADER}\n{ROW}\n".encode() + b"1,2,3,4,5,6,7,\xff8,9\n"
     assert message(written(tmp_path, data)) == (
         "meas.csv:3: byte 0xff is not UTF-8: damage or another encoding. "
-        "Try: name the encoding (encoding='cp1252'), or export again as UTF-8."
+        'Try: state the encoding in the mapping (encoding = "cp1252"), or export as UTF-8.'
     )
 
 

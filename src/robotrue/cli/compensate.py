@@ -19,10 +19,10 @@ from robotrue.compensation.result import unchanged
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.core.files import read_bytes, write_atomic
 from robotrue.core.units import MM
-from robotrue.errors import ConfigurationError
+from robotrue.errors import ArchiveError, ConfigurationError
 from robotrue.program.formats import read_job, write_program
 from robotrue.program.program import FrameTable, Program
-from robotrue.store.model_file import read_model
+from robotrue.store.model_file import ZIP, read_model
 
 
 def run(
@@ -41,12 +41,7 @@ def run(
         raise ConfigurationError(
             f"--max-shift-mm is {max_shift_mm:g} mm, expected above 0.", hint="--max-shift-mm 10"
         )
-    bare = not read_bytes(model_path).startswith(b"PK")
-    if bare:
-        cell, model = read_cell(model_path), None
-    else:
-        stored = read_model(model_path)
-        cell, model = stored.cell, stored.model
+    cell, model = _cell_and_model(model_path)
     job = read_job(program_path, frame_table(cell))
     outputs = _outputs(job, program_path, output)
     rewritten = [
@@ -75,6 +70,24 @@ def _together(documents: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "notes": [note for document in documents for note in document["notes"]],
         "files": list(documents),
     }
+
+
+def _cell_and_model(path: Path) -> tuple[Cell, ErrorModel | None]:
+    """The content of a model file, or a bare cell."""
+    if read_bytes(path).startswith(ZIP):
+        stored = read_model(path)
+        return stored.cell, stored.model
+    if path.suffix.lower() == ".toml":
+        return read_cell(path), None
+    try:
+        return read_cell(path), None
+    except ConfigurationError as cause:
+        raise ArchiveError(
+            f"neither a model file nor a cell ({cause.message})",
+            source=path,
+            line=cause.line,
+            hint="robotrue compensate MODEL PROGRAM -o OUT.",
+        ) from cause
 
 
 def _rewritten(

@@ -27,6 +27,8 @@ app = typer.Typer(
     help="Makes an industrial robot cut where the CAM said.",
 )
 
+INTERRUPTED = 130
+"""What the command line library makes of Ctrl-C."""
 Json = Annotated[bool, typer.Option("--json", help="Machine-readable result on stdout.")]
 CellFile = Annotated[Path, typer.Argument(metavar="CELL", help="cell.toml")]
 ModelFile = Annotated[Path, typer.Argument(metavar="MODEL", help="Model file of `calibrate`.")]
@@ -166,7 +168,9 @@ def run() -> None:
     except RobotrueError as error:
         _report(error)
         raise SystemExit(1) from None
-    except KeyboardInterrupt:
+    except SystemExit as stopped:
+        if stopped.code != INTERRUPTED:
+            raise
         sys.stderr.write("robotrue: stopped; nothing was left half-written.\n")
         raise SystemExit(1) from None
     except BrokenPipeError:

@@ -29,10 +29,12 @@ def write_atomic(path: str | Path, data: bytes) -> None:
             os.fsync(stream.fileno())
         os.chmod(temporary, _mode_for(path))
         os.replace(temporary, path)
-    except OSError as cause:
+    except BaseException as cause:  # also Ctrl-C: the neighbour file goes in any case
         if temporary is not None:
             with contextlib.suppress(OSError):
                 os.unlink(temporary)
+        if not isinstance(cause, OSError):
+            raise
         raise FormatError(
             f"cannot write: {cause.strerror}.",
             source=path,

@@ -82,6 +82,12 @@ def read_sheet(
         raise FormatError("the file is empty.", source=path, hint="export it again.")
     if Path(path).suffix.lower() in WORKBOOKS:
         rows = _workbook_rows(path, data, worksheet)
+    elif data.startswith(b"PK\3\4"):
+        raise FormatError(
+            "a zip file (a model, or a workbook without its suffix), not a table.",
+            source=path,
+            hint="give the measurements as CSV, TSV or workbook.",
+        )
     else:
         rows = _text_rows(path, _decode(path, data, encoding, skip_lines), delimiter, skip_lines)
     rows = [(line, row) for line, row in rows if any(row)]
@@ -138,14 +144,14 @@ def _decode(path: str | Path, data: bytes, encoding: str | None, skip_lines: int
             f"byte 0x{data[start]:02x} is not {encoding or 'UTF-8'}: damage or another encoding.",
             source=path,
             line=line,
-            hint="name the encoding (encoding='cp1252'), or export again as UTF-8.",
+            hint='state the encoding in the mapping (encoding = "cp1252"), or export as UTF-8.',
         ) from None
     if "\0" in text:
         raise FormatError(
             "holds zero bytes: binary, or UTF-16 without its mark.",
             source=path,
             line=text.count("\n", 0, text.index("\0")) + 1,
-            hint="export it as UTF-8 text, or name the encoding (encoding='utf-16').",
+            hint='export as UTF-8, or state the encoding in the mapping (encoding = "utf-16").',
         )
     return text
 

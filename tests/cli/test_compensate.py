@@ -1,0 +1,138 @@
+"""``robotrue compensate``: bytes, numbers, loads, guards and jobs of two files."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+NUMBER = re.compile(rb"[-+]?\d+\.?\d*")
+
+
+def test_a_bare_cell_changes_nothing(cli, work: Path) -> None:
+    got = cli("compensate", work / "cell.toml", work / "part.src", "-o", work / "o.src", "--json")
+    assert got.code == 0
+    assert (work / "o.src").read_bytes() == (work / "part.src").read_bytes()
+    assert got.document["targets"] == got.document["unchanged"] == 5
+    assert got.document["compensated"] == 0
+
+
+def test_only_numbers_change(cli, work: Path) -> None:
+    before = (work / "part.src").read_bytes()
+    got = cli("compensate", work / "model.rtm", work / "part.src", "-o", work / "o.src", "--json")
+    after = (work / "o.src").read_bytes()
+    assert got.code == 0
+    assert (work / "part.src").read_bytes() == before
+    assert after != before
+    assert NUMBER.sub(b"#", after) == NUMBER.sub(b"#", before)
+    changed = [k for k, pair in enumerate(zip(before.split(b"\n"), after.split(b"\n"), strict=True))
+               if pair[0] != pair[1]]  # fmt: skip
+    assert changed == [5, 6, 8]  # not the axis target, not the one out of reach
+
+
+def test_document_and_statuses(cli, work: Path) -> None:
+    got = cli("compensate", work / "model.rtm", work / "part.src", "-o", work / "o.src", "--json")
+    document = got.document
+    assert document["output"] == str(work / "o.src")
+    assert document["targets"] == 5
+    assert document["compensated"] == 3
+    assert document["unchanged"] == 2
+    assert document["status"] == {
+        "compensated": 3,
+        "unchanged_axis_target": 1,
+        "unchanged_unreachable": 1,
+    }
+    assert document["notes"] == ["line 8: unchanged, out of the robot's reach."]
+    assert document["predicted_error_after_um"]["max"] < 1.0
+    assert document["predicted_error_before_um"]["mean"] > 100.0
+    assert document["predicted_sigma_um"]["mean"] > 0.0
+    assert "line 8: unchanged, out of the robot's reach." in got.err
+
+
+def test_axis_targets_on_request(cli, work: Path) -> None:
+    got = cli("compensate", work / "model.rtm", work / "part.src", "-o", work / "o.src",
+              "--axis-targets", "--json")  # fmt: skip
+    assert got.document["compensated"] == 4
+    assert b"PTP {A1 0,A2 -80" not in (work / "o.src").read_bytes()
+
+
+def test_a_wrench_moves_the_command_against_it(cli, work: Path) -> None:
+    for name, options in (("free", ()), ("held", ("--wrench", "0,0,-500"))):
+        cli(
+            "compensate",
+            work / "model.rtm",
+            work / "part.src",
+            "-o",
+            work / f"{name}.src",
+            *options,
+        )
+    free, held = (_first_linear(work / f"{n}.src") for n in ("free", "held"))
+    assert held[2] - free[2] > 0.2  # pushed down by 500 N, so it is sent higher, mm
+
+
+def _first_linear(path: Path) -> np.ndarray:
+    line = next(row for row in path.read_bytes().split(b"\n") if row.startswith(b"LIN"))
+    return np.array([float(v) for v in NUMBER.findall(line)[:3]])
+
+
+def test_a_correction_beyond_the_limit_is_left_alone(cli, work: Path) -> None:
+    got = cli("compensate", work / "model.rtm", work / "part.src", "-o", work / "o.src",
+              "--max-shift-mm", "0.01", "--json")  # fmt: skip
+    assert got.code == 0
+    assert got.document["status"]["unchanged_step"] == 3
+    assert (work / "o.src").read_bytes() == (work / "part.src").read_bytes()
+
+
+@pytest.mark.parametrize(("options", "message"), [
+    (("--wrench", "1,2"), "wrench '1,2', expected 3 or 6 numbers in N and N m"),
+    (("--wrench", "a,b,c"), "wrench 'a,b,c', expected 3 or 6 numbers"),
+    (("--wrench", "1,2,nan"), "wrench '1,2,nan', expected 3 or 6 numbers"),
+    (("--max-shift-mm", "0"), "--max-shift-mm is 0 mm, expected above 0"),
+])  # fmt: skip
+def test_options_that_cannot_be(cli, work: Path, options: tuple[str, str], message: str) -> None:
+    got = cli("compensate", work / "model.rtm", work / "part.src", "-o", work / "o.src", *options)
+    assert got.code == 1
+    assert message in got.err
+    assert not (work / "o.src").exists()
+
+
+SRC = """DEF job()
+$BASE={X 0,Y 0,Z 0,A 0,B 0,C 0}
+$TOOL={X 60,Y 40,Z 250,A 0,B 0,C 0}
+LIN {X 1200.0,Y 200.0,Z 900.0,A 0,B 120,C 0}
+LIN XP1
+END
+"""
+DAT = """DEFDAT job
+DECL E6POS XP1={X 1150.0,Y -100.0,Z 850.0,A 0.0,B 120.0,C 0.0,S 2,T 3,E1 0.0,E2 0.0}
+ENDDAT
+"""
+
+
+def test_a_job_of_two_files(cli, work: Path) -> None:
+    (work / "job.src").write_text(SRC)
+    (work / "job.dat").write_text(DAT)
+    got = cli("compensate", work / "model.rtm", work / "job.src", "-o", work / "new.src", "--json")
+    assert got.code == 0, got.err
+    assert got.document["targets"] == 2
+    assert got.document["compensated"] == sum(f["compensated"] for f in got.document["files"])
+    outputs = [Path(f["output"]).name for f in got.document["files"]]
+    assert outputs == ["new.src", "new.dat"]
+    assert (work / "job.src").read_text() == SRC
+    assert (work / "job.dat").read_text() == DAT
+    new = (work / "new.dat").read_text()
+    assert new != DAT
+    assert NUMBER.sub(b"#", new.encode()) == NUMBER.sub(b"#", DAT.encode())
+    seen = cli("inspect", work / "job.src", "--json").document
+    assert seen["files"] == ["job.src", "job.dat"]
+    assert seen["targets"] == 2
+
+
+def test_the_companion_is_not_overwritten_either(cli, work: Path) -> None:
+    (work / "job.src").write_text(SRC)
+    (work / "job.dat").write_text(DAT)
+    got = cli("compensate", work / "model.rtm", work / "job.src", "-o", work / "job.dat")
+    assert got.code == 1
+    assert (work / "job.dat").read_text() == DAT
