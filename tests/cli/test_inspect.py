@@ -52,6 +52,18 @@ def test_the_model_table_says_how_well_each_error_is_known(cli, work: Path) -> N
     assert max(map(len, got.err.splitlines())) > 80  # remarks are not broken into lines
 
 
+def test_a_learned_model_shows_ripple_and_backlash(cli) -> None:
+    """The archived arm has ripple of 2 and 3 cycles on joints 2 and 3 and no backlash."""
+    path = Path(__file__).parents[1] / "archives" / "0.1.0" / "learned.rtm"
+    drives = cli("inspect", path, "--json").document["drives"]
+    assert drives["joint 2"]["strongest"] == 2
+    assert drives["joint 3"]["strongest"] == 3
+    # Joint 2 turns 75 deg only: part of its two cycles looks like geometry. Joint 3 turns 120 deg.
+    amplitude = np.rad2deg(1e-4) / np.sqrt(2.0) * 1e3
+    assert drives["joint 3"]["ripple_mdeg"] == pytest.approx(amplitude, rel=0.1)
+    assert "ripple and backlash of the drives" in cli("inspect", path).out
+
+
 def test_a_cell(cli, work: Path) -> None:
     document = cli("inspect", work / "cell.toml", "--json").document
     assert document["holds"] == "cell"

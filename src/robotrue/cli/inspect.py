@@ -10,11 +10,12 @@ from typing import Any, Final
 
 import numpy as np
 
+from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
 from robotrue.cli.console import emit_facts, emit_json, emit_table, say
 from robotrue.cli.inputs import read_mapping
-from robotrue.cli.model_view import identified, remarks, result_facts, stiffness
+from robotrue.cli.model_view import drive_errors, identified, remarks, result_facts, stiffness
 from robotrue.core.files import read_bytes
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import FormatError
@@ -62,6 +63,7 @@ def model_document(stored: ModelFile) -> dict[str, Any]:
         **dict(stored.model.training_summary()),
         "identified": identified(stored.model),
         "stiffness": stiffness(stored.model),
+        "drives": drive_errors(stored.model),
         "cell": {
             "source": cell.source,
             "sha256": cell.digest,
@@ -84,17 +86,24 @@ def show_model(path: Path, stored: ModelFile) -> None:
             ("kind", f"{stored.archive.kind}, schema {stored.archive.schema}"),
         ],
     )
-    errors = identified(stored.model)
+    _show_errors(stored.model)
+    for line in remarks(summary):
+        say(line)
+
+
+def _show_errors(model: ErrorModel) -> None:
+    """The tables of what was identified; a kind of error the model does not have has none."""
+    errors = identified(model)
     if errors:
         emit_table(
             "identified errors, actual minus nominal",
             ("", "value", "sd", "unit", "known"),
             [
-                (name, *(_signed(row["value"]), _plain(row["sd"])), row["unit"], row["known"])
+                (name, _signed(row["value"]), _plain(row["sd"]), row["unit"], row["known"])
                 for name, row in errors.items()
             ],
         )
-    springs = stiffness(stored.model)
+    springs = stiffness(model)
     if springs:
         emit_table(
             "stiffness of the drives",
@@ -104,8 +113,21 @@ def show_model(path: Path, stored: ModelFile) -> None:
                 for name, row in springs.items()
             ],
         )
-    for line in remarks(summary):
-        say(line)
+    drives = drive_errors(model)
+    if drives:
+        emit_table(
+            "ripple and backlash of the drives",
+            ("", "ripple rms, 0.001 deg", "strongest, per turn", "backlash, 0.001 deg"),
+            [
+                (
+                    name,
+                    f"{row['ripple_mdeg']:.2f}",
+                    str(row["strongest"]) if row["ripple_mdeg"] >= 0.005 else "none",
+                    f"{row['backlash_mdeg']:+.2f}",
+                )
+                for name, row in drives.items()
+            ],
+        )
 
 
 def cell_document(cell: Cell) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from robotrue.robot.model import UNITS, parameter_names
 
 SHOP: Final = {"m": ("mm", MM), "rad": ("deg", DEG), "1": ("ppm", 1e-6)}
 """SI unit of an error parameter, and what a shop prints."""
+MDEG: Final = 1e-3 * DEG
 
 
 def identified(model: ErrorModel) -> dict[str, dict[str, Any]]:
@@ -55,6 +56,27 @@ def stiffness(model: ErrorModel) -> dict[str, dict[str, Any]]:
             "known": row["class"],
         }
     return out
+
+
+def drive_errors(model: ErrorModel) -> dict[str, dict[str, Any]]:
+    """Returns ripple and backlash of each joint of a model that has learned them, in 1e-3 deg.
+
+    ``ripple_mdeg`` is the root mean square over a turn, ``strongest`` the cycles per revolution of
+    the largest harmonic, ``backlash_mdeg`` half the gap between the two approach directions.
+    """
+    tables = model.mean_tables()
+    if tables is None or not (len(tables.harmonics) or tables.backlash.any()):
+        return {}
+    size = np.hypot(tables.ripple_sin, tables.ripple_cos)
+    rms = np.sqrt(0.5 * (size**2).sum(axis=1))
+    return {
+        f"joint {j + 1}": {
+            "ripple_mdeg": float(rms[j] / MDEG),
+            "strongest": int(tables.harmonics[int(size[j].argmax())]) if rms[j] > 0.0 else None,
+            "backlash_mdeg": float(tables.backlash[j] / MDEG),
+        }
+        for j in range(tables.robot.dof)
+    }
 
 
 def result_facts(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
