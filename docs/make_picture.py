@@ -58,7 +58,7 @@ def main() -> None:
 def draw(panels: list[tuple[str, np.ndarray, np.ndarray]]) -> None:
     """Writes the picture: both panels in one scale, seen from the front (y, z)."""
     mpl.rcParams.update({"font.family": "DejaVu Sans", "font.size": 10, "svg.hashsalt": "robotrue"})
-    figure, axes = plt.subplots(1, 2, figsize=(9.6, 5.0), sharey=True, layout="constrained")
+    figure, axes = plt.subplots(1, 2, figsize=(9.6, 3.5), sharey=True, layout="constrained")
     for axis, colour, (title, position, error) in zip(axes, COLOURS, panels, strict=True):
         size = np.linalg.norm(error, axis=1)
         panel(axis, position[:, 1:], error[:, 1:], colour)
