@@ -144,7 +144,7 @@ def test_fewer_poses_than_parameters(cli, work: Path) -> None:
     table = pd.read_csv(work / "cal.csv").iloc[:8]
     table.to_csv(work / "cal.csv", index=False)
     message = refused(cli, work)
-    assert "8 poses give 24 usable numbers" in message
+    assert f"{work / 'cal.csv'}: 8 poses give 24 usable numbers" in message
     assert "measure at least" in message
 
 

@@ -15,7 +15,7 @@ from robotrue.cell.config import read_cell
 from robotrue.cli.console import emit_facts, emit_json, progress, say
 from robotrue.cli.inputs import check_output, measured
 from robotrue.cli.model_view import remarks, result_facts
-from robotrue.errors import ConfigurationError
+from robotrue.errors import ConfigurationError, ObservabilityError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.store.model_file import write_model
 from robotrue.validation.auto import fit_auto
@@ -49,7 +49,12 @@ def run(
     for doubt in cell.doubts:
         say(f"note: {doubt}")
     measurements = measured(cell, paths, mapping)
-    model, selection = calibrated(cell, measurements, method)
+    try:
+        model, selection = calibrated(cell, measurements, method)
+    except ObservabilityError as cause:  # the fit knows rows, not files
+        raise ObservabilityError(
+            cause.message, source=", ".join(map(str, paths)), hint=cause.hint
+        ) from cause
     write_model(output, model, cell)
     say(f"model written to {output}")
     if report is not None:
