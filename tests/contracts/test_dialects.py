@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from robotrue.errors import FormatError
 from robotrue.program.formats import detect, dialect, dialects, read_job, write_program
 from robotrue.program.program import FrameTable, Program, Replacement
 
@@ -58,6 +59,22 @@ def test_written_targets_are_read_again(samples: list[Path], tmp_path: Path) -> 
         for program in job:
             (tmp_path / program.name).unlink()
     assert moved > 0
+
+
+@pytest.mark.data
+def test_a_cut_off_file_is_refused_by_line_or_kept(samples: list[Path]) -> None:
+    for path in samples:
+        data, language = path.read_bytes(), dialect(detect(path.read_bytes(), path.name).name)
+        for size in range(0, len(data), 7):
+            part = data[:size]
+            try:
+                program = language.read(part, name=path.name, frames=FrameTable())
+            except FormatError as error:
+                refused: FormatError | None = error
+            else:
+                refused = None
+                assert write_program(program, shifted(program, 0.0)) == part
+            assert refused is None or (refused.line or 0) >= 1
 
 
 @pytest.mark.data

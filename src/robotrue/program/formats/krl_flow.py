@@ -267,9 +267,7 @@ class Flow:
             out[node] = new
             wake = list(after[node])
             for routine in ends.get(node, ()):
-                total = _joined(
-                    [out[n] for n in self._last[routine] if n >= 0], node, effect[routine]
-                )
+                total = _joined([effect[routine], new], node, effect[routine])
                 if total != effect[routine]:
                     effect[routine] = total
                     wake += callers[routine]

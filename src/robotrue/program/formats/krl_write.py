@@ -299,7 +299,7 @@ def _copy(out: Any, k: Any, buf: Any, start: Any, end: Any) -> Any:
 def _place(
     out: Any, k: Any, buf: Any, cursor: Any, start: Any, end: Any, text: Any, size: Any
 ) -> Any:
-    """Copies up to a token and writes ``text[:size]`` for it, its column kept where blanks allow."""
+    """Copies up to a token and writes ``text[:size]``, its column kept where blanks allow."""
     lead = 0
     while start - lead - 1 >= cursor and buf[start - lead - 1] == 32:
         lead += 1
