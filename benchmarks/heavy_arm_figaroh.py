@@ -23,7 +23,8 @@ from figaroh.tools.robot import load_robot
 
 warnings.simplefilter("ignore")
 case, route = np.load(sys.argv[1]), sys.argv[3]
-folder = Path(tempfile.mkdtemp())
+holder = tempfile.TemporaryDirectory()
+folder = Path(holder.name)
 CONFIG = """
 robot:
   name: heavy_arm
