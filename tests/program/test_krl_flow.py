@@ -25,10 +25,11 @@ TABLE = FrameTable(
 def bases(text: str) -> list[float | None]:
     """x of the base of every target in mm, None where it is not known; ``/`` ends a line."""
     program = read(text.replace("/", "\n").replace("P!", P), TABLE)
-    assert set(program.reason.tolist()) <= {Reason.NONE, Reason.UNKNOWN_FRAME}
+    use = program.reason != Reason.UNUSED
+    assert set(program.reason[use].tolist()) <= {Reason.NONE, Reason.UNKNOWN_FRAME}
     return [
         None if why else round(float(program.T_base_frame[base][0, 3] / MM), 6)
-        for why, base in zip(program.reason.tolist(), program.frame.tolist(), strict=True)
+        for why, base in zip(program.reason[use].tolist(), program.frame[use].tolist(), strict=True)
     ]
 
 
@@ -67,6 +68,12 @@ def tools(program: Program) -> list[float]:
         # FDAT_ACT of either branch.
         ("DEF p()/IF x THEN/FDAT_ACT={TOOL_NO 1,BASE_NO 1,IPO_FRAME #BASE}/ELSE/"
          "FDAT_ACT={TOOL_NO 1,BASE_NO 2,IPO_FRAME #BASE}/ENDIF/BAS(#FRAMES)/P!/END", [None]),
+        # Base data and frame variables written on one branch.
+        ("DEF p()/IF x THEN/BASE_DATA[1]={X 5,Y 0,Z 0,A 0,B 0,C 0}/ENDIF/BAS(#BASE,1)/P!/END",
+         [None]),
+        ("DEF p()/IF x THEN/BASE_DATA[1]={X 1,Y 0,Z 0,A 0,B 0,C 0}/ENDIF/BAS(#BASE,1)/P!/END", [1]),
+        ("DEF p()/f={X 5,Y 0,Z 0,A 0,B 0,C 0}/IF x THEN/f={X 6,Y 0,Z 0,A 0,B 0,C 0}/ENDIF/"
+         "$BASE=f/P!/END", [None]),
         # A handler runs at any line.
         ("DEF p()/INTERRUPT DECL 3 WHEN $IN[1]==TRUE DO h()/BAS(#BASE,1)/P!/END/"
          "DEF h()/P!/BAS(#BASE,2)/BAS(#TOOL,2)/P!/END", [1, None, 2]),

@@ -156,6 +156,11 @@ class Flow:
             self._branches.append((entry, ends, had or other, True))
             self._add(line, [entry])
 
+    @property
+    def in_branch(self) -> bool:
+        """Returns whether the line being read runs on one of several ways."""
+        return bool(self._branches)
+
     def join(self, line: int) -> None:
         """ENDIF and ENDSWITCH."""
         if self._branches:

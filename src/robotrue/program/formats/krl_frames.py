@@ -52,13 +52,14 @@ class Frames:
         }
         self.cures: dict[tuple[str, int], str] = {}
         self._index: dict[tuple[str, bytes], int] = {
-            (side, matrices[0].tobytes()): 0 for side, matrices in self.matrices.items()
+            (side, (matrices[0] + 0.0).tobytes()): 0 for side, matrices in self.matrices.items()
         }
         self._unknown: dict[tuple[str, str], int] = {}
         self._data: dict[tuple[str, str], int] = {}
 
     def known(self, side: str, matrix: Array) -> int:
         """Returns the index of a frame, entering it if it is new."""
+        matrix = matrix + 0.0  # -0.0 and 0.0 are one frame
         key = (side, matrix.tobytes())
         if key not in self._index:
             self._index[key] = len(self.matrices[side])

@@ -244,7 +244,11 @@ class Walk:
         elif variable in ("base_data", "tool_data"):
             side = variable[:4]
             if index.isdigit() and not path:
-                self.frames.store(side, index, self._resolve(file, line, side, rest))
+                new = self._resolve(file, line, side, rest)
+                if self.flow.in_branch and new != self.frames.number(side, line, index):
+                    what, cure = f"data {index} is set on one branch", "set it on every way"
+                    new = self.frames.unknown(side, line, what, cure)
+                self.frames.store(side, index, new)
             else:
                 what, cure = "data is changed by an expression", "write it as numbers"
                 self.frames.store(side, index, self.frames.unknown(side, line, what, cure))
@@ -272,7 +276,11 @@ class Walk:
             if scan.agg_flag[agg] & NOT_CONSTANT:
                 self.story.flags[file, agg] = Reason.EXPRESSION
             if here == at:
-                self._variables[variable] = self._values(file, agg)
+                values = self._values(file, agg)
+                before = self._variables.get(variable, values)
+                if self.flow.in_branch and not np.array_equal(before, values):
+                    values = np.full(6, np.nan)
+                self._variables[variable] = values
         rest = code[at:]
         if aggs:
             tail = code[int(scan.agg_close[aggs[-1]]) - offset + 1 :].strip()
