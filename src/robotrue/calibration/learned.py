@@ -27,7 +27,7 @@ from robotrue.calibration.observations import (
     PositionObservation,
     observations_of,
 )
-from robotrue.calibration.parameters import retract
+from robotrue.calibration.parameters import retract, station_as_base
 from robotrue.calibration.residual import LearnedModel
 from robotrue.calibration.rigid_flexible import RigidFlexibleModel
 from robotrue.calibration.ripple import LADDER, REST, START, harmonics
@@ -36,7 +36,7 @@ from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.smooth import choose_centres, learn_smooth
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.measurement.measurement_set import MeasurementSet
-from robotrue.robot.model import RobotModel
+from robotrue.robot.model import RobotModel, parameter_slice
 
 ROUNDS: Final = (8, 5)
 """Steps of learning in each renewal of linearisation, weights and noise after the ladder."""
@@ -333,6 +333,13 @@ def _model(
     columns, picked = _model_columns(design, covered, count)
     root = fit.root[:, picked]
     size = layout.robot_size
+    gauge = station_as_base(layout, state)
+    if gauge is not None:
+        parameter = design.free[covered[covered < ripple]]
+        at_station = np.flatnonzero((parameter >= gauge[0].start) & (parameter < gauge[0].stop))
+        root = np.hstack([root, fit.root[:, at_station] @ gauge[1].T])
+        base = parameter_slice(dof, "base")
+        columns = np.concatenate([columns, np.arange(base.start, base.stop)])
     covariance = np.zeros((size, size))
     physics = np.flatnonzero(columns < size)
     covariance[np.ix_(columns[physics], columns[physics])] = root[:, physics].T @ root[:, physics]

@@ -10,12 +10,13 @@ import numpy as np
 from robotrue.calibration.estimate import Estimate, estimate, free_groups
 from robotrue.calibration.learned import LearnedParts, fit_learned
 from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.parameters import station_as_base
 from robotrue.calibration.residual import LearnedModel
 from robotrue.calibration.rigid_flexible import RigidFlexibleModel
 from robotrue.calibration.settings import FitSettings
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.measurement_set import MeasurementSet
-from robotrue.robot.model import RobotModel
+from robotrue.robot.model import RobotModel, parameter_slice
 
 __all__ = ["METHODS", "FitFunction", "FitSettings", "fit", "fit_rigid_flexible"]
 
@@ -107,12 +108,15 @@ def fit_rigid_flexible(
 
 def model_of(result: Estimate, settings: FitSettings, method: str) -> RigidFlexibleModel:
     """Returns the error model of an estimate."""
-    size = result.posterior.layout.robot_size
-    state = result.posterior.state
+    layout, state = result.posterior.layout, result.posterior.state
+    carry = np.eye(layout.size)[: layout.robot_size]
+    gauge = station_as_base(layout, state)
+    if gauge is not None:
+        carry[parameter_slice(layout.dof, "base"), gauge[0]] = gauge[1]
     return RigidFlexibleModel(
         robot=state.robot.nominal(),
         errors=state.robot.errors,
-        covariance=result.posterior.covariance[:size, :size],
+        covariance=carry @ result.posterior.covariance @ carry.T,
         repeatability=settings.repeatability_sd,
         white=float(np.sqrt(result.posterior.noise[0])),
         T_tracker_base=state.T_tracker_base,

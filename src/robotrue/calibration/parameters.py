@@ -132,6 +132,22 @@ def difference(layout: Layout, state: State, origin: State) -> Array:
     return out
 
 
+def station_as_base(layout: Layout, state: State) -> tuple[slice, Array] | None:
+    """Returns the first station's block and the (6, 6) map of its step to one of the base errors.
+
+    With an unknown tracker frame the base *is* where that station says: the joint offsets and the
+    station are known only together, and only together do they say where a measured point will be.
+    None where no station is estimated.
+    """
+    if not layout.stations:
+        return None
+    first = layout.stations[0]
+    back = state.T_tracker_base[first][:3, :3].T
+    out = np.zeros((6, 6))
+    out[:3, :3] = out[3:, 3:] = back
+    return layout.blocks[f"station/{first}"], out
+
+
 def _moved(transform: Array, step: Array) -> Array:
     out = transform.copy()
     out[:3, 3] += step[:3]
