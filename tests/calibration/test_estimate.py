@@ -242,3 +242,16 @@ def test_several_reflectors_show_the_last_axis():
     np.testing.assert_allclose(T[:3, 3], offset, atol=2e-3)
     assert "target/1_x" in result.posterior.layout.names
     assert inverse(T).shape == (4, 4)
+
+
+def test_an_unknown_tracker_frame_does_not_blur_the_measured_point():
+    rng = np.random.default_rng(12)
+    robot = arm()
+    actual, joints = planted(robot, rng, base=0.0), postures(robot, 60, rng)
+    spreads = []
+    for station in (None, STATION):
+        seen = measure(actual, joints, np.random.default_rng(5), T_tracker_base=station)
+        model = fit(robot, seen, method="elastic", settings=SETTINGS)
+        stated = model.predict(Query(joints=joints, load=PAYLOAD)).covariance
+        spreads.append(np.sqrt(np.trace(stated, axis1=1, axis2=2)).mean())
+    assert spreads[1] < 1.2 * spreads[0]

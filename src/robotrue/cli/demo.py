@@ -168,7 +168,6 @@ def run_demo(out_dir: Path, *, seed: int = 1, progress: Progress | None = None) 
 def write_virtual_cell(virtual: VirtualCell, hole: FlangeHole, folder: Path) -> None:
     """Writes what an engineer at this cell would have: cell file, two campaigns, the program."""
     write_atomic(folder / "cell.toml", cell_toml(virtual.known).encode())
-    target = virtual.known.T_flange_target
     robot = virtual.known.measured_robot
     campaigns = (
         ("calibration", CALIBRATION_POSES, REGION),
@@ -182,7 +181,7 @@ def write_virtual_cell(virtual: VirtualCell, hole: FlangeHole, folder: Path) -> 
             joints,
             seed=virtual.seed,
             campaign=number,
-            T_flange_tool=target,
+            T_flange_tool=virtual.T_flange_target,
             name=f"simulated {name} seed={virtual.seed}",
         )
         write_canonical(folder / f"{name}.csv", taken)
@@ -209,6 +208,7 @@ def cell_toml(cell: Cell) -> str:
             f"centre_of_mass_mm = {_numbers(cell.payload.com[0], MM)}",
             "[target]",
             f"xyz_mm = {_numbers(target[:3, 3], MM)}",
+            f"sigma_mm = {cell.target_sigma / MM:.6g}",
             "[tracker]",
             'frame = "base"',
             f"xyz_mm = {_numbers(position, MM)}",

@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from robotrue.calibration.settings import RP_PER_SIGMA
 from robotrue.cell.cell import Cell
 from robotrue.core.arrays import Array
 from robotrue.core.poses import pose, pose_from_xyz_abc
@@ -30,6 +31,8 @@ BASE_ERROR: Final = np.array([0.5 * MM, 0.5 * MM, 0.5 * MM, 0.01 * DEG, 0.02 * D
 """m and rad, Table 3."""
 SPINDLE: Final = Load(mass=np.array([50.0]), com=np.array([[0.0, 0.0, 84.0]]) * MM)
 """Assumed: with the flange link it makes 65 kg at 60 mm."""
+TARGET_SIGMA: Final = 0.05 * MM
+"""Per axis, of the reflector's stated place: surveyed."""
 T_FLANGE_TARGET: Final = pose(np.eye(3), np.array([-150.0, 0.0, 50.0]) * MM)
 """Assumed: the reflector on the side of the spindle, 150 mm off the flange axis."""
 T_FLANGE_TOOL: Final = pose_from_xyz_abc(
@@ -48,12 +51,14 @@ class VirtualCell:
         known: Robot, tool, reflector, payload and tracker as the user believes them.
         robot: The truth.
         tracker: The instrument.
+        T_flange_target: (4, 4) where the reflector really sits on the flange.
         seed: Of everything drawn.
     """
 
     known: Cell
     robot: VirtualRobot
     tracker: VirtualTracker
+    T_flange_target: Array
     seed: int
 
 
@@ -73,7 +78,8 @@ def deng2022(
             False: errors drawn with Table 3 as standard deviations and scaled together so that the
             mean error in the validation region is 1.5 mm (largest in 2.2 to 3.2, standard deviation
             0.35 to 0.75 mm, or drawn again); stiffness times 0.7 to 1.3, masses times 0.85 to 1.15,
-            centres moved by up to 20 mm.
+            centres moved by up to 20 mm; the reflector sits off its stated place by 0.05 mm (1 sigma
+            per axis), as after a survey of the flange.
         repeatability: m, 1 sigma per axis; 0.014 mm is an ISO 9283 RP of about 0.05 mm.
     """
     nominal = replace(preset("kr160"), T_flange_tool=T_FLANGE_TOOL)
@@ -81,9 +87,10 @@ def deng2022(
     known = Cell(
         robot=nominal,
         T_flange_target=T_FLANGE_TARGET,
+        target_sigma=TARGET_SIGMA,
         tracker_position=tracker.position,
         tracker=tracker.specification,
-        repeatability=repeatability,
+        repeatability=RP_PER_SIGMA * repeatability,
         payload=SPINDLE,
         compliance_prior=1.0 / STIFFNESS,
     )
@@ -98,7 +105,10 @@ def deng2022(
     )
     if not exact:
         robot = _draw(robot, seed)
-    return VirtualCell(known=known, robot=robot, tracker=tracker, seed=seed)
+    target = T_FLANGE_TARGET.copy()
+    if not exact:
+        target[:3, 3] += TARGET_SIGMA * np.random.default_rng([seed, 31]).standard_normal(3)
+    return VirtualCell(known=known, robot=robot, tracker=tracker, T_flange_target=target, seed=seed)
 
 
 def raw_error(virtual: VirtualRobot, joints: Array) -> Array:
