@@ -7,18 +7,71 @@ Source of the closed form: Brandstoetter, Angerer, Hofbaur 2014, eq. 1-16, with 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from robotrue.compensation.compiled import EXACT, compiled
-from robotrue.compensation.kernels import chain, invert6, jacobian, mix
-from robotrue.compensation.pack import Pack
-from robotrue.compensation.scratch import Scratch
+from robotrue.compensation.status import Route
 from robotrue.core.arrays import Array, IntArray
 
 TURN = 2.0 * math.pi
 NEAR = 0.3  # rad: a step so small cannot lead to another branch
 OUTSIDE = 1e6  # rad^2 added to the distance of a solution beyond a joint limit
+
+
+SKIP, LINEAR = int(Route.SKIP), int(Route.LINEAR)
+GIVEN, PASS, AXES = int(Route.GIVEN), int(Route.PASS), int(Route.AXES)
+
+
+class Closed(NamedTuple):
+    """What the closed form knows of the nominal arm; as in ``Pack``."""
+
+    lengths: Array  # (7,) m
+    sign: Array  # (6,)
+    offset: Array  # (6,) rad
+    end: Array  # (t, 12)
+    uncoupling: Array  # (6, 6)
+    coupled: bool
+    limits: Array  # (6, 2) rad
+
+
+@compiled(EXACT)
+def choose_closed(
+    p: Closed, target: Array, route: IntArray, tool: IntArray, given: Array, near: Array,
+    branch: IntArray, out: Array,
+) -> None:  # fmt: skip
+    """Writes the nominal joints (n, 6) rad of the targets in order; NaN where there are none.
+
+    Args:
+        p: The arm.
+        target: (n, 12) in base.
+        route: (n,) :class:`Route`.
+        tool: (n,).
+        given: (n, 6) rad, joints where the route has them.
+        near: (6,) rad, where the arm is before; renewed.
+        branch: (4,) shoulder, elbow, flip of the target before (0 unknown), and 1 once the arm
+            has been anywhere; renewed.
+        out: (n, 6) rad, written.
+    """
+    theta, trial, hand = np.empty(6), np.empty(6), np.empty(12)
+    found = np.empty(6)
+    for r in range(len(route)):
+        if route[r] == SKIP:
+            continue
+        if route[r] == GIVEN or route[r] == PASS or route[r] == AXES:
+            for k in range(6):
+                found[k] = given[r, k]
+            branch[0] = 0
+        else:
+            settle = route[r] != LINEAR or branch[3] == 0
+            if not closed_joints(
+                p, tool[r], target[r], near, settle, branch, theta, trial, hand, found
+            ):
+                continue
+        branch[3] = 1
+        for k in range(6):
+            near[k] = out[r, k] = found[k]
 
 
 @compiled(EXACT)
@@ -89,14 +142,14 @@ def closed_branch(
 
 
 @compiled(EXACT)
-def _to_joints(p: Pack, theta: Array, near: Array, settle: bool, out: Array) -> float:
+def _to_joints(p: Closed, theta: Array, near: Array, settle: bool, out: Array) -> float:
     """Writes q (6,) rad at the turn nearest to ``near``; returns its squared distance, rad^2.
 
     With ``settle`` a joint beyond its limit may take another turn, and a solution that stays
     beyond is ranked behind all others.
     """
     for i in range(6):
-        out[i] = p.opw_sign[i] * (theta[i] - p.opw_offset[i])
+        out[i] = p.sign[i] * (theta[i] - p.offset[i])
     if p.coupled:
         mix(p.uncoupling, out)
     distance = 0.0
@@ -117,7 +170,7 @@ def _to_joints(p: Pack, theta: Array, near: Array, settle: bool, out: Array) -> 
 
 @compiled(EXACT)
 def closed_joints(
-    p: Pack, tool: int, target: Array, near: Array, settle: bool, branch: IntArray,
+    p: Closed, tool: int, target: Array, near: Array, settle: bool, branch: IntArray,
     theta: Array, trial: Array, hand: Array, out: Array,
 ) -> bool:  # fmt: skip
     """Writes the nominal joints (6,) rad nearest to ``near``; False where there are none.
@@ -134,12 +187,12 @@ def closed_joints(
         hand: (12,) work.
         out: (6,) rad, written.
     """
-    place(target, tool, p.opw_end, hand)
-    turn4 = p.opw_sign[3] * near[3] + p.opw_offset[3]
+    place(target, tool, p.end, hand)
+    turn4 = p.sign[3] * near[3] + p.offset[3]
     if (
         branch[0] != 0
         and not settle
-        and closed_branch(p.opw, hand, branch[0], branch[1], branch[2], turn4, theta)
+        and closed_branch(p.lengths, hand, branch[0], branch[1], branch[2], turn4, theta)
     ):
         _to_joints(p, theta, near, False, out)
         widest = 0.0
@@ -150,7 +203,7 @@ def closed_joints(
     best = np.inf
     for code in range(8):
         shoulder, elbow, flip = 1 - 2 * (code & 1), 1 - (code & 2), 1 - (code & 4) // 2
-        if closed_branch(p.opw, hand, shoulder, elbow, flip, turn4, theta):
+        if closed_branch(p.lengths, hand, shoulder, elbow, flip, turn4, theta):
             distance = _to_joints(p, theta, near, settle, trial)
             if distance < best - 1e-12:
                 best = distance
@@ -161,68 +214,11 @@ def closed_joints(
 
 
 @compiled(EXACT)
-def deviation(pose: Array, target: Array, out: Array) -> tuple[float, float]:
-    """Writes pose minus target as (6,) m, sine of the rotation vector; returns both lengths."""
-    for i in range(3):
-        out[i] = pose[9 + i] - target[9 + i]
-    x = y = z = 0.0
-    for j in range(3):
-        x += pose[6 + j] * target[3 + j] - pose[3 + j] * target[6 + j]
-        y += pose[j] * target[6 + j] - pose[6 + j] * target[j]
-        z += pose[3 + j] * target[j] - pose[j] * target[3 + j]
-    trace = 0.0
-    for j in range(9):
-        trace += pose[j] * target[j]
-    out[3], out[4], out[5] = 0.5 * x, 0.5 * y, 0.5 * z
-    turn = 0.5 * math.sqrt(x * x + y * y + z * z)
-    if trace < 1.0:  # more than a quarter turn: keep the step long enough to get there
-        scale = math.atan2(turn, 0.5 * (trace - 1.0)) / max(turn, 1e-6)
-        out[3] *= scale
-        out[4] *= scale
-        out[5] *= scale
-        turn *= scale
-    return math.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2]), turn
-
-
-@compiled(EXACT)
-def iterated_joints(p: Pack, w: Scratch, target: Array, near: Array, out: Array) -> bool:
-    """Writes nominal joints (6,) rad by Newton from ``near``; False if it does not arrive.
-
-    For arms without a closed form here. Steps are held under 0.3 rad, so it stays on the branch.
-    ``w.nominal`` holds the chain with the tool.
-    """
+def mix(matrix: Array, vector: Array) -> None:
+    """Replaces a vector (6,) by matrix @ vector."""
+    v0, v1, v2, v3, v4, v5 = vector[0], vector[1], vector[2], vector[3], vector[4], vector[5]
     for i in range(6):
-        out[i] = near[i]
-    miss = twist = np.inf
-    for _ in range(40):
-        for i in range(6):
-            w.shift[i] = out[i]
-        if p.coupled:
-            mix(p.coupling, w.shift)
-        for i in range(6):
-            w.theta_sine[i] = math.sin(w.shift[i] + p.zero[i])
-            w.theta_cosine[i] = math.cos(w.shift[i] + p.zero[i])
-        chain(
-            w.nominal, w.theta_sine, w.theta_cosine, False, p.com, w.centre, w.axis, w.origin,
-            w.moment, w.payload, w.told,
+        vector[i] = (
+            matrix[i, 0] * v0 + matrix[i, 1] * v1 + matrix[i, 2] * v2
+            + matrix[i, 3] * v3 + matrix[i, 4] * v4 + matrix[i, 5] * v5
         )  # fmt: skip
-        miss, twist = deviation(w.told, target, w.error)
-        if miss < 1e-12 and twist < 1e-12:
-            return True
-        jacobian(p, w.axis, w.origin, w.told, w.jacobian)
-        if not invert6(w.jacobian, w.order, w.inverse):
-            return False
-        widest, scale = 0.0, 1.0 / p.length
-        for i in range(6):
-            total = 0.0
-            for k in range(3):
-                total += w.inverse[i, k] * w.error[k] * scale
-                total += w.inverse[i, k + 3] * w.error[k + 3]
-            w.step[i] = total
-            widest = max(widest, abs(total))
-        damp = min(1.0, 0.3 / widest) if widest > 0.0 else 1.0
-        for i in range(6):
-            out[i] -= damp * w.step[i]
-        if widest < 1e-13:
-            break
-    return miss < 1e-9 and twist < 1e-9

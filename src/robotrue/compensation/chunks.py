@@ -8,16 +8,15 @@ from typing import TypeAlias
 
 import numpy as np
 
+from robotrue.compensation.memory import space
 from robotrue.compensation.pack import Pack
 from robotrue.compensation.plan import Plan
-from robotrue.compensation.scratch import scratch
 from robotrue.compensation.settings import CompensationSettings
-from robotrue.compensation.status import Route, Status
 from robotrue.core.arrays import Array, IntArray
 from robotrue.program.program import Program
 from robotrue.robot.statics import Load
 
-CHUNK = 1 << 15
+CHUNK = 1 << 13
 """Targets worked on at a time; only results grow with the program."""
 
 Helper: TypeAlias = Callable[[int, Array], Array | None]
@@ -97,66 +96,16 @@ def solve_chunks(
     search: Helper,
 ) -> Iterator[Part]:
     """Yields each chunk after its targets were solved into ``outcome``."""
-    from robotrue.compensation import solve as kernel  # compiles: only when needed
+    from robotrue.compensation.chunk import Arrival, solve_chunk  # compiles: only when needed
 
-    guard = kernel.Guard(
-        tolerance=settings.tolerance,
-        turn_tolerance=settings.turn_tolerance,
-        max_shift=settings.max_shift,
-        max_turn=settings.max_turn,
-        min_shift=settings.min_shift,
-        min_singular_value=settings.min_singular_value,
-        min_wrist_sine=float(np.sin(settings.min_wrist_angle)),
-        max_joint_step=settings.max_joint_step,
-        follow_approach=settings.approach == "path",
-    )
     home = settings.home if len(settings.home) else pack.limits.mean(axis=1)
-    state = kernel.State(
-        joints=np.array(home), approach=np.zeros(6), branch=np.zeros(4, dtype=np.int64)
+    arrival = Arrival(
+        near=np.array(home),
+        joints=np.array(home),
+        sign=np.zeros(6),
+        branch=np.zeros(4, dtype=np.int64),
+        space=space(),
     )
-    work = scratch(pack)
-    frames = np.array(program.T_base_frame)
-    frames = np.concatenate([frames[:, :3, :3].reshape(-1, 9), frames[:, :3, 3]], axis=1)
     for start in range(0, len(program), CHUNK):
-        part = slice(start, min(start + CHUNK, len(program)))
-        count = part.stop - part.start
-        rows = kernel.Rows(
-            position=outcome.position[part],
-            rotation=outcome.rotation[part],
-            joints=outcome.joints[part],
-            route=np.array(plan.route[part]),
-            frame=np.array(program.frame[part]),
-            tool=np.array(program.tool[part]),
-            frames=frames,
-            mass=_share(load.mass, part),
-            com=_share(load.com, part),
-            wrench=_share(load.wrench, part),
-            status=outcome.status[part],
-            before=outcome.before[part],
-            after=outcome.after[part],
-            shift=outcome.shift[part],
-            turn=outcome.turn[part],
-            nominal=np.full((count, 6), np.nan),
-            approach=np.zeros((count, 6)),
-            singular=outcome.singular[part],
-        )
-        row = kernel.solve_rows(pack, guard, rows, state, work, 0)
-        while row < count:
-            been = state.branch[3] != 0
-            joints = search(start + row, np.array(state.joints))
-            if joints is None:
-                rows.status[row], rows.route[row] = Status.UNCHANGED_UNREACHABLE, Route.SKIP
-            else:
-                rows.joints[row] = joints
-                step = np.abs(joints - state.joints).max()
-                jump = been and rows.route[row] == Route.LINEAR and step > guard.max_joint_step
-                rows.route[row] = Route.PASS if jump else Route.GIVEN
-                if jump:
-                    rows.status[row] = Status.UNCHANGED_BRANCH_JUMP
-            row = kernel.solve_rows(pack, guard, rows, state, work, row)
-        yield Part(rows=part, nominal=rows.nominal, approach=rows.approach)
-
-
-def _share(column: Array, part: slice) -> Array:
-    """Returns a writeable copy of a chunk's rows of a load column, or of its only row."""
-    return np.array(column[part] if len(column) > 1 else column)
+        rows = slice(start, min(start + CHUNK, len(program)))
+        yield solve_chunk(pack, program, plan, settings, load, outcome, search, arrival, rows)

@@ -1,4 +1,4 @@
-"""Compiles scalar kernels and keeps the machine code where the installation allows it."""
+"""Compiles kernels and keeps the machine code where the installation allows it."""
 
 from __future__ import annotations
 
@@ -20,17 +20,14 @@ def compiled(flags: frozenset[str]) -> Callable[[F], F]:
 
     The code is cached next to the source, or in the user's cache folder where the installation is
     read-only; where neither can be written it is compiled anew in each process. A cached kernel
-    is renewed when its own file changes, not when a kernel it calls does: after editing one, clear
-    ``__pycache__``.
+    is renewed when its own file changes: kernels call only kernels of their own file.
     """
 
     def decorate(function: F) -> F:
-        # The kernels allocate nothing, so reference counting (_nrt) is left out.
         options: dict[str, Any] = {
             "fastmath": set(flags),
             "nogil": True,
             "error_model": "numpy",
-            "forceinline": True,
         }
         try:
             return cast(F, njit(cache=True, **options)(function))

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robotrue.calibration.tables import MeanTables
+from robotrue.compensation.memory import LANES
 from robotrue.core.arrays import Array
 from robotrue.core.poses import inverse, pose
 from robotrue.core.rotations import matrix_from_abc
@@ -23,8 +24,11 @@ from robotrue.robot.model import RobotModel
 from robotrue.robot.opw import opw_geometry
 
 
+MOST_FILLED = 8  # harmonics of the recurrence per harmonic that is there
+
+
 class Pack(NamedTuple):
-    """Flat arrays for :mod:`robotrue.compensation.kernels`; SI units.
+    """Flat arrays for :mod:`robotrue.compensation.lanes`; SI units.
 
     Attributes:
         nominal: (6, 12) C_0..C_5 of what the controller computes with.
@@ -32,8 +36,6 @@ class Pack(NamedTuple):
         actual: (6, 12) the same of the calibrated arm.
         actual_end: (t, 12).
         zero: (6,) rad, joint offset of the DH table.
-        zero_sine: (6,).
-        zero_cosine: (6,).
         coupling: (6, 6) joint_map.
         uncoupling: (6, 6) its inverse.
         coupled: Whether joint_map differs from the identity.
@@ -42,15 +44,14 @@ class Pack(NamedTuple):
         compliance: (6,) rad/(N m).
         backlash: (6,) rad per approach sign.
         harmonics: (h,) cycles per revolution.
-        consecutive: Whether they are 1, 2, ..., h.
+        consecutive: Whether they are 1, 2, ..., h, with h a multiple of four.
         ripple: (h, 12) rad, sine then cosine amplitudes of the six drives.
         mass_out: (6,) kg of each link and everything outboard of it.
         com: (6, 4) kg m first moment (x, y, z) of each link behind its joint, and its mass.
         flange: (12,) flange behind joint 6.
         gravity: (3,) m/s^2.
-        centres: (12, m) scaled feature centres, one row per feature.
-        centre_bias: (m,) minus half the squared length of each centre.
-        weights: (3, m) m.
+        table: (b, 16 * LANES) as many centres of the smooth residual at a time as there are
+            lanes: 12 scaled features, minus half the squared length, and 3 weights in m.
         scale: (12,) 1 / length of each feature.
         opw: (7,) a1, a2, b, c1, c2, c3, c4 in m; NaN for an arm of another kind.
         opw_sign: (6,).
@@ -65,8 +66,6 @@ class Pack(NamedTuple):
     actual: Array
     actual_end: Array
     zero: Array
-    zero_sine: Array
-    zero_cosine: Array
     coupling: Array
     uncoupling: Array
     coupled: bool
@@ -81,9 +80,7 @@ class Pack(NamedTuple):
     com: Array
     flange: Array
     gravity: Array
-    centres: Array
-    centre_bias: Array
-    weights: Array
+    table: Array
     scale: Array
     opw: Array
     opw_sign: Array
@@ -123,15 +120,13 @@ def pack_tables(tables: MeanTables, tools: Array, keep_tool_error: Array) -> Pac
     for i in range(6):
         centre = behind[i][:3, :3] @ robot.link_com[i] + behind[i][:3, 3]
         first[i] = [*(robot.link_mass[i] * centre), robot.link_mass[i]]
-    count = len(tables.harmonics)
+    harmonics, ripple = _ripple(tables)
     return Pack(
         nominal=_rows(nominal_links),
         nominal_end=_rows([nominal_last @ t for t in tools]),
         actual=_rows(actual_links),
         actual_end=_rows([actual_last @ t for t in ends]),
         zero=_own(robot.theta),
-        zero_sine=np.sin(robot.theta),
-        zero_cosine=np.cos(robot.theta),
         coupling=_own(robot.joint_map),
         uncoupling=np.array(np.linalg.inv(robot.joint_map), dtype=np.float64),
         coupled=not np.array_equal(robot.joint_map, np.eye(6)),
@@ -139,16 +134,14 @@ def pack_tables(tables: MeanTables, tools: Array, keep_tool_error: Array) -> Pac
         gear=_own(robot.error("gear")),
         compliance=_own(robot.error("compliance")),
         backlash=_own(tables.backlash),
-        harmonics=_own(tables.harmonics),
-        consecutive=bool(np.array_equal(tables.harmonics, np.arange(1, count + 1))),
-        ripple=_own(np.concatenate([tables.ripple_sin, tables.ripple_cos]).T),
+        harmonics=harmonics,
+        consecutive=bool(np.array_equal(harmonics, np.arange(1, len(harmonics) + 1))),
+        ripple=ripple,
         mass_out=_own(np.cumsum(robot.link_mass[::-1])[::-1]),
         com=first,
         flange=_rows([behind[5]])[0],
         gravity=_own(robot.gravity),
-        centres=_own(tables.centres.T),
-        centre_bias=_own(-0.5 * np.sum(tables.centres**2, axis=1)),
-        weights=_own(tables.weights.T),
+        table=_table(tables),
         scale=_own(tables.scale),
         opw=opw,
         opw_sign=sign,
@@ -157,6 +150,36 @@ def pack_tables(tables: MeanTables, tools: Array, keep_tool_error: Array) -> Pac
         limits=_own(robot.limits),
         length=0.5 * robot.reach,
     )
+
+
+def _ripple(tables: MeanTables) -> tuple[Array, Array]:
+    """Returns harmonics (h,) and amplitudes (h, 12), gaps between harmonics filled with zeros.
+
+    Filled they are summed by recurrence, which is ten times faster than sines one by one.
+    """
+    harmonics = tables.harmonics
+    amplitude = _own(np.concatenate([tables.ripple_sin, tables.ripple_cos]).T)
+    whole = np.asarray(np.rint(harmonics), dtype=np.int64)
+    last = int(whole.max(initial=0))
+    if not np.array_equal(whole, harmonics) or whole.min(initial=1) < 1:
+        return _own(harmonics), amplitude
+    if last > MOST_FILLED * max(len(whole), 1):
+        return _own(harmonics), amplitude
+    filled = -(-last // 4) * 4
+    dense = np.zeros((filled, 12))
+    np.add.at(dense, whole - 1, amplitude)
+    return np.arange(1.0, filled + 1.0), dense
+
+
+def _table(tables: MeanTables) -> Array:
+    """Returns the centres of the smooth residual in blocks of LANES; blanks have no weight."""
+    count = len(tables.centres)
+    blocks = -(-count // LANES)
+    rows = np.zeros((blocks * LANES, 16))
+    rows[:count, :12] = tables.centres
+    rows[:count, 12] = -0.5 * np.sum(tables.centres**2, axis=1)
+    rows[:count, 13:] = tables.weights
+    return _own(np.swapaxes(rows.reshape(blocks, LANES, 16), 1, 2)).reshape(blocks, 16 * LANES)
 
 
 def _own(values: Array) -> Array:
