@@ -7,7 +7,7 @@ nominal inverse and forward alone in py-opw-kinematics (if it is installed).
     OMP_NUM_THREADS=1 python benchmarks/compensation_chain.py [TARGETS]
 
 Simulated errors; seeds are printed. CPU time of the process, best of three; compilation is timed
-by itself (about a second where the cache is warm).
+by itself (an empty folder in NUMBA_CACHE_DIR shows all of it).
 """
 
 from __future__ import annotations
@@ -59,6 +59,22 @@ def measure(name: str, model, joints: np.ndarray, motion: Motion) -> None:
     )
 
 
+def calibration() -> None:
+    """Prints the speed of a fixed loop, to compare figures from machines busy with other things."""
+    from robotrue.compensation.arm_lanes import sincos_rows
+    from robotrue.compensation.memory import LANES
+
+    angle, out = np.linspace(-3.0, 3.0, 6 * LANES), np.zeros(12 * LANES)
+    sincos_rows(angle, out)
+
+    def loop() -> None:
+        for _ in range(20_000):
+            sincos_rows(angle, out)
+
+    rate = 20_000 * 6 * LANES / seconds(loop) / 1e6
+    print(f"{'calibration: sine and cosine in lanes':58s} {rate:8.1f} M/s")
+
+
 def floor(joints: np.ndarray, robot) -> None:
     if importlib.util.find_spec("py_opw_kinematics") is None:
         print("nominal inverse and forward alone: py-opw-kinematics is not installed, row left out")
@@ -86,6 +102,7 @@ def main() -> None:
     start = time.process_time()
     compensate(cases.rigid_model(SEED), cases.program_of(np.eye(4)[None]))
     print(f"first call, compilation or its cache: {time.process_time() - start:.2f} CPU-s")
+    calibration()
     few = max(count // 50, 100)
     for title, model in (
         ("geometry + compliance", cases.rigid_model(SEED)),

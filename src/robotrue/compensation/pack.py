@@ -23,7 +23,6 @@ from robotrue.errors import ConfigurationError
 from robotrue.robot.model import RobotModel
 from robotrue.robot.opw import opw_geometry
 
-
 MOST_FILLED = 8  # harmonics of the recurrence per harmonic that is there
 
 

@@ -13,13 +13,14 @@ import numpy as np
 from robotrue.compensation.lanes import STRAGGLER, look
 from robotrue.compensation.memory import Aim, Arm, Asked, Space
 from robotrue.compensation.status import Status
-from robotrue.core.arrays import Array, IntArray
+from robotrue.core.arrays import Array, BoolArray, IntArray
 
 ITERATIONS: Final = 25
 FLAT: Final = 1e-13
 """Singular value that is rounding alone."""
 
 
+@np.errstate(over="ignore", invalid="ignore")  # steps out of all bounds are refused by size
 def invert_stragglers(arm: Arm, aim: Aim, asked: Asked, rows: IntArray, space: Space) -> None:
     """Writes code, joints, command and errors of the stragglers among ``rows`` into ``asked``."""
     rows = rows[asked.code[rows] == STRAGGLER]
@@ -41,7 +42,7 @@ def invert_stragglers(arm: Arm, aim: Aim, asked: Asked, rows: IntArray, space: S
         shift = np.linalg.norm(error[:, :3], axis=1)
         asked.after[at] = error[:, :3]
         size = shift + arm.length * turn
-        going = np.ones(len(at), dtype=np.bool_)
+        going: BoolArray = np.ones(len(at), dtype=np.bool_)
         slow = np.flatnonzero((iteration == 0) | (size > 0.1 * size_before[open_]))
         inverse, least, norm = _inverse(matrix[slow])
         inverses[open_[slow]] = inverse
@@ -51,12 +52,12 @@ def invert_stragglers(arm: Arm, aim: Aim, asked: Asked, rows: IntArray, space: S
         if iteration == 0:
             asked.before[at] = error[:, :3]
             asked.singular[at] = np.where(least < FLAT, 0.0, 1.0 / norm)
-            near = going & (asked.singular[at] < aim.min_singular_value)
+            near = np.asarray(going & (asked.singular[at] < aim.min_singular_value))
             asked.code[at[near]] = Status.UNCHANGED_SINGULAR
-            stretched = going & (wrist < aim.min_wrist_sine)
+            stretched = np.asarray(going & (wrist < aim.min_wrist_sine))
             asked.code[at[stretched]] = Status.UNCHANGED_WRIST_SINGULAR
             going &= ~(near | stretched)
-        done = going & (shift < aim.tolerance) & (turn < aim.turn_tolerance)
+        done = np.asarray(going & (shift < aim.tolerance) & (turn < aim.turn_tolerance))
         asked.code[at[done]] = Status.COMPENSATED
         going &= ~done & (size < 1e3)
         size_before[open_] = size
@@ -67,7 +68,8 @@ def invert_stragglers(arm: Arm, aim: Aim, asked: Asked, rows: IntArray, space: S
 
 def _inverse(matrix: Array) -> tuple[Array, Array, Array]:
     """Returns inverses (k, 6, 6), least singular values and Frobenius norms of the inverses."""
-    sane = np.where(np.isfinite(matrix).all(axis=(1, 2))[:, None, None], matrix, 0.0)
+    finite = np.asarray(np.isfinite(matrix).all(axis=(1, 2)))
+    sane = np.where(finite[:, None, None], matrix, 0.0)
     left, values, right = np.linalg.svd(sane)
     bounded = np.maximum(values, 1e-300)
     inverse = np.swapaxes(right, 1, 2) @ (np.swapaxes(left, 1, 2) / bounded[:, :, None])
