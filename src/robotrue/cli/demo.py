@@ -40,7 +40,7 @@ from robotrue.simulation.flange_hole import FlangeHole, check_rows, hole_program
 from robotrue.simulation.hole_contour import HoleResult
 from robotrue.simulation.milling import dry_run, mill_hole
 from robotrue.simulation.plans import VALIDATION, Region, random_joints
-from robotrue.simulation.presets import STIFFNESS, VirtualCell, deng2022
+from robotrue.simulation.presets import STIFFNESS, VirtualCell, deng2022, reflector_at_tool
 from robotrue.simulation.virtual_tracker import measure
 from robotrue.store.model_file import write_model
 from robotrue.validation.contest import Selection
@@ -137,7 +137,7 @@ def run_demo(out_dir: Path, *, seed: int = 1, progress: Progress | None = None) 
     out_dir = Path(out_dir)
     out_dir.mkdir(parents=True, exist_ok=True)
     tell("measuring the virtual cell", 0.0)
-    virtual, hole = deng2022(seed), FlangeHole()
+    virtual, hole = reflector_at_tool(deng2022(seed)), FlangeHole()
     write_virtual_cell(virtual, hole, out_dir)
     cell = read_cell(out_dir / "cell.toml")
     training = measured(cell, [out_dir / "calibration.csv"], None)
