@@ -161,6 +161,14 @@ def inspect(
     run(path, mapping=mapping, as_json=json)
 
 
+@app.command(name="warm-up")
+def warm_up() -> None:
+    """Compile the numeric kernels once, so that the first program does not wait for it."""
+    from robotrue.cli.warm_up import run
+
+    run()
+
+
 def run() -> None:
     """Runs the command line and exits with 0, 1 or 2."""
     try:
