@@ -185,6 +185,10 @@ def run(case: Case, method: str, quick: bool) -> str:
         errors, within = examine(fit(preset(case.robot), train, method=method), test)
         means.append(float(errors.mean()) / MM)
         inside.append(within)
+        sys.stderr.write(
+            f"    split {len(means)}: {means[-1]:.4f} mm, cover {100 * within.mean():.1f} %, "
+            f"{time.perf_counter() - start:.0f} s\n"
+        )
         worst = max(worst, float(errors.max()) / MM)
     seconds = (time.perf_counter() - start) / len(means)
     each = " ".join(f"{m:.4f}" for m in means) if len(means) > 1 else ""

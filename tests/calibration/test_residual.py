@@ -11,7 +11,7 @@ from planted_arm import PAYLOAD, arm, planted, postures
 from robotrue.calibration.archive import open_model
 from robotrue.calibration.estimate import estimate, free_groups
 from robotrue.calibration.evidence import posterior, spread
-from robotrue.calibration.held_out import held_out
+from robotrue.calibration.held_out import _taken, held_out
 from robotrue.calibration.learned import (
     LearnedParts,
     climb,
@@ -186,3 +186,16 @@ def test_taking_a_block_away_equals_solving_without_it():
         )
         whole = found.model[item.rows] + found.instrument[item.rows]
         np.testing.assert_allclose(whole, stated, rtol=1e-6, atol=1e-15)
+
+
+def test_block_larger_than_the_model_is_taken_away_alike():
+    rng = np.random.default_rng(44)
+    rows, values = 0.1 * rng.standard_normal((30, 8)), rng.standard_normal(30)
+    tau = rng.uniform(1.0, 2.0, 30)
+    large = _taken(rows, values, tau)
+    padded = _taken(np.hstack([rows, np.zeros((30, 40))]), values, tau)
+    np.testing.assert_allclose(large.step, padded.step[:8], atol=1e-12)
+    columns = rng.standard_normal((5, 8))
+    a = large.transform(columns)
+    b = padded.transform(np.hstack([columns, np.zeros((5, 40))]))
+    np.testing.assert_allclose(a @ a.T, b @ b.T, atol=1e-12)

@@ -2,22 +2,23 @@
 
 Within the training rows alone: the rows are cut into contiguous blocks in the order they were
 measured, each block is predicted from the others at the learned scales and noise, and the
-covariance is multiplied by the factor that makes 95 %
-of the rows fall into their 95 % region. Taking a block away is exact and needs no new fit: with
-S the posterior of all rows, F the block's weighted rows, N their noise and e what they are off by,
+covariance is multiplied by the factor that makes 95 % of the rows fall into their 95 % region.
+Taking a block away is exact and needs no new fit: with S the
+posterior of all rows, F the block's weighted rows, N their noise and e what they are off by,
 
     w' = w - S F' (N - F S F')^-1 e,      S' = S + S F' (N - F S F')^-1 F S
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from robotrue.calibration.design import Design, Rows
+from robotrue.calibration.design import Design
 from robotrue.calibration.evidence import Weights
 from robotrue.calibration.robust import chi_point
 from robotrue.core.arrays import Array
@@ -56,32 +57,35 @@ class HeldOut:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Taken:
-    """What taking a block away does to the weights, in the root's coordinates.
+    """What taking a block away does, in coordinates where the posterior of all rows is I.
 
     Attributes:
-        step: (p,) F' (N - F F')^-1 e, to be subtracted from the weights.
-        wider: (p, k) B with B B' the variance that comes on top.
+        step: (p,) to be subtracted from the weights.
+        transform: Takes columns (k, p) to G with G G' their covariance without the block.
     """
 
     step: Array
-    wider: Array
+    transform: Callable[[Array], Array]
 
-    @staticmethod
-    def of(
-        items: list[Rows], halves: list[Array], offs: list[Array], weights: Array, noise: Array
-    ) -> _Taken:
-        rows, values, diagonal = [], [], []
-        for item, half, off in zip(items, halves, offs, strict=True):
-            root = np.sqrt(weights[item.rows])[:, None]
-            rows.append((half * root[:, :, None]).reshape(-1, half.shape[2]))
-            values.append((off * root).ravel())
-            diagonal.append(np.tile(np.repeat(noise, 3)[: off.shape[1]], len(off)))
-        block, tau = np.concatenate(rows), np.concatenate(diagonal)
-        gap = np.diag(tau) - block @ block.T
-        factor = np.linalg.cholesky(gap)
-        wider = solve_triangular(factor, block, lower=True).T
-        step = wider @ solve_triangular(factor, np.concatenate(values), lower=True)
-        return _Taken(step=step, wider=wider)
+
+def _taken(rows: Array, values: Array, tau: Array) -> _Taken:
+    """Takes weighted rows (k, p) and their residuals (k,) of noise (k,) away.
+
+    By whichever is smaller of (N - F F') (k, k) and (I - F' N^-1 F) (p, p).
+    """
+    root = np.sqrt(tau)
+    whole, off = rows / root[:, None], values / root
+    if len(rows) < rows.shape[1]:
+        factor = np.linalg.cholesky(np.eye(len(rows)) - whole @ whole.T)
+        wider = solve_triangular(factor, whole, lower=True).T
+        step = wider @ solve_triangular(factor, off, lower=True)
+        return _Taken(step=step, transform=lambda c: np.hstack([c, c @ wider]))
+    factor = np.linalg.cholesky(np.eye(rows.shape[1]) - whole.T @ whole)
+    step = solve_triangular(factor, whole.T @ off, lower=True)
+    return _Taken(
+        step=solve_triangular(factor, step, lower=True, trans=1),
+        transform=lambda c: solve_triangular(factor, c.T, lower=True).T,
+    )
 
 
 def held_out(design: Design, fit: Weights, uncarried: Array, repeatability: float) -> HeldOut:
@@ -99,22 +103,35 @@ def held_out(design: Design, fit: Weights, uncarried: Array, repeatability: floa
     error, model, instrument = np.zeros((count, 3)), *np.zeros((2, count, 3, 3))
     for k in range(blocks):
         items = list(design.rows(fold == k))
-        # Columns as they stand in the root's own coordinates, where S is the identity.
-        halves = [i.columns @ fit.root.T for i in items]
+        halves = [_flat(i.columns) @ fit.root.T for i in items]
         offs = [i.values - i.columns @ fit.mean for i in items]
-        taken = _Taken.of(items, halves, offs, design.weights, fit.noise)
+        roots = [np.repeat(np.sqrt(design.weights[i.rows]), i.values.shape[1]) for i in items]
+        taken = _taken(
+            np.concatenate([h * r[:, None] for h, r in zip(halves, roots, strict=True)]),
+            np.concatenate([o.ravel() * r for o, r in zip(offs, roots, strict=True)]),
+            np.concatenate([np.tile(_per_number(o, fit.noise), len(o)) for o in offs]),
+        )
         for item, half, off in zip(items, halves, offs, strict=True):
+            points = _flat(half.reshape(*off.shape, -1)[:, :3])
             lower, back = item.lower[:, :3, :3], np.swapaxes(item.lower[:, :3, :3], 1, 2)
-            moved = off[:, :3] + half[:, :3] @ taken.step
-            wider = (half[:, :3].reshape(-1, half.shape[2]) @ taken.wider).reshape(len(half), 3, -1)
-            spread = half[:, :3] @ np.swapaxes(half[:, :3], 1, 2) + wider @ np.swapaxes(wider, 1, 2)
+            moved = off[:, :3] + (points @ taken.step).reshape(-1, 3)
+            wide = taken.transform(points).reshape(len(off), 3, -1)
+            spread = wide @ np.swapaxes(wide, 1, 2) + fit.noise[0] * np.eye(3)
             known = item.instrument[:, :3, :3] - repeatability**2 * np.eye(3)
             error[item.rows] = (lower @ moved[:, :, None])[:, :, 0]
-            model[item.rows] = lower @ (spread + fit.noise[0] * np.eye(3)) @ back - known
+            model[item.rows] = lower @ spread @ back - known
             instrument[item.rows] = known
     model += uncarried[:, None, None] * np.eye(3)
     found = HeldOut(error=error, model=model, instrument=instrument, inflation=1.0)
     return HeldOut(error=error, model=model, instrument=instrument, inflation=_factor(found))
+
+
+def _flat(columns: Array) -> Array:
+    return np.ascontiguousarray(columns.reshape(-1, columns.shape[-1]))
+
+
+def _per_number(off: Array, noise: Array) -> Array:
+    return np.repeat(noise, 3)[: off.shape[1]]
 
 
 def _squared(found: HeldOut, factor: float) -> Array:

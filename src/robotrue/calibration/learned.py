@@ -55,6 +55,8 @@ POSES_PER_HARMONIC: Final = 3
 """Poses asked for each harmonic: half the numbers the coefficients of six joints would need."""
 MANY_ROWS: Final = 200
 """Rows from which the ladder begins at its second rung."""
+WIDE_ROWS: Final = 4000
+"""Rows up to which the last rung is tried; it costs eight times the rung before."""
 LADDER_STEPS: Final = 8
 SEED: Final = 20
 
@@ -135,7 +137,8 @@ def first_design(
     weights = np.zeros(len(measurements))
     for observation, u in zip(observations, found.weights, strict=True):
         weights[observation.rows] = np.maximum(u, LEAST_WEIGHT)
-    able = [h for h in LADDER if h <= parts.highest and POSES_PER_HARMONIC * h <= physical.rows]
+    highest = parts.highest if physical.rows <= WIDE_ROWS else min(parts.highest, LADDER[-2])
+    able = [h for h in LADDER if h <= highest and POSES_PER_HARMONIC * h <= physical.rows]
     count = max(able, default=LADDER[0]) if parts.ripple else 0
     design = Design(
         observations=observations,
