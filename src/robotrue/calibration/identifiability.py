@@ -38,6 +38,8 @@ CURES: Final[dict[Reveal, str]] = {
     "root": "nothing inside the cell; to know it against the robot root, measure the root",
     "nothing": "nothing: these move the arm alike, only their combination exists",
 }
+LONGEST: Final = 4
+"""Parameters a combination is named by; ``terms`` holds all."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,7 +48,7 @@ class Direction:
 
     Attributes:
         name: For one parameter its name; for two the combination that *is* seen
-            (``theta1 + base_rz``); for more the names that trade off.
+            (``theta1 + base_rz``); for more the names that trade off, the largest first.
         terms: (name, coefficient) of the unseen direction, SI, largest scaled term 1.
         reveal: The kind of measurement that would show it.
         cure: What to do, in words.
@@ -279,7 +281,10 @@ def _name(terms: tuple[tuple[str, float], ...]) -> str:
         seen = -1.0 / value
         size = "" if abs(abs(seen) - 1.0) < 0.02 else f"{abs(seen):.3g} "
         return f"{first} {'+' if seen > 0 else '-'} {size}{second}"
-    return " ~ ".join(name for name, _ in terms)
+    if len(terms) <= LONGEST:
+        return " ~ ".join(name for name, _ in terms)
+    largest = sorted(terms, key=lambda term: -abs(term[1]))[: LONGEST - 1]
+    return " ~ ".join(name for name, _ in largest) + f" ~ {len(terms) - len(largest)} more"
 
 
 def _reason(terms: tuple[tuple[str, float], ...], kind: Reveal, robot: RobotModel) -> str:

@@ -36,7 +36,7 @@ from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.smooth import choose_centres, learn_smooth
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.measurement.measurement_set import MeasurementSet
-from robotrue.robot.model import RobotModel, parameter_slice
+from robotrue.robot.model import RobotModel, parameter_names, parameter_slice
 
 ROUNDS: Final = (8, 5)
 """Steps of learning in each renewal of linearisation, weights and noise after the ladder."""
@@ -367,7 +367,17 @@ def _model(
         columns=columns.astype(np.float64),
         root=root,
         inflation=found.inflation,
-        summary=_summary(physical, at, found, white, notes),
+        summary={
+            **_summary(physical, at, found, white, notes),
+            "parameters": {
+                name: {
+                    "value": float(state.robot.errors[k]),
+                    "sd": float(np.sqrt(covariance[k, k])),
+                    "class": physical.identifiability.classes.get(name, "fixed"),
+                }
+                for k, name in enumerate(parameter_names(dof))
+            },
+        },
     )
 
 
@@ -428,6 +438,10 @@ def _summary(
         "position_range_m": physical.position_range.tolist(),
         "verdict": physical.verdict.status,
         "doubts": doubts,
+        "unseen": [
+            {"name": d.name, "cure": d.cure, "harmless": d.harmless}
+            for d in physical.identifiability.unseen
+        ],
         "scales": {g.name: g.sd for g in fit.groups},
         "determined": dict(zip([g.name for g in fit.groups], fit.determined.tolist(), strict=True)),
         "white_sd_m": white,
