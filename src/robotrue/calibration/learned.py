@@ -49,7 +49,7 @@ WORTH: Final = 3.0
 """Log evidence a richer model must gain: 20 to 1."""
 LEAST_WEIGHT: Final = 0.01
 """Weight at the start of a row the physical fit has screened: its misfit may be ripple."""
-UNSEEN: Final = 0.05
+UNSEEN: Final = 1e-5
 """Information on a coefficient, over that of its starting scale, below which it is left out."""
 POSES_PER_HARMONIC: Final = 3
 """Poses asked for each harmonic: half the numbers the coefficients of six joints would need."""
