@@ -265,7 +265,7 @@ def _examined(at: LinearFit, settings: FitSettings) -> HeldOut:
         for o in design.observations:
             carried = (design.basis.columns(o.visits.joints) ** 2).sum(axis=1)
             uncarried[o.rows] = amplitude**2 * np.maximum(1.0 - carried, 0.0)
-    return held_out(design, at.weights, uncarried, settings.repeatability_sd)
+    return held_out(design, at.sums, at.weights, uncarried, settings.repeatability_sd)
 
 
 def _with_smooth(
@@ -447,6 +447,6 @@ def _summary(
         "white_sd_m": white,
         "evidence": fit.evidence,
         "held_out_blocks_mean_m": found.mean,
-        "held_out_blocks_coverage_before": found.coverage(1.0),
+        "held_out_blocks_coverage_before": replace(found, inflation=1.0).coverage,
         "covariance_factor": found.inflation,
     }

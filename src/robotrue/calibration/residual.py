@@ -138,8 +138,9 @@ class LearnedModel:
         if T_flange_tool is not None:
             jacobian[:, :, parameter_slice(actual.dof, "tool")] = 0.0
         covariance = spread(self.root, jacobian[:, :, self.columns.astype(np.int64)])
+        covariance = covariance + uncarried[:, None, None] * np.eye(3)
         white = self.physics.white**2 + self.physics.repeatability**2
-        covariance = covariance + (uncarried + white)[:, None, None] * np.eye(3)
+        covariance = covariance + white * np.eye(3)
         turn = rotation_vector_from_matrix(state.rotation @ np.swapaxes(believed[:, :3, :3], 1, 2))
         return error, turn, self.inflation * covariance
 
