@@ -2,14 +2,16 @@
 
 Poses are those of the reflector, in cylinder coordinates about joint 1: angle, radius, height. The
 attitude turns with the angle (convention A of the reproduction): the flange axis lies in the arm
-plane and points 60 deg below the horizontal. Tables 6 and 7 print the ranges and the steps but no
-attitude of departure and no reflector; both are **assumed** here.
+plane and points 60 deg below the horizontal. Or it is fixed in the base (convention B), and the
+whole workspace lies 100 mm lower, since its corners cannot be reached otherwise. Tables 6 and 7
+print the ranges and the steps but no attitude of departure and no reflector; both are **assumed**
+here.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
@@ -21,12 +23,17 @@ from robotrue.errors import ReachError
 from robotrue.robot.inverse import inverse_batch
 from robotrue.robot.model import RobotModel
 
+Attitude: TypeAlias = Literal["turning", "fixed"]
+"""Whether the tool's attitude turns with the angle about joint 1 (A) or not (B)."""
+
 POSTURE: Final = np.array([0.0, 0.0, 0.0, 0.0, -60.0, 0.0]) * DEG
 """(6,) rad, model joints: the branch every plan uses, elbow up, tool ahead."""
 ATTITUDE: Final = matrix_from_abc(np.array([0.0, 150.0, 0.0]) * DEG)
 """(3, 3) R_base_flange at angle 0: flange axis 60 deg below the horizontal."""
 RADII: Final = np.arange(800.0, 1401.0, 100.0) * MM
 HEIGHTS: Final = np.arange(700.0, 1201.0, 100.0) * MM
+LOWERED: Final = 100.0 * MM
+"""By which the workspace lies lower where the attitude is fixed."""
 RX: Final = np.arange(-15.0, 15.1, 15.0) * DEG
 RY: Final = np.arange(-10.0, 10.1, 5.0) * DEG
 RZ: Final = np.arange(-10.0, 10.1, 2.5) * DEG
@@ -63,19 +70,32 @@ class Region:
         radius: Lower and upper distance from axis 1, m.
         height: Lower and upper height, m.
         turn: Largest turn of the attitude about its own x, y, z, rad.
+        attitude: Whether the attitude turns with the angle.
     """
 
     angle: tuple[float, float] = (-40 * DEG, 40 * DEG)
     radius: tuple[float, float] = (800 * MM, 1400 * MM)
     height: tuple[float, float] = (700 * MM, 1200 * MM)
     turn: tuple[float, float, float] = (15 * DEG, 10 * DEG, 10 * DEG)
+    attitude: Attitude = "turning"
 
 
 VALIDATION: Final = Region(angle=(-20 * DEG, 20 * DEG))
 """The validation region of Table 7."""
 
 
-def cylinder_poses(angle: Array, radius: Array, height: Array, turn: Array) -> Array:
+def with_attitude(region: Region, attitude: Attitude) -> Region:
+    """Returns a region of Tables 6 and 7 for another attitude: fixed ones lie 100 mm lower."""
+    if attitude == region.attitude:
+        return region
+    down = LOWERED if attitude == "fixed" else -LOWERED
+    low, high = region.height
+    return replace(region, attitude=attitude, height=(low - down, high - down))
+
+
+def cylinder_poses(
+    angle: Array, radius: Array, height: Array, turn: Array, attitude: Attitude = "turning"
+) -> Array:
     """Returns T_base_target (n, 4, 4) whose rotation is that of the flange.
 
     Args:
@@ -84,23 +104,28 @@ def cylinder_poses(angle: Array, radius: Array, height: Array, turn: Array) -> A
         height: (n,) m.
         turn: (n, 3) rad: the attitude turned by Rz(rz) Ry(ry) Rx(rx) in its own axes, given as
             rx, ry, rz.
+        attitude: Whether the attitude turns with the angle.
     """
     heading = np.zeros((len(angle), 3))
-    heading[:, 0] = angle
+    if attitude == "turning":
+        heading[:, 0] = angle
     rotation = matrix_from_abc(heading) @ ATTITUDE @ matrix_from_abc(turn[:, ::-1])
     place = np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=1)
     return pose(rotation, place)
 
 
-def grid_poses(angles_deg: Array, rng: np.random.Generator) -> Array:
+def grid_poses(
+    angles_deg: Array, rng: np.random.Generator, attitude: Attitude = "turning"
+) -> Array:
     """Returns the complete sampling of some angles: 42 poses each, attitudes drawn from the steps.
 
     Positions are complete, attitudes random: the two levels of section 2.4.
     """
-    grid = np.meshgrid(np.asarray(angles_deg) * DEG, RADII, HEIGHTS, indexing="ij")
+    heights = HEIGHTS - (LOWERED if attitude == "fixed" else 0.0)
+    grid = np.meshgrid(np.asarray(angles_deg) * DEG, RADII, heights, indexing="ij")
     angle, radius, height = (g.ravel() for g in grid)
     turn = np.stack([rng.choice(steps, len(angle)) for steps in (RX, RY, RZ)], axis=1)
-    return cylinder_poses(angle, radius, height, turn)
+    return cylinder_poses(angle, radius, height, turn, attitude)
 
 
 def region_poses(region: Region, n: int, rng: np.random.Generator) -> Array:
@@ -108,29 +133,30 @@ def region_poses(region: Region, n: int, rng: np.random.Generator) -> Array:
     low, high = np.array([region.angle, region.radius, region.height]).T
     place = rng.uniform(low, high, (n, 3))
     turn = rng.uniform(-1.0, 1.0, (n, 3)) * region.turn
-    return cylinder_poses(place[:, 0], place[:, 1], place[:, 2], turn)
+    return cylinder_poses(place[:, 0], place[:, 1], place[:, 2], turn, region.attitude)
 
 
-def paper_plan(robot: RobotModel, seed: int) -> PaperPlan:
+def paper_plan(robot: RobotModel, seed: int, attitude: Attitude = "turning") -> PaperPlan:
     """Returns the sampling plan of the paper for one draw of its random attitudes.
 
     Args:
         robot: The nominal KR160 with the reflector as its tool.
         seed: Of the attitudes, the choice of the target poses and the check poses.
+        attitude: Whether the attitude turns with the angle.
 
     Raises:
         ReachError: A pose is out of reach, as with another arm or another reflector.
     """
     rng = np.random.default_rng([seed, 19])
-    source = grid_poses(np.arange(-40.0, -29.0, 5.0), rng)
-    slabs = [grid_poses(np.arange(low, high + 1.0, 5.0), rng) for low, high in SUB_SPACES]
+    source = grid_poses(np.arange(-40.0, -29.0, 5.0), rng, attitude)
+    slabs = [grid_poses(np.arange(low, high + 1.0, 5.0), rng, attitude) for low, high in SUB_SPACES]
     picks = [slab[rng.choice(len(slab), TARGETS_EACH, replace=False)] for slab in slabs]
     return PaperPlan(
         source=_joints(robot, source),
         target=_joints(robot, np.concatenate(picks)),
         sub_space=np.repeat(np.arange(len(SUB_SPACES)), TARGETS_EACH),
-        validation=_joints(robot, grid_poses(np.arange(-20.0, 21.0, 5.0), rng)),
-        check=_joints(robot, region_poses(VALIDATION, 50, rng)),
+        validation=_joints(robot, grid_poses(np.arange(-20.0, 21.0, 5.0), rng, attitude)),
+        check=_joints(robot, region_poses(with_attitude(VALIDATION, attitude), 50, rng)),
     )
 
 
