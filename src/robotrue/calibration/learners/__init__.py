@@ -1,0 +1,8 @@
+"""Learners for scikit-learn users: GP, transfer GP and boosting from source rows.
+
+The only room that imports scikit-learn; the mathematics is NumPy and SciPy.
+"""
+
+from robotrue.calibration.learners.gaussian_process import GaussianProcess
+
+__all__ = ["GaussianProcess"]

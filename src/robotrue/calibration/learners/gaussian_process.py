@@ -1,0 +1,290 @@
+"""Gaussian process regression as a scikit-learn estimator.
+
+Names of the paper this package reproduces (Deng et al. 2022, eq. 27-32) are reached by
+``kernel="isotropic"``, ``denominator="literal"`` (eq. 28 divides by 2 sigma_l, not by its square),
+``mean="constant"`` (eq. 27) or ``mean="zero"`` (eq. 31 drops it), and ``predict(noisy=False)``
+(eq. 32 is the variance of the function, without the noise of a measurement).
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal, Self
+
+import numpy as np
+import numpy.typing as npt
+from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin
+from sklearn.utils import check_random_state
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
+
+from robotrue.calibration.learners.process import (
+    Rows,
+    best_theta,
+    log_evidence,
+    posterior_of,
+    rows,
+)
+from robotrue.core.arrays import Array
+from robotrue.errors import ConfigurationError, ShapeError
+
+
+class GaussianProcess(MultiOutputMixin, RegressorMixin, BaseEstimator):
+    """Squared exponential process with white noise and a constant or zero mean.
+
+    A hyper-parameter that is given is held; the others are learned by marginal likelihood. All are
+    in the unit of what was passed to :meth:`fit`. The learned noise is at least 1e-4 standard
+    deviations of the outputs.
+
+    Args:
+        kernel: "ard" has one length for each input, "isotropic" one for all.
+        mean: "constant" is integrated out with a flat prior, "estimated" is set to its generalised
+            least squares value, "zero" is none.
+        shared: One set of hyper-parameters for all outputs, which then must have one unit; or one
+            for each output.
+        length: Number or (d,), in the unit of the inputs.
+        amplitude: Standard deviation of the function.
+        noise: Standard deviation of the white noise.
+        denominator: "squared" is exp(-d^2 / 2 length^2), "literal" exp(-d^2 / 2 length).
+        weights: A row of weight w has the noise variance of the row over w. "precision" leaves it
+            at that; "repeats" also counts it as w rows when hyper-parameters are learned, so that
+            weight 2 is the row twice.
+        optimise: False: nothing is learned; length, amplitude and noise must be given.
+        restarts: Further searches from random places.
+        random_state: Seed of the restarts.
+
+    Attributes:
+        length_: (d,), or (k, d) when not shared.
+        amplitude_: Number, or (k,).
+        noise_: Number, or (k,).
+        mean_: (k,) constant mean of each output.
+        log_marginal_likelihood_: At these, summed over the outputs.
+        output_correlation_: (k, k) of the outputs about the process, from whitened residuals.
+    """
+
+    def __init__(
+        self,
+        kernel: Literal["ard", "isotropic"] = "ard",
+        mean: Literal["constant", "estimated", "zero"] = "constant",
+        shared: bool = True,
+        length: npt.ArrayLike | None = None,
+        amplitude: float | None = None,
+        noise: float | None = None,
+        denominator: Literal["squared", "literal"] = "squared",
+        weights: Literal["precision", "repeats"] = "precision",
+        optimise: bool = True,
+        restarts: int = 0,
+        random_state: int | np.random.RandomState | None = 0,
+    ) -> None:
+        self.kernel = kernel
+        self.mean = mean
+        self.shared = shared
+        self.length = length
+        self.amplitude = amplitude
+        self.noise = noise
+        self.denominator = denominator
+        self.weights = weights
+        self.optimise = optimise
+        self.restarts = restarts
+        self.random_state = random_state
+
+    def fit(
+        self,
+        X: npt.ArrayLike,
+        y: npt.ArrayLike,
+        sample_weight: npt.ArrayLike | None = None,
+        noise_variance: npt.ArrayLike | None = None,
+    ) -> Self:
+        """Returns itself, fitted to inputs (n, d) and outputs (n,) or (n, k).
+
+        Args:
+            X: (n, d).
+            y: (n,) or (n, k).
+            sample_weight: (n,); rows of weight zero are left out.
+            noise_variance: (n,) known variance of each row, besides the learned noise.
+
+        Raises:
+            ConfigurationError: A parameter that is not one of its words, or out of range.
+            ShapeError: Weights or variances that are negative or of another shape.
+            ObservabilityError: Rows that coincide and carry no noise.
+            ValueError: What scikit-learn's own checks refuse: NaN, text, one row.
+        """
+        inputs, values = validate_data(
+            self, X, y, multi_output=True, y_numeric=True, dtype=np.float64, ensure_min_samples=2
+        )
+        outputs = np.asarray(values, dtype=np.float64).reshape(len(inputs), -1)
+        weight = _check_sample_weight(sample_weight, inputs, dtype=np.float64)
+        variance = _row_values(noise_variance, len(inputs), "noise_variance")
+        if weight.min() < 0.0 or not weight.any():
+            raise ShapeError(
+                f"sample_weight has minimum {weight.min():g} and sum {weight.sum():g}; "
+                "weights are zero or more, and some are more."
+            )
+        self._check()
+        self._flat = np.ndim(values) == 1
+        held = self._held(inputs.shape[1])
+        random = check_random_state(self.random_state)
+        groups = [outputs] if self.shared else [outputs[:, [j]] for j in range(outputs.shape[1])]
+        self._rows: list[Rows] = [
+            rows(
+                inputs,
+                group,
+                weight,
+                variance,
+                isotropic=self.kernel == "isotropic",
+                mean=self.mean,
+                repeats=self.weights == "repeats",
+            )
+            for group in groups
+        ]
+        self._theta = [best_theta(data, held, self.restarts, random) for data in self._rows]
+        self._learn()
+        return self
+
+    def predict(
+        self,
+        X: npt.ArrayLike,
+        return_std: bool = False,
+        return_cov: bool = False,
+        noisy: bool = True,
+    ) -> Any:
+        """Returns the mean (m,) or (m, k), and on request how far to trust it.
+
+        Args:
+            X: (m, d).
+            return_std: Also the standard deviation, of the shape of the mean.
+            return_cov: Also the covariance between all rows, (m, m) or (m, m, k).
+            noisy: The deviation is that of a measurement, with the learned noise; False: of the
+                function.
+
+        Raises:
+            ConfigurationError: Both deviation and covariance asked for.
+        """
+        check_is_fitted(self)
+        if return_std and return_cov:
+            raise ConfigurationError("return_std and return_cov are one or the other.")
+        inputs = validate_data(self, X, reset=False, dtype=np.float64)
+        noise = np.atleast_1d(self.noise_) ** 2 * noisy
+        if return_cov:
+            mean = np.concatenate([p.mean(inputs) for p in self._posteriors], axis=1)
+            spread = [
+                p.covariance(inputs) + s * np.eye(len(inputs))
+                for p, s in zip(self._posteriors, noise, strict=True)
+            ]
+            return self._shaped(mean), self._shaped(self._each(np.stack(spread, axis=-1)))
+        if not return_std:
+            return self._shaped(np.concatenate([p.mean(inputs) for p in self._posteriors], axis=1))
+        both = [p.mean_and_variance(inputs) for p in self._posteriors]
+        mean = np.concatenate([m for m, _ in both], axis=1)
+        variance = np.column_stack([v for _, v in both]) + noise
+        return self._shaped(mean), self._shaped(self._each(np.sqrt(variance)))
+
+    def log_marginal_likelihood(
+        self, theta: npt.ArrayLike | None = None, eval_gradient: bool = False
+    ) -> Any:
+        """Returns the log evidence, and on request its gradient, of a shared fit or one output.
+
+        Args:
+            theta: (p,) logarithms of lengths, amplitude and noise; those learned when None.
+            eval_gradient: Also the gradient (p,).
+
+        Raises:
+            ConfigurationError: Several outputs with their own hyper-parameters.
+        """
+        check_is_fitted(self)
+        if len(self._rows) != 1:
+            raise ConfigurationError(
+                f"{len(self._rows)} outputs with a theta each.", hint="shared=True, or one output."
+            )
+        at = self._theta[0] if theta is None else np.asarray(theta, dtype=np.float64)
+        value, gradient = log_evidence(self._rows[0], at)
+        return (value, gradient) if eval_gradient else value
+
+    def _learn(self) -> None:
+        """Sets everything learned from rows and theta."""
+        columns = self.n_features_in_
+        pairs = [posterior_of(d, t) for d, t in zip(self._rows, self._theta, strict=True)]
+        self._posteriors = [found for found, _ in pairs]
+        self.log_marginal_likelihood_ = float(
+            sum(log_evidence(d, t)[0] for d, t in zip(self._rows, self._theta, strict=True))
+        )
+        theta = np.exp(self._theta)
+        length = np.array([np.broadcast_to(t[:-2], (columns,)) for t in theta])
+        if self.denominator == "literal":
+            length = length**2
+        one = len(theta) == 1
+        self.length_ = length[0] if one else length
+        self.amplitude_ = float(theta[0, -2]) if one else theta[:, -2]
+        self.noise_ = float(theta[0, -1]) if one else theta[:, -1]
+        self.mean_ = np.concatenate([p.offset for p in self._posteriors])
+        white = np.concatenate(
+            [s.whitened(_residuals(d, s)) for (_, s), d in zip(pairs, self._rows, strict=True)],
+            axis=1,
+        )
+        size = np.sqrt(np.einsum("ij,ij->j", white, white))
+        size = np.where(size > 0.0, size, 1.0)
+        self.output_correlation_ = (white / size).T @ (white / size)
+        np.fill_diagonal(self.output_correlation_, 1.0)
+
+    def _held(self, columns: int) -> Array:
+        """Returns theta of what is given, NaN where something is to be learned."""
+        count = columns if self.kernel == "ard" else 1
+        given: list[Array] = []
+        for name, value, size in (
+            ("length", self.length, count),
+            ("amplitude", self.amplitude, 1),
+            ("noise", self.noise, 1),
+        ):
+            if value is None:
+                if not self.optimise:
+                    raise ConfigurationError(
+                        f"optimise=False with {name} not given.", hint=f"state {name}."
+                    )
+                given.append(np.full(size, np.nan))
+                continue
+            number = np.asarray(value, dtype=np.float64)
+            if number.ndim > 1 or number.size not in (1, size):
+                raise ShapeError(f"{name} has shape {number.shape}, expected () or ({size},).")
+            lowest = 0.0 if name == "noise" else np.finfo(np.float64).tiny
+            if not (np.isfinite(number) & (number >= lowest)).all():
+                raise ConfigurationError(f"{name} is {value}, expected a positive number.")
+            with np.errstate(divide="ignore"):
+                logarithm = np.log(np.broadcast_to(number, (size,)))
+            literal = name == "length" and self.denominator == "literal"
+            given.append(0.5 * logarithm if literal else logarithm)
+        return np.concatenate(given)
+
+    def _check(self) -> None:
+        for name, words in (
+            ("kernel", ("ard", "isotropic")),
+            ("mean", ("constant", "estimated", "zero")),
+            ("denominator", ("squared", "literal")),
+            ("weights", ("precision", "repeats")),
+        ):
+            if getattr(self, name) not in words:
+                raise ConfigurationError(
+                    f"{name} is {getattr(self, name)!r}; allowed are {', '.join(words)}."
+                )
+        if self.restarts < 0:
+            raise ConfigurationError(f"restarts is {self.restarts}, expected zero or more.")
+
+    def _each(self, values: Array) -> Array:
+        """Returns values (..., 1 or k) for each of the k outputs."""
+        return np.broadcast_to(values, (*values.shape[:-1], len(self.mean_))).copy()
+
+    def _shaped(self, values: Array) -> Array:
+        return values[..., 0] if self._flat else values
+
+
+def _residuals(data: Rows, solved: Any) -> Array:
+    return np.asarray(data.outputs - data.trend() @ solved.trend)
+
+
+def _row_values(values: npt.ArrayLike | None, count: int, name: str) -> Array:
+    """Returns (n,) values of zero or more, zeros when None."""
+    if values is None:
+        return np.zeros(count)
+    array = np.asarray(values, dtype=np.float64)
+    if array.shape != (count,):
+        raise ShapeError(f"{name} has shape {array.shape}, expected ({count},).")
+    if not (np.isfinite(array) & (array >= 0.0)).all():
+        raise ShapeError(f"{name} has values that are negative or not finite.")
+    return array

@@ -1,0 +1,200 @@
+"""Squared exponential process with white noise: evidence, gradient and the best hyper-parameters.
+
+    K = a^2 exp(-sum_j (x_j - x'_j)^2 / (2 l_j^2)) + diag((s^2 + v_i) / w_i)
+
+theta = log of [l_1 .. l_d (one for all when isotropic), a, s]: lengths in the unit of the inputs,
+amplitude a and noise s in the unit of the outputs; v_i noise variance and w_i weight of row i.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize
+
+from robotrue.calibration.learners.marginal import Solved, solve
+from robotrue.calibration.learners.posterior import Posterior, correlation, posterior
+from robotrue.core.arrays import Array
+from robotrue.errors import ObservabilityError
+
+_LENGTHS, _AMPLITUDES, _NOISES = (2e-2, 1e2), (1e-2, 1e2), (1e-4, 1e1)
+"""What is searched, in standard deviations of the inputs and of the outputs."""
+_START_NOISE, _STEPS = 0.1, 200
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rows:
+    """Training rows of one process.
+
+    Attributes:
+        inputs: (n, d) less ``centre``.
+        outputs: (n, k).
+        weight: (n,) positive.
+        variance: (n,) known noise variance.
+        centre: (d,) taken from the inputs.
+        spread: (d,) their standard deviation, 1 where they do not vary.
+        scale: Standard deviation of the outputs, 1 where they do not vary.
+        isotropic: One length for all inputs.
+        mean: "constant" (integrated out), "estimated" or "zero".
+        repeats: A row of weight w stands for w equal rows, also in the evidence.
+    """
+
+    inputs: Array
+    outputs: Array
+    weight: Array
+    variance: Array
+    centre: Array
+    spread: Array
+    scale: float
+    isotropic: bool
+    mean: str
+    repeats: bool
+
+    def trend(self) -> Array:
+        """Returns the column of the constant mean (n, 1), or none (n, 0)."""
+        return np.ones((len(self.inputs), 0 if self.mean == "zero" else 1))
+
+
+def rows(
+    inputs: Array,
+    outputs: Array,
+    weight: Array,
+    variance: Array,
+    *,
+    isotropic: bool,
+    mean: str,
+    repeats: bool,
+) -> Rows:
+    """Returns training rows (n, d), (n, k) with centre and spread; zero weights are left out."""
+    used = weight > 0.0
+    inputs, outputs, weight, variance = (
+        inputs[used],
+        outputs[used],
+        weight[used],
+        variance[used],
+    )
+    share = weight / weight.sum()
+    centre = share @ inputs
+    spread = np.sqrt(share @ (inputs - centre) ** 2)
+    if isotropic:
+        spread = np.full_like(spread, np.sqrt(np.mean(spread**2)))
+    about = 0.0 if mean == "zero" else share @ outputs
+    scale = float(np.sqrt(np.mean(share @ (outputs - about) ** 2)))
+    tiny = np.finfo(np.float64).eps
+    return Rows(
+        inputs=inputs - centre,
+        outputs=outputs,
+        weight=weight,
+        variance=variance,
+        centre=centre,
+        spread=np.where(spread > tiny * (1.0 + np.abs(centre)), spread, 1.0),
+        scale=scale if scale > tiny * float(np.abs(outputs).max(initial=0.0)) else 1.0,
+        isotropic=isotropic,
+        mean=mean,
+        repeats=repeats,
+    )
+
+
+def split(theta: Array, columns: int) -> tuple[Array, float, float]:
+    """Returns lengths (d,), amplitude and noise of theta."""
+    length = np.broadcast_to(np.exp(theta[:-2]), (columns,))
+    return length, float(np.exp(theta[-2])), float(np.exp(theta[-1]))
+
+
+def solved_rows(data: Rows, theta: Array) -> tuple[Solved, Array]:
+    """Returns the rows solved against their covariance, and its noise-free part (n, n).
+
+    Raises:
+        ObservabilityError: Rows that coincide and carry no noise.
+    """
+    length, amplitude, noise = split(theta, data.inputs.shape[1])
+    z = data.inputs / length
+    signal = correlation(z, z)
+    np.fill_diagonal(signal, 1.0)
+    signal *= amplitude**2
+    total = signal.copy()
+    total.flat[:: len(total) + 1] += (noise**2 + data.variance) / data.weight
+    integrated = data.mean != "estimated"
+    return solve(total, data.outputs, data.trend(), integrated=integrated), signal
+
+
+def log_evidence(data: Rows, theta: Array) -> tuple[float, Array]:
+    """Returns log p(outputs | theta) and its gradient by theta.
+
+    Raises:
+        ObservabilityError: Rows that coincide and carry no noise.
+    """
+    solved, signal = solved_rows(data, theta)
+    length, _, noise = split(theta, data.inputs.shape[1])
+    sensitivity = solved.sensitivity()
+    signal *= sensitivity
+    z = data.inputs / length
+    by_length = signal.sum(axis=0) @ z**2 - np.einsum("ij,ij->j", z, signal @ z)
+    value, by_noise = solved.log_evidence, noise**2 * (sensitivity.diagonal() / data.weight).sum()
+    if data.repeats:
+        outputs, each = data.outputs.shape[1], noise**2 + data.variance
+        extra = (data.weight - 1.0) * np.log(2.0 * np.pi * each) + np.log(data.weight)
+        value -= 0.5 * outputs * float(extra.sum())
+        by_noise -= outputs * float(((data.weight - 1.0) * noise**2 / each).sum())
+    if data.isotropic:
+        by_length = by_length.sum(keepdims=True)
+    return value, np.concatenate([by_length, [signal.sum(), by_noise]])
+
+
+def start_and_bounds(data: Rows) -> tuple[Array, Array]:
+    """Returns where the search begins (p,) and its limits (p, 2), of theta."""
+    spread = data.spread[:1] if data.isotropic else data.spread
+    unit = np.log(np.concatenate([spread, [data.scale, data.scale]]))
+    lengths = len(spread)
+    near = np.sqrt(data.inputs.shape[1])
+    start = unit + np.log([*[near] * lengths, 1.0, _START_NOISE])
+    limits = np.log([*[_LENGTHS] * lengths, _AMPLITUDES, _NOISES])
+    return start, unit[:, None] + limits
+
+
+def best_theta(data: Rows, held: Array, restarts: int, random: np.random.RandomState) -> Array:
+    """Returns theta of largest evidence; entries of ``held`` (p,) that are not NaN stay.
+
+    The first search begins at lengths of sqrt(d) standard deviations; each restart at a random
+    place within a factor of ten of that.
+    """
+    start, bounds = start_and_bounds(data)
+    free = np.isnan(held)
+    theta = np.where(free, start, held)
+    if not free.any():
+        return theta
+
+    def downhill(part: Array) -> tuple[float, Array]:
+        trial = theta.copy()
+        trial[free] = part
+        try:
+            value, gradient = log_evidence(data, trial)
+        except ObservabilityError:
+            return 1e25, np.zeros(len(part))
+        return -value, -gradient[free]
+
+    best, lowest = theta[free], np.inf
+    for k in range(restarts + 1):
+        begin = start[free]
+        if k:
+            begin = begin + np.log(10.0) * random.uniform(-1.0, 1.0, len(begin))
+        found = minimize(
+            downhill,
+            np.clip(begin, *bounds[free].T),
+            jac=True,
+            method="L-BFGS-B",
+            bounds=[(low, high) for low, high in bounds[free]],
+            options={"maxiter": _STEPS},
+        )
+        if found.fun < lowest:
+            best, lowest = found.x, found.fun
+    theta[free] = best
+    return theta
+
+
+def posterior_of(data: Rows, theta: Array) -> tuple[Posterior, Solved]:
+    """Returns the process given its rows and theta, for prediction."""
+    solved, _ = solved_rows(data, theta)
+    length, amplitude, _ = split(theta, data.inputs.shape[1])
+    return posterior(solved, data.inputs + data.centre, data.centre, length, amplitude), solved
