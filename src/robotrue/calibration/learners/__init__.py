@@ -4,5 +4,6 @@ The only room that imports scikit-learn; the mathematics is NumPy and SciPy.
 """
 
 from robotrue.calibration.learners.gaussian_process import GaussianProcess
+from robotrue.calibration.learners.tradaboost import TrAdaBoostR2
 
-__all__ = ["GaussianProcess"]
+__all__ = ["GaussianProcess", "TrAdaBoostR2"]

@@ -8,6 +8,8 @@ Names of the paper this package reproduces (Deng et al. 2022, eq. 27-32) are rea
 
 from __future__ import annotations
 
+from copy import copy
+from dataclasses import replace
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -19,9 +21,12 @@ from sklearn.utils.validation import _check_sample_weight, check_is_fitted, vali
 from robotrue.calibration.learners.process import (
     Rows,
     best_theta,
+    evidence_of,
     log_evidence,
     posterior_of,
     rows,
+    signal_covariance,
+    solved_rows,
 )
 from robotrue.core.arrays import Array
 from robotrue.errors import ConfigurationError, ShapeError
@@ -136,8 +141,29 @@ class GaussianProcess(MultiOutputMixin, RegressorMixin, BaseEstimator):
             for group in groups
         ]
         self._theta = [best_theta(data, held, self.restarts, random) for data in self._rows]
+        self._signals = [
+            signal_covariance(d, t) for d, t in zip(self._rows, self._theta, strict=True)
+        ]
         self._learn()
         return self
+
+    def reweighted(self, sample_weight: Array) -> GaussianProcess:
+        """Returns this process with other weights on the rows of its fit, nothing learned anew.
+
+        Args:
+            sample_weight: (n,) of the rows that had a weight, all positive.
+
+        Raises:
+            ShapeError: Another number of weights, or weights that are not positive.
+        """
+        check_is_fitted(self)
+        weight = _row_values(sample_weight, len(self._rows[0].inputs), "sample_weight")
+        if not weight.min() > 0.0:
+            raise ShapeError("sample_weight has a zero, expected positive weights.")
+        other = copy(self)
+        other._rows = [replace(data, weight=weight) for data in self._rows]
+        other._learn()
+        return other
 
     def predict(
         self,
@@ -201,10 +227,14 @@ class GaussianProcess(MultiOutputMixin, RegressorMixin, BaseEstimator):
     def _learn(self) -> None:
         """Sets everything learned from rows and theta."""
         columns = self.n_features_in_
-        pairs = [posterior_of(d, t) for d, t in zip(self._rows, self._theta, strict=True)]
-        self._posteriors = [found for found, _ in pairs]
+        each = list(zip(self._rows, self._theta, strict=True))
+        solved = [
+            solved_rows(data, theta, signal)
+            for (data, theta), signal in zip(each, self._signals, strict=True)
+        ]
+        self._posteriors = [posterior_of(*e, s) for e, s in zip(each, solved, strict=True)]
         self.log_marginal_likelihood_ = float(
-            sum(log_evidence(d, t)[0] for d, t in zip(self._rows, self._theta, strict=True))
+            sum(evidence_of(*e, s) for e, s in zip(each, solved, strict=True))
         )
         theta = np.exp(self._theta)
         length = np.array([np.broadcast_to(t[:-2], (columns,)) for t in theta])
@@ -216,7 +246,7 @@ class GaussianProcess(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.noise_ = float(theta[0, -1]) if one else theta[:, -1]
         self.mean_ = np.concatenate([p.offset for p in self._posteriors])
         white = np.concatenate(
-            [s.whitened(_residuals(d, s)) for (_, s), d in zip(pairs, self._rows, strict=True)],
+            [s.whitened(_residuals(d, s)) for s, d in zip(solved, self._rows, strict=True)],
             axis=1,
         )
         size = np.sqrt(np.einsum("ij,ij->j", white, white))

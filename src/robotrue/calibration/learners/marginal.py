@@ -82,7 +82,7 @@ def solve(covariance: Array, values: Array, trend: Array, *, integrated: bool = 
     log_det = 2.0 * float(np.log(lower.diagonal()).sum())
     free = rows
     if columns:
-        trend_lower = np.linalg.cholesky(trend.T @ trend_rows)
+        trend_lower = lapack.dpotrf(trend.T @ trend_rows, lower=1, clean=1)[0]
         half = np.linalg.solve(trend_lower, trend.T @ alpha)
         coefficients = np.linalg.solve(trend_lower.T, half)
         alpha = alpha - trend_rows @ coefficients

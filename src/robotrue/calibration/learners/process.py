@@ -102,21 +102,27 @@ def split(theta: Array, columns: int) -> tuple[Array, float, float]:
     return length, float(np.exp(theta[-2])), float(np.exp(theta[-1]))
 
 
-def solved_rows(data: Rows, theta: Array) -> tuple[Solved, Array]:
-    """Returns the rows solved against their covariance, and its noise-free part (n, n).
-
-    Raises:
-        ObservabilityError: Rows that coincide and carry no noise.
-    """
-    length, amplitude, noise = split(theta, data.inputs.shape[1])
+def signal_covariance(data: Rows, theta: Array) -> Array:
+    """Returns the covariance of the rows without noise, (n, n)."""
+    length, amplitude, _ = split(theta, data.inputs.shape[1])
     z = data.inputs / length
     signal = correlation(z, z)
     np.fill_diagonal(signal, 1.0)
     signal *= amplitude**2
+    return signal
+
+
+def solved_rows(data: Rows, theta: Array, signal: Array) -> Solved:
+    """Returns the rows solved against ``signal`` (n, n) and their noise.
+
+    Raises:
+        ObservabilityError: Rows that coincide and carry no noise.
+    """
+    noise = float(np.exp(theta[-1]))
     total = signal.copy()
     total.flat[:: len(total) + 1] += (noise**2 + data.variance) / data.weight
     integrated = data.mean != "estimated"
-    return solve(total, data.outputs, data.trend(), integrated=integrated), signal
+    return solve(total, data.outputs, data.trend(), integrated=integrated)
 
 
 def log_evidence(data: Rows, theta: Array) -> tuple[float, Array]:
@@ -125,21 +131,33 @@ def log_evidence(data: Rows, theta: Array) -> tuple[float, Array]:
     Raises:
         ObservabilityError: Rows that coincide and carry no noise.
     """
-    solved, signal = solved_rows(data, theta)
+    signal = signal_covariance(data, theta)
+    solved = solved_rows(data, theta, signal)
     length, _, noise = split(theta, data.inputs.shape[1])
     sensitivity = solved.sensitivity()
     signal *= sensitivity
     z = data.inputs / length
     by_length = signal.sum(axis=0) @ z**2 - np.einsum("ij,ij->j", z, signal @ z)
-    value, by_noise = solved.log_evidence, noise**2 * (sensitivity.diagonal() / data.weight).sum()
+    by_noise = noise**2 * (sensitivity.diagonal() / data.weight).sum()
     if data.repeats:
-        outputs, each = data.outputs.shape[1], noise**2 + data.variance
-        extra = (data.weight - 1.0) * np.log(2.0 * np.pi * each) + np.log(data.weight)
-        value -= 0.5 * outputs * float(extra.sum())
-        by_noise -= outputs * float(((data.weight - 1.0) * noise**2 / each).sum())
+        more = (data.weight - 1.0) * noise**2 / (noise**2 + data.variance)
+        by_noise -= data.outputs.shape[1] * float(more.sum())
     if data.isotropic:
         by_length = by_length.sum(keepdims=True)
-    return value, np.concatenate([by_length, [signal.sum(), by_noise]])
+    gradient = np.concatenate([by_length, [signal.sum(), by_noise]])
+    return evidence_of(data, theta, solved), gradient
+
+
+def evidence_of(data: Rows, theta: Array, solved: Solved) -> float:
+    """Returns log p(outputs | theta); with ``repeats``, of every row as often as its weight says.
+
+    N(y; f, s^2)^w = N(y; f, s^2 / w) (2 pi s^2)^((1 - w) / 2) w^(-1 / 2).
+    """
+    if not data.repeats:
+        return solved.log_evidence
+    each = np.exp(2.0 * theta[-1]) + data.variance
+    extra = (data.weight - 1.0) * np.log(2.0 * np.pi * each) + np.log(data.weight)
+    return solved.log_evidence - float(0.5 * data.outputs.shape[1] * extra.sum())
 
 
 def start_and_bounds(data: Rows) -> tuple[Array, Array]:
@@ -193,8 +211,7 @@ def best_theta(data: Rows, held: Array, restarts: int, random: np.random.RandomS
     return theta
 
 
-def posterior_of(data: Rows, theta: Array) -> tuple[Posterior, Solved]:
-    """Returns the process given its rows and theta, for prediction."""
-    solved, _ = solved_rows(data, theta)
+def posterior_of(data: Rows, theta: Array, solved: Solved) -> Posterior:
+    """Returns the process given its rows, ready for prediction."""
     length, amplitude, _ = split(theta, data.inputs.shape[1])
-    return posterior(solved, data.inputs + data.centre, data.centre, length, amplitude), solved
+    return posterior(solved, data.inputs + data.centre, data.centre, length, amplitude)

@@ -1,0 +1,282 @@
+"""TrAdaBoost.R2: boosting of a regressor on target rows with the help of source rows.
+
+Deng et al. 2022, eq. 19-26, with a switch for every equation that can be read in several ways:
+
+======  =======================================================================================
+eq. 19  source rows have no initial weight as printed; here 1 / (n + m) times ``source_weight``
+eq. 20  |w (y - G)| is taken over the outputs: one error and one weight for each row
+eq. 22  weights sum to one over source and target, so that few target rows never reach the limit
+        of 0.5: ``error_over="all"`` as printed, "target" divides by the target's share
+eq. 23  target rows: weight times beta^(1 - e); Pardoe and Stone: beta^(-e), the same up to the
+        target's share of the whole
+eq. 24  ln(1 / beta) for every source row, whatever its error, and far above a target row:
+        ``source_weights="literal"``. "frozen" leaves them as they are; "decay" multiplies by
+        beta_s^e, beta_s = 1 / (1 + sqrt(2 ln n / N)); "pardoe" does so too, with beta^(-e) for the
+        target and errors relative to the largest of all rows
+eq. 25  sum of ln(1 / beta) times the median of beta G has the wrong scale:
+        ``combination="literal"``; "weighted-median" is the median of G with weights ln(1 / beta)
+======  =======================================================================================
+
+Sources: Deng et al. 2022, section 2.2; Pardoe and Stone, Boosting for regression transfer, ICML
+2010, algorithms 2 and 3; Drucker, Improving regressors using boosting techniques, ICML 1997.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, Literal, Self
+
+import numpy as np
+import numpy.typing as npt
+from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin, clone
+from sklearn.utils.validation import (
+    _check_sample_weight,
+    check_array,
+    check_is_fitted,
+    validate_data,
+)
+
+from robotrue.calibration.learners.gaussian_process import GaussianProcess
+from robotrue.core.arrays import Array, BoolArray
+from robotrue.errors import ConfigurationError, ShapeError
+
+_LEAST_ERROR, _LEAST_WEIGHT = 1e-12, 1e-12
+
+
+class TrAdaBoostR2(MultiOutputMixin, RegressorMixin, BaseEstimator):
+    """Boosted regressor with one weight per row, for one or several outputs.
+
+    Args:
+        estimator: Any regressor whose ``fit`` takes ``sample_weight``; None is a
+            :class:`GaussianProcess`. It is given weights of mean one.
+        rounds: Largest number of learners (N).
+        source_weights: Reading of eq. 24.
+        error_over: Reading of eq. 22.
+        combination: Reading of eq. 25.
+        output_weights: (k,) measurement weights of eq. 20, ones when None.
+        hyper_parameters: "first-round" learns those of a :class:`GaussianProcess` once and solves
+            the other rounds with the same kernel; "each-round" learns them anew.
+
+    Attributes:
+        estimators_: Learners kept, first round first.
+        betas_: (T,) beta of each.
+        errors_: (T,) weighted error of each, eq. 22.
+        weights_: (T, n + m) weights each was fitted with, source rows first, sum one.
+    """
+
+    def __init__(
+        self,
+        estimator: Any = None,
+        rounds: int = 10,
+        source_weights: Literal["frozen", "literal", "pardoe", "decay"] = "frozen",
+        error_over: Literal["target", "all"] = "target",
+        combination: Literal["weighted-median", "literal"] = "weighted-median",
+        output_weights: npt.ArrayLike | None = None,
+        hyper_parameters: Literal["first-round", "each-round"] = "first-round",
+    ) -> None:
+        self.estimator = estimator
+        self.rounds = rounds
+        self.source_weights = source_weights
+        self.error_over = error_over
+        self.combination = combination
+        self.output_weights = output_weights
+        self.hyper_parameters = hyper_parameters
+
+    def fit(
+        self,
+        X: npt.ArrayLike,
+        y: npt.ArrayLike,
+        sample_weight: npt.ArrayLike | None = None,
+        X_source: npt.ArrayLike | None = None,
+        y_source: npt.ArrayLike | None = None,
+        source_weight: npt.ArrayLike | None = None,
+    ) -> Self:
+        """Returns itself, fitted to target rows and, if given, source rows.
+
+        Args:
+            X: (m, d) target inputs.
+            y: (m,) or (m, k) target outputs.
+            sample_weight: (m,) initial weights of target rows; eq. 19 has sigma_in where
+                sub-spaces overlap and sigma_non elsewhere.
+            X_source: (n, d) source inputs, moved into the target's space beforehand.
+            y_source: (n,) or (n, k) source outputs.
+            source_weight: (n,) initial weights of source rows, ones when None.
+
+        Raises:
+            ConfigurationError: A parameter that is not one of its words, or out of range.
+            ShapeError: Source and target of different shape.
+            ValueError: What scikit-learn's own checks refuse.
+        """
+        self._check()
+        inputs, values = validate_data(
+            self, X, y, multi_output=True, y_numeric=True, dtype=np.float64
+        )
+        self._flat = np.ndim(values) == 1
+        outputs = np.asarray(values, dtype=np.float64).reshape(len(inputs), -1)
+        weight = _check_sample_weight(sample_weight, inputs, dtype=np.float64)
+        if X_source is not None:
+            source, source_outputs = self._source(X_source, y_source, outputs.shape[1])
+            before = _check_sample_weight(source_weight, source, dtype=np.float64)
+            inputs = np.concatenate([source, inputs])
+            outputs = np.concatenate([source_outputs, outputs])
+            weight = np.concatenate([before, weight])
+        elif y_source is not None or source_weight is not None:
+            raise ShapeError("y_source or source_weight without X_source.")
+        target = np.arange(len(inputs)) >= len(inputs) - len(values)
+        used = weight > 0.0
+        if weight.min() < 0.0 or not (used & target).any():
+            raise ShapeError(
+                "initial weights are zero or more, and those of some target rows are more; "
+                f"the least is {weight.min():g}."
+            )
+        self._boost(inputs[used], outputs[used], weight[used], target[used])
+        return self
+
+    def predict(self, X: npt.ArrayLike, return_std: bool = False) -> Any:
+        """Returns the combined prediction (m,) or (m, k), eq. 25, and on request its deviation.
+
+        The deviation is that of the mixture of all learners with weights ln(1 / beta): their own,
+        and how far they lie apart. It needs learners with ``predict(return_std=True)``.
+        """
+        check_is_fitted(self)
+        inputs = validate_data(self, X, reset=False, dtype=np.float64)
+        each = self._each(inputs)
+        confidence = np.log(1.0 / self.betas_)
+        if self.combination == "literal":
+            scaled = self.betas_[:, None, None] * each
+            combined = confidence.sum() * np.median(scaled, axis=0)
+        else:
+            combined = weighted_median(each, confidence)
+        if not return_std:
+            return self._shaped(combined)
+        share = confidence / confidence.sum()
+        own = np.array([e.predict(inputs, return_std=True)[1] for e in self.estimators_])
+        own = own.reshape(each.shape)
+        centre = np.tensordot(share, each, axes=1)
+        variance = np.tensordot(share, own**2 + (each - centre) ** 2, axes=1)
+        return self._shaped(combined), self._shaped(np.sqrt(variance))
+
+    def _boost(self, inputs: Array, outputs: Array, weight: Array, target: BoolArray) -> None:
+        rows, source = len(inputs), ~target
+        scale = self._output_weights(outputs.shape[1])
+        decay = 1.0 / (1.0 + np.sqrt(2.0 * np.log(max(source.sum(), 1)) / self.rounds))
+        weight = weight / weight.sum()
+        self.estimators_: list[Any] = []
+        betas, errors, weights = [], [], []
+        for _ in range(self.rounds):
+            learner = self._learner(inputs, outputs, np.maximum(weight * rows, _LEAST_WEIGHT))
+            predicted = np.asarray(learner.predict(inputs)).reshape(rows, -1)
+            miss = np.linalg.norm(scale * (outputs - predicted), axis=1)
+            judged = target | (self.source_weights == "pardoe")
+            largest = float(miss[judged].max())
+            error = np.minimum(miss / largest, 1.0) if largest > 0.0 else np.zeros(rows)
+            total = float((error * weight)[target].sum())
+            if self.error_over == "target":
+                total /= float(weight[target].sum())
+            if total > 0.5 and self.estimators_:
+                break
+            beta = max(total, _LEAST_ERROR) / (1.0 - min(total, 0.5 - _LEAST_ERROR))
+            self.estimators_.append(learner)
+            betas.append(min(beta, 1.0 - _LEAST_ERROR))
+            errors.append(total)
+            weights.append(weight)
+            if total > 0.5 or largest == 0.0:
+                break
+            weight = self._next(weight, error, target, beta, float(decay))
+        self.betas_, self.errors_ = np.array(betas), np.array(errors)
+        self.weights_ = np.array(weights)
+
+    def _next(
+        self, weight: Array, error: Array, target: BoolArray, beta: float, decay: float
+    ) -> Array:
+        """Returns the weights of the next round, sum one: eq. 23 and 24."""
+        out, source = weight.copy(), ~target
+        if self.source_weights == "pardoe":
+            out[target] *= beta ** -error[target]
+        else:
+            out[target] *= beta ** (1.0 - error[target])
+        if self.source_weights == "frozen":
+            out[target] *= weight[target].sum() / out[target].sum()
+        elif self.source_weights == "literal":
+            out[source] = np.log(1.0 / beta)
+        else:
+            out[source] *= decay ** error[source]
+        return np.asarray(out / out.sum())
+
+    def _learner(self, inputs: Array, outputs: Array, weight: Array) -> Any:
+        once = self.hyper_parameters == "first-round"
+        if once and self.estimators_ and isinstance(self.estimators_[0], GaussianProcess):
+            return self.estimators_[0].reweighted(weight)
+        learner = GaussianProcess() if self.estimator is None else clone(self.estimator)
+        values = outputs[:, 0] if self._flat else outputs
+        return learner.fit(inputs, values, sample_weight=weight)
+
+    def _each(self, inputs: Array) -> Array:
+        """Returns the prediction of every learner, (T, m, k)."""
+        first = self.estimators_[0]
+        if self.hyper_parameters == "first-round" and isinstance(first, GaussianProcess):
+            parts = []
+            for same in zip(*(e._posteriors for e in self.estimators_), strict=True):
+                joint = replace(
+                    same[0],
+                    weights=np.concatenate([p.weights for p in same], axis=1),
+                    offset=np.concatenate([p.offset for p in same]),
+                )
+                parts.append(joint.mean(inputs).reshape(len(inputs), len(same), -1))
+            return np.moveaxis(np.concatenate(parts, axis=2), 1, 0)
+        each = [np.asarray(e.predict(inputs)).reshape(len(inputs), -1) for e in self.estimators_]
+        return np.stack(each)
+
+    def _source(
+        self, X: npt.ArrayLike, y: npt.ArrayLike | None, outputs: int
+    ) -> tuple[Array, Array]:
+        if y is None:
+            raise ShapeError("X_source without y_source.")
+        inputs = check_array(X, dtype=np.float64)
+        values = check_array(y, dtype=np.float64, ensure_2d=False)
+        values = values.reshape(len(values), -1)
+        wanted = (len(inputs), outputs)
+        if inputs.shape[1] != self.n_features_in_ or values.shape != wanted:
+            raise ShapeError(
+                f"source rows have {inputs.shape} inputs and {values.shape} outputs, expected "
+                f"(any, {self.n_features_in_}) and (as many, {outputs})."
+            )
+        return inputs, values
+
+    def _output_weights(self, outputs: int) -> Array:
+        if self.output_weights is None:
+            return np.ones(outputs)
+        scale = np.asarray(self.output_weights, dtype=np.float64)
+        if scale.shape != (outputs,) or not (np.isfinite(scale) & (scale >= 0.0)).all():
+            raise ShapeError(
+                f"output_weights is {scale.tolist()}, expected {outputs} numbers of zero or more."
+            )
+        return scale
+
+    def _check(self) -> None:
+        for name, words in (
+            ("source_weights", ("frozen", "literal", "pardoe", "decay")),
+            ("error_over", ("target", "all")),
+            ("combination", ("weighted-median", "literal")),
+            ("hyper_parameters", ("first-round", "each-round")),
+        ):
+            if getattr(self, name) not in words:
+                raise ConfigurationError(
+                    f"{name} is {getattr(self, name)!r}; allowed are {', '.join(words)}."
+                )
+        if self.rounds < 1:
+            raise ConfigurationError(f"rounds is {self.rounds}, expected one or more.")
+
+    def _shaped(self, values: Array) -> Array:
+        return values[:, 0] if self._flat else values
+
+
+def weighted_median(values: Array, weights: Array) -> Array:
+    """Returns the weighted median over the first axis of values (T, ...), weights (T,).
+
+    The smallest value at which the weights of it and of all below reach half of their sum.
+    """
+    order = np.argsort(values, axis=0, kind="stable")
+    reached = np.cumsum(weights[order], axis=0) >= 0.5 * weights.sum()
+    chosen = np.take_along_axis(order, reached.argmax(axis=0)[None], axis=0)
+    return np.asarray(np.take_along_axis(values, chosen, axis=0)[0])
