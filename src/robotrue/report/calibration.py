@@ -59,7 +59,7 @@ def calibration_content(
     doubts = tuple(d for d in report.doubts if not any(u.rstrip(".") in d for u in unseen))
     sections = [_accuracy(report, tolerance), _uncertainty(report), _places(report)]
     if selection is not None:
-        sections.append(_method(selection))
+        sections.append(contest_section(selection))
     return ReportContent(
         title=title,
         subtitle=subtitle,
@@ -282,14 +282,21 @@ def _places(report: ValidationReport) -> Section:
     )
 
 
-def _method(selection: Selection) -> Section:
+def contest_section(
+    selection: Selection,
+    *,
+    title: str = "Why this method",
+    heading: str = "Methods on held-out poses",
+) -> Section:
+    """Returns the chapter that says who won on held-out poses, by how much, and the rule."""
     rows: list[tuple[Cell, ...]] = []
     kinds = list(dict.fromkeys(k for s in selection.table for k in s.mean_by_kind))
+    first = next(s for s in selection.table if not s.failure)
     for score in selection.table:
         if score.failure:
             rows.append((score.name, *([None] * (len(kinds) + 5)), score.failure))
             continue
-        contest = np.isfinite(score.gain)
+        contest, used = np.isfinite(score.gain), score.name == selection.winner
         rows.append(
             (
                 score.name,
@@ -299,16 +306,16 @@ def _method(selection: Selection) -> Section:
                 100.0 * score.coverage,
                 score.gain / MM if contest else None,
                 score.noise / MM if contest else None,
-                "used" if score.name == selection.winner else "",
+                "used" if used else "falls back" if not contest and score is not first else "",
             )
         )
     names = [score.name for score in selection.table]
     return Section(
-        title="Why this method",
+        title=title,
         text=selection.reason,
         blocks=(
             Table(
-                title="Methods on held-out poses",
+                title=heading,
                 columns=(
                     Column(title="method"),
                     Column(title="mean", unit=_MM),

@@ -27,7 +27,8 @@ class CandidateScore:
         coverage: Share in the stated 95 % regions.
         log_density: Mean log predictive density of a row, log(1/m^3).
         mean_by_kind: m, mean error per kind of split.
-        gain: m, mean error of the method chosen before it minus its own; NaN for the first.
+        gain: m, mean error of the method chosen before it minus its own; NaN for the first, and for
+            one whose predictions are those of a method before it.
         noise: m, what the gain must exceed.
         failure: Why it could not be fitted; empty if it could.
     """
@@ -165,6 +166,11 @@ def decide(
             winner, best = name, result
             trail.append(f"{name} has {result.error.mean() / MM:.3f} mm on held-out poses")
         else:
+            twin = _twin(result, held)
+            if twin is not None:
+                trail.append(f"{name} falls back to {twin}: the same predictions")
+                table.append(_scored(name, result, folds, fold_of_row, gain, noise))
+                continue
             gain, noise = paired_gain(best.error - result.error, fold_of_row)
             wins = gain > noise
             verdict = "beats" if wins else "does not beat"
@@ -188,6 +194,16 @@ def decide(
         splits=tuple(fold.name for fold in folds),
         rule=rule,
     )
+
+
+def _twin(result: HeldOut, held: Mapping[str, HeldOut | str]) -> str | None:
+    """Name of an earlier candidate with the very same errors: a richer method that fell back."""
+    for name, other in held.items():
+        if other is result:
+            return None
+        if isinstance(other, HeldOut) and np.array_equal(other.error, result.error):
+            return name
+    return None
 
 
 def paired_gain(difference: Array, fold_of_row: IntArray) -> tuple[float, float]:

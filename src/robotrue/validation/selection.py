@@ -12,7 +12,7 @@ Cost is bounded by rule, not by luck: at most :data:`MOST_TRAIN` rows fit a fold
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any, Final, TypeAlias, cast
 
 import numpy as np
@@ -33,7 +33,16 @@ from robotrue.validation.splits import (
     spatial_regions,
 )
 
-__all__ = ["FitFunction", "Selection", "default_splits", "select", "with_evidence"]
+__all__ = [
+    "FitFunction",
+    "Selection",
+    "Trials",
+    "default_splits",
+    "hold_out",
+    "select",
+    "with_evidence",
+    "with_summary",
+]
 
 FitFunction: TypeAlias = Callable[[MeasurementSet], ErrorModel]
 """Fits a model on the rows it is given."""
@@ -93,6 +102,40 @@ def select(
         ShapeError: No candidates or no splits.
         ObservabilityError: No candidate could be fitted; the message carries the first reason.
     """
+    result = hold_out(candidates, measurements, splits=splits, payload=payload, progress=progress)
+    return decide(result.held, result.folds, result.fold_of_row, result.rule)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trials:
+    """Every candidate on every fold.
+
+    Attributes:
+        held: By candidate, in their order: held-out results, or why there are none.
+        folds: The splits.
+        fold_of_row: (n,) fold of each held-out row.
+        rule: How rows were held out, one sentence.
+    """
+
+    held: Mapping[str, HeldOut | str]
+    folds: tuple[Split, ...]
+    fold_of_row: IntArray
+    rule: str
+
+
+def hold_out(
+    candidates: Mapping[str, FitFunction],
+    measurements: MeasurementSet,
+    *,
+    splits: Sequence[Split] | None = None,
+    payload: Load | None = None,
+    progress: Progress | None = None,
+) -> Trials:
+    """Returns the held-out results of every candidate; arguments as in :func:`select`.
+
+    Raises:
+        ShapeError: No candidates or no splits.
+    """
     folds = tuple(default_splits(measurements) if splits is None else splits)
     if not candidates or not folds:
         raise ShapeError("nothing to select from: no candidates or no splits.")
@@ -119,8 +162,12 @@ def select(
             held[name] = cause.message
     if progress is not None:
         progress("chosen", total, total)
-    fold_of_row = np.repeat(np.arange(len(parts)), [len(test) for _, test in parts])
-    return decide(held, folds, fold_of_row, _rule(folds, parts))
+    return Trials(
+        held=held,
+        folds=folds,
+        fold_of_row=np.repeat(np.arange(len(parts)), [len(test) for _, test in parts]),
+        rule=_rule(folds, parts),
+    )
 
 
 def with_evidence(model: ErrorModel, selection: Selection) -> ErrorModel:
@@ -128,9 +175,17 @@ def with_evidence(model: ErrorModel, selection: Selection) -> ErrorModel:
 
     Only a dataclass with a ``summary`` field can take it; any other model comes back as it is.
     """
+    return with_summary(model, {"selection": selection.summary()})
+
+
+def with_summary(model: ErrorModel, more: Mapping[str, Any]) -> ErrorModel:
+    """Returns the model with further JSON values in its training summary, where it can take them.
+
+    Only a dataclass with a ``summary`` field can; any other model comes back as it is.
+    """
     if not is_dataclass(model) or "summary" not in {f.name for f in fields(model)}:
         return model
-    summary = {**model.training_summary(), "selection": selection.summary()}
+    summary = {**model.training_summary(), **more}
     return cast(ErrorModel, replace(cast(Any, model), summary=summary))
 
 

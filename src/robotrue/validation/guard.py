@@ -1,0 +1,262 @@
+"""The guard against negative transfer: sources are believed only as far as target poses agree.
+
+Candidates compete on target poses held out in turn; sources are in every training part. The first
+candidate, the transfer, is believed until another beats it by more than the noise, and those that
+use the target poses alone speak last. So whatever is chosen is, on held-out target poses, never
+worse than the target poses alone by more than the noise of that comparison.
+
+Without target poses nothing can be checked; the model then says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+
+from robotrue.calibration.model import ErrorModel
+from robotrue.core.units import MM
+from robotrue.errors import ObservabilityError, RobotrueError
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.statics import Load
+from robotrue.validation.contest import (
+    HeldOut,
+    Selection,
+    decide,
+    paired_gain,
+    selection_from_summary,
+)
+from robotrue.validation.metrics import wilson_interval
+from robotrue.validation.selection import Progress, Trials, hold_out, with_evidence, with_summary
+from robotrue.validation.splits import random_folds
+
+Candidate: TypeAlias = Callable[[MeasurementSet | None], ErrorModel]
+"""Fits a model from the target rows it is given (None without any) and from what it holds."""
+
+FEWEST_ROWS: Final = 3
+"""Target rows from which they can be held out in turn."""
+MOST_FOLDS: Final = 10
+"""Up to so many target rows each is held out by itself."""
+NEAR: Final = 0.05
+"""Part of the reach within which target points are one place (rms distance from their middle)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """What the guard found.
+
+    Attributes:
+        winner: The candidate used.
+        checked: Whether target poses were held out.
+        target_rows: How many there are.
+        against: The best candidate of the target poses alone; empty if none could be fitted.
+        gain: m, its mean held-out error minus the winner's; NaN if there is nothing to compare.
+        noise: m, one-sided 95 % half width of that gain: the answer's error bar.
+        doubts: What the user must know, one sentence each.
+    """
+
+    winner: str
+    checked: bool
+    target_rows: int
+    against: str
+    gain: float
+    noise: float
+    doubts: tuple[str, ...]
+
+    def summary(self) -> Mapping[str, Any]:
+        """Returns JSON values; lengths in m."""
+        return {
+            "winner": self.winner,
+            "checked": self.checked,
+            "target_rows": self.target_rows,
+            "against": self.against or None,
+            "gain_m": self.gain if np.isfinite(self.gain) else None,
+            "noise_m": self.noise if np.isfinite(self.noise) else None,
+            "doubts": list(self.doubts),
+        }
+
+
+def guarded(
+    transfers: Mapping[str, Candidate],
+    alone: Mapping[str, Candidate],
+    target: MeasurementSet | None,
+    *,
+    payload: Load | None = None,
+    reach: float = np.inf,
+    doubts: Sequence[str] = (),
+    progress: Progress | None = None,
+    seed: int = 0,
+) -> ErrorModel:
+    """Returns the model of the candidate that holds on target poses, with the evidence.
+
+    Its training summary gains ``"selection"`` (the contest, if there was one), ``"guard"``
+    (:meth:`Verdict.summary`) and the guard's sentences at the head of ``"doubts"``.
+
+    Args:
+        transfers: Candidates that use sources, the one believed first at the head.
+        alone: Candidates that use the target rows alone, simplest first.
+        target: Rows of the region asked about, in one frame; None or no rows: nothing is checked.
+        payload: Used where a row does not state its own.
+        reach: m, of the arm; target points within a twentieth of it count as one place.
+        doubts: Known before, e.g. of sources left out.
+        progress: Told before every fit.
+        seed: Of the folds.
+
+    Raises:
+        ObservabilityError: No candidate could be fitted.
+    """
+    rows = 0 if target is None else len(target)
+    if target is None or rows < FEWEST_ROWS:
+        return _unchecked({**transfers, **alone}, target, tuple(doubts))
+    candidates = {**transfers, **alone}
+    folds = random_folds(rows, folds=min(rows, MOST_FOLDS), seed=seed)
+    trials = hold_out(candidates, target, splits=folds, payload=payload, progress=progress)
+    selection = decide(trials.held, trials.folds, trials.fold_of_row, trials.rule)
+    verdict = _verdict(selection, trials, tuple(transfers), tuple(alone), target, reach, doubts)
+    model = candidates[selection.winner](target)
+    return _with_verdict(with_evidence(model, selection), verdict)
+
+
+def verdict_from_summary(summary: Mapping[str, Any]) -> tuple[Verdict, Selection | None] | None:
+    """Returns what the guard wrote into a training summary, None if there was no guard."""
+    stated = summary.get("guard")
+    if not isinstance(stated, Mapping):
+        return None
+    nan = float("nan")
+    verdict = Verdict(
+        winner=str(stated["winner"]),
+        checked=bool(stated["checked"]),
+        target_rows=int(stated["target_rows"]),
+        against=str(stated["against"] or ""),
+        gain=nan if stated["gain_m"] is None else float(stated["gain_m"]),
+        noise=nan if stated["noise_m"] is None else float(stated["noise_m"]),
+        doubts=tuple(str(d) for d in stated["doubts"]),
+    )
+    contest = summary.get("selection") if verdict.checked else None
+    return verdict, None if contest is None else selection_from_summary(contest)
+
+
+def _unchecked(
+    candidates: Mapping[str, Candidate], target: MeasurementSet | None, doubts: tuple[str, ...]
+) -> ErrorModel:
+    """The first candidate that can be fitted, and the sentence that nothing was checked."""
+    rows = 0 if target is None else len(target)
+    failures = []
+    for name, fit in candidates.items():
+        try:
+            model = fit(target if rows else None)
+        except RobotrueError as cause:
+            failures.append(f"{name}: {cause.message}")
+            continue
+        verdict = Verdict(
+            winner=name,
+            checked=False,
+            target_rows=rows,
+            against="",
+            gain=float("nan"),
+            noise=float("nan"),
+            doubts=(_nothing_checked(name, rows), *doubts),
+        )
+        return _with_verdict(model, verdict)
+    raise ObservabilityError(
+        f"no candidate could be fitted; {'; '.join(failures) or 'there is none'}",
+        hint="measure target poses, or give a source that can be used.",
+    )
+
+
+def _nothing_checked(name: str, rows: int) -> str:
+    measured = "no target pose was measured" if not rows else f"only {rows} target poses"
+    return (
+        f"{measured}: {name} is used and nothing was checked against the target; measure "
+        f"{FEWEST_ROWS} or more poses there to check it."
+    )
+
+
+def _with_verdict(model: ErrorModel, verdict: Verdict) -> ErrorModel:
+    stated = [str(doubt) for doubt in model.training_summary().get("doubts", ())]
+    return with_summary(
+        model, {"guard": dict(verdict.summary()), "doubts": [*verdict.doubts, *stated]}
+    )
+
+
+def _verdict(
+    selection: Selection,
+    trials: Trials,
+    transfers: tuple[str, ...],
+    alone: tuple[str, ...],
+    target: MeasurementSet,
+    reach: float,
+    doubts: Sequence[str],
+) -> Verdict:
+    held = {name: r for name, r in trials.held.items() if isinstance(r, HeldOut)}
+    winner = held[selection.winner]
+    rivals = [name for name in alone if name in held]
+    against = min(rivals, key=lambda name: float(held[name].error.mean()), default="")
+    gain, noise = float("nan"), float("nan")
+    if against and against != selection.winner:
+        gain, noise = paired_gain(held[against].error - winner.error, trials.fold_of_row)
+    found = [*_harm(selection, trials, held, transfers), *doubts]
+    if transfers and not against:
+        found.append(
+            "the target poses alone could not be fitted: whether the sources help was not checked."
+        )
+    found += _width(winner, len(target)) + _one_place(target, reach)
+    return Verdict(
+        winner=selection.winner,
+        checked=True,
+        target_rows=len(target),
+        against=against,
+        gain=gain,
+        noise=noise,
+        doubts=tuple(found),
+    )
+
+
+def _harm(
+    selection: Selection,
+    trials: Trials,
+    held: Mapping[str, HeldOut],
+    transfers: tuple[str, ...],
+) -> list[str]:
+    """What became of the transfer that was believed first, if it was not used."""
+    if selection.winner in transfers[:1] or not transfers:
+        return []
+    first = transfers[0]
+    failure = trials.held[first]
+    if not isinstance(failure, HeldOut):
+        return [f"{first} could not be fitted, {selection.winner} is used: {failure}"]
+    winner = held[selection.winner]
+    gain, noise = paired_gain(failure.error - winner.error, trials.fold_of_row)
+    numbers = (
+        f"{failure.error.mean() / MM:.3f} mm against {winner.error.mean() / MM:.3f} mm on held-out "
+        f"target poses (gain {gain / MM:.3f} mm, noise {noise / MM:.3f} mm)"
+    )
+    if selection.winner in transfers:
+        return [f"{selection.winner} is used and not {first}: {numbers}."]
+    return [
+        f"the sources make it worse: {first} has {numbers} for {selection.winner}; the sources "
+        "are not used."
+    ]
+
+
+def _width(winner: HeldOut, rows: int) -> list[str]:
+    low, high = wilson_interval(round(winner.inside * rows), rows)
+    if high >= 0.95:
+        return []
+    return [
+        f"the stated 95 % regions hold {100 * winner.inside:.0f} % of the held-out target poses "
+        f"(interval {100 * low:.0f} to {100 * high:.0f} %): the stated uncertainty is too small, "
+        "a prior is too tight or something is not modelled."
+    ]
+
+
+def _one_place(target: MeasurementSet, reach: float) -> list[str]:
+    spread = np.sqrt(((target.position - target.position.mean(axis=0)) ** 2).sum(axis=1).mean())
+    if not np.isfinite(reach) or spread > NEAR * reach:
+        return []
+    return [
+        f"all {len(target)} target poses lie within {spread / MM:.3g} mm rms of one place: the "
+        "contest says nothing about the rest of the region; spread them over it."
+    ]
