@@ -1,0 +1,118 @@
+"""Every place where the paper can be read two ways, as one settings object."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final, Literal, TypeAlias, get_args
+
+from robotrue.errors import ConfigurationError
+
+TransformReading: TypeAlias = Literal["known-angle", "least-squares", "literal"]
+AttitudeReading: TypeAlias = Literal["turning", "fixed"]
+AlignmentInputs: TypeAlias = Literal["positions", "pose"]
+RidgeReading: TypeAlias = Literal["leave-one-out", "fixed"]
+ShrinkReading: TypeAlias = Literal["zero", "rotation"]
+WeightReading: TypeAlias = Literal["none", "columns", "rows"]
+SourceWeights: TypeAlias = Literal["frozen", "literal", "pardoe", "decay"]
+ErrorOver: TypeAlias = Literal["target", "all"]
+Combination: TypeAlias = Literal["weighted-median", "literal"]
+Kernel: TypeAlias = Literal["ard", "isotropic"]
+Mean: TypeAlias = Literal["constant", "zero"]
+Denominator: TypeAlias = Literal["squared", "literal"]
+Outside: TypeAlias = Literal["raise", "nearest"]
+
+_CHOICES: Final[dict[str, Any]] = {
+    "transform": TransformReading,
+    "attitude": AttitudeReading,
+    "inputs": AlignmentInputs,
+    "ridge": RidgeReading,
+    "shrink_to": ShrinkReading,
+    "alignment_weights": WeightReading,
+    "source_weights": SourceWeights,
+    "error_over": ErrorOver,
+    "combination": Combination,
+    "kernel": Kernel,
+    "mean": Mean,
+    "denominator": Denominator,
+    "outside": Outside,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Readings:
+    """How the ambiguous or faulty equations are read; the defaults are the readings that work.
+
+    What each switch does was measured on simulated arms; ``robotrue reproduce deng2022`` prints it.
+
+    Attributes:
+        transform: T_j, eq. 11-12. ``known-angle``: eq. 11 with the angle between the two nominal
+            regions and no translation. ``least-squares``: (Xst'Xst)^-1 Xst' Xt from the mapped
+            pairs; for nominal poses it returns the same, transposed. ``literal``: eq. 12 as printed
+            multiplies n source rows with m mapped rows; it raises and says so.
+        attitude: What T_j does to the tool's attitude, which eq. 11 leaves open: it turns with
+            joint 1 (rz grows by the angle), or stays as it is in the base.
+        inputs: X in eq. 13-15. ``positions``: H_j has 7 rows (position, error, 1). ``pose``: all
+            six pose numbers of x, 10 rows; needs more target poses for the same accuracy.
+        ridge: lambda of eq. 14, which the paper does not give. ``leave-one-out``: the value with
+            the smallest leave-one-out residual, by sub-space. ``fixed``: ``ridge_value``.
+        ridge_value: lambda with positions and errors in mm and angles in deg.
+        shrink_to: Where lambda pulls H_j. ``zero``: as printed; a large lambda then predicts no
+            error at all. ``rotation``: to "the error turns with the pose".
+        alignment_weights: omega_m in eq. 13. ``columns``: as printed; a weight on output columns
+            cannot change a least-squares solution. ``rows``: each pair by its tracker variance.
+            ``none``: without.
+        boosting_weights: omega_m in eq. 20-21: errors count in units of what the tracker resolves.
+        rounds: N, largest number of boosting rounds.
+        source_weights: Eq. 24. ``literal``: ln(1/beta_t) for every transferred row, some hundred
+            times a target row. ``frozen``: stays as it began (two-stage TrAdaBoost.R2).
+            ``pardoe``: w beta^e with the beta of TrAdaBoost. ``decay``: see
+            :class:`robotrue.calibration.learners.tradaboost.TrAdaBoostR2`.
+        error_over: Eq. 22. ``target``: weights summing to 1 over the target rows. ``all``: over all
+            rows as printed, which scales the error by the target's share.
+        combination: Eq. 25. ``weighted-median``: of the rounds' predictions, weights ln(1/beta_t).
+            ``literal``: the sum of the logarithms times a median of beta_t G_t; its scale is wrong.
+        kernel: Eq. 28. ``ard``: a length for each input, inputs standardised. ``isotropic``: one
+            length for mm and deg together.
+        mean: Eq. 27 has a constant mean, eq. 31 none.
+        denominator: Eq. 28 divides by 2 sigma_l where a length scale is squared; learned lengths
+            come out the same process.
+        length: A fixed isotropic kernel length, mm and deg alike; None learns it.
+        overlap_weight: sigma_in of eq. 19, weight of target rows that lie in two sub-spaces.
+        outside: What the joined model, eq. 26, does outside both domains: refuse, or take the
+            nearer domain's.
+    """
+
+    transform: TransformReading = "known-angle"
+    attitude: AttitudeReading = "turning"
+    inputs: AlignmentInputs = "positions"
+    ridge: RidgeReading = "leave-one-out"
+    ridge_value: float = 1e-3
+    shrink_to: ShrinkReading = "zero"
+    alignment_weights: WeightReading = "none"
+    boosting_weights: bool = False
+    rounds: int = 10
+    source_weights: SourceWeights = "frozen"
+    error_over: ErrorOver = "target"
+    combination: Combination = "weighted-median"
+    kernel: Kernel = "ard"
+    mean: Mean = "constant"
+    denominator: Denominator = "squared"
+    length: float | None = None
+    overlap_weight: float = 1.0
+    outside: Outside = "raise"
+
+    def __post_init__(self) -> None:
+        """Refuses words and numbers that mean nothing."""
+        for name, choice in _CHOICES.items():
+            if getattr(self, name) not in get_args(choice):
+                raise ConfigurationError(
+                    f"{name} {getattr(self, name)!r}; readings are {list(get_args(choice))}."
+                )
+        if self.rounds < 1:
+            raise ConfigurationError(f"{self.rounds} boosting rounds, expected 1 or more.")
+        if not self.ridge_value >= 0.0:
+            raise ConfigurationError(f"ridge_value {self.ridge_value}, expected 0 or more.")
+        if not self.overlap_weight > 0.0:
+            raise ConfigurationError(f"overlap_weight {self.overlap_weight}, expected more than 0.")
+        if self.length is not None and not self.length > 0.0:
+            raise ConfigurationError(f"length {self.length} mm, expected more than 0.")
