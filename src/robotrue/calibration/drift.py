@@ -1,0 +1,320 @@
+"""What changes between a calibration and the rows it is carried to, and by how much.
+
+The source's posterior N(m, S) becomes the target's prior
+
+    w = D m + e,    e ~ N(0, k^2 D S D + sum_g s_g^2 diag(unit_g^2) + (I - D^2) P)
+
+Groups g are physical: where base and reflector stand, joint zeros, link lengths and angles, gears,
+compliance. D carries learned shapes (ripple with backlash, smooth residual) over with a correlation
+rho between the two campaigns, P is their prior variance: rho = cos(f), tan(f) is the relative
+drift. k is the trust in S itself. Every scale has a default from physics for each relation; the
+target rows move it by marginal likelihood, held by a log-normal of sd ``LOG_SD`` about the default.
+With few rows a scale is uncertain; what the mean would do if it were different is added to the
+covariance (Kass and Steffey 1989, eq. 3.5, with the delta method for the mean's derivative).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Final, Literal, TypeAlias
+
+import numpy as np
+
+from robotrue.calibration.belief import Belief, widened
+from robotrue.calibration.ripple import BANDS, REST
+from robotrue.core.arrays import Array, IntArray
+from robotrue.errors import ConfigurationError
+from robotrue.robot.model import parameter_slice
+
+Relation: TypeAlias = Literal["region", "campaign", "unit"]
+RELATIONS: Final = ("region", "campaign", "unit")
+TRUST: Final = "trust"
+NOISE: Final = "noise"
+RIPPLE: Final = "ripple"
+SMOOTH: Final = "smooth"
+FIELD: Final = "field"
+LOG_SD: Final = 1.6
+"""sd of the natural logarithm of a drift scale about its default: a factor of five."""
+NOISE_LOG_SD: Final = 0.4
+TRUST_LOG_SD: Final = 0.5
+WHITE_FLOOR: Final = 1e-7
+"""m, white noise below which nothing is measured."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriftScales:
+    """How far a target may be from its source; standard deviations.
+
+    Attributes:
+        base: m, base or tracker registration, both in base.
+        base_rotation: rad.
+        tool: m, the reflector mounted again.
+        tool_rotation: rad.
+        theta: rad, joint zeros.
+        length: m, d and a.
+        angle: rad, alpha and beta.
+        gear: Relative.
+        compliance: Relative to the compliance.
+        ripple: tan(f) of ripple and backlash; 0 is the same, 1 half the variance.
+        smooth: tan(f) of the smooth residual.
+        field: m, amplitude of a smooth residual where the source has none.
+    """
+
+    base: float
+    base_rotation: float
+    tool: float
+    tool_rotation: float
+    theta: float
+    length: float
+    angle: float
+    gear: float
+    compliance: float
+    ripple: float
+    smooth: float
+    field: float
+
+
+DEFAULTS: Final[Mapping[Relation, DriftScales]] = {
+    "region": DriftScales(
+        base=2e-6,
+        base_rotation=2e-6,
+        tool=1e-6,
+        tool_rotation=2e-6,
+        theta=2e-6,
+        length=2e-6,
+        angle=2e-6,
+        gear=1e-7,
+        compliance=1e-3,
+        ripple=0.01,
+        smooth=0.1,
+        field=3e-5,
+    ),
+    "campaign": DriftScales(
+        base=2e-4,
+        base_rotation=1e-4,
+        tool=2e-4,
+        tool_rotation=1e-3,
+        theta=2e-5,
+        length=2e-5,
+        angle=1e-5,
+        gear=1e-6,
+        compliance=0.02,
+        ripple=0.1,
+        smooth=0.3,
+        field=3e-5,
+    ),
+    "unit": DriftScales(
+        base=2e-2,
+        base_rotation=2e-2,
+        tool=1e-2,
+        tool_rotation=2e-2,
+        theta=1e-3,
+        length=5e-4,
+        angle=5e-4,
+        gear=2e-5,
+        compliance=0.2,
+        ripple=10.0,
+        smooth=3.0,
+        field=5e-5,
+    ),
+}
+"""Same campaign: half an hour of warming. Months: the stand, the reflector and the encoders
+referenced anew, 1 to 2 K (12 um per m and K). Another arm of the type: tolerances of manufacture,
+placed anew; its gears are alike in kind and not in phase."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriftGroup:
+    """One scale: its name, its columns and its default.
+
+    Attributes:
+        name: For reports.
+        columns: Where it acts.
+        unit: (len(columns),) sd of each column at scale one.
+        rest: Default scale.
+    """
+
+    name: str
+    columns: Array
+    unit: Array
+    rest: float
+
+
+def drift_groups(belief: Belief, scales: DriftScales) -> list[DriftGroup]:
+    """Returns the additive groups that act on the physical columns of a belief."""
+    dof = belief.robot.dof
+    covered = belief.variance[: len(belief.errors)] > 0.0
+    out = []
+
+    def add(name: str, places: list[slice], unit: float | Array, rest: float) -> None:
+        columns = np.concatenate([np.arange(p.start, p.stop) for p in places])
+        units = np.broadcast_to(unit, columns.shape)
+        kept = covered[columns] & (units > 0.0)
+        if kept.any() and rest > 0.0:
+            out.append(DriftGroup(name=name, columns=columns[kept], unit=units[kept], rest=rest))
+
+    def place(*names: str) -> list[slice]:
+        return [parameter_slice(dof, name) for name in names]
+
+    for frame in ("base", "tool"):
+        start = parameter_slice(dof, frame).start
+        turn = f"{frame}_rotation"
+        add(frame, [slice(start, start + 3)], 1.0, getattr(scales, frame))
+        add(turn, [slice(start + 3, start + 6)], 1.0, getattr(scales, turn))
+    add("theta", place("theta"), 1.0, scales.theta)
+    add("length", place("d", "a"), 1.0, scales.length)
+    add("angle", place("alpha", "beta"), 1.0, scales.angle)
+    add("gear", place("gear"), 1.0, scales.gear)
+    stiffness = place("compliance")
+    size = np.abs(belief.errors[stiffness[0]])
+    spread = np.sqrt(belief.variance[stiffness[0]])
+    add("compliance", stiffness, np.maximum(size, spread), scales.compliance)
+    return out
+
+
+def shape_variance(belief: Belief) -> tuple[Array, Array]:
+    """Returns the prior variance (p,) of ripple with backlash, and of the smooth residual.
+
+    A band's prior variance is read off its own posterior, as the mean of ``w^2 + var(w)`` over the
+    band: the fixed point of the evidence that fitted it.
+    """
+    ripple, backlash, smooth, end = belief.starts
+    power = belief.mean**2 + belief.variance
+    waves, field_ = np.zeros(len(power)), np.zeros(len(power))
+    count, dof = len(belief.cycles), belief.robot.dof
+    for joint in range(dof):
+        for low, high in pairwise(BANDS):
+            chosen = np.flatnonzero((belief.cycles >= low) & (belief.cycles < high))
+            if len(chosen):
+                first = ripple + 2 * (joint * count + int(chosen[0]))
+                part = slice(first, first + 2 * len(chosen))
+                waves[part] = max(float(power[part].mean()), REST**2)
+    if belief.variance[backlash:smooth].any():
+        waves[backlash:smooth] = max(float(power[backlash:smooth].mean()), REST**2)
+    field_[smooth:end] = belief.amplitude**2
+    return waves, field_
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drift:
+    """A source's belief, what may have changed, and the scales of that.
+
+    Attributes:
+        belief: The source.
+        groups: Additive groups.
+        field: Columns of the smooth residual that the source does not have.
+        rest: Natural logarithm of the defaults of trust, noise, ripple, smooth, field, then of
+            every group.
+        log_sd: Of the log-normals about them.
+        log_scale: Where they stand.
+        log_cov: Covariance of ``log_scale``.
+    """
+
+    belief: Belief
+    groups: tuple[DriftGroup, ...]
+    field: IntArray
+    rest: Array
+    log_sd: Array
+    log_scale: Array
+    log_cov: Array
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Name of every scale."""
+        return (TRUST, NOISE, RIPPLE, SMOOTH, FIELD, *(g.name for g in self.groups))
+
+    @property
+    def scales(self) -> dict[str, float]:
+        """Scale by name: factors for trust, tan(f) for ripple and smooth, else SI."""
+        return dict(zip(self.names, np.exp(self.log_scale).tolist(), strict=True))
+
+    @property
+    def white(self) -> float:
+        """White noise of lengths, m."""
+        return float(np.exp(self.log_scale[1]))
+
+
+def prior_of(drift: Drift, log_scale: Array | None = None) -> Belief:
+    """Returns the target's prior: the source carried over with the drift's scales."""
+    belief = drift.belief
+    scale = np.exp(drift.log_scale if log_scale is None else log_scale)
+    keep, variance = carried(drift, scale)
+    amplitude = float(scale[4]) if len(drift.field) else belief.amplitude
+    return widened(
+        replace(
+            belief,
+            mean=keep * belief.mean,
+            root=scale[0] * belief.root * keep,
+            white=float(scale[1]),
+            inflation=1.0,
+            amplitude=amplitude,
+        ),
+        variance,
+    )
+
+
+def carried(drift: Drift, scale: Array) -> tuple[Array, Array]:
+    """Returns D (p,) and the variance (p,) the drift adds, at scales as in ``Drift.names``."""
+    belief = drift.belief
+    ripple, _, smooth, end = belief.starts
+    angle = np.arctan(scale[2:4])
+    keep = np.ones(len(belief.mean))
+    keep[ripple:smooth] = np.cos(angle[0])
+    keep[smooth:end] = np.cos(angle[1])
+    waves, smooth_variance = shape_variance(belief)
+    smooth_variance[drift.field] = 0.0
+    variance = np.sin(angle[0]) ** 2 * waves + np.sin(angle[1]) ** 2 * smooth_variance
+    variance[drift.field] = scale[4] ** 2
+    for group, s in zip(drift.groups, scale[5:], strict=True):
+        variance[group.columns] += (s * group.unit) ** 2
+    return keep, variance
+
+
+def drift_of(
+    belief: Belief, relation: Relation, scales: DriftScales | None = None, *, field_from: int = -1
+) -> Drift:
+    """Returns the drift of a relation at its default scales.
+
+    Args:
+        belief: The source, with the centres of the target already among its columns.
+        relation: How the target belongs to the source.
+        scales: Defaults other than :data:`DEFAULTS`.
+        field_from: First smooth column that belongs to the target alone; -1 if there is none.
+
+    Raises:
+        ConfigurationError: No such relation.
+    """
+    if relation not in RELATIONS:
+        raise ConfigurationError(
+            f"no relation {relation!r} between source and target; relations are {list(RELATIONS)}."
+        )
+    chosen = DEFAULTS[relation] if scales is None else scales
+    groups = drift_groups(belief, chosen)
+    end = belief.starts[3]
+    fresh = np.arange(field_from, end) if field_from >= 0 else np.arange(0)
+    fields = belief.amplitude if belief.amplitude > 0.0 else chosen.field
+    white = belief.inflation * (belief.white**2 + belief.repeatability**2)
+    rest = np.array(
+        [
+            np.sqrt(max(belief.inflation, 1.0)),
+            np.sqrt(max(white - belief.repeatability**2, WHITE_FLOOR**2)),
+            chosen.ripple,
+            chosen.smooth,
+            fields,
+            *(g.rest for g in groups),
+        ]
+    )
+    log_sd = np.array(
+        [TRUST_LOG_SD, NOISE_LOG_SD, LOG_SD, LOG_SD, LOG_SD, *(LOG_SD for _ in groups)]
+    )
+    return Drift(
+        belief=replace(belief, inflation=1.0),
+        groups=tuple(groups),
+        field=fresh,
+        rest=np.log(rest),
+        log_sd=log_sd,
+        log_scale=np.log(rest),
+        log_cov=np.diag(log_sd**2),
+    )

@@ -1,0 +1,66 @@
+"""Where a model came from: every step that made it, oldest first, in JSON values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from robotrue.calibration.model import ErrorModel
+from robotrue.core.archive import archive_bytes
+from robotrue.core.files import sha256
+from robotrue.measurement.measurement_set import MeasurementSet
+
+
+def model_hash(model: ErrorModel) -> str:
+    """Returns the SHA-256 of everything in the model's archive, its summary included."""
+    return sha256(archive_bytes(model.to_archive()))
+
+
+def data_hash(measurements: MeasurementSet) -> str:
+    """Returns the SHA-256 of joints and positions, as fits record it."""
+    return sha256(measurements.joints.tobytes() + measurements.position.tobytes())
+
+
+def history(model: ErrorModel) -> list[dict[str, Any]]:
+    """Returns the steps that made the model, oldest first; a plain fit is one step."""
+    summary = model.training_summary()
+    kept = summary.get("lineage")
+    if kept:
+        return [dict(step) for step in kept]
+    return [
+        {
+            "step": "fit",
+            "method": summary.get("method", "unknown"),
+            "rows": summary.get("rows", 0),
+            "data_sha256": summary.get("data_sha256", ""),
+            "sources": list(summary.get("sources", ())),
+        }
+    ]
+
+
+def added(
+    step: str,
+    parents: Sequence[ErrorModel],
+    measurements: MeasurementSet | None,
+    settings: Mapping[str, Any],
+    screened: Sequence[int],
+) -> dict[str, Any]:
+    """Returns the step that adds measurements to its parents.
+
+    Args:
+        step: ``"update"`` or ``"transfer"``.
+        parents: The models it started from.
+        measurements: What was added; None adds no rows.
+        settings: What decided the result besides the data.
+        screened: Rows that got no weight.
+    """
+    none = measurements is None
+    return {
+        "step": step,
+        "parents_sha256": [model_hash(parent) for parent in parents],
+        "rows": 0 if measurements is None else len(measurements),
+        "data_sha256": "" if measurements is None else data_hash(measurements),
+        "sources": [] if measurements is None else list(measurements.sources),
+        "screened_rows": [] if none else [int(i) for i in screened],
+        "settings": dict(settings),
+    }

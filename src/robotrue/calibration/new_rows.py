@@ -1,0 +1,243 @@
+"""New measurements as linear rows over the columns of a belief.
+
+    z = measured - h(w0) + H w0 = H w + noise
+
+The posture, the tracker frames and the nuisances of the new set are linearised where the belief
+stands; taken again after an update this is Gauss-Newton. Tracker set-ups the belief does not know,
+and further reflectors, bring columns of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from robotrue.calibration.belief import Belief
+from robotrue.calibration.design import Seen, smooth_columns
+from robotrue.calibration.observations import (
+    PoseObservation,
+    PositionObservation,
+    observations_of,
+)
+from robotrue.calibration.parameters import Layout, State, retract
+from robotrue.calibration.rigid_flexible import RigidFlexibleModel
+from robotrue.calibration.ripple import ripple_columns
+from robotrue.calibration.settings import FitSettings
+from robotrue.calibration.start import start_state
+from robotrue.core.arrays import Array, IntArray
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.model import RobotModel, parameter_slice
+
+NUISANCE_SD: Final = 0.1
+"""m and rad, about a start in closed form: far looser than any data."""
+ROWS: Final = 256
+"""Poses linearised at a time."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Piece:
+    """Rows of one kind: n rows of m numbers.
+
+    Attributes:
+        columns: (n, m, p) H.
+        values: (n, m) z.
+        covariance: (n, m, m) of instrument and repeatability.
+        white: (2, m) how often white noise of lengths and of angles adds to each number.
+        rows: (n,) rows of the set.
+    """
+
+    columns: Array
+    values: Array
+    covariance: Array
+    white: Array
+    rows: IntArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NewRows:
+    """A set to be added, and the nuisances it brings.
+
+    Attributes:
+        robot: Nominal arm.
+        observations: In base (known set-ups) and in new tracker frames.
+        approach: (n, dof).
+        layout: Of robot errors and nuisances.
+        T_tracker_base: New set-ups, where they stand now.
+        T_flange_target: Further reflectors, where they stand now.
+        count: n.
+    """
+
+    robot: RobotModel
+    observations: tuple[Seen, ...]
+    approach: Array
+    layout: Layout
+    T_tracker_base: Mapping[int, Array]
+    T_flange_target: Mapping[int, Array]
+    count: int
+
+    @property
+    def nuisances(self) -> int:
+        """Number of nuisance columns."""
+        return self.layout.size - self.layout.robot_size
+
+    def moved(self, step: Array) -> NewRows:
+        """Returns the rows with their nuisances moved by ``step`` (nuisances,)."""
+        whole = np.concatenate([np.zeros(self.layout.robot_size), step])
+        state = retract(self.layout, self._state(self.robot), whole)
+        return replace(
+            self, T_tracker_base=state.T_tracker_base, T_flange_target=state.T_flange_target
+        )
+
+    def _state(self, robot: RobotModel) -> State:
+        return State(
+            robot=robot,
+            T_tracker_base=self.T_tracker_base,
+            T_flange_target=self.T_flange_target,
+        )
+
+    def pieces(self, belief: Belief, chosen: Array | None = None) -> list[Piece]:
+        """Returns the rows (of a mask, or all), linearised at the belief's mean."""
+        state = self._state(belief.robot.with_errors(belief.errors))
+        out = []
+        for observation in self.observations:
+            mine = np.arange(len(observation.rows))
+            if chosen is not None:
+                mine = mine[chosen[observation.rows]]
+            for start in range(0, len(mine), ROWS):
+                part = mine[start : start + ROWS]
+                out.append(self._piece(belief, state, observation, part))
+        return out
+
+    def _piece(self, belief: Belief, state: State, observation: Seen, part: IntArray) -> Piece:
+        item = observation.linearise(self.layout, state, part)  # type: ignore[arg-type]
+        jacobian, joints = item.jacobian, observation.visits.joints[part]
+        dof, size = belief.robot.dof, self.layout.robot_size
+        drive = jacobian[:, :, parameter_slice(dof, "theta")] @ belief.robot.joint_map
+        rows = observation.rows[part]
+        pieces = [
+            jacobian[:, :, :size],
+            ripple_columns(drive, joints, belief.cycles),
+            drive * self.approach[rows][:, None, :],
+        ]
+        if belief.basis is not None:
+            shift = jacobian[:, :, parameter_slice(dof, "base")][:, :, :3]
+            pieces.append(smooth_columns(shift, belief.basis.columns(joints)))
+        pieces.append(jacobian[:, :, size:])
+        columns = np.concatenate(pieces, axis=2)
+        at = np.concatenate([belief.errors, np.zeros(columns.shape[2] - size)])
+        return Piece(
+            columns=columns,
+            values=item.residual + columns @ at,
+            covariance=item.covariance,
+            white=item.white,
+            rows=rows,
+        )
+
+
+def new_rows(
+    belief: Belief, measurements: MeasurementSet, settings: FitSettings, *, fresh: bool
+) -> NewRows:
+    """Returns the measurements ready to be added to a belief.
+
+    Args:
+        belief: Says where the arm is believed to be.
+        measurements: In base or in tracker frames.
+        settings: Payload, sd of orientations.
+        fresh: True: every tracker set-up is a new one, whatever its number.
+
+    Raises:
+        ObservabilityError: A new set-up with fewer than 3 points, or all on one line.
+        ImplausibleDataError: Points that cannot be this robot's.
+    """
+    robot = belief.robot.with_errors(belief.errors)
+    measurements = _with_tool_axes(robot, measurements)
+    known = np.zeros(len(measurements), dtype=bool)
+    if measurements.frame == "tracker" and not fresh:
+        known = np.isin(measurements.station, list(belief.T_tracker_base))
+    stations: dict[int, Array] = {}
+    targets: dict[int, Array] = {}
+    sizes: dict[int, int] = {}
+    observations: list[Seen] = []
+    for mine in (known, ~known):
+        rows = np.flatnonzero(mine)
+        if not len(rows):
+            continue
+        part = measurements.subset(rows)
+        if mine is known:
+            part = _in_base(part, belief)
+        _, layout, start = start_state(robot, part)
+        stations |= dict(start.T_tracker_base)
+        targets |= dict(start.T_flange_target)
+        sizes |= dict(layout.targets)
+        for o in observations_of(
+            belief.robot,
+            part,
+            settings.payload,
+            repeatability=belief.repeatability,
+            rotation_sd=settings.rotation_sd,
+        ):
+            if isinstance(o, PositionObservation | PoseObservation):
+                observations.append(replace(o, rows=rows[o.rows]))
+    return NewRows(
+        robot=belief.robot,
+        observations=tuple(observations),
+        approach=measurements.approach,
+        layout=Layout(
+            dof=robot.dof, stations=tuple(sorted(stations)), targets=tuple(sorted(sizes.items()))
+        ),
+        T_tracker_base=stations,
+        T_flange_target=targets,
+        count=len(measurements),
+    )
+
+
+def whitened(pieces: Sequence[Piece], noise: Array, weights: Array) -> tuple[Array, Array]:
+    """Returns whitened columns (m, p) and values (m,) of the rows with weight.
+
+    Args:
+        pieces: From :meth:`NewRows.pieces`.
+        noise: (2,) white variance of lengths (m^2) and angles (rad^2).
+        weights: (n,) robust weight of every row of the set.
+    """
+    columns, values = [], []
+    for piece in pieces:
+        u = weights[piece.rows]
+        kept = u > 0.0
+        size = piece.values.shape[1]
+        full = piece.covariance[kept] + (noise @ piece.white) * np.eye(size)
+        inverse_lower = np.linalg.inv(np.linalg.cholesky(full)) * np.sqrt(u[kept])[:, None, None]
+        columns.append((inverse_lower @ piece.columns[kept]).reshape(-1, piece.columns.shape[2]))
+        values.append((inverse_lower @ piece.values[kept][:, :, None]).reshape(-1))
+    return np.concatenate(columns), np.concatenate(values)
+
+
+def _in_base(measurements: MeasurementSet, belief: Belief) -> MeasurementSet:
+    """The set in base, by the set-ups the belief knows."""
+    seen = RigidFlexibleModel(
+        robot=belief.robot,
+        errors=belief.errors,
+        covariance=np.zeros((len(belief.errors), len(belief.errors))),
+        repeatability=belief.repeatability,
+        white=belief.white,
+        T_tracker_base=belief.T_tracker_base,
+    )
+    return seen.in_base(measurements)
+
+
+def _with_tool_axes(robot: RobotModel, measurements: MeasurementSet) -> MeasurementSet:
+    """The set with orientations of the robot's own tool, however its target sits on it.
+
+    A 6-D target that was mounted anew may be turned by any angle; the constant part of the turn
+    says nothing about the arm.
+    """
+    posed = measurements.has_rotation & (measurements.target == 0)
+    if not posed.any():
+        return measurements
+    turned, _, _ = start_state(robot, measurements)
+    turn = robot.T_flange_tool[:3, :3].T @ turned.T_flange_tool[:3, :3]
+    rotation = measurements.rotation.copy()
+    rotation[posed] = rotation[posed] @ turn.T
+    return replace(measurements, rotation=rotation)

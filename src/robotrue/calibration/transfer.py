@@ -1,0 +1,289 @@
+"""Physics-informed transfer: a calibration carried to another region, campaign or arm of its type.
+
+Every source is a posterior over the same coefficients: geometry, compliance, ripple, backlash,
+smooth residual. The first source of the same arm is the prior of the target, widened by what may
+have changed (:mod:`robotrue.calibration.drift`); every other source is one more observation of the
+same coefficients with its own drift. Sources that are other units of the type say what units have
+in common: parameters = type mean + unit + drift. The target rows then move everything, the scales
+of the drift included. Without target rows the prediction is the prior's, as wide as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from robotrue.calibration.belief import Belief, belief_of, model_of, with_centres, with_nuisances
+from robotrue.calibration.drift import Drift, DriftScales, Relation, drift_of, prior_of
+from robotrue.calibration.drift_scales import (
+    Stack,
+    learned_drift,
+    left_out,
+    mean_slopes,
+    stacked,
+)
+from robotrue.calibration.lineage import added, history
+from robotrue.calibration.methods import fit
+from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.new_rows import NUISANCE_SD, NewRows, Piece, new_rows
+from robotrue.calibration.parameters import State, station_as_base
+from robotrue.calibration.residual import LearnedModel
+from robotrue.calibration.robust import Loss, robust_variance, weights
+from robotrue.calibration.settings import FitSettings
+from robotrue.calibration.smooth import SmoothBasis
+from robotrue.calibration.sources import Source, carried_to, combined
+from robotrue.calibration.update import (
+    further_centres,
+    innovation_weights,
+    moved_summary,
+    require_joints,
+    settled,
+    without_nuisances,
+)
+from robotrue.core.arrays import Array, IntArray
+from robotrue.errors import ConfigurationError
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.model import RobotModel, parameter_slice
+
+__all__ = ["Source", "fit_transfer"]
+
+LEARNING_ROWS: Final = 120
+"""Target rows on which the drift scales are learned; all rows move the coefficients."""
+ROUNDS: Final = 3
+FIELD_LENGTH: Final = 1.5
+"""In units of sin q and cos q: length of a smooth residual the sources do not have."""
+SEED: Final = 21
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Landing:
+    """What the target rows made of the prior.
+
+    Attributes:
+        belief: Posterior, nuisances at its end.
+        rows: The rows where they stand now.
+        drift: With the scales learned.
+        weights: (n,) robust weights.
+    """
+
+    belief: Belief
+    rows: NewRows
+    drift: Drift
+    weights: Array
+
+
+def fit_transfer(
+    robot: RobotModel,
+    target: MeasurementSet | None,
+    sources: Sequence[Source],
+    settings: FitSettings | None = None,
+    *,
+    scales: DriftScales | None = None,
+    learn: bool = True,
+    method: str = "gp",
+) -> LearnedModel:
+    """Returns the error model of the target: sources carried over, target rows added.
+
+    Args:
+        robot: Nominal arm of the target with the nominal reflector.
+        target: Rows of the target; None or no rows: the prediction is the sources' alone.
+        sources: At least one. The first of the same arm (``region`` before ``campaign``) leads.
+        settings: Of the fits of sources that are given as measurements; payload and robust rule.
+        scales: Where the drift of the leading source starts; None is its relation's default.
+        learn: Move the drift scales by the target rows.
+        method: Of :data:`robotrue.calibration.methods.METHODS`, for sources given as measurements.
+
+    Raises:
+        ConfigurationError: No source, an unknown relation, or a model without covariance.
+        ModelMismatchError: A source of another robot type, or of other joints.
+        ImplausibleDataError: Target rows that cannot be this robot's, or in other units or frames.
+        ObservabilityError: A target in a tracker frame of its own with fewer than 3 points.
+    """
+    settings = FitSettings() if settings is None else settings
+    if not sources:
+        raise ConfigurationError("a transfer needs at least one source.", hint="use fit instead.")
+    ordered = sorted(sources, key=lambda s: ("region", "campaign", "unit").index(s.relation))
+    models = [_model_of_source(robot, s, settings, method) for s in ordered]
+    relation = ordered[0].relation
+    beliefs = [
+        carried_to(robot, belief_of(m), s, settings) for m, s in zip(models, ordered, strict=True)
+    ]
+    lead = combined(beliefs, [s.relation for s in ordered])
+    if target is None or not len(target):
+        drift = drift_of(lead, relation, scales)
+        after, screened = prior_of(drift), np.zeros(0, dtype=np.int64)
+    else:
+        require_joints(models[0], target)
+        landing = _landed(lead, relation, target, settings, scales, learn)
+        drift, screened = landing.drift, np.flatnonzero(landing.weights == 0.0)
+        after = _with_gauge(landing.belief, landing.rows, relation)
+    return model_of(
+        after, _summary(after, drift, relation, ordered, models, target, screened, settings)
+    )
+
+
+def _model_of_source(
+    robot: RobotModel, source: Source, settings: FitSettings, method: str
+) -> ErrorModel:
+    if source.measurements is not None:
+        return fit(robot, source.measurements, method=method, settings=settings)
+    if source.model is None:
+        raise ConfigurationError(f"source {source.name!r} holds neither measurements nor a model.")
+    return source.model
+
+
+def _landed(
+    lead: Belief,
+    relation: Relation,
+    target: MeasurementSet,
+    settings: FitSettings,
+    scales: DriftScales | None,
+    learn: bool,
+) -> _Landing:
+    """Adds the target rows: scales, weights and linearisation are renewed in turns."""
+    fresh = relation != "region"
+    if fresh:
+        lead = replace(lead, T_tracker_base={})
+    rows = new_rows(lead, target, settings, fresh=fresh)
+    if rows.layout.stations and not lead.T_tracker_base:
+        lead = _without_base(lead)
+    lead, field_from = _with_field(lead, target.joints)
+    drift = drift_of(lead, relation, scales, field_from=field_from)
+    rng = np.random.default_rng(SEED)
+    chosen = np.zeros(rows.count, dtype=bool)
+    chosen[rng.choice(rows.count, min(LEARNING_ROWS, rows.count), replace=False)] = True
+    u = np.ones(rows.count)
+    at = _prior(drift, rows)
+    for step in range(ROUNDS):
+        some = rows.pieces(at, chosen)
+        u = _weights(drift, some, u, settings.solver.loss, first=step == 0)
+        if learn:
+            drift = learned_drift(drift, stacked(some, u))
+            u = _weights(drift, some, u, settings.solver.loss, first=False)
+        at, rows = settled(_prior(drift, rows), rows, _noise(drift), np.where(chosen, u, 0.0))
+    if not chosen.all():
+        others = innovation_weights(
+            at, rows.pieces(at, ~chosen), _noise(drift), rows.count, settings.solver.loss
+        )
+        u = np.where(chosen, u, others)
+        at, rows = settled(_prior(drift, rows), rows, _noise(drift), u)
+    if learn:
+        at = _unsure(at, drift, stacked(rows.pieces(at, chosen), u))
+    return _Landing(belief=at, rows=rows, drift=drift, weights=u)
+
+
+def _weights(drift: Drift, pieces: list[Piece], u: Array, loss: Loss, *, first: bool) -> Array:
+    """Robust weights of the learning rows, each judged by all others.
+
+    In the first turn the scales are the defaults: lengths are taken in units of their median, so
+    that a drift larger than expected makes no outlier of a good row.
+    """
+    out = u.copy()
+    full = np.where(u > 0.0, 1.0, 0.0)
+    rows, lengths, sizes = left_out(drift, stacked(pieces, full))
+    unit = 1.0
+    if first:
+        unit = max(1.0, float(np.sqrt(robust_variance(lengths, int(sizes[0])))))
+    for size in np.unique(sizes):
+        mine = sizes == size
+        out[rows[mine]] = weights(lengths[mine] / unit, int(size), loss)
+    return out
+
+
+def _prior(drift: Drift, rows: NewRows) -> Belief:
+    return with_nuisances(prior_of(drift), np.full(rows.nuisances, NUISANCE_SD))
+
+
+def _noise(drift: Drift) -> Array:
+    return np.array([drift.white**2, 0.0])
+
+
+def _without_base(belief: Belief) -> Belief:
+    """The belief without the source's stand: a new tracker frame takes its place."""
+    root = belief.root.copy()
+    root[:, parameter_slice(belief.robot.dof, "base")] = 0.0
+    return replace(belief, root=root)
+
+
+def _with_field(belief: Belief, joints: Array) -> tuple[Belief, int]:
+    """The belief with centres of the target's own smooth residual, and their first column."""
+    basis = belief.basis
+    if basis is None:
+        dof = belief.robot.dof
+        basis = SmoothBasis(
+            centres=np.zeros((0, 2 * dof)), scale=np.full(2 * dof, 1.0 / FIELD_LENGTH)
+        )
+    basis = further_centres(basis, joints)
+    return with_centres(belief, basis), belief.starts[3]
+
+
+def _unsure(belief: Belief, drift: Drift, stack: Stack) -> Belief:
+    """The belief with what the mean would do if the drift scales were others."""
+    values, vectors = np.linalg.eigh(drift.log_cov)
+    half = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+    known = float(drift.log_cov[1, 1])
+    return replace(
+        belief,
+        root=np.vstack([belief.root, half @ mean_slopes(drift, stack)]),
+        white=drift.white * float(np.exp(known)),
+    )
+
+
+def _with_gauge(belief: Belief, rows: NewRows, relation: Relation) -> Belief:
+    """The belief of the arm, its base where the target's first set-up says."""
+    out = without_nuisances(belief, rows)
+    state = State(robot=belief.robot, T_tracker_base=rows.T_tracker_base)
+    gauge = station_as_base(rows.layout, state)
+    if gauge is None or relation == "region":
+        return out
+    shift = belief.starts[3] - rows.layout.robot_size
+    at_station = belief.root[:, gauge[0].start + shift : gauge[0].stop + shift]
+    root = out.root.copy()
+    root[:, parameter_slice(belief.robot.dof, "base")] = at_station @ gauge[1].T
+    return replace(out, root=root)
+
+
+def _summary(
+    belief: Belief,
+    drift: Drift,
+    relation: Relation,
+    sources: Sequence[Source],
+    models: Sequence[ErrorModel],
+    target: MeasurementSet | None,
+    screened: IntArray,
+    settings: FitSettings,
+) -> dict[str, Any]:
+    """JSON values of the transfer; the leading source's summary below them."""
+    lead = dict(models[0].training_summary())
+    step = added(
+        "transfer",
+        models,
+        target,
+        {"relation": relation, "loss": settings.solver.loss},
+        screened.tolist(),
+    )
+    summary = moved_summary(lead, [*history(models[0]), step], belief)
+    rows = 0 if target is None else len(target)
+    doubts = [str(d) for d in lead.get("doubts", ())]
+    return {
+        **summary,
+        "method": "transfer",
+        "target_rows": rows,
+        "screened_rows": [int(i) for i in screened],
+        "relation": relation,
+        "transfer_sources": [
+            {"name": s.name, "relation": s.relation, "rows": m.training_summary().get("rows", 0)}
+            for s, m in zip(sources, models, strict=True)
+        ],
+        "drift_scales": drift.scales,
+        "drift_defaults": dict(zip(drift.names, np.exp(drift.rest).tolist(), strict=True)),
+        "drift_log_sd": dict(
+            zip(drift.names, np.sqrt(np.diagonal(drift.log_cov)).tolist(), strict=True)
+        ),
+        "white_sd_m": belief.white,
+        "covariance_factor": belief.inflation,
+        "doubts": doubts,
+    }
