@@ -8,7 +8,7 @@ import pytest
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ReachError
 from robotrue.robot.forward import forward
-from robotrue.simulation.plans import SUB_SPACES, Region, paper_plan, random_joints
+from robotrue.simulation.plans import Region, paper_domains, paper_plan, random_joints
 from robotrue.simulation.presets import deng2022
 
 
@@ -34,9 +34,23 @@ def test_the_papers_plan_has_its_counts_and_ranges(robot):
 def test_target_poses_lie_in_their_sub_space(robot):
     plan = paper_plan(robot, 2)
     x, y, _ = forward(robot, plan.target)[:, :3, 3].T
-    low, high = np.array(SUB_SPACES)[plan.sub_space].T
+    low, high = np.array([(-30, -20), (-15, -5), (0, 10), (15, 25), (30, 40)])[plan.sub_space].T
     angle = np.arctan2(y, x) / DEG
     assert ((angle > low - 1e-9) & (angle < high + 1e-9)).all()
+
+
+def test_target_poses_are_source_poses_turned_about_joint_1(robot):
+    plan, domains = paper_plan(robot, 3), paper_domains()
+    turned = plan.source[plan.image]
+    turned[:, 0] += domains.angles[plan.sub_space]
+    np.testing.assert_allclose(forward(robot, plan.target), forward(robot, turned), atol=1e-12)
+
+
+def test_a_fixed_attitude_stays_and_the_workspace_is_lower(robot):
+    plan = paper_plan(robot, 3, "fixed")
+    there, source = forward(robot, plan.target), forward(robot, plan.source)[plan.image]
+    np.testing.assert_allclose(there[:, :3, :3], source[:, :3, :3], atol=1e-12)
+    assert source[:, 2, 3].min() >= 600 * MM - 1e-12
 
 
 def test_random_postures_repeat_by_seed_and_keep_the_limits(robot):

@@ -15,8 +15,16 @@ from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
+from robotrue.calibration.deng2022.domains import Domains, divide_target
+from robotrue.calibration.deng2022.sampling import (
+    TargetRule,
+    hierarchical_sample,
+    target_counts,
+    target_images,
+)
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.poses import pose
+from robotrue.core.regions import CylinderRegion, points_at, random_coordinates
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ReachError
@@ -30,16 +38,20 @@ POSTURE: Final = np.array([0.0, 0.0, 0.0, 0.0, -60.0, 0.0]) * DEG
 """(6,) rad, model joints: the branch every plan uses, elbow up, tool ahead."""
 ATTITUDE: Final = matrix_from_abc(np.array([0.0, 150.0, 0.0]) * DEG)
 """(3, 3) R_base_flange at angle 0: flange axis 60 deg below the horizontal."""
-RADII: Final = np.arange(800.0, 1401.0, 100.0) * MM
-HEIGHTS: Final = np.arange(700.0, 1201.0, 100.0) * MM
 LOWERED: Final = 100.0 * MM
 """By which the workspace lies lower where the attitude is fixed."""
-RX: Final = np.arange(-15.0, 15.1, 15.0) * DEG
-RY: Final = np.arange(-10.0, 10.1, 5.0) * DEG
-RZ: Final = np.arange(-10.0, 10.1, 2.5) * DEG
-SUB_SPACES: Final = ((-30, -20), (-15, -5), (0, 10), (15, 25), (30, 40))
-"""deg; the only five disjoint slabs of [-30, 40] with the 126 grid points of the source each."""
-TARGETS_EACH: Final = 16
+STEPS: Final = (
+    np.arange(-15.0, 15.1, 15.0) * DEG,
+    np.arange(-10.0, 10.1, 5.0) * DEG,
+    np.arange(-10.0, 10.1, 2.5) * DEG,
+)
+"""rad, Table 6: values of the turns rx, ry, rz."""
+PER_ANGLE: Final = (7, 6)
+"""Table 6: radii and heights of the grid, 100 mm apart."""
+ANGLE_STEP: Final = 5.0 * DEG
+SUB_SPACES: Final = 5
+"""Of 10 deg, 5 deg apart: the only ones in [-30, 40] deg with the 126 grid points of the source."""
+TARGETS: Final = 80
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,8 +60,10 @@ class PaperPlan:
 
     Attributes:
         source: (126, 6) complete sampling of theta1 in [-40, -30] deg.
-        target: (80, 6) 16 poses in each of five sub-spaces of [-30, 40] deg.
+        target: (80, 6) 16 poses in each of five sub-spaces of [-30, 40] deg, source poses turned
+            about joint 1 (rule 1 of section 2.4).
         sub_space: (80,) which sub-space.
+        image: (80,) which source pose each target pose is the turned image of.
         validation: (378, 6) complete sampling of [-20, 20] deg.
         check: (50, 6) poses of [-20, 20] deg that are on no grid.
     """
@@ -57,12 +71,13 @@ class PaperPlan:
     source: Array
     target: Array
     sub_space: IntArray
+    image: IntArray
     validation: Array
     check: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Region:
+class Region(CylinderRegion):
     """A part of the workspace in cylinder coordinates, and how far the attitude may turn.
 
     Attributes:
@@ -114,50 +129,72 @@ def cylinder_poses(
     return pose(rotation, place)
 
 
-def grid_poses(
-    angles_deg: Array, rng: np.random.Generator, attitude: Attitude = "turning"
-) -> Array:
-    """Returns the complete sampling of some angles: 42 poses each, attitudes drawn from the steps.
-
-    Positions are complete, attitudes random: the two levels of section 2.4.
-    """
-    heights = HEIGHTS - (LOWERED if attitude == "fixed" else 0.0)
-    grid = np.meshgrid(np.asarray(angles_deg) * DEG, RADII, heights, indexing="ij")
-    angle, radius, height = (g.ravel() for g in grid)
-    turn = np.stack([rng.choice(steps, len(angle)) for steps in (RX, RY, RZ)], axis=1)
-    return cylinder_poses(angle, radius, height, turn, attitude)
-
-
 def region_poses(region: Region, n: int, rng: np.random.Generator) -> Array:
     """Returns n poses (n, 4, 4) drawn uniformly from a region, reachable or not."""
-    low, high = np.array([region.angle, region.radius, region.height]).T
-    place = rng.uniform(low, high, (n, 3))
+    place = random_coordinates(region, n, rng)
     turn = rng.uniform(-1.0, 1.0, (n, 3)) * region.turn
-    return cylinder_poses(place[:, 0], place[:, 1], place[:, 2], turn, region.attitude)
+    return _poses(place, turn, region.attitude)
 
 
-def paper_plan(robot: RobotModel, seed: int, attitude: Attitude = "turning") -> PaperPlan:
+def paper_domains(attitude: Attitude = "turning") -> Domains:
+    """Returns source, target and sub-spaces of Table 7."""
+    whole = with_attitude(Region(), attitude)
+    source, target = (
+        CylinderRegion(angle=angle, radius=whole.radius, height=whole.height)
+        for angle in ((-40 * DEG, -30 * DEG), (-30 * DEG, 40 * DEG))
+    )
+    return divide_target(source, target, SUB_SPACES)
+
+
+def paper_plan(
+    robot: RobotModel,
+    seed: int,
+    attitude: Attitude = "turning",
+    *,
+    targets: int = TARGETS,
+    rule: TargetRule = "random",
+) -> PaperPlan:
     """Returns the sampling plan of the paper for one draw of its random attitudes.
 
     Args:
         robot: The nominal KR160 with the reflector as its tool.
         seed: Of the attitudes, the choice of the target poses and the check poses.
         attitude: Whether the attitude turns with the angle.
+        targets: Poses in the target domain, shared evenly among its sub-spaces.
+        rule: Which source poses have their image measured there.
 
     Raises:
         ReachError: A pose is out of reach, as with another arm or another reflector.
     """
     rng = np.random.default_rng([seed, 19])
-    source = grid_poses(np.arange(-40.0, -29.0, 5.0), rng, attitude)
-    slabs = [grid_poses(np.arange(low, high + 1.0, 5.0), rng, attitude) for low, high in SUB_SPACES]
-    picks = [slab[rng.choice(len(slab), TARGETS_EACH, replace=False)] for slab in slabs]
+    domains = paper_domains(attitude)
+    inside = with_attitude(VALIDATION, attitude)
+    place, turn = _sample(domains.source, rng)
+    counts = target_counts(domains, targets)
+    features = np.column_stack([points_at(domains.source, place), turn])
+    images = target_images(domains, features, counts, rng, rule=rule)
+    image, sub_space = np.concatenate(images), np.repeat(np.arange(len(counts)), counts)
+    there = place[image]
+    there[:, 0] += domains.angles[sub_space]
+    grid, grid_turn = _sample(inside, rng)
     return PaperPlan(
-        source=_joints(robot, source),
-        target=_joints(robot, np.concatenate(picks)),
-        sub_space=np.repeat(np.arange(len(SUB_SPACES)), TARGETS_EACH),
-        validation=_joints(robot, grid_poses(np.arange(-20.0, 21.0, 5.0), rng, attitude)),
-        check=_joints(robot, region_poses(with_attitude(VALIDATION, attitude), 50, rng)),
+        source=_joints(robot, _poses(place, turn, attitude)),
+        target=_joints(robot, _poses(there, turn[image], attitude)),
+        sub_space=sub_space,
+        image=image,
+        validation=_joints(robot, _poses(grid, grid_turn, attitude)),
+        check=_joints(robot, region_poses(inside, 50, rng)),
     )
+
+
+def _poses(place: Array, turn: Array, attitude: Attitude) -> Array:
+    return cylinder_poses(place[:, 0], place[:, 1], place[:, 2], turn, attitude)
+
+
+def _sample(region: CylinderRegion, rng: np.random.Generator) -> tuple[Array, Array]:
+    """The complete positions of Table 6 in a region and an attitude for each."""
+    angles = round((region.angle[1] - region.angle[0]) / ANGLE_STEP) + 1
+    return hierarchical_sample(region, (angles, *PER_ANGLE), STEPS, rng)
 
 
 def random_joints(robot: RobotModel, n: int, *, seed: int, region: Region | None = None) -> Array:
