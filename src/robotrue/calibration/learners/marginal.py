@@ -46,8 +46,9 @@ class Solved:
         """Returns W (n, n): the derivative of the evidence by K is W / 2."""
         outputs = self.alpha.shape[1]
         inverse, _ = lapack.dpotri(self.lower, lower=1)
-        below = np.tril(inverse, -1)
-        inverse = np.diag(inverse.diagonal()) + below + below.T
+        diagonal = inverse.diagonal().copy()
+        inverse = inverse + inverse.T  # above its diagonal dpotri leaves the zeros of L
+        np.fill_diagonal(inverse, diagonal)
         if self.integrated and self.trend_rows.shape[1]:
             spread = np.linalg.solve(self.trend_lower, self.trend_rows.T)
             inverse -= spread.T @ spread
@@ -75,7 +76,8 @@ def solve(covariance: Array, values: Array, trend: Array, *, integrated: bool = 
             hint="a larger noise or noise_variance, or one row for each place.",
         )
     solved, _ = lapack.dpotrs(lower, np.concatenate([values, trend], axis=1), lower=1)
-    alpha, trend_rows = solved[:, :outputs], solved[:, outputs:]
+    alpha: Array = solved[:, :outputs]
+    trend_rows = solved[:, outputs:]
     columns = trend.shape[1]
     coefficients: Array = np.zeros((columns, outputs))
     trend_lower: Array = np.zeros((columns, columns))
@@ -85,7 +87,7 @@ def solve(covariance: Array, values: Array, trend: Array, *, integrated: bool = 
         trend_lower = lapack.dpotrf(trend.T @ trend_rows, lower=1, clean=1)[0]
         half = np.linalg.solve(trend_lower, trend.T @ alpha)
         coefficients = np.linalg.solve(trend_lower.T, half)
-        alpha = alpha - trend_rows @ coefficients
+        alpha = np.asarray(alpha - trend_rows @ coefficients)
         if integrated:
             log_det += 2.0 * float(np.log(trend_lower.diagonal()).sum())
             free -= columns
