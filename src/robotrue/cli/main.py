@@ -161,6 +161,61 @@ def inspect(
     run(path, mapping=mapping, as_json=json)
 
 
+@app.command(name="map")
+def map_errors(
+    model: Annotated[
+        Path, typer.Argument(metavar="MODEL|CELL", help="Model file; a cell.toml maps its priors.")
+    ],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Picture (.png), table (.csv) or page (.html).")
+    ],
+    region: Annotated[str, typer.Option(help="cylinder (about joint 1) or cube.")] = "cylinder",
+    angle_deg: Annotated[str | None, typer.Option(help="LOW,HIGH of a cylinder.")] = None,
+    radius_mm: Annotated[str | None, typer.Option(help="LOW,HIGH of a cylinder.")] = None,
+    height_mm: Annotated[str | None, typer.Option(help="LOW,HIGH of a cylinder.")] = None,
+    x_mm: Annotated[str | None, typer.Option(help="LOW,HIGH of a cube.")] = None,
+    y_mm: Annotated[str | None, typer.Option(help="LOW,HIGH of a cube.")] = None,
+    z_mm: Annotated[str | None, typer.Option(help="LOW,HIGH of a cube.")] = None,
+    grid: Annotated[str, typer.Option(help="Grid values along each coordinate.")] = "8,8,8",
+    sectors: Annotated[int, typer.Option(help="Parts compared, along the angle or along y.")] = 4,
+    attitude: Annotated[
+        str, typer.Option(help="turning (with the angle about joint 1) or fixed (in base).")
+    ] = "turning",
+    tool_abc_deg: Annotated[
+        str, typer.Option(help="KUKA A,B,C of the point in base; for turning at angle 0.")
+    ] = "0,180,0",
+    posture_deg: Annotated[
+        str | None, typer.Option(help="Model joints of the branch wanted; default: as trained.")
+    ] = None,
+    at: Annotated[str, typer.Option(help="target (the measured point) or tool.")] = "target",
+    json: Json = False,
+) -> None:
+    """Map the predicted error and its 95 % bound over a region, sector against sector."""
+    from robotrue.cli.map import run
+
+    ranges = {
+        "angle": angle_deg,
+        "radius": radius_mm,
+        "height": height_mm,
+        "x": x_mm,
+        "y": y_mm,
+        "z": z_mm,
+    }
+    run(
+        model,
+        output,
+        region=region,
+        ranges=ranges,
+        grid=grid,
+        sectors=sectors,
+        attitude=attitude,
+        tool_abc_deg=tool_abc_deg,
+        posture_deg=posture_deg,
+        at=at,
+        as_json=json,
+    )
+
+
 @app.command(name="warm-up")
 def warm_up() -> None:
     """Compile the numeric kernels once, so that the first program does not wait for it."""

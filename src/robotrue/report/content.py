@@ -250,7 +250,116 @@ class HoleContour:
             raise ShapeError(f"radius {self.radius} m, expected a positive length.")
 
 
-Block: TypeAlias = Table | PointErrors | ErrorDistribution | ErrorMap | CoveragePlot | HoleContour
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseSeries:
+    """One curve against the number of poses.
+
+    Attributes:
+        label: Name in the legend.
+        count: (k,) numbers of poses, rising.
+        median: (k,) m; NaN where there is none.
+        low: (k,) m, lower quartile; empty without a band.
+        high: (k,) m, upper quartile; empty without a band.
+        coverage: (k,) share in the stated 95 % regions; empty if it was not measured.
+        role: ``ours`` is set off, ``peer`` is compared with, ``published`` are printed numbers of
+            others, drawn as marks.
+    """
+
+    label: str
+    count: Array
+    median: Array
+    low: Array = field(default_factory=lambda: np.empty(0))
+    high: Array = field(default_factory=lambda: np.empty(0))
+    coverage: Array = field(default_factory=lambda: np.empty(0))
+    role: Literal["ours", "peer", "published"] = "peer"
+
+    def __post_init__(self) -> None:
+        """Checks shapes and freezes."""
+        k = len(self.count)
+        for name in ("count", "median", "low", "high", "coverage"):
+            value = np.asarray(getattr(self, name), dtype=np.float64)
+            may_miss = name in ("low", "high", "coverage") and not value.size
+            shape = (0,) if may_miss else (k,)
+            object.__setattr__(self, name, frozen(value, shape, name, allow_nan=True))
+        if not k or len(self.low) != len(self.high):
+            raise ShapeError(f"series {self.label!r}: no points, or half a band.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseCurves:
+    """Plot of accuracy, and of coverage where measured, against the number of poses.
+
+    Attributes:
+        series: One curve each; bands are quartiles over repeats.
+        floor: m, what nothing can beat (noise of the check itself); None if it is not known.
+        axis_label: What is counted.
+        title: Heading.
+        caption: One sentence.
+    """
+
+    series: tuple[PoseSeries, ...]
+    floor: float | None = None
+    axis_label: str = "poses"
+    title: str = "Accuracy against the number of poses"
+    caption: str = ""
+
+    def __post_init__(self) -> None:
+        """Checks that there is something to draw."""
+        if not any(np.isfinite(s.median).any() for s in self.series):
+            raise ShapeError("pose curves: no finite value in any series.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapSlices:
+    """Plot of quantities over slices of a region: one row a quantity, one column a slice.
+
+    Attributes:
+        quantities: Name of each row.
+        slices: Name of each column.
+        values: (rows, columns, k, l) m; NaN is drawn as a gap.
+        signed: Per row, whether its values have a sign (error along an axis).
+        across: (l,) grid values along the horizontal axis, in the unit of its label.
+        up: (k,) grid values along the vertical axis.
+        across_label: Label with unit.
+        up_label: Label with unit.
+        title: Heading.
+        caption: One sentence.
+    """
+
+    quantities: tuple[str, ...]
+    slices: tuple[str, ...]
+    values: Array
+    signed: tuple[bool, ...]
+    across: Array
+    up: Array
+    across_label: str
+    up_label: str
+    title: str = "Predicted error over the region"
+    caption: str = ""
+
+    def __post_init__(self) -> None:
+        """Checks shapes and freezes."""
+        rows, columns = len(self.quantities), len(self.slices)
+        across, up = frozen(self.across, (None,), "across"), frozen(self.up, (None,), "up")
+        shape = (rows, columns, len(up), len(across))
+        object.__setattr__(self, "across", across)
+        object.__setattr__(self, "up", up)
+        values = frozen(self.values, shape, "values", allow_nan=True)
+        object.__setattr__(self, "values", values)
+        if len(self.signed) != rows or not np.isfinite(values).any():
+            raise ShapeError("map slices: one sign per quantity and a finite value are needed.")
+
+
+Block: TypeAlias = (
+    Table
+    | PointErrors
+    | ErrorDistribution
+    | ErrorMap
+    | CoveragePlot
+    | HoleContour
+    | PoseCurves
+    | MapSlices
+)
 """Anything that can stand in a section, in reading order."""
 
 

@@ -12,6 +12,7 @@ from typing import Any, Final
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
@@ -24,6 +25,9 @@ BEFORE: Final = LIGHT["before"]
 AFTER: Final = LIGHT["after"]
 BAND: Final = LIGHT["band"]
 CAUTION: Final = LIGHT["caution"]
+GOOD: Final = LIGHT["good"]
+BAD: Final = LIGHT["bad"]
+CARD: Final = LIGHT["card"]
 
 _SETTINGS: Final[dict[Any, Any]] = {
     "svg.fonttype": "none",  # text stays text: searchable, in the page's font
@@ -65,24 +69,56 @@ def inline_svg(
     width: float = 10.0,
     height: float = 3.6,
     panels: int = 1,
+    rows: int = 1,
 ) -> str:
     """Returns an ``<svg>`` element, without any address of another host.
 
     Args:
-        draw: Draws on the given axes, left to right.
+        draw: Draws on the given axes, left to right, row by row.
         key: Prefix that keeps the ids of several plots on one page apart.
         label: What the plot shows, for screen readers.
         width: Inches at the page's full width.
         height: Inches.
         panels: Number of axes side by side.
+        rows: Number of such rows.
     """
     with mpl.rc_context(_SETTINGS):
         figure = Figure(figsize=(width, height), layout="constrained")
         FigureCanvasSVG(figure)
-        draw(list(figure.subplots(1, panels, squeeze=False)[0]))
+        draw(list(figure.subplots(rows, panels, squeeze=False).ravel()))
         stream = io.StringIO()
         figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
     return _embeddable(stream.getvalue(), key, label)
+
+
+def png(
+    draw: Callable[[list[Axes]], None],
+    *,
+    width: float = 10.0,
+    height: float = 3.6,
+    panels: int = 1,
+    rows: int = 1,
+    title: str = "",
+) -> bytes:
+    """Returns the same drawing as a PNG picture in the light palette, 150 dots per inch.
+
+    Args:
+        draw: As of :func:`inline_svg`.
+        width: Inches.
+        height: Inches.
+        panels: Number of axes side by side.
+        rows: Number of such rows.
+        title: Line above all axes.
+    """
+    with mpl.rc_context(_SETTINGS | {"savefig.facecolor": CARD}):
+        figure = Figure(figsize=(width, height), layout="constrained")
+        FigureCanvasAgg(figure)
+        draw(list(figure.subplots(rows, panels, squeeze=False).ravel()))
+        if title:
+            figure.suptitle(title, x=0.01, ha="left", color=INK, fontsize=13.0)
+        stream = io.BytesIO()
+        figure.savefig(stream, format="png", dpi=150, metadata={"Software": None})
+    return stream.getvalue()
 
 
 def _two_decimals(number: re.Match[str]) -> str:

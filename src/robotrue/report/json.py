@@ -19,7 +19,9 @@ from robotrue.report.content import (
     ErrorDistribution,
     ErrorMap,
     HoleContour,
+    MapSlices,
     PointErrors,
+    PoseCurves,
     ReportContent,
     Table,
 )
@@ -112,6 +114,39 @@ def _block(block: Block) -> Mapping[str, Any]:
                 "after_mm": _mm(block.after),
                 "limit_mm": None if block.limit is None else block.limit / MM,
             }
+        case PoseCurves():
+            return head | {
+                "kind": "pose-curves",
+                "floor_mm": None if block.floor is None else block.floor / MM,
+                "series": [
+                    {
+                        "label": s.label,
+                        "role": s.role,
+                        "count": s.count.tolist(),
+                        "median_mm": _nullable(s.median / MM),
+                        "low_mm": _nullable(s.low / MM),
+                        "high_mm": _nullable(s.high / MM),
+                        "coverage_95": _nullable(s.coverage),
+                    }
+                    for s in block.series
+                ],
+            }
+        case MapSlices():
+            return head | {
+                "kind": "map-slices",
+                "quantities": list(block.quantities),
+                "slices": list(block.slices),
+                block.across_label: block.across.tolist(),
+                block.up_label: block.up.tolist(),
+                "values_mm": _nullable(block.values / MM),
+            }
+
+
+def _nullable(values: Array) -> Any:
+    """Nested lists with null where a value does not exist."""
+    if values.ndim > 1:
+        return [_nullable(part) for part in values]
+    return [_finite(round(float(value), 7)) for value in values]
 
 
 def _column_name(column: Column) -> str:

@@ -13,13 +13,16 @@ from robotrue.report.content import (
     ErrorMap,
     Fact,
     HoleContour,
+    MapSlices,
     PointErrors,
+    PoseCurves,
     ReportContent,
     Section,
     Table,
     Tile,
     Verdict,
 )
+from robotrue.report.map_figure import slices_svg
 from robotrue.report.plots import (
     coverage_svg,
     distribution_svg,
@@ -28,6 +31,7 @@ from robotrue.report.plots import (
     point_errors_svg,
 )
 from robotrue.report.theme import STYLE
+from robotrue.report.transfer_curve import pose_curves_svg
 
 SIMULATED = "SIMULATED DATA: no real robot was measured for this page"
 WIDE = 7
@@ -112,6 +116,10 @@ def _block(block: Block, key: str) -> str:
             inner = coverage_svg(block, key)
         case HoleContour():
             inner = hole_svg(block, key)
+        case PoseCurves():
+            inner = pose_curves_svg(block, key)
+        case MapSlices():
+            inner = slices_svg(block, key)
     caption = f'<p class="caption">{escape(block.caption)}</p>' if block.caption else ""
     return f'<div class="card"><h3>{escape(block.title)}</h3>{inner}{caption}</div>'
 

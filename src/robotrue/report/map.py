@@ -1,0 +1,200 @@
+"""The page of a workspace map: figure, sectors in numbers, how alike they are."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robotrue.core.arrays import Array, IntArray
+from robotrue.core.regions import CylinderRegion
+from robotrue.core.units import DEG, MM
+from robotrue.report.content import (
+    Cell,
+    Column,
+    Fact,
+    MapSlices,
+    ReportContent,
+    Section,
+    Table,
+    Tile,
+    Verdict,
+)
+from robotrue.validation.error_map import SectorSimilarity, WorkspaceMap
+
+MOST_SLICES = 5
+ATTITUDES = {
+    "turning": "the tool's attitude turns with the angle about joint 1",
+    "fixed": "the tool's attitude is fixed in base",
+}
+
+
+def coordinate_units(found: WorkspaceMap) -> tuple[tuple[str, str, float], ...]:
+    """Returns name, unit and size of each coordinate of the region."""
+    if isinstance(found.region, CylinderRegion):
+        return (("angle", "deg", DEG), ("radius", "mm", MM), ("height", "mm", MM))
+    return (("x", "mm", MM), ("y", "mm", MM), ("z", "mm", MM))
+
+
+def map_slices(found: WorkspaceMap, *, title: str) -> MapSlices:
+    """Returns the figure: error length, its parts and what stays, in up to five slices.
+
+    Slices cut the coordinate the sectors divide; the other two are the axes, the last one up.
+    """
+    units = coordinate_units(found)
+    others = [k for k in range(3) if k != found.along]
+    axes = [np.unique(found.coordinates[:, k]) for k in range(3)]
+    cut = np.unique(
+        np.linspace(0, len(axes[found.along]) - 1, MOST_SLICES).round().astype(np.int64)
+    )
+    quantities = [found.norm, *found.error.T, found.bound]
+    values = np.stack([_cut(found, q, cut) for q in quantities])
+    (a_name, a_unit, a_size), (u_name, u_unit, u_size) = units[others[0]], units[others[1]]
+    s_name, s_unit, s_size = units[found.along]
+    lost = int((~found.reachable).sum())
+    gaps = f" Crosses: {lost} poses the arm cannot take." if lost else ""
+    return MapSlices(
+        quantities=("length", "along x", "along y", "along z", "stays, 95 %"),
+        slices=tuple(f"{s_name} {float(axes[found.along][k]) / s_size:.4g} {s_unit}" for k in cut),
+        values=values,
+        signed=(False, True, True, True, False),
+        across=axes[others[0]] / a_size,
+        up=axes[others[1]] / u_size,
+        across_label=f"{a_name}, {a_unit}",
+        up_label=f"{u_name}, {u_unit}",
+        title=title,
+        caption=(
+            "Predicted error, actual minus commanded, base axes; last row: the radius that holds "
+            f"what is left after compensation with 95 %. {ATTITUDES[found.attitude].capitalize()}."
+            + gaps
+        ),
+    )
+
+
+def _cut(found: WorkspaceMap, values: Array, cut: IntArray) -> Array:
+    """Values (n,) as (slices, up, across)."""
+    grid = np.moveaxis(found.grid(values), found.along, 0)[cut]
+    return np.swapaxes(grid, 1, 2)
+
+
+def map_content(
+    found: WorkspaceMap,
+    alike: tuple[SectorSimilarity, ...],
+    *,
+    title: str,
+    subtitle: str,
+    simulated: bool,
+    doubts: tuple[str, ...] = (),
+    provenance: tuple[Fact, ...] = (),
+) -> ReportContent:
+    """Returns the content of a page about one map."""
+    able = found.reachable
+    norm, bound = found.norm[able] / MM, found.bound[able] / MM
+    return ReportContent(
+        title=title,
+        subtitle=subtitle,
+        simulated=simulated,
+        verdict=Verdict(
+            text=(
+                f"Predicted error {norm.mean():.3f} mm on average, {norm.max():.3f} mm at worst; "
+                f"after compensation 95 % within {bound.max():.3f} mm at the least known point."
+            ),
+            tone="plain",
+            detail=f"{int(able.sum())} of {len(able)} grid poses can be taken; "
+            f"{ATTITUDES[found.attitude]}.",
+        ),
+        tiles=(
+            Tile(label="mean predicted error", value=float(norm.mean()), unit="mm"),
+            Tile(label="largest", value=float(norm.max()), unit="mm"),
+            Tile(label="stays with 95 %, mean", value=float(bound.mean()), unit="mm"),
+            Tile(
+                label="grid poses in reach",
+                value=100.0 * float(able.mean()),
+                unit="%",
+                digits=1,
+            ),
+        ),
+        sections=(
+            Section(title="Map", blocks=(map_slices(found, title="Predicted error"),)),
+            _sectors(found, alike),
+        ),
+        doubts=doubts,
+        provenance=provenance,
+    )
+
+
+def sector_names(found: WorkspaceMap) -> tuple[str, ...]:
+    """Returns the range of each sector in words, e.g. ``angle -40 to -23 deg``."""
+    name, unit, size = coordinate_units(found)[found.along]
+    values = found.coordinates[:, found.along] / size
+    return tuple(
+        f"{name} {values[found.sector == k].min():.4g} to "
+        f"{values[found.sector == k].max():.4g} {unit}"
+        for k in range(found.sectors)
+    )
+
+
+def _sectors(found: WorkspaceMap, alike: tuple[SectorSimilarity, ...]) -> Section:
+    names = sector_names(found)
+    rows: list[tuple[Cell, ...]] = []
+    for k, name in enumerate(names):
+        here = (found.sector == k) & found.reachable
+        if not here.any():
+            rows.append((name, 0, None, None, None, None, None, None))
+            continue
+        norm, bound = found.norm[here] / MM, found.bound[here] / MM
+        mean = found.error[here].mean(axis=0) / MM
+        rows.append(
+            (
+                name,
+                int(here.sum()),
+                float(norm.mean()),
+                float(norm.max()),
+                *(float(v) for v in mean),
+                float(bound.mean()),
+            )
+        )
+    blocks = [
+        Table(
+            title="Sectors",
+            columns=(
+                Column(title="sector"),
+                Column(title="poses"),
+                *(Column(title=t, unit="mm") for t in ("mean", "max", "mean x", "mean y")),
+                Column(title="mean z", unit="mm"),
+                Column(title="stays, 95 %", unit="mm"),
+            ),
+            rows=tuple(rows),
+        )
+    ]
+    if alike:
+        blocks.append(_similarities(names, alike))
+    return Section(title="Sectors and how alike they are", blocks=tuple(blocks))
+
+
+def _similarities(names: tuple[str, ...], alike: tuple[SectorSimilarity, ...]) -> Table:
+    def number(value: float) -> float | None:
+        return float(value) if np.isfinite(value) else None
+
+    return Table(
+        title="Similarity of the errors at corresponding points",
+        columns=(
+            Column(title="sector"),
+            Column(title="and sector"),
+            Column(title="points"),
+            *(Column(title=t, digits=4) for t in ("vectors", "x", "y", "z", "length")),
+        ),
+        rows=tuple(
+            (
+                names[s.first],
+                names[s.second],
+                s.points,
+                number(s.vector),
+                *(number(v) for v in s.axis),
+                number(s.norm),
+            )
+            for s in alike
+        ),
+        caption=(
+            "1 is alike. Vectors: cosine of the error vectors, each component scaled to 0..1 in "
+            "its sector (Deng et al. 2022, eq. 9-10); x, y, z, length: cosine over the points."
+        ),
+    )
