@@ -10,6 +10,7 @@ import pytest
 from robotrue.cell.cell import Cell, tracker_covariance
 from robotrue.cell.config import read_cell
 from robotrue.cell.example import write_cell_example
+from robotrue.cell.obstacles import Box, HalfSpace
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError, FormatError, ShapeError
@@ -149,8 +150,8 @@ def test_urdf_beside_the_cell_file(tmp_path: Path) -> None:
 BAD = {
     'schema = 1\n[robot]\nprest = "UR5"\n': (
         "cell.toml:3: unknown key robot.prest; allowed are preset, urdf, convention, dh, "
-        "limits_deg, mass_kg, centre_of_mass_mm, stiffness_Nm_per_rad, gravity_m_per_s2. "
-        "Try: robot.preset."
+        "limits_deg, mass_kg, centre_of_mass_mm, stiffness_Nm_per_rad, gravity_m_per_s2, "
+        "link_radius_mm. Try: robot.preset."
     ),
     UR5 + "[payload]\nmass = 3\n": (
         "cell.toml:5: unknown key payload.mass; allowed are mass_kg, centre_of_mass_mm. "
@@ -158,7 +159,7 @@ BAD = {
     ),
     UR5 + "[spindle]\nx = 1\n": (
         "cell.toml:4: unknown key spindle; allowed are schema, robot, tool, payload, target, "
-        "tracker, repeatability, base. Try: remove the key."
+        "tracker, repeatability, base, obstacle. Try: remove the key."
     ),
     UR5.replace("1", "2"): (
         "cell.toml:1: schema is 2, expected 1. "
@@ -216,9 +217,47 @@ BAD = {
         "cell.toml:5: tracker.sigma_um and tracker.sigma_um_per_m are both 0: no instrument is "
         "exact. Try: a laser tracker has about 7.5 um + 2.5 um/m."
     ),
+    UR5 + '[[obstacle]]\nname = "jig"\n': (
+        "cell.toml:4: obstacle 'jig' gives no shape, expected exactly one of box_mm, sphere_mm, "
+        "below_mm. Try: below_mm = [[0, 0, -10], [0, 0, 1]] is the floor."
+    ),
+    UR5 + "[[obstacle]]\nsphere_mm = [0, 0, 1, 2]\n[[obstacle]]\nsphere_mm = [0, 0, 1]\n": (
+        "cell.toml:7: obstacle[2].sphere_mm is [0, 0, 1], expected 4 values."
+    ),
+    UR5 + "[[obstacle]]\nbox_mm = [[0, 0, 0], [1, 1, 0]]\n": (
+        "cell.toml:4: obstacle 'obstacle 1': the box has no volume. Try: two opposite corners that "
+        "differ in x, y and z."
+    ),
+    UR5 + "[target]\nxyz_mm = [0, 0, 50]\nacceptance_deg = 30\n": (
+        "cell.toml:4: target.acceptance_deg needs target.axis, the way the reflector looks, and "
+        "that cannot be zero. Try: axis = [0, 0, 1] for a reflector that looks away from the "
+        "flange."
+    ),
     UR5 + "[repeatability]\nmm = -1\n": "cell.toml:5: repeatability.mm is -1, expected 0 or more.",
     'schema = 1\nrobot = "UR5"\n': "cell.toml:2: robot is 'UR5', expected a table.",
 }
+
+
+def test_what_planning_asks(tmp_path: Path) -> None:
+    path = tmp_path / "cell.toml"
+    path.write_text(
+        UR5
+        + "[target]\nxyz_mm = [0, 0, 50]\naxis = [0, 0, 2]\nacceptance_deg = 30\n"
+        + '[tracker]\nframe = "unknown"\nplace_mm = [3000, 0, 500]\n'
+        + "[[obstacle]]\nbox_mm = [[1400, 300, 400], [800, -300, 0]]\n"
+        + "[[obstacle]]\nbelow_mm = [[0, 0, -10], [0, 0, 3]]\n"
+    )
+    cell = read_cell(path)
+    assert cell.tracker_position is not None
+    np.testing.assert_array_equal(cell.tracker_position, 0.0)
+    np.testing.assert_allclose(cell.tracker_place, [3.0, 0.0, 0.5])
+    np.testing.assert_array_equal(cell.target_axis, [0.0, 0.0, 1.0])
+    assert cell.acceptance == pytest.approx(np.pi / 6)
+    box, floor = cell.obstacles
+    assert isinstance(box, Box)
+    np.testing.assert_allclose(box.low, [0.8, -0.3, 0.0])
+    assert isinstance(floor, HalfSpace)
+    np.testing.assert_array_equal(floor.normal, [0.0, 0.0, 1.0])
 
 
 @pytest.mark.parametrize("text", BAD, ids=range(len(BAD)))

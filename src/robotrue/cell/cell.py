@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from robotrue.cell.obstacles import Obstacle
 from robotrue.core.arrays import Array, frozen
 from robotrue.errors import ShapeError
 from robotrue.measurement.measurement_set import MeasurementFrame
@@ -37,7 +38,16 @@ class Cell:
             Default: ``base``.
         tracker_position: (3,) m, the instrument in that frame; None is "not known". Default: the
             origin for ``tracker``, not known for ``base``.
+        tracker_place: (3,) m, roughly where the instrument will stand, in the robot base; only
+            planning asks. Default: ``tracker_position`` where that is in base, else not known.
         tracker: Bounds of the instrument. Default: 15 um + 5 um/m, read as two sigma.
+        target_axis: (3,) unit vector in the flange frame, the way the reflector looks; only
+            planning asks. Default: not known.
+        acceptance: rad, largest angle between it and the line to the instrument. Default: any.
+        link_radius: (dof,) m, radius of the tube around each link; only planning asks. Default:
+            not known, planning takes a share of the reach.
+        obstacles: What the arm must not touch and the instrument cannot see through; only planning
+            asks. Default: nothing.
         repeatability: m, ISO 9283 RP of the arm as its data sheet prints it (mean plus three
             standard deviations of the distance from the middle; 3.6158 times the standard
             deviation per axis). Default: 0.06 mm.
@@ -55,7 +65,12 @@ class Cell:
     target_sigma: float = DEFAULT_TARGET_SIGMA
     frame: MeasurementFrame = "base"
     tracker_position: Array | None = None
+    tracker_place: Array | None = None
     tracker: TrackerSpecification = DEFAULT_SPECIFICATION
+    target_axis: Array | None = None
+    acceptance: float = np.pi
+    link_radius: Array | None = None
+    obstacles: tuple[Obstacle, ...] = ()
     repeatability: float = 6e-5
     payload: Load = NO_LOAD
     T_base_frame: Array = field(default_factory=lambda: np.eye(4))
@@ -82,6 +97,21 @@ class Cell:
         if position is not None:
             position = frozen(position, (3,), "tracker_position")
         object.__setattr__(self, "tracker_position", position)
+        place = self.tracker_place
+        if place is None and self.frame == "base":
+            place = position
+        if place is not None:
+            place = frozen(place, (3,), "tracker_place")
+        object.__setattr__(self, "tracker_place", place)
+        if self.target_axis is not None:
+            axis = np.asarray(self.target_axis, dtype=np.float64)
+            length = float(np.linalg.norm(axis))
+            if not length > 0.0:
+                raise ShapeError("target_axis is zero, expected a direction in the flange frame.")
+            object.__setattr__(self, "target_axis", frozen(axis / length, (3,), "target_axis"))
+        if self.link_radius is not None:
+            radius = frozen(self.link_radius, (self.robot.dof,), "link_radius")
+            object.__setattr__(self, "link_radius", radius)
         object.__setattr__(self, "T_flange_target", frozen(target, (4, 4), "T_flange_target"))
         object.__setattr__(self, "T_base_frame", frozen(self.T_base_frame, (4, 4), "T_base_frame"))
         object.__setattr__(

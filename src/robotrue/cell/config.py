@@ -12,7 +12,17 @@ import numpy as np
 from pydantic import ValidationError
 
 from robotrue.cell.cell import DEFAULT_TARGET_SIGMA, Cell
-from robotrue.cell.schema import CellFile, DhRow, PayloadTable, PoseTable, RobotTable, TrackerTable
+from robotrue.cell.obstacles import Box, HalfSpace, Obstacle, Sphere
+from robotrue.cell.schema import (
+    CellFile,
+    DhRow,
+    ObstacleTable,
+    PayloadTable,
+    PoseTable,
+    RobotTable,
+    TargetTable,
+    TrackerTable,
+)
 from robotrue.cell.wording import configuration_error, line_of_key
 from robotrue.core.arrays import Array
 from robotrue.core.files import read_bytes, sha256
@@ -65,13 +75,27 @@ def read_cell(path: str | Path) -> Cell:
         ) from cause
 
 
-def _blamed(message: str, file: CellFile) -> tuple[str, ...]:
+def _blamed(message: str, file: CellFile) -> tuple[str | int, ...]:
     """Returns the key a message is about, for its line."""
-    for name in ("preset", "mass_kg", "limits", "centre_of_mass", "stiffness", "gravity", "sigma"):
+    for k, table in enumerate(file.obstacle):
+        if f"obstacle {table.name or f'obstacle {k + 1}'!r}" in message:
+            return ("obstacle", k)
+    if "target.a" in message:
+        return ("target",)
+    for name in (
+        "preset",
+        "link_radius",
+        "mass_kg",
+        "limits",
+        "centre_of_mass",
+        "stiffness",
+        "gravity",
+        "sigma",
+    ):
         if name in message:
-            table = "tracker" if name == "sigma" else "robot"
-            keys = getattr(file, table).model_fields_set
-            return (table, *(key for key in sorted(keys) if key.startswith(name)))[:2]
+            owner = "tracker" if name == "sigma" else "robot"
+            keys = getattr(file, owner).model_fields_set
+            return (owner, *(key for key in sorted(keys) if key.startswith(name)))[:2]
     return ("robot", "dh") if file.robot.dh else ("robot",)
 
 
@@ -108,7 +132,18 @@ def _cell(file: CellFile, path: str | Path, digest: str) -> Cell:
         tracker_position=None
         if file.tracker.xyz_mm is None
         else np.array(file.tracker.xyz_mm) * MM,
+        tracker_place=None
+        if file.tracker.place_mm is None
+        else np.array(file.tracker.place_mm) * MM,
         tracker=_tracker(file.tracker),
+        target_axis=_target_axis(file.target),
+        acceptance=np.pi
+        if file.target is None or file.target.acceptance_deg is None
+        else file.target.acceptance_deg * DEG,
+        link_radius=None
+        if file.robot.link_radius_mm is None
+        else np.array(file.robot.link_radius_mm) * MM,
+        obstacles=tuple(_obstacle(table, k) for k, table in enumerate(file.obstacle, start=1)),
         repeatability=file.repeatability.mm * MM,
         payload=_payload(file.payload),
         T_base_frame=_pose(file.base),
@@ -162,7 +197,13 @@ def _from_dh(table: RobotTable, path: Path) -> RobotModel:
 
 def _with_lists(robot: RobotModel, table: RobotTable) -> RobotModel:
     changes: dict[str, Any] = {}
-    for key in ("limits_deg", "mass_kg", "centre_of_mass_mm", "stiffness_Nm_per_rad"):
+    for key in (
+        "limits_deg",
+        "mass_kg",
+        "centre_of_mass_mm",
+        "stiffness_Nm_per_rad",
+        "link_radius_mm",
+    ):
         values = getattr(table, key)
         if values is not None and len(values) != robot.dof:
             raise ConfigurationError(
@@ -201,6 +242,37 @@ def _pose(table: PoseTable) -> Array:
 
 def _payload(table: PayloadTable) -> Load:
     return Load(mass=np.array([table.mass_kg]), com=np.array([table.centre_of_mass_mm]) * MM)
+
+
+def _target_axis(table: TargetTable | None) -> Array | None:
+    if table is None or (table.axis is None and table.acceptance_deg is None):
+        return None
+    if table.axis is None or not any(table.axis):
+        raise ConfigurationError(
+            "target.acceptance_deg needs target.axis, the way the reflector looks, and that cannot "
+            "be zero.",
+            hint="axis = [0, 0, 1] for a reflector that looks away from the flange.",
+        )
+    return np.array(table.axis)
+
+
+def _obstacle(table: ObstacleTable, number: int) -> Obstacle:
+    name = table.name or f"obstacle {number}"
+    kinds = [k for k in ("box_mm", "sphere_mm", "below_mm") if getattr(table, k) is not None]
+    if len(kinds) != 1:
+        raise ConfigurationError(
+            f"obstacle {name!r} gives {' and '.join(kinds) or 'no shape'}, expected exactly one of "
+            "box_mm, sphere_mm, below_mm.",
+            hint="below_mm = [[0, 0, -10], [0, 0, 1]] is the floor.",
+        )
+    if table.box_mm is not None:
+        corners = np.array(table.box_mm) * MM
+        return Box(name=name, low=corners.min(axis=0), high=corners.max(axis=0))
+    if table.sphere_mm is not None:
+        values = np.array(table.sphere_mm) * MM
+        return Sphere(name=name, centre=values[:3], radius=float(values[3]))
+    point, normal = np.array(table.below_mm)
+    return HalfSpace(name=name, point=point * MM, normal=normal)
 
 
 def _tracker(table: TrackerTable) -> TrackerSpecification:

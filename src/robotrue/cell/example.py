@@ -24,6 +24,7 @@ preset = "KUKA KR160 R1570"
 # centre_of_mass_mm = [[0, 0, 0], [0, 0, 0], [0, 0, 0], [0, 0, 0], [0, 0, 0], [0, 0, 0]]
 # stiffness_Nm_per_rad = [1.75e6, 1.72e6, 1.95e6, 3.73e6, 2.11e6, 1.74e6]
 # gravity_m_per_s2 = [0, 0, -9.80665]
+# link_radius_mm = [200, 160, 160, 120, 100, 100]   # tubes around the links, for `robotrue plan`
 
 [tool]                             # flange to tool, what the programs use
 xyz_mm = [0, 0, 0]                 # default: the flange
@@ -35,11 +36,15 @@ centre_of_mass_mm = [0, 0, 0]      # in the flange frame
 
 # [target]                         # the measured reflector, in the flange frame
 # xyz_mm = [0, 0, 50]              # default: the tool point
+# axis = [0, 0, 1]                 # the way it looks; default: not known, any side is seen
+# acceptance_deg = 30              # largest angle between that and the line to the tracker
 
 [tracker]
 frame = "base"                     # or "unknown": the calibration estimates where it stands
 # xyz_mm = [3000, 0, 500]          # the tracker, in the frame of the measured positions; default:
 #                                  # for "unknown" the origin, for "base" not known (3 m away)
+# place_mm = [3000, 0, 500]        # where it will stand, roughly, in the robot base: for
+#                                  # `robotrue plan` with frame "unknown"; default: not known
 # sigma_um = 7.5                   # one standard deviation; default 7.5 um + 2.5 um/m, that is a
 # sigma_um_per_m = 2.5             # bound of 15 um + 5 um/m read as two sigma
 
@@ -49,6 +54,12 @@ mm = 0.06                          # ISO 9283 RP, as the data sheet has it
 [base]                             # work frame of programs that set none
 xyz_mm = [0, 0, 0]
 abc_deg = [0, 0, 0]
+
+# [[obstacle]]                       # for `robotrue plan`, as often as needed; robot base
+# name = "fixture"                   # exactly one of the three shapes each
+# box_mm = [[800, -300, 0], [1400, 300, 400]]   # two opposite corners
+# sphere_mm = [1000, 0, 200, 150]               # centre and radius
+# below_mm = [[0, 0, -10], [0, 0, 1]]           # a plane: point, and normal out of the solid side
 """
 
 

@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Length = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Above0 = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+Angle180 = Annotated[float, Field(gt=0.0, le=180.0, allow_inf_nan=False)]
 Three = Annotated[list[Number], Field(min_length=3, max_length=3)]
 Two = Annotated[list[Number], Field(min_length=2, max_length=2)]
 
@@ -41,6 +42,7 @@ class RobotTable(_Table):
     centre_of_mass_mm: list[Three] | None = None
     stiffness_Nm_per_rad: list[Above0] | None = None
     gravity_m_per_s2: Three | None = None
+    link_radius_mm: list[Above0] | None = None
 
 
 class PoseTable(_Table):
@@ -62,6 +64,8 @@ class TargetTable(_Table):
 
     xyz_mm: Three
     sigma_mm: Above0 = 10.0
+    axis: Three | None = None
+    acceptance_deg: Angle180 | None = None
 
 
 class TrackerTable(_Table):
@@ -69,8 +73,18 @@ class TrackerTable(_Table):
 
     frame: Literal["base", "unknown"] = "base"
     xyz_mm: Three | None = None
+    place_mm: Three | None = None
     sigma_um: Length | None = None
     sigma_um_per_m: Length | None = None
+
+
+class ObstacleTable(_Table):
+    """``[[obstacle]]``: one body that the arm must not touch and the tracker cannot see through."""
+
+    name: str = ""
+    box_mm: Annotated[list[Three], Field(min_length=2, max_length=2)] | None = None
+    sphere_mm: Annotated[list[Number], Field(min_length=4, max_length=4)] | None = None
+    below_mm: Annotated[list[Three], Field(min_length=2, max_length=2)] | None = None
 
 
 class RepeatabilityTable(_Table):
@@ -90,3 +104,4 @@ class CellFile(_Table):
     tracker: TrackerTable = TrackerTable()
     repeatability: RepeatabilityTable = RepeatabilityTable()
     base: PoseTable = PoseTable()
+    obstacle: list[ObstacleTable] = []

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ValidationError
 from robotrue.cell.schema import CellFile
 from robotrue.errors import ConfigurationError
 
-_HEADER: Final = re.compile(r"\s*\[\s*([^\[\]]+?)\s*\]\s*(?:#.*)?")
+_HEADER: Final = re.compile(r"\s*(\[\[?)\s*([^\[\]]+?)\s*\]\]?\s*(?:#.*)?")
 
 
 def configuration_error(
@@ -101,19 +101,25 @@ def line_of_key(text: str, where: Sequence[str | int]) -> int | None:
         where: The key's path, e.g. ("robot", "dh", 1, "d_mm").
     """
     names = [part for part in where if isinstance(part, str)]
+    place = where[1] if len(where) > 1 and isinstance(where[1], int) else None
     inside: list[str] = []
+    count = -1  # of [[tables]] with the name that is looked for
     best: tuple[int, int] | None = None
     for number, line in enumerate(text.splitlines(), start=1):
         header = _HEADER.fullmatch(line)
         if header:
-            inside = [part.strip().strip("\"'") for part in header[1].split(".")]
+            inside = [part.strip().strip("\"'") for part in header[2].split(".")]
             here = inside
+            if header[1] == "[[" and here == names[:1]:
+                count += 1
+                if place not in (None, count):
+                    inside = here = []
         else:
             key = re.match(r"\s*([\w\"'.-]+)\s*=", line)
             if key is None:
                 continue
             here = inside + [part.strip("\"'") for part in key[1].split(".")]
         depth = len(here)
-        if here == names[:depth] and (best is None or depth > best[0]):
+        if here and here == names[:depth] and (best is None or depth > best[0]):
             best = (depth, number)
     return best[1] if best else None

@@ -1,0 +1,361 @@
+"""What a pose tells about the arm, before anyone has measured it.
+
+The calibration is linear around the nominal arm, ``y = J w + noise``, so what a pose is worth is
+known without its result. ``w`` are the errors the fit estimates (geometry, compliance, base, tool),
+the slow ripple of every drive and its backlash, with the priors of :mod:`calibration.priors`. What
+this linear model leaves out does not average out like noise, but over few poses it acts like it:
+fast ripple is carried through the arm's own Jacobian, and a smooth rest is added to every axis.
+Both sizes are stated in :class:`Unmodelled`; without them a plan promises more than it keeps and
+prefers a stretched arm.
+
+Rows come whitened and in units of the prior: in these coordinates the prior precision is I, and
+that of the data the sum of ``A' A`` over the poses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+
+from robotrue.calibration.estimate import free_groups
+from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.observations import PositionObservation, observations_of
+from robotrue.calibration.parameters import Layout, State
+from robotrue.calibration.priors import PriorScales, StiffnessPrior, build_prior
+from robotrue.calibration.residual import LearnedModel
+from robotrue.calibration.rigid_flexible import RigidFlexibleModel
+from robotrue.calibration.ripple import ripple_columns
+from robotrue.calibration.settings import FitSettings
+from robotrue.cell.cell import Cell
+from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.errors import ModelMismatchError
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.measurement.tracker import point_covariance
+from robotrue.robot.forward import forward
+from robotrue.robot.model import RobotModel, parameter_slice
+from robotrue.robot.statics import NO_LOAD, Load
+
+ROWS: Final = 1024
+"""Poses linearised at a time; bounds the memory."""
+LOOSE: Final = 0.1
+"""m and rad, prior sd of the base where the tracker's frame is not known."""
+STIFFNESS_SD: Final = 0.3
+"""Relative standard deviation taken for a stiffness stated in the cell."""
+KNOWN: Final = 1e-12
+"""Eigenvalue of a scaled covariance, over its largest, below which a direction is known."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unmodelled:
+    """What an arm does beyond geometry and compliance, one standard deviation each.
+
+    Drive errors are given as what they do at the end of the stretched arm: large arms have finer
+    drives, and the sizes in metres differ less than those in rad. The defaults are of the size that
+    the learned model finds on a measured UR5 and UR10 (coefficients of 20 to 120 urad below 8
+    cycles, 10 to 80 urad from 8 to 44, white rest 17 and 25 um).
+
+    Attributes:
+        ripple: (h,) m, of the sine and of the cosine of N = 1, 2, ..., h cycles per revolution.
+        fast: m per joint, of everything faster.
+        backlash: m per joint, half of it.
+        white: m per axis, of a smooth rest and of drift.
+    """
+
+    ripple: Array = field(default_factory=lambda: 8e-5 / np.sqrt(np.arange(1.0, 17.0)))
+    fast: float = 4e-5
+    backlash: float = 2e-5
+    white: float = 2e-5
+
+    def __post_init__(self) -> None:
+        """Freezes."""
+        object.__setattr__(self, "ripple", frozen(self.ripple, (None,), "ripple"))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Postures:
+    """n visits of the arm: where it stands, what it carries, from where it came.
+
+    Attributes:
+        joints: (n, dof) rad, commanded.
+        load: Payload and wrench, one row or n rows.
+        approach: (n, dof) sign of the last motion of each joint, 0 = unknown.
+    """
+
+    joints: Array
+    load: Load = NO_LOAD
+    approach: Array = field(default_factory=lambda: np.empty(0))
+
+    def __post_init__(self) -> None:
+        """Checks shapes; an approach that is left out is unknown."""
+        joints = frozen(self.joints, (None, None), "joints")
+        approach = np.zeros_like(joints) if np.size(self.approach) == 0 else self.approach
+        object.__setattr__(self, "joints", joints)
+        object.__setattr__(self, "approach", frozen(approach, joints.shape, "approach"))
+
+    def __len__(self) -> int:
+        return len(self.joints)
+
+    def subset(self, rows: Array) -> Postures:
+        """Returns the chosen rows (indices, a mask or a slice), in that order."""
+        load = Load(
+            mass=_rows(self.load.mass, rows),
+            com=_rows(self.load.com, rows),
+            wrench=_rows(self.load.wrench, rows),
+        )
+        return Postures(joints=self.joints[rows], load=load, approach=self.approach[rows])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinearModel:
+    """The linear model of a calibration that has not been made, or not been finished.
+
+    Attributes:
+        robot: The arm, with the measured reflector as its tool and the errors believed now.
+        cell: What measures it; gives the instrument's covariance.
+        settings: Noise and default load of the fit.
+        unmodelled: Sizes of what the linear model leaves out.
+        root: (p, k) R; R R' is the covariance now believed of [robot errors, ripple, backlash].
+    """
+
+    robot: RobotModel
+    cell: Cell
+    settings: FitSettings
+    unmodelled: Unmodelled
+    root: Array
+
+    def __post_init__(self) -> None:
+        """Checks shapes and freezes."""
+        dof = self.robot.dof
+        size = 7 * dof + 12 + 2 * dof * len(self.unmodelled.ripple) + dof
+        object.__setattr__(self, "root", frozen(self.root, (size, None), "root"))
+
+    @property
+    def size(self) -> int:
+        """k, the number of directions that are not known."""
+        return int(self.root.shape[1])
+
+    def rows(self, postures: Postures) -> Array:
+        """Returns the whitened rows A (n, 3, k) that measuring each posture once would give."""
+        out = np.empty((len(postures), 3, self.size))
+        for part, jacobian, drive, instrument in self._blocks(postures, self.robot):
+            noise = instrument + self._rest(drive)
+            whiten = np.linalg.inv(np.linalg.cholesky(noise))
+            out[part] = whiten @ (jacobian @ self.root)
+        return out
+
+    def errors(
+        self, postures: Postures, T_flange_tool: Array | None = None
+    ) -> tuple[Array, Array, Array]:
+        """Returns what the error at some postures is made of, base frame.
+
+        Args:
+            postures: Where the arm will work.
+            T_flange_tool: (4, 4) the point asked about; None is the measured reflector.
+
+        Returns:
+            G (n, 3, k) m: the part that calibration learns, covariance G G' now. The rest
+            (n, 3, 3) m^2, at one visit, that no pose teaches. The instrument's covariance
+            (n, 3, 3) m^2, which checking adds.
+        """
+        robot = self.robot
+        if T_flange_tool is not None:
+            robot = robot.with_tool(T_flange_tool)
+        n = len(postures)
+        columns, rest, seen = np.empty((n, 3, self.size)), np.empty((n, 3, 3)), np.empty((n, 3, 3))
+        repeat = self.settings.repeatability_sd**2 * np.eye(3)
+        for part, jacobian, drive, instrument in self._blocks(postures, robot):
+            if T_flange_tool is not None:
+                jacobian[:, :, parameter_slice(robot.dof, "tool")] = 0.0
+            columns[part] = jacobian @ self.root
+            # From which side each joint will come is not known: half its backlash is left.
+            half = self.unmodelled.backlash / self.robot.reach
+            unknown = np.where(postures.approach[part] == 0.0, half, 0.0)
+            back = drive * unknown[:, None, :]
+            rest[part] = self._rest(drive) + repeat + back @ np.swapaxes(back, 1, 2)
+            seen[part] = instrument - repeat
+        return columns, rest, seen
+
+    def _blocks(
+        self, postures: Postures, robot: RobotModel
+    ) -> Iterator[tuple[slice, Array, Array, Array]]:
+        """Rows, Jacobian (n, 3, p), drive Jacobian, covariance of instrument and repeatability."""
+        dof = robot.dof
+        layout = Layout(dof=dof)
+        cycles = np.arange(1.0, len(self.unmodelled.ripple) + 1.0)
+        for start in range(0, len(postures), ROWS):
+            part = slice(start, start + ROWS)
+            mine = postures.subset(part)  # type: ignore[arg-type]
+            (seen,) = observations_of(
+                robot,
+                _imagined(self.cell, robot, mine),
+                self.settings.payload,
+                repeatability=self.settings.repeatability_sd,
+                rotation_sd=self.settings.rotation_sd,
+            )
+            if not isinstance(seen, PositionObservation):  # _imagined has points only
+                raise ModelMismatchError("planning is about points, not poses, of a reflector.")
+            item = seen.linearise(layout, State(robot=robot))
+            drive = item.jacobian[:, :, parameter_slice(dof, "theta")] @ robot.joint_map
+            jacobian = np.concatenate(
+                [
+                    item.jacobian,
+                    ripple_columns(drive, mine.joints, cycles),
+                    drive * mine.approach[:, None, :],
+                ],
+                axis=2,
+            )
+            yield part, jacobian, drive, item.covariance
+
+    def _rest(self, drive: Array) -> Array:
+        """Covariance (n, 3, 3) m^2 of what the linear model leaves out."""
+        fast = (self.unmodelled.fast / self.robot.reach) ** 2 * drive @ np.swapaxes(drive, 1, 2)
+        return np.asarray(fast + self.unmodelled.white**2 * np.eye(3))
+
+
+def settings_of(cell: Cell) -> FitSettings:
+    """Returns what a cell says about noise, load, reflector and stiffness."""
+    stiffness = None
+    if np.isfinite(cell.compliance_prior).all():
+        stiffness = StiffnessPrior(
+            stiffness=1.0 / cell.compliance_prior, relative_sd=np.array(STIFFNESS_SD)
+        )
+    return FitSettings(
+        payload=cell.payload,
+        repeatability=cell.repeatability,
+        scales=PriorScales(tool=cell.target_sigma),
+        stiffness=stiffness,
+    )
+
+
+def before_measuring(
+    cell: Cell, *, settings: FitSettings | None = None, unmodelled: Unmodelled | None = None
+) -> LinearModel:
+    """Returns the linear model of an arm of which only the type is known.
+
+    Args:
+        cell: Robot, reflector and instrument. With an unknown tracker frame the base is as good as
+            free: the station takes its place.
+        settings: Priors and noise of the fit; what the cell says if not given.
+        unmodelled: Sizes of what is left out.
+    """
+    settings = settings_of(cell) if settings is None else settings
+    unmodelled = Unmodelled() if unmodelled is None else unmodelled
+    robot = cell.measured_robot.nominal()
+    layout = Layout(dof=robot.dof)
+    prior = build_prior(
+        layout,
+        State(robot=robot),
+        settings.scales,
+        free_groups=free_groups("elastic"),
+        stiffness=settings.stiffness,
+        payload_mass=float(settings.payload.mass[0]),
+        tool_rotation=False,
+    )
+    sd = prior.sd.copy()
+    if cell.frame == "tracker":
+        sd[parameter_slice(robot.dof, "base")] = LOOSE
+    full = np.concatenate([sd, _drive_sd(robot, unmodelled)])
+    return LinearModel(
+        robot=prior.centre.robot,
+        cell=cell,
+        settings=settings,
+        unmodelled=unmodelled,
+        root=np.diag(full)[:, full > 0.0],
+    )
+
+
+def after_fit(
+    model: ErrorModel,
+    cell: Cell,
+    *,
+    settings: FitSettings | None = None,
+    unmodelled: Unmodelled | None = None,
+) -> LinearModel:
+    """Returns the linear model of an arm that was calibrated, to plan the poses that come next.
+
+    What the model knows is kept, with the covariance it states; a drive error it has no column for
+    is believed as before measuring. Its learned noise and smooth residual are a rest.
+
+    Raises:
+        ModelMismatchError: A model of another kind, or of another number of joints.
+    """
+    physics = model.physics if isinstance(model, LearnedModel) else model
+    if not isinstance(physics, RigidFlexibleModel) or physics.robot.dof != cell.robot.dof:
+        raise ModelMismatchError(
+            f"the model is of {model.robot.name} with {model.robot.dof} joints, the cell has "
+            f"{cell.robot.name} with {cell.robot.dof}.",
+            hint="plan with a model of this cell.",
+        )
+    settings = settings_of(cell) if settings is None else settings
+    unmodelled = Unmodelled() if unmodelled is None else unmodelled
+    dof, h = cell.robot.dof, len(unmodelled.ripple)
+    size = 7 * dof + 12
+    full = np.zeros((size + 2 * dof * h + dof,) * 2)
+    drives = _drive_sd(cell.measured_robot, unmodelled)
+    full[np.diag_indices(len(full))] = np.concatenate([np.zeros(size), drives**2])
+    white = float(physics.white)
+    if isinstance(model, LearnedModel):
+        place = _places(model, size, dof, h)
+        kept = place >= 0
+        root = np.sqrt(model.inflation) * model.root[:, kept]
+        full[np.ix_(place[kept], place[kept])] = root.T @ root
+        white = float(np.hypot(white, model.amplitude if model.basis is not None else 0.0))
+    else:
+        full[:size, :size] = physics.covariance
+    return LinearModel(
+        robot=physics.actual,
+        cell=cell,
+        settings=settings,
+        unmodelled=replace(unmodelled, white=max(white, unmodelled.white)),
+        root=_root_of(full),
+    )
+
+
+def _drive_sd(robot: RobotModel, unmodelled: Unmodelled) -> Array:
+    """Prior sd in rad of the ripple, joint by joint, sine and cosine, then of the backlash."""
+    ripple = np.tile(np.repeat(unmodelled.ripple, 2), robot.dof)
+    return np.append(ripple, np.full(robot.dof, unmodelled.backlash)) / robot.reach
+
+
+def _places(model: LearnedModel, size: int, dof: int, h: int) -> IntArray:
+    """Where each column of a learned model stands here; -1 for what has no column here."""
+    column = model.columns.astype(np.int64)
+    cycles = len(model.cycles)
+    backlash = size + 2 * dof * cycles
+    joint, within = np.divmod(column - size, max(2 * cycles, 1))
+    place = np.where(within < 2 * h, size + 2 * h * joint + within, -1)
+    place = np.where(column >= backlash, size + 2 * dof * h + column - backlash, place)
+    place = np.where(column >= backlash + dof, -1, place)
+    return np.asarray(np.where(column < size, column, place))
+
+
+def _root_of(covariance: Array) -> Array:
+    """R with R R' the covariance; parameters of several units are scaled to one another first."""
+    sd = np.sqrt(np.diagonal(covariance))
+    scale = np.where(sd > 0.0, sd, 1.0)
+    values, vectors = np.linalg.eigh(covariance / scale[:, None] / scale)
+    alive = values > KNOWN * values[-1]
+    return np.asarray(scale[:, None] * vectors[:, alive] * np.sqrt(values[alive]))
+
+
+def _imagined(cell: Cell, robot: RobotModel, postures: Postures) -> MeasurementSet:
+    """The set that measuring an error-free arm would give, in base."""
+    position = forward(robot.nominal(), postures.joints)[:, :3, 3]
+    n, load = len(postures), postures.load
+    stated = load is not NO_LOAD
+    return MeasurementSet(
+        joints=postures.joints,
+        position=position,
+        covariance=point_covariance(cell.tracker, position, cell.tracker_place),
+        wrench=np.broadcast_to(load.wrench, (n, 6)),
+        payload_mass=np.broadcast_to(load.mass, (n,)) if stated else np.full(n, np.nan),
+        payload_com=np.broadcast_to(load.com, (n, 3)) if stated else np.full((n, 3), np.nan),
+        approach=postures.approach,
+    )
+
+
+def _rows(values: Array, rows: Array) -> Array:
+    return values if len(values) == 1 else values[rows]
