@@ -28,6 +28,7 @@ from robotrue.calibration.learners.process import (
     signal_covariance,
     solved_rows,
 )
+from robotrue.calibration.learners.trust import inflation
 from robotrue.core.arrays import Array
 from robotrue.errors import ConfigurationError, ShapeError
 
@@ -52,6 +53,11 @@ class GaussianProcess(MultiOutputMixin, RegressorMixin, BaseEstimator):
         weights: A row of weight w has the noise variance of the row over w. "precision" leaves it
             at that; "repeats" also counts it as w rows when hyper-parameters are learned, so that
             weight 2 is the row twice.
+        prior: "weak" is log-normal: lengths about sqrt(d) standard deviations of their input
+            within a factor e, amplitude about that of the outputs within e^1.5, noise about a tenth
+            of it within e^2. It matters with few rows only. "none" is marginal likelihood alone.
+        intervals: "marginal" widens them for what few rows leave open about the hyper-parameters
+            that were learned; "plug-in" takes these as known.
         optimise: False: nothing is learned; length, amplitude and noise must be given.
         restarts: Further searches from random places.
         random_state: Seed of the restarts.
@@ -62,6 +68,7 @@ class GaussianProcess(MultiOutputMixin, RegressorMixin, BaseEstimator):
         noise_: Number, or (k,).
         mean_: (k,) constant mean of each output.
         log_marginal_likelihood_: At these, summed over the outputs.
+        inflation_: Number, or (k,): factor on predictive variances by ``intervals``.
         output_correlation_: (k, k) of the outputs about the process, from whitened residuals.
     """
 
@@ -75,6 +82,8 @@ class GaussianProcess(MultiOutputMixin, RegressorMixin, BaseEstimator):
         noise: float | None = None,
         denominator: Literal["squared", "literal"] = "squared",
         weights: Literal["precision", "repeats"] = "precision",
+        prior: Literal["weak", "none"] = "weak",
+        intervals: Literal["marginal", "plug-in"] = "marginal",
         optimise: bool = True,
         restarts: int = 0,
         random_state: int | np.random.RandomState | None = 0,
@@ -87,6 +96,8 @@ class GaussianProcess(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.noise = noise
         self.denominator = denominator
         self.weights = weights
+        self.prior = prior
+        self.intervals = intervals
         self.optimise = optimise
         self.restarts = restarts
         self.random_state = random_state
@@ -137,10 +148,18 @@ class GaussianProcess(MultiOutputMixin, RegressorMixin, BaseEstimator):
                 isotropic=self.kernel == "isotropic",
                 mean=self.mean,
                 repeats=self.weights == "repeats",
+                prior=self.prior == "weak",
             )
             for group in groups
         ]
         self._theta = [best_theta(data, held, self.restarts, random) for data in self._rows]
+        factors = np.array(
+            [
+                inflation(d, t, np.isnan(held)) if self.intervals == "marginal" else 1.0
+                for d, t in zip(self._rows, self._theta, strict=True)
+            ]
+        )
+        self.inflation_ = float(factors[0]) if len(factors) == 1 else factors
         self._signals = [
             signal_covariance(d, t) for d, t in zip(self._rows, self._theta, strict=True)
         ]
@@ -189,18 +208,19 @@ class GaussianProcess(MultiOutputMixin, RegressorMixin, BaseEstimator):
             raise ConfigurationError("return_std and return_cov are one or the other.")
         inputs = validate_data(self, X, reset=False, dtype=np.float64)
         noise = np.atleast_1d(self.noise_) ** 2 * noisy
+        factor = np.atleast_1d(self.inflation_)
         if return_cov:
             mean = np.concatenate([p.mean(inputs) for p in self._posteriors], axis=1)
             spread = [
-                p.covariance(inputs) + s * np.eye(len(inputs))
-                for p, s in zip(self._posteriors, noise, strict=True)
+                f * (p.covariance(inputs) + s * np.eye(len(inputs)))
+                for p, s, f in zip(self._posteriors, noise, factor, strict=True)
             ]
             return self._shaped(mean), self._shaped(self._each(np.stack(spread, axis=-1)))
         if not return_std:
             return self._shaped(np.concatenate([p.mean(inputs) for p in self._posteriors], axis=1))
         both = [p.mean_and_variance(inputs) for p in self._posteriors]
         mean = np.concatenate([m for m, _ in both], axis=1)
-        variance = np.column_stack([v for _, v in both]) + noise
+        variance = factor * (np.column_stack([v for _, v in both]) + noise)
         return self._shaped(mean), self._shaped(self._each(np.sqrt(variance)))
 
     def log_marginal_likelihood(
@@ -288,6 +308,8 @@ class GaussianProcess(MultiOutputMixin, RegressorMixin, BaseEstimator):
             ("mean", ("constant", "estimated", "zero")),
             ("denominator", ("squared", "literal")),
             ("weights", ("precision", "repeats")),
+            ("prior", ("weak", "none")),
+            ("intervals", ("marginal", "plug-in")),
         ):
             if getattr(self, name) not in words:
                 raise ConfigurationError(

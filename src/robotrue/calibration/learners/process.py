@@ -21,6 +21,8 @@ from robotrue.errors import ObservabilityError
 _LENGTHS, _AMPLITUDES, _NOISES = (2e-2, 1e2), (1e-2, 1e2), (1e-4, 1e1)
 """What is searched, in standard deviations of the inputs and of the outputs."""
 _START_NOISE, _STEPS = 0.1, 200
+_PRIOR = (1.0, 1.5, 2.0)
+"""Standard deviations of the weak prior on log length, log amplitude, log noise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +40,7 @@ class Rows:
         isotropic: One length for all inputs.
         mean: "constant" (integrated out), "estimated" or "zero".
         repeats: A row of weight w stands for w equal rows, also in the evidence.
+        prior: Whether theta has the weak prior.
     """
 
     inputs: Array
@@ -50,6 +53,7 @@ class Rows:
     isotropic: bool
     mean: str
     repeats: bool
+    prior: bool
 
     def trend(self) -> Array:
         """Returns the column of the constant mean (n, 1), or none (n, 0)."""
@@ -65,6 +69,7 @@ def rows(
     isotropic: bool,
     mean: str,
     repeats: bool,
+    prior: bool,
 ) -> Rows:
     """Returns training rows (n, d), (n, k) with centre and spread; zero weights are left out."""
     used = weight > 0.0
@@ -93,6 +98,7 @@ def rows(
         isotropic=isotropic,
         mean=mean,
         repeats=repeats,
+        prior=prior,
     )
 
 
@@ -160,6 +166,21 @@ def evidence_of(data: Rows, theta: Array, solved: Solved) -> float:
     return solved.log_evidence - float(0.5 * data.outputs.shape[1] * extra.sum())
 
 
+def log_posterior(data: Rows, theta: Array) -> tuple[float, Array]:
+    """Returns log evidence plus log prior of theta, up to a constant, and the gradient.
+
+    The weak prior is log-normal about where the search begins.
+    """
+    value, gradient = log_evidence(data, theta)
+    if not data.prior:
+        return value, gradient
+    start, _ = start_and_bounds(data)
+    lengths, amplitude, noise = _PRIOR
+    deviation = np.array([*[lengths] * (len(theta) - 2), amplitude, noise])
+    off = (theta - start) / deviation
+    return value - 0.5 * float(off @ off), gradient - off / deviation
+
+
 def start_and_bounds(data: Rows) -> tuple[Array, Array]:
     """Returns where the search begins (p,) and its limits (p, 2), of theta."""
     spread = data.spread[:1] if data.isotropic else data.spread
@@ -172,7 +193,7 @@ def start_and_bounds(data: Rows) -> tuple[Array, Array]:
 
 
 def best_theta(data: Rows, held: Array, restarts: int, random: np.random.RandomState) -> Array:
-    """Returns theta of largest evidence; entries of ``held`` (p,) that are not NaN stay.
+    """Returns theta of largest posterior; entries of ``held`` (p,) that are not NaN stay.
 
     The first search begins at lengths of sqrt(d) standard deviations; each restart at a random
     place within a factor of ten of that.
@@ -187,7 +208,7 @@ def best_theta(data: Rows, held: Array, restarts: int, random: np.random.RandomS
         trial = theta.copy()
         trial[free] = part
         try:
-            value, gradient = log_evidence(data, trial)
+            value, gradient = log_posterior(data, trial)
         except ObservabilityError:
             return 1e25, np.zeros(len(part))
         return -value, -gradient[free]
