@@ -13,7 +13,7 @@ import numpy as np
 
 from robotrue.calibration.deng2022.features import PRINTED_UNITS, turned_features
 from robotrue.calibration.deng2022.readings import AlignmentInputs, Readings, TransformReading
-from robotrue.core.arrays import Array
+from robotrue.core.arrays import Array, IntArray
 from robotrue.core.units import MM
 from robotrue.errors import ObservabilityError, ShapeError
 
@@ -165,7 +165,7 @@ def align(
     *,
     source: Array,
     source_errors: Array,
-    mapped: Array,
+    mapped: IntArray,
     target: Array,
     target_errors: Array,
     covariance: Array,

@@ -1,0 +1,247 @@
+"""One expert of the joined model: a Gaussian process, or the rounds of a boosted one.
+
+What is kept is what the rounds were fitted with: rows, weights, hyper-parameters. Everything else
+follows by linear algebra, so that an archive gives back the same expert whatever becomes of the
+code that chose the weights.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from robotrue.calibration.deng2022.features import PRINTED_UNITS
+from robotrue.calibration.deng2022.readings import Readings
+from robotrue.calibration.learners.gaussian_process import GaussianProcess
+from robotrue.calibration.learners.tradaboost import TrAdaBoostR2, weighted_median
+from robotrue.core.arrays import Array, frozen
+from robotrue.core.units import MM
+
+_ARRAYS: Final = ("inputs", "errors", "weights", "betas", "length")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Committee:
+    """Gaussian processes on the same rows with the same kernel and different weights.
+
+    Attributes:
+        inputs: (n, 6) pose features in mm and deg.
+        errors: (n, 3) mm.
+        weights: (T, n) of the rows in each round, positive.
+        betas: (T,) of eq. 23; a single process has 1/e, the weight ln(1/beta) = 1.
+        length: (6,) kernel lengths, mm and deg.
+        amplitude: Standard deviation of the process, mm.
+        noise: Standard deviation of the noise of a row with weight 1, mm.
+        kernel: Reading of eq. 28.
+        mean: Reading of eq. 27.
+        combination: Reading of eq. 25.
+        learners: The processes; built from all of the above.
+    """
+
+    inputs: Array
+    errors: Array
+    weights: Array
+    betas: Array
+    length: Array
+    amplitude: float
+    noise: float
+    kernel: str
+    mean: str
+    combination: str
+    learners: tuple[GaussianProcess, ...]
+
+    def __post_init__(self) -> None:
+        """Checks shapes and freezes."""
+        n, rounds = len(self.inputs), len(self.betas)
+        for name, shape in (
+            ("inputs", (n, 6)),
+            ("errors", (n, 3)),
+            ("weights", (rounds, n)),
+            ("betas", (rounds,)),
+            ("length", (6,)),
+        ):
+            object.__setattr__(self, name, frozen(getattr(self, name), shape, name))
+
+    def predict(self, features: Array) -> tuple[Array, Array]:
+        """Returns the error (n, 3) m and its variance (n,) m^2 about the truth, noise left out.
+
+        The variance is that of the mixture of the rounds, averaged over the axes.
+
+        Args:
+            features: (n, 6) m and rad.
+        """
+        X = features / PRINTED_UNITS
+        found = [g.predict(X, return_std=True, noisy=False) for g in self.learners]
+        each = np.stack([mean for mean, _ in found])
+        variance = np.stack([std.mean(axis=1) ** 2 for _, std in found])
+        confidence = np.log(1.0 / self.betas)
+        if self.combination == "literal":
+            scaled = self.betas[:, None, None] * each
+            combined = confidence.sum() * np.median(scaled, axis=0)
+        else:
+            combined = weighted_median(each, confidence)
+        share = confidence / confidence.sum()
+        centre = np.tensordot(share, each, axes=1)
+        apart = np.mean((each - centre) ** 2, axis=2)
+        return combined * MM, np.tensordot(share, variance + apart, axes=1) * MM**2
+
+    def document(self) -> dict[str, Any]:
+        """Returns the JSON part of an archive."""
+        names = ("amplitude", "noise", "kernel", "mean", "combination")
+        return {name: getattr(self, name) for name in names}
+
+    def arrays(self, prefix: str) -> dict[str, Array]:
+        """Returns the arrays of an archive under prefixed names."""
+        return {prefix + name: getattr(self, name) for name in _ARRAYS}
+
+
+def single(inputs: Array, errors: Array, readings: Readings) -> Committee:
+    """Returns one Gaussian process on rows in m, rad and m, eq. 27-32.
+
+    Args:
+        inputs: (n, 6) pose features.
+        errors: (n, 3) m.
+        readings: Kernel, mean and length.
+    """
+    process = learner(readings).fit(inputs / PRINTED_UNITS, errors / MM)
+    return _committee(
+        inputs / PRINTED_UNITS,
+        errors / MM,
+        np.ones((1, len(inputs))),
+        np.array([np.exp(-1.0)]),
+        process,
+        readings,
+    )
+
+
+def boosted(
+    target: tuple[Array, Array],
+    source: tuple[Array, Array],
+    readings: Readings,
+    *,
+    target_weight: Array,
+    output_weights: Array | None,
+) -> Committee:
+    """Returns the processes of all boosting rounds, eq. 19-25.
+
+    Args:
+        target: (m, 6) features and (m, 3) errors in m, rad.
+        source: (k n, 6) and (k n, 3), transferred to the sub-spaces.
+        readings: Switches.
+        target_weight: (m,) initial weights of eq. 19, relative to a source row.
+        output_weights: (3,) omega_m of eq. 20, or None.
+    """
+    booster = TrAdaBoostR2(
+        estimator=learner(readings),
+        rounds=readings.rounds,
+        source_weights=readings.source_weights,
+        error_over=readings.error_over,
+        combination=readings.combination,
+        output_weights=output_weights,
+    ).fit(
+        target[0] / PRINTED_UNITS,
+        target[1] / MM,
+        sample_weight=target_weight,
+        X_source=source[0] / PRINTED_UNITS,
+        y_source=source[1] / MM,
+    )
+    return _committee(
+        np.concatenate([source[0], target[0]]) / PRINTED_UNITS,
+        np.concatenate([source[1], target[1]]) / MM,
+        booster.weights_ * len(booster.weights_[0]),
+        booster.betas_,
+        booster.estimators_[0],
+        readings,
+    )
+
+
+def learner(readings: Readings) -> GaussianProcess:
+    """Returns the base learner, eq. 27-32, not fitted: inputs mm and deg, outputs mm."""
+    return GaussianProcess(
+        kernel=readings.kernel,
+        mean=readings.mean,
+        length=readings.length,
+        denominator=readings.denominator,
+    )
+
+
+def restored(document: Mapping[str, Any], arrays: Mapping[str, Array], prefix: str) -> Committee:
+    """Returns the committee kept by :meth:`Committee.document` and :meth:`Committee.arrays`.
+
+    Raises:
+        KeyError: A part is missing.
+    """
+    parts = {name: np.asarray(arrays[prefix + name]) for name in _ARRAYS}
+    return _with_learners(
+        **parts,
+        amplitude=float(document["amplitude"]),
+        noise=float(document["noise"]),
+        kernel=str(document["kernel"]),
+        mean=str(document["mean"]),
+        combination=str(document["combination"]),
+    )
+
+
+def _committee(
+    inputs: Array,
+    errors: Array,
+    weights: Array,
+    betas: Array,
+    process: GaussianProcess,
+    readings: Readings,
+) -> Committee:
+    length = np.asarray(process.length_, dtype=np.float64)
+    return _with_learners(
+        inputs=inputs,
+        errors=errors,
+        weights=np.maximum(weights, 1e-12),
+        betas=betas,
+        length=np.sqrt(length) if readings.denominator == "literal" else length,
+        amplitude=float(process.amplitude_),
+        noise=float(process.noise_),
+        kernel=readings.kernel,
+        mean=readings.mean,
+        combination=readings.combination,
+    )
+
+
+def _with_learners(
+    *,
+    inputs: Array,
+    errors: Array,
+    weights: Array,
+    betas: Array,
+    length: Array,
+    amplitude: float,
+    noise: float,
+    kernel: str,
+    mean: str,
+    combination: str,
+) -> Committee:
+    """The committee with its processes solved, the same way whether learned or read."""
+    isotropic = kernel == "isotropic"
+    process = GaussianProcess(
+        kernel="isotropic" if isotropic else "ard",
+        mean="zero" if mean == "zero" else "constant",
+        length=length[0] if isotropic else length,
+        amplitude=amplitude,
+        noise=noise,
+        optimise=False,
+    ).fit(inputs, errors, sample_weight=weights[0])
+    learners = (process, *(process.reweighted(w) for w in weights[1:]))
+    return Committee(
+        inputs=inputs,
+        errors=errors,
+        weights=weights,
+        betas=betas,
+        length=length,
+        amplitude=amplitude,
+        noise=noise,
+        kernel=kernel,
+        mean=mean,
+        combination=combination,
+        learners=learners,
+    )

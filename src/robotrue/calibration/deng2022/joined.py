@@ -1,0 +1,227 @@
+"""The joined model of eq. 26: one expert for the source domain, one for the target domain."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+
+from robotrue.calibration.archive import robot_arrays, robot_document, robot_from
+from robotrue.calibration.deng2022.committee import Committee, restored
+from robotrue.calibration.deng2022.domains import LEVER
+from robotrue.calibration.deng2022.features import pose_features
+from robotrue.calibration.deng2022.readings import Outside
+from robotrue.calibration.model import Prediction, Query
+from robotrue.calibration.tables import MeanTables
+from robotrue.core.archive import Archive
+from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.core.regions import CylinderRegion, contains, coordinates_of
+from robotrue.core.units import DEG, MM, UM
+from robotrue.errors import ArchiveError, ModelMismatchError, ReachError, ShapeError
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.forward import forward
+from robotrue.robot.model import RobotModel
+from robotrue.robot.statics import NO_LOAD, Load
+
+KIND: Final = "error-model/deng2022"
+SCHEMA: Final = 1
+BOUNDARY: Final = 1.0 * MM
+"""A pose this far outside a domain, m or the same on a circle of 1 m, still belongs to it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Expert:
+    """A committee and the domain it answers for.
+
+    Attributes:
+        region: Its domain.
+        committee: Predicts there.
+        white: m, sd per axis of what a single visit adds to the process, instrument left out.
+    """
+
+    region: CylinderRegion
+    committee: Committee
+    white: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseModel:
+    """Errors learned on Cartesian poses, eq. 26; the first expert whose domain holds a pose speaks.
+
+    A model of poses knows nothing of joints, loads, approach or other tools: it holds for the
+    payload and the point that were measured. Rotation errors are NaN; the paper has none.
+
+    Attributes:
+        robot: The nominal arm, with the tool that was measured.
+        experts: Target domain first, then the source.
+        reference: (3,) rad, A, B, C near which attitudes are read.
+        outside: What happens outside all domains: refuse, or ask the expert of the nearest.
+        summary: JSON values for :meth:`training_summary`.
+    """
+
+    robot: RobotModel
+    experts: tuple[Expert, ...]
+    reference: Array
+    outside: Outside = "raise"
+    summary: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Freezes."""
+        object.__setattr__(self, "robot", self.robot.nominal())
+        object.__setattr__(self, "reference", frozen(self.reference, (3,), "reference"))
+
+    def predict(self, query: Query) -> Prediction:
+        """Returns mean and covariance of the error at every query row, base frame.
+
+        Load and approach of the query do not enter.
+
+        Raises:
+            ShapeError: Joints of another robot.
+            ModelMismatchError: A tool point that was not measured.
+            ReachError: A pose outside every domain, where that is refused.
+        """
+        joints = np.asarray(query.joints, dtype=np.float64)
+        if joints.ndim != 2 or joints.shape[1] != self.robot.dof:
+            raise ShapeError(f"joints has shape {joints.shape}, expected (any, {self.robot.dof}).")
+        self._check_tool(query.T_flange_tool)
+        features = pose_features(forward(self.robot, joints), self.reference)
+        n = len(joints)
+        error, covariance = np.zeros((n, 3)), np.zeros((n, 3, 3))
+        speaks = self.speaker(features)
+        for k, expert in enumerate(self.experts):
+            rows = np.flatnonzero(speaks == k)
+            if len(rows):
+                error[rows], variance = expert.committee.predict(features[rows])
+                covariance[rows] = (variance + expert.white**2)[:, None, None] * np.eye(3)
+        return Prediction(
+            error=error, rotation_error=np.full((n, 3), np.nan), covariance=covariance
+        )
+
+    def speaker(self, features: Array) -> IntArray:
+        """Returns which expert answers for each pose, (n,), from features (n, 6) m and rad.
+
+        Raises:
+            ReachError: A pose outside every domain, where that is refused.
+        """
+        points = features[:, :3]
+        inside = np.stack([contains(e.region, points, slack=BOUNDARY) for e in self.experts])
+        speaks: IntArray = np.argmax(inside, axis=0)
+        lost = np.flatnonzero(~inside.any(axis=0))
+        if not len(lost):
+            return speaks
+        if self.outside == "raise":
+            x, y, z = points[lost[0]] / MM
+            raise ReachError(
+                f"{len(lost)} of {len(points)} poses lie in none of the measured domains, the "
+                f"first at ({x:.1f}, {y:.1f}, {z:.1f}) mm: {self._domains()}.",
+                hint="measure a region that holds the job, or outside='nearest'.",
+            )
+        away = np.stack([_distance(e.region, points[lost]) for e in self.experts])
+        speaks[lost] = np.argmin(away, axis=0)
+        return speaks
+
+    def mean_tables(self, load: Load = NO_LOAD) -> MeanTables | None:
+        """Returns None: a model of poses has no tables over joints."""
+        return None
+
+    def in_base(self, measurements: MeasurementSet) -> MeasurementSet:
+        """Returns the set, which must be in base already.
+
+        Raises:
+            ModelMismatchError: It is in a tracker frame; this model estimates none.
+        """
+        if measurements.frame != "base":
+            raise ModelMismatchError(
+                "the measurements are in a tracker frame, which this model does not estimate.",
+                hint="register the tracker to the base first.",
+            )
+        return measurements
+
+    def training_summary(self) -> Mapping[str, Any]:
+        """Returns JSON values: method, readings, data, alignment of the sub-spaces."""
+        return dict(self.summary)
+
+    def to_archive(self) -> Archive:
+        """Returns everything needed to rebuild the model."""
+        arrays = {**robot_arrays(self.robot), "reference": self.reference}
+        experts = []
+        for k, expert in enumerate(self.experts):
+            arrays |= expert.committee.arrays(f"expert{k}/")
+            arrays[f"expert{k}/limits"] = expert.region.limits
+            experts.append({"white": expert.white, **expert.committee.document()})
+        return Archive(
+            kind=KIND,
+            schema=SCHEMA,
+            document={
+                "robot": robot_document(self.robot),
+                "experts": experts,
+                "outside": self.outside,
+                "summary": dict(self.summary),
+            },
+            arrays=arrays,
+        )
+
+    def _check_tool(self, T_flange_tool: Array | None) -> None:
+        if T_flange_tool is None:
+            return
+        away = np.linalg.norm(T_flange_tool[:3, 3] - self.robot.T_flange_tool[:3, 3])
+        if away > UM:
+            raise ModelMismatchError(
+                f"the tool point is {away / MM:.3f} mm from the point that was measured; a model "
+                "of poses does not know how the error differs between them.",
+                hint="measure with the reflector at the tool point.",
+            )
+
+    def _domains(self) -> str:
+        return "; ".join(
+            f"angle {e.region.angle[0] / DEG:.0f} to {e.region.angle[1] / DEG:.0f} deg, "
+            f"radius {e.region.radius[0] / MM:.0f} to {e.region.radius[1] / MM:.0f} mm, "
+            f"height {e.region.height[0] / MM:.0f} to {e.region.height[1] / MM:.0f} mm"
+            for e in self.experts
+        )
+
+
+def from_archive(archive: Archive) -> PoseModel:
+    """Returns the model in an archive.
+
+    Raises:
+        ArchiveError: Another kind, a newer schema, or parts that are missing.
+    """
+    if archive.kind != KIND:
+        raise ArchiveError(f"an archive of kind {archive.kind!r}, expected {KIND!r}.")
+    if archive.schema != SCHEMA:
+        raise ArchiveError(
+            f"{KIND} schema {archive.schema}; this robotrue reads {SCHEMA}.",
+            hint="update robotrue.",
+        )
+    try:
+        document = archive.document
+        experts = []
+        for k, stated in enumerate(document["experts"]):
+            angle, radius, height = archive.array(f"expert{k}/limits").tolist()
+            experts.append(
+                Expert(
+                    region=CylinderRegion(angle=angle, radius=radius, height=height),
+                    committee=restored(stated, archive.arrays, f"expert{k}/"),
+                    white=float(stated["white"]),
+                )
+            )
+        return PoseModel(
+            robot=robot_from(archive),
+            experts=tuple(experts),
+            reference=archive.array("reference"),
+            outside="nearest" if document["outside"] == "nearest" else "raise",
+            summary=document["summary"],
+        )
+    except (KeyError, TypeError, ValueError) as cause:
+        raise ArchiveError(f"{KIND} schema {SCHEMA} is incomplete ({cause!r}).") from cause
+
+
+def _distance(region: CylinderRegion, points: Array) -> Array:
+    """Distance (n,) m from a region, angles times :data:`LEVER`."""
+    low, high = region.limits.T
+    values = coordinates_of(region, points)
+    out: Array = np.maximum(np.maximum(low - values, values - high), 0.0)
+    return np.asarray(np.linalg.norm(out * np.array([LEVER, 1.0, 1.0]), axis=1))

@@ -1,0 +1,252 @@
+"""Tr-GPR, the paper's method whole: align the source to each sub-space, boost, join.
+
+``fit_deng2022`` is eq. 11-32 of Deng et al. 2022 under :class:`Readings`; ``fit_pose_gpr`` is what
+the paper compares it with, a Gaussian process on poses of one region. Both need positions in base.
+They are no entries of :data:`robotrue.calibration.methods.METHODS`: they need domains.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from robotrue.calibration.deng2022.alignment import (
+    Alignment,
+    align,
+    measurement_weights,
+    transferred,
+)
+from robotrue.calibration.deng2022.committee import Committee, boosted, single
+from robotrue.calibration.deng2022.domains import Domains, check_overlap, mapped_pairs, shared
+from robotrue.calibration.deng2022.features import attitude_reference, pose_features
+from robotrue.calibration.deng2022.joined import Expert, PoseModel
+from robotrue.calibration.deng2022.readings import Readings
+from robotrue.calibration.settings import FitSettings
+from robotrue.core.arrays import Array, frozen
+from robotrue.core.files import sha256
+from robotrue.core.regions import CylinderRegion
+from robotrue.core.units import DEG, MM
+from robotrue.errors import ModelMismatchError, ObservabilityError
+from robotrue.measurement.measurement_set import MeasurementSet, concatenate
+from robotrue.robot.forward import forward
+from robotrue.robot.model import RobotModel
+
+_LEAST = 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Labelled:
+    """Poses and their errors: the paper's D = {x, y}.
+
+    Attributes:
+        features: (n, 6) m and rad.
+        errors: (n, 3) m, measured minus commanded, base.
+        covariance: (n, 3, 3) m^2 of the measurement.
+    """
+
+    features: Array
+    errors: Array
+    covariance: Array
+
+    def __post_init__(self) -> None:
+        """Checks and freezes."""
+        n = len(self.features)
+        for name, shape in (("features", (n, 6)), ("errors", (n, 3)), ("covariance", (n, 3, 3))):
+            object.__setattr__(self, name, frozen(getattr(self, name), shape, name))
+
+
+def labelled(robot: RobotModel, measurements: MeasurementSet, reference: Array) -> Labelled:
+    """Returns poses and errors of a set in base.
+
+    Args:
+        robot: Nominal arm whose tool is the measured point.
+        measurements: In base.
+        reference: (3,) rad, A, B, C near which attitudes are read.
+
+    Raises:
+        ModelMismatchError: Another number of joints, or a set in a tracker frame.
+    """
+    if measurements.dof != robot.dof:
+        raise ModelMismatchError(
+            f"the measurements have {measurements.dof} joints, {robot.name} has {robot.dof}."
+        )
+    if measurements.frame != "base":
+        raise ModelMismatchError(
+            "the measurements are in a tracker frame; the paper's method has no registration.",
+            hint="register the tracker to the base first.",
+        )
+    poses = forward(robot.nominal(), measurements.joints)
+    return Labelled(
+        features=pose_features(poses, reference),
+        errors=measurements.position - poses[:, :3, 3],
+        covariance=measurements.covariance,
+    )
+
+
+def fit_deng2022(
+    robot: RobotModel,
+    source: MeasurementSet,
+    target: MeasurementSet,
+    domains: Domains,
+    settings: FitSettings,
+    readings: Readings | None = None,
+) -> PoseModel:
+    """Returns the paper's Tr-GPR: eq. 11-26 on a complete source and few target poses.
+
+    Args:
+        robot: Nominal arm whose ``T_flange_tool`` is the nominal reflector.
+        source: Complete sampling of the source domain, in base.
+        target: A few poses in every sub-space, in base; best images of source poses (rule 1), else
+            each is paired with the nearest image.
+        domains: Source, target and sub-spaces.
+        settings: The repeatability is used.
+        readings: How ambiguous equations are read.
+
+    Raises:
+        ModelMismatchError: Another robot, or sets that are not in base.
+        ObservabilityError: Too few source poses, or a sub-space without target poses.
+        ConfigurationError: Rule 4, about overlap, is broken.
+        ShapeError: The literal reading of eq. 12, which cannot be computed.
+    """
+    chosen = Readings() if readings is None else readings
+    _enough(source, "source")
+    reference = attitude_reference(robot, source.joints)
+    known, few = (labelled(robot, rows, reference) for rows in (source, target))
+    check_overlap(domains, few.features)
+    pieces, alignments = transfer_rows(known, few, domains, chosen)
+    twice = shared(domains, few.features[:, :3])
+    scale = None
+    if chosen.boosting_weights:
+        scale = measurement_weights(few.errors, few.covariance).mean(axis=0)
+    committee = boosted(
+        (few.features, few.errors),
+        pieces,
+        chosen,
+        target_weight=np.where(twice, chosen.overlap_weight, 1.0),
+        output_weights=scale,
+    )
+    experts = (
+        _expert(domains.target, committee, few, settings),
+        _expert(domains.source, single(known.features, known.errors, chosen), known, settings),
+    )
+    return PoseModel(
+        robot=robot,
+        experts=experts,
+        reference=reference,
+        outside=chosen.outside,
+        summary={
+            **_summary(concatenate([source, target]), "deng2022"),
+            "readings": asdict(chosen),
+            "sub_spaces": [_said(a) for a in alignments],
+            "rounds": len(committee.betas),
+            "betas": committee.betas.tolist(),
+        },
+    )
+
+
+def fit_pose_gpr(
+    robot: RobotModel,
+    measurements: MeasurementSet,
+    region: CylinderRegion,
+    settings: FitSettings,
+    readings: Readings | None = None,
+) -> PoseModel:
+    """Returns the paper's GPR-n: one Gaussian process on the poses of a region, eq. 27-32.
+
+    Args:
+        robot: Nominal arm whose ``T_flange_tool`` is the nominal reflector.
+        measurements: In base.
+        region: Where the model answers.
+        settings: The repeatability is used.
+        readings: Kernel, mean, length and what happens outside.
+
+    Raises:
+        ModelMismatchError: Another robot, or a set that is not in base.
+        ObservabilityError: Too few poses.
+    """
+    chosen = Readings() if readings is None else readings
+    _enough(measurements, "training")
+    reference = attitude_reference(robot, measurements.joints)
+    rows = labelled(robot, measurements, reference)
+    committee = single(rows.features, rows.errors, chosen)
+    return PoseModel(
+        robot=robot,
+        experts=(_expert(region, committee, rows, settings),),
+        reference=reference,
+        outside=chosen.outside,
+        summary={**_summary(measurements, "pose-gpr"), "readings": asdict(chosen)},
+    )
+
+
+def transfer_rows(
+    source: Labelled, target: Labelled, domains: Domains, readings: Readings
+) -> tuple[tuple[Array, Array], tuple[Alignment, ...]]:
+    """Returns the source in every sub-space, (k n, 6) and (k n, 3), and the alignments, eq. 11-17.
+
+    Raises:
+        ObservabilityError: A sub-space without target poses.
+        ShapeError: The literal reading of eq. 12.
+    """
+    features, errors, alignments = [], [], []
+    for j, angle in enumerate(domains.angles):
+        pairs = mapped_pairs(domains, j, source.features, target.features, readings.attitude)
+        found = align(
+            readings,
+            float(angle),
+            source=source.features,
+            source_errors=source.errors,
+            mapped=pairs.source,
+            target=target.features[pairs.target],
+            target_errors=target.errors[pairs.target],
+            covariance=target.covariance[pairs.target],
+        )
+        moved, carried = transferred(found, readings, source.features, source.errors)
+        features.append(moved)
+        errors.append(carried)
+        alignments.append(found)
+    return (np.concatenate(features), np.concatenate(errors)), tuple(alignments)
+
+
+def _expert(
+    region: CylinderRegion, committee: Committee, rows: Labelled, settings: FitSettings
+) -> Expert:
+    """The learned noise holds instrument, repeatability and what no pose explains."""
+    instrument = float(np.mean(np.trace(rows.covariance, axis1=1, axis2=2)) / 3.0)
+    left = (committee.noise * MM) ** 2 - instrument
+    white = float(np.sqrt(max(left, settings.repeatability_sd**2)))
+    return Expert(region=region, committee=committee, white=white)
+
+
+def _enough(measurements: MeasurementSet, name: str) -> None:
+    if len(measurements) < _LEAST:
+        raise ObservabilityError(
+            f"{len(measurements)} {name} poses, expected {_LEAST} or more.",
+            hint="a complete grid of a small region; the paper takes 126.",
+        )
+
+
+def _summary(rows: MeasurementSet, method: str) -> dict[str, Any]:
+    """JSON values; lengths are SI like everything in an archive."""
+    return {
+        "method": method,
+        "rows": len(rows),
+        "screened_rows": [],
+        "data_sha256": sha256(rows.joints.tobytes() + rows.position.tobytes()),
+        "sources": list(rows.sources),
+        "joint_range_rad": [rows.joints.min(axis=0).tolist(), rows.joints.max(axis=0).tolist()],
+        "position_range_m": [
+            rows.position.min(axis=0).tolist(),
+            rows.position.max(axis=0).tolist(),
+        ],
+        "verdict": "conditional",
+        "doubts": [
+            "A model of poses: it holds for the payload, the tool point and the arm configuration "
+            "that were measured, and only inside its domains."
+        ],
+    }
+
+
+def _said(alignment: Alignment) -> dict[str, float]:
+    return {"angle_deg": alignment.angle / DEG, "ridge": alignment.ridge}
