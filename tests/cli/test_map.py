@@ -37,7 +37,7 @@ def test_table_leaves_what_cannot_be_taken_empty(cli, work):
     row = next(row for row in rows if row["error_mm"])
     parts = [float(row[f"error_{k}_mm"]) for k in "xyz"]
     assert sum(v * v for v in parts) ** 0.5 == pytest.approx(float(row["error_mm"]), rel=1e-4)
-    assert "the tool's attitude turns with the angle about joint 1" in got.out
+    assert "attitude turns with the angle" in got.out
 
 
 def test_page_of_a_bare_cell_says_that_nothing_was_measured(cli, work):

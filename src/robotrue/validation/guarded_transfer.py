@@ -1,0 +1,234 @@
+"""Transfer under guard: every way to use the sources against the target poses alone.
+
+==================  ==============================================================================
+``transfer``        physics: the sources' posterior, widened by drift, moved by the target rows
+``pooled``          one fit of source and target rows together, as if they were one campaign
+``source-only``     the fit of a source as it is
+``target-only``     geometry and compliance from the target rows, the rest from the prior
+``target-only gp``  and ripple and a smooth rest
+==================  ==============================================================================
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from robotrue.calibration.drift import DriftScales
+from robotrue.calibration.methods import fit
+from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.settings import FitSettings
+from robotrue.calibration.sources import Source
+from robotrue.calibration.transfer import fit_transfer
+from robotrue.errors import ObservabilityError, RobotrueError
+from robotrue.measurement.measurement_set import MeasurementSet, concatenate
+from robotrue.robot.model import RobotModel
+from robotrue.validation.guard import Candidate, guarded
+from robotrue.validation.selection import Progress, with_summary
+from robotrue.validation.source_check import (
+    admitted,
+    check_rows,
+    drift_doubts,
+    fit_doubts,
+    prior_doubts,
+    target_doubts,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contestants:
+    """The candidates of a transfer and what is known of its sources.
+
+    Attributes:
+        transfers: Those that use sources, the one believed first at the head.
+        alone: Those that use the target rows alone, simplest first.
+        doubts: Sources left out and why, contaminated rows, frames, priors.
+    """
+
+    transfers: Mapping[str, Candidate]
+    alone: Mapping[str, Candidate]
+    doubts: tuple[str, ...]
+
+    @property
+    def all(self) -> dict[str, Candidate]:
+        """Every candidate, in the order of the contest."""
+        return {**self.transfers, **self.alone}
+
+
+def fit_guarded(
+    robot: RobotModel,
+    target: MeasurementSet | None,
+    sources: Sequence[Source],
+    settings: FitSettings | None = None,
+    *,
+    drift: DriftScales | None = None,
+    progress: Progress | None = None,
+) -> ErrorModel:
+    """Returns the model that holds on the target poses, with the contest in its summary.
+
+    Args:
+        robot: Nominal arm of the target with the measured tool.
+        target: Target rows; None or no rows: a transfer that nothing was checked of.
+        sources: Measurements or models from elsewhere.
+        settings: Of every fit.
+        drift: How far source and target may be apart; the defaults of the relation if None.
+        progress: Told before every fit.
+
+    Raises:
+        ImplausibleDataError: Target rows that cannot be this robot's.
+        ModelMismatchError: Target rows of another number of joints.
+        ObservabilityError: Nothing could be fitted.
+    """
+    used = FitSettings() if settings is None else settings
+    found = contestants(robot, target, sources, used, drift=drift)
+    model = guarded(
+        found.transfers,
+        found.alone,
+        target,
+        payload=used.payload,
+        reach=robot.reach,
+        doubts=found.doubts,
+        progress=progress,
+    )
+    summary = model.training_summary()
+    more = drift_doubts(summary)
+    if not more:
+        return model
+    return with_summary(model, {"doubts": [*summary["doubts"], *more]})
+
+
+def contestants(
+    robot: RobotModel,
+    target: MeasurementSet | None,
+    sources: Sequence[Source],
+    settings: FitSettings,
+    *,
+    drift: DriftScales | None = None,
+) -> Contestants:
+    """Returns the candidates of a transfer; every source is fitted once, here.
+
+    Args:
+        robot: Nominal arm of the target with the measured tool.
+        target: Target rows: checked, and compared with every source.
+        sources: Measurements or models from elsewhere.
+        settings: Of every fit.
+        drift: Where the drift scales start; the defaults of the relation if None.
+
+    Raises:
+        ImplausibleDataError: Target rows that cannot be this robot's.
+        ModelMismatchError: Target rows of another number of joints.
+    """
+    if target is not None and len(target):
+        check_rows(robot, target)
+    kept, left_out = admitted(robot, sources)
+    doubts, known = list(left_out), []
+    for source in kept:
+        try:
+            model = _model_of(robot, source, settings)
+        except RobotrueError as cause:
+            doubts.append(f"source {source.name} could not be fitted and is left out: {cause}")
+            continue
+        known.append((source, model))
+        if source.measurements is not None:
+            doubts += fit_doubts(source.name, model, source.measurements, settings)
+        else:
+            doubts += prior_doubts(model.training_summary(), settings)
+        if target is not None and not _elsewhere(source, target):
+            doubts += target_doubts(source.name, model, target, settings.payload)
+    return Contestants(
+        transfers=_transfers(robot, known, settings, drift),
+        alone=_alone(robot, settings),
+        doubts=tuple(dict.fromkeys(doubts)),
+    )
+
+
+def _model_of(robot: RobotModel, source: Source, settings: FitSettings) -> ErrorModel:
+    if source.model is not None:
+        return source.model
+    if source.measurements is None:
+        raise ObservabilityError(f"source {source.name} is empty.")
+    return _richest(robot, source.measurements, replace(settings, lean_on_prior=True))
+
+
+def _richest(robot: RobotModel, rows: MeasurementSet, settings: FitSettings) -> ErrorModel:
+    """The learned model of the rows, or the physical one where they are too few for it."""
+    try:
+        return fit(robot, rows, method="gp", settings=settings)
+    except RobotrueError:
+        return fit(robot, rows, method="elastic", settings=settings)
+
+
+def _elsewhere(source: Source, target: MeasurementSet) -> bool:
+    """Whether the target's tracker set-up is one the source cannot know."""
+    return target.frame == "tracker" and source.relation != "region"
+
+
+def _transfers(
+    robot: RobotModel,
+    known: Sequence[tuple[Source, ErrorModel]],
+    settings: FitSettings,
+    drift: DriftScales | None,
+) -> dict[str, Candidate]:
+    if not known:
+        return {}
+    ready = [Source(model=m, relation=s.relation, name=s.name) for s, m in known]
+    measured = [s for s, _ in known if s.measurements is not None]
+
+    def transfer(rows: MeasurementSet | None) -> ErrorModel:
+        return fit_transfer(robot, rows, ready, settings, scales=drift)
+
+    def pooled(rows: MeasurementSet | None) -> ErrorModel:
+        sets = [s.measurements for s in measured if s.measurements is not None]
+        together = _together(sets, rows, [s.relation == "region" for s in measured])
+        return _richest(robot, together, replace(settings, lean_on_prior=True))
+
+    out: dict[str, Candidate] = {"transfer": transfer}
+    if measured:
+        out["pooled"] = pooled
+    for source, model in known:
+        name = "source-only" if len(known) == 1 else f"source-only {source.name}"
+        out[name] = _as_it_is(source, model)
+    return out
+
+
+def _as_it_is(source: Source, model: ErrorModel) -> Candidate:
+    def as_it_is(rows: MeasurementSet | None) -> ErrorModel:
+        if rows is not None and _elsewhere(source, rows):
+            raise ObservabilityError(
+                f"source {source.name} does not know where the tracker of the target stands."
+            )
+        return model
+
+    return as_it_is
+
+
+def _together(
+    sets: Sequence[MeasurementSet], rows: MeasurementSet | None, same_stand: Sequence[bool]
+) -> MeasurementSet:
+    """All rows; tracker set-ups of another campaign get numbers of their own.
+
+    Raises:
+        ShapeError: Sets in different frames.
+    """
+    out = [] if rows is None or not len(rows) else [rows]
+    used = max((int(s.station.max()) for s in (*out, *sets)), default=0)
+    for measured, same in zip(sets, same_stand, strict=True):
+        if measured.frame == "tracker" and not same and (out or len(sets) > 1):
+            numbers = measured.station - int(measured.station.min()) + used + 1
+            measured = replace(measured, station=numbers)
+            used = int(numbers.max())
+        out.append(measured)
+    return concatenate(out)
+
+
+def _alone(robot: RobotModel, settings: FitSettings) -> dict[str, Candidate]:
+    def by(method: str) -> Callable[[MeasurementSet | None], ErrorModel]:
+        def alone(rows: MeasurementSet | None) -> ErrorModel:
+            if rows is None or not len(rows):
+                raise ObservabilityError("no target row to fit.")
+            leaning = replace(settings, lean_on_prior=True)
+            return fit(robot, rows, method=method, settings=leaning)
+
+        return alone
+
+    return {"target-only": by("elastic"), "target-only gp": by("gp")}

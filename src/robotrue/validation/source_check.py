@@ -1,0 +1,192 @@
+"""What is wrong with a source, said in words before and after it is fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.settings import FitSettings
+from robotrue.calibration.sources import Source, require_same_type
+from robotrue.core.arrays import Array
+from robotrue.core.poses import apply, fit_rigid
+from robotrue.core.rotations import rotation_vector_from_matrix
+from robotrue.core.units import DEG, MM
+from robotrue.errors import ImplausibleDataError, ModelMismatchError, RobotrueError
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.measurement.plausibility import check_plausible
+from robotrue.robot.forward import forward
+from robotrue.robot.model import RobotModel
+from robotrue.robot.statics import Load
+from robotrue.validation.alignment import aligned_errors
+from robotrue.validation.doubts import physical_floor
+from robotrue.validation.evaluation import evaluate
+
+FEWEST_PLAUSIBLE: Final = 6
+"""Rows from which a rigid motion says whether joints and positions belong together."""
+MANY_SCREENED: Final = 0.05
+"""Share of rows without weight from which a source is called contaminated."""
+USELESS: Final = 0.9
+"""A fit that leaves more than this part of the aligned error has found nothing."""
+MOVED: Final = 0.5 * MM
+"""rms from which a frame that explains half of the disagreement is named."""
+TIGHT: Final = 2.0
+LOOSE: Final = 0.05
+"""Root mean square of the geometric errors found, in prior standard deviations: above the first
+the prior was too tight (an honest one gives it to less than one arm in a million), below the
+second more than twenty times too wide."""
+DRIFTED: Final = 5.0
+"""A learned drift scale this many times its default is named."""
+
+
+def admitted(
+    robot: RobotModel, sources: Sequence[Source]
+) -> tuple[tuple[Source, ...], tuple[str, ...]]:
+    """Returns the sources that can be this robot's, and why the others are left out."""
+    kept, doubts = [], []
+    for source in sources:
+        try:
+            if source.model is not None:
+                require_same_type(robot, source.model.robot, source.name)
+            if source.measurements is not None:
+                check_rows(robot, source.measurements)
+            kept.append(source)
+        except (ModelMismatchError, ImplausibleDataError) as cause:
+            doubts.append(f"source {source.name} is left out: {cause}")
+    return tuple(kept), tuple(doubts)
+
+
+def check_rows(robot: RobotModel, rows: MeasurementSet) -> None:
+    """Refuses rows that cannot be this robot's.
+
+    Fewer than :data:`FEWEST_PLAUSIBLE` rows fit any frame; in base they are only asked to lie where
+    the arm was sent.
+
+    Raises:
+        ModelMismatchError: Another number of joints.
+        ImplausibleDataError: Another unit, frame, robot, or rows that do not belong together.
+    """
+    if rows.dof != robot.dof:
+        raise ModelMismatchError(
+            f"{rows.dof} joints in the measurements, {robot.dof} in {robot.name}.",
+            hint="check which robot was measured.",
+        )
+
+    def commanded(joints: Array) -> Array:
+        return forward(robot.nominal(), joints)[:, :3, 3]
+
+    points = commanded(rows.joints)
+    if len(rows) >= FEWEST_PLAUSIBLE:
+        check_plausible(rows, points, robot.reach, forward=commanded, minimum=FEWEST_PLAUSIBLE)
+        return
+    gap = float(np.median(np.linalg.norm(rows.position - points, axis=1)))
+    if rows.frame == "base" and gap > 0.1 * robot.reach:
+        raise ImplausibleDataError(
+            f"{len(rows)} positions lie {gap / MM:.4g} mm (median) from the commanded ones, for a "
+            f"reach of {robot.reach / MM:.4g} mm: another unit, frame or robot.",
+            hint="check units, frame and robot; six or more rows would tell which.",
+        )
+
+
+def fit_doubts(
+    name: str, model: ErrorModel, rows: MeasurementSet, settings: FitSettings
+) -> list[str]:
+    """Returns what the fit of a source says against the source or the prior."""
+    summary = model.training_summary()
+    found = [*_contaminated(name, summary, rows)]
+    held = summary.get("held_out_blocks_mean_m")
+    if rows.frame == "base" and held is not None:
+        aligned = aligned_errors(model.robot, rows.joints, rows.position)
+        if aligned is not None:
+            before = float(np.median(np.linalg.norm(aligned, axis=1)))
+            if held > USELESS * before and before > 3.0 * physical_floor(rows.covariance):
+                found.append(
+                    f"source {name}: a fit explains nothing, {held / MM:.3f} mm held out against "
+                    f"{before / MM:.3f} mm with base and tool aligned; joints and positions may "
+                    "not belong together (rows shuffled?)."
+                )
+    return found + prior_doubts(summary, settings)
+
+
+def _contaminated(name: str, summary: Mapping[str, Any], rows: MeasurementSet) -> list[str]:
+    screened = list(summary.get("screened_rows", ()))
+    if len(screened) <= MANY_SCREENED * len(rows):
+        return []
+    line = int(rows.source_row[int(screened[0])])
+    return [
+        f"source {name}: {len(screened)} of {len(rows)} rows carry no weight (line {line} first): "
+        "gross errors; look at these rows."
+    ]
+
+
+def prior_doubts(summary: Mapping[str, Any], settings: FitSettings) -> list[str]:
+    """Returns whether the geometric errors found fit the stated prior scales."""
+    stated: Any = summary.get("parameters", {})
+    ratios = [
+        float(stated[name]["value"]) / getattr(settings.scales, group)
+        for group in ("theta", "d", "a", "alpha")
+        for name in stated
+        if name.rstrip("0123456789") == group and stated[name]["class"] not in ("fixed", "unseen")
+    ]
+    if len(ratios) < 8:
+        return []
+    size = float(np.sqrt(np.mean(np.square(ratios))))
+    if size > TIGHT:
+        return [
+            f"the errors found are {size:.1f} standard deviations of the prior (rms): the prior is "
+            "too tight; its scales were learned, but with few poses it pulls to zero."
+        ]
+    if size < LOOSE:
+        return [
+            f"the errors found are {size:.3f} standard deviations of the prior (rms): the prior is "
+            "too loose; its scales were learned, but few poses determine less than they could."
+        ]
+    return []
+
+
+def target_doubts(
+    name: str, model: ErrorModel, target: MeasurementSet, payload: Load | None
+) -> list[str]:
+    """Returns whether a frame explains how a source disagrees with the target rows."""
+    if len(target) < FEWEST_PLAUSIBLE:
+        return []
+    try:
+        seen = evaluate(model, target, payload=payload)
+    except RobotrueError:
+        return []
+    measured = seen.measured.position
+    predicted = measured - seen.after
+    motion = fit_rigid(predicted, measured)
+    left = apply(motion, predicted) - measured
+    free = 3 * len(left) - 6
+    before = float(np.sqrt((seen.after**2).sum() / len(left)))
+    after = float(np.sqrt((left**2).sum() * 3.0 / free))
+    if before < MOVED or after > 0.5 * before:
+        return []
+    middle = predicted.mean(axis=0)
+    shift = float(np.linalg.norm(apply(motion, middle[None])[0] - middle))
+    turn = float(np.linalg.norm(rotation_vector_from_matrix(motion[:3, :3])))
+    return [
+        f"source {name} and the target are in different frames: they agree to {after / MM:.3f} mm "
+        f"rms once moved by {shift / MM:.3g} mm and turned by {turn / DEG:.3g} deg, to "
+        f"{before / MM:.3f} mm as they are."
+    ]
+
+
+def drift_doubts(summary: Mapping[str, Any]) -> list[str]:
+    """Returns which things changed far more than the stated relation lets expect."""
+    learned: Any = summary.get("drift_scales", {})
+    usual: Any = summary.get("drift_defaults", {})
+    found = [
+        f"{name} {learned[name] / usual[name]:.0f} times"
+        for name in learned
+        if name in usual and usual[name] > 0.0 and learned[name] > DRIFTED * usual[name]
+    ]
+    if not found:
+        return []
+    return [
+        f"between source and target more has changed than a {summary.get('relation', 'source')} "
+        f"should: drift beyond its usual scale in {', '.join(found)}."
+    ]
