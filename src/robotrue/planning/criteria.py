@@ -77,7 +77,8 @@ class _Posterior:
         m = self.rows.shape[1]
         mine = self.rows[index]
         ahead = self.covariance @ mine.T  # P a'
-        share = np.linalg.solve(sign * np.eye(m) + mine @ ahead, ahead.T)
+        inverse = np.linalg.inv(sign * np.eye(m) + mine @ ahead)
+        share = inverse @ ahead.T
         common = self.flat @ ahead  # A P a'
         shown = share @ self.directions
         # (T - C S)(T - C S)' = T T' - C (T S' - C S S' / 2)' - (...) C'
@@ -85,7 +86,7 @@ class _Posterior:
         self.told -= common @ shown
         cross = _blocks(common, half, m)
         self.outer -= cross + np.swapaxes(cross, 1, 2)
-        self.inner -= _blocks(common, self.flat @ share.T, m)
+        self.inner -= _blocks(common, common @ inverse, m)
         self.covariance -= ahead @ share
 
 
@@ -132,13 +133,13 @@ def greedy(
         gains = np.where(free, at.gains(criterion), -np.inf)
         best = int(np.argmax(gains))
         step = float(np.linalg.slogdet(at.inner[best])[1])
-        before = at.variance
         at.add(best)
-        if before - at.variance < enough:
+        left = at.variance
+        if variance[-1] - left < enough:
             break
         free[best] = False
         chosen.append(best)
-        variance.append(at.variance)
+        variance.append(left)
         log_det.append(log_det[-1] + step)
     return Choice(
         chosen=np.array(chosen, dtype=np.int64),

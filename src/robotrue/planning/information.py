@@ -98,7 +98,7 @@ class Postures:
     def __len__(self) -> int:
         return len(self.joints)
 
-    def subset(self, rows: Array) -> Postures:
+    def subset(self, rows: IntArray | slice) -> Postures:
         """Returns the chosen rows (indices, a mask or a slice), in that order."""
         load = Load(
             mass=_rows(self.load.mass, rows),
@@ -187,7 +187,7 @@ class LinearModel:
         cycles = np.arange(1.0, len(self.unmodelled.ripple) + 1.0)
         for start in range(0, len(postures), ROWS):
             part = slice(start, start + ROWS)
-            mine = postures.subset(part)  # type: ignore[arg-type]
+            mine = postures.subset(part)
             (seen,) = observations_of(
                 robot,
                 _imagined(self.cell, robot, mine),
@@ -357,5 +357,7 @@ def _imagined(cell: Cell, robot: RobotModel, postures: Postures) -> MeasurementS
     )
 
 
-def _rows(values: Array, rows: Array) -> Array:
-    return values if len(values) == 1 else values[rows]
+def _rows(values: Array, rows: IntArray | slice) -> Array:
+    if len(values) == 1:
+        return values
+    return np.asarray(values[rows])

@@ -1,0 +1,165 @@
+"""Postures that can be taken, entered and seen, drawn evenly over the joint limits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.stats import qmc
+
+from robotrue.core.arrays import Array, BoolArray
+from robotrue.core.regions import Region, contains
+from robotrue.errors import ReachError
+from robotrue.planning.scene import Scene, collisions, hidden
+from robotrue.robot.forward import forward
+from robotrue.robot.model import RobotModel
+
+BATCH: Final = 4096
+MOST: Final = 2**18
+"""Postures drawn at most."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidates:
+    """What was left of the drawn postures.
+
+    Attributes:
+        joints: (n, dof) rad.
+        drawn: Number of postures looked at.
+        rejected: (reason, count), in the order the reasons were asked; a posture counts once.
+    """
+
+    joints: Array
+    drawn: int
+    rejected: tuple[tuple[str, int], ...]
+
+
+def draw_postures(robot: RobotModel, n: int, *, seed: int, margin: float) -> Array:
+    """Returns n (a power of two) Sobol postures (n, dof) rad inside the limits less a margin.
+
+    Joints that turn more than once stay within half a turn of the middle of their limits.
+
+    Raises:
+        ReachError: The margin leaves nothing of a joint.
+    """
+    middle = robot.limits.mean(axis=1)
+    half = np.minimum(np.diff(robot.limits, axis=1)[:, 0] / 2.0 - margin, np.pi)
+    if (half <= 0.0).any():
+        joint = int(np.argmin(half))
+        raise ReachError(
+            f"joint {joint + 1} moves {np.degrees(np.diff(robot.limits[joint])[0]):.1f} deg; a "
+            f"margin of {np.degrees(margin):.1f} deg at both ends leaves nothing.",
+            hint="a smaller margin.",
+        )
+    draws = qmc.Sobol(robot.dof, scramble=True, rng=np.random.default_rng([seed, 41]))
+    unit = draws.random_base2(int(np.ceil(np.log2(n))))
+    return np.asarray(middle + (2.0 * unit - 1.0) * half)
+
+
+def reachable_in(
+    robot: RobotModel, n: int, *, seed: int, margin: float, region: Region | None
+) -> Array:
+    """Returns up to n postures (k, dof) rad whose tool point lies in a region; may be fewer."""
+    joints = draw_postures(robot, MOST if region is not None else n, seed=seed, margin=margin)
+    found: list[Array] = []
+    for start in range(0, len(joints), BATCH):
+        part = joints[start : start + BATCH]
+        if region is not None:
+            part = part[contains(region, forward(robot, part)[:, :3, 3])]
+        found.append(part)
+        if sum(map(len, found)) >= n:
+            break
+    return np.concatenate(found)[:n]
+
+
+def usable(
+    scene: Scene, joints: Array, *, pre: Array | None = None
+) -> tuple[BoolArray, dict[str, int]]:
+    """Returns which postures (n,) can be taken, entered and seen, and why the others cannot.
+
+    Args:
+        scene: The arm and its surroundings.
+        joints: (n, dof) rad.
+        pre: (n, dof) rad, where each is entered from; not looked at if not given.
+    """
+    good = np.ones(len(joints), dtype=bool)
+    counts: dict[str, int] = {}
+
+    def leave_out(reason: str, bad: BoolArray) -> None:
+        counts[reason] = counts.get(reason, 0) + int((bad & good).sum())
+        good[bad] = False
+
+    low, high = scene.robot.limits.T
+    leave_out("joint limits", ((joints < low) | (joints > high)).any(axis=1))
+    for reason, bad in {**collisions(scene, joints), **hidden(scene, joints)}.items():
+        leave_out(reason, bad)
+    if pre is not None:
+        leave_out("pre-position at a limit", ((pre < low) | (pre > high)).any(axis=1))
+        for bad in collisions(scene, pre).values():
+            leave_out("pre-position in collision", bad)
+    return good, counts
+
+
+def draw_candidates(
+    scene: Scene,
+    n: int,
+    *,
+    seed: int,
+    margin: float,
+    region: Region | None,
+    step_back: Array | None,
+) -> Candidates:
+    """Returns up to n usable postures.
+
+    Args:
+        scene: The arm and its surroundings.
+        n: How many are wanted.
+        seed: Of the draw.
+        margin: rad, kept from the joint limits.
+        region: Where the reflector may be; anywhere if not given.
+        step_back: (dof,) rad from a pose to its pre-position; none if not given.
+
+    Raises:
+        ReachError: Not one posture is left; the message says what took them.
+    """
+    joints = draw_postures(scene.robot, MOST, seed=seed, margin=margin)
+    found: list[Array] = []
+    counts: dict[str, int] = {}
+    drawn = 0
+    for start in range(0, len(joints), BATCH):
+        part = joints[start : start + BATCH]
+        drawn += len(part)
+        if region is not None:
+            inside = contains(region, forward(scene.robot, part)[:, :3, 3])
+            counts["outside the region"] = counts.get("outside the region", 0) + int(
+                (~inside).sum()
+            )
+            part = part[inside]
+        if not len(part):
+            continue
+        good, why = usable(scene, part, pre=None if step_back is None else part + step_back)
+        for reason, number in why.items():
+            counts[reason] = counts.get(reason, 0) + number
+        found.append(part[good])
+        if sum(map(len, found)) >= n:
+            break
+    kept = np.concatenate(found)[:n] if found else np.empty((0, scene.robot.dof))
+    if not len(kept):
+        raise nothing_left(drawn, counts)
+    return Candidates(joints=kept, drawn=drawn, rejected=tuple(_some(counts)))
+
+
+def nothing_left(drawn: int, counts: Mapping[str, int]) -> ReachError:
+    """Returns the error for a draw of which nothing is left, with the commonest reasons."""
+    ordered = sorted(counts.items(), key=lambda item: -item[1])
+    why = ", ".join(f"{reason} {number}" for reason, number in ordered[:4] if number)
+    return ReachError(
+        f"not one of {drawn} postures can be measured ({why}).",
+        hint="check the region, the tracker's place, the reflector's axis and the obstacles.",
+    )
+
+
+def _some(counts: dict[str, int]) -> list[tuple[str, int]]:
+    return [(reason, number) for reason, number in counts.items() if number]

@@ -1,0 +1,147 @@
+"""How accurate the arm is expected to be after a plan: what is left to learn, and what never is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.planning.information import LinearModel, Postures
+
+RANDOM: Final = 20
+"""Random plans beside the chosen one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Work:
+    """The error where the arm will work, before measuring.
+
+    Attributes:
+        columns: (m, 3, k) m, G: what calibration learns, in the coordinates of the linear model.
+        rest: (m, 3, 3) m^2, what it does not: fast ripple, smooth rest, repeatability, approach.
+        instrument: (m, 3, 3) m^2, what checking it adds.
+    """
+
+    columns: Array
+    rest: Array
+    instrument: Array
+
+    def __post_init__(self) -> None:
+        """Freezes."""
+        for name in ("columns", "rest", "instrument"):
+            object.__setattr__(self, name, frozen(getattr(self, name), (None, 3, None), name))
+
+    @property
+    def weight(self) -> Array:
+        """(k, k) m^2, mean of G' G."""
+        flat = self.columns.reshape(-1, self.columns.shape[2])
+        return np.asarray(flat.T @ flat / len(self.columns))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Expected:
+    """3-D error expected where the arm will work, after 0, 1, ..., n poses, as a check measures it.
+
+    Attributes:
+        rms: (n + 1,) m.
+        mean: (n + 1,) m.
+        random_mean: (n + 1,) m, median over random plans from the same candidates.
+        random_low: (n + 1,) m, their lower quartile.
+        random_high: (n + 1,) m, their upper quartile.
+        floor_mean: m, of an arm whose linear part is known exactly.
+    """
+
+    rms: Array
+    mean: Array
+    random_mean: Array
+    random_low: Array
+    random_high: Array
+    floor_mean: float
+
+    def __post_init__(self) -> None:
+        """Freezes."""
+        for name in ("rms", "mean", "random_mean", "random_low", "random_high"):
+            object.__setattr__(self, name, frozen(getattr(self, name), (None,), name))
+
+
+def work_of(model: LinearModel, postures: Postures, T_flange_tool: Array | None = None) -> Work:
+    """Returns the error at the postures where the arm will work.
+
+    Args:
+        model: What is believed of the arm.
+        postures: Where it will work.
+        T_flange_tool: (4, 4) the point asked about; None is the reflector.
+    """
+    columns, rest, instrument = model.errors(postures, T_flange_tool)
+    return Work(columns=columns, rest=rest, instrument=instrument)
+
+
+def mean_length(covariance: Array) -> Array:
+    """Returns the mean length (...) of Gaussian vectors with covariance (..., 3, 3), mean zero.
+
+    sqrt(tr C) (1 - tr C^2 / (4 tr(C)^2)): the second-order expansion of E sqrt(x'x) about its mean
+    square; 0.5 % low for equal axes, 6 % low where one axis alone scatters.
+    """
+    square = np.trace(covariance, axis1=-2, axis2=-1)
+    fourth = np.einsum("...ij,...ij->...", covariance, covariance)
+    safe = np.where(square > 0.0, square, 1.0)
+    return np.asarray(np.sqrt(square) * (1.0 - fourth / (4.0 * safe**2)))
+
+
+def expected(
+    work: Work, rows: Array, order: IntArray, *, seed: int, covariance: Array | None = None
+) -> Expected:
+    """Returns the accuracy expected after each pose of an order, and after random poses.
+
+    Args:
+        work: Where the arm will work.
+        rows: (c, 3, k) whitened rows of the candidates.
+        order: (n,) chosen candidates, in the order of choice.
+        seed: Of the random plans.
+        covariance: (k, k) before the first pose; I if not given.
+    """
+    fixed = work.rest + work.instrument
+    rms, mean = _curve(work, rows, order, fixed, covariance)
+    rng = np.random.default_rng([seed, 43])
+    n = len(order)
+    random = np.array(
+        [
+            _curve(work, rows, rng.choice(len(rows), n, replace=False), fixed, covariance)[1]
+            for _ in range(RANDOM)
+        ]
+    )
+    low, middle, high = np.percentile(random, [25, 50, 75], axis=0)
+    return Expected(
+        rms=rms,
+        mean=mean,
+        random_mean=middle,
+        random_low=low,
+        random_high=high,
+        floor_mean=float(mean_length(fixed).mean()),
+    )
+
+
+def _curve(
+    work: Work, rows: Array, order: IntArray, fixed: Array, covariance: Array | None
+) -> tuple[Array, Array]:
+    """Root mean square and mean of the 3-D error after each pose."""
+    m, _, size = work.columns.shape
+    flat = work.columns.reshape(3 * m, size)
+    now = np.eye(size) if covariance is None else covariance.copy()
+    pushed = (flat if covariance is None else flat @ now).reshape(m, 3, size)
+    spread = np.einsum("mik,mjk->mij", pushed, work.columns) + fixed
+    rms, mean = [], []
+    for k in [-1, *order.tolist()]:
+        if k >= 0:
+            mine = rows[k]
+            ahead = now @ mine.T
+            inverse = np.linalg.inv(np.eye(len(mine)) + mine @ ahead)
+            now = now - ahead @ inverse @ ahead.T
+            told = flat @ ahead
+            left, right = told.reshape(m, 3, -1), (told @ inverse).reshape(m, 3, -1)
+            spread = spread - left @ np.swapaxes(right, 1, 2)
+        rms.append(np.sqrt(np.trace(spread, axis1=1, axis2=2).mean()))
+        mean.append(mean_length(spread).mean())
+    return np.array(rms), np.array(mean)
