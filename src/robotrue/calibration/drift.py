@@ -38,7 +38,9 @@ FIELD: Final = "field"
 LOG_SD: Final = 1.6
 """sd of the natural logarithm of a drift scale about its default: a factor of five."""
 NOISE_LOG_SD: Final = 0.4
-TRUST_LOG_SD: Final = 0.5
+TRUST_LOG_SD: Final = 0.2
+FIXED: Final = 1e-6
+"""Scale, and sd of its logarithm, of what does not drift in a relation."""
 WHITE_FLOOR: Final = 1e-7
 """m, white noise below which nothing is measured."""
 
@@ -57,7 +59,7 @@ class DriftScales:
         angle: rad, alpha and beta.
         gear: Relative.
         compliance: Relative to the compliance.
-        ripple: tan(f) of ripple and backlash; 0 is the same, 1 half the variance.
+        ripple: tan(f) of ripple and backlash; 0 is the same and stays so, 1 half the variance.
         smooth: tan(f) of the smooth residual.
         field: m, amplitude of a smooth residual where the source has none.
     """
@@ -87,8 +89,8 @@ DEFAULTS: Final[Mapping[Relation, DriftScales]] = {
         angle=2e-6,
         gear=1e-7,
         compliance=1e-3,
-        ripple=0.01,
-        smooth=0.1,
+        ripple=0.0,
+        smooth=0.0,
         field=3e-5,
     ),
     "campaign": DriftScales(
@@ -210,6 +212,8 @@ class Drift:
         log_sd: Of the log-normals about them.
         log_scale: Where they stand.
         log_cov: Covariance of ``log_scale``.
+        waves: (p,) prior variance of ripple and backlash.
+        smooths: (p,) prior variance of the source's smooth residual.
     """
 
     belief: Belief
@@ -219,6 +223,8 @@ class Drift:
     log_sd: Array
     log_scale: Array
     log_cov: Array
+    waves: Array
+    smooths: Array
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -263,9 +269,7 @@ def carried(drift: Drift, scale: Array) -> tuple[Array, Array]:
     keep = np.ones(len(belief.mean))
     keep[ripple:smooth] = np.cos(angle[0])
     keep[smooth:end] = np.cos(angle[1])
-    waves, smooth_variance = shape_variance(belief)
-    smooth_variance[drift.field] = 0.0
-    variance = np.sin(angle[0]) ** 2 * waves + np.sin(angle[1]) ** 2 * smooth_variance
+    variance = np.sin(angle[0]) ** 2 * drift.waves + np.sin(angle[1]) ** 2 * drift.smooths
     variance[drift.field] = scale[4] ** 2
     for group, s in zip(drift.groups, scale[5:], strict=True):
         variance[group.columns] += (s * group.unit) ** 2
@@ -309,7 +313,17 @@ def drift_of(
     log_sd = np.array(
         [TRUST_LOG_SD, NOISE_LOG_SD, LOG_SD, LOG_SD, LOG_SD, *(LOG_SD for _ in groups)]
     )
+    waves, smooths = shape_variance(belief)
+    smooths[fresh] = 0.0
+    fixed = rest == 0.0
+    if chosen.ripple == 0.0:
+        waves[:] = 0.0
+    if chosen.smooth == 0.0:
+        smooths[:] = 0.0
+    rest[fixed], log_sd[fixed] = FIXED, FIXED
     return Drift(
+        waves=waves,
+        smooths=smooths,
         belief=replace(belief, inflation=1.0),
         groups=tuple(groups),
         field=fresh,

@@ -10,7 +10,7 @@ the scales are known.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -18,12 +18,13 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize
 
-from robotrue.calibration.belief import Belief
-from robotrue.calibration.drift import Drift, carried, shape_variance
+from robotrue.calibration.drift import Drift, carried
 from robotrue.calibration.new_rows import NUISANCE_SD, Piece
 from robotrue.core.arrays import Array, IntArray
 
 STEPS: Final = 60
+UNSEEN: Final = 1.0
+"""m^2 or rad^2, noise of numbers that count for nothing."""
 DIFFERENCE: Final = 1e-2
 """Step of the logarithm of a scale in differences."""
 WIDEST: Final = 6.0
@@ -37,8 +38,8 @@ class Stack:
     Attributes:
         columns: (m, p + nuisances).
         values: (m,).
-        known: (m, m) covariance of instrument and repeatability, over the robust weights.
-        white: (m,) how often the white noise of lengths adds, over the robust weights.
+        known: (m, m) covariance of instrument and repeatability.
+        white: (m,) how often the white noise of lengths adds.
         row: (m,) row of the set.
     """
 
@@ -49,35 +50,29 @@ class Stack:
     row: IntArray
 
 
-def stacked(pieces: Sequence[Piece], weights: Array) -> Stack:
-    """Returns the rows with weight as one stack."""
-    columns, values, white, row, blocks = [], [], [], [], []
-    for piece in pieces:
-        for i in np.flatnonzero(weights[piece.rows] > 0.0):
-            u = weights[piece.rows[i]]
-            columns.append(piece.columns[i])
-            values.append(piece.values[i])
-            white.append(piece.white[0] / u)
-            row.append(np.full(len(piece.values[i]), piece.rows[i]))
-            blocks.append(piece.covariance[i] / u)
-    size = sum(map(len, values))
-    known = np.zeros((size, size))
+def stacked(pieces: Sequence[Piece]) -> Stack:
+    """Returns the rows as one stack."""
+    blocks = [block for piece in pieces for block in piece.covariance]
+    known = np.zeros((sum(map(len, blocks)),) * 2)
     start = 0
     for block in blocks:
         part = slice(start, start + len(block))
         known[part, part] = block
         start += len(block)
     return Stack(
-        columns=np.concatenate(columns),
-        values=np.concatenate(values),
+        columns=np.concatenate([p.columns.reshape(-1, p.columns.shape[2]) for p in pieces]),
+        values=np.concatenate([p.values.ravel() for p in pieces]),
         known=known,
-        white=np.concatenate(white),
-        row=np.concatenate(row),
+        white=np.concatenate([np.tile(p.white[0], len(p.rows)) for p in pieces]),
+        row=np.concatenate([np.repeat(p.rows, p.values.shape[1]) for p in pieces]),
     )
 
 
-class _Problem:
-    """The matrices of one stack; scales are as in ``Drift.names``."""
+class Problem:
+    """The matrices of one stack, linearised once; scales are as in ``Drift.names``.
+
+    Products with the source's root are made once; weights and scales only choose and add.
+    """
 
     def __init__(self, drift: Drift, stack: Stack) -> None:
         belief = drift.belief
@@ -85,19 +80,23 @@ class _Problem:
         columns = stack.columns[:, :end]
         parts = (slice(0, ripple), slice(ripple, smooth), slice(smooth, end))
         roots = [belief.root[:, p] @ columns[:, p].T for p in parts]
-        self.gram = [[a.T @ b for b in roots] for a in roots]
-        self.means = [columns[:, p] @ belief.mean[p] for p in parts]
-        nuisance = stack.columns[:, end:]
-        self.fixed = stack.known + NUISANCE_SD**2 * nuisance @ nuisance.T
-        self.values, self.white = stack.values, np.diag(stack.white)
-        waves, smooths = shape_variance(belief)
-        smooths[drift.field] = 0.0
-        self.shapes = [(columns * v) @ columns.T for v in (waves, smooths)]
-        fresh = columns[:, drift.field]
-        self.added = [fresh @ fresh.T] + [
+        fresh, nuisance = columns[:, drift.field], stack.columns[:, end:]
+        self._drift, self._stack = drift, stack
+        self._gram = [[a.T @ b for b in roots] for a in roots]
+        self._means = [columns[:, p] @ belief.mean[p] for p in parts]
+        self._shapes = [(columns * v) @ columns.T for v in (drift.waves, drift.smooths)]
+        self._added = [fresh @ fresh.T] + [
             (columns[:, g.columns] * g.unit**2) @ columns[:, g.columns].T for g in drift.groups
         ]
-        self.drift = drift
+        self._loose = NUISANCE_SD**2 * nuisance @ nuisance.T
+        self.weigh(np.ones(len(stack.values)))
+
+    def weigh(self, u: Array) -> None:
+        """Takes the robust weights (m,) of the numbers; those of zero are as good as unseen."""
+        root = np.sqrt(np.where(u > 0.0, u, 1.0))
+        self._known = self._stack.known / np.outer(root, root)
+        self._known[np.diag_indices(len(u))] += np.where(u > 0.0, 0.0, UNSEEN)
+        self._white = np.diag(np.where(u > 0.0, self._stack.white / root**2, 0.0))
 
     def matrices(self, log_scale: Array) -> tuple[Array, list[Array], Array, list[Array]]:
         """K, dK of every scale, y, and dy of ripple and smooth."""
@@ -105,23 +104,29 @@ class _Problem:
         angle = np.arctan(scale[2:4])
         c, s = np.cos(angle), np.sin(angle)
         d = np.array([1.0, c[0], c[1]])
-        trusted = sum(d[i] * d[j] * self.gram[i][j] for i in range(3) for j in range(3))
-        trusted = scale[0] ** 2 * np.asarray(trusted)
-        slopes = [2.0 * trusted, 2.0 * scale[1] ** 2 * self.white]
-        y = self.values - self.means[0] - c[0] * self.means[1] - c[1] * self.means[2]
+        trusted = scale[0] ** 2 * _sum(
+            d[i] * d[j] * self._gram[i][j] for i in range(3) for j in range(3)
+        )
+        slopes = [2.0 * trusted, 2.0 * scale[1] ** 2 * self._white]
+        total = trusted + scale[1] ** 2 * self._white + self._known + self._loose
         moved = []
-        total = self.fixed + trusted + scale[1] ** 2 * self.white
         for k in (0, 1):
-            half = np.asarray(sum(d[j] * self.gram[k + 1][j] for j in range(3)))
+            half = scale[0] ** 2 * _sum(d[j] * self._gram[k + 1][j] for j in range(3))
             turn = -(s[k] ** 2) * c[k]
-            slope = scale[0] ** 2 * turn * (half + half.T)
-            slopes.append(slope + 2.0 * s[k] ** 2 * c[k] ** 2 * self.shapes[k])
-            moved.append(-turn * self.means[k + 1])
-            total = total + s[k] ** 2 * self.shapes[k]
-        for value, part in zip(scale[4:], self.added, strict=True):
+            slope = turn * (half + half.T) + 2.0 * s[k] ** 2 * c[k] ** 2 * self._shapes[k]
+            slopes.append(slope)
+            moved.append(-turn * self._means[k + 1])
+            total = total + s[k] ** 2 * self._shapes[k]
+        for value, part in zip(scale[4:], self._added, strict=True):
             total = total + value**2 * part
             slopes.append(2.0 * value**2 * part)
+        y = self._stack.values - _sum(x * m for x, m in zip(d, self._means, strict=True))
         return total, slopes, y, moved
+
+    def plain_noise(self, log_scale: Array) -> Array:
+        """What full weight would take from the noise in K (m, m); negative or zero."""
+        plain = np.exp(2.0 * log_scale[1]) * np.diag(self._stack.white) + self._stack.known
+        return np.asarray(plain - np.exp(2.0 * log_scale[1]) * self._white - self._known)
 
     def objective(self, log_scale: Array) -> tuple[float, Array]:
         """Minus the log posterior of the scales and its gradient."""
@@ -130,23 +135,34 @@ class _Problem:
         alpha = cho_solve(factor, y)
         inverse = cho_solve(factor, np.eye(len(y)))
         weight = 0.5 * (inverse - np.outer(alpha, alpha))
-        off = (log_scale - self.drift.rest) / self.drift.log_sd
+        off = (log_scale - self._drift.rest) / self._drift.log_sd
         value = float(np.log(np.diagonal(factor[0])).sum()) + 0.5 * float(y @ alpha + off @ off)
         gradient = np.array([float((weight * slope).sum()) for slope in slopes])
         gradient[2:4] += [float(alpha @ m) for m in moved]
-        return value, gradient + off / self.drift.log_sd
+        return value, gradient + off / self._drift.log_sd
+
+    def mean(self, log_scale: Array) -> Array:
+        """Posterior mean (p + nuisances,) at given scales."""
+        total, _, y, _ = self.matrices(log_scale)
+        pull = self._stack.columns.T @ cho_solve(cho_factor(total, lower=True), y)
+        belief = self._drift.belief
+        end = belief.starts[3]
+        scale = np.exp(log_scale)
+        keep, variance = carried(self._drift, scale)
+        through = scale[0] ** 2 * keep * (belief.root.T @ (belief.root @ (keep * pull[:end])))
+        moved = keep * belief.mean + through + variance * pull[:end]
+        return np.concatenate([moved, NUISANCE_SD**2 * pull[end:]])
 
 
-def learned_drift(drift: Drift, stack: Stack) -> Drift:
+def learned_drift(drift: Drift, problem: Problem) -> Drift:
     """Returns the drift with the scales that the rows make most probable, and their covariance."""
-    problem = _Problem(drift, stack)
-    start = np.clip(drift.log_scale, drift.rest - WIDEST, drift.rest + WIDEST)
+    low, high = drift.rest - WIDEST, drift.rest + WIDEST
     found = minimize(
         problem.objective,
-        start,
+        np.clip(drift.log_scale, low, high),
         jac=True,
         method="L-BFGS-B",
-        bounds=list(zip(drift.rest - WIDEST, drift.rest + WIDEST, strict=True)),
+        bounds=list(zip(low, high, strict=True)),
         options={"maxiter": STEPS},
     )
     at = np.asarray(found.x)
@@ -164,48 +180,47 @@ def learned_drift(drift: Drift, stack: Stack) -> Drift:
     return replace(drift, log_scale=at, log_cov=half @ half.T)
 
 
-def left_out(drift: Drift, stack: Stack) -> tuple[IntArray, Array, IntArray]:
+def left_out(drift: Drift, problem: Problem, row: IntArray) -> tuple[IntArray, Array, IntArray]:
     """Returns row numbers (n,), whitened lengths (n,) and sizes (n,) of rows left out in turn.
 
     Each row is predicted from all others at the drift's scales; with K^-1 at hand that is one
-    small solve a row (Rasmussen and Williams 2006, eq. 5.12, in blocks).
+    small solve a row (Rasmussen and Williams 2006, eq. 5.12, in blocks). A row that has no weight
+    is judged as one that had full weight.
+
+    Args:
+        drift: Scales.
+        problem: Rows and weights.
+        row: (m,) row of the set each number belongs to.
     """
-    total, _, y, _ = _Problem(drift, stack).matrices(drift.log_scale)
+    total, _, y, _ = problem.matrices(drift.log_scale)
+    plain = problem.plain_noise(drift.log_scale)
     precision = np.linalg.inv(total)
     alpha = precision @ y
-    rows = np.unique(stack.row)
+    rows = np.unique(row)
     lengths, sizes = np.empty(len(rows)), np.empty(len(rows), dtype=np.int64)
-    for i, row in enumerate(rows):
-        mine = np.flatnonzero(stack.row == row)
-        block = precision[np.ix_(mine, mine)]
-        lengths[i] = float(
-            np.sqrt(max(float(alpha[mine] @ np.linalg.solve(block, alpha[mine])), 0.0))
-        )
+    for i, k in enumerate(rows):
+        mine = np.flatnonzero(row == k)
+        own = np.linalg.inv(precision[np.ix_(mine, mine)])
+        off = own @ alpha[mine]
+        own = own + plain[np.ix_(mine, mine)]
+        lengths[i] = float(np.sqrt(max(float(off @ np.linalg.solve(own, off)), 0.0)))
         sizes[i] = len(mine)
     return rows, lengths, sizes
 
 
-def mean_slopes(drift: Drift, stack: Stack) -> Array:
+def mean_slopes(drift: Drift, problem: Problem) -> Array:
     """Returns d(posterior mean)/d(log scale) (scales, p + nuisances) by central differences."""
-    problem = _Problem(drift, stack)
     out = []
     for k in range(len(drift.log_scale)):
         step = np.zeros(len(drift.log_scale))
         step[k] = DIFFERENCE
-        ahead = _mean(drift, stack, problem, drift.log_scale + step)
-        behind = _mean(drift, stack, problem, drift.log_scale - step)
+        ahead, behind = problem.mean(drift.log_scale + step), problem.mean(drift.log_scale - step)
         out.append((ahead - behind) / (2.0 * DIFFERENCE))
     return np.array(out)
 
 
-def _mean(drift: Drift, stack: Stack, problem: _Problem, log_scale: Array) -> Array:
-    belief: Belief = drift.belief
-    end = belief.starts[3]
-    total, _, y, _ = problem.matrices(log_scale)
-    alpha = cho_solve(cho_factor(total, lower=True), y)
-    pull = stack.columns.T @ alpha
-    scale = np.exp(log_scale)
-    keep, variance = carried(drift, scale)
-    through = scale[0] ** 2 * keep * (belief.root.T @ (belief.root @ (keep * pull[:end])))
-    mean = keep * belief.mean + through + variance * pull[:end]
-    return np.concatenate([mean, NUISANCE_SD**2 * pull[end:]])
+def _sum(parts: Iterable[Array]) -> Array:
+    total: Array | None = None
+    for part in parts:
+        total = part if total is None else total + part
+    return np.zeros(0) if total is None else total

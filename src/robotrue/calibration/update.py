@@ -148,7 +148,9 @@ def innovation_weights(
     return out
 
 
-def settled(prior: Belief, rows: NewRows, noise: Array, u: Array) -> tuple[Belief, NewRows]:
+def settled(
+    prior: Belief, rows: NewRows, noise: Array, u: Array, *, start: Belief | None = None
+) -> tuple[Belief, NewRows]:
     """Returns the posterior of the rows, linearised at its own mean, and the rows moved there.
 
     Args:
@@ -156,9 +158,10 @@ def settled(prior: Belief, rows: NewRows, noise: Array, u: Array) -> tuple[Belie
         rows: The rows.
         noise: (2,) white variance of lengths and angles.
         u: (n,) robust weights.
+        start: Where the mean already is; one linearisation is then enough.
     """
-    at = prior
-    for _ in range(LINEARISATIONS):
+    at = prior if start is None else start
+    for _ in range(LINEARISATIONS if start is None else 1):
         columns, values = whitened(rows.pieces(at), noise, u)
         at = conditioned(prior, columns, values)
         rows = rows.moved(at.mean[at.starts[3] :])

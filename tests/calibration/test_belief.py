@@ -1,0 +1,132 @@
+"""The square-root update against the textbook, whatever the order and the blocks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from planted_arm import arm
+
+from robotrue.calibration.belief import (
+    Belief,
+    belief_of,
+    conditioned,
+    model_of,
+    widened,
+    with_centres,
+    with_harmonics,
+    with_nuisances,
+)
+from robotrue.calibration.learned import LearnedParts
+from robotrue.calibration.smooth import SmoothBasis
+from robotrue.errors import ConfigurationError
+
+HARMONICS = 3
+
+
+@pytest.fixture
+def belief():
+    rng = np.random.default_rng(3)
+    robot = arm()
+    size = len(robot.errors) + 2 * 6 * HARMONICS + 6
+    return Belief(
+        robot=robot,
+        cycles=np.arange(1.0, HARMONICS + 1.0),
+        basis=None,
+        amplitude=0.0,
+        mean=1e-4 * rng.standard_normal(size),
+        root=1e-4 * rng.standard_normal((40, size)),
+        white=2e-5,
+        repeatability=2e-5,
+        inflation=1.0,
+        T_tracker_base={},
+    )
+
+
+@pytest.fixture
+def rows(belief):
+    rng = np.random.default_rng(4)
+    columns = 1e4 * rng.standard_normal((70, len(belief.mean)))
+    return columns, columns @ belief.mean + rng.standard_normal(70)
+
+
+def test_update_is_that_of_kalman(belief, rows):
+    columns, values = rows
+    prior = belief.root.T @ belief.root
+    gain = prior @ columns.T @ np.linalg.inv(columns @ prior @ columns.T + np.eye(70))
+    after = conditioned(belief, columns, values)
+    scale = np.sqrt(np.trace(prior))
+    np.testing.assert_allclose(
+        after.mean, belief.mean + gain @ (values - columns @ belief.mean), atol=1e-9 * scale
+    )
+    np.testing.assert_allclose(
+        after.root.T @ after.root, prior - gain @ columns @ prior, atol=1e-9 * scale**2
+    )
+
+
+def test_block_by_block_is_all_at_once_in_any_order(belief, rows):
+    columns, values = rows
+    whole = conditioned(belief, columns, values)
+    order = np.random.default_rng(5).permutation(70)
+    parts = belief
+    for block in np.array_split(order, 7):
+        parts = conditioned(parts, columns[block], values[block])
+    np.testing.assert_allclose(parts.mean, whole.mean, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(
+        parts.root.T @ parts.root, whole.root.T @ whole.root, rtol=0, atol=1e-15
+    )
+
+
+def test_covariance_never_grows_and_never_turns_indefinite(belief, rows):
+    columns, values = rows
+    after = conditioned(belief, 1e6 * columns, 1e6 * values)  # rows far better than the prior
+    before = belief.root.T @ belief.root
+    lost = np.linalg.eigvalsh(before - after.root.T @ after.root)
+    assert lost.min() > -1e-12 * np.trace(before)
+    assert (after.variance >= 0.0).all()
+
+
+def test_widening_adds_variance_and_nothing_else(belief):
+    extra = np.zeros(len(belief.mean))
+    extra[::5] = 4e-8
+    wide = widened(belief, extra)
+    np.testing.assert_allclose(wide.variance, belief.variance + extra)
+    np.testing.assert_array_equal(wide.mean, belief.mean)
+
+
+def test_new_harmonics_leave_the_old_ones_where_they_belong(belief):
+    more = with_harmonics(belief, HARMONICS + 2)
+    ripple, backlash, _, _ = more.starts
+    waves = more.mean[ripple:backlash].reshape(6, HARMONICS + 2, 2)
+    old_ripple, old_backlash, _, _ = belief.starts
+    np.testing.assert_array_equal(
+        waves[:, :HARMONICS], belief.mean[old_ripple:old_backlash].reshape(6, HARMONICS, 2)
+    )
+    assert not waves[:, HARMONICS:].any()
+    np.testing.assert_array_equal(more.mean[backlash:], belief.mean[old_backlash:])
+
+
+def test_centres_and_nuisances_stand_at_the_end(belief):
+    basis = SmoothBasis(centres=np.random.default_rng(6).random((4, 12)), scale=np.ones(12))
+    wide = with_nuisances(with_centres(belief, basis), np.full(6, 0.1))
+    _, _, smooth, end = wide.starts
+    assert end - smooth == 12
+    assert wide.nuisances == 6
+    np.testing.assert_allclose(wide.variance[end:], 0.01)
+    assert not wide.mean[smooth:].any()
+
+
+def test_model_and_belief_are_two_forms_of_one_thing(belief):
+    again = belief_of(model_of(belief, {}))
+    np.testing.assert_array_equal(again.mean, belief.mean)
+    np.testing.assert_allclose(again.root.T @ again.root, belief.root.T @ belief.root, atol=1e-20)
+    tall = replace(belief, root=np.vstack([belief.root] * 9) / 3.0)  # more rows than columns
+    square = model_of(tall, {})
+    assert len(square.root) <= len(belief.mean)
+    np.testing.assert_allclose(square.root.T @ square.root, belief.root.T @ belief.root, atol=1e-18)
+
+
+def test_a_model_without_joint_covariance_is_refused():
+    with pytest.raises(ConfigurationError, match="LearnedParts keeps no covariance"):
+        belief_of(LearnedParts())  # type: ignore[arg-type]
