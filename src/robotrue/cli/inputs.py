@@ -37,9 +37,8 @@ def measured(
         ImplausibleDataError: Numbers that cannot be this robot's.
         ModelMismatchError: Another number of joints, or files in different frames.
     """
-    layout = None if mapping is None else read_mapping(mapping)
     robot = cell.measured_robot
-    sets = [_read(cell, path, layout) for path in paths]
+    sets = [read_rows(cell, path, mapping) for path in paths]
     for path, found in zip(paths, sets, strict=True):
         if found.dof != robot.dof:
             raise ModelMismatchError(
@@ -70,6 +69,15 @@ def measured(
         say(f"note: {remark}")
     say(f"{count(len(joined), 'pose')} from {count(len(paths), 'file')}")
     return joined
+
+
+def read_rows(cell: Cell, path: Path, mapping: Path | None) -> MeasurementSet:
+    """Returns the rows of one file as it stands, in the cell's frame, not yet checked.
+
+    Raises:
+        FormatError: A file that cannot be read.
+    """
+    return _read(cell, path, None if mapping is None else read_mapping(mapping))
 
 
 def _read(cell: Cell, path: Path, layout: ColumnMapping | None) -> MeasurementSet:

@@ -67,6 +67,70 @@ def demo(
 
 
 @app.command()
+def plan(
+    cell: CellFile,
+    output: Annotated[Path, typer.Option("--output", "-o", help="CSV of the poses to write.")],
+    poses: Annotated[int, typer.Option("--poses", "-n", help="How many, at most.")] = 30,
+    region: Annotated[
+        str | None,
+        typer.Option(help="Where the arm will work: angle_deg=A..B,radius_mm=..,height_mm=.."),
+    ] = None,
+    program_targets: Annotated[
+        Path | None, typer.Option(help="Or the program whose targets it will work at.")
+    ] = None,
+    within: Annotated[
+        str | None, typer.Option(help="Where the reflector may be while measuring, like --region.")
+    ] = None,
+    model: Annotated[
+        Path | None, typer.Option(help="A calibration that the poses are to improve.")
+    ] = None,
+    payload: Annotated[
+        list[str] | None,
+        typer.Option(help="KG[,X,Y,Z]: a load that can be measured with; may be repeated."),
+    ] = None,
+    approach: Annotated[str, typer.Option(help="one-side or as-it-comes.")] = "one-side",
+    criterion: Annotated[
+        str, typer.Option(help="I: accuracy where the arm will work. D: parameters.")
+    ] = "I",
+    tolerance_um: Annotated[
+        float, typer.Option(help="Stop when the next pose would gain less than this.")
+    ] = 0.0,
+    candidates: Annotated[int, typer.Option(help="Postures to choose from.")] = 2000,
+    seed: Annotated[int, typer.Option(help="Seed of the candidates.")] = 1,
+    program: Annotated[
+        Path | None, typer.Option(help="Also write a KRL program that measures them (.src).")
+    ] = None,
+    trigger_output: Annotated[
+        int, typer.Option(help="Digital output that triggers the tracker.")
+    ] = 17,
+    report: Annotated[Path | None, typer.Option(help="Also write a report page (HTML).")] = None,
+    json: Json = False,
+) -> None:
+    """Choose the poses that are worth measuring, and say what accuracy to expect."""
+    from robotrue.cli.plan import run
+
+    run(
+        cell,
+        output,
+        poses=poses,
+        criterion=criterion,
+        region=region,
+        within=within,
+        program_targets=program_targets,
+        model_path=model,
+        payloads=payload or [],
+        approach=approach,
+        candidates=candidates,
+        tolerance_um=tolerance_um,
+        seed=seed,
+        program=program,
+        trigger_output=trigger_output,
+        report=report,
+        as_json=json,
+    )
+
+
+@app.command()
 def calibrate(
     cell: CellFile,
     measurements: Annotated[list[Path], typer.Argument(metavar="MEAS...", help="Measurements.")],
@@ -84,6 +148,44 @@ def calibrate(
     from robotrue.cli.calibrate import run
 
     run(cell, measurements, output, method=method, mapping=mapping, report=report, as_json=json)
+
+
+@app.command()
+def transfer(
+    cell: CellFile,
+    source: Annotated[
+        list[str],
+        typer.Option(
+            "--source",
+            help="NAME=FILE[,region|campaign|unit]: measurements or a model; may be repeated.",
+        ),
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Model file to write.")],
+    targets: Annotated[
+        list[Path] | None, typer.Argument(metavar="[TARGET...]", help="Target measurements.")
+    ] = None,
+    mapping: Annotated[
+        Path | None, typer.Option(help="Column mapping (TOML) for files of another layout.")
+    ] = None,
+    report: Annotated[Path | None, typer.Option(help="Also write a report page (HTML).")] = None,
+    curve: Annotated[
+        bool, typer.Option("--curve", help="Also accuracy against the number of target poses.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Carry a calibration to a new region, date or arm with a few poses, under guard."""
+    from robotrue.cli.transfer import run
+
+    run(
+        cell,
+        targets or [],
+        source,
+        output,
+        mapping=mapping,
+        report=report,
+        curve=curve,
+        as_json=json,
+    )
 
 
 @app.command()

@@ -62,6 +62,7 @@ def fit_guarded(
     settings: FitSettings | None = None,
     *,
     drift: DriftScales | None = None,
+    method: str = "gp",
     progress: Progress | None = None,
 ) -> ErrorModel:
     """Returns the model that holds on the target poses, with the contest in its summary.
@@ -72,6 +73,7 @@ def fit_guarded(
         sources: Measurements or models from elsewhere.
         settings: Of every fit.
         drift: How far source and target may be apart; the defaults of the relation if None.
+        method: Richest method of a source given as measurements, of pooled and of target rows.
         progress: Told before every fit.
 
     Raises:
@@ -80,12 +82,28 @@ def fit_guarded(
         ObservabilityError: Nothing could be fitted.
     """
     used = FitSettings() if settings is None else settings
-    found = contestants(robot, target, sources, used, drift=drift)
+    found = contestants(robot, target, sources, used, drift=drift, method=method)
+    return judged(found, robot, target, used, progress=progress)
+
+
+def judged(
+    found: Contestants,
+    robot: RobotModel,
+    target: MeasurementSet | None,
+    settings: FitSettings,
+    *,
+    progress: Progress | None = None,
+) -> ErrorModel:
+    """Returns the winner of the contest; see :func:`fit_guarded`, of which this is the end.
+
+    Raises:
+        ObservabilityError: Nothing could be fitted.
+    """
     model = guarded(
         found.transfers,
         found.alone,
         target,
-        payload=used.payload,
+        payload=settings.payload,
         reach=robot.reach,
         doubts=found.doubts,
         progress=progress,
@@ -104,6 +122,7 @@ def contestants(
     settings: FitSettings,
     *,
     drift: DriftScales | None = None,
+    method: str = "gp",
 ) -> Contestants:
     """Returns the candidates of a transfer; every source is fitted once, here.
 
@@ -113,6 +132,7 @@ def contestants(
         sources: Measurements or models from elsewhere.
         settings: Of every fit.
         drift: Where the drift scales start; the defaults of the relation if None.
+        method: Richest method of any fit.
 
     Raises:
         ImplausibleDataError: Target rows that cannot be this robot's.
@@ -124,7 +144,7 @@ def contestants(
     doubts, known = list(left_out), []
     for source in kept:
         try:
-            model = _model_of(robot, source, settings)
+            model = _model_of(robot, source, settings, method)
         except RobotrueError as cause:
             doubts.append(f"source {source.name} could not be fitted and is left out: {cause}")
             continue
@@ -136,26 +156,29 @@ def contestants(
         if target is not None and not _elsewhere(source, target):
             doubts += target_doubts(source.name, model, target, settings.payload)
     return Contestants(
-        transfers=_transfers(robot, known, settings, drift),
-        alone=_alone(robot, settings),
+        transfers=_transfers(robot, known, settings, drift, method),
+        alone=_alone(robot, settings, method),
         doubts=tuple(dict.fromkeys(doubts)),
     )
 
 
-def _model_of(robot: RobotModel, source: Source, settings: FitSettings) -> ErrorModel:
+def _model_of(robot: RobotModel, source: Source, settings: FitSettings, method: str) -> ErrorModel:
     if source.model is not None:
         return source.model
     if source.measurements is None:
         raise ObservabilityError(f"source {source.name} is empty.")
-    return _richest(robot, source.measurements, replace(settings, lean_on_prior=True))
+    return _richest(robot, source.measurements, settings, method)
 
 
-def _richest(robot: RobotModel, rows: MeasurementSet, settings: FitSettings) -> ErrorModel:
-    """The learned model of the rows, or the physical one where they are too few for it."""
+def _richest(
+    robot: RobotModel, rows: MeasurementSet, settings: FitSettings, method: str
+) -> ErrorModel:
+    """The model of the rows by a method, or the physical one where they are too few for it."""
+    leaning = replace(settings, lean_on_prior=True)
     try:
-        return fit(robot, rows, method="gp", settings=settings)
+        return fit(robot, rows, method=method, settings=leaning)
     except RobotrueError:
-        return fit(robot, rows, method="elastic", settings=settings)
+        return fit(robot, rows, method="elastic", settings=leaning)
 
 
 def _elsewhere(source: Source, target: MeasurementSet) -> bool:
@@ -168,6 +191,7 @@ def _transfers(
     known: Sequence[tuple[Source, ErrorModel]],
     settings: FitSettings,
     drift: DriftScales | None,
+    method: str,
 ) -> dict[str, Candidate]:
     if not known:
         return {}
@@ -180,7 +204,7 @@ def _transfers(
     def pooled(rows: MeasurementSet | None) -> ErrorModel:
         sets = [s.measurements for s in measured if s.measurements is not None]
         together = _together(sets, rows, [s.relation == "region" for s in measured])
-        return _richest(robot, together, replace(settings, lean_on_prior=True))
+        return _richest(robot, together, settings, method)
 
     out: dict[str, Candidate] = {"transfer": transfer}
     if measured:
@@ -221,7 +245,7 @@ def _together(
     return concatenate(out)
 
 
-def _alone(robot: RobotModel, settings: FitSettings) -> dict[str, Candidate]:
+def _alone(robot: RobotModel, settings: FitSettings, richest: str) -> dict[str, Candidate]:
     def by(method: str) -> Callable[[MeasurementSet | None], ErrorModel]:
         def alone(rows: MeasurementSet | None) -> ErrorModel:
             if rows is None or not len(rows):
@@ -231,4 +255,7 @@ def _alone(robot: RobotModel, settings: FitSettings) -> dict[str, Candidate]:
 
         return alone
 
-    return {"target-only": by("elastic"), "target-only gp": by("gp")}
+    out: dict[str, Candidate] = {"target-only": by("elastic")}
+    if richest != "elastic":
+        out[f"target-only {richest}"] = by(richest)
+    return out

@@ -31,7 +31,9 @@ MANY_SCREENED: Final = 0.05
 USELESS: Final = 0.9
 """A fit that leaves more than this part of the aligned error has found nothing."""
 MOVED: Final = 0.5 * MM
-"""rms from which a frame that explains half of the disagreement is named."""
+"""rms from which a frame that explains most of the disagreement is named."""
+EXPLAINED: Final = 0.25
+"""Part of the disagreement that may be left once the frame is moved."""
 TIGHT: Final = 2.0
 LOOSE: Final = 0.05
 """Root mean square of the geometric errors found, in prior standard deviations: above the first
@@ -95,9 +97,9 @@ def fit_doubts(
 ) -> list[str]:
     """Returns what the fit of a source says against the source or the prior."""
     summary = model.training_summary()
-    found = [*_contaminated(name, summary, rows)]
+    found = _contaminated(name, summary, rows)
     held = summary.get("held_out_blocks_mean_m")
-    if rows.frame == "base" and held is not None:
+    if rows.frame == "base" and held is not None and not found:
         aligned = aligned_errors(model.robot, rows.joints, rows.position)
         if aligned is not None:
             before = float(np.median(np.linalg.norm(aligned, axis=1)))
@@ -163,7 +165,7 @@ def target_doubts(
     free = 3 * len(left) - 6
     before = float(np.sqrt((seen.after**2).sum() / len(left)))
     after = float(np.sqrt((left**2).sum() * 3.0 / free))
-    if before < MOVED or after > 0.5 * before:
+    if before < MOVED or after > EXPLAINED * before:
         return []
     middle = predicted.mean(axis=0)
     shift = float(np.linalg.norm(apply(motion, middle[None])[0] - middle))

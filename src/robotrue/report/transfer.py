@@ -1,0 +1,149 @@
+"""The page of a transfer: who was believed about the target, and how many poses it takes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from robotrue.core.units import MM
+from robotrue.report.calibration import contest_section
+from robotrue.report.content import (
+    Cell,
+    Column,
+    Fact,
+    PoseCurves,
+    ReportContent,
+    Section,
+    Table,
+    Tile,
+    Tone,
+)
+from robotrue.report.content import Verdict as Line
+from robotrue.report.transfer_curve import curves_of
+from robotrue.validation.contest import CandidateScore, Selection
+from robotrue.validation.guard import Verdict
+from robotrue.validation.learning_curve import LearningCurve
+
+
+def transfer_content(
+    verdict: Verdict,
+    selection: Selection | None,
+    curve: LearningCurve | None,
+    *,
+    title: str,
+    subtitle: str,
+    simulated: bool,
+    doubts: Sequence[str] = (),
+    provenance: Sequence[Fact] = (),
+) -> ReportContent:
+    """Returns the content of a page about one guarded transfer.
+
+    Args:
+        verdict: Of the guard.
+        selection: The contest on held-out target poses; None if there was none.
+        curve: Accuracy against target poses, if it was computed.
+        title: Heading.
+        subtitle: Robot, sources, target.
+        simulated: Whether any number comes from a simulated robot.
+        doubts: Of the model, the guard's among them.
+        provenance: Hashes, settings.
+    """
+    sections = []
+    if selection is not None:
+        sections.append(
+            contest_section(
+                selection,
+                title="Who is believed about the target",
+                heading="Candidates on held-out target poses",
+            )
+        )
+    if curve is not None:
+        sections.append(_curve_section(curve, verdict.winner))
+    return ReportContent(
+        title=title,
+        subtitle=subtitle,
+        simulated=simulated,
+        verdict=_line(verdict, selection),
+        tiles=_tiles(verdict, selection),
+        sections=tuple(sections),
+        doubts=tuple(doubts),
+        provenance=tuple(provenance),
+    )
+
+
+def _line(verdict: Verdict, selection: Selection | None) -> Line:
+    if selection is None:
+        return Line(
+            text=f"{verdict.winner} is used; nothing was checked against the target.",
+            tone="caution",
+            detail=f"{verdict.target_rows} target poses; three or more can be held out in turn.",
+        )
+    score = _score(selection, verdict.winner)
+    tone: Tone = "caution" if verdict.doubts else "good"
+    text = f"{verdict.winner} is used: {score.mean / MM:.3f} mm on held-out target poses"
+    if np.isfinite(verdict.gain):
+        against = _score(selection, verdict.against)
+        text += f", against {against.mean / MM:.3f} mm from the target poses alone"
+    return Line(
+        text=text + ".",
+        tone=tone,
+        detail=(
+            f"{verdict.target_rows} target poses, each held out in turn."
+            + (
+                f" Gain over {verdict.against} {verdict.gain / MM:.4f} mm, "
+                f"noise {verdict.noise / MM:.4f} mm."
+                if np.isfinite(verdict.gain)
+                else ""
+            )
+        ),
+    )
+
+
+def _score(selection: Selection, name: str) -> CandidateScore:
+    return next(score for score in selection.table if score.name == name)
+
+
+def _tiles(verdict: Verdict, selection: Selection | None) -> tuple[Tile, ...]:
+    if selection is None:
+        return ()
+    score = _score(selection, verdict.winner)
+    note = f"{score.n} target poses"
+    return (
+        Tile(label="mean error, held out", value=score.mean / MM, unit="mm", note=note),
+        Tile(label="largest", value=score.max / MM, unit="mm"),
+        Tile(label="stated 95 % regions hold", value=100.0 * score.coverage, unit="%", digits=1),
+    )
+
+
+def _curve_section(curve: LearningCurve, winner: str) -> Section:
+    plot: PoseCurves = curves_of(
+        curve,
+        winner,
+        title="Accuracy and coverage against the number of target poses",
+        caption=(
+            f"Median and quartiles of {curve.repeats} random nested subsets, tested on "
+            f"{curve.held} target rows no candidate saw."
+        ),
+    )
+    low, median, high = curve.quartiles() / MM
+    rows: list[tuple[Cell, ...]] = []
+    for c, name in enumerate(curve.names):
+        cells = (
+            f"{median[c, k]:.3f} [{low[c, k]:.3f}-{high[c, k]:.3f}]"
+            if np.isfinite(median[c, k])
+            else None
+            for k in range(len(curve.counts))
+        )
+        rows.append((name, *cells))
+    table = Table(
+        title="Mean error, median [quartiles], mm",
+        columns=(
+            Column(title="candidate"),
+            *(Column(title=f"{n} target poses") for n in curve.counts),
+        ),
+        rows=tuple(rows),
+        caption=" ".join(curve.failures),
+        highlight=curve.names.index(winner) if winner in curve.names else None,
+    )
+    return Section(title="How many target poses it takes", blocks=(plot, table))
