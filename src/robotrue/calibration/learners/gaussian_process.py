@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import replace
+from functools import partial
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -18,16 +19,25 @@ from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
+from robotrue.calibration.learners.checks import (
+    check_count,
+    check_words,
+    logarithm,
+    row_values,
+)
 from robotrue.calibration.learners.process import (
     Rows,
-    best_theta,
     evidence_of,
+    left_out,
+    limits,
     log_evidence,
+    log_posterior,
     posterior_of,
     rows,
     signal_covariance,
     solved_rows,
 )
+from robotrue.calibration.learners.search import best
 from robotrue.calibration.learners.trust import inflation
 from robotrue.core.arrays import Array
 from robotrue.errors import ConfigurationError, ShapeError
@@ -128,7 +138,7 @@ class GaussianProcess(MultiOutputMixin, RegressorMixin, BaseEstimator):
         )
         outputs = np.asarray(values, dtype=np.float64).reshape(len(inputs), -1)
         weight = _check_sample_weight(sample_weight, inputs, dtype=np.float64)
-        variance = _row_values(noise_variance, len(inputs), "noise_variance")
+        variance = row_values(noise_variance, len(inputs), "noise_variance")
         if weight.min() < 0.0 or not weight.any():
             raise ShapeError(
                 f"sample_weight has minimum {weight.min():g} and sum {weight.sum():g}; "
@@ -152,13 +162,8 @@ class GaussianProcess(MultiOutputMixin, RegressorMixin, BaseEstimator):
             )
             for group in groups
         ]
-        self._theta = [best_theta(data, held, self.restarts, random) for data in self._rows]
-        factors = np.array(
-            [
-                inflation(d, t, np.isnan(held)) if self.intervals == "marginal" else 1.0
-                for d, t in zip(self._rows, self._theta, strict=True)
-            ]
-        )
+        both = [self._searched(data, held, random) for data in self._rows]
+        self._theta, factors = [theta for theta, _ in both], np.array([f for _, f in both])
         self.inflation_ = float(factors[0]) if len(factors) == 1 else factors
         self._signals = [
             signal_covariance(d, t) for d, t in zip(self._rows, self._theta, strict=True)
@@ -176,7 +181,7 @@ class GaussianProcess(MultiOutputMixin, RegressorMixin, BaseEstimator):
             ShapeError: Another number of weights, or weights that are not positive.
         """
         check_is_fitted(self)
-        weight = _row_values(sample_weight, len(self._rows[0].inputs), "sample_weight")
+        weight = row_values(sample_weight, len(self._rows[0].inputs), "sample_weight")
         if not weight.min() > 0.0:
             raise ShapeError("sample_weight has a zero, expected positive weights.")
         other = copy(self)
@@ -223,6 +228,17 @@ class GaussianProcess(MultiOutputMixin, RegressorMixin, BaseEstimator):
         variance = factor * (np.column_stack([v for _, v in both]) + noise)
         return self._shaped(mean), self._shaped(self._each(np.sqrt(variance)))
 
+    def left_out(self) -> tuple[Array, Array]:
+        """Returns residual (n, k) and variance (n,) of every row predicted from all others.
+
+        With the hyper-parameters of all rows; rows of weight zero are not there.
+
+        Raises:
+            ConfigurationError: Several outputs with their own hyper-parameters.
+        """
+        check_is_fitted(self)
+        return left_out(self._only(), self._theta[0])
+
     def log_marginal_likelihood(
         self, theta: npt.ArrayLike | None = None, eval_gradient: bool = False
     ) -> Any:
@@ -236,13 +252,28 @@ class GaussianProcess(MultiOutputMixin, RegressorMixin, BaseEstimator):
             ConfigurationError: Several outputs with their own hyper-parameters.
         """
         check_is_fitted(self)
+        data = self._only()
+        at = self._theta[0] if theta is None else np.asarray(theta, dtype=np.float64)
+        value, gradient = log_evidence(data, at)
+        return (value, gradient) if eval_gradient else value
+
+    def _only(self) -> Rows:
         if len(self._rows) != 1:
             raise ConfigurationError(
                 f"{len(self._rows)} outputs with a theta each.", hint="shared=True, or one output."
             )
-        at = self._theta[0] if theta is None else np.asarray(theta, dtype=np.float64)
-        value, gradient = log_evidence(self._rows[0], at)
-        return (value, gradient) if eval_gradient else value
+        return self._rows[0]
+
+    def _searched(
+        self, data: Rows, held: Array, random: np.random.RandomState
+    ) -> tuple[Array, float]:
+        """Returns the best theta of some rows, and the factor on their variances."""
+        posterior = partial(log_posterior, data)
+        start, bounds = limits(data)
+        theta = best(posterior, start, bounds, held, self.restarts, random)
+        if self.intervals == "plug-in":
+            return theta, 1.0
+        return theta, inflation(posterior, partial(left_out, data), theta, bounds, np.isnan(held))
 
     def _learn(self) -> None:
         """Sets everything learned from rows and theta."""
@@ -276,47 +307,29 @@ class GaussianProcess(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
     def _held(self, columns: int) -> Array:
         """Returns theta of what is given, NaN where something is to be learned."""
-        count = columns if self.kernel == "ard" else 1
-        given: list[Array] = []
-        for name, value, size in (
-            ("length", self.length, count),
-            ("amplitude", self.amplitude, 1),
-            ("noise", self.noise, 1),
-        ):
-            if value is None:
-                if not self.optimise:
+        if not self.optimise:
+            for name in ("length", "amplitude", "noise"):
+                if getattr(self, name) is None:
                     raise ConfigurationError(
                         f"optimise=False with {name} not given.", hint=f"state {name}."
                     )
-                given.append(np.full(size, np.nan))
-                continue
-            number = np.asarray(value, dtype=np.float64)
-            if number.ndim > 1 or number.size not in (1, size):
-                raise ShapeError(f"{name} has shape {number.shape}, expected () or ({size},).")
-            lowest = 0.0 if name == "noise" else np.finfo(np.float64).tiny
-            if not (np.isfinite(number) & (number >= lowest)).all():
-                raise ConfigurationError(f"{name} is {value}, expected a positive number.")
-            with np.errstate(divide="ignore"):
-                logarithm = np.log(np.broadcast_to(number, (size,)))
-            literal = name == "length" and self.denominator == "literal"
-            given.append(0.5 * logarithm if literal else logarithm)
-        return np.concatenate(given)
+        length = logarithm("length", self.length, columns if self.kernel == "ard" else 1)
+        return np.concatenate(
+            [
+                0.5 * length if self.denominator == "literal" else length,
+                logarithm("amplitude", self.amplitude, 1),
+                logarithm("noise", self.noise, 1, zero=True),
+            ]
+        )
 
     def _check(self) -> None:
-        for name, words in (
-            ("kernel", ("ard", "isotropic")),
-            ("mean", ("constant", "estimated", "zero")),
-            ("denominator", ("squared", "literal")),
-            ("weights", ("precision", "repeats")),
-            ("prior", ("weak", "none")),
-            ("intervals", ("marginal", "plug-in")),
-        ):
-            if getattr(self, name) not in words:
-                raise ConfigurationError(
-                    f"{name} is {getattr(self, name)!r}; allowed are {', '.join(words)}."
-                )
-        if self.restarts < 0:
-            raise ConfigurationError(f"restarts is {self.restarts}, expected zero or more.")
+        check_words(self, "kernel", ("ard", "isotropic"))
+        check_words(self, "mean", ("constant", "estimated", "zero"))
+        check_words(self, "denominator", ("squared", "literal"))
+        check_words(self, "weights", ("precision", "repeats"))
+        check_words(self, "prior", ("weak", "none"))
+        check_words(self, "intervals", ("marginal", "plug-in"))
+        check_count("restarts", self.restarts, 0)
 
     def _each(self, values: Array) -> Array:
         """Returns values (..., 1 or k) for each of the k outputs."""
@@ -328,15 +341,3 @@ class GaussianProcess(MultiOutputMixin, RegressorMixin, BaseEstimator):
 
 def _residuals(data: Rows, solved: Any) -> Array:
     return np.asarray(data.outputs - data.trend() @ solved.trend)
-
-
-def _row_values(values: npt.ArrayLike | None, count: int, name: str) -> Array:
-    """Returns (n,) values of zero or more, zeros when None."""
-    if values is None:
-        return np.zeros(count)
-    array = np.asarray(values, dtype=np.float64)
-    if array.shape != (count,):
-        raise ShapeError(f"{name} has shape {array.shape}, expected ({count},).")
-    if not (np.isfinite(array) & (array >= 0.0)).all():
-        raise ShapeError(f"{name} has values that are negative or not finite.")
-    return array

@@ -54,6 +54,12 @@ class Solved:
             inverse -= spread.T @ spread
         return np.asarray(self.alpha @ self.alpha.T - outputs * inverse)
 
+    def left_out(self) -> tuple[Array, Array]:
+        """Returns residual (n, k) and variance (n,) of every row predicted from all others."""
+        square = np.einsum("ij,ij->i", self.alpha, self.alpha)
+        variance = self.alpha.shape[1] / (square - self.sensitivity().diagonal())
+        return self.alpha * variance[:, None], variance
+
     def whitened(self, rows: Array) -> Array:
         """Returns L^-1 rows, (n, any)."""
         return np.asarray(lapack.dtrtrs(self.lower, rows, lower=1)[0])

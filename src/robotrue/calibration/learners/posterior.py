@@ -5,6 +5,8 @@ With z = (x - centre) / length, E = exp(-|z - z_i|^2 / 2) over the training rows
     mean = offset + a^2 E alpha
     variance = a^2 - |a^2 E L^-T|^2 + (1 - a^2 E K^-1 1)^2 / (1'K^-1 1)
 
+(with "reach" for the first a^2 of each row where rows of two kinds are learned from).
+
 E comes from one product of [z, 1, -|z|^2/2] with [z_i, -|z_i|^2/2, 1] and one exponential, in
 blocks of rows that stay in cache; L^-T is upper triangular and multiplied by blocks of columns.
 """
@@ -48,8 +50,8 @@ class Posterior:
         weights: (n, k) a^2 alpha.
         offset: (k,) mean far from all rows.
         root: (n, n) a^2 L^-T, upper triangular.
-        trend: (n,) a^2 K^-1 1; empty without an integrated mean.
-        trend_variance: 1 / (1'K^-1 1).
+        trend: (n, q) a^2 K^-1 H S^-T with S S' = H'K^-1 H; no columns unless integrated out.
+        trend_ahead: (q,) S^-1 h, h the trend columns at the places predicted.
         amplitude: a.
     """
 
@@ -60,7 +62,7 @@ class Posterior:
     offset: Array
     root: Array
     trend: Array
-    trend_variance: float
+    trend_ahead: Array
     amplitude: float
 
     def mean(self, inputs: Array) -> Array:
@@ -89,8 +91,7 @@ class Posterior:
             for stop, block in blocks:
                 known = near[:, :stop] @ block
                 variance[rows] -= np.einsum("ij,ij->i", known, known)
-            if len(self.trend):
-                variance[rows] += self.trend_variance * (1.0 - near @ self.trend) ** 2
+            variance[rows] += ((self.trend_ahead - near @ self.trend) ** 2).sum(axis=1)
         mean += self.offset
         return mean, np.maximum(variance, 0.0, out=variance)
 
@@ -100,9 +101,8 @@ class Posterior:
         near = self._correlations(inputs)
         known = near @ self.root
         out = self.amplitude**2 * correlation(z, z) - known @ known.T
-        if len(self.trend):
-            left = 1.0 - near @ self.trend
-            out += self.trend_variance * np.outer(left, left)
+        left = self.trend_ahead - near @ self.trend
+        out += left @ left.T
         return 0.5 * (out + out.T)
 
     def _correlations(self, inputs: Array) -> Array:
@@ -111,24 +111,40 @@ class Posterior:
 
 
 def posterior(
-    solved: Solved, inputs: Array, centre: Array, length: Array, amplitude: float
+    solved: Solved,
+    inputs: Array,
+    centre: Array,
+    length: Array,
+    amplitude: float,
+    reach: Array,
+    trend: Array,
 ) -> Posterior:
-    """Returns the posterior of a process with amplitude and length at its rows ``inputs``.
+    """Returns the posterior of a process.
 
-    The covariance in ``solved`` has the training rows' noise on its diagonal.
+    Args:
+        solved: Training rows, their noise on the diagonal of the covariance.
+        inputs: (n, d) of these rows, less ``centre``.
+        centre: (d,).
+        length: (d,).
+        amplitude: Prior standard deviation at the places predicted.
+        reach: (n,) covariance of each row with a place predicted that has the same inputs.
+        trend: (q,) the trend columns' values at the places predicted.
     """
     inverse, _ = lapack.dtrtri(solved.lower, lower=1)
-    trend = solved.trend_rows[:, 0] if solved.trend_rows.shape[1] else np.zeros(0)
-    integrated = solved.integrated and len(trend) > 0
-    outputs = solved.alpha.shape[1]
+    known: Array = np.zeros((len(inputs), 0))
+    ahead: Array = np.zeros(0)
+    if solved.integrated and len(trend):
+        known = np.asarray(np.linalg.solve(solved.trend_lower, solved.trend_rows.T).T)
+        known = known * reach[:, None]
+        ahead = np.asarray(np.linalg.solve(solved.trend_lower, trend))
     return Posterior(
         centre=centre,
         length=length,
-        places=_right((inputs - centre) / length),
-        weights=amplitude**2 * solved.alpha,
-        offset=solved.trend[0] if len(trend) else np.zeros(outputs),
-        root=np.ascontiguousarray(amplitude**2 * inverse.T),
-        trend=amplitude**2 * trend if integrated else np.zeros(0),
-        trend_variance=float(solved.trend_lower[0, 0] ** -2) if integrated else 0.0,
+        places=_right(inputs / length),
+        weights=reach[:, None] * solved.alpha,
+        offset=trend @ solved.trend,
+        root=np.ascontiguousarray(reach[:, None] * inverse.T),
+        trend=known,
+        trend_ahead=ahead,
         amplitude=amplitude,
     )

@@ -11,17 +11,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize
 
 from robotrue.calibration.learners.marginal import Solved, solve
 from robotrue.calibration.learners.posterior import Posterior, correlation, posterior
 from robotrue.core.arrays import Array
-from robotrue.errors import ObservabilityError
 
 _LENGTHS, _AMPLITUDES, _NOISES = (2e-2, 1e2), (1e-2, 1e2), (1e-4, 1e1)
 """What is searched, in standard deviations of the inputs and of the outputs."""
-_START_NOISE, _STEPS = 0.1, 200
-_PRIOR = (1.0, 1.5, 2.0)
+_START_NOISE = 0.1
+PRIOR = (1.0, 1.5, 2.0)
 """Standard deviations of the weak prior on log length, log amplitude, log noise."""
 
 
@@ -174,65 +172,38 @@ def log_posterior(data: Rows, theta: Array) -> tuple[float, Array]:
     value, gradient = log_evidence(data, theta)
     if not data.prior:
         return value, gradient
-    start, _ = start_and_bounds(data)
-    lengths, amplitude, noise = _PRIOR
+    start, _ = limits(data)
+    lengths, amplitude, noise = PRIOR
     deviation = np.array([*[lengths] * (len(theta) - 2), amplitude, noise])
-    off = (theta - start) / deviation
+    off = np.where(np.isfinite(theta), (theta - start) / deviation, 0.0)  # a held zero is -inf
     return value - 0.5 * float(off @ off), gradient - off / deviation
 
 
-def start_and_bounds(data: Rows) -> tuple[Array, Array]:
-    """Returns where the search begins (p,) and its limits (p, 2), of theta."""
+def limits(data: Rows) -> tuple[Array, Array]:
+    """Returns where the search of theta begins (p,) and its limits (p, 2)."""
     spread = data.spread[:1] if data.isotropic else data.spread
     unit = np.log(np.concatenate([spread, [data.scale, data.scale]]))
     lengths = len(spread)
     near = np.sqrt(data.inputs.shape[1])
     start = unit + np.log([*[near] * lengths, 1.0, _START_NOISE])
-    limits = np.log([*[_LENGTHS] * lengths, _AMPLITUDES, _NOISES])
-    return start, unit[:, None] + limits
+    widths = np.log([*[_LENGTHS] * lengths, _AMPLITUDES, _NOISES])
+    return start, unit[:, None] + widths
 
 
-def best_theta(data: Rows, held: Array, restarts: int, random: np.random.RandomState) -> Array:
-    """Returns theta of largest posterior; entries of ``held`` (p,) that are not NaN stay.
-
-    The first search begins at lengths of sqrt(d) standard deviations; each restart at a random
-    place within a factor of ten of that.
-    """
-    start, bounds = start_and_bounds(data)
-    free = np.isnan(held)
-    theta = np.where(free, start, held)
-    if not free.any():
-        return theta
-
-    def downhill(part: Array) -> tuple[float, Array]:
-        trial = theta.copy()
-        trial[free] = part
-        try:
-            value, gradient = log_posterior(data, trial)
-        except ObservabilityError:
-            return 1e25, np.zeros(len(part))
-        return -value, -gradient[free]
-
-    best, lowest = theta[free], np.inf
-    for k in range(restarts + 1):
-        begin = start[free]
-        if k:
-            begin = begin + np.log(10.0) * random.uniform(-1.0, 1.0, len(begin))
-        found = minimize(
-            downhill,
-            np.clip(begin, *bounds[free].T),
-            jac=True,
-            method="L-BFGS-B",
-            bounds=[(low, high) for low, high in bounds[free]],
-            options={"maxiter": _STEPS},
-        )
-        if found.fun < lowest:
-            best, lowest = found.x, found.fun
-    theta[free] = best
-    return theta
+def left_out(data: Rows, theta: Array) -> tuple[Array, Array]:
+    """Returns residual (n, k) and variance (n,) of every row predicted from all others."""
+    return solved_rows(data, theta, signal_covariance(data, theta)).left_out()
 
 
 def posterior_of(data: Rows, theta: Array, solved: Solved) -> Posterior:
     """Returns the process given its rows, ready for prediction."""
     length, amplitude, _ = split(theta, data.inputs.shape[1])
-    return posterior(solved, data.inputs + data.centre, data.centre, length, amplitude)
+    return posterior(
+        solved,
+        data.inputs,
+        data.centre,
+        length,
+        amplitude,
+        np.full(len(data.inputs), amplitude**2),
+        np.ones(data.trend().shape[1]),
+    )

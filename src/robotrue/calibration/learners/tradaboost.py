@@ -31,14 +31,14 @@ import numpy.typing as npt
 from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin, clone
 from sklearn.utils.validation import (
     _check_sample_weight,
-    check_array,
     check_is_fitted,
     validate_data,
 )
 
+from robotrue.calibration.learners.checks import check_count, check_words, source_rows
 from robotrue.calibration.learners.gaussian_process import GaussianProcess
 from robotrue.core.arrays import Array, BoolArray
-from robotrue.errors import ConfigurationError, ShapeError
+from robotrue.errors import ShapeError
 
 _LEAST_ERROR, _LEAST_WEIGHT = 1e-12, 1e-12
 
@@ -115,7 +115,9 @@ class TrAdaBoostR2(MultiOutputMixin, RegressorMixin, BaseEstimator):
         outputs = np.asarray(values, dtype=np.float64).reshape(len(inputs), -1)
         weight = _check_sample_weight(sample_weight, inputs, dtype=np.float64)
         if X_source is not None:
-            source, source_outputs = self._source(X_source, y_source, outputs.shape[1])
+            source, source_outputs = source_rows(
+                X_source, y_source, inputs.shape[1], outputs.shape[1]
+            )
             before = _check_sample_weight(source_weight, source, dtype=np.float64)
             inputs = np.concatenate([source, inputs])
             outputs = np.concatenate([source_outputs, outputs])
@@ -227,22 +229,6 @@ class TrAdaBoostR2(MultiOutputMixin, RegressorMixin, BaseEstimator):
         each = [np.asarray(e.predict(inputs)).reshape(len(inputs), -1) for e in self.estimators_]
         return np.stack(each)
 
-    def _source(
-        self, X: npt.ArrayLike, y: npt.ArrayLike | None, outputs: int
-    ) -> tuple[Array, Array]:
-        if y is None:
-            raise ShapeError("X_source without y_source.")
-        inputs = check_array(X, dtype=np.float64)
-        values = check_array(y, dtype=np.float64, ensure_2d=False)
-        values = values.reshape(len(values), -1)
-        wanted = (len(inputs), outputs)
-        if inputs.shape[1] != self.n_features_in_ or values.shape != wanted:
-            raise ShapeError(
-                f"source rows have {inputs.shape} inputs and {values.shape} outputs, expected "
-                f"(any, {self.n_features_in_}) and (as many, {outputs})."
-            )
-        return inputs, values
-
     def _output_weights(self, outputs: int) -> Array:
         if self.output_weights is None:
             return np.ones(outputs)
@@ -254,18 +240,11 @@ class TrAdaBoostR2(MultiOutputMixin, RegressorMixin, BaseEstimator):
         return scale
 
     def _check(self) -> None:
-        for name, words in (
-            ("source_weights", ("frozen", "literal", "pardoe", "decay")),
-            ("error_over", ("target", "all")),
-            ("combination", ("weighted-median", "literal")),
-            ("hyper_parameters", ("first-round", "each-round")),
-        ):
-            if getattr(self, name) not in words:
-                raise ConfigurationError(
-                    f"{name} is {getattr(self, name)!r}; allowed are {', '.join(words)}."
-                )
-        if self.rounds < 1:
-            raise ConfigurationError(f"rounds is {self.rounds}, expected one or more.")
+        check_words(self, "source_weights", ("frozen", "literal", "pardoe", "decay"))
+        check_words(self, "error_over", ("target", "all"))
+        check_words(self, "combination", ("weighted-median", "literal"))
+        check_words(self, "hyper_parameters", ("first-round", "each-round"))
+        check_count("rounds", self.rounds, 1)
 
     def _shaped(self, values: Array) -> Array:
         return values[:, 0] if self._flat else values

@@ -18,59 +18,51 @@ of the mean.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from robotrue.calibration.learners.process import (
-    Rows,
-    log_posterior,
-    signal_covariance,
-    solved_rows,
-    start_and_bounds,
-)
+from robotrue.calibration.learners.search import LogPosterior
 from robotrue.core.arrays import Array, BoolArray
 
 _ENOUGH, _STEP, _WIDEST = 50, 1e-3, 2.0
 """Numbers per hyper-parameter that make the factor superfluous; step and largest sd of theta."""
 
 
-def inflation(data: Rows, theta: Array, free: BoolArray) -> float:
+def inflation(
+    log_posterior: LogPosterior,
+    left_out: Callable[[Array], tuple[Array, Array]],
+    theta: Array,
+    bounds: Array,
+    free: BoolArray,
+) -> float:
     """Returns the factor on predictive variances for the ``free`` (p,) entries of theta.
 
     1 without free entries, and from fifty numbers per free entry on, where it was measured to be
     below 1.02.
+
+    Args:
+        log_posterior: Of theta (p,), with gradient.
+        left_out: Residual (n, k) and variance (n,) of rows predicted from all others at theta.
+        theta: (p,) its best value.
+        bounds: (p, 2) limits of the search.
+        free: (p,) what was learned.
     """
     count = int(free.sum())
-    if not count or data.outputs.size >= _ENOUGH * count:
+    residual, variance = left_out(theta)
+    if not count or residual.size >= _ENOUGH * count:
         return 1.0
     axes = np.eye(len(theta))[free]
-    curvature = np.array(
-        [
-            (
-                log_posterior(data, theta - _STEP * axis)[1][free]
-                - log_posterior(data, theta + _STEP * axis)[1][free]
-            )
-            / (2.0 * _STEP)
-            for axis in axes
-        ]
-    )
+    down = np.array([log_posterior(theta - _STEP * axis)[1][free] for axis in axes])
+    up = np.array([log_posterior(theta + _STEP * axis)[1][free] for axis in axes])
+    curvature = (down - up) / (2.0 * _STEP)
     values, vectors = np.linalg.eigh(0.5 * (curvature + curvature.T))
     deviation = 1.0 / np.sqrt(np.maximum(values, _WIDEST**-2))
-    residual, variance = _left_out(data, theta)
     total = np.repeat(variance[:, None], residual.shape[1], axis=1)
-    _, bounds = start_and_bounds(data)
-    for step in (vectors * deviation).T @ axes:
+    for part in (vectors * deviation).T:
         for sign in (-1.0, 1.0):
-            there = np.clip(theta + sign * step, *bounds.T)
-            there[~free] = theta[~free]
-            moved, other = _left_out(data, there)
+            there = theta.copy()
+            there[free] = np.clip(theta[free] + sign * part, *bounds[free].T)
+            moved, other = left_out(there)
             total += 0.5 * ((moved - residual) ** 2 + (other - variance)[:, None])
     return max(1.0, float(np.mean(total / variance[:, None])))
-
-
-def _left_out(data: Rows, theta: Array) -> tuple[Array, Array]:
-    """Returns residual (n, k) and variance (n,) of every row predicted from all others."""
-    solved = solved_rows(data, theta, signal_covariance(data, theta))
-    alpha = solved.alpha
-    spread = np.einsum("ij,ij->i", alpha, alpha) - solved.sensitivity().diagonal()
-    variance = alpha.shape[1] / spread
-    return alpha * variance[:, None], variance
