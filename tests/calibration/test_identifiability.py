@@ -2,24 +2,37 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 from planted_arm import PAYLOAD, arm, measure, planted, postures
 
 from robotrue.calibration.estimate import estimate, free_groups
 from robotrue.calibration.methods import FitSettings
+from robotrue.calibration.priors import StiffnessPrior
+from robotrue.errors import ObservabilityError
 
 SETTINGS = FitSettings(payload=PAYLOAD, repeatability=0.0)
 
 
-def run(tool=(0.08, 0.05, 0.30), wrench=False, joints=None, tracker=None, pose_sd=None):
+def run(
+    tool=(0.08, 0.05, 0.30),
+    wrench=False,
+    joints=None,
+    tracker=None,
+    pose_sd=None,
+    settings=SETTINGS,
+    rows=60,
+):
     rng = np.random.default_rng(11)
     robot = arm(tool)
     actual = planted(robot, rng, base=1e-3 if tracker is None else 0.0)
     q = postures(robot, 60, rng) if joints is None else joints(rng)
-    push = np.zeros((60, 6))
+    push = np.zeros((rows, 6))
     push[:8, 1] = 800.0 if wrench else 0.0
     data = measure(actual, q, rng, wrench=push, T_tracker_base=tracker, pose_sd=pose_sd)
-    return estimate(robot, data, SETTINGS, free_groups("elastic"))
+    return estimate(robot, data, settings, free_groups("elastic"))
 
 
 def names(result, reveal=None):
@@ -31,13 +44,28 @@ def test_joint_one_compliance_under_gravity():
     assert names(blind, "side load") == ["compliance1"]
     (direction,) = blind.identifiability.harmful
     assert "gravity does not load a vertical axis" in direction.cure
-    assert "known horizontal force" in direction.cure
+    assert direction.cure.endswith("known horizontal force, or state the stiffness")
     assert blind.verdict.status == "conditional"
     assert blind.identifiability.classes["compliance1"] == "prior only"
     assert blind.identifiability.classes["compliance2"] == "seen"
     pushed = run(wrench=True)
     assert "compliance1" not in names(pushed)
     assert pushed.verdict.status == "determined"
+
+
+def test_a_stated_stiffness_is_not_asked_for_again():
+    stated = StiffnessPrior(stiffness=np.full(6, 1e6), relative_sd=np.array(0.3))
+    told = run(settings=replace(SETTINGS, stiffness=stated))
+    (direction,) = [d for d in told.identifiability.harmful if d.name == "compliance1"]
+    assert direction.cure.endswith("until then the stated stiffness stands")
+    assert not any("or state the stiffness" in doubt for doubt in told.verdict.doubts)
+
+
+def test_too_few_poses_are_answered_with_what_a_user_can_do():
+    with pytest.raises(ObservabilityError) as refused:
+        run(joints=lambda rng: postures(arm(), 5, rng), rows=5)
+    assert "choose a smaller method, or transfer an earlier calibration" in str(refused.value)
+    assert "lean_on_prior" not in str(refused.value)
 
 
 def test_base_against_joint_one():

@@ -140,14 +140,21 @@ def estimate(
     )
     _require_numbers(measurements, settings)
     posterior = maximise(observations, prior, layout, settings.solver)
-    seen = analyse(posterior.state.robot, layout, posterior.information, prior.sd, settings.payload)
+    seen = analyse(
+        posterior.state.robot,
+        layout,
+        posterior.information,
+        prior.sd,
+        settings.payload,
+        stiffness_stated=settings.stiffness is not None,
+    )
     nuisances = layout.size - layout.robot_size
     if posterior.numbers < seen.determinable + nuisances and not settings.lean_on_prior:
         raise ObservabilityError(
             f"{len(measurements)} poses give {posterior.numbers} usable numbers; "
             f"{seen.determinable + nuisances} parameters are to be determined.",
             hint=f"measure at least {-(-(seen.determinable + nuisances) // 3)} poses, choose a "
-            "smaller method, or set lean_on_prior to accept what the prior says.",
+            "smaller method, or transfer an earlier calibration of this type of arm.",
         )
     screened, residual = _by_row(posterior, observations, len(measurements))
     return Estimate(

@@ -8,6 +8,7 @@ shows are parameters that move the arm alike, of which only a combination exists
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
@@ -38,6 +39,10 @@ CURES: Final[dict[Reveal, str]] = {
     "root": "nothing inside the cell; to know it against the robot root, measure the root",
     "nothing": "nothing: these move the arm alike, only their combination exists",
 }
+STATED_STIFFNESS: Final = (
+    "measure some poses under a known horizontal force; until then the stated stiffness stands"
+)
+"""The cure of compliance nobody saw where a stiffness was stated before."""
 LONGEST: Final = 4
 """Parameters a combination is named by; ``terms`` holds all."""
 
@@ -99,7 +104,13 @@ class Identifiability:
 
 
 def analyse(
-    robot: RobotModel, layout: Layout, information: Array, prior_sd: Array, payload: Load
+    robot: RobotModel,
+    layout: Layout,
+    information: Array,
+    prior_sd: Array,
+    payload: Load,
+    *,
+    stiffness_stated: bool = False,
 ) -> Identifiability:
     """Returns what the data see of the ``robot`` block.
 
@@ -109,7 +120,9 @@ def analyse(
         information: (P, P) J^T W J of the data, SI.
         prior_sd: (P,) physical scales, zero where fixed.
         payload: Of the imagined measurements.
+        stiffness_stated: The compliance prior is a stiffness the user stated.
     """
+    cures = {**CURES, "side load": STATED_STIFFNESS} if stiffness_stated else CURES
     size = layout.robot_size
     free = np.flatnonzero(prior_sd[:size] > 0.0)
     sd = prior_sd[free]
@@ -127,9 +140,9 @@ def analyse(
         strength, turn = np.linalg.eigh(dark.T @ gram @ dark)
         turned = dark @ turn
         lit = strength > 1.0
-        unseen += _named(turned[:, lit], names, sd, kind, robot)
+        unseen += _named(turned[:, lit], names, sd, kind, robot, cures)
         dark = turned[:, ~lit]
-    unseen += _named(dark, names, sd, "nothing", robot)
+    unseen += _named(dark, names, sd, "nothing", robot, cures)
     reachable = np.linalg.eigvalsh(kinds[0][1])
     return Identifiability(
         names=names,
@@ -195,7 +208,12 @@ def _imagined(
 
 
 def _named(
-    directions: Array, names: tuple[str, ...], sd: Array, kind: Reveal, robot: RobotModel
+    directions: Array,
+    names: tuple[str, ...],
+    sd: Array,
+    kind: Reveal,
+    robot: RobotModel,
+    cures: Mapping[Reveal, str],
 ) -> list[Direction]:
     out: list[Direction] = []
     if not directions.shape[1]:
@@ -215,7 +233,7 @@ def _named(
                 name=_name(terms),
                 terms=terms,
                 reveal=kind,
-                cure=_reason(terms, kind, robot) + CURES[kind],
+                cure=_reason(terms, kind, robot) + cures[kind],
                 harmless=kind not in ("poses", "side load"),
             )
         )
