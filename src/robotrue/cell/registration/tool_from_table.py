@@ -1,0 +1,50 @@
+"""The paper's route to the tool: its frame laid on the calibrated table's frame.
+
+Feng, Liang, Xi 2018 (see ``readings``), eq. 5-8. It needs the tool's frame on the table's frame in
+full pose; a tip touch gives three of the six equations. Several orientations about one point, in
+``tool``, need nothing but touches.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robotrue.core.arrays import Array, frozen
+from robotrue.core.poses import inverse
+from robotrue.core.rotations import abc_from_matrix
+
+
+def tool_from_table(T_base_flange: Array, T_base_table: Array) -> Array:
+    """Returns ``T_flange_tool`` (4, 4) with the tool's frame lying on the table's, eq. 7.
+
+    Args:
+        T_base_flange: (4, 4), flange pose while the two frames coincide.
+        T_base_table: (4, 4), J1, the calibrated table.
+    """
+    flange = frozen(T_base_flange, (4, 4), "T_base_flange")
+    table = frozen(T_base_table, (4, 4), "T_base_table")
+    return np.asarray(inverse(flange) @ table)
+
+
+def printed_parameters(T_flange_tool: Array) -> tuple[Array, Array]:
+    """Returns eq. 6's angles (3,) rad about z, y, x and shifts (3,) m along the turned axes.
+
+    They describe the inverse, flange in tool: J3^-1 = Rz Ry Rx T(px, py, pz). Set on a tool model
+    as they are they place the wrong tool; see ``tool_parameters``.
+    """
+    T_tool_flange = inverse(frozen(T_flange_tool, (4, 4), "T_flange_tool"))
+    return tool_parameters(T_tool_flange)
+
+
+def tool_parameters(transform: Array) -> tuple[Array, Array]:
+    """Returns angles (3,) rad about z, y, x, then shifts (3,) m along the turned axes, of a pose.
+
+    Eq. 3's order: turn first, then shift, so the shifts are R^T p.
+    """
+    R = transform[:3, :3]
+    return abc_from_matrix(R), np.asarray(R.T @ transform[:3, 3])
+
+
+def touched_point(T_base_flange: Array, T_flange_tool: Array) -> Array:
+    """Returns the touched point(s) (..., 3) m in base, eq. 8: the tool's origin."""
+    return np.asarray((T_base_flange @ T_flange_tool)[..., :3, 3])
