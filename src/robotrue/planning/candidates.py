@@ -11,11 +11,14 @@ from scipy.stats import qmc
 
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.regions import Region, contains
+from robotrue.core.units import DEG
 from robotrue.errors import ReachError
 from robotrue.planning.scene import Scene, collisions, hidden
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel
 
+STEP: Final = 1e-4 * DEG
+"""Drawn joints are rounded to what a program prints."""
 BATCH: Final = 4096
 MOST: Final = 2**18
 """Postures drawn at most."""
@@ -55,7 +58,7 @@ def draw_postures(robot: RobotModel, n: int, *, seed: int, margin: float) -> Arr
         )
     draws = qmc.Sobol(robot.dof, scramble=True, rng=np.random.default_rng([seed, 41]))
     unit = draws.random_base2(int(np.ceil(np.log2(n))))
-    return np.asarray(middle + (2.0 * unit - 1.0) * half)
+    return np.asarray(np.round((middle + (2.0 * unit - 1.0) * half) / STEP) * STEP)
 
 
 def reachable_in(

@@ -93,6 +93,7 @@ class PosePlan:
         joints: (n, dof) rad.
         pre: (n, dof) rad, the pre-position of each; (0, dof) where poses are entered as it comes.
         approach: (n, dof) sign of the last motion of each joint into the pose.
+        row: (n,) index into the candidates, as drawn or as given.
         load: (n,) index into ``loads``.
         loads: The load states; one that is the cell's payload where none were stated.
         position: (n, 3) m, the reflector as the controller computes it, in base.
@@ -112,6 +113,7 @@ class PosePlan:
     joints: Array
     pre: Array
     approach: Array
+    row: IntArray
     load: IntArray
     loads: tuple[Load, ...]
     position: Array
@@ -137,7 +139,7 @@ class PosePlan:
             ("position", (n, 3)),
         ):
             object.__setattr__(self, name, frozen(getattr(self, name), shape, name))
-        for name in ("load", "rank"):
+        for name in ("row", "load", "rank"):
             object.__setattr__(self, name, frozen(getattr(self, name), (n,), name, dtype=np.int64))
 
     def __len__(self) -> int:
@@ -181,7 +183,7 @@ def plan_poses(
             hint="10 poses give a first model, 30 a good one.",
         )
     scene = scene_of(cell, clearance=settings.clearance)
-    joints, drawn, rejected = _choices(scene, n, settings, candidates)
+    joints, index, drawn, rejected = _choices(scene, n, settings, candidates)
     known = (
         before_measuring(cell, settings=settings.fit, unmodelled=settings.unmodelled)
         if model is None
@@ -204,6 +206,7 @@ def plan_poses(
         joints=taken[order],
         pre=pre,
         approach=approach,
+        row=index[posture[order]],
         load=load[order],
         loads=loads,
         position=scene.tubes(taken[order])[1],
@@ -223,8 +226,8 @@ def plan_poses(
 
 def _choices(
     scene: Scene, n: int, settings: PlanSettings, candidates: Array | None
-) -> tuple[Array, int, tuple[tuple[str, int], ...]]:
-    """The usable postures, how many were looked at, and why the others are not usable."""
+) -> tuple[Array, IntArray, int, tuple[tuple[str, int], ...]]:
+    """Usable postures, their numbers, how many were looked at, and why the others are not."""
     dof = scene.robot.dof
     back = -np.full(dof, settings.step_back) if settings.approach == "one side" else None
     if candidates is None:
@@ -236,14 +239,16 @@ def _choices(
             region=settings.within,
             step_back=back,
         )
-        return found.joints, found.drawn, found.rejected
+        numbers = np.arange(len(found.joints))
+        return found.joints, numbers, found.drawn, found.rejected
     joints = np.asarray(candidates, dtype=np.float64)
     if joints.ndim != 2 or joints.shape[1] != dof:
         raise ConfigurationError(f"candidates have shape {joints.shape}, expected (any, {dof}).")
     good, counts = usable(scene, joints, pre=None if back is None else joints + back)
     if not good.any():
         raise nothing_left(len(joints), counts)
-    return joints[good], len(joints), tuple((r, k) for r, k in counts.items() if k)
+    rejected = tuple((reason, count) for reason, count in counts.items() if count)
+    return joints[good], np.flatnonzero(good), len(joints), rejected
 
 
 def _visits(joints: Array, load: Load, settings: PlanSettings) -> Postures:

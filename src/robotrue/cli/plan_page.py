@@ -1,0 +1,102 @@
+"""The report page of a plan: accuracy against number of poses, and what was rejected."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robotrue.cell.cell import Cell
+from robotrue.core.units import DEG, MM
+from robotrue.planning.plan import PosePlan
+from robotrue.report.content import (
+    Column,
+    Fact,
+    PoseCurves,
+    PoseSeries,
+    ReportContent,
+    Section,
+    Table,
+    Tile,
+    Verdict,
+)
+from robotrue.report.page import report_html
+
+FIRST = 4
+"""Poses from which the curve is drawn: fewer do not fix base and tool."""
+
+
+def plan_page(cell: Cell, plan: PosePlan) -> str:
+    """Returns the page (HTML)."""
+    n, expected = len(plan), plan.expected
+    counts = np.arange(min(FIRST, n), n + 1)
+    poses_axis = counts.astype(np.float64)
+    curve = PoseCurves(
+        series=(
+            PoseSeries(
+                label="planned", count=poses_axis, median=expected.mean[counts], role="ours"
+            ),
+            PoseSeries(
+                label="random, from the same candidates",
+                count=poses_axis,
+                median=expected.random_mean[counts],
+                low=expected.random_low[counts],
+                high=expected.random_high[counts],
+            ),
+        ),
+        floor=expected.floor_mean,
+        title="Expected mean error against the number of poses",
+        caption="From the arm's type and the instrument alone; nothing was measured.",
+    )
+    rejected = Table(
+        title="Why postures were left out",
+        columns=(Column(title="reason"), Column(title="postures", digits=0)),
+        rows=(*plan.rejected, ("kept as candidates", plan.candidates), ("drawn", plan.drawn)),
+    )
+    poses = Table(
+        title="The poses, in the order of measuring",
+        columns=(
+            Column(title="pose"),
+            *(Column(title=f"j{i + 1}", unit="deg", digits=2) for i in range(plan.joints.shape[1])),
+            *(Column(title=axis, unit="mm", digits=1) for axis in "xyz"),
+            Column(title="load"),
+            Column(title="worth, place"),
+        ),
+        rows=tuple(
+            (
+                k + 1,
+                *(float(v) for v in plan.joints[k] / DEG),
+                *(float(v) for v in plan.position[k] / MM),
+                int(plan.load[k]),
+                int(plan.rank[k]) + 1,
+            )
+            for k in range(n)
+        ),
+        caption="Joints in the sense of the robot model; x, y, z as the controller computes them.",
+    )
+    return report_html(
+        ReportContent(
+            title=f"Poses to measure: {cell.robot.name}",
+            verdict=Verdict(
+                text=f"{n} poses, expected mean error {expected.mean[n] / MM:.3f} mm where the "
+                "arm will work.",
+                detail=f"Criterion {plan.criterion}; as many random poses "
+                f"{expected.random_mean[n] / MM:.3f} mm.",
+            ),
+            simulated=False,
+            subtitle="a plan, before any measurement",
+            tiles=(
+                Tile(label="planned", value=float(expected.mean[n] / MM), unit="mm"),
+                Tile(label="random", value=float(expected.random_mean[n] / MM), unit="mm"),
+                Tile(label="floor", value=expected.floor_mean / MM, unit="mm"),
+            ),
+            sections=(
+                Section(title="Accuracy", blocks=(curve,)),
+                Section(title="Candidates", blocks=(rejected,)),
+                Section(title="Poses", blocks=(poses,)),
+            ),
+            doubts=plan.notes,
+            provenance=(
+                Fact(name="cell", value=f"{cell.source} sha256:{cell.digest}"),
+                Fact(name="seed", value=str(plan.seed)),
+            ),
+        )
+    )
