@@ -23,20 +23,24 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from real_arms import CHI2_95, ROOT, examine, nominal_y, points
 
+from robotrue.calibration.belief import belief_of
 from robotrue.calibration.drift import DriftScales
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel, Query
+from robotrue.calibration.new_rows import new_rows
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.transfer import Source, fit_transfer
 from robotrue.core.units import MM
 from robotrue.errors import RobotrueError
 from robotrue.measurement.measurement_set import MeasurementSet, concatenate
 from robotrue.robot.forward import forward
+from robotrue.robot.model import RobotModel
 from robotrue.robot.presets import preset
 from robotrue.simulation import scenarios
 
 NONE = DriftScales(**{f.name: 0.0 for f in fields(DriftScales)})
 QUICK_ROWS = 1500
+CANDIDATES = 500
 Examined = tuple[float, float]
 
 
@@ -115,12 +119,47 @@ def contestants(
         yield "source", lambda: fit_transfer(robot, known, given, scales=NONE, learn=False)
     if len(known):
         leaning = FitSettings(lean_on_prior=True)
-        yield "target", lambda: fit(robot, known, method="gp", settings=leaning)
+        yield "target", lambda: alone(robot, known, leaning)
     if pooled and len(known):
         apart = known
         if case.relation != "region":
             apart = replace(known, station=known.station + 1 + int(source.station.max()))
         yield "pooled", lambda: fit(robot, concatenate([source, apart]), method="gp")
+
+
+def alone(robot: RobotModel, known: MeasurementSet, leaning: FitSettings) -> ErrorModel:
+    """Returns the fit of the target points alone; geometry where they are too few for more."""
+    try:
+        return fit(robot, known, method="gp", settings=leaning)
+    except RobotrueError:
+        return fit(robot, known, method="elastic", settings=leaning)
+
+
+def least_sure(model: ErrorModel, rows: MeasurementSet, n: int) -> np.ndarray:
+    """Returns n rows that, measured, would most lower the variance over a part of all rows.
+
+    Greedy I-optimal choice by the carried-over model's own covariance; no measured target value is
+    looked at, only joints.
+    """
+    candidates = np.arange(0, len(rows), max(1, len(rows) // CANDIDATES))
+    belief = belief_of(model)
+    found = new_rows(belief, rows.subset(candidates), FitSettings(), fresh=False)
+    half = np.zeros((len(candidates), 3, len(belief.root)))
+    for piece in found.pieces(belief):
+        half[piece.rows] = piece.columns @ belief.root.T
+    covariance = half.reshape(-1, half.shape[2]) @ half.reshape(-1, half.shape[2]).T
+    noise = (belief.white**2 + belief.repeatability**2) * np.eye(3)
+    chosen: list[int] = []
+    for _ in range(n):
+        blocks = covariance.reshape(len(candidates) * 3, len(candidates), 3).swapaxes(0, 1)
+        own = np.stack([blocks[i][3 * i : 3 * i + 3] for i in range(len(candidates))]) + noise
+        reduced = np.einsum("nka,nab,nkb->n", blocks, np.linalg.inv(own), blocks, optimize=True)
+        reduced[chosen] = -1.0
+        best = int(np.argmax(reduced))
+        chosen.append(best)
+        gain = blocks[best]
+        covariance = covariance - gain @ np.linalg.solve(own[best], gain.T)
+    return candidates[np.sort(chosen)]
 
 
 def placed(model: ErrorModel, rows: MeasurementSet) -> MeasurementSet:
@@ -160,6 +199,18 @@ def measured_case(case: Case, draws: int, quick: bool, pooled: bool) -> Iterator
                 found.setdefault(name, []).append((float(errors.mean()) / MM, inside.mean()))
         for name, values in found.items():
             yield f"  {n:3d} points  {name:9s} {spread(values)}  {seconds[name]:6.1f} s"
+        if n == case.counts[0] and case.relation == "region":
+            picked = least_sure(model, target, n)
+            rest = target.subset(np.setdiff1d(np.arange(len(target)), picked))
+            made = fit_transfer(
+                preset("UR10"),
+                target.subset(picked),
+                [Source(model=model, relation="region", name="source")],
+            )
+            errors, inside = examine(made, rest)
+            values = [(float(errors.mean()) / MM, float(inside.mean()))]
+            yield f"  {n:3d} planned points, transfer  {spread(values)}"
+            yield result(f"{case.title}, {n} planned points", "-", case.reach, values)
         if n == case.counts[0]:
             yield result(f"{case.title}, {n} points", case.reference, case.reach, found["transfer"])
 
@@ -214,7 +265,7 @@ def simulated_case(name: str, arms: int, pooled: bool) -> Iterator[str]:
             given = [Source(model=model, relation="region", name="source")]
             made = {"transfer": fit_transfer(robot, known, given, settings), "source": model}
             if n:
-                made["target"] = fit(robot, known, method="gp", settings=leaning)
+                made["target"] = alone(robot, known, leaning)
             if n and pooled:
                 made["pooled"] = fit(robot, rows, method="gp", settings=settings)
             for key, value in made.items():

@@ -57,7 +57,7 @@ ROUNDS: Final = 3
 FIELD_LENGTH: Final = 1.5
 """In units of sin q and cos q: length of a smooth residual the sources do not have."""
 DEFAULTS_WORTH: Final[Mapping[Relation, int]] = {"region": 12, "campaign": 4, "unit": 4}
-"""Rows that the default scales are worth; in one campaign the source's own held-out blocks speak."""
+"""Rows the default scales are worth; in one campaign the source's held-out blocks speak too."""
 LEVEL: Final = 0.95
 SEED: Final = 21
 

@@ -89,7 +89,7 @@ def require_joints(model: ErrorModel, measurements: MeasurementSet) -> None:
     Raises:
         ModelMismatchError: It has.
     """
-    if measurements.dof != model.robot.dof:
+    if len(measurements) and measurements.dof != model.robot.dof:
         raise ModelMismatchError(
             f"measurements have {measurements.dof} joints, the model of {model.robot.name} has "
             f"{model.robot.dof}."

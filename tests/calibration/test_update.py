@@ -1,0 +1,131 @@
+"""Models that take new measurements without a refit: simulated arm, planted errors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from planted_arm import PAYLOAD, arm, measure, planted, postures
+
+from robotrue.calibration.archive import open_model
+from robotrue.calibration.estimator import SolverSettings
+from robotrue.calibration.lineage import model_hash
+from robotrue.calibration.methods import FitSettings, fit
+from robotrue.calibration.model import Query
+from robotrue.calibration.smooth import SmoothBasis
+from robotrue.calibration.update import further_centres, updated
+from robotrue.core.archive import read_archive, write_archive
+from robotrue.core.poses import pose
+from robotrue.core.rotations import matrix_from_rotation_vector
+from robotrue.errors import ModelMismatchError
+from robotrue.measurement.measurement_set import MeasurementSet
+
+PLAIN = FitSettings(payload=PAYLOAD, solver=SolverSettings(loss="gaussian"))
+ROBUST = FitSettings(payload=PAYLOAD)
+
+
+@pytest.fixture(scope="module")
+def rows():
+    rng = np.random.default_rng(11)
+    robot = arm()
+    return measure(planted(robot, rng), postures(robot, 120, rng), rng)
+
+
+@pytest.fixture(scope="module")
+def parent(rows):
+    return fit(arm(), rows.subset(np.arange(60)), settings=PLAIN)
+
+
+@pytest.fixture(scope="module")
+def query():
+    joints = postures(arm(), 40, np.random.default_rng(12))
+    return Query(joints=joints, load=PAYLOAD)
+
+
+def test_block_by_block_is_all_at_once(parent, rows, query):
+    whole = updated(parent, rows.subset(np.arange(60, 120)), settings=PLAIN).predict(query)
+    model = parent
+    for start in (90, 60, 105, 75):  # in another order, too
+        model = updated(model, rows.subset(np.arange(start, start + 15)), settings=PLAIN)
+    parts = model.predict(query)
+    np.testing.assert_allclose(parts.error, whole.error, rtol=0, atol=2e-8)  # linearisation
+    np.testing.assert_allclose(parts.covariance, whole.covariance, rtol=1e-3, atol=1e-14)
+
+
+def test_close_to_the_full_refit(parent, rows, query):
+    refit = fit(arm(), rows, settings=PLAIN).predict(query)
+    found = updated(parent, rows.subset(np.arange(60, 120)), settings=PLAIN).predict(query)
+    before = parent.predict(query)
+    gap = np.linalg.norm(found.error - refit.error, axis=1).mean()
+    assert gap < 0.3 * np.linalg.norm(before.error - refit.error, axis=1).mean()
+    assert gap < 5e-6
+    assert (
+        np.trace(found.covariance, axis1=1, axis2=2) < np.trace(before.covariance, axis1=1, axis2=2)
+    ).all()
+
+
+def test_lineage_names_parents_and_data_and_survives_the_archive(parent, rows, tmp_path):
+    once = updated(parent, rows.subset(np.arange(60, 80)), settings=PLAIN)
+    twice = updated(once, rows.subset(np.arange(80, 90)), settings=PLAIN)
+    write_archive(tmp_path / "m.rtm", twice.to_archive())
+    lineage = open_model(read_archive(tmp_path / "m.rtm")).training_summary()["lineage"]
+    assert [step["step"] for step in lineage] == ["fit", "update", "update"]
+    assert [step["rows"] for step in lineage] == [60, 20, 10]
+    assert lineage[1]["parents_sha256"] == [model_hash(parent)]
+    assert lineage[2]["parents_sha256"] == [model_hash(once)]
+    assert lineage[1]["data_sha256"] != lineage[2]["data_sha256"]
+    assert twice.training_summary()["rows"] == 90
+
+
+def test_a_gross_error_gets_no_weight(parent, rows, query):
+    part = rows.subset(np.arange(60, 90))
+    position = part.position.copy()
+    position[7] += [0.0, 5e-3, 0.0]
+    found = updated(parent, replace(part, position=position), settings=ROBUST)
+    assert found.training_summary()["lineage"][-1]["screened_rows"] == [7]
+    clean = updated(parent, part, settings=ROBUST).predict(query)
+    np.testing.assert_allclose(found.predict(query).error, clean.error, rtol=0, atol=1e-5)
+
+
+def test_a_new_set_up_is_estimated_with_its_rows(parent, rows, query):
+    T = pose(matrix_from_rotation_vector(np.array([0.3, -0.2, 1.1])), np.array([2.0, -1.0, 0.4]))
+    part = rows.subset(np.arange(60, 75))
+    moved = replace(
+        part,
+        position=part.position @ T[:3, :3].T + T[:3, 3],
+        frame="tracker",
+        station=np.full(15, 4),
+    )
+    found = updated(parent, moved, settings=ROBUST)
+    back = found.in_base(moved)
+    assert np.linalg.norm(back.position - part.position, axis=1).max() < 1e-4
+    gap = found.predict(query).error - parent.predict(query).error
+    assert np.linalg.norm(gap, axis=1).max() < 3e-4
+
+
+def test_no_rows_change_nothing(parent, rows, query):
+    same = updated(parent, rows.subset(np.zeros(0, dtype=int)), settings=ROBUST)
+    np.testing.assert_allclose(same.predict(query).error, parent.predict(query).error, atol=1e-15)
+
+
+def test_another_number_of_joints_is_refused(parent):
+    with pytest.raises(ModelMismatchError, match="5 joints"):
+        updated(
+            parent,
+            MeasurementSet(
+                joints=np.zeros((4, 5)),
+                position=np.zeros((4, 3)),
+                covariance=np.tile(np.eye(3), (4, 1, 1)),
+            ),
+        )
+
+
+def test_further_centres_keep_those_there_were(rows):
+    basis = SmoothBasis(centres=np.zeros((1, 12)), scale=np.full(12, 1.0))
+    more = further_centres(basis, rows.joints, most=10)
+    np.testing.assert_array_equal(more.centres[:1], basis.centres)
+    assert len(more.centres) == 11
+    np.testing.assert_allclose(
+        more.columns(rows.joints)[:, 0], basis.columns(rows.joints)[:, 0], atol=1e-12
+    )
