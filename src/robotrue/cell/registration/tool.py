@@ -1,4 +1,4 @@
-"""Tool point and tool axis from touches: several orientations about a fixed point, a plane, an axis.
+"""Tool point and tool axis from touches: orientations about a fixed point, a plane, an axis.
 
 A touch with the tip gives three equations and says nothing about the turn of the tool about itself;
 how that turn is chosen is therefore an argument.

@@ -30,13 +30,13 @@ def printed_parameters(T_flange_tool: Array) -> tuple[Array, Array]:
     """Returns eq. 6's angles (3,) rad about z, y, x and shifts (3,) m along the turned axes.
 
     They describe the inverse, flange in tool: J3^-1 = Rz Ry Rx T(px, py, pz). Set on a tool model
-    as they are they place the wrong tool; see ``tool_parameters``.
+    as they are they place the wrong tool; see ``turned_then_shifted``.
     """
     T_tool_flange = inverse(frozen(T_flange_tool, (4, 4), "T_flange_tool"))
-    return tool_parameters(T_tool_flange)
+    return turned_then_shifted(T_tool_flange)
 
 
-def tool_parameters(transform: Array) -> tuple[Array, Array]:
+def turned_then_shifted(transform: Array) -> tuple[Array, Array]:
     """Returns angles (3,) rad about z, y, x, then shifts (3,) m along the turned axes, of a pose.
 
     Eq. 3's order: turn first, then shift, so the shifts are R^T p.
