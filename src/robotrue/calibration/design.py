@@ -15,7 +15,11 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from robotrue.calibration.evidence import Group, Sums, sums_of
-from robotrue.calibration.observations import CHANNELS, PoseObservation, PositionObservation
+from robotrue.calibration.observations import (
+    CHANNELS,
+    PoseObservation,
+    PositionObservation,
+)
 from robotrue.calibration.parameters import Layout, State, difference
 from robotrue.calibration.priors import LEARNED, Prior
 from robotrue.calibration.ripple import harmonics, ripple_columns, ripple_groups
@@ -70,6 +74,7 @@ class Design:
         count: Highest harmonic.
         basis: Centres of the smooth residual, if any.
         active: (p,) columns in use; the others stand at zero.
+        few: The rows are too few to say the scale of each band of ripple.
     """
 
     observations: tuple[Seen, ...]
@@ -83,6 +88,7 @@ class Design:
     count: int
     basis: SmoothBasis | None
     active: BoolArray
+    few: bool = False
 
     @property
     def free(self) -> IntArray:
@@ -174,7 +180,7 @@ class Design:
         dof = self.layout.dof
         found = [
             *self._physical_groups(),
-            *ripple_groups(dof, self.count, ripple),
+            *ripple_groups(dof, self.count, ripple, few=self.few),
             Group(
                 name="backlash",
                 columns=np.arange(backlash, smooth),
@@ -184,7 +190,12 @@ class Design:
         ]
         if end > smooth:
             found.append(
-                Group(name="smooth", columns=np.arange(smooth, end), sd=1e-4, rest=SMOOTH_REST)
+                Group(
+                    name="smooth",
+                    columns=np.arange(smooth, end),
+                    sd=1e-4,
+                    rest=SMOOTH_REST,
+                )
             )
         position = np.cumsum(self.active) - 1
         out = []
@@ -198,6 +209,7 @@ class Design:
                         sd=scales.get(group.name, group.sd),
                         rest=group.rest,
                         shape=group.unit[kept],
+                        hold=group.hold,
                     )
                 )
         return out

@@ -10,6 +10,13 @@ that the data determine,
     s_g^2 = (PULL r_g^2 + |w_g|^2) / (PULL + gamma_g)      tau_c = |y - F w|_c^2 / (n_c - gamma_c)
 
 ``r_g`` is the scale at rest: where a group has nothing to say it goes there instead of to zero.
+
+With few rows that is too sure of itself: a group that happens to say little is silenced. Groups
+that are *held* have a log-normal prior about their scale at rest and one factor in common, learned
+with them; with many rows the fixed point is MacKay's again.
+
+Few rows are kept as they are: with K = 1 + B B', B the whitened columns times their prior scales,
+every step costs r^2 p for r numbers instead of p^3 (same posterior, Woodbury).
 """
 
 from __future__ import annotations
@@ -19,15 +26,21 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
+from scipy.linalg import eigh
 from scipy.linalg.lapack import dpotrf, dtrtri
+from scipy.special import wrightomega
 
-from robotrue.core.arrays import Array, IntArray
+from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.errors import ConvergenceError
 
 PULL: Final = 0.5
 """Weight of the scale at rest in a learned one, in parameters."""
 LEAST_GAIN: Final = 1.0
 """Gain in log evidence per step below which learning stops."""
+COMMON_HOLD: Final = 0.5
+"""Hold of the factor that held groups have in common: a factor of e in the scale is one sigma."""
+FEW_PER_COLUMN: Final = 0.6
+"""Numbers per column up to which the rows are kept beside their sums."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,6 +53,8 @@ class Group:
         sd: Prior standard deviation of each (or of the unit weight, see ``shape``).
         rest: Scale the group falls back to; zero keeps ``sd`` as it is.
         shape: (k,) relative size within the group; ones if empty.
+        hold: How firmly the scale is held to that at rest and to the other held groups: 2 over the
+            prior variance of log(sd^2). Zero is MacKay's rule with the pull of :data:`PULL`.
     """
 
     name: str
@@ -47,6 +62,7 @@ class Group:
     sd: float
     rest: float = 0.0
     shape: Array = field(default_factory=lambda: np.empty(0))
+    hold: float = 0.0
 
     @property
     def learned(self) -> bool:
@@ -68,15 +84,33 @@ class Sums:
         pull: (p,) F'y.
         power: y'y.
         count: Numbers that count, reduced by what the robust rule takes from a clean variance.
+        columns: (r, p) the rows themselves where there are few; empty otherwise.
+        values: (r,) of those rows.
     """
 
     gram: Array
     pull: Array
     power: float
     count: float
+    columns: Array = field(default_factory=lambda: np.empty((0, 0)))
+    values: Array = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def few(self) -> bool:
+        """Whether the rows are kept."""
+        return len(self.values) > 0
+
+    def part(self, kept: BoolArray) -> Sums:
+        """Returns the sums over some of the columns (p,)."""
+        return replace(
+            self,
+            gram=self.gram[np.ix_(kept, kept)],
+            pull=self.pull[kept],
+            columns=self.columns[:, kept] if self.few else self.columns,
+        )
 
     def without(self, other: Sums) -> Sums:
-        """Returns the sums with some of their rows taken away."""
+        """Returns the sums with some of their rows taken away; the rows are not kept."""
         return Sums(
             gram=self.gram - other.gram,
             pull=self.pull - other.pull,
@@ -120,12 +154,24 @@ def sums_of(blocks: Iterable[tuple[Array, Array, float]], size: int) -> Sums:
         size: p.
     """
     gram, pull, power, count = np.zeros((size, size)), np.zeros(size), 0.0, 0.0
+    kept: list[tuple[Array, Array]] = []
+    rows = 0
     for columns, values, number in blocks:
         gram += columns.T @ columns
         pull += columns.T @ values
         power += float(values @ values)
         count += number
-    return Sums(gram=gram, pull=pull, power=power, count=count)
+        rows += len(values)
+        if rows <= FEW_PER_COLUMN * size:
+            kept.append((columns, values))
+    found = Sums(gram=gram, pull=pull, power=power, count=count)
+    if not kept or rows > FEW_PER_COLUMN * size:
+        return found
+    return replace(
+        found,
+        columns=np.concatenate([columns for columns, _ in kept]),
+        values=np.concatenate([values for _, values in kept]),
+    )
 
 
 def prior_sd(groups: Sequence[Group], size: int) -> Array:
@@ -136,12 +182,26 @@ def prior_sd(groups: Sequence[Group], size: int) -> Array:
     return sd
 
 
-def posterior(channels: Sequence[Sums], groups: Sequence[Group], noise: Array) -> Weights:
+def posterior(
+    channels: Sequence[Sums],
+    groups: Sequence[Group],
+    noise: Array,
+    *,
+    rooted: bool = True,
+) -> Weights:
     """Returns the posterior at given scales and noise, with its evidence.
+
+    Args:
+        channels: Sums per noise channel.
+        groups: Scales.
+        noise: (c,) tau.
+        rooted: False may leave the root empty, where it is dear and the caller has no use for it.
 
     Raises:
         ConvergenceError: The precision is not positive definite (rows with huge values).
     """
+    if all(s.few for s in channels):
+        return _posterior_of_few(channels, groups, noise, rooted or len(channels) > 1)
     size = len(channels[0].pull)
     sd = prior_sd(groups, size)
     precision = sum(s.gram / t for s, t in zip(channels, noise, strict=True))
@@ -159,13 +219,57 @@ def posterior(channels: Sequence[Sums], groups: Sequence[Group], noise: Array) -
     unit = inverse.T @ (inverse @ (sd * np.asarray(pull)))
     mean = sd * unit
     left = (inverse**2).sum(axis=0)  # posterior over prior variance
-    misfit = [s.power - 2.0 * mean @ s.pull + mean @ s.gram @ mean for s in channels]
     evidence = -float(unit @ unit) / 2.0 - float(np.log(np.diagonal(factor)).sum())
+    return _weights(channels, groups, noise, mean, left, inverse * sd, evidence)
+
+
+def _posterior_of_few(
+    channels: Sequence[Sums], groups: Sequence[Group], noise: Array, rooted: bool
+) -> Weights:
+    """The same posterior from K = 1 + B B' = U (1 + s^2) U', B = whitened columns times prior sd.
+
+    The root is the symmetric one of 1 - B' K^-1 B, taken from the right: R = (1 - V d V') sd.
+    """
+    sd = prior_sd(groups, len(channels[0].pull))
+    scale = 1.0 / np.sqrt(np.asarray(noise))
+    columns = np.concatenate([s.columns * a for s, a in zip(channels, scale, strict=True)]) * sd
+    values = np.concatenate([s.values * a for s, a in zip(channels, scale, strict=True)])
+    if not np.isfinite(columns).all():
+        raise ConvergenceError(
+            f"the rows of {len(sd)} weights are not finite.",
+            hint="look for wild rows or units in the measurements.",
+        )
+    square, left_vectors = eigh(columns @ columns.T, driver="evd")
+    square = np.maximum(square, 0.0)
+    turned = left_vectors.T @ columns
+    shrunk = turned / (1.0 + square)[:, None]
+    unit = shrunk.T @ (left_vectors.T @ values)
+    left = np.maximum(1.0 - (turned * shrunk).sum(axis=0), 0.0)
+    root = np.empty((0, 0))
+    if rooted:
+        grown = np.sqrt(1.0 + square)
+        root = np.eye(len(sd)) - turned.T @ (turned / (grown * (1.0 + grown))[:, None])
+        root *= sd
+    evidence = -float(unit @ unit) / 2.0 - 0.5 * float(np.log1p(square).sum())
+    return _weights(channels, groups, noise, sd * unit, left, root, evidence)
+
+
+def _weights(
+    channels: Sequence[Sums],
+    groups: Sequence[Group],
+    noise: Array,
+    mean: Array,
+    left: Array,
+    root: Array,
+    evidence: float,
+) -> Weights:
+    """Puts a posterior together; ``left`` is posterior over prior variance."""
+    misfit = [s.power - 2.0 * mean @ s.pull + mean @ s.gram @ mean for s in channels]
     for s, t, m in zip(channels, noise, misfit, strict=True):
         evidence -= 0.5 * (s.count * float(np.log(2.0 * np.pi * t)) + float(m) / t)
     return Weights(
         mean=mean,
-        root=inverse * sd,
+        root=root,
         groups=tuple(groups),
         noise=np.asarray(noise, dtype=np.float64),
         determined=np.array([float((1.0 - left[g.columns]).sum()) for g in groups]),
@@ -186,23 +290,29 @@ def learn(
         steps: Most fixed-point steps; learning also stops when a step gains less than
             :data:`LEAST_GAIN`.
     """
-    best = posterior(channels, groups, noise)
+    best = posterior(channels, groups, noise, rooted=False)
     for step in range(1, steps + 1):
         groups, noise = _moved(best, channels)
-        trial = posterior(channels, groups, noise)
+        trial = posterior(channels, groups, noise, rooted=False)
         gain = trial.evidence - best.evidence
         best = replace(trial, steps=step)
         if step > 3 and gain < LEAST_GAIN:
             break
+    if not len(best.root):
+        best = replace(posterior(channels, best.groups, best.noise), steps=best.steps)
     return best
 
 
 def _moved(at: Weights, channels: Sequence[Sums]) -> tuple[tuple[Group, ...], Array]:
+    squares = np.array([float(((at.mean[g.columns] / g.unit) ** 2).sum()) for g in at.groups])
+    seen = np.maximum(at.determined, 0.0)
+    held = held_scales(at.groups, squares, seen)
     groups = []
-    for group, seen in zip(at.groups, at.determined, strict=True):
-        if group.learned:
-            squares = float(((at.mean[group.columns] / group.unit) ** 2).sum())
-            variance = (PULL * group.rest**2 + squares) / (PULL + max(seen, 0.0))
+    for k, group in enumerate(at.groups):
+        if group.learned and group.hold:
+            group = replace(group, sd=held[k])
+        elif group.learned:
+            variance = (PULL * group.rest**2 + squares[k]) / (PULL + seen[k])
             group = replace(group, sd=float(np.sqrt(variance)))
         groups.append(group)
     noise = np.empty(len(channels))
@@ -211,6 +321,41 @@ def _moved(at: Weights, channels: Sequence[Sums]) -> tuple[tuple[Group, ...], Ar
         misfit = float(s.power - 2.0 * at.mean @ s.pull + at.mean @ s.gram @ at.mean)
         noise[k] = max(misfit, 1e-30) / max(s.count - spent[k], 0.05 * s.count)
     return tuple(groups), noise
+
+
+def held_scales(groups: Sequence[Group], squares: Array, seen: Array) -> dict[int, float]:
+    """Returns the next sd of every held group, by its number.
+
+    With x the log variance of a group, r that at rest, h its hold and e the common factor,
+
+        squares exp(-x) = seen + h (x - r - e),      sum h (x - r - e) = COMMON_HOLD e
+
+    are the zeros of the slope of log evidence plus log prior. The first is solved by the Wright
+    omega function, the second, whose left side falls with e, by bisection.
+
+    Args:
+        groups: All groups.
+        squares: (g,) sum of the squared weights over their relative sizes.
+        seen: (g,) number of weights the data determine.
+    """
+    held = [k for k, g in enumerate(groups) if g.learned and g.hold]
+    if not held:
+        return {}
+    hold = np.array([groups[k].hold for k in held])
+    rest = 2.0 * np.log([groups[k].rest for k in held])
+    free = np.asarray(seen)[held] / hold
+    height = np.log(np.maximum(np.asarray(squares)[held], 1e-300) / hold) + free
+
+    def logs(common: float) -> Array:
+        start = rest + common
+        return np.asarray(start - free + wrightomega(height - start), dtype=np.float64)
+
+    low, high = -14.0, 14.0  # factors of a thousand
+    for _ in range(40):
+        common = 0.5 * (low + high)
+        pull = float((hold * (logs(common) - rest - common)).sum()) - COMMON_HOLD * common
+        low, high = (common, high) if pull > 0.0 else (low, common)
+    return dict(zip(held, np.exp(0.5 * logs(common)).tolist(), strict=True))
 
 
 def _spent(at: Weights, channels: Sequence[Sums]) -> Array:

@@ -3,7 +3,8 @@
 Within the training rows alone: the rows are cut into contiguous blocks in the order they were
 measured; the scales, the noise and the weights are learned anew without each block, which is then
 predicted. The covariance gets the factor that makes 95 % of the held-out rows fall into their 95 %
-region.
+region. With few rows that factor is a matter of chance; it is then drawn towards the one of
+Student's law for a variance known from as many numbers as are left.
 What stays common to all blocks: linearisation, robust weights, and the lengths of the smooth part.
 """
 
@@ -14,6 +15,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from scipy.special import fdtri
 
 from robotrue.calibration.design import Design
 from robotrue.calibration.evidence import Sums, Weights, learn, spread
@@ -25,6 +27,11 @@ BLOCKS: Final = 5
 STEPS: Final = 6
 """Of learning without a block, from the scales of all rows."""
 LEVEL: Final = 0.95
+PRIOR_ROWS: Final = 60
+"""Rows at which the factor of the blocks and that of Student's law count alike: with 60 rows the
+95 % point rests on three of them."""
+LEAST_FREEDOM: Final = 6.0
+"""Degrees below which Student's law says nothing sensible of three numbers."""
 LARGEST: Final = 100.0
 """Largest factor on a covariance: ten times the standard deviation."""
 
@@ -62,7 +69,13 @@ class HeldOut:
 
 
 def held_out(
-    design: Design, sums: Sequence[Sums], fit: Weights, uncarried: Array, repeatability: float
+    design: Design,
+    sums: Sequence[Sums],
+    fit: Weights,
+    uncarried: Array,
+    repeatability: float,
+    *,
+    shift: float = 0.0,
 ) -> HeldOut:
     """Returns every row predicted from the other blocks, and the factor on the covariance.
 
@@ -72,14 +85,21 @@ def held_out(
         fit: At the learned scales.
         uncarried: (rows,) m^2, variance of the smooth residual that its centres do not carry.
         repeatability: m, sd per axis, part of the rows' stated covariance.
+        shift: m, sd per axis by which blocks may stand apart for the time between them alone.
     """
     count = len(design.weights)
     blocks = min(BLOCKS, max(2, count // 6))
     fold = np.arange(count) * blocks // count
-    error, learned, white, instrument = np.zeros((count, 3)), *np.zeros((3, count, 3, 3))
+    error, learned, white, instrument = (
+        np.zeros((count, 3)),
+        *np.zeros((3, count, 3, 3)),
+    )
     for k in range(blocks):
         chosen = fold == k
-        rest = [a.without(b) for a, b in zip(sums, design.sums(chosen), strict=True)]
+        if all(s.few for s in sums):
+            rest = design.sums(~chosen)
+        else:
+            rest = [a.without(b) for a, b in zip(sums, design.sums(chosen), strict=True)]
         others = learn(rest, fit.groups, fit.noise, steps=STEPS)
         for item in design.rows(chosen):
             lower, columns = item.lower[:, :3, :3], item.columns[:, :3]
@@ -89,9 +109,35 @@ def held_out(
             error[item.rows] = (lower @ off[:, :, None])[:, :, 0]
             learned[item.rows] = lower @ spread(others.root, columns) @ back
             white[item.rows] = others.noise[0] * lower @ back - known
-            instrument[item.rows] = known
+            instrument[item.rows] = known + shift**2 * np.eye(3)
     learned += uncarried[:, None, None] * np.eye(3)
     return _covering(HeldOut(error=error, learned=learned, white=white, instrument=instrument))
+
+
+def trusted(found: HeldOut, freedom: float) -> HeldOut:
+    """Returns the same with a factor that few rows cannot throw about.
+
+    Its logarithm is the mean of that of the blocks, with the weight of the rows, and that of
+    Student's law with ``freedom`` degrees, with the weight of :data:`PRIOR_ROWS`.
+
+    Args:
+        found: From :func:`held_out`.
+        freedom: Numbers measured beyond those the weights took.
+    """
+    rows = len(found.error)
+    share = rows / (rows + PRIOR_ROWS)
+    blocks = float(np.log(found.inflation))
+    law = float(np.log(student_factor(freedom)))
+    return replace(found, inflation=float(np.exp(share * blocks + (1.0 - share) * law)))
+
+
+def student_factor(freedom: float) -> float:
+    """Returns the factor on a covariance of three numbers whose scale rests on ``freedom`` numbers.
+
+    The 95 % region of Student's law over that of the Gaussian: 3 F(3, freedom) / chi^2(3); at
+    least one, and one for many.
+    """
+    return float(3.0 * fdtri(3.0, max(freedom, LEAST_FREEDOM), LEVEL) / chi_point(LEVEL, 3) ** 2)
 
 
 def _covering(found: HeldOut) -> HeldOut:

@@ -20,23 +20,23 @@ from robotrue.calibration.design import Design
 from robotrue.calibration.estimate import Estimate, estimate, free_groups
 from robotrue.calibration.estimator import NOISE_FLOOR
 from robotrue.calibration.evidence import Sums, Weights, learn
-from robotrue.calibration.held_out import HeldOut, held_out
+from robotrue.calibration.held_out import HeldOut, held_out, trusted
+from robotrue.calibration.learned_assembly import LinearFit, assembled, day_shift
 from robotrue.calibration.observations import (
     CHANNELS,
     PoseObservation,
     PositionObservation,
     observations_of,
 )
-from robotrue.calibration.parameters import retract, station_as_base
+from robotrue.calibration.parameters import retract
 from robotrue.calibration.residual import LearnedModel
-from robotrue.calibration.rigid_flexible import RigidFlexibleModel
 from robotrue.calibration.ripple import LADDER, REST, START, harmonics
 from robotrue.calibration.robust import weights as robust_weights
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.smooth import choose_centres, learn_smooth
-from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.arrays import Array, BoolArray
 from robotrue.measurement.measurement_set import MeasurementSet
-from robotrue.robot.model import RobotModel, parameter_names, parameter_slice
+from robotrue.robot.model import RobotModel
 
 ROUNDS: Final = (8, 5)
 """Steps of learning in each renewal of linearisation, weights and noise after the ladder."""
@@ -53,8 +53,15 @@ UNSEEN: Final = 1e-5
 """Information on a coefficient, over that of its starting scale, below which it is left out."""
 POSES_PER_HARMONIC: Final = 3
 """Poses asked for each harmonic: half the numbers the coefficients of six joints would need."""
+HELD_HARMONICS: Final = 64
+"""Highest harmonic whatever the rows, from ``HELD_ROWS``: the law they are held to decays."""
+HELD_ROWS: Final = 24
 MANY_ROWS: Final = 200
-"""Rows from which the ladder begins at its second rung."""
+"""Rows from which the ladder begins at its second rung, and each band has a scale of its own."""
+FEWEST_SMOOTH: Final = 60
+"""Rows below which nobody can tell a smooth residual from the rest; it is not tried."""
+LONG_CAMPAIGN: Final = 1000
+"""Rows of a campaign so long that half of a day's shift is seen within it."""
 WIDE_ROWS: Final = 4000
 """Rows up to which the last rung is tried; it costs eight times the rung before."""
 LADDER_STEPS: Final = 8
@@ -74,15 +81,6 @@ class LearnedParts:
     ripple: bool = True
     smooth: bool = True
     highest: int = LADDER[-1]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinearFit:
-    """A design, its sums and the weights they give."""
-
-    design: Design
-    sums: list[Sums]
-    weights: Weights
 
 
 def fit_learned(
@@ -113,13 +111,18 @@ def fit_learned(
         at = renewed(at, steps=steps)
     found = _examined(at, settings)
     notes: dict[str, Any] = {"smooth": "not tried"}
-    if parts.smooth:
+    if parts.smooth and physical.rows >= FEWEST_SMOOTH:
         at, found, notes = _with_smooth(at, found, measurements, settings)
-    return _model(physical, at, found, settings, {"method": method, **notes})
+    freedom = float(sum(s.count for s in at.sums) - at.weights.determined.sum())
+    found = trusted(found, freedom)
+    return assembled(physical, at, found, settings, {"method": method, **notes})
 
 
 def first_design(
-    physical: Estimate, measurements: MeasurementSet, settings: FitSettings, parts: LearnedParts
+    physical: Estimate,
+    measurements: MeasurementSet,
+    settings: FitSettings,
+    parts: LearnedParts,
 ) -> Design:
     """Returns the design at the physical estimate, with every harmonic the rows can carry."""
     found = physical.posterior
@@ -138,7 +141,10 @@ def first_design(
     for observation, u in zip(observations, found.weights, strict=True):
         weights[observation.rows] = np.maximum(u, LEAST_WEIGHT)
     highest = parts.highest if physical.rows <= WIDE_ROWS else min(parts.highest, LADDER[-2])
-    able = [h for h in LADDER if h <= highest and POSES_PER_HARMONIC * h <= physical.rows]
+    carried = physical.rows / POSES_PER_HARMONIC
+    if HELD_ROWS <= physical.rows < MANY_ROWS:
+        carried = max(carried, HELD_HARMONICS)
+    able = [h for h in LADDER if h <= min(highest, carried)]
     count = max(able, default=LADDER[0]) if parts.ripple else 0
     design = Design(
         observations=observations,
@@ -152,6 +158,7 @@ def first_design(
         count=count,
         basis=None,
         active=np.ones(0, dtype=bool),
+        few=physical.rows < MANY_ROWS,
     )
     _, backlash, smooth, end = design.starts
     active = np.ones(end, dtype=bool)
@@ -207,7 +214,11 @@ def renewed(at: LinearFit, *, steps: int) -> LinearFit:
 
 
 def _rung(
-    design: Design, sums: Sequence[Sums], sighted: BoolArray, rung: int, scales: dict[str, float]
+    design: Design,
+    sums: Sequence[Sums],
+    sighted: BoolArray,
+    rung: int,
+    scales: dict[str, float],
 ) -> LinearFit:
     active = sighted & _up_to(design, rung)
     part = _part(sums, active[design.active])
@@ -234,9 +245,7 @@ def _up_to(design: Design, rung: int) -> BoolArray:
 
 
 def _part(sums: Sequence[Sums], kept: BoolArray) -> list[Sums]:
-    if kept.all():
-        return list(sums)
-    return [replace(s, gram=s.gram[np.ix_(kept, kept)], pull=s.pull[kept]) for s in sums]
+    return list(sums) if kept.all() else [s.part(kept) for s in sums]
 
 
 def _scales(weights: Weights) -> dict[str, float]:
@@ -265,7 +274,19 @@ def _examined(at: LinearFit, settings: FitSettings) -> HeldOut:
         for o in design.observations:
             carried = (design.basis.columns(o.visits.joints) ** 2).sum(axis=1)
             uncarried[o.rows] = amplitude**2 * np.maximum(1.0 - carried, 0.0)
-    return held_out(design, at.sums, at.weights, uncarried, settings.repeatability_sd)
+    return held_out(
+        design,
+        at.sums,
+        at.weights,
+        uncarried,
+        settings.repeatability_sd,
+        shift=day_shift(settings) * float(np.sqrt(_within(len(design.weights)))),
+    )
+
+
+def _within(rows: int) -> float:
+    """Returns the share of the variance between days that blocks of one campaign show already."""
+    return rows / (rows + LONG_CAMPAIGN)
 
 
 def _with_smooth(
@@ -302,7 +323,11 @@ def _with_smooth(
     notes["held_out_mean_with_smooth_m"] = better.mean
     if better.mean >= found.mean:
         return at, found, {**notes, "smooth": "held-out blocks are no better with it"}
-    return richer, better, {**notes, "smooth": "kept", "smooth_centres": len(basis.centres)}
+    return (
+        richer,
+        better,
+        {**notes, "smooth": "kept", "smooth_centres": len(basis.centres)},
+    )
 
 
 def _in_base(at: LinearFit, error: Array, measurements: MeasurementSet) -> Array:
@@ -312,141 +337,3 @@ def _in_base(at: LinearFit, error: Array, measurements: MeasurementSet) -> Array
     poses = at.design.state.T_tracker_base
     turn = np.stack([poses[int(k)][:3, :3] for k in measurements.station])
     return np.asarray(np.einsum("nji,nj->ni", turn, error))
-
-
-def _model(
-    physical: Estimate,
-    at: LinearFit,
-    found: HeldOut,
-    settings: FitSettings,
-    notes: dict[str, Any],
-) -> LearnedModel:
-    """Puts the posterior into the shape of the model."""
-    design, fit = at.design, at.weights
-    layout, dof = design.layout, design.layout.dof
-    ripple, backlash, smooth, end = design.starts
-    full, covered = np.zeros(end), np.flatnonzero(design.active)
-    full[covered] = fit.mean
-    step = np.zeros(layout.size)
-    step[design.free] = full[:ripple] - design.offset
-    state = retract(layout, design.state, step)
-    used = covered[(covered >= ripple) & (covered < backlash)] - ripple
-    count = int((used % (2 * design.count) // 2).max()) + 1 if len(used) else 0
-    coefficients = full[ripple:backlash].reshape(dof, design.count, 2)[:, :count]
-    columns, picked = _model_columns(design, covered, count)
-    root = fit.root[:, picked]
-    size = layout.robot_size
-    gauge = station_as_base(layout, state)
-    if gauge is not None:
-        parameter = design.free[covered[covered < ripple]]
-        at_station = np.flatnonzero((parameter >= gauge[0].start) & (parameter < gauge[0].stop))
-        root = np.hstack([root, fit.root[:, at_station] @ gauge[1].T])
-        base = parameter_slice(dof, "base")
-        columns = np.concatenate([columns, np.arange(base.start, base.stop)])
-    covariance = np.zeros((size, size))
-    physics = np.flatnonzero(columns < size)
-    covariance[np.ix_(columns[physics], columns[physics])] = root[:, physics].T @ root[:, physics]
-    centres = 0 if design.basis is None else len(design.basis.centres)
-    white = float(np.sqrt(max(_white(design, fit), 0.0)))
-    return LearnedModel(
-        physics=RigidFlexibleModel(
-            robot=state.robot.nominal(),
-            errors=state.robot.errors,
-            covariance=covariance,
-            repeatability=settings.repeatability_sd,
-            white=white,
-            T_tracker_base=state.T_tracker_base,
-        ),
-        cycles=harmonics(count),
-        ripple_sin=coefficients[:, :, 0],
-        ripple_cos=coefficients[:, :, 1],
-        backlash=full[backlash:smooth],
-        basis=design.basis,
-        smooth_weights=full[smooth:].reshape(centres, 3),
-        amplitude=fit.scale("smooth") if centres else 0.0,
-        columns=columns.astype(np.float64),
-        root=root,
-        inflation=found.inflation,
-        summary={
-            **_summary(physical, at, found, white, notes),
-            "parameters": {
-                name: {
-                    "value": float(state.robot.errors[k]),
-                    "sd": float(np.sqrt(covariance[k, k])),
-                    "class": physical.identifiability.classes.get(name, "fixed"),
-                }
-                for k, name in enumerate(parameter_names(dof))
-            },
-        },
-    )
-
-
-def _model_columns(design: Design, covered: IntArray, count: int) -> tuple[IntArray, IntArray]:
-    """Where each active column stands in the model's own order, and which are kept."""
-    dof, size = design.layout.dof, design.layout.robot_size
-    ripple, backlash, _, _ = design.starts
-    place = np.full(len(covered), -1)
-    physical = covered < ripple
-    parameter = design.free[covered[physical]]
-    place[physical] = np.where(parameter < size, parameter, -1)
-    wave = (covered >= ripple) & (covered < backlash)
-    joint, within = np.divmod(covered[wave] - ripple, max(2 * design.count, 1))
-    place[wave] = size + joint * 2 * count + within
-    rest = covered >= backlash
-    place[rest] = size + 2 * dof * count + covered[rest] - backlash
-    picked = np.flatnonzero(place >= 0)
-    return place[picked], picked
-
-
-def _white(design: Design, fit: Weights) -> float:
-    known = [item.instrument[:, :3, :3] for item in design.rows()]
-    mean = float(np.trace(np.concatenate(known), axis1=1, axis2=2).mean()) / 3.0
-    return float(fit.noise[0]) * (mean + float(design.noise[0])) - mean
-
-
-def _summary(
-    physical: Estimate, at: LinearFit, found: HeldOut, white: float, notes: dict[str, Any]
-) -> dict[str, Any]:
-    fit = at.weights
-    screened = np.flatnonzero(at.design.weights == 0.0)
-    doubts = list(physical.verdict.doubts)
-    idle = [
-        j + 1
-        for j in range(at.design.layout.dof)
-        if at.design.count and not any(g.name.startswith(f"ripple/{j + 1}/") for g in fit.groups)
-    ]
-    if idle:
-        doubts.append(
-            f"joints {idle} show no ripple here: there is none, or the reflector is on the axis."
-        )
-    if not np.any(at.design.approach):
-        doubts.append("the approach direction of no row is known: backlash was not learned.")
-    if at.design.basis is not None:
-        doubts.append("the smooth residual is that of the measured point; other tools inherit it.")
-    if found.inflation > 4.0:
-        doubts.append(
-            f"held-out blocks are off by more than the model expects (variance times "
-            f"{found.inflation:.1f}): something drifts or is not modelled."
-        )
-    return {
-        **notes,
-        "rows": physical.rows,
-        "screened_rows": [int(i) for i in screened],
-        "data_sha256": physical.data_sha256,
-        "sources": list(physical.sources),
-        "joint_range_rad": physical.joint_range.tolist(),
-        "position_range_m": physical.position_range.tolist(),
-        "verdict": physical.verdict.status,
-        "doubts": doubts,
-        "unseen": [
-            {"name": d.name, "cure": d.cure, "harmless": d.harmless}
-            for d in physical.identifiability.unseen
-        ],
-        "scales": {g.name: g.sd for g in fit.groups},
-        "determined": dict(zip([g.name for g in fit.groups], fit.determined.tolist(), strict=True)),
-        "white_sd_m": white,
-        "evidence": fit.evidence,
-        "held_out_blocks_mean_m": found.mean,
-        "held_out_blocks_coverage_before": replace(found, inflation=1.0).coverage,
-        "covariance_factor": found.inflation,
-    }

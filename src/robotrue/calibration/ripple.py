@@ -11,6 +11,7 @@ has a variance of its own, learned from the data (:mod:`robotrue.calibration.evi
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from typing import Final
 
@@ -29,6 +30,11 @@ FAST: Final = 45
 """rad, sd of one coefficient from which learning starts, below and from ``FAST`` cycles."""
 REST: Final = 1e-7
 """rad, sd to which a band falls back that the data do not ask for."""
+LAW: Final = 5e-5
+"""rad, sd of a coefficient at one cycle per revolution where rows are few: an eccentric encoder or
+gear wheel errs by 10 arc seconds. At N cycles it is an N-th of that."""
+HOLD: Final = 0.5
+"""Of each band to that law, where rows are few: a factor of e in the scale is one sigma."""
 
 
 def harmonics(count: int) -> Array:
@@ -51,8 +57,16 @@ def ripple_columns(drive: Array, joints: Array, cycles: Array) -> Array:
     return np.asarray(columns.reshape(n, m, 2 * dof * len(cycles)), dtype=np.float64)
 
 
-def ripple_groups(dof: int, count: int, start: int) -> list[Group]:
-    """Returns the groups of all joints and bands; their columns begin at ``start``."""
+def ripple_groups(dof: int, count: int, start: int, *, few: bool = False) -> list[Group]:
+    """Returns the groups of all joints and bands; their columns begin at ``start``.
+
+    Args:
+        dof: Number of joints.
+        count: Highest harmonic.
+        start: First column.
+        few: The rows are too few to say the scale of each band: all are held to the law
+            :data:`LAW` / N times one common factor.
+    """
     cycles = harmonics(count)
     out = []
     for joint in range(dof):
@@ -60,14 +74,17 @@ def ripple_groups(dof: int, count: int, start: int) -> list[Group]:
             chosen = np.flatnonzero((cycles >= low) & (cycles < high))
             if len(chosen):
                 first = start + 2 * (joint * count + int(chosen[0]))
-                out.append(
-                    Group(
-                        name=f"ripple/{joint + 1}/{low}-{min(high - 1, count)}",
-                        columns=np.arange(first, first + 2 * len(chosen)),
-                        sd=START if low < FAST else START_FAST,
-                        rest=REST,
-                    )
+                group = Group(
+                    name=f"ripple/{joint + 1}/{low}-{min(high - 1, count)}",
+                    columns=np.arange(first, first + 2 * len(chosen)),
+                    sd=START if low < FAST else START_FAST,
+                    rest=REST,
                 )
+                if few:
+                    size = LAW / low
+                    falling = np.repeat(low / cycles[chosen], 2)
+                    group = replace(group, sd=size, rest=size, shape=falling, hold=HOLD)
+                out.append(group)
     return out
 
 

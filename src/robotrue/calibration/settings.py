@@ -26,6 +26,9 @@ class FitSettings:
         scales: Prior standard deviations.
         stiffness: Known joint stiffness; without it a broad scale from the arm's weight is learned.
         rotation_sd: rad per axis of a measured orientation without covariance.
+        campaign_shift: m per axis, sd by which the arm stands off its mean on one day: a metre of
+            steel grows by 12 um per kelvin. One campaign cannot show it; a prediction for another
+            day pays it twice.
         solver: Robust rule, what is learned, iterations.
         lean_on_prior: Accept fewer numbers than the parameters they should determine; the rest
             then comes from the prior, and the verdict says so.
@@ -36,6 +39,7 @@ class FitSettings:
     scales: PriorScales = field(default_factory=PriorScales)
     stiffness: StiffnessPrior | None = None
     rotation_sd: float = 2e-4
+    campaign_shift: float = 1e-5
     solver: SolverSettings = field(default_factory=SolverSettings)
     lean_on_prior: bool = False
 
@@ -45,6 +49,11 @@ class FitSettings:
             raise ConfigurationError(
                 f"repeatability {self.repeatability * 1e3:g} mm, allowed 0 to 10 mm.",
                 hint="0.06 mm is written repeatability=6e-5.",
+            )
+        if not 0.0 <= self.campaign_shift < 0.01:
+            raise ConfigurationError(
+                f"campaign_shift {self.campaign_shift * 1e3:g} mm, allowed 0 to 10 mm.",
+                hint="0.01 mm is written campaign_shift=1e-5.",
             )
         if len(self.payload.mass) != 1 or len(self.payload.com) != 1:
             raise ConfigurationError("the default payload must be one load, not one per row.")

@@ -1,0 +1,205 @@
+"""From the joint posterior of the linear model to the error model that is kept.
+
+Parameters return to the robot, ripple and smooth weights to their tables, and the root of the
+covariance to the columns of :class:`LearnedModel`. The base gets the shift between two days, which
+no row of one campaign can show.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from robotrue.calibration.design import Design
+from robotrue.calibration.estimate import Estimate
+from robotrue.calibration.evidence import Sums, Weights
+from robotrue.calibration.held_out import HeldOut
+from robotrue.calibration.parameters import retract, station_as_base
+from robotrue.calibration.residual import LearnedModel
+from robotrue.calibration.rigid_flexible import RigidFlexibleModel
+from robotrue.calibration.ripple import harmonics
+from robotrue.calibration.settings import FitSettings
+from robotrue.core.arrays import Array, IntArray
+from robotrue.robot.model import parameter_names, parameter_slice
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinearFit:
+    """A design, its sums and the weights they give."""
+
+    design: Design
+    sums: list[Sums]
+    weights: Weights
+
+
+def day_shift(settings: FitSettings) -> float:
+    """Returns the sd per axis in m between two days, each off the mean by ``campaign_shift``."""
+    return float(np.sqrt(2.0)) * settings.campaign_shift
+
+
+def assembled(
+    physical: Estimate,
+    at: LinearFit,
+    found: HeldOut,
+    settings: FitSettings,
+    notes: dict[str, Any],
+) -> LearnedModel:
+    """Returns the error model of a joint posterior.
+
+    Args:
+        physical: The estimate it began with.
+        at: Design, sums and posterior weights.
+        found: Held-out blocks and the factor on the covariance.
+        settings: Repeatability and the shift between days.
+        notes: What the summary says besides.
+    """
+    design, fit = at.design, at.weights
+    layout, dof = design.layout, design.layout.dof
+    ripple, backlash, smooth, end = design.starts
+    full, covered = np.zeros(end), np.flatnonzero(design.active)
+    full[covered] = fit.mean
+    step = np.zeros(layout.size)
+    step[design.free] = full[:ripple] - design.offset
+    state = retract(layout, design.state, step)
+    used = covered[(covered >= ripple) & (covered < backlash)] - ripple
+    count = int((used % (2 * design.count) // 2).max()) + 1 if len(used) else 0
+    coefficients = full[ripple:backlash].reshape(dof, design.count, 2)[:, :count]
+    columns, picked = _model_columns(design, covered, count)
+    root = fit.root[:, picked]
+    size = layout.robot_size
+    gauge = station_as_base(layout, state)
+    if gauge is not None:
+        parameter = design.free[covered[covered < ripple]]
+        at_station = np.flatnonzero((parameter >= gauge[0].start) & (parameter < gauge[0].stop))
+        root = np.hstack([root, fit.root[:, at_station] @ gauge[1].T])
+        base = parameter_slice(dof, "base")
+        columns = np.concatenate([columns, np.arange(base.start, base.stop)])
+    root, columns = _on_another_day(root, columns, dof, day_shift(settings), found.inflation)
+    covariance = np.zeros((size, size))
+    physics = np.flatnonzero(columns < size)
+    covariance[np.ix_(columns[physics], columns[physics])] = root[:, physics].T @ root[:, physics]
+    centres = 0 if design.basis is None else len(design.basis.centres)
+    white = float(np.sqrt(max(_white(design, fit), 0.0)))
+    return LearnedModel(
+        physics=RigidFlexibleModel(
+            robot=state.robot.nominal(),
+            errors=state.robot.errors,
+            covariance=covariance,
+            repeatability=settings.repeatability_sd,
+            white=white,
+            T_tracker_base=state.T_tracker_base,
+        ),
+        cycles=harmonics(count),
+        ripple_sin=coefficients[:, :, 0],
+        ripple_cos=coefficients[:, :, 1],
+        backlash=full[backlash:smooth],
+        basis=design.basis,
+        smooth_weights=full[smooth:].reshape(centres, 3),
+        amplitude=fit.scale("smooth") if centres else 0.0,
+        columns=columns.astype(np.float64),
+        root=root,
+        inflation=found.inflation,
+        summary={
+            **_summary(physical, at, found, white, notes),
+            "parameters": {
+                name: {
+                    "value": float(state.robot.errors[k]),
+                    "sd": float(np.sqrt(covariance[k, k])),
+                    "class": physical.identifiability.classes.get(name, "fixed"),
+                }
+                for k, name in enumerate(parameter_names(dof))
+            },
+        },
+    )
+
+
+def _on_another_day(
+    root: Array, columns: IntArray, dof: int, shift: float, inflation: float
+) -> tuple[Array, IntArray]:
+    """Adds the base's shift between days to the root; the factor of the blocks does not apply."""
+    base = parameter_slice(dof, "base").start + np.arange(3)
+    absent = np.setdiff1d(base, columns)
+    columns = np.concatenate([columns, absent])
+    root = np.hstack([root, np.zeros((len(root), len(absent)))])
+    # A column may be named twice (a station that stands for the base): the last one speaks.
+    place = [int(np.flatnonzero(columns == k)[-1]) for k in base]
+    extra = np.zeros((3, root.shape[1]))
+    extra[np.arange(3), place] = shift / np.sqrt(inflation)
+    return np.vstack([root, extra]), columns
+
+
+def _model_columns(design: Design, covered: IntArray, count: int) -> tuple[IntArray, IntArray]:
+    """Where each active column stands in the model's own order, and which are kept."""
+    dof, size = design.layout.dof, design.layout.robot_size
+    ripple, backlash, _, _ = design.starts
+    place = np.full(len(covered), -1)
+    physical = covered < ripple
+    parameter = design.free[covered[physical]]
+    place[physical] = np.where(parameter < size, parameter, -1)
+    wave = (covered >= ripple) & (covered < backlash)
+    joint, within = np.divmod(covered[wave] - ripple, max(2 * design.count, 1))
+    place[wave] = size + joint * 2 * count + within
+    rest = covered >= backlash
+    place[rest] = size + 2 * dof * count + covered[rest] - backlash
+    picked = np.flatnonzero(place >= 0)
+    return place[picked], picked
+
+
+def _white(design: Design, fit: Weights) -> float:
+    known = [item.instrument[:, :3, :3] for item in design.rows()]
+    mean = float(np.trace(np.concatenate(known), axis1=1, axis2=2).mean()) / 3.0
+    return float(fit.noise[0]) * (mean + float(design.noise[0])) - mean
+
+
+def _summary(
+    physical: Estimate,
+    at: LinearFit,
+    found: HeldOut,
+    white: float,
+    notes: dict[str, Any],
+) -> dict[str, Any]:
+    fit = at.weights
+    screened = np.flatnonzero(at.design.weights == 0.0)
+    doubts = list(physical.verdict.doubts)
+    idle = [
+        j + 1
+        for j in range(at.design.layout.dof)
+        if at.design.count and not any(g.name.startswith(f"ripple/{j + 1}/") for g in fit.groups)
+    ]
+    if idle:
+        doubts.append(
+            f"joints {idle} show no ripple here: there is none, or the reflector is on the axis."
+        )
+    if not np.any(at.design.approach):
+        doubts.append("the approach direction of no row is known: backlash was not learned.")
+    if at.design.basis is not None:
+        doubts.append("the smooth residual is that of the measured point; other tools inherit it.")
+    if found.inflation > 4.0:
+        doubts.append(
+            f"held-out blocks are off by more than the model expects (variance times "
+            f"{found.inflation:.1f}): something drifts or is not modelled."
+        )
+    return {
+        **notes,
+        "rows": physical.rows,
+        "screened_rows": [int(i) for i in screened],
+        "data_sha256": physical.data_sha256,
+        "sources": list(physical.sources),
+        "joint_range_rad": physical.joint_range.tolist(),
+        "position_range_m": physical.position_range.tolist(),
+        "verdict": physical.verdict.status,
+        "doubts": doubts,
+        "unseen": [
+            {"name": d.name, "cure": d.cure, "harmless": d.harmless}
+            for d in physical.identifiability.unseen
+        ],
+        "scales": {g.name: g.sd for g in fit.groups},
+        "determined": dict(zip([g.name for g in fit.groups], fit.determined.tolist(), strict=True)),
+        "white_sd_m": white,
+        "evidence": fit.evidence,
+        "held_out_blocks_mean_m": found.mean,
+        "held_out_blocks_coverage_before": replace(found, inflation=1.0).coverage,
+        "covariance_factor": found.inflation,
+    }
