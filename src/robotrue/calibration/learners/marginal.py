@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import lapack
 
-from robotrue.core.arrays import Array
+from robotrue.core.arrays import Array, BoolArray
 from robotrue.errors import ObservabilityError
 
 
@@ -54,11 +54,13 @@ class Solved:
             inverse -= spread.T @ spread
         return np.asarray(self.alpha @ self.alpha.T - outputs * inverse)
 
-    def left_out(self) -> tuple[Array, Array]:
-        """Returns residual (n, k) and variance (n,) of every row predicted from all others."""
+    def left_out(self, chosen: BoolArray | None = None) -> tuple[Array, Array]:
+        """Returns residual (m, k) and variance (m,) of chosen rows, each from all others."""
         square = np.einsum("ij,ij->i", self.alpha, self.alpha)
-        variance = self.alpha.shape[1] / (square - self.sensitivity().diagonal())
-        return self.alpha * variance[:, None], variance
+        precision = (square - self.sensitivity().diagonal()) / self.alpha.shape[1]
+        which = slice(None) if chosen is None else chosen
+        variance = 1.0 / precision[which]
+        return self.alpha[which] * variance[:, None], variance
 
     def whitened(self, rows: Array) -> Array:
         """Returns L^-1 rows, (n, any)."""

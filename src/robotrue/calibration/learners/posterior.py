@@ -26,7 +26,9 @@ _ROWS, _COLUMNS = 512, 64
 
 def correlation(z: Array, other: Array) -> Array:
     """Returns exp(-|z - other|^2 / 2), (m, n), of inputs (m, d) and (n, d) over their lengths."""
-    return np.exp(_left(z) @ _right(other))
+    exponents = _left(z) @ _right(other)
+    np.minimum(exponents, 0.0, out=exponents)  # coinciding rows must not exceed one by rounding
+    return np.asarray(np.exp(exponents, out=exponents))
 
 
 def _left(z: Array) -> Array:

@@ -34,13 +34,17 @@ def best(
     if not free.any():
         return theta
 
+    worst = 0.0
+
     def downhill(part: Array) -> tuple[float, Array]:
+        nonlocal worst
         trial = theta.copy()
         trial[free] = part
         try:
             value, gradient = log_posterior(trial)
         except ObservabilityError:
-            return 1e25, np.zeros(len(part))
+            return 2.0 * worst + 1.0, np.zeros(len(part))  # a step too far, but no cliff
+        worst = max(worst, abs(value))
         return -value, -gradient[free]
 
     chosen, lowest = theta[free], np.inf

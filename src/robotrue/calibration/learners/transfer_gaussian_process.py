@@ -52,7 +52,7 @@ class TransferGaussianProcess(MultiOutputMixin, RegressorMixin, BaseEstimator):
         noise: Standard deviation of the white noise of target rows.
         source_noise: Standard deviation of the white noise of source rows.
         fall_back: False: the source is used whatever the target rows say.
-        prior: "weak" or "none", as :class:`GaussianProcess`; the weak one has rho within 1 of 0.9
+        prior: "weak" or "none", as :class:`GaussianProcess`; the weak one has rho within 1 of 1
             and the difference about 0.3 standard deviations of the outputs, within e^1.5.
         intervals: "marginal" or "plug-in", as :class:`GaussianProcess`.
         restarts: Further searches from random places.

@@ -27,7 +27,7 @@ from robotrue.core.arrays import Array, BoolArray
 
 OTHERS = 5
 """Entries of theta that are not lengths."""
-_START_RHO, _RHO_PRIOR, _RHO_LIMIT = 0.9, 1.0, 3.0
+_START_RHO, _RHO_PRIOR, _RHO_LIMIT = 1.0, 1.0, 3.0
 _START_DIFFERENCE, _LEAST_DIFFERENCE = 0.3, 1e-3
 
 
@@ -158,10 +158,13 @@ def log_posterior(data: TransferRows, theta: Array) -> tuple[float, Array]:
 
 
 def left_out(data: TransferRows, theta: Array) -> tuple[Array, Array]:
-    """Returns residual (m, k) and variance (m,) of target rows, each from all other rows."""
+    """Returns residual (m, k) and variance (m,) of target rows, each from all other rows.
+
+    Of source rows where the only target row is needed for the target's own mean.
+    """
     solved, _ = _solved(data, parts(theta, data.rows.inputs.shape[1]))
-    residual, variance = solved.left_out()
-    return residual[data.target], variance[data.target]
+    lonely = data.apart and data.target.sum() == 1
+    return solved.left_out(~data.target if lonely else data.target)
 
 
 def posterior_of(data: TransferRows, theta: Array) -> Posterior:
