@@ -66,7 +66,7 @@ def fit_points_robust(
         T = fit_rigid(part, base, weights)
         return np.asarray(np.linalg.norm(point_residuals(T, part, base), axis=1))
 
-    keep = graduated(residual, len(part), GAUSS_POINT * noise.sigma) > 0.5
+    keep = agreeing(residual, len(part), GAUSS_POINT * noise.sigma)
     _check_majority(keep, labels, residual(keep.astype(float)), GAUSS_POINT * noise.sigma)
     kept = tuple(name for name, good in zip(labels, keep, strict=True) if good)
     fit = fit_points(part[keep], base[keep], sigma=noise.sigma, names=kept)
@@ -99,7 +99,7 @@ def fit_surfaces_robust(touches: SurfaceTouches, start: Array, *, noise: Noise) 
         latest[0] = solve_surfaces(touches, latest[0], weights)
         return np.asarray(np.abs(linearised(touches, latest[0])[0]))
 
-    keep = graduated(residual, len(touches.centre), bound) > 0.5
+    keep = agreeing(residual, len(touches.centre), bound)
     _check_majority(keep, touches.names, np.abs(linearised(touches, latest[0])[0]), bound)
     return fit_surfaces(
         touches,
@@ -108,6 +108,52 @@ def fit_surfaces_robust(touches: SurfaceTouches, start: Array, *, noise: Noise) 
         weights=keep.astype(float),
         method="surfaces-robust",
     )
+
+
+def agreeing(residual: Callable[[Array], Array], n: int, bound: float) -> BoolArray:
+    """Returns which of n touches (n,) agree: the larger of two sets found in different ways.
+
+    Graduated non-convexity, and dropping the worst touch until all fit; then every touch that lies
+    within the bound of a set's own fit belongs to it. Few touches with many wrong ones make either
+    way fail now and then, seldom both.
+
+    Args:
+        residual: From weights (n,) to residual lengths (n,) m after the weighted fit.
+        n: How many.
+        bound: m; longer residuals count as wrong.
+
+    Raises:
+        ConvergenceError: See ``graduated``.
+    """
+    first = _grown(residual, graduated(residual, n, bound) > 0.5, bound)
+    if first.all():
+        return first
+    second = _grown(residual, _dropped(residual, n, bound), bound)
+    return second if int(second.sum()) > int(first.sum()) else first
+
+
+def _dropped(residual: Callable[[Array], Array], n: int, bound: float) -> BoolArray:
+    keep = np.ones(n, dtype=bool)
+    while 2 * int(keep.sum()) > n:
+        length = np.where(keep, residual(keep.astype(float)), 0.0)
+        worst = int(np.argmax(length))
+        if length[worst] <= bound:
+            break
+        keep[worst] = False
+    return keep
+
+
+def _grown(residual: Callable[[Array], Array], keep: BoolArray, bound: float) -> BoolArray:
+    """Returns the set that its own fit confirms; the one given if it never comes to rest."""
+    now = keep
+    for _ in range(10):
+        if 2 * int(now.sum()) <= len(now):
+            return keep
+        new: BoolArray = residual(now.astype(float)) <= bound
+        if (new == now).all():
+            return now
+        now = new
+    return keep
 
 
 def graduated(residual: Callable[[Array], Array], n: int, bound: float) -> Array:
