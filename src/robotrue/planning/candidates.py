@@ -20,7 +20,7 @@ from robotrue.robot.model import RobotModel
 STEP: Final = 1e-4 * DEG
 """Drawn joints are rounded to what a program prints."""
 BATCH: Final = 4096
-MOST: Final = 2**18
+MOST: Final = 2**17
 """Postures drawn at most."""
 
 

@@ -24,8 +24,8 @@ from robotrue.errors import ConfigurationError
 
 Criterion: TypeAlias = Literal["I", "D"]
 CRITERIA: Final = ("I", "D")
-SWEEPS: Final = 1
-"""Most passes of the exchange over the chosen poses."""
+EXCHANGES: Final = 30
+"""Poses taken out and put back by the exchange at most, one whole pass at least."""
 BETTER: Final = 1e-6
 """Relative gain below which an exchange is none."""
 
@@ -156,7 +156,7 @@ def exchanged(
     criterion: Criterion = "D",
     covariance: Array | None = None,
     allowed: BoolArray | None = None,
-    sweeps: int = SWEEPS,
+    sweeps: int | None = None,
 ) -> Choice:
     """Returns the start with single poses exchanged as long as the criterion improves.
 
@@ -171,7 +171,7 @@ def exchanged(
         criterion: ``"I"`` or ``"D"``.
         covariance: (k, k) P before the first; I if not given.
         allowed: (c,) candidates that may be taken; all if not given.
-        sweeps: Most passes over the plan.
+        sweeps: Most passes over the plan; as many as :data:`EXCHANGES` allow if not given.
     """
     free = np.ones(len(rows), dtype=bool) if allowed is None else np.array(allowed)
     at = _Posterior(rows, weight, covariance)
@@ -179,7 +179,8 @@ def exchanged(
     for k in chosen:
         at.add(k)
         free[k] = False
-    for _ in range(sweeps):
+    most = max(1, EXCHANGES // max(len(chosen), 1)) if sweeps is None else sweeps
+    for _ in range(most):
         moved = False
         for place, old in enumerate(chosen):
             at.add(old, sign=-1.0)

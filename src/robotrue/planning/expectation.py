@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from scipy.special import gammaln
 
 from robotrue.core.arrays import Array, IntArray, frozen
 from robotrue.planning.information import LinearModel, Postures
@@ -81,13 +82,15 @@ def work_of(model: LinearModel, postures: Postures, T_flange_tool: Array | None 
 def mean_length(covariance: Array) -> Array:
     """Returns the mean length (...) of Gaussian vectors with covariance (..., 3, 3), mean zero.
 
-    sqrt(tr C) (1 - tr C^2 / (4 tr(C)^2)): the second-order expansion of E sqrt(x'x) about its mean
-    square; 0.5 % low for equal axes, 6 % low where one axis alone scatters.
+    The squared length is taken as gamma distributed with the true mean tr C and variance 2 tr C^2
+    (Satterthwaite 1946), so k = tr(C)^2 / (2 tr C^2) and the mean length is sqrt(tr C / k)
+    Gamma(k + 1/2) / Gamma(k): exact for equal axes and for one axis alone, within 1 % between.
     """
     square = np.trace(covariance, axis1=-2, axis2=-1)
     fourth = np.einsum("...ij,...ij->...", covariance, covariance)
-    safe = np.where(square > 0.0, square, 1.0)
-    return np.asarray(np.sqrt(square) * (1.0 - fourth / (4.0 * safe**2)))
+    shape = square**2 / np.where(fourth > 0.0, 2.0 * fourth, 1.0)
+    shape = np.where(fourth > 0.0, shape, 1.0)
+    return np.asarray(np.sqrt(square / shape) * np.exp(gammaln(shape + 0.5) - gammaln(shape)))
 
 
 def expected(
