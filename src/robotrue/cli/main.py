@@ -318,6 +318,27 @@ def map_errors(
     )
 
 
+@app.command()
+def reproduce(
+    paper: Annotated[str, typer.Argument(metavar="PAPER", help="deng2022.")],
+    robots: Annotated[int, typer.Option(help="Simulated arms.")] = 20,
+    scenario: Annotated[
+        str, typer.Option(help="S0, S1, S2 or S4 with A or B: how rough the arms are.")
+    ] = "S2A",
+    quick: Annotated[
+        bool, typer.Option("--quick", help="No switches, fewer layouts, a shallower hole.")
+    ] = False,
+    out: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder for JSON and CSV of the figures.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Print a paper's tables beside those of simulated arms (20 arms: about 5 minutes)."""
+    from robotrue.cli.reproduce import run
+
+    run(paper, scenario=scenario, robots=robots, quick=quick, out=out, as_json=json)
+
+
 @app.command(name="warm-up")
 def warm_up() -> None:
     """Compile the numeric kernels once, so that the first program does not wait for it."""

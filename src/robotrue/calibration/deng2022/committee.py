@@ -7,7 +7,7 @@ code that chose the weights.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -20,6 +20,7 @@ from robotrue.calibration.learners.tradaboost import TrAdaBoostR2, weighted_medi
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.units import MM
 
+_LEAST_WEIGHT: Final = 1e-12  # as the boosting gives its learners
 _ARRAYS: Final = ("inputs", "errors", "weights", "betas", "length")
 
 
@@ -38,7 +39,7 @@ class Committee:
         kernel: Reading of eq. 28.
         mean: Reading of eq. 27.
         combination: Reading of eq. 25.
-        learners: The processes; built from all of the above.
+        learners: The processes; they follow from all of the above, see :func:`restored`.
     """
 
     inputs: Array
@@ -112,7 +113,7 @@ def single(inputs: Array, errors: Array, readings: Readings) -> Committee:
         errors / MM,
         np.ones((1, len(inputs))),
         np.array([np.exp(-1.0)]),
-        process,
+        [process],
         readings,
     )
 
@@ -134,8 +135,10 @@ def boosted(
         target_weight: (m,) initial weights of eq. 19, relative to a source row.
         output_weights: (3,) omega_m of eq. 20, or None.
     """
+    inputs = np.concatenate([source[0], target[0]]) / PRINTED_UNITS
+    errors = np.concatenate([source[1], target[1]]) / MM
     booster = TrAdaBoostR2(
-        estimator=learner(readings),
+        estimator=_held(inputs, errors, readings),
         rounds=readings.rounds,
         source_weights=readings.source_weights,
         error_over=readings.error_over,
@@ -149,13 +152,33 @@ def boosted(
         y_source=source[1] / MM,
     )
     return _committee(
-        np.concatenate([source[0], target[0]]) / PRINTED_UNITS,
-        np.concatenate([source[1], target[1]]) / MM,
+        inputs,
+        errors,
         booster.weights_ * len(booster.weights_[0]),
         booster.betas_,
-        booster.estimators_[0],
+        booster.estimators_,
         readings,
     )
+
+
+def _held(inputs: Array, errors: Array, readings: Readings) -> GaussianProcess:
+    """The base learner with hyper-parameters learned on evenly spaced rows, and held.
+
+    The transferred copies of the source repeat each other: all rows would take twenty times as long
+    and say no more.
+    """
+    if len(inputs) <= readings.kernel_rows:
+        return learner(readings)
+    some = np.linspace(0, len(inputs) - 1, readings.kernel_rows).round().astype(np.int64)
+    found = learner(readings).fit(inputs[some], errors[some])
+    length = np.asarray(found.length_)
+    found.set_params(
+        length=length[0] if readings.kernel == "isotropic" else length,
+        amplitude=float(found.amplitude_),
+        noise=float(found.noise_),
+        optimise=False,
+    )
+    return found
 
 
 def learner(readings: Readings) -> GaussianProcess:
@@ -175,13 +198,24 @@ def restored(document: Mapping[str, Any], arrays: Mapping[str, Array], prefix: s
         KeyError: A part is missing.
     """
     parts = {name: np.asarray(arrays[prefix + name]) for name in _ARRAYS}
-    return _with_learners(
+    kernel, mean = document["kernel"], document["mean"]
+    amplitude, noise = float(document["amplitude"]), float(document["noise"])
+    process = GaussianProcess(
+        kernel=kernel,
+        mean=mean,
+        length=parts["length"][0] if kernel == "isotropic" else parts["length"],
+        amplitude=amplitude,
+        noise=noise,
+        optimise=False,
+    ).fit(parts["inputs"], parts["errors"], sample_weight=parts["weights"][0])
+    return Committee(
         **parts,
-        amplitude=float(document["amplitude"]),
-        noise=float(document["noise"]),
-        kernel=str(document["kernel"]),
-        mean=str(document["mean"]),
+        amplitude=amplitude,
+        noise=noise,
+        kernel=kernel,
+        mean=mean,
         combination=str(document["combination"]),
+        learners=(process, *(process.reweighted(w) for w in parts["weights"][1:])),
     )
 
 
@@ -190,14 +224,15 @@ def _committee(
     errors: Array,
     weights: Array,
     betas: Array,
-    process: GaussianProcess,
+    learners: Sequence[GaussianProcess],
     readings: Readings,
 ) -> Committee:
+    process = learners[0]
     length = np.asarray(process.length_, dtype=np.float64)
-    return _with_learners(
+    return Committee(
         inputs=inputs,
         errors=errors,
-        weights=np.maximum(weights, 1e-12),
+        weights=np.maximum(weights, _LEAST_WEIGHT),
         betas=betas,
         length=np.sqrt(length) if readings.denominator == "literal" else length,
         amplitude=float(process.amplitude_),
@@ -205,43 +240,5 @@ def _committee(
         kernel=readings.kernel,
         mean=readings.mean,
         combination=readings.combination,
-    )
-
-
-def _with_learners(
-    *,
-    inputs: Array,
-    errors: Array,
-    weights: Array,
-    betas: Array,
-    length: Array,
-    amplitude: float,
-    noise: float,
-    kernel: str,
-    mean: str,
-    combination: str,
-) -> Committee:
-    """The committee with its processes solved, the same way whether learned or read."""
-    isotropic = kernel == "isotropic"
-    process = GaussianProcess(
-        kernel="isotropic" if isotropic else "ard",
-        mean="zero" if mean == "zero" else "constant",
-        length=length[0] if isotropic else length,
-        amplitude=amplitude,
-        noise=noise,
-        optimise=False,
-    ).fit(inputs, errors, sample_weight=weights[0])
-    learners = (process, *(process.reweighted(w) for w in weights[1:]))
-    return Committee(
-        inputs=inputs,
-        errors=errors,
-        weights=weights,
-        betas=betas,
-        length=length,
-        amplitude=amplitude,
-        noise=noise,
-        kernel=kernel,
-        mean=mean,
-        combination=combination,
-        learners=learners,
+        learners=tuple(learners),
     )

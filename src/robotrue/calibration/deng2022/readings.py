@@ -77,6 +77,8 @@ class Readings:
         denominator: Eq. 28 divides by 2 sigma_l where a length scale is squared; learned lengths
             come out the same process.
         length: A fixed isotropic kernel length, mm and deg alike; None learns it.
+        kernel_rows: Hyper-parameters of the boosted kernel are learned on this many rows, evenly
+            spaced; the paper does not say how they are found.
         overlap_weight: sigma_in of eq. 19, weight of target rows that lie in two sub-spaces.
         outside: What the joined model, eq. 26, does outside both domains: refuse, or take the
             nearer domain's.
@@ -98,6 +100,7 @@ class Readings:
     mean: Mean = "constant"
     denominator: Denominator = "squared"
     length: float | None = None
+    kernel_rows: int = 200
     overlap_weight: float = 1.0
     outside: Outside = "raise"
 
@@ -110,6 +113,8 @@ class Readings:
                 )
         if self.rounds < 1:
             raise ConfigurationError(f"{self.rounds} boosting rounds, expected 1 or more.")
+        if self.kernel_rows < 20:
+            raise ConfigurationError(f"kernel_rows {self.kernel_rows}, expected 20 or more.")
         if not self.ridge_value >= 0.0:
             raise ConfigurationError(f"ridge_value {self.ridge_value}, expected 0 or more.")
         if not self.overlap_weight > 0.0:
