@@ -19,6 +19,7 @@ from robotrue.calibration.deng2022.readings import Readings
 from robotrue.calibration.deng2022.transfer_gpr import fit_deng2022
 from robotrue.calibration.methods import METHODS, fit
 from robotrue.calibration.model import Query
+from robotrue.calibration.pose_transfer import fit_boosted_poses
 from robotrue.calibration.sources import Source
 from robotrue.calibration.transfer import fit_transfer
 from robotrue.calibration.update import updated
@@ -33,8 +34,9 @@ from robotrue.robot.statics import Load, deflected
 from robotrue.simulation import scenarios
 from robotrue.store.model_file import read_model, write_model
 
-MODELS = (*METHODS, "updated", "transfer", "transfer-0", "deng2022")
-PHYSICAL = tuple(name for name in MODELS if name != "deng2022")
+MODELS = (*METHODS, "updated", "transfer", "transfer-0", "boosted", "deng2022")
+POSES = ("boosted", "deng2022")
+PHYSICAL = tuple(name for name in MODELS if name not in POSES)
 STATION = pose(matrix_from_abc(np.array([0.7, 0.1, -0.2])), np.array([2.0, -1.0, 0.4]))
 
 
@@ -83,6 +85,8 @@ def fitted(name, measured):
     if name == "transfer-0":
         known = fit(arm(), elsewhere(), method="ripple", settings=settings)
         return fit_transfer(arm(), None, [Source(model=known)], settings)
+    if name == "boosted":
+        return fit_boosted_poses(arm(), measured, [elsewhere()], settings)
     around = {"radius": (0.7, 1.5), "height": (0.6, 1.3)}
     domains = divide_target(
         CylinderRegion(angle=(-40 * DEG, -30 * DEG), **around),
@@ -209,7 +213,7 @@ def test_archive_gives_the_same_model_to_the_last_bit(name, tmp_path):
 def test_tables_say_what_predict_says(name):
     tables = model(name).mean_tables(query().load)
     if tables is None:
-        assert name == "deng2022"
+        assert name in POSES
         return
     joints, approach = query().joints, query().approach
     angle = joints[:, :, None] * tables.harmonics

@@ -4,6 +4,7 @@
 ``transfer``        physics: the sources' posterior, widened by drift, moved by the target rows
 ``pooled``          one fit of source and target rows together, as if they were one campaign
 ``source-only``     the fit of a source as it is
+``learned``         boosted Gaussian processes on poses, no knowledge of the arm (method ``gp``)
 ``target-only``     geometry and compliance from the target rows, the rest from the prior
 ``target-only gp``  and ripple and a smooth rest
 ==================  ==============================================================================
@@ -17,6 +18,7 @@ from dataclasses import dataclass, replace
 from robotrue.calibration.drift import DriftScales
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.pose_transfer import fit_boosted_poses
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.sources import Source
 from robotrue.calibration.transfer import fit_transfer
@@ -206,9 +208,17 @@ def _transfers(
         together = _together(sets, rows, [s.relation == "region" for s in measured])
         return _richest(robot, together, settings, method)
 
+    def learned(rows: MeasurementSet | None) -> ErrorModel:
+        if rows is None:
+            raise ObservabilityError("no target pose to learn from.")
+        sets = [s.measurements for s in measured if s.measurements is not None]
+        return fit_boosted_poses(robot, rows, sets, settings)
+
     out: dict[str, Candidate] = {"transfer": transfer}
     if measured:
         out["pooled"] = pooled
+        if method == "gp":
+            out["learned"] = learned
     for source, model in known:
         name = "source-only" if len(known) == 1 else f"source-only {source.name}"
         out[name] = _as_it_is(source, model)

@@ -1,0 +1,107 @@
+"""Learned transfer without knowledge of the arm: boosted Gaussian processes on Cartesian poses.
+
+TrAdaBoost.R2 takes source and target poses as they are, in base, and lowers the weight of rows that
+do not fit the target (Deng et al. 2022, eq. 19-25, with the source not aligned). It is the rival
+that a transfer with knowledge of the arm has to beat, for regions of any shape.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from robotrue.calibration.deng2022.committee import boosted
+from robotrue.calibration.deng2022.features import attitude_reference
+from robotrue.calibration.deng2022.joined import Expert, PoseModel
+from robotrue.calibration.deng2022.readings import Readings
+from robotrue.calibration.deng2022.transfer_gpr import labelled
+from robotrue.calibration.settings import FitSettings
+from robotrue.core.arrays import Array
+from robotrue.core.files import sha256
+from robotrue.core.regions import CylinderRegion
+from robotrue.core.units import MM
+from robotrue.errors import ObservabilityError
+from robotrue.measurement.measurement_set import MeasurementSet, concatenate
+from robotrue.robot.model import RobotModel
+
+READINGS: Final = Readings(rounds=5, outside="nearest")
+LEAST: Final = 3
+"""Target poses below which boosting has nothing to weigh the source by."""
+
+
+def fit_boosted_poses(
+    robot: RobotModel,
+    target: MeasurementSet,
+    sources: Sequence[MeasurementSet],
+    settings: FitSettings,
+) -> PoseModel:
+    """Returns a model of poses boosted from sources to the target.
+
+    Args:
+        robot: Nominal arm whose tool is the measured point.
+        target: At least :data:`LEAST` rows in base.
+        sources: In base, at least one.
+        settings: The repeatability is used.
+
+    Raises:
+        ObservabilityError: Too few target rows, or no source.
+        ModelMismatchError: Another number of joints, or sets in a tracker frame.
+    """
+    if len(target) < LEAST or not sources:
+        raise ObservabilityError(
+            f"{len(target)} target poses and {len(sources)} measured sources; boosting asks for "
+            f"{LEAST} and 1."
+        )
+    rows = concatenate([*sources, target])
+    reference = attitude_reference(robot, rows.joints)
+    few = labelled(robot, target, reference)
+    known = [labelled(robot, source, reference) for source in sources]
+    committee = boosted(
+        (few.features, few.errors),
+        (
+            np.concatenate([k.features for k in known]),
+            np.concatenate([k.errors for k in known]),
+        ),
+        READINGS,
+        target_weight=np.ones(len(target)),
+        output_weights=None,
+    )
+    instrument = float(np.mean(np.trace(few.covariance, axis1=1, axis2=2)) / 3.0)
+    left = (committee.noise * MM) ** 2 - instrument
+    white = float(np.sqrt(max(left, settings.repeatability_sd**2)))
+    return PoseModel(
+        robot=robot,
+        experts=(Expert(region=_around(rows.position), committee=committee, white=white),),
+        reference=reference,
+        outside=READINGS.outside,
+        summary={
+            "method": "boosted poses",
+            "rows": len(rows),
+            "target_rows": len(target),
+            "screened_rows": [],
+            "data_sha256": sha256(rows.joints.tobytes() + rows.position.tobytes()),
+            "sources": list(rows.sources),
+            "joint_range_rad": [rows.joints.min(axis=0).tolist(), rows.joints.max(axis=0).tolist()],
+            "position_range_m": [
+                rows.position.min(axis=0).tolist(),
+                rows.position.max(axis=0).tolist(),
+            ],
+            "verdict": "conditional",
+            "doubts": [
+                "a model of poses: it holds for the payload, the tool point and the arm "
+                "configuration that were measured."
+            ],
+        },
+    )
+
+
+def _around(points: Array) -> CylinderRegion:
+    """A full ring about joint 1 that holds all points."""
+    radius, height = np.hypot(points[:, 0], points[:, 1]), points[:, 2]
+    return CylinderRegion(
+        angle=(-np.pi, np.pi),
+        radius=(float(radius.min()), float(radius.max())),
+        height=(float(height.min()), float(height.max())),
+    )
