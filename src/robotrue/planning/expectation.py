@@ -84,7 +84,7 @@ def mean_length(covariance: Array) -> Array:
 
     The squared length is taken as gamma distributed with the true mean tr C and variance 2 tr C^2
     (Satterthwaite 1946), so k = tr(C)^2 / (2 tr C^2) and the mean length is sqrt(tr C / k)
-    Gamma(k + 1/2) / Gamma(k): exact for equal axes and for one axis alone, within 1 % between.
+    Gamma(k + 1/2) / Gamma(k): exact for equal axes and for one axis alone, within 3 % between.
     """
     square = np.trace(covariance, axis1=-2, axis2=-1)
     fourth = np.einsum("...ij,...ij->...", covariance, covariance)
