@@ -68,10 +68,9 @@ def fit_feature_frame(
         ImplausibleDataError: No right angle at the first point; swapped names usually.
     """
     part, base, labels = checked_points(in_part, in_base, names)
-    check_pattern(part, labels)
-    check_pattern(base, labels)
-    for where, points in (("part", part), ("base", base)):
-        _check_corner(points, labels, where, right_angle)
+    check_corner(part, labels, tolerance=right_angle)
+    # A touched corner may be off by more than a drawn one: the robot's own error.
+    check_corner(base, labels, tolerance=4.0 * right_angle, where="base")
     T_part_feature = feature_frame(part)
     T_base_part = feature_frame(base) @ inverse(T_part_feature)
     gain = _gain(base, T_part_feature, T_base_part)
@@ -103,21 +102,37 @@ def _gain(base: Array, T_part_feature: Array, T_base_part: Array) -> Array:
     return out / (2.0 * _STEP)
 
 
-def _check_corner(points: Array, names: tuple[str, ...], where: str, tolerance: float) -> None:
+def check_corner(
+    points: Array,
+    names: tuple[str, ...],
+    *,
+    tolerance: float = RIGHT_ANGLE,
+    where: str = "part",
+) -> None:
+    """Passes if three points (3, 3) m have a right angle at the first.
+
+    Args:
+        points: K, L, M.
+        names: Of them.
+        tolerance: rad.
+        where: Frame, for the message.
+
+    Raises:
+        ObservabilityError: The points coincide or lie on one line.
+        ImplausibleDataError: No right angle there; says where it is.
+    """
+    check_pattern(points, names)
     sides = points - points[[1, 2, 0]]
     angles = []
     for i in range(3):
         u, v = -sides[i], sides[(i + 2) % 3]
         angles.append(float(np.arctan2(np.linalg.norm(np.cross(u, v)), u @ v)))
-    off = abs(angles[0] - 0.5 * np.pi)
-    # A touched corner may be off by a little more than a drawn one: the robot's own error.
-    allowed = tolerance if where == "part" else 4.0 * tolerance
-    if off <= allowed:
+    if abs(angles[0] - 0.5 * np.pi) <= tolerance:
         return
     best = int(np.argmin([abs(a - 0.5 * np.pi) for a in angles]))
     hint = f"the right angle is at {names[best]}" if best else "use a point fit"
     raise ImplausibleDataError(
         f"the corner {names[0]} measures {angles[0] / DEG:.3f} deg in {where}, expected 90 within "
-        f"{allowed / DEG:.2f} deg.",
+        f"{tolerance / DEG:.2f} deg.",
         hint=f"{hint}; the corner comes first, then the points along x and y.",
     )

@@ -17,7 +17,7 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 from scipy.stats import chi2
 
-from robotrue.cell.registration.feature_frame import feature_frame, fit_feature_frame
+from robotrue.cell.registration.feature_frame import check_corner, feature_frame, fit_feature_frame
 from robotrue.cell.registration.readings import CORRECTED, Readings, turn, turn_angles
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.poses import apply, pose
@@ -42,17 +42,23 @@ class Pass:
     """One pass: run the model's points, touch the part's, correct the model.
 
     Attributes:
-        error: (3,) m, distance of the touched K, L, M from the run ones, before the correction.
+        deviation: (3, 3) m in base, touched less run K, L, M, before the correction.
         angles: (3,) rad, correction about the model's z, y, x.
         shift: (3,) m, correction of K in base.
-        significance: Squared length of the correction over its own uncertainty, 6 degrees of
-            freedom; below 12.6 it is what touching alone does in 95 of 100 passes.
+        significance: Squared length of the correction over what touching alone makes of it (the
+            new touches and, after the first pass, those the model was placed on); 6 degrees of
+            freedom, so below 12.6 in 95 of 100 passes with nothing left to correct.
     """
 
-    error: Array
+    deviation: Array
     angles: Array
     shift: Array
     significance: float
+
+    @property
+    def error(self) -> Array:
+        """Distances of the touched K, L, M from the run ones, (3,) m."""
+        return np.asarray(np.linalg.norm(self.deviation, axis=1))
 
     @property
     def worst(self) -> float:
@@ -75,7 +81,8 @@ class Adjustment:
             alone; the robot's own error is not in it.
         passes: Every pass.
         verdict: Why it ended.
-        floor: m, mean worst error over the settled passes; NaN without one.
+        floor: m, worst of the three mean deviations over the settled passes, in which the touching
+            averages out; NaN without one.
         oscillation: m, standard deviation of the worst error over them; NaN with fewer than two.
         swing: m, largest less smallest of them; NaN with fewer than two.
         distortion: (3,) m, how much longer KL, LM, MK are when touched than drawn, mean over the
@@ -131,27 +138,31 @@ def adjust_recursively(
     _check(sigma, angle_tolerance, position_tolerance, settled, most)
     part: Array = frozen(in_part, (3, 3), "in_part")
     T: Array = np.array(T_base_part, dtype=np.float64)
+    check_corner(part, ("K", "L", "M"))
     limit = float(chi2.ppf(_CERTAIN, 6))
+    own = _touching(part, sigma)
     passes: list[Pass] = []
     lengths: list[Array] = []
-    covariance = np.zeros((6, 6))
     quiet = 0
     verdict: Verdict = "not settled"
     while True:
         run = apply(T, part)
         touched: Array = frozen(probe(run), (3, 3), "touched points")
-        error = np.linalg.norm(touched - run, axis=1)
-        done, covariance = _corrected(part, T, touched, sigma, readings)
         angles = turn_angles(run, touched, readings)
-        significance = _significance(T, run, touched, angles, sigma)
         passes.append(
-            Pass(error=error, angles=angles, shift=touched[0] - run[0], significance=significance)
+            Pass(
+                deviation=touched - run,
+                angles=angles,
+                shift=touched[0] - run[0],
+                significance=_significance(run, touched, angles, own * min(len(passes) + 1, 2)),
+            )
         )
         lengths.append(_sides(touched) - _sides(part))
-        if error.max() <= position_tolerance and passes[-1].angle <= angle_tolerance:
+        now = passes[-1]
+        if now.worst <= position_tolerance and now.angle <= angle_tolerance:
             verdict = "within tolerance"
             break
-        quiet = quiet + 1 if significance <= limit else 0
+        quiet = quiet + 1 if now.significance <= limit else 0
         if quiet >= settled:
             verdict = "nothing more to gain"
             break
@@ -160,40 +171,38 @@ def adjust_recursively(
             break
         if len(passes) > most:
             break
-        T = done
+        T = _corrected(T, run, touched, angles, readings)
+    covariance = fit_feature_frame(part, touched, sigma=sigma, right_angle=np.inf).covariance
     return _summary(T, covariance, passes, lengths, verdict, limit)
 
 
-def _corrected(
-    part: Array, T: Array, touched: Array, sigma: float, readings: Readings
-) -> tuple[Array, Array]:
-    """Returns the model's pose after one correction (4, 4), and its covariance (6, 6)."""
-    run = apply(T, part)
+def _corrected(T: Array, run: Array, touched: Array, angles: Array, readings: Readings) -> Array:
+    """Returns the model's pose (4, 4) turned about its own axes at K and shifted onto K."""
     axes = feature_frame(run)[:3, :3]
-    step = turn(turn_angles(run, touched, readings))
+    step = turn(angles)
     about_k = axes @ step @ axes.T
     shift = touched[0] - run[0]
     if readings.shift_axes == "feature":
         # The numbers of base axes, read as distances along axes that have already been turned.
         shift = axes @ step @ shift
-    rotation = about_k @ T[:3, :3]
-    origin = about_k @ (T[:3, 3] - run[0]) + run[0] + shift
-    fit = fit_feature_frame(part, touched, sigma=sigma, right_angle=np.inf)
-    return pose(rotation, origin), fit.covariance
+    return pose(about_k @ T[:3, :3], about_k @ (T[:3, 3] - run[0]) + run[0] + shift)
 
 
-def _significance(T: Array, run: Array, touched: Array, angles: Array, sigma: float) -> float:
-    """Returns the squared length of the correction at K over its covariance; inf without noise."""
-    local = feature_frame(run)
-    axes = local[:3, :3]
+def _touching(part: Array, sigma: float) -> Array:
+    """Returns the covariance (6, 6) of a correction, in feature axes at K, from its touches."""
+    local = (part - part[0]) @ feature_frame(part)[:3, :3]
+    return fit_feature_frame(local, local, sigma=sigma, right_angle=np.inf).covariance
+
+
+def _significance(run: Array, touched: Array, angles: Array, covariance: Array) -> float:
+    """Returns the squared length of the correction over a covariance; inf without noise."""
+    axes = feature_frame(run)[:3, :3]
     step = np.concatenate(
         [axes.T @ (touched[0] - run[0]), rotation_vector_from_matrix(turn(angles))]
     )
-    if sigma == 0.0:
+    if not covariance.any():
         return 0.0 if np.linalg.norm(step) < 1e-12 else np.inf
-    in_feature = (run - run[0]) @ axes
-    own = fit_feature_frame(in_feature, in_feature, sigma=sigma, right_angle=np.inf).covariance
-    return float(step @ np.linalg.solve(own, step))
+    return float(step @ np.linalg.solve(covariance, step))
 
 
 def _sides(points: Array) -> Array:
@@ -218,6 +227,7 @@ def _summary(
     large = [i for i, p in enumerate(passes) if p.significance > limit]
     first = large[-1] + 1 if large else 0
     worst = np.array([p.worst for p in passes[first:]])
+    deviation = np.array([p.deviation for p in passes[first:]])
     drift = np.array(lengths[first:] or [np.full(3, np.nan)])
     several = len(worst) > 1
     return Adjustment(
@@ -225,7 +235,9 @@ def _summary(
         covariance=frozen(covariance, (6, 6), "covariance"),
         passes=tuple(passes),
         verdict=verdict,
-        floor=float(worst.mean()) if len(worst) else float("nan"),
+        floor=float(np.linalg.norm(deviation.mean(axis=0), axis=1).max())
+        if len(worst)
+        else float("nan"),
         oscillation=float(worst.std(ddof=1)) if several else float("nan"),
         swing=float(np.ptp(worst)) if several else float("nan"),
         distortion=frozen(drift.mean(axis=0), (3,), "distortion", allow_nan=True),

@@ -22,6 +22,8 @@ from robotrue.errors import ConvergenceError, ObservabilityError, ShapeError
 STEPS: Final = 200
 _STILL: Final = 1e-9
 """m at the size of the pattern: a smaller step is none."""
+_GAIN: Final = 1e-9
+"""A step that lowers the squared distances by less than this part of them is none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -179,7 +181,7 @@ def solve_surfaces(touches: SurfaceTouches, start: Array, weights: Array) -> Arr
         length = float(np.linalg.norm(shorter * twist * scale))
         gained = cost - new_cost
         T, (distance, normal, _), cost = new, found, new_cost
-        if length < _STILL or gained <= 1e-12 * cost:
+        if length < _STILL or gained <= _GAIN * cost:
             check_motions(touches.centre[used], normal[used], T)
             return T
     raise ConvergenceError(
