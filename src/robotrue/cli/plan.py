@@ -72,6 +72,10 @@ def run(
             "--region and --program-targets both say where the arm will work.",
             hint="leave one of them out.",
         )
+    if not tolerance_um >= 0.0:
+        raise ConfigurationError(
+            f"tolerance {tolerance_um:g} um, expected 0 or more.", hint="--tolerance-um 1"
+        )
     cell = read_cell(cell_path)
     settings = PlanSettings(
         criterion="D" if criterion == "D" else _criterion(criterion),
@@ -94,10 +98,11 @@ def run(
         work=work,
         T_flange_tool=tool,
     )
+    text = None if program is None else _program(cell, plan, program, trigger_output)
     write_atomic(output, plan_sheet(plan))
     say(f"{count(len(plan), 'pose')} written to {output}: fill in what the tracker reads")
-    if program is not None:
-        write_atomic(program, _program(cell, plan, program, trigger_output))
+    if program is not None and text is not None:
+        write_atomic(program, text)
         say(f"program written to {program}")
     if report is not None:
         from robotrue.cli.plan_page import plan_page
