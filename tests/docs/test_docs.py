@@ -26,7 +26,9 @@ PAGES = sorted(
     + [p for p in (ROOT / "docs").rglob("*.md") if "_build" not in p.parts]
 )
 LINK = re.compile(r"!?\[[^\]\n]*\]\(([^)\s]+)\)")
-CALL = re.compile(r"robotrue (demo|calibrate|validate|predict|compensate|inspect)\b([^\n`|]*)")
+CALL = re.compile(
+    r"robotrue (demo|plan|calibrate|transfer|validate|predict|compensate|inspect|map)\b([^\n`|]*)"
+)
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
 
 

@@ -291,6 +291,7 @@ def contest_section(
     """Returns the chapter that says who won on held-out poses, by how much, and the rule."""
     rows: list[tuple[Cell, ...]] = []
     kinds = list(dict.fromkeys(k for s in selection.table for k in s.mean_by_kind))
+    kinds = kinds if len(kinds) > 1 else []  # one kind alone says what the mean says
     first = next(s for s in selection.table if not s.failure)
     for score in selection.table:
         if score.failure:

@@ -113,7 +113,7 @@ def guarded(
     candidates = {**transfers, **alone}
     folds = random_folds(rows, folds=min(rows, MOST_FOLDS), seed=seed)
     trials = hold_out(candidates, target, splits=folds, payload=payload, progress=progress)
-    selection = decide(trials.held, trials.folds, trials.fold_of_row, trials.rule)
+    selection = decide(trials.held, trials.folds, trials.fold_of_row, _rule(rows, len(folds)))
     verdict = _verdict(selection, trials, tuple(transfers), tuple(alone), target, reach, doubts)
     model = candidates[selection.winner](target)
     return _with_verdict(with_evidence(model, selection), verdict)
@@ -171,6 +171,15 @@ def _nothing_checked(name: str, rows: int) -> str:
     return (
         f"{measured}: {name} is used and nothing was checked against the target; measure "
         f"{FEWEST_ROWS} or more poses there to check it."
+    )
+
+
+def _rule(rows: int, folds: int) -> str:
+    part = "each held out by itself" if folds == rows else f"held out in {folds} random parts"
+    return (
+        f"{rows} target poses, {part}, sources always in training; the first candidate is believed "
+        "until another wins by more than the one-sided 95 % interval over the parts, the target "
+        "poses alone last"
     )
 
 
