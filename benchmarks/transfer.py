@@ -41,6 +41,7 @@ from robotrue.simulation import scenarios
 NONE = DriftScales(**{f.name: 0.0 for f in fields(DriftScales)})
 QUICK_ROWS = 1500
 CANDIDATES = 500
+TEST_ROWS = 1000
 Examined = tuple[float, float]
 
 
@@ -162,6 +163,11 @@ def least_sure(model: ErrorModel, rows: MeasurementSet, n: int) -> np.ndarray:
     return candidates[np.sort(chosen)]
 
 
+def thinned(rows: MeasurementSet) -> MeasurementSet:
+    """Returns every k-th row, at least :data:`TEST_ROWS` where there are so many."""
+    return rows.subset(np.arange(0, len(rows), max(1, len(rows) // TEST_ROWS)))
+
+
 def placed(model: ErrorModel, rows: MeasurementSet) -> MeasurementSet:
     """Returns the rows with the number of a station the model knows."""
     known = sorted(getattr(model, "physics", model).T_tracker_base)
@@ -195,7 +201,7 @@ def measured_case(case: Case, draws: int, quick: bool, pooled: bool) -> Iterator
                     yield f"  {n:3d} points  {name:9s} {refusal}"
                     continue
                 seconds[name] = time.perf_counter() - begin
-                errors, inside = examine(made, placed(made, test))
+                errors, inside = examine(made, placed(made, thinned(test)))
                 found.setdefault(name, []).append((float(errors.mean()) / MM, inside.mean()))
         for name, values in found.items():
             yield f"  {n:3d} points  {name:9s} {spread(values)}  {seconds[name]:6.1f} s"
@@ -207,7 +213,7 @@ def measured_case(case: Case, draws: int, quick: bool, pooled: bool) -> Iterator
                 target.subset(picked),
                 [Source(model=model, relation="region", name="source")],
             )
-            errors, inside = examine(made, rest)
+            errors, inside = examine(made, thinned(rest))
             values = [(float(errors.mean()) / MM, float(inside.mean()))]
             yield f"  {n:3d} planned points, transfer  {spread(values)}"
             yield result(f"{case.title}, {n} planned points", "-", case.reach, values)
@@ -226,13 +232,21 @@ def spread(values: list[Examined]) -> str:
     )
 
 
-def result(case: str, reference: str, reach: float | None, values: list[Examined]) -> str:
+def result(
+    case: str,
+    reference: str,
+    reach: float | None,
+    values: list[Examined],
+    *,
+    covering: bool = True,
+) -> str:
     """Returns the line that the table of all benchmarks takes up."""
     mean, cover = np.array(values).T
     middle, share = float(np.median(mean)), float(cover.mean())
     inside = 0.93 <= share <= 0.97
-    good = (reach is None or middle <= reach) and inside
-    wanted = "cover 93-97 %" if reach is None else f"<= {reach:.3f}, cover 93-97 %"
+    good = (inside or not covering) and (reach is None or middle <= reach)
+    wanted = "-" if reach is None else f"<= {reach:.3f}"
+    wanted += ", cover 93-97 %" if covering else ""
     return (
         f"RESULT | {case}, median of means mm over {len(mean)} | {reference} | {wanted} | "
         f"{middle:.4f}, {100 * share:.1f} % | {'reached' if good else 'missed'}"
@@ -276,7 +290,7 @@ def simulated_case(name: str, arms: int, pooled: bool) -> Iterator[str]:
     reference, reaches = SIMULATED[name]
     for n, reach in zip((0, 5), reaches, strict=True):
         title = f"{name} (simulated) 126 source + {n} target poses"
-        yield result(title, reference, reach, found[n, "transfer"])
+        yield result(title, reference, reach, found[n, "transfer"], covering=False)
 
 
 def main(arguments: list[str]) -> int:
