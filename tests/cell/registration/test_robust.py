@@ -40,20 +40,8 @@ def block_rms_mm(found: Array, true: Array) -> float:
     return float(np.sqrt((off**2).sum(axis=1).mean()) / MM)
 
 
-@pytest.mark.parametrize(
-    ("n", "wrong", "median_mm", "p95_mm"),
-    # Measured with 300 runs: .102/.170 .117/.196 .141/.298 .075/.115 .082/.140.
-    [
-        (8, 0, 0.12, 0.20),
-        (8, 1, 0.14, 0.25),
-        (8, 3, 0.16, 0.35),
-        (20, 5, 0.09, 0.14),
-        (20, 8, 0.10, 0.17),
-    ],
-)
-def test_the_frame_is_as_good_as_if_the_wrong_points_were_known(
-    n: int, wrong: int, median_mm: float, p95_mm: float
-) -> None:
+@pytest.mark.parametrize(("n", "wrong"), [(8, 0), (8, 1), (8, 3), (20, 5), (20, 8)])
+def test_the_frame_is_as_good_as_if_the_wrong_points_were_known(n: int, wrong: int) -> None:
     rng = np.random.default_rng(0)
     found, known, plain, missed = [], [], [], 0
     for _ in range(40):
@@ -65,9 +53,9 @@ def test_the_frame_is_as_good_as_if_the_wrong_points_were_known(
         plain.append(block_rms_mm(fit_rigid(points, touched), T))
         missed += len({str(b + 1) for b in bad} - set(fit.outliers))
     assert missed == 0
-    assert np.median(found) < median_mm
-    assert np.percentile(found, 95) < p95_mm
     assert np.median(found) < 1.05 * np.median(known)
+    assert np.percentile(found, 95) < 1.1 * np.percentile(known, 95)
+    assert np.percentile(found, 95) < 0.35
     if wrong:
         assert np.median(plain) > 1.0
 
