@@ -17,7 +17,10 @@ from robotrue.measurement.formats.registry import read_measurements
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.queries import read_queries
 from robotrue.planning import candidates
+from robotrue.planning.criteria import greedy
+from robotrue.planning.expectation import expected, work_of
 from robotrue.planning.information import Postures, before_measuring, settings_of
+from robotrue.planning.next_visit import next_visit
 from robotrue.planning.order import short_order, travel
 from robotrue.planning.plan import PlanSettings, PosePlan, plan_poses
 from robotrue.planning.scene import scene_of
@@ -231,3 +234,27 @@ def test_a_plan_names_what_it_could_not_check() -> None:
     for words in ("line of sight was not checked", "acceptance angle", "tubes", "No obstacles"):
         assert words in text
     assert scene_of(cell, clearance=0.02).cell is cell
+
+
+def test_the_next_pose_while_measuring() -> None:
+    """One pose after the other is the greedy plan, with its expected accuracy, and it ends."""
+    cell = shop()
+    model = before_measuring(cell)
+    pool = Postures(joints=postures(80, 3), load=PAYLOAD)
+    work = work_of(model, Postures(joints=postures(30, 4), load=PAYLOAD))
+    whole = greedy(model.rows(pool), work.weight, 8)
+    promised = expected(work, model.rows(pool), whole.chosen, seed=1).mean
+    taken: list[int] = []
+    for k in range(8):
+        free = ~np.isin(np.arange(80), taken)
+        found = next_visit(model, pool.subset(np.array(taken, dtype=int)), pool, work, allowed=free)
+        assert found is not None
+        assert found.index == whole.chosen[k]
+        assert found.mean_now == pytest.approx(promised[k], rel=1e-6)
+        assert found.mean_then == pytest.approx(promised[k + 1], rel=1e-6)
+        taken.append(found.index)
+    after = pool.subset(np.array(taken))
+    assert next_visit(model, after, pool, work, enough=1e-3) is None
+    last = next_visit(model, after, pool, work)
+    assert last is not None
+    assert next_visit(model, after, pool, work, enough=last.gain * 1.01) is None

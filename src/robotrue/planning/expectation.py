@@ -93,6 +93,12 @@ def mean_length(covariance: Array) -> Array:
     return np.asarray(np.sqrt(square / shape) * np.exp(gammaln(shape + 0.5) - gammaln(shape)))
 
 
+def mean_error(work: Work, covariance: Array) -> float:
+    """Returns the mean 3-D error in m expected with a covariance (k, k), as a check measures it."""
+    learned = work.columns @ covariance @ np.swapaxes(work.columns, 1, 2)
+    return float(mean_length(learned + work.rest + work.instrument).mean())
+
+
 def expected(
     work: Work, rows: Array, order: IntArray, *, seed: int, covariance: Array | None = None
 ) -> Expected:
