@@ -4,7 +4,7 @@ Deng et al. 2022, eq. 19-26, with a switch for every equation that can be read i
 
 ======  =======================================================================================
 eq. 19  source rows have no initial weight as printed; here 1 / (n + m) times ``source_weight``
-eq. 20  |w (y - G)| is taken over the outputs: one error and one weight for each row
+eq. 20  ``|w (y - G)|`` is taken over the outputs: one error and one weight for each row
 eq. 22  weights sum to one over source and target, so that few target rows never reach the limit
         of 0.5: ``error_over="all"`` as printed, "target" divides by the target's share
 eq. 23  target rows: weight times beta^(1 - e); Pardoe and Stone: beta^(-e), the same up to the
