@@ -17,9 +17,11 @@ from robotrue.calibration.smooth import SmoothBasis
 from robotrue.calibration.update import further_centres, updated
 from robotrue.core.archive import read_archive, write_archive
 from robotrue.core.poses import pose
-from robotrue.core.rotations import matrix_from_rotation_vector
+from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector_from_matrix
 from robotrue.errors import ModelMismatchError
 from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.forward import forward
+from robotrue.robot.statics import deflected
 
 PLAIN = FitSettings(payload=PAYLOAD, solver=SolverSettings(loss="gaussian"))
 ROBUST = FitSettings(payload=PAYLOAD)
@@ -129,3 +131,26 @@ def test_further_centres_keep_those_there_were(rows):
     np.testing.assert_allclose(
         more.columns(rows.joints)[:, 0], basis.columns(rows.joints)[:, 0], atol=1e-12
     )
+
+
+def test_orientations_count_where_their_noise_is_known():
+    """Points alone leave the last joint's zero to the prior; poses show it."""
+    rng = np.random.default_rng(13)
+    robot = arm(tool=(0.0, 0.0, 0.3))
+    actual = planted(robot, rng)
+    poses = measure(actual, postures(robot, 80, rng), rng, pose_sd=5e-5)
+    model = fit(robot, poses.subset(np.arange(40)), settings=ROBUST)
+    assert model.training_summary()["white_sd_rad"] < 1e-4
+    found = updated(model, poses.subset(np.arange(40, 80)), settings=ROBUST)
+    query = Query(joints=postures(robot, 30, rng), load=PAYLOAD)
+    off = [
+        np.linalg.norm(m.predict(query).rotation_error - _turn(actual, robot, query), axis=1).mean()
+        for m in (model, found)
+    ]
+    assert off[1] < off[0] < 2e-4
+
+
+def _turn(actual, robot, query):
+    state, _ = deflected(actual, query.joints, PAYLOAD)
+    believed = forward(robot, query.joints)[:, :3, :3]
+    return rotation_vector_from_matrix(state.rotation @ np.swapaxes(believed, 1, 2))

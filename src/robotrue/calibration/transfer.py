@@ -40,6 +40,7 @@ from robotrue.calibration.update import (
     further_centres,
     innovation_weights,
     moved_summary,
+    points_only,
     require_joints,
     settled,
     without_nuisances,
@@ -93,7 +94,8 @@ def fit_transfer(
 
     Args:
         robot: Nominal arm of the target with the nominal reflector.
-        target: Rows of the target; None or no rows: the prediction is the sources' alone.
+        target: Rows of the target, of which the points are used; None or no rows: the prediction
+            is the sources' alone.
         sources: At least one. The first of the same arm (``region`` before ``campaign``) leads.
         settings: Of the fits of sources that are given as measurements; payload and robust rule.
         scales: Where the drift of the leading source starts; None is its relation's default.
@@ -121,7 +123,7 @@ def fit_transfer(
         after, screened = prior_of(drift), np.zeros(0, dtype=np.int64)
     else:
         require_joints(models[0], target)
-        landing = _landed(lead, relation, target, settings, scales, learn)
+        landing = _landed(lead, relation, points_only(target), settings, scales, learn)
         drift, screened = landing.drift, np.flatnonzero(landing.weights == 0.0)
         after = _with_gauge(landing.belief, landing.rows, relation)
     counted = 0 if target is None else len(target) - len(screened)

@@ -47,7 +47,8 @@ def updated(
     Args:
         model: A model of this arm, from a fit, an earlier update or a transfer.
         measurements: Rows of the same campaign, in base, in a tracker set-up the model knows, or
-            in a new one (which is then estimated with them).
+            in a new one (which is then estimated with them). Orientations count where the model
+            has learned how noisy they are; otherwise its points alone.
         settings: Payload, robust rule, sd of orientations; repeatability and noise are the
             model's.
 
@@ -63,9 +64,12 @@ def updated(
     if not len(measurements):
         return model_of(belief, dict(model.training_summary()))
     belief = centred(belief, measurements.joints)
+    angular = model.training_summary().get("white_sd_rad")
+    if angular is None:
+        measurements = points_only(measurements)
     rows = new_rows(belief, measurements, settings, fresh=False)
     prior = with_nuisances(belief, np.full(rows.nuisances, NUISANCE_SD))
-    noise = np.array([belief.white**2, 0.0])
+    noise = np.array([belief.white**2, float(angular or 0.0) ** 2])
     u = innovation_weights(
         prior, rows.pieces(prior), noise, rows.count, settings.solver.loss, belief.inflation
     )
@@ -81,6 +85,12 @@ def updated(
     return model_of(
         without_nuisances(after, rows), moved_summary(summary, [*history(model), step], after)
     )
+
+
+def points_only(measurements: MeasurementSet) -> MeasurementSet:
+    """Returns the set without its orientations, for models that do not know their noise."""
+    empty = np.full((len(measurements), 3, 3), np.nan)
+    return replace(measurements, rotation=empty, rotation_covariance=empty)
 
 
 def require_joints(model: ErrorModel, measurements: MeasurementSet) -> None:
