@@ -71,16 +71,29 @@ def test_a_row_twice_is_a_row_of_weight_two(seed, weights):
         )
 
 
-@settings(max_examples=10, deadline=None)
-@given(seeds, scales)
-def test_equal_weights_are_the_plain_process(seed, weight):
-    X, y = rows(seed % 50)
-    there, _ = rows(seed % 50 + 1)
-    plain = GaussianProcess().fit(X, y)
-    model = GaussianProcess().fit(X, y, np.full(N, weight**0.1))  # 0.25 .. 4: inside the bounds
-    np.testing.assert_allclose(model.predict(there), plain.predict(there), atol=0.02)
-    unit = GaussianProcess().fit(X, y, np.ones(N))
-    np.testing.assert_array_equal(unit.predict(there), plain.predict(there))
+@settings(max_examples=15, deadline=None)
+@given(seeds, st.floats(0.01, 100.0))
+def test_equal_weights_are_the_plain_process_with_the_noise_over_the_weight(seed, weight):
+    X, y = rows(seed)
+    there, _ = rows(seed + 1)
+    wider = {**HELD, "noise": HELD["noise"] * weight**0.5}
+    model = GaussianProcess(**wider).fit(X, y, np.full(N, weight))
+    plain = GaussianProcess(**HELD).fit(X, y)
+    mean, deviation = model.predict(there, return_std=True, noisy=False)
+    expected, spread = plain.predict(there, return_std=True, noisy=False)
+    np.testing.assert_allclose(mean, expected, atol=1e-9)
+    np.testing.assert_allclose(deviation, spread, atol=1e-9)
+    boosted = TrAdaBoostR2(GaussianProcess(**HELD), rounds=1).fit(X, y, np.full(N, weight))
+    np.testing.assert_allclose(boosted.predict(there), plain.predict(there), atol=1e-9)
+
+
+@settings(max_examples=5, deadline=None)
+@given(seeds)
+def test_unit_weights_change_nothing_that_is_learned(seed):
+    X, y = rows(seed)
+    plain, unit = GaussianProcess().fit(X, y), GaussianProcess().fit(X, y, np.ones(N))
+    np.testing.assert_array_equal(unit.predict(X), plain.predict(X))
+    assert unit.noise_ == plain.noise_
 
 
 @settings(max_examples=15, deadline=None)
