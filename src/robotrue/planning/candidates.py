@@ -31,7 +31,8 @@ class Candidates:
     Attributes:
         joints: (n, dof) rad.
         drawn: Number of postures looked at.
-        rejected: (reason, count), in the order the reasons were asked; a posture counts once.
+        rejected: (reason, count), in the order the reasons were asked; a posture counts once, so
+            that candidates and rejected ones add up to those drawn.
     """
 
     joints: Array
@@ -148,7 +149,9 @@ def draw_candidates(
         found.append(part[good])
         if sum(map(len, found)) >= n:
             break
-    kept = np.concatenate(found)[:n] if found else np.empty((0, scene.robot.dof))
+    usable_ones = np.concatenate(found) if found else np.empty((0, scene.robot.dof))
+    kept = usable_ones[:n]
+    counts["more than asked for"] = len(usable_ones) - len(kept)
     if not len(kept):
         raise nothing_left(drawn, counts)
     return Candidates(joints=kept, drawn=drawn, rejected=tuple(_some(counts)))

@@ -51,7 +51,7 @@ class PlanSettings:
         approach: ``"one side"``: every pose is entered from a pre-position from which every joint
             moves in its positive sense. ``"as it comes"``: straight from the pose before.
         step_back: rad, each joint's move from the pre-position.
-        enough: m; the plan stops when the next pose lowers the expected mean error by less.
+        enough: m; the plan stops when the next pose lowers the expected rms error by less.
         loads: States of payload and wrench that can be measured; empty is the cell's payload.
         seed: Of the candidates and of the random plans shown beside.
         fit: Priors and noise of the fit that will follow; what the cell says if not given.
