@@ -66,3 +66,12 @@ def test_a_region_out_of_reach_is_refused(robot):
         random_joints(robot, 10, seed=1, region=far)
     with pytest.raises(ReachError, match="out of reach"):
         paper_plan(replace(robot, a=0.5 * robot.a), 1)
+
+
+def test_attitudes_that_cannot_be_taken_are_drawn_anew(robot):
+    for seed in range(1, 9):  # without it a corner of one of these is out of reach
+        plan = paper_plan(robot, seed, "fixed")
+        assert np.isfinite(plan.source).all()
+        x, y, z = forward(robot, plan.source)[:, :3, 3].T
+        places = np.column_stack([np.arctan2(y, x), np.hypot(x, y), z]).round(6)
+        assert len(np.unique(places, axis=0)) == 126

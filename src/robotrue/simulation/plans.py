@@ -52,6 +52,7 @@ ANGLE_STEP: Final = 5.0 * DEG
 SUB_SPACES: Final = 5
 """Of 10 deg, 5 deg apart: the only ones in [-30, 40] deg with the 126 grid points of the source."""
 TARGETS: Final = 80
+_REDRAWS: Final = 50
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -169,14 +170,15 @@ def paper_plan(
     rng = np.random.default_rng([seed, 19])
     domains = paper_domains(attitude)
     inside = with_attitude(VALIDATION, attitude)
-    place, turn = _sample(domains.source, rng)
+    angles = np.array([0.0, *domains.angles])
+    place, turn = _sample(robot, domains.source, rng, attitude, angles)
     counts = target_counts(domains, targets)
     features = np.column_stack([points_at(domains.source, place), turn])
     images = target_images(domains, features, counts, rng, rule=rule)
     image, sub_space = np.concatenate(images), np.repeat(np.arange(len(counts)), counts)
     there = place[image]
     there[:, 0] += domains.angles[sub_space]
-    grid, grid_turn = _sample(inside, rng)
+    grid, grid_turn = _sample(robot, inside, rng, attitude, np.zeros(1))
     return PaperPlan(
         source=_joints(robot, _poses(place, turn, attitude)),
         target=_joints(robot, _poses(there, turn[image], attitude)),
@@ -191,10 +193,30 @@ def _poses(place: Array, turn: Array, attitude: Attitude) -> Array:
     return cylinder_poses(place[:, 0], place[:, 1], place[:, 2], turn, attitude)
 
 
-def _sample(region: CylinderRegion, rng: np.random.Generator) -> tuple[Array, Array]:
-    """The complete positions of Table 6 in a region and an attitude for each."""
-    angles = round((region.angle[1] - region.angle[0]) / ANGLE_STEP) + 1
-    return hierarchical_sample(region, (angles, *PER_ANGLE), STEPS, rng)
+def _sample(
+    robot: RobotModel,
+    region: CylinderRegion,
+    rng: np.random.Generator,
+    attitude: Attitude,
+    angles: Array,
+) -> tuple[Array, Array]:
+    """The complete positions of Table 6 in a region and an attitude for each.
+
+    An attitude that cannot be taken, here or turned by one of the angles, is drawn anew: with a
+    fixed attitude a few corners of the workspace allow only some.
+    """
+    count = round((region.angle[1] - region.angle[0]) / ANGLE_STEP) + 1
+    place, turn = hierarchical_sample(region, (count, *PER_ANGLE), STEPS, rng)
+    for _ in range(_REDRAWS):
+        lost = np.zeros(len(place), dtype=bool)
+        for angle in angles:
+            there = place + np.array([angle, 0.0, 0.0])
+            joints = inverse_batch(robot, _poses(there, turn, attitude), near=POSTURE)
+            lost |= ~np.isfinite(joints).all(axis=1)
+        if not lost.any():
+            break
+        turn[lost] = np.stack([rng.choice(steps, int(lost.sum())) for steps in STEPS], axis=1)
+    return place, turn
 
 
 def random_joints(robot: RobotModel, n: int, *, seed: int, region: Region | None = None) -> Array:

@@ -11,6 +11,7 @@ import numpy as np
 
 from robotrue.calibration.deng2022.joined import PoseModel
 from robotrue.calibration.deng2022.readings import Readings
+from robotrue.calibration.deng2022.sampling import TargetRule
 from robotrue.calibration.deng2022.transfer_gpr import fit_deng2022, fit_pose_gpr
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.compensation.compensate import compensate
@@ -32,6 +33,7 @@ from robotrue.simulation.plans import (
     VALIDATION,
     Region,
     paper_domains,
+    paper_plan,
     random_joints,
     region_poses,
     with_attitude,
@@ -53,9 +55,19 @@ SWITCHES: Final[dict[str, dict[str, Any]]] = {
     "eq. 24 literal": {"source_weights": "literal"},
     "eq. 24 Pardoe": {"source_weights": "pardoe"},
     "eq. 25 literal": {"combination": "literal"},
+    "eq. 22, 24, 25 literal": {
+        "error_over": "all",
+        "source_weights": "literal",
+        "combination": "literal",
+    },
     "isotropic kernel": {"kernel": "isotropic"},
 }
 """Readings compared; each differs from the default in what is named."""
+RULES: Final[dict[str, TargetRule]] = {
+    "rule 3: corners and boundary": "boundary",
+    "space-filling target poses": "space-filling",
+}
+"""Other choices of the 16 poses in each sub-space; by default they are drawn."""
 TURNS: Final = (5.0, 10.0, 15.0)
 """deg, Table 5."""
 LEVELS: Final = 12
@@ -104,6 +116,9 @@ def arm_results(name: str, seed: int, *, quick: bool = False) -> ArmResults:
         for label, values in SWITCHES.items():
             other = _reread(case, model, source, target, values)
             switches[label] = float(_statistics(_left(other, check))[0])
+        for label, rule in RULES.items():
+            other = _with_rule(case, rule)
+            switches[label] = float(_statistics(_left(other, check))[0])
     dry, hole = _program_runs(case, model, levels=5 if quick else LEVELS)
     return ArmResults(
         accuracy=_accuracy(case, model, rows, check),
@@ -131,6 +146,14 @@ def _transfer(
         case.settings,
         Readings(attitude=case.attitude, **values),
     )
+
+
+def _with_rule(case: Scenario, rule: TargetRule) -> PoseModel:
+    """The model of a plan whose target poses were chosen by another rule, measured anew."""
+    robot = case.cell.known.measured_robot
+    plan = paper_plan(robot, case.seed, case.attitude, rule=rule)
+    rows = scenarios.paper(replace(case, plan=plan))
+    return _transfer(case, rows.subset(rows.group == 0), rows.subset(rows.group == 1))
 
 
 def _reread(
