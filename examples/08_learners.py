@@ -51,7 +51,7 @@ def main(out: Path) -> None:
     figure, axes = plt.subplots(figsize=(6, 3.5))
     axes.boxplot(list(missed.values()), tick_labels=list(missed))
     axes.set(ylabel="error left, mm (simulated)", yscale="log")
-    figure.savefig(out / "06_learners.png", bbox_inches="tight")
+    figure.savefig(out / "08_learners.png", bbox_inches="tight")
     best = learners["transfer GP"]
     mean, deviation = best.predict(there, return_std=True)
     inside = np.mean(np.abs(truth - mean) < 1.96 * deviation)
