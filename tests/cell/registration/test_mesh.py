@@ -29,7 +29,7 @@ def box() -> TriangleMesh:
     return TriangleMesh(vertices=BOX, faces=BOX_FACES)
 
 
-def free_form(n: int = 40) -> TriangleMesh:
+def free_form(n: int = 28) -> TriangleMesh:
     """A lumpy closed surface, about 400 x 200 x 300 mm, with no symmetry."""
     polar, turn = np.meshgrid(
         np.linspace(0, np.pi, n + 1)[1:-1],
@@ -117,9 +117,9 @@ def test_point_to_plane_finds_a_free_form_part(angle_deg: float, shift_mm: float
 def test_noise_on_a_free_form_part_is_as_the_covariance_says() -> None:
     mesh = free_form()
     sigma = 0.1 * MM
-    grid = mesh.vertices[::20]
+    grid = mesh.vertices[::10]
     errors, stated = [], []
-    for seed in range(25):
+    for seed in range(12):
         touches = on_mesh(mesh, touched(mesh, 100, seed, 3 * MM, sigma), radius=3 * MM)
         fit = fit_surfaces(touches, T, sigma=sigma)
         errors.append(np.linalg.norm(apply(fit.T_base_part, grid) - apply(T, grid), axis=1))
@@ -129,7 +129,7 @@ def test_noise_on_a_free_form_part_is_as_the_covariance_says() -> None:
         )
         stated.append(np.trace(rows @ fit.covariance @ rows.transpose(0, 2, 1), axis1=1, axis2=2))
     seen = np.sqrt(np.mean(np.square(errors)))
-    assert seen == pytest.approx(np.sqrt(np.mean(stated)), rel=0.25)
+    assert seen == pytest.approx(np.sqrt(np.mean(stated)), rel=0.3)
     assert seen < 0.1 * MM
 
 

@@ -122,7 +122,9 @@ def adjust_recursively(
         in_part: (3, 3) m, K (the right angle), L, M in part.
         T_base_part: (4, 4) the model's pose to begin with.
         probe: The touching.
-        sigma: m per axis of one touch, with the robot's repeatability; 0 if there is none.
+        sigma: m per axis of one touch, with the robot's repeatability and what another tilt of the
+            wrist changes (tilt times tip and arm error); 0 if there is none. Too small a value
+            never settles.
         readings: Of the printed equations.
         angle_tolerance: rad.
         position_tolerance: m, of the worst point.

@@ -116,10 +116,12 @@ def _settled(
     """Returns the pose near a start if it fits, with every touch still coming from outside."""
     try:
         T, here = start, touches
-        for _ in range(2):
+        for again in (False, True):
             chosen = _facing(here, T, normal)
             if chosen is None:
                 return None
+            if again and (chosen == here.touched).all():
+                break
             here = assigned(here, chosen.tolist())
             T = solve_surfaces(here, T, used.astype(float))
     except (ObservabilityError, ConvergenceError):
