@@ -8,7 +8,7 @@ with one reflector or several, need no case of their own.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final, TypeAlias
 
@@ -158,8 +158,19 @@ class Design:
         posed = any(isinstance(o, PoseObservation) for o in self.observations)
         out = []
         for channel in range(CHANNELS if posed else 1):
-            out.append(sums_of(self._blocks(channel, chosen), size))
+            found = sums_of(self._blocks(channel, chosen), size)
+            out.append(replace(found, least=self._stated(channel, chosen)) if self.few else found)
         return out
+
+    def _stated(self, channel: int, chosen: BoolArray | None) -> float:
+        """Mean share of the whitening's variance that instrument and repeatability state."""
+        place = slice(3 * channel, 3 * channel + 3)
+        stated = total = 0.0
+        for item in self.rows(chosen):
+            if item.values.shape[1] > 3 * channel:
+                stated += float(np.trace(item.instrument[:, place, place], axis1=1, axis2=2).sum())
+                total += float((item.lower[:, place] ** 2).sum())
+        return stated / total if total else 0.0
 
     def _blocks(
         self, channel: int, chosen: BoolArray | None

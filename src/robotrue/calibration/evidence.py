@@ -86,6 +86,7 @@ class Sums:
         count: Numbers that count, reduced by what the robust rule takes from a clean variance.
         columns: (r, p) the rows themselves where there are few; empty otherwise.
         values: (r,) of those rows.
+        least: tau below which the rows would be better than their instrument and one visit.
     """
 
     gram: Array
@@ -94,6 +95,7 @@ class Sums:
     count: float
     columns: Array = field(default_factory=lambda: np.empty((0, 0)))
     values: Array = field(default_factory=lambda: np.empty(0))
+    least: float = 0.0
 
     @property
     def few(self) -> bool:
@@ -116,6 +118,7 @@ class Sums:
             pull=self.pull - other.pull,
             power=self.power - other.power,
             count=self.count - other.count,
+            least=self.least,
         )
 
 
@@ -319,7 +322,8 @@ def _moved(at: Weights, channels: Sequence[Sums]) -> tuple[tuple[Group, ...], Ar
     spent = _spent(at, channels)
     for k, s in enumerate(channels):
         misfit = float(s.power - 2.0 * at.mean @ s.pull + at.mean @ s.gram @ at.mean)
-        noise[k] = max(misfit, 1e-30) / max(s.count - spent[k], 0.05 * s.count)
+        free = max(s.count - spent[k], 0.05 * s.count)
+        noise[k] = max(max(misfit, 1e-30) / free, s.least)
     return tuple(groups), noise
 
 

@@ -30,6 +30,8 @@ LEVEL: Final = 0.95
 PRIOR_ROWS: Final = 60
 """Rows at which the factor of the blocks and that of Student's law count alike: with 60 rows the
 95 % point rests on three of them."""
+MANY: Final = 200
+"""Rows from which the factor of the blocks may be below one: ten of them make the 95 % point."""
 LEAST_FREEDOM: Final = 6.0
 """Degrees below which Student's law says nothing sensible of three numbers."""
 LARGEST: Final = 100.0
@@ -118,7 +120,8 @@ def trusted(found: HeldOut, freedom: float) -> HeldOut:
     """Returns the same with a factor that few rows cannot throw about.
 
     Its logarithm is the mean of that of the blocks, with the weight of the rows, and that of
-    Student's law with ``freedom`` degrees, with the weight of :data:`PRIOR_ROWS`.
+    Student's law with ``freedom`` degrees, with the weight of :data:`PRIOR_ROWS`. Blocks that all
+    lie inside make nothing narrower before there are :data:`MANY` rows: of twenty that is expected.
 
     Args:
         found: From :func:`held_out`.
@@ -127,6 +130,8 @@ def trusted(found: HeldOut, freedom: float) -> HeldOut:
     rows = len(found.error)
     share = rows / (rows + PRIOR_ROWS)
     blocks = float(np.log(found.inflation))
+    if rows < MANY:
+        blocks = max(blocks, 0.0)
     law = float(np.log(student_factor(freedom)))
     return replace(found, inflation=float(np.exp(share * blocks + (1.0 - share) * law)))
 

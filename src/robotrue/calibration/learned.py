@@ -60,6 +60,8 @@ MANY_ROWS: Final = 200
 """Rows from which the ladder begins at its second rung, and each band has a scale of its own."""
 FEWEST_SMOOTH: Final = 60
 """Rows below which nobody can tell a smooth residual from the rest; it is not tried."""
+HALF: Final = 0.5
+"""Weights of a group that the data determine from which its scale is taken for learned."""
 LONG_CAMPAIGN: Final = 1000
 """Rows of a campaign so long that half of a day's shift is seen within it."""
 WIDE_ROWS: Final = 4000
@@ -113,8 +115,7 @@ def fit_learned(
     notes: dict[str, Any] = {"smooth": "not tried"}
     if parts.smooth and physical.rows >= FEWEST_SMOOTH:
         at, found, notes = _with_smooth(at, found, measurements, settings)
-    freedom = float(sum(s.count for s in at.sums) - at.weights.determined.sum())
-    found = trusted(found, freedom)
+    found = trusted(found, _freedom(at))
     return assembled(physical, at, found, settings, {"method": method, **notes})
 
 
@@ -282,6 +283,16 @@ def _examined(at: LinearFit, settings: FitSettings) -> HeldOut:
         settings.repeatability_sd,
         shift=day_shift(settings) * float(np.sqrt(_within(len(design.weights)))),
     )
+
+
+def _freedom(at: LinearFit) -> float:
+    """Returns the numbers measured beyond those that weights, and scales the data moved, took."""
+    moved = [
+        g.learned and seen > HALF
+        for g, seen in zip(at.weights.groups, at.weights.determined, strict=True)
+    ]
+    measured = sum(s.count for s in at.sums)
+    return float(measured - at.weights.determined.sum() - sum(moved))
 
 
 def _within(rows: int) -> float:

@@ -26,9 +26,9 @@ class FitSettings:
         scales: Prior standard deviations.
         stiffness: Known joint stiffness; without it a broad scale from the arm's weight is learned.
         rotation_sd: rad per axis of a measured orientation without covariance.
-        campaign_shift: m per axis, sd by which the arm stands off its mean on one day: a metre of
-            steel grows by 12 um per kelvin. One campaign cannot show it; a prediction for another
-            day pays it twice.
+        campaign_shift: m per axis, sd by which the arm stands off its mean on one day; default:
+            12 um, what a metre of steel grows by in a kelvin. One campaign cannot show it; a
+            prediction for another day pays it twice.
         solver: Robust rule, what is learned, iterations.
         lean_on_prior: Accept fewer numbers than the parameters they should determine; the rest
             then comes from the prior, and the verdict says so.
@@ -39,7 +39,7 @@ class FitSettings:
     scales: PriorScales = field(default_factory=PriorScales)
     stiffness: StiffnessPrior | None = None
     rotation_sd: float = 2e-4
-    campaign_shift: float = 1e-5
+    campaign_shift: float = 1.2e-5
     solver: SolverSettings = field(default_factory=SolverSettings)
     lean_on_prior: bool = False
 

@@ -1,0 +1,217 @@
+"""Few rows: scales held to a law, an equal posterior at less cost, honest width."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from planted_arm import PAYLOAD, arm, planted, postures
+
+from robotrue.calibration.evidence import Group, held_scales, learn, posterior, sums_of
+from robotrue.calibration.held_out import HeldOut, student_factor, trusted
+from robotrue.calibration.learned import LearnedParts, fit_learned
+from robotrue.calibration.methods import FitSettings, fit
+from robotrue.calibration.model import Query
+from robotrue.calibration.ripple import LAW, harmonics, ripple_groups, ripple_shift
+from robotrue.errors import ConfigurationError
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.forward import forward
+from robotrue.robot.statics import deflected
+
+NOISE = 2e-5
+REPEATABILITY = 2e-5  # m, per axis
+SETTINGS = FitSettings(payload=PAYLOAD, repeatability=3.6158 * REPEATABILITY, campaign_shift=0.0)
+
+
+def group(k: int, *, rest: float = 1.0, size: int = 10) -> Group:
+    columns = np.arange(size * k, size * (k + 1))
+    return Group(name=f"g{k}", columns=columns, sd=rest, rest=rest, hold=0.5)
+
+
+def test_held_scales_stay_at_rest_where_nothing_is_seen():
+    groups = [group(0, rest=2.0), group(1, rest=0.1)]
+    found = held_scales(groups, np.zeros(2), np.zeros(2))
+    assert found[0] == pytest.approx(2.0)
+    assert found[1] == pytest.approx(0.1)
+
+
+def test_held_scales_follow_the_data_where_much_is_seen():
+    groups = [group(0), group(1)]
+    squares, seen = np.array([400.0 * 3.0**2, 400.0 * 0.2**2]), np.array([400.0, 400.0])
+    found = held_scales(groups, squares, seen)
+    assert found[0] == pytest.approx(3.0, rel=2e-3)  # MacKay: squares / seen
+    assert found[1] == pytest.approx(0.2, rel=2e-3)
+
+
+def test_held_scales_grow_with_the_weights_and_take_the_others_along():
+    groups = [group(0), group(1)]
+    seen = np.array([3.0, 0.0])
+    found = [held_scales(groups, np.array([a, 0.0]), seen) for a in (0.3, 3.0, 30.0, 300.0)]
+    own, other = (np.array([f[k] for f in found]) for k in (0, 1))
+    assert (np.diff(own) > 0.0).all()
+    assert (np.diff(other) > 0.0).all()
+    assert 1.0 < other[-1] < own[-1]
+    assert found[1][0] == pytest.approx(1.0)  # three squares for three seen: as at rest
+
+
+def test_a_held_scale_is_where_log_evidence_plus_log_prior_is_flat():
+    rng = np.random.default_rng(3)
+    columns = rng.standard_normal((60, 10))
+    values = columns @ (2.0 * rng.standard_normal(10)) + rng.standard_normal(60)
+    sums = [sums_of([(columns, values, 60)], 10)]
+    at = learn(sums, [group(0)], np.ones(1), steps=200)
+    sd, noise = at.groups[0].sd, at.noise
+
+    def objective(factor: float, common: float) -> float:
+        x = 2.0 * np.log(factor * sd)
+        trial = posterior(sums, [replace(at.groups[0], sd=factor * sd)], noise)
+        return trial.evidence - 0.25 * 0.5 * (x - common) ** 2 - 0.25 * 0.5 * common**2
+
+    best = [max(objective(f, c) for c in np.linspace(-4, 4, 81)) for f in (0.9, 1.0, 1.1)]
+    assert best[1] > best[0]
+    assert best[1] > best[2]
+
+
+@pytest.mark.parametrize("channels", [1, 2])
+def test_few_rows_have_the_posterior_of_their_sums(channels):
+    rng = np.random.default_rng(4)
+    groups = [group(0, rest=0.7, size=20), group(1, rest=0.2, size=20)]
+    noise = np.array([0.3, 2.0])[:channels]
+    sums = []
+    for _ in range(channels):
+        columns = rng.standard_normal((15, 40))
+        values = columns @ rng.standard_normal(40) + rng.standard_normal(15)
+        sums.append(sums_of([(columns[:9], values[:9], 8.5), (columns[9:], values[9:], 6)], 40))
+    assert all(s.few for s in sums)
+    plain = [replace(s, columns=np.empty((0, 0)), values=np.empty(0)) for s in sums]
+    few, many = posterior(sums, groups, noise), posterior(plain, groups, noise)
+    np.testing.assert_allclose(few.mean, many.mean, atol=1e-10)
+    np.testing.assert_allclose(few.root.T @ few.root, many.root.T @ many.root, atol=1e-10)
+    np.testing.assert_allclose(few.determined, many.determined, atol=1e-9)
+    assert few.evidence == pytest.approx(many.evidence, abs=1e-8)
+    kept = rng.random(40) < 0.6
+    np.testing.assert_array_equal(sums[0].part(kept).columns, sums[0].columns[:, kept])
+
+
+def test_many_rows_are_not_kept():
+    rng = np.random.default_rng(5)
+    blocks = [(rng.standard_normal((10, 20)), rng.standard_normal(10), 10.0)] * 3
+    assert not sums_of(blocks, 20).few
+
+
+def test_the_law_of_few_rows_falls_and_covers_every_coefficient_once():
+    groups = ripple_groups(2, 64, 5, few=True)
+    np.testing.assert_array_equal(
+        np.sort(np.concatenate([g.columns for g in groups])), np.arange(5, 5 + 2 * 64 * 2)
+    )
+    sd = np.concatenate([g.sd * g.unit for g in groups if g.name.startswith("ripple/1/")])
+    np.testing.assert_allclose(sd, LAW / np.repeat(harmonics(64), 2))
+
+
+def test_students_factor_falls_to_one():
+    factors = np.array([student_factor(f) for f in (1.0, 6.0, 12.0, 30.0, 100.0, 1e6)])
+    assert factors[0] == factors[1]  # held at the fewest degrees
+    assert (np.diff(factors[1:]) < 0.0).all()
+    assert factors[-1] == pytest.approx(1.0, abs=1e-4)
+    assert student_factor(30.0) == pytest.approx(3.0 * 2.922277 / 7.814728, rel=1e-5)  # F table
+
+
+def test_the_factor_of_the_blocks_counts_more_with_more_rows():
+    def found(rows: int) -> HeldOut:
+        none = np.zeros((rows, 3, 3))
+        error = np.zeros((rows, 3))
+        return HeldOut(error=error, learned=none, white=none, instrument=none, inflation=3.0)
+
+    factors = [trusted(found(n), 3.0 * n).inflation for n in (5, 20, 60, 200, 10_000)]
+    assert (np.diff(factors[1:]) > 0.0).all()
+    assert factors[-1] == pytest.approx(3.0, rel=0.01)
+    assert 1.0 < factors[1] < 1.6
+
+
+def law_arm(rng):
+    """An arm whose ripple is drawn from the law itself, as a function of joints."""
+    sd = LAW / harmonics(64)
+    sine, cosine = (sd * rng.standard_normal((6, 64)) for _ in range(2))
+    actual = planted(arm(), rng)
+
+    def points(joints):
+        shift = ripple_shift(joints, harmonics(64), sine, cosine)
+        return deflected(actual, joints, PAYLOAD, shift)[0].position
+
+    return points
+
+
+def visited(points, joints, rng):
+    scatter = REPEATABILITY * rng.standard_normal((len(joints), 3))
+    return MeasurementSet(
+        joints=joints,
+        position=points(joints) + scatter + NOISE * rng.standard_normal((len(joints), 3)),
+        covariance=np.tile(NOISE**2 * np.eye(3), (len(joints), 1, 1)),
+    )
+
+
+def test_coverage_is_honest_on_arms_drawn_from_the_law():
+    inside, better, poses = [], [], 20
+    for seed in range(8):
+        rng = np.random.default_rng([seed, 51])
+        points, robot = law_arm(rng), arm()
+        joints = postures(robot, poses + 50, rng)
+        joints[:, :] = joints.mean(axis=0) + 0.3 * (joints - joints.mean(axis=0))
+        rows = visited(points, joints, rng)
+        train, test = rows.subset(np.arange(poses)), rows.subset(np.arange(poses, poses + 50))
+        model = fit(robot, train, method="gp", settings=SETTINGS)
+        plain = fit(robot, train, method="elastic", settings=SETTINGS)
+        query = Query(joints=test.joints, load=PAYLOAD)
+        stated = model.predict(query)
+        off = test.position - forward(robot, test.joints)[:, :3, 3]
+        error = off - stated.error
+        spread = stated.covariance + test.covariance
+        solved = np.linalg.solve(spread, error[:, :, None])[:, :, 0]
+        inside.append((error * solved).sum(axis=1) <= 7.8147)
+        better.append(
+            np.linalg.norm(off - plain.predict(query).error, axis=1).mean()
+            - np.linalg.norm(error, axis=1).mean()
+        )
+    assert 0.92 <= np.concatenate(inside).mean() <= 0.99
+    assert np.median(better) > 0.0
+
+
+def test_another_day_widens_the_prediction_and_leaves_the_mean():
+    rng = np.random.default_rng(52)
+    robot, points = arm(), law_arm(rng)
+    rows = visited(points, postures(robot, 25, rng), rng)
+    query = Query(joints=postures(robot, 10, rng), load=PAYLOAD)
+    narrow, wide = (
+        fit_learned(
+            robot,
+            rows,
+            replace(SETTINGS, campaign_shift=shift),
+            parts=LearnedParts(smooth=False, highest=16),
+            method="ripple",
+        )
+        for shift in (0.0, 1e-4)
+    )
+    one, other = narrow.predict(query), wide.predict(query)
+    np.testing.assert_array_equal(one.error, other.error)
+    # Both days stand off by 0.1 mm: 2 (0.1 mm)^2 per axis, whatever the factor of the blocks.
+    rest = other.covariance - 2.0e-8 * np.eye(3)
+    ratio = wide.inflation / narrow.inflation
+    np.testing.assert_allclose(rest, ratio * one.covariance, rtol=0.02, atol=2e-11)
+
+
+def test_ten_poses_are_enough_for_a_model_that_leans_on_its_prior():
+    rng = np.random.default_rng(53)
+    robot, points = arm(), law_arm(rng)
+    rows = visited(points, postures(robot, 10, rng), rng)
+    model = fit(robot, rows, method="gp", settings=replace(SETTINGS, lean_on_prior=True))
+    query = Query(joints=postures(robot, 50, rng), load=PAYLOAD)
+    off = points(query.joints) - forward(robot, query.joints)[:, :3, 3]
+    after = np.linalg.norm(off - model.predict(query).error, axis=1).mean()
+    assert after < 0.5 * np.linalg.norm(off, axis=1).mean()
+    assert model.training_summary()["smooth"] == "not tried"
+
+
+def test_an_impossible_shift_between_days_is_refused():
+    with pytest.raises(ConfigurationError, match="campaign_shift 20 mm, allowed 0 to 10 mm"):
+        FitSettings(campaign_shift=0.02)
