@@ -113,7 +113,7 @@ def recursion(arms: int) -> None:
             touch=0.1 * MM, repeat=0.03 * MM, tilt=5 * DEG, tip=0.3 * MM, scale=3.0
         ),
     }
-    print(f"recursion, {arms} simulated arms, {PASSES} passes; mm")
+    print(f"\nrecursion, {arms} simulated arms, {PASSES} passes; mm, medians")
     print(f"{'case':30s} start  it 1  floor [p5 p95]   oscillation  own report: floor, osc, passes")
     for name, case in cases.items():
         rows = []
@@ -148,7 +148,7 @@ def recursion(arms: int) -> None:
         mid = np.median(r, axis=0)
         low, high = np.percentile(r[:, 2], [5, 95])
         print(
-            f"{name:30s} {mid[0]:5.1f}  {mid[1]:.2f}  {r[:, 2].mean():.2f} [{low:.2f} {high:.2f}]"
+            f"{name:30s} {mid[0]:5.1f}  {mid[1]:.2f}  {mid[2]:.2f} [{low:.2f} {high:.2f}]"
             f"   {mid[3]:.2f}         {mid[4]:.2f} {mid[5]:.2f} {mid[6]:.0f}",
             flush=True,
         )
@@ -156,7 +156,7 @@ def recursion(arms: int) -> None:
 
 def outliers(runs: int) -> None:
     """Prints the frame error of plain and robust fits with 2 to 15 mm outliers, sigma .12 mm."""
-    print(f"\noutliers, {runs} simulated runs; rms over the block, mm: median / p95 / share > .5")
+    print(f"outliers, {runs} simulated runs; rms over the block, mm: median / p95 / share > .5")
     for n, wrong in ((8, 0), (8, 1), (8, 2), (8, 3), (20, 5), (20, 8)):
         rng = np.random.default_rng(0)
         rows, refused = [], 0
@@ -204,8 +204,8 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--arms", type=int, default=100)
     parser.add_argument("--runs", type=int, default=400)
     chosen = parser.parse_args(arguments)
-    recursion(chosen.arms)
     outliers(chosen.runs)
+    recursion(chosen.arms)
 
 
 if __name__ == "__main__":

@@ -114,6 +114,14 @@ def test_point_to_plane_finds_a_free_form_part(angle_deg: float, shift_mm: float
         np.testing.assert_allclose(fit.T_base_part, T, atol=1e-6)
 
 
+def test_a_start_too_far_off_shows_in_the_misfit() -> None:
+    mesh = free_form()
+    start = moved(T, np.array([0.0, 0.0, 0.0, 0.0, 0.0, 2.5]))
+    touches = on_mesh(mesh, touched(mesh, 30, 1, 3 * MM, 0.1 * MM), radius=3 * MM)
+    assert fit_surfaces(touches, T, sigma=0.1 * MM).misfit == pytest.approx(1.0, abs=0.4)
+    assert fit_surfaces(touches, start, sigma=0.1 * MM).misfit > 10.0
+
+
 def test_noise_on_a_free_form_part_is_as_the_covariance_says() -> None:
     mesh = free_form()
     sigma = 0.1 * MM

@@ -98,6 +98,14 @@ def test_noise_not_stated_is_read_from_the_residuals() -> None:
     np.testing.assert_allclose(np.diag(fit.covariance), np.diag(stated.covariance), rtol=0.01)
 
 
+def test_misfit_is_one_where_the_stated_noise_is_the_true_one() -> None:
+    points = pattern(60)
+    touched = apply(T, points) + 0.2 * MM * np.random.default_rng(9).normal(size=(60, 3))
+    assert fit_points(points, touched, sigma=0.2 * MM).misfit == pytest.approx(1.0, abs=0.15)
+    assert fit_points(points, touched, sigma=0.02 * MM).misfit == pytest.approx(10.0, abs=1.5)
+    assert fit_points(points, touched).misfit == pytest.approx(1.0)
+
+
 def test_a_less_certain_point_counts_less() -> None:
     points = pattern(8)
     touched = apply(T, points)

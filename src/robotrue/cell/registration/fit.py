@@ -104,6 +104,17 @@ class Registration:
         """Root mean square distance of the believed touches, m."""
         return float(np.sqrt(np.mean(self.distances[self.believed] ** 2)))
 
+    @property
+    def misfit(self) -> float:
+        """Residuals over stated noise: about 1 where it explains them; NaN with none to spare.
+
+        Far above 1 the noise was stated too small, or the frame is a wrong one.
+        """
+        if self.degrees_of_freedom < 1:
+            return float("nan")
+        square = float((self.distances[self.believed] ** 2).sum())
+        return float(np.sqrt(square / self.degrees_of_freedom) / self.sigma)
+
 
 def point_covariance(registration: Registration, points: Array) -> Array:
     """Returns the covariance (n, 3, 3) m^2, in base, of part points (n, 3) m.

@@ -49,7 +49,8 @@ def fit_points(
         ObservabilityError: Fewer than three points, or all on one line.
         ImplausibleDataError: Millimetres against metres, or a mirrored part.
 
-    Fails when: two labels of a nearly symmetric pattern are swapped; see ``relabelled``.
+    Fails when: two names of a nearly symmetric pattern are swapped (see ``check_names``), or a flat
+    pattern is mirrored: it fits upside down.
     """
     in_part, in_base, labels = checked_points(in_part, in_base, names)
     n = len(in_part)

@@ -100,7 +100,8 @@ def fit_surfaces(
         ConvergenceError: No rest after many steps.
         ShapeError: Neither a sigma nor residuals to tell it from.
 
-    Fails when: the part looks the same from another side; see ``symmetric_alternatives``.
+    Fails when: the part looks the same from another side (see ``symmetric_alternatives``), or the
+    start on a mesh is too far: the fit then rests in a wrong place, with a ``misfit`` far above 1.
     """
     n = len(touches.centre)
     w = np.ones(n) if weights is None else np.asarray(weights, dtype=np.float64)
