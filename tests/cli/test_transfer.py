@@ -15,8 +15,8 @@ from robotrue.store.model_file import read_model
 
 @pytest.fixture
 def few(work):
-    """Eight target poses beside the shelf's files."""
-    joints = shop.postures(8, seed=11)
+    """Four target poses beside the shelf's files."""
+    joints = shop.postures(4, seed=11)
     shop.write_csv(work / "few.csv", joints, shop.points(joints, noise_seed=12))
     return work
 
@@ -26,7 +26,7 @@ def test_a_model_as_source_wins_and_says_why(cli, few):
               f"march={few / 'model.rtm'},campaign", "-o", few / "new.rtm")  # fmt: skip
     assert got.code == 0, got.err
     table = got.out
-    assert "candidates on 8 target poses, each held out in turn" in table
+    assert "candidates on 4 target poses, each held out in turn" in table
     assert [w for w in ("transfer", "source-only", "target-only") if w in table] == [
         "transfer",
         "source-only",
@@ -74,7 +74,7 @@ def test_a_source_in_other_units_is_left_out_and_named(cli, few):
 
 
 def test_curve_and_page(cli, few):
-    joints = shop.postures(16, seed=21)
+    joints = shop.postures(15, seed=21)
     shop.write_csv(few / "more.csv", joints, shop.points(joints, noise_seed=22))
     got = cli("transfer", few / "cell.toml", few / "more.csv", "--source",
               f"march={few / 'model.rtm'}", "-o", few / "new.rtm", "--curve", "--report",
@@ -82,7 +82,7 @@ def test_curve_and_page(cli, few):
     assert got.code == 0, got.err
     curve = got.document["curve"]
     assert curve["counts"] == [0, 5]
-    assert curve["held_out"] == 11
+    assert curve["held_out"] == 10
     assert curve["candidates"]["target-only"]["median_mm"][0] is None
     assert curve["candidates"]["transfer"]["median_mm"][1] < 0.1
     page = (few / "page.html").read_text()

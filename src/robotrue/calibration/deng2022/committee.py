@@ -188,6 +188,7 @@ def learner(readings: Readings) -> GaussianProcess:
         mean=readings.mean,
         length=readings.length,
         denominator=readings.denominator,
+        intervals="plug-in",
     )
 
 
@@ -206,6 +207,7 @@ def restored(document: Mapping[str, Any], arrays: Mapping[str, Array], prefix: s
         length=parts["length"][0] if kernel == "isotropic" else parts["length"],
         amplitude=amplitude,
         noise=noise,
+        intervals="plug-in",
         optimise=False,
     ).fit(parts["inputs"], parts["errors"], sample_weight=parts["weights"][0])
     return Committee(
