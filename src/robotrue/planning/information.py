@@ -149,16 +149,15 @@ class LinearModel:
     def errors(
         self, postures: Postures, T_flange_tool: Array | None = None
     ) -> tuple[Array, Array, Array]:
-        """Returns what the error at some postures is made of, base frame.
+        """Returns what the error at some postures is made of, base frame: G, rest, instrument.
+
+        G (n, 3, k) m is the part that calibration learns; its covariance now is G G'. The rest
+        (n, 3, 3) m^2, at one visit, is what no pose teaches. The instrument's covariance (n, 3, 3)
+        m^2 is what checking adds.
 
         Args:
             postures: Where the arm will work.
             T_flange_tool: (4, 4) the point asked about; None is the measured reflector.
-
-        Returns:
-            G (n, 3, k) m: the part that calibration learns, covariance G G' now. The rest
-            (n, 3, 3) m^2, at one visit, that no pose teaches. The instrument's covariance
-            (n, 3, 3) m^2, which checking adds.
         """
         robot = self.robot
         if T_flange_tool is not None:
