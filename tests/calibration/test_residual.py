@@ -164,9 +164,10 @@ def test_held_out_rows_equal_a_fit_without_them():
     robot = arm()
     joints = postures(robot, 80, rng)
     state, _ = deflected(planted(robot, rng), joints, PAYLOAD)
+    scatter = np.hypot(2e-5, SETTINGS.repeatability_sd)
     data = MeasurementSet(
         joints=joints,
-        position=state.position + 2e-5 * rng.standard_normal((80, 3)),
+        position=state.position + scatter * rng.standard_normal((80, 3)),
         covariance=np.tile(4e-10 * np.eye(3), (80, 1, 1)),
     )
     physical = estimate(robot, data, SETTINGS, free_groups("elastic"))
