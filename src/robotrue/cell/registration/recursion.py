@@ -168,7 +168,7 @@ def adjust_recursively(
         if quiet >= settled:
             verdict = "nothing more to gain"
             break
-        if _diverges(passes):
+        if _diverges(passes, limit):
             verdict = "diverges"
             break
         if len(passes) > most:
@@ -211,10 +211,12 @@ def _sides(points: Array) -> Array:
     return np.asarray(np.linalg.norm(points[[1, 2, 0]] - points, axis=1))
 
 
-def _diverges(passes: list[Pass]) -> bool:
+def _diverges(passes: list[Pass], limit: float) -> bool:
     worst = [p.worst for p in passes[-4:]]
     growing = [b > _WORSE * a for a, b in itertools.pairwise(worst)]
-    return len(growing) == 3 and all(growing)
+    # Touching alone may grow three times in a row; its corrections stay insignificant.
+    real = all(p.significance > limit for p in passes[-3:])
+    return real and len(growing) == 3 and all(growing)
 
 
 def _summary(
