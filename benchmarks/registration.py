@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.core.units import DEG, MM
 from robotrue.errors import RobotrueError
 from robotrue.robot.forward import forward
-from robotrue.robot.inverse import inverse_batch
+from robotrue.robot.inverse import branch_of, inverse_batch
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.presets import preset
 
@@ -63,11 +64,15 @@ class Arm:
         errors[parameter_slice(6, "beta")][1] = scale * 0.02 * DEG * rng.normal()
         tool = TOOL.copy()
         tool[:3, 3] += tip * rng.normal(size=3)
-        self.nominal: RobotModel = nominal.nominal()
+        # Joint limits left aside: one branch then serves every point of the block.
+        self.nominal: RobotModel = replace(
+            nominal.nominal(), limits=np.tile([-2.0 * np.pi, 2.0 * np.pi], (6, 1))
+        )
         self.true: RobotModel = nominal.with_tool(tool).with_errors(errors)
         self.sag = -scale * np.abs(0.02 * DEG * rng.normal(size=2))
         self.wave = scale * 0.008 * DEG * np.abs(rng.normal(size=6))
         self.order, self.phase = rng.integers(2, 9, 6), rng.uniform(0, 2 * np.pi, 6)
+        self.branch = branch_of(self.nominal, FRONT)
         self.attitude = forward(self.nominal, FRONT[None])[0, :3, :3]
         self.rng, self.touch, self.repeat, self.tilt = rng, touch, repeat, tilt
         self.part = np.empty((3, 3))
@@ -76,7 +81,7 @@ class Arm:
     def reached(self, points: Array, attitude: Array) -> Array:
         """Where the tip truly goes, (n, 3) m."""
         poses = pose(np.broadcast_to(attitude, (len(points), 3, 3)), points)
-        q = inverse_batch(self.nominal, poses, near=FRONT)
+        q = inverse_batch(self.nominal, poses, near=FRONT, branch=self.branch)
         angle = q + self.nominal.theta
         a2, a3 = angle[:, 1], angle[:, 1] + angle[:, 2]
         m3 = -0.71 * np.sin(a3) + 0.07 * np.cos(a3)
@@ -145,7 +150,7 @@ def recursion(arms: int) -> None:
                 ]
             )
         r = np.array(rows)
-        mid = np.median(r, axis=0)
+        mid = np.nanmedian(r, axis=0)
         low, high = np.percentile(r[:, 2], [5, 95])
         print(
             f"{name:30s} {mid[0]:5.1f}  {mid[1]:.2f}  {mid[2]:.2f} [{low:.2f} {high:.2f}]"
