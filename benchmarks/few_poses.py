@@ -1,6 +1,7 @@
 """Few calibration poses on simulated arms: held-out error, coverage and floor. All simulated.
 
     python benchmarks/few_poses.py [--quick] [--seeds N] [--scenarios NAME ...] [--methods NAME ...]
+                                   [--json FILE]
 
 Plan W of the scenarios: n Sobol poses over joint-1 angles -40 to 40 deg; 50 check poses of -20 to
 20 deg measured on another day. Residual: measured minus predicted on the check poses, as the paper
@@ -12,9 +13,12 @@ stiffness of Table 2 to 50 %. Floor: the check measurement against the noise-fre
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 import time
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -120,7 +124,9 @@ def main(arguments: list[str]) -> int:
         "--methods", nargs="+", choices=METHODS, default=["elastic", "ripple", OURS]
     )
     parser.add_argument("--poses", nargs="+", type=int, default=SIZES)
+    parser.add_argument("--json", type=Path, help="also write medians and quartiles, mm")
     options = parser.parse_args(arguments)
+    record: dict[str, dict[str, Any]] = {}
     count, sizes = (4, (20, 30)) if options.quick else (options.seeds, options.poses)
     print(f"simulated; arms: seeds 0 to {count - 1}; median [quartiles] over arms, mm")
     for name in options.scenarios:
@@ -128,12 +134,15 @@ def main(arguments: list[str]) -> int:
         lowest = float(np.median([floor(arm) for arm in arms])) / MM
         raw = [np.linalg.norm(raw_errors(a, check(a)), axis=1).mean() / MM for a in arms]
         print(f"\n{name}: uncalibrated {spread(np.array(raw))}, floor {lowest:.4f}")
+        record[name] = {"arms": count, "floor_mm": lowest, "poses": list(sizes)}
         for n in sizes:
             before = PROTOTYPE.get(name, {}).get(n)
             note = "" if before is None else f"prototype {before:.3f}"
             note += f", reach {REACH[name, n]:.3f}" if (name, n) in REACH else ""
             for method in options.methods:
                 found = score(arms, method, n)
+                quartiles = np.percentile(found.mean, [25, 50, 75]).round(5).tolist()
+                record[name].setdefault(method, []).append(quartiles)
                 print(
                     f"  n={n:3d} {method:8s} {spread(found.mean)} mm  "
                     f"cover {found.inside.mean():.3f}  {np.median(found.seconds):6.2f} s a fit  "
@@ -142,6 +151,8 @@ def main(arguments: list[str]) -> int:
                 )
                 if method == OURS:
                     results(name, n, found, lowest)
+    if options.json is not None:
+        options.json.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
     return 0
 
 
