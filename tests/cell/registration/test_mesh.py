@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from robotrue.cell.registration.fit import Noise, moved
-from robotrue.cell.registration.mesh import TriangleMesh, read_mesh
 from robotrue.cell.registration.robust import fit_surfaces_robust
 from robotrue.cell.registration.surface_fit import fit_surfaces, on_mesh
 from robotrue.cell.registration.symmetry import symmetric_alternatives
 from robotrue.core.arrays import Array
+from robotrue.core.mesh import TriangleMesh, read_mesh
 from robotrue.core.poses import apply, pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import FormatError, ImplausibleDataError, MissingExtraError, ShapeError

@@ -7,11 +7,12 @@ import pytest
 
 from robotrue.cell.registration.fit import Noise
 from robotrue.cell.registration.points import fit_points
-from robotrue.cell.registration.robust import fit_points_robust, fit_surfaces_robust, graduated
+from robotrue.cell.registration.robust import fit_points_robust, fit_surfaces_robust
 from robotrue.cell.registration.surface_fit import SurfaceTouches
-from robotrue.cell.registration.surfaces import Plane
 from robotrue.core.arrays import Array
+from robotrue.core.graduated import graduated
 from robotrue.core.poses import apply, fit_rigid, pose_from_xyz_abc
+from robotrue.core.surfaces import Plane
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ImplausibleDataError, ShapeError
 

@@ -7,12 +7,12 @@ import pytest
 
 from robotrue.cell.registration.fit import moved
 from robotrue.cell.registration.surface_fit import SurfaceTouches, fit_surfaces
-from robotrue.cell.registration.surfaces import Cylinder, Plane
 from robotrue.cell.registration.symmetry import symmetric_alternatives
 from robotrue.cell.registration.three_two_one import fit_three_two_one
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, pose_from_xyz_abc
 from robotrue.core.rotations import rotation_vector_from_matrix
+from robotrue.core.surfaces import Cylinder, Plane
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ImplausibleDataError, ObservabilityError, ShapeError
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
@@ -11,11 +10,6 @@ from robotrue.core.arrays import Array, frozen
 from robotrue.core.poses import apply, pose
 from robotrue.core.rotations import matrix_from_rotation_vector, skew
 from robotrue.errors import ShapeError
-
-GAUSS_POINT: Final = 3.4
-"""Length of a 3-D residual over one sigma per axis that 99.1 % of good points stay below."""
-GAUSS_NORMAL: Final = 2.6
-"""The same share for a residual along one direction."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,9 +14,9 @@ import numpy as np
 
 from robotrue.cell.registration.fit import Registration, moved, numbered
 from robotrue.cell.registration.observable import check_motions
-from robotrue.cell.registration.surfaces import Surface
 from robotrue.core.arrays import Array, IntArray, frozen
 from robotrue.core.poses import apply, inverse
+from robotrue.core.surfaces import Surface
 from robotrue.errors import ConvergenceError, ObservabilityError, ShapeError
 
 STEPS: Final = 200

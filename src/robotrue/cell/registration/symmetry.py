@@ -8,17 +8,17 @@ from typing import Final
 import numpy as np
 
 from robotrue.cell.registration.fit import Registration
-from robotrue.cell.registration.mesh import TriangleMesh
 from robotrue.cell.registration.surface_fit import (
     SurfaceTouches,
     assigned,
     linearised,
     solve_surfaces,
 )
-from robotrue.cell.registration.surfaces import Cylinder
 from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.core.mesh import TriangleMesh
 from robotrue.core.poses import apply, inverse, pose
 from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector_from_matrix
+from robotrue.core.surfaces import Cylinder
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConvergenceError, ObservabilityError
 

@@ -12,9 +12,9 @@ import numpy as np
 
 from robotrue.cell.registration.fit import Registration
 from robotrue.cell.registration.surface_fit import SurfaceTouches, fit_surfaces
-from robotrue.cell.registration.surfaces import Plane
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.poses import pose
+from robotrue.core.surfaces import Plane
 from robotrue.errors import ImplausibleDataError, ObservabilityError
 
 _THINNEST: Final = 1e-3
