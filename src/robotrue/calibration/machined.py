@@ -1,0 +1,312 @@
+"""Uncertainty of machined points: an arm that probes and machines errs both times in one way.
+
+The tip in the part is ``p = h(q, w, f)``: joints, the arm's errors w, the part's frame f. The
+covariance of a machined point is that of its error about where the program wants it, at one visit.
+
+(a) The program is compensated by the model and the frame of one estimate. What is left is what that
+estimate does not know of h::
+
+    error = H_m d[w, f]            covariance = H_m S H_m' + rest,   H_m = [J_m, -G] in the part
+
+with S the *joint* posterior: arm and frame are strongly correlated, and it is this correlation that
+makes a probed side better known than the arm itself.
+
+(b) The model stays as it was and the frame is a least-squares fit to the touches,
+``step of the frame = L (touch errors)``::
+
+    M = J_m - G L J_p              covariance = M S M' + G L N L' G' + rest
+
+with S what is believed of the arm (a nominal one or a calibrated one), N the noise of the touches.
+Errors that touching and machining share cancel in M only where both postures are alike: a side that
+was not probed keeps the whole error of the arm.
+
+``rest`` is what differs from visit to visit: repeatability, learned white noise, and the part of a
+smooth residual that the centres do not carry.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+from scipy.stats import chi2
+
+from robotrue.calibration.belief import Belief
+from robotrue.calibration.model import Query
+from robotrue.calibration.new_rows import NewRows
+from robotrue.calibration.observations import IN_BASE, PositionObservation, Visits
+from robotrue.calibration.parameters import Layout
+from robotrue.calibration.residual import rows_of
+from robotrue.calibration.smooth import features, unit_kernel
+from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.core.poses import inverse
+from robotrue.core.rotations import skew
+from robotrue.errors import ModelMismatchError, ShapeError
+from robotrue.robot.model import parameter_slice
+from robotrue.robot.statics import drive_torque
+
+ROWS: Final = 512
+"""Postures linearised at a time; bounds the memory."""
+
+
+def tip_columns(
+    belief: Belief,
+    query: Query,
+    *,
+    T_base_part: Mapping[int, Array] | None = None,
+    part: npt.ArrayLike = 0,
+    layout: Layout | None = None,
+) -> Array:
+    """Returns the derivative (n, 3, p) of the tip by every column of a belief, nuisances included.
+
+    In base without frames; in the part with them. Taken at the belief's mean.
+
+    Args:
+        belief: The arm, and at its end the nuisances of the estimate.
+        query: Postures, loads, approach, and the tool point if it is not the touching one.
+        T_base_part: (4, 4) of every frame that was estimated. Not given: none, and the columns of
+            nuisances are zero.
+        part: (n,) or one number: the frame each tip is seen in.
+        layout: Of the nuisances; the frames in the order of their numbers if not given.
+
+    Raises:
+        ShapeError: Joints of another robot, or parts that are not one per posture.
+        ModelMismatchError: A part of which the estimate has no frame, or nuisances that are not
+            those of the layout.
+    """
+    joints = checked_joints(belief, query)
+    n, dof = joints.shape
+    frames = {} if T_base_part is None else dict(T_base_part)
+    placed = layout or Layout(dof=dof, stations=tuple(sorted(frames)))
+    extra = placed.size - placed.robot_size
+    if frames and extra != belief.nuisances:
+        raise ModelMismatchError(
+            f"the belief has {belief.nuisances} nuisance columns, its frames {extra}.",
+            hint="take belief and frames from the same estimate.",
+        )
+    out = np.zeros((n, 3, len(belief.mean)))
+    station = _stations(frames, part, n)
+    inverted = {k: inverse(T) for k, T in frames.items()}
+    start = 0
+    for columns in _pieces(belief, query, placed, inverted, station):
+        out[start : start + len(columns), :, : columns.shape[2]] = columns
+        start += len(columns)
+    return out
+
+
+def compensated_covariance(
+    belief: Belief,
+    query: Query,
+    *,
+    T_base_part: Mapping[int, Array] | None = None,
+    part: npt.ArrayLike = 0,
+    layout: Layout | None = None,
+) -> Array:
+    """Returns the covariance (n, 3, 3) m^2 of machined points, run compensated by this estimate.
+
+    In the part frame; without frames, in base (a frame that is known exactly).
+
+    Args:
+        belief: Joint posterior of arm and frames.
+        query: Postures of the machining, as commanded.
+        T_base_part: Frames of the estimate.
+        part: Frame of each point.
+        layout: Of the belief's nuisances, where there are others than frames.
+
+    Raises:
+        ShapeError: As :func:`tip_columns`.
+        ModelMismatchError: As :func:`tip_columns`.
+
+    Fails when: the run is not compensated by this estimate; see :func:`unchanged_covariance`.
+    """
+    columns = tip_columns(belief, query, T_base_part=T_base_part, part=part, layout=layout)
+    half = columns @ belief.root.T
+    rest = uncarried(belief, query) + belief.white**2 + belief.repeatability**2
+    spread = half @ np.swapaxes(half, 1, 2)
+    return np.asarray(belief.inflation * (spread + rest[:, None, None] * np.eye(3)))
+
+
+def compensated_joint_covariance(
+    belief: Belief,
+    query: Query,
+    *,
+    T_base_part: Mapping[int, Array] | None = None,
+    part: npt.ArrayLike = 0,
+    layout: Layout | None = None,
+) -> Array:
+    """Returns the covariance (3 n, 3 n) m^2 of all machined points together, point by point.
+
+    For a tolerance between two features; blocks on the diagonal are
+    :func:`compensated_covariance`. Arguments and errors as there.
+    """
+    columns = tip_columns(belief, query, T_base_part=T_base_part, part=part, layout=layout)
+    half = (columns @ belief.root.T).reshape(3 * len(columns), -1)
+    left = smooth_rest(belief, query)
+    # The uncarried residual is three alike processes along base axes: any rotation keeps them.
+    rest = np.kron(left, np.eye(3))
+    rest += (belief.white**2 + belief.repeatability**2) * np.eye(len(rest))
+    return np.asarray(belief.inflation * (half @ half.T + rest))
+
+
+def unchanged_covariance(
+    belief: Belief,
+    touches: Query,
+    machined: Query,
+    *,
+    points: Array,
+    T_base_part: Array,
+    gain: Array,
+    touch_sigma: npt.ArrayLike = 0.0,
+) -> Array:
+    """Returns the covariance (m, 3, 3) m^2, in the part, of points run with an unchanged model.
+
+    Args:
+        belief: What is believed of the arm: its mean is the model that probed and that runs.
+        touches: Postures of the n touches.
+        machined: Postures of the m machined points.
+        points: (m, 3) m, the machined points in the part.
+        T_base_part: (4, 4) the least-squares frame.
+        gain: (6, 3 n) L: the frame's step (origin, left rotation vector, base axes) per error of
+            the touches, as ``frame_gain`` of the point fits gives it.
+        touch_sigma: m per axis, one number or one per touch: probe and surface, without the arm.
+
+    Raises:
+        ShapeError: Arrays that do not belong together.
+    """
+    m = len(checked_joints(belief, machined))
+    n = len(checked_joints(belief, touches))
+    L = frozen(gain, (6, 3 * n), "gain")
+    lever = frozen(points, (m, 3), "points") @ T_base_part[:3, :3].T
+    G = np.concatenate([np.broadcast_to(np.eye(3), (m, 3, 3)), -skew(lever)], axis=2)
+    at_touch = (tip_columns(belief, touches) @ belief.root.T).reshape(3 * n, -1)
+    at_work = tip_columns(belief, machined) @ belief.root.T
+    seen = at_work - G @ (L @ at_touch)
+    visit = belief.white**2 + belief.repeatability**2
+    touch = np.broadcast_to(np.asarray(touch_sigma, dtype=np.float64), (n,))
+    noise = np.repeat(visit + touch**2, 3)
+    frame = (L * noise) @ L.T
+    both = seen @ np.swapaxes(seen, 1, 2) + G @ frame @ np.swapaxes(G, 1, 2) + visit * np.eye(3)
+    if belief.basis is not None and belief.amplitude > 0.0:
+        both = both + _uncarried_beyond_frame(belief, touches, machined, G, L)
+    turn = T_base_part[:3, :3]
+    return np.asarray(belief.inflation * (turn.T @ both @ turn))
+
+
+def _uncarried_beyond_frame(
+    belief: Belief, touches: Query, machined: Query, G: Array, L: Array
+) -> Array:
+    """(m, 3, 3) of the uncarried residual, less what the frame took of it when touching."""
+    there = smooth_rest(belief, touches)
+    cross = smooth_rest(belief, touches, machined)
+    n = len(cross)
+    lift = L.reshape(6, n, 3)
+    frame = np.einsum("anx,nk,bkx->ab", lift, there, lift, optimize=True)
+    taken = np.einsum("anx,nm->max", lift, cross, optimize=True)  # L cov(touch, work)
+    shared = G @ taken
+    here = uncarried(belief, machined)[:, None, None] * np.eye(3)
+    out = here - shared - np.swapaxes(shared, 1, 2) + G @ frame @ np.swapaxes(G, 1, 2)
+    return np.asarray(out)
+
+
+def uncarried(belief: Belief, query: Query) -> Array:
+    """Returns the variance (n,) m^2 per axis of the smooth residual that no centre carries."""
+    if belief.basis is None or belief.amplitude <= 0.0:
+        return np.zeros(len(query.joints))
+    carried = (belief.basis.columns(query.joints) ** 2).sum(axis=1)
+    other = float(query.T_flange_tool is not None)
+    return np.asarray(belief.amplitude**2 * (np.maximum(1.0 - carried, 0.0) + other))
+
+
+def smooth_rest(belief: Belief, query: Query, other: Query | None = None) -> Array:
+    """Returns the covariance (n, k) m^2 per axis of the uncarried residual between postures."""
+    second = query if other is None else other
+    if belief.basis is None or belief.amplitude <= 0.0:
+        return np.zeros((len(query.joints), len(second.joints)))
+    scale, basis = belief.basis.scale, belief.basis
+    kernel = unit_kernel(features(query.joints) * scale, features(second.joints) * scale)
+    left = kernel - basis.columns(query.joints) @ basis.columns(second.joints).T
+    if other is None:
+        own = uncarried(belief, query) / belief.amplitude**2
+        left[np.diag_indices(len(left))] = own
+    return np.asarray(belief.amplitude**2 * left)
+
+
+def region_factor(confidence: float = 0.95) -> float:
+    """Returns k: the region ``e' C^-1 e <= k^2`` of a 3-D error holds it with this probability."""
+    return float(np.sqrt(chi2.ppf(confidence, 3)))
+
+
+def checked_joints(belief: Belief, query: Query) -> Array:
+    """Returns the joints (n, dof) rad of a query.
+
+    Raises:
+        ShapeError: Joints of another robot.
+    """
+    joints: Array = frozen(query.joints, (None, belief.robot.dof), "joints")
+    return joints
+
+
+def _stations(frames: Mapping[int, Array], part: npt.ArrayLike, n: int) -> IntArray:
+    """Number of the frame of each of n tips."""
+    if not frames:
+        return np.full(n, IN_BASE, dtype=np.int64)
+    number = np.asarray(part, dtype=np.int64)
+    if number.shape not in ((), (n,)):
+        raise ShapeError(f"part has shape {number.shape}, expected ({n},) or one number.")
+    unknown = sorted(set(np.unique(number).tolist()) - set(frames))
+    if unknown:
+        raise ModelMismatchError(
+            f"part {unknown[0]} was not registered; the estimate knows {sorted(frames)}.",
+            hint="touch that part too.",
+        )
+    return np.broadcast_to(number, (n,))
+
+
+def _pieces(
+    belief: Belief, query: Query, layout: Layout, frames: Mapping[int, Array], station: IntArray
+) -> Iterator[Array]:
+    """Columns of the tips, some hundred at a time: rows of an estimate that nobody has read."""
+    seen = belief if query.T_flange_tool is None else _with_tool(belief, query.T_flange_tool)
+    robot = seen.robot.with_errors(seen.errors)
+    n, dof = query.joints.shape
+    approach = np.zeros((n, dof)) if np.size(query.approach) == 0 else query.approach
+    if approach.shape != (n, dof):
+        raise ShapeError(f"approach has shape {approach.shape}, expected {(n, dof)}.")
+    for start in range(0, n, ROWS):
+        mine = slice(start, min(start + ROWS, n))
+        joints = query.joints[mine]
+        count = len(joints)
+        tips = PositionObservation(
+            visits=Visits(
+                joints=joints,
+                torque=drive_torque(robot, joints, rows_of(query.load, mine)),
+                target=np.zeros(count, dtype=np.int64),
+                station=station[mine],
+            ),
+            position=np.zeros((count, 3)),
+            covariance=np.zeros((count, 3, 3)),
+            rows=np.arange(count),
+        )
+        rows = NewRows(
+            robot=belief.robot,
+            observations=(tips,),
+            approach=approach[mine],
+            layout=layout,
+            T_tracker_base=frames,
+            T_flange_target={},
+            count=count,
+        )
+        for piece in rows.pieces(seen):
+            if query.T_flange_tool is not None:  # errors of the touching tool do not carry over
+                piece.columns[:, :, parameter_slice(dof, "tool")] = 0.0
+            yield piece.columns
+
+
+def _with_tool(belief: Belief, T_flange_tool: Array) -> Belief:
+    """The belief of the arm at another tool point, without the errors of the tool it had."""
+    mean = belief.mean.copy()
+    mean[parameter_slice(belief.robot.dof, "tool")] = 0.0
+    return replace(belief, robot=belief.robot.with_tool(T_flange_tool), mean=mean)
