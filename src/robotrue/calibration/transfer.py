@@ -286,7 +286,8 @@ def _summary(
     )
     summary = moved_summary(lead, [*history(models[0]), step], belief)
     rows = 0 if target is None else len(target)
-    doubts = [str(d) for d in lead.get("doubts", ())]
+    said = f"in source {sources[0].name!r}: "
+    doubts = [d if d.startswith("in source ") else said + d for d in lead.get("doubts", ())]
     return {
         **summary,
         "method": "transfer",
