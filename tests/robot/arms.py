@@ -8,7 +8,8 @@ from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.presets import preset, preset_names
 
-SPHERICAL = tuple(name for name in preset_names() if not name.startswith("UR"))
+SEVEN = ("Franka Panda", "KUKA LBR iiwa 14 R820")
+SPHERICAL = tuple(n for n in preset_names() if not n.startswith("UR") and n not in SEVEN)
 TOOL = pose_from_xyz_abc(np.array([0.1, -0.05, 0.3]), np.array([0.3, 0.5, -0.2]))
 
 

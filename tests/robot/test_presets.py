@@ -5,9 +5,12 @@ import numpy as np
 import pytest
 
 from robotrue.errors import ConfigurationError
-from robotrue.robot.forward import forward
+from robotrue.robot.forward import forward, walk
 from robotrue.robot.opw import opw_geometry
 from robotrue.robot.presets import preset, preset_names
+from robotrue.robot.statics import drive_torque
+
+from .arms import SEVEN
 
 
 @pytest.mark.parametrize(
@@ -26,6 +29,12 @@ from robotrue.robot.presets import preset, preset_names
         ("St\u00e4ubli TX2-90L", "Staubli TX2-90L"),
         ("tx2 90l", "Staubli TX2-90L"),
         ("Motoman GP225", "Yaskawa GP225"),
+        ("panda", "Franka Panda"),
+        ("Franka Emika Panda", "Franka Panda"),
+        ("iiwa14", "KUKA LBR iiwa 14 R820"),
+        ("KUKA LBR iiwa 14 R820", "KUKA LBR iiwa 14 R820"),
+        ("lbr-iiwa-14-r820", "KUKA LBR iiwa 14 R820"),
+        ("kuka_iiwa_14", "KUKA LBR iiwa 14 R820"),
     ],
 )
 def test_names_are_forgiving(written, full):
@@ -36,7 +45,7 @@ def test_names_are_forgiving(written, full):
 def test_every_preset_builds_under_its_own_name(name):
     robot = preset(name)
     assert robot.name == name
-    assert robot.dof == 6
+    assert robot.dof == (7 if name in SEVEN else 6)
     assert not robot.errors.any()
     assert np.array_equal(robot.T_flange_tool, np.eye(4))
 
@@ -82,3 +91,43 @@ def test_flange_at_zero_and_lengths_from_the_sources(name, position, lengths):
     geometry = opw_geometry(robot)
     read = [getattr(geometry, n) for n in ("a1", "a2", "b", "c1", "c2", "c3", "c4")]
     np.testing.assert_allclose(read, lengths, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "joints", "position", "axes"),
+    [
+        # Upper arm and forearm upright, hand down: 88 mm forward, 333 + 316 + 384 - 107 mm up.
+        ("panda", np.zeros(7), [0.088, 0.0, 0.926], ["z", "y", "z", "-y", "z", "-y", "-z"]),
+        # Forearm level: wrist 82.5 + 384 mm ahead, flange 107 mm below it after 88 mm ahead.
+        (
+            "panda",
+            np.array([0.0, 0.0, 0.0, -np.pi / 2, 0.0, np.pi / 2, 0.0]),
+            [0.0825 + 0.384 + 0.088, 0.0, 0.333 + 0.316 + 0.0825 - 0.107],
+            None,
+        ),
+        ("iiwa14", np.zeros(7), [0.0, 0.0, 1.306], ["z", "y", "z", "-y", "z", "y", "z"]),
+        ("iiwa14", np.array([0.0, np.pi / 2, 0, 0, 0, 0, 0]), [0.946, 0.0, 0.36], None),
+    ],
+)
+def test_arms_of_seven_joints_stand_where_their_data_sheets_put_them(name, joints, position, axes):
+    robot = preset(name)
+    state = walk(robot, joints[None])
+    np.testing.assert_allclose(state.flange_position[0], position, atol=1e-12)
+    if axes is None:
+        return
+    unit = {"y": [0, 1, 0], "z": [0, 0, 1]}
+    wanted = [(-1 if a[0] == "-" else 1) * np.array(unit[a[-1]]) for a in axes]
+    np.testing.assert_allclose(state.joint_axis[0], wanted, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", SEVEN)
+def test_gravity_does_no_work_about_a_vertical_axis_and_masses_lie_in_their_links(name):
+    robot = preset(name)
+    joints = np.random.default_rng(1).uniform(*robot.limits.T, (50, 7))
+    np.testing.assert_allclose(drive_torque(robot, joints)[:, 0], 0.0, atol=1e-12)
+    # Arm stretched out sideways: the second drive holds all of it, less than 30 kg at half a metre.
+    level = np.zeros((1, 7))
+    level[0, 1] = np.pi / 2
+    held = drive_torque(robot, level)[0, 1]
+    assert 20.0 < held < 100.0
+    assert np.abs(robot.link_com).max() < 0.15

@@ -20,15 +20,21 @@ _MODULES: Final = {
     "ABB IRB 120-3/0.6": "abb_irb120_3_0_6",
     "Staubli TX2-90L": "staubli_tx2_90l",
     "Yaskawa GP225": "yaskawa_gp225",
+    "Franka Panda": "franka_panda",
+    "KUKA LBR iiwa 14 R820": "kuka_lbr_iiwa_14_r820",
 }
 _BRANDS: Final = (
+    "kukalbr",
     "kuka",
+    "lbr",
     "universalrobots",
     "universalrobot",
     "abb",
     "staubli",
     "yaskawa",
     "motoman",
+    "frankaemika",
+    "franka",
 )
 
 
