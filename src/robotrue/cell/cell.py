@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.cell.obstacles import Obstacle
+from robotrue.cell.part import PartTable
 from robotrue.core.arrays import Array, frozen
 from robotrue.errors import ShapeError
 from robotrue.measurement.measurement_set import MeasurementFrame
@@ -52,7 +53,10 @@ class Cell:
             standard deviations of the distance from the middle; 3.6158 times the standard
             deviation per axis). Default: 0.06 mm.
         payload: What hangs on the flange, one row, no wrench. Default: nothing.
-        T_base_frame: (4, 4) work frame of programs that set none. Default: the robot base.
+        T_base_frame: (4, 4) work frame of programs that set none. Default: the robot base; in a
+            registered cell with one part frame, that frame.
+        part: Where touching found the part, and the model it was touched with. Default: not
+            registered.
         compliance_prior: (dof,) rad/(N m), one over the stated joint stiffness; NaN where nothing
             is stated. Default: NaN.
         doubts: What the cell cannot model with what it was told, one sentence each.
@@ -75,6 +79,7 @@ class Cell:
     payload: Load = NO_LOAD
     T_base_frame: Array = field(default_factory=lambda: np.eye(4))
     compliance_prior: Array = field(default_factory=lambda: np.empty(0))
+    part: PartTable | None = None
     doubts: tuple[str, ...] = ()
     source: str = ""
     digest: str = ""

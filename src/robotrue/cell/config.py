@@ -13,6 +13,7 @@ from pydantic import ValidationError
 
 from robotrue.cell.cell import DEFAULT_TARGET_SIGMA, Cell
 from robotrue.cell.obstacles import Box, HalfSpace, Obstacle, Sphere
+from robotrue.cell.part_tables import part_of
 from robotrue.cell.schema import (
     CellFile,
     DhRow,
@@ -117,6 +118,7 @@ def _cell(file: CellFile, path: str | Path, digest: str) -> Cell:
     if file.tool is not None:
         robot = robot.with_tool(_pose(file.tool))
     prior, doubts = _stiffness(file.robot, robot), []
+    part = part_of(file)
     if not robot.link_mass.any():
         doubts.append(
             "No link masses are given: bending under the arm's own weight cannot be modelled, "
@@ -146,7 +148,10 @@ def _cell(file: CellFile, path: str | Path, digest: str) -> Cell:
         obstacles=tuple(_obstacle(table, k) for k, table in enumerate(file.obstacle, start=1)),
         repeatability=file.repeatability.mm * MM,
         payload=_payload(file.payload),
-        T_base_frame=_pose(file.base),
+        T_base_frame=_pose(file.base)
+        if part is None or len(part.frames) > 1
+        else part.frames[0].T_base_part,
+        part=part,
         compliance_prior=prior,
         doubts=tuple(doubts),
         source=str(path),

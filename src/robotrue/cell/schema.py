@@ -87,6 +87,40 @@ class ObstacleTable(_Table):
     below_mm: Annotated[list[Three], Field(min_length=2, max_length=2)] | None = None
 
 
+class IdentityTable(_Table):
+    """``[registration.model]``: the description of the arm that touched the part."""
+
+    kind: Literal["nominal", "calibrated"]
+    robot: str
+    sha256: str
+    file: str = ""
+
+
+class RegistrationTable(_Table):
+    """``[registration]``: where the ``[[part]]`` tables come from."""
+
+    method: str
+    points_file: str = ""
+    points_sha256: str = ""
+    model: IdentityTable
+
+
+class PartFrameTable(_Table):
+    """``[[part]]``: a part, or one side of it, where touching found it."""
+
+    name: str
+    xyz_mm: Three
+    abc_deg: Three
+    covariance_m_rad: Annotated[
+        list[Annotated[list[Number], Field(min_length=6, max_length=6)]],
+        Field(min_length=6, max_length=6),
+    ]
+    touches: Annotated[int, Field(ge=0)]
+    outliers: list[str] = []
+    rms_mm: Length
+    verdict: Literal["GO", "NO-GO"]
+
+
 class RepeatabilityTable(_Table):
     """``[repeatability]``."""
 
@@ -105,3 +139,5 @@ class CellFile(_Table):
     repeatability: RepeatabilityTable = RepeatabilityTable()
     base: PoseTable = PoseTable()
     obstacle: list[ObstacleTable] = []
+    registration: RegistrationTable | None = None
+    part: list[PartFrameTable] = []

@@ -107,6 +107,14 @@ def matrix_from_quat_wxyz(quat_wxyz: Array) -> Array:
     return out
 
 
+def quat_wxyz_from_matrix(rotation: Array) -> Array:
+    """Returns the unit quaternion [w, x, y, z] with w >= 0 of a rotation, shape (..., 4)."""
+    half = 0.5 * rotation_vector_from_matrix(rotation)
+    # sinc of numpy is sin(pi x) / (pi x): no division by a vanishing angle.
+    angle = np.linalg.norm(half, axis=-1, keepdims=True)
+    return np.concatenate([np.cos(angle), half * np.sinc(angle / np.pi)], axis=-1)
+
+
 def skew(vector: Array) -> Array:
     """Returns [v]x with [v]x u = v x u, shape (..., 3, 3)."""
     v = np.asarray(vector, dtype=np.float64)

@@ -1,0 +1,93 @@
+"""The part in its cell: frames found by touching, and the model they belong to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from robotrue.core.arrays import Array, frozen
+from robotrue.core.identity import ModelIdentity
+from robotrue.errors import ConfigurationError, ShapeError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartFrame:
+    """One part, or one side of it, where touching found it.
+
+    Attributes:
+        name: Of the part or side.
+        T_base_part: (4, 4) m.
+        covariance: (6, 6) of the displacement of the part's origin (m) and its left rotation
+            vector (rad), both in base axes.
+        touches: How many there were.
+        outliers: Names of those not believed.
+        rms: m, of the believed ones about the frame.
+        verdict: ``GO`` or ``NO-GO``.
+    """
+
+    name: str
+    T_base_part: Array
+    covariance: Array
+    touches: int
+    outliers: tuple[str, ...] = ()
+    rms: float
+    verdict: str
+
+    def __post_init__(self) -> None:
+        """Freezes the arrays."""
+        object.__setattr__(self, "T_base_part", frozen(self.T_base_part, (4, 4), "T_base_part"))
+        object.__setattr__(self, "covariance", frozen(self.covariance, (6, 6), "covariance"))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartTable:
+    """What a registered cell knows beyond a cell: where its part stands.
+
+    Attributes:
+        frames: One per part or side; the first is the one meant where none is named.
+        identity: The model of the arm that touched. Only programs of that model may use the frames.
+        method: How the frames were found.
+        model_file: File name of that model, beside the cell file; empty for the nominal arm.
+        points_file: File name of the touches.
+        points_sha256: Of that file.
+    """
+
+    frames: tuple[PartFrame, ...]
+    identity: ModelIdentity
+    method: str
+    model_file: str = ""
+    points_file: str = ""
+    points_sha256: str = ""
+
+    def __post_init__(self) -> None:
+        """Checks the names.
+
+        Raises:
+            ShapeError: No frame, or two of one name.
+        """
+        names = [frame.name for frame in self.frames]
+        if not names or len(set(names)) != len(names):
+            raise ShapeError(f"part frames {names}, expected one or more, of different names.")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the parts or sides."""
+        return tuple(frame.name for frame in self.frames)
+
+    def frame(self, name: str | None = None) -> PartFrame:
+        """Returns the frame of a name; without a name the only one.
+
+        Raises:
+            ConfigurationError: No such part, or several to choose from.
+        """
+        listed = ", ".join(self.names)
+        if name is None and len(self.frames) > 1:
+            raise ConfigurationError(
+                f"the cell has {len(self.frames)} part frames: {listed}.",
+                hint=f"--part {self.names[0]}",
+            )
+        for frame in self.frames:
+            if name in (None, frame.name):
+                return frame
+        raise ConfigurationError(
+            f"no part {name!r} in the cell; it has {listed}.", hint=f"--part {self.names[0]}"
+        )
