@@ -1,0 +1,194 @@
+"""Two-sided slot test: what a measured one says and what it cannot say.
+
+Slots are cut from one side to beyond the middle and from the other side to meet; where they meet,
+the two halves are off by a step. With one clamping and one frame both halves move together when
+the frame is wrong: the step does not change at all. It shows the tool tip, twice where the tool is
+turned half round, and what the arm does differently in the two postures. A datum that was not used
+for the frame, touched again, shows the frame (:mod:`robotrue.validation.datum_check`).
+
+Source of the test: Feng, Liang, Xi 2018, J. Xiamen Univ. Nat. Sci. 57(5), section 2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Literal, TypeAlias
+
+import numpy as np
+from scipy.stats import f, t
+
+from robotrue.core.arrays import Array, frozen
+from robotrue.core.units import MM
+from robotrue.errors import ConfigurationError, ImplausibleDataError, ShapeError
+
+Frames: TypeAlias = Literal["shared", "one per side"]
+"""Whether both sides were cut in one frame and one clamping, or each in its own."""
+
+PARALLEL: Final = 1e-6
+MOST_STEP: Final = 0.1
+"""m; a larger step is not a step of a slot but a wrong unit."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlotTest:
+    """Steps measured between the halves of slots cut from two sides.
+
+    Attributes:
+        step: (k, n) m, first side less second, across the slot, at n places of k slots; NaN where
+            not measured.
+        names: Of the slots.
+        across: (3,) direction the step is measured in, part axes.
+        R_part_first: (3, 3) attitude of the tool at the first side, in part.
+        R_part_second: (3, 3) at the second.
+        frames: ``"shared"``: one clamping, one frame.
+    """
+
+    step: Array
+    names: tuple[str, ...]
+    across: Array
+    R_part_first: Array
+    R_part_second: Array
+    frames: Frames = "shared"
+
+    def __post_init__(self) -> None:
+        """Checks shapes and sizes.
+
+        Raises:
+            ShapeError: Arrays that do not fit each other, or a slot without a single reading.
+            ImplausibleDataError: A step above 100 mm.
+            ConfigurationError: ``frames`` is neither word.
+        """
+        k = len(self.names)
+        step = frozen(self.step, (k, None), "step", allow_nan=True)
+        empty = [n for n, row in zip(self.names, step, strict=True) if np.isnan(row).all()]
+        if empty or not k:
+            raise ShapeError(f"slots without a reading: {', '.join(empty) or 'all'}.")
+        largest = float(np.nanmax(np.abs(step)))
+        if largest > MOST_STEP:
+            raise ImplausibleDataError(
+                f"a step of {largest / MM:g} mm, allowed up to {MOST_STEP / MM:g} mm.",
+                hint="steps are in m here and in mm in files.",
+            )
+        if self.frames not in ("shared", "one per side"):
+            raise ConfigurationError(
+                f"frames is {self.frames!r}, expected 'shared' or 'one per side'."
+            )
+        across = np.asarray(self.across, dtype=np.float64)
+        length = float(np.linalg.norm(across))
+        if not length > 0.0:
+            raise ShapeError("across has no direction.")
+        object.__setattr__(self, "step", step)
+        object.__setattr__(self, "across", frozen(across / length, (3,), "across"))
+        for name in ("R_part_first", "R_part_second"):
+            object.__setattr__(self, name, frozen(getattr(self, name), (3, 3), name))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlotEvaluation:
+    """What a slot test says.
+
+    Attributes:
+        slots: (k,) m, mean step of each slot, signed.
+        mismatch: m, mean of their sizes, the number usually quoted.
+        mean: m, signed mean over the slots.
+        spread: m, standard deviation between slots (n - 1); NaN with one slot.
+        interval: (2,) m, 95 % interval of the signed mean from the spread between slots; NaN with
+            one slot.
+        uneven: Probability that readings as scattered as those within a slot make the slots
+            differ this much; small: the step changes over the part, so the arm has a share in it.
+            NaN without repeated readings.
+        per_tip: (3,) step per error of the tool tip, tool axes: up to 2 across the tool.
+        per_frame: Step per shift of the frame: 0 with a shared frame, 1 with one per side.
+        tip: m, error of the tip across the tool that alone would make the mean step; NaN where the
+            test cannot see the tip.
+        sees: What changes the number, in sentences.
+        blind: What does not.
+    """
+
+    slots: Array
+    mismatch: float
+    mean: float
+    spread: float
+    interval: Array
+    uneven: float
+    per_tip: Array
+    per_frame: float
+    tip: float
+    sees: tuple[str, ...]
+    blind: tuple[str, ...]
+
+
+def evaluate_slots(test: SlotTest) -> SlotEvaluation:
+    """Returns the step, its spread, and what the test can and cannot have seen.
+
+    Fails when: the slots were measured along another direction than ``across``.
+    """
+    slots = np.nanmean(test.step, axis=1)
+    k, mean = len(slots), float(slots.mean())
+    spread = float(slots.std(ddof=1)) if k > 1 else float("nan")
+    half = float(t.ppf(0.975, k - 1)) * spread / np.sqrt(k) if k > 1 else float("nan")
+    per_tip = tip_sensitivity(test.R_part_first, test.R_part_second, test.across)
+    gain = float(np.linalg.norm(per_tip))
+    seen = gain > PARALLEL
+    sees, blind = _sentences(test.frames, gain)
+    return SlotEvaluation(
+        slots=frozen(slots, (k,), "slots"),
+        mismatch=float(np.abs(slots).mean()),
+        mean=mean,
+        spread=spread,
+        interval=frozen([mean - half, mean + half], (2,), "interval", allow_nan=True),
+        uneven=_uneven(test.step, slots),
+        per_tip=frozen(per_tip, (3,), "per_tip"),
+        per_frame=0.0 if test.frames == "shared" else 1.0,
+        tip=mean / gain if seen else float("nan"),
+        sees=sees,
+        blind=blind,
+    )
+
+
+def tip_sensitivity(R_part_first: Array, R_part_second: Array, across: Array) -> Array:
+    """Returns the step per error of the tool tip (3,), tool axes: across (R_first - R_second).
+
+    Its length is 2 where the tool is turned half round about an axis at right angles to
+    ``across``, and 0 where it is turned about ``across`` itself: then the test is blind to the tip.
+    """
+    direction = np.asarray(across) / np.linalg.norm(across)
+    return np.asarray(direction @ (np.asarray(R_part_first) - np.asarray(R_part_second)))
+
+
+def _uneven(step: Array, slots: Array) -> float:
+    """Probability of the variance between slots given that within, one-way analysis."""
+    counts = (~np.isnan(step)).sum(axis=1)
+    k, within = len(slots), int(counts.sum()) - len(slots)
+    if k < 2 or within < 1:
+        return float("nan")
+    inside = float(np.nansum((step - slots[:, None]) ** 2)) / within
+    overall = float(counts @ slots) / float(counts.sum())
+    between = float(counts @ (slots - overall) ** 2) / (k - 1)
+    if inside == 0.0:
+        return 1.0 if between == 0.0 else 0.0
+    return float(f.sf(between / inside, k - 1, within))
+
+
+def _sentences(frames: Frames, gain: float) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """What the step sees, and what it does not."""
+    sees = [
+        "the difference of the arm's own error between the two postures, across the slot.",
+    ]
+    blind = [
+        "everything along and into the slot: the step is one direction of three.",
+        "errors both sides share: the slot may stand anywhere and its halves still meet.",
+    ]
+    if gain > PARALLEL:
+        sees.insert(0, f"the tool tip, {gain:.2f} times its error across the tool.")
+    else:
+        blind.append("the tool tip: the tool was turned about the direction that is measured.")
+    if frames == "shared":
+        blind.insert(
+            0,
+            "the frame: both halves move with it, so a frame off by millimetres gives no step. "
+            "Touch a datum that was not used for it.",
+        )
+    else:
+        sees.append("the difference of the two frames, in full; what they share stays unseen.")
+    return tuple(sees), tuple(blind)
