@@ -160,6 +160,7 @@ def new_rows(
     stations: dict[int, Array] = {}
     targets: dict[int, Array] = {}
     sizes: dict[int, int] = {}
+    places: set[int] = set()
     observations: list[Seen] = []
     for mine in (known, ~known):
         rows = np.flatnonzero(mine)
@@ -172,6 +173,7 @@ def new_rows(
         stations |= dict(start.T_tracker_base)
         targets |= dict(start.T_flange_target)
         sizes |= dict(layout.targets)
+        places |= set(layout.places)
         for o in observations_of(
             belief.robot,
             part,
@@ -186,7 +188,10 @@ def new_rows(
         observations=tuple(observations),
         approach=measurements.approach,
         layout=Layout(
-            dof=robot.dof, stations=tuple(sorted(stations)), targets=tuple(sorted(sizes.items()))
+            dof=robot.dof,
+            stations=tuple(sorted(stations)),
+            targets=tuple(sorted(sizes.items())),
+            places=tuple(sorted(places)),
         ),
         T_tracker_base=stations,
         T_flange_target=targets,

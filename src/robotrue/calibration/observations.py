@@ -304,9 +304,10 @@ def _into_station(
     for start in range(0, rows.shape[1], 3):
         rows[:, start : start + 3] = turn @ rows[:, start : start + 3]
     rows[:, :3, place.start : place.start + 3] = np.eye(3)
-    rows[:, :3, place.start + 3 : place.stop] = -skew(lever)
-    if rows.shape[1] == 6:
-        rows[:, 3:, place.start + 3 : place.stop] = np.eye(3)
+    if place.stop - place.start == 6:  # a place only shifts
+        rows[:, :3, place.start + 3 : place.stop] = -skew(lever)
+        if rows.shape[1] == 6:
+            rows[:, 3:, place.start + 3 : place.stop] = np.eye(3)
     jacobian[mine] = rows
     point[mine] = lever + T[:3, 3]
     rotation[mine] = turn @ rotation[mine]

@@ -1,8 +1,9 @@
 """What is estimated: one named vector made of blocks, and the state it moves.
 
 Blocks: ``robot`` (the error vector of :class:`RobotModel`, 7 dof + 12), ``station/k`` (6: pose of a
-tracker frame that is not known), ``target/k`` (3 or 6: a further reflector on the flange; reflector
-0 is the robot's own tool). A step is a vector in this layout; poses move on their manifold.
+tracker frame that is not known, or of a part that is touched; 3: a place that has no axes of its
+own, such as a socket), ``target/k`` (3 or 6: a further reflector on the flange; reflector 0 is the
+robot's own tool). A step is a vector in this layout; poses move on their manifold.
 """
 
 from __future__ import annotations
@@ -26,11 +27,13 @@ class Layout:
         dof: Number of joints.
         stations: Indices of the tracker frames to be estimated.
         targets: (index, size) of the further reflectors; size 3 (point) or 6 (pose).
+        places: Which of the stations are places only: they shift (3), their axes are the base's.
     """
 
     dof: int
     stations: tuple[int, ...] = ()
     targets: tuple[tuple[int, int], ...] = ()
+    places: tuple[int, ...] = ()
 
     @property
     def robot_size(self) -> int:
@@ -40,7 +43,11 @@ class Layout:
     @property
     def size(self) -> int:
         """Length of the whole vector."""
-        return self.robot_size + 6 * len(self.stations) + sum(size for _, size in self.targets)
+        return self.robot_size + sum(size for _, size in (*self._stations, *self.targets))
+
+    @property
+    def _stations(self) -> tuple[tuple[int, int], ...]:
+        return tuple((k, 3 if k in self.places else 6) for k in self.stations)
 
     @property
     def blocks(self) -> dict[str, slice]:
@@ -48,7 +55,7 @@ class Layout:
         out = {"robot": slice(0, self.robot_size)}
         start = self.robot_size
         for kind, entries in (
-            ("station", tuple((k, 6) for k in self.stations)),
+            ("station", self._stations),
             ("target", self.targets),
         ):
             for index, size in entries:
@@ -133,15 +140,17 @@ def difference(layout: Layout, state: State, origin: State) -> Array:
 
 
 def station_as_base(layout: Layout, state: State) -> tuple[slice, Array] | None:
-    """Returns the first station's block and the (6, 6) map of its step to one of the base errors.
+    """Returns a station's block and the (6, 6) map of its step to one of the base errors.
 
     With an unknown tracker frame the base *is* where that station says: the joint offsets and the
     station are known only together, and only together do they say where a measured point will be.
-    None where no station is estimated.
+    The first station that has axes stands for the base; a place has none. None where no station is
+    estimated, or only places.
     """
-    if not layout.stations:
+    frames = [k for k in layout.stations if k not in layout.places]
+    if not frames:
         return None
-    first = layout.stations[0]
+    first = frames[0]
     back = state.T_tracker_base[first][:3, :3].T
     out = np.zeros((6, 6))
     out[:3, :3] = out[3:, 3:] = back

@@ -9,7 +9,7 @@ import numpy as np
 
 from robotrue.calibration.parameters import Layout, State
 from robotrue.core.arrays import Array
-from robotrue.core.poses import apply, fit_rigid, inverse
+from robotrue.core.poses import apply, fit_rigid, inverse, pose
 from robotrue.errors import ImplausibleDataError, ObservabilityError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import ChainState, walk
@@ -27,8 +27,10 @@ def start_state(
     """Returns the robot, the layout of the parameter vector and the state to start from.
 
     Tracker frames start at the best rigid fit to the nominal arm, further reflectors at the mean
-    of where they are seen on the flange. A 6-D target whose axes are turned against the tool frame
-    gives its orientation to the returned robot's tool; the tool point stays.
+    of where they are seen on the flange. A station whose every point is its own origin (0, 0, 0) is
+    a place, such as a socket that the tool was put into several times: it only shifts. A 6-D target
+    whose axes are turned against the tool frame gives its orientation to the returned robot's tool;
+    the tool point stays.
 
     Raises:
         ObservabilityError: A station without enough points of reflector 0.
@@ -51,17 +53,34 @@ def start_state(
         mine = measurements.target == k
         targets[k], posed = _target(chain, position, rotation, mine)
         sizes.append((k, 6 if posed else 3))
-    layout = Layout(dof=robot.dof, stations=tuple(stations), targets=tuple(sizes))
+    layout = Layout(
+        dof=robot.dof,
+        stations=tuple(stations),
+        targets=tuple(sizes),
+        places=_places(measurements),
+    )
     return robot, layout, State(robot=robot, T_tracker_base=stations, T_flange_target=targets)
+
+
+def _places(measurements: MeasurementSet) -> tuple[int, ...]:
+    """Stations that are places: every point at the origin, as no instrument ever reads it."""
+    if measurements.frame == "base":
+        return ()
+    away = measurements.station[(measurements.position != 0.0).any(axis=1)]
+    return tuple(np.setdiff1d(measurements.station, away).tolist())
 
 
 def _stations(chain: ChainState, measurements: MeasurementSet) -> dict[int, Array]:
     if measurements.frame == "base":
         return {}
     out = {}
+    places = _places(measurements)
     for k in np.unique(measurements.station).tolist():
         mine = (measurements.station == k) & (measurements.target == 0)
         points = chain.position[mine]
+        if k in places and len(points):
+            out[k] = pose(np.eye(3), -points.mean(axis=0))
+            continue
         centred = points - points.mean(axis=0) if len(points) else points
         if len(points) < 3 or np.linalg.svd(centred, compute_uv=False)[1] < 0.01:
             raise ObservabilityError(

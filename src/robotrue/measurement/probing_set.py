@@ -149,7 +149,7 @@ class ProbingSet:
 
         Sockets and distances of parts that are left without a touch go with them.
         """
-        index = np.arange(len(self))[np.asarray(rows)]
+        index = np.arange(len(self))[np.asarray(rows) if np.size(rows) else []]
         columns = {
             f.name: getattr(self, f.name)[index]
             for f in fields(self)
