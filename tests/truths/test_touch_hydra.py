@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from robotrue.cell.registration.correspondence import check_names, matches
 from robotrue.cell.registration.fit import Noise, point_residuals
 from robotrue.cell.registration.points import fit_points
 from robotrue.cell.registration.robust import fit_points_robust
@@ -18,6 +19,7 @@ from robotrue.cell.registration.touch_file import TouchColumns, mean_touches, re
 from robotrue.core.arrays import Array
 from robotrue.core.poses import fit_rigid
 from robotrue.core.units import MM
+from robotrue.errors import ImplausibleDataError
 
 pytestmark = pytest.mark.data
 
@@ -100,3 +102,64 @@ def test_the_two_wrong_holes_were_shifted_together(data_dir: Path) -> None:
     fit = fit_points_robust(tool, touched, noise=Noise(touch=0.05 * MM, robot=0.15 * MM))
     np.testing.assert_allclose(fit.residuals[18] / MM, [1.380, 1.367, 0.544], atol=0.002)
     np.testing.assert_allclose(fit.residuals[19], fit.residuals[18], atol=0.01 * MM)
+
+
+@pytest.mark.parametrize(
+    ("file", "scatter_mm"),
+    [
+        (ARM_TO_ARM, (0.010, 0.018, 0.010)),
+        (FIRST, (0.047, 0.040, 0.038)),
+        (SECOND, (0.024, 0.033, 0.037)),
+    ],
+)
+def test_scatter_of_repeated_touches(
+    data_dir: Path, file: str, scatter_mm: tuple[float, float, float]
+) -> None:
+    """The printed ones are means of the holes' own sd; pooled, the few bad holes count for more."""
+    touches = read_touches(data_dir / "touch-hydra" / file, COLUMNS)
+    mean = mean_touches(touches)
+    assert len(mean.names) == 40
+    assert mean.count.min() >= 5
+    names = np.array(touches.names)
+    each = [touches.position[names == name].std(axis=0, ddof=1) for name in mean.names]
+    np.testing.assert_allclose(np.mean(each, axis=0) / MM, scatter_mm, atol=6e-4)
+    assert (mean.scatter > 1.35 * np.mean(each, axis=0)).all()
+
+
+def cubes(data_dir: Path) -> Array:
+    """Bolt holes (arm, vertex, hole, 3) m of two flanges sent to the same eight vertices."""
+    touched = read_touches(data_dir / "touch-hydra" / "cubes.csv", COLUMNS)
+    return touched.position.reshape(2, 8, 6, 3)
+
+
+def test_two_arms_sent_to_the_same_vertices_end_millimetres_apart(data_dir: Path) -> None:
+    vertex = cubes(data_dir).mean(axis=2)
+    apart = np.linalg.norm(vertex[0] - vertex[1], axis=1) / MM
+    expected = [3.749, 2.962, 1.966, 3.475, 4.026, 4.093, 3.081, 2.392]
+    np.testing.assert_allclose(apart, expected, atol=6e-4)
+    edges = np.linalg.norm(np.diff(vertex[0, :4], axis=0), axis=1) / MM
+    np.testing.assert_allclose(edges, [200.21, 200.28, 200.60], atol=6e-3)
+
+
+def test_one_bolt_pattern_is_found_again_and_the_other_is_another_one(data_dir: Path) -> None:
+    """Six holes of arm 1 fit each other; those of arm 2 fit them in no order: another pattern."""
+    holes_of = cubes(data_dir)
+    pattern, tight = holes_of[0, 0], 0.05 * MM
+    for vertex in range(1, 8):
+        fit = fit_points(pattern, holes_of[0, vertex])
+        assert 0.005 < fit.rms / MM < 0.014
+        assert check_names(pattern, holes_of[0, vertex], tolerance=tight) == ()
+    for vertex in range(8):
+        assert 0.269 <= fit_points(pattern, holes_of[1, vertex]).rms / MM <= 0.300
+        assert matches(pattern, holes_of[1, vertex], tolerance=tight) == ()
+        own = fit_points(holes_of[1, 0], holes_of[1, vertex])
+        assert own.rms / MM < 0.075
+
+
+def test_a_hexagon_fits_twelve_ways_where_the_tolerance_is_wide(data_dir: Path) -> None:
+    """What tells its holes apart is a hole placed some tenths off: a loose tolerance hides it."""
+    first, second = cubes(data_dir)[0, :2]
+    (doubt,) = check_names(first, second, tolerance=0.6 * MM)
+    assert doubt.startswith("The pattern fits 12 ways within 0.60 mm")
+    with pytest.raises(ImplausibleDataError, match=r"if names are exchanged \(1 is 2, 2 is 3"):
+        check_names(first, second[[5, 0, 1, 2, 3, 4]], tolerance=0.05 * MM)
