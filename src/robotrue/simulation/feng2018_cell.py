@@ -267,7 +267,7 @@ def joints_touching(cell: FengCell, p_base: Array, R_base_tool: Array, posture: 
         ReachError: A point the arm cannot touch in this posture.
     """
     shown = p_base.copy()
-    for _ in range(4):  # the error changes by a thousandth of itself from pass to pass
+    for _ in range(3):  # the error changes by a thousandth of itself from pass to pass
         joints = nominal_joints(cell.nominal, _poses(R_base_tool, shown), posture)
         shown = shown + p_base - machine(cell, joints)
     return nominal_joints(cell.nominal, _poses(R_base_tool, shown), posture)
@@ -321,7 +321,7 @@ def compensated_joints(
         start = nominal_joints(model.nominal(), T_base_tool, posture)
         return solve(model, T_base_tool, start).joints if model.errors.any() else start
     shown = T_base_tool.copy()
-    for _ in range(4):
+    for _ in range(3):  # the error changes by a thousandth of itself from pass to pass
         joints = nominal_joints(model.robot, shown, posture)
         off = model.predict(Query(joints=joints))
         shown[:, :3, 3] = T_base_tool[:, :3, 3] - off.error
