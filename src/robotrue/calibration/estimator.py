@@ -22,9 +22,9 @@ from scipy.linalg.lapack import dtrtri
 from robotrue.calibration.observations import CHANNELS, Linearisation, Observation
 from robotrue.calibration.parameters import Layout, State, difference, retract
 from robotrue.calibration.priors import PULL, Prior
-from robotrue.calibration.robust import Loss, consistency, robust_variance, weights
+from robotrue.calibration.robust import LOSSES, Loss, consistency, robust_variance, weights
 from robotrue.core.arrays import Array, BoolArray
-from robotrue.errors import ConvergenceError, ObservabilityError
+from robotrue.errors import ConfigurationError, ConvergenceError, ObservabilityError
 
 CHUNK: Final = 2048
 """Rows linearised at a time: bounds the memory of the chain walk."""
@@ -53,6 +53,11 @@ class SolverSettings:
     learn_scales: bool = True
     max_iterations: int = 30
     tolerance: float = 1e-3
+
+    def __post_init__(self) -> None:
+        """Refuses a rule that does not exist."""
+        if self.loss not in LOSSES:
+            raise ConfigurationError(f"no robust rule {self.loss!r}; rules are {list(LOSSES)}.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,6 +20,7 @@ from scipy.special import gammaincinv
 from robotrue.core.arrays import Array
 
 Loss: TypeAlias = Literal["huber", "gaussian"]
+LOSSES: Final = ("huber", "gaussian")
 BEND: Final = 0.99
 CUT: Final = 0.999999
 
