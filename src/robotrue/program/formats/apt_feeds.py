@@ -1,0 +1,96 @@
+"""FEDRAT/ and SPINDL/ of APT and CL data: how fast the next points are reached."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.units import MM
+from robotrue.errors import FormatError
+from robotrue.program.formats.apt_statements import Statement, is_number, to_number
+
+FASTEST: Final = 5.0
+"""m/s; no arm cuts faster, a number beyond is in another unit."""
+_PER_MINUTE: Final = {"MMPM": MM, "IPM": 25.4 * MM, "MPM": 1.0, "FPM": 304.8 * MM}
+_PER_SECOND: Final = {"MMPS": MM, "IPS": 25.4 * MM}
+_PER_TURN: Final = {"MMPR": MM, "IPR": 25.4 * MM}
+
+
+class Speeds:
+    """Feed and spindle in force.
+
+    Attributes:
+        turns: Spindle turns per second; NaN where not known.
+    """
+
+    def __init__(self, source: str) -> None:
+        self.source = source
+        self.turns = np.nan
+        self._feed, self._per_turn = np.nan, False
+
+    def feed(self, line: int) -> float:
+        """Returns the feed in force in m/s; NaN if none was stated.
+
+        Raises:
+            FormatError: It is per revolution and the spindle's speed is not known, or too fast.
+        """
+        value = self._feed * self.turns if self._per_turn else self._feed
+        if self._per_turn and not np.isfinite(value):
+            raise FormatError(
+                "the feed is per revolution and no SPINDL/ gives the revolutions.",
+                source=self.source,
+                line=line,
+                hint="state the feed per minute (FEDRAT/ v,MMPM).",
+            )
+        if value > FASTEST:
+            raise FormatError(
+                f"the feed is {value / MM:g} mm/s, at most {FASTEST / MM:g} mm/s is allowed.",
+                source=self.source,
+                line=line,
+                hint="check the unit of FEDRAT/.",
+            )
+        return float(value)
+
+    def take(self, statement: Statement, unit: float) -> None:
+        """Takes a FEDRAT/ or SPINDL/ statement; ``unit`` is m per unit of the file.
+
+        Raises:
+            FormatError: A feed without a number above 0, or in a unit that is not known.
+        """
+        values = [to_number(word) for word in statement.arguments if is_number(word)]
+        words = [word for word in statement.arguments if not is_number(word)]
+        if statement.head == "SPINDL":
+            self._spindle(values, words)
+            return
+        if len(values) != 1 or not values[0] > 0.0:
+            raise self._fault(statement, "expected one number above 0")
+        scale = [
+            table[word] / time
+            for word in words
+            for table, time in ((_PER_MINUTE, 60.0), (_PER_SECOND, 1.0), (_PER_TURN, 1.0))
+            if word in table
+        ]
+        self._per_turn = any(word in _PER_TURN or word == "PERREV" for word in words)
+        if "PERREV" in words:
+            scale.append(unit)
+        elif "PERMIN" in words or not words:
+            scale.append(unit / 60.0)
+        if len(scale) != 1:
+            raise self._fault(statement, "expected MMPM, IPM, MMPR, IPR, PERMIN or PERREV")
+        self._feed = values[0] * scale[0]
+
+    def _spindle(self, values: list[float], words: list[str]) -> None:
+        """A surface speed (SFM, SMM) or a bare ON says nothing about turns; OFF stops them."""
+        if "OFF" in words:
+            self.turns = np.nan
+        elif values and not {"SFM", "SMM", "MAXRPM", "RANGE"} & set(words):
+            self.turns = values[0] / 60.0
+
+    def _fault(self, statement: Statement, wanted: str) -> FormatError:
+        return FormatError(
+            f"{statement.text[:60]!r}: {wanted}.",
+            source=self.source,
+            line=statement.line,
+            hint="FEDRAT/ 300.0,MMPM",
+        )

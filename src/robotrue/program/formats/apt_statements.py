@@ -1,0 +1,124 @@
+"""APT and CL data as statements: lines joined, comments taken off, words and numbers told apart."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+from robotrue.errors import FormatError
+
+_NUMBER: Final = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][+-]?\d+)?")
+_HEAD: Final = re.compile(r"[A-Za-z][\w ,.\-]*")
+_FREE_TEXT: Final = ("PARTNO", "PPRINT", "INSERT", "REMARK", "TPRINT", "LETTER", "MCHFIN")
+"""Words whose text is for people; nothing in it is looked at."""
+
+
+class Statement(NamedTuple):
+    """One statement.
+
+    Attributes:
+        line: One-based line it begins on.
+        head: What stands before the slash, in capitals: ``GOTO``, ``TLON,GOFWD``.
+        arguments: What stands behind it, split at commas, in capitals.
+        text: The statement as written, blanks collapsed.
+        comment: What stands behind ``$$``; a line may be nothing else.
+    """
+
+    line: int
+    head: str
+    arguments: tuple[str, ...]
+    text: str
+    comment: str
+
+
+def statements(data: bytes, source: str) -> Iterator[Statement]:
+    """Yields the statements of a file in order; comment lines have an empty head.
+
+    Raises:
+        FormatError: Not text, a line that is no statement, a continuation without an end.
+    """
+    pending, start = "", 0
+    lines = _decode(data, source).splitlines()
+    for number, raw in enumerate(lines, start=1):
+        code, _, comment = raw.partition("$$")
+        code = code.strip()
+        if code.endswith("$"):
+            start = start or number
+            pending += code[:-1] + " "
+            continue
+        if pending:
+            code, line = pending + code, start
+            pending, start = "", 0
+        else:
+            line = number
+        if code.strip() or comment:
+            yield _statement(code, comment.strip(), line, source)
+    if pending:
+        raise FormatError(
+            "the file ends in a continued statement ($ at the end of the line).",
+            source=source,
+            line=start,
+            hint="copy or post the file again.",
+        )
+
+
+def _decode(data: bytes, source: str) -> str:
+    zero = data.find(b"\0")
+    if zero >= 0:
+        raise FormatError(
+            "NUL byte: a binary CL file, UTF-16 text, or a damaged copy.",
+            source=source,
+            line=data.count(b"\n", 0, zero) + 1,
+            hint="output the CL data as text (APT source).",
+        )
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")  # an umlaut in a comment; every statement is ASCII
+
+
+def _statement(code: str, comment: str, line: int, source: str) -> Statement:
+    text = " ".join(code.split())
+    if not text:
+        return Statement(line, "", (), "", comment)
+    first = text.partition(" ")[0].partition("/")[0].upper()
+    if first in _FREE_TEXT:
+        return Statement(line, first, (text[len(first) :].strip(" /"),), text, comment)
+    head, _, rest = text.partition("/")
+    if not _HEAD.fullmatch(head.strip()):
+        raise FormatError(
+            f"{text[:60]!r} is no statement of APT or CL data.",
+            source=source,
+            line=line,
+            hint="a statement begins with a word: GOTO/, FEDRAT/, ...; $ continues a line.",
+        )
+    arguments = tuple(part.strip().upper() for part in rest.split(",")) if rest.strip() else ()
+    return Statement(line, " ".join(head.upper().split()), arguments, text, comment)
+
+
+def is_number(word: str) -> bool:
+    """Returns whether a word is a number as APT writes them."""
+    return bool(_NUMBER.fullmatch(word.replace(" ", "")))
+
+
+def to_number(word: str) -> float:
+    """Returns the value of a word :func:`is_number` accepts; 1.5D+02 is Fortran's 1.5E+02."""
+    return float(word.replace(" ", "").replace("D", "E").replace("d", "E"))
+
+
+def numbers(statement: Statement, source: str) -> list[float]:
+    """Returns all arguments as numbers.
+
+    Raises:
+        FormatError: One of them is not a number.
+    """
+    for word in statement.arguments:
+        if not is_number(word):
+            raise FormatError(
+                f"{statement.head}/ holds {word!r}, expected a number.",
+                source=source,
+                line=statement.line,
+                hint="post the path as plain coordinates, without names of points.",
+            )
+    return [to_number(word) for word in statement.arguments]

@@ -1,0 +1,223 @@
+"""Tool paths as CSV: ``x_mm,y_mm,z_mm`` and, as needed, axis, feed, rapid flag and operation.
+
+``i,j,k`` (tool axis, tip to spindle; all three or none: 0, 0, 1), ``feed_mm_per_min`` (blank: as
+before), ``rapid`` (1 or 0; blank: 0), ``operation``, ``tool``. Any order, any case. A column with
+another name is an error: a misspelt ``rapid`` passed over would cut where it should fly.
+"""
+
+from __future__ import annotations
+
+import csv
+import difflib
+import io
+import math
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.core.units import MM
+from robotrue.errors import FormatError
+from robotrue.program.formats.apt_feeds import FASTEST
+from robotrue.program.toolpath import Toolpath
+
+POSITION: Final = ("x_mm", "y_mm", "z_mm")
+AXIS: Final = ("i", "j", "k")
+COLUMNS: Final = (*POSITION, *AXIS, "feed_mm_per_min", "rapid", "operation", "tool")
+_YES, _NO = ("1", "true", "yes"), ("0", "false", "no", "")
+
+
+def looks_like_csv(text: str) -> bool:
+    """Returns whether a text begins with a header that names ``x_mm``."""
+    for line in text.splitlines():
+        if line.strip() and not line.lstrip().startswith("#"):
+            return "x_mm" in line.lower()
+    return False
+
+
+def read_toolpath_csv(data: bytes, *, source: str) -> Toolpath:
+    """Returns the tool path of a CSV file.
+
+    Args:
+        data: The bytes of the file; UTF-8, comma or semicolon, ``#`` begins a comment line.
+        source: Its path, for messages; its stem names the path.
+
+    Raises:
+        FormatError: A column that is missing or not known, a cell that cannot be read; with line.
+        ImplausibleDataError: No point, or a path larger than any part.
+    """
+    rows = _rows(data, source)
+    header_line, header = rows[0]
+    names = _header(header, source, header_line)
+    table = _Table(names, rows[1:], source)
+    position = table.block(POSITION) * MM
+    axis = _axes(table)
+    rapid = table.flags("rapid")
+    operation, operations = table.words("operation", Path(source).stem)
+    tool, tools = table.words("tool", "")
+    starts = np.flatnonzero(np.diff(tool, prepend=-1))
+    return Toolpath(
+        name=Path(source).stem,
+        source=source,
+        position=position,
+        axis=axis,
+        feed=np.where(rapid, np.nan, table.feeds()),
+        rapid=rapid,
+        line=np.array(table.lines, dtype=np.int64),
+        operation=operation,
+        operations=operations,
+        tools=tuple((tools[tool[k]], table.lines[k]) for k in starts if tools[tool[k]]),
+    )
+
+
+def _rows(data: bytes, source: str) -> list[tuple[int, list[str]]]:
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as cause:
+        raise FormatError(
+            f"byte 0x{data[cause.start]:02x} is not UTF-8.",
+            source=source,
+            line=data.count(b"\n", 0, cause.start) + 1,
+            hint="save the file as UTF-8.",
+        ) from None
+    lines = [
+        (number, line)
+        for number, line in enumerate(io.StringIO(text, newline=None).read().split("\n"), start=1)
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
+    if len(lines) < 2:
+        raise FormatError("no row with a point.", source=source, hint="export the path again.")
+    mark = ";" if ";" in lines[0][1] else ","
+    return [
+        (number, [cell.strip() for cell in next(csv.reader([line], delimiter=mark))])
+        for number, line in lines
+    ]
+
+
+def _header(header: list[str], source: str, line: int) -> list[str]:
+    names = [name.lower() for name in header]
+    for name in names:
+        if name not in COLUMNS:
+            near = difflib.get_close_matches(name, COLUMNS, n=1)
+            raise FormatError(
+                f"column {name!r} is not known; known are {', '.join(COLUMNS)}.",
+                source=source,
+                line=line,
+                hint=f"did you mean {near[0]}?" if near else "remove it.",
+            )
+        if names.count(name) > 1:
+            raise FormatError(f"column {name!r} appears twice.", source=source, line=line)
+    present = [name in names for name in AXIS]
+    lacking = [name for name in POSITION if name not in names]
+    lacking += [name for name in AXIS if any(present) and name not in names]
+    if lacking:
+        raise FormatError(
+            f"no column {lacking[0]!r}.",
+            source=source,
+            line=line,
+            hint="x_mm, y_mm, z_mm are needed; i, j, k come together or not at all.",
+        )
+    return names
+
+
+def _axes(table: _Table) -> Array:
+    if AXIS[0] not in table.names:
+        return np.tile([0.0, 0.0, 1.0], (len(table.lines), 1))
+    axis = table.block(AXIS)
+    length = np.linalg.norm(axis, axis=1)
+    bad = np.flatnonzero(np.abs(length - 1.0) > 0.01)
+    if len(bad):
+        raise FormatError(
+            f"the tool axis i, j, k has length {length[bad[0]]:.4g}, expected 1.",
+            source=table.source,
+            line=table.lines[bad[0]],
+        )
+    return np.asarray(axis / length[:, None])
+
+
+class _Table:
+    """Cells by column name."""
+
+    def __init__(self, names: list[str], rows: list[tuple[int, list[str]]], source: str) -> None:
+        self.names, self.source = names, source
+        self.lines = [line for line, _ in rows]
+        for line, row in rows:
+            if len(row) != len(names):
+                raise FormatError(
+                    f"{len(row)} cells, expected {len(names)}.",
+                    source=source,
+                    line=line,
+                    hint="look for a missing or a stray delimiter.",
+                )
+        self.rows = [row for _, row in rows]
+
+    def column(self, name: str) -> list[str]:
+        """Returns the cells of a column; blanks where the file does not have it."""
+        if name not in self.names:
+            return [""] * len(self.rows)
+        at = self.names.index(name)
+        return [row[at] for row in self.rows]
+
+    def block(self, names: tuple[str, ...]) -> Array:
+        """Returns (n, k) finite numbers."""
+        columns = [
+            [
+                self._number(cell, name, line)
+                for cell, line in zip(self.column(name), self.lines, strict=True)
+            ]
+            for name in names
+        ]
+        return np.array(columns, dtype=np.float64).T.reshape(-1, len(names))
+
+    def feeds(self) -> Array:
+        """Returns (n,) m/s; a blank cell keeps the feed of the row before."""
+        out, last = [], math.nan
+        for cell, line in zip(self.column("feed_mm_per_min"), self.lines, strict=True):
+            if cell:
+                last = self._number(cell, "feed_mm_per_min", line) * MM / 60.0
+                if not 0.0 < last <= FASTEST:
+                    raise FormatError(
+                        f"feed_mm_per_min is {cell}, expected above 0 and at most "
+                        f"{60.0 * FASTEST / MM:g}.",
+                        source=self.source,
+                        line=line,
+                    )
+            out.append(last)
+        return np.array(out, dtype=np.float64)
+
+    def flags(self, name: str) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+        """Returns (n,) flags."""
+        out = []
+        for cell, line in zip(self.column(name), self.lines, strict=True):
+            if cell.lower() not in _YES + _NO:
+                raise FormatError(
+                    f"{name} is {cell!r}, expected 1 or 0.", source=self.source, line=line
+                )
+            out.append(cell.lower() in _YES)
+        return np.array(out, dtype=np.bool_)
+
+    def words(
+        self, name: str, default: str
+    ) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], tuple[str, ...]]:
+        """Returns (n,) indices and the words they stand for; a blank keeps the one before."""
+        known: dict[str, int] = {}
+        out, last = [], default
+        for cell in self.column(name):
+            last = cell or last
+            out.append(known.setdefault(last, len(known)))
+        return np.array(out, dtype=np.int64), tuple(known)
+
+    def _number(self, cell: str, name: str, line: int) -> float:
+        try:
+            value = float(cell)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise FormatError(
+                f"{name} is {cell!r}, expected a finite number.",
+                source=self.source,
+                line=line,
+                hint="the decimal mark is a point.",
+            )
+        return value

@@ -1,0 +1,164 @@
+"""A tool path as CAM systems write it: where the tool tip goes on the part, before any robot.
+
+Positions and tool axes are in the part frame (the frame the CAM system printed them in). A tool
+axis has five degrees of freedom with its point; how the robot spins about it is nobody's business
+yet (:mod:`robotrue.planning.tool_axis` decides).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
+from robotrue.core.units import MM
+from robotrue.errors import ImplausibleDataError, ShapeError
+
+_UNIT: Final = 1e-9
+"""By which a tool axis may miss length 1; readers normalise what files print."""
+LARGEST: Final = 20.0
+"""m; a part larger than this is in another unit."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Remark:
+    """A statement of the file that moves nothing: spindle, coolant, a word nobody here knows.
+
+    Attributes:
+        before: Index of the point it stands in front of.
+        line: One-based line.
+        text: As written, blanks collapsed.
+        known: What it means is known and taken care of; the rest is for the user to read.
+    """
+
+    before: int
+    line: int
+    text: str
+    known: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Toolpath:
+    """n points in the order they are cut, in the part frame.
+
+    Attributes:
+        name: Of the side or operation the path belongs to; by default that of its file.
+        source: File it was read from.
+        position: (n, 3) m, tool tip.
+        axis: (n, 3) unit vectors from the tip to the spindle.
+        feed: (n,) m/s of the move to each point; NaN where the file states none.
+        rapid: (n,) the move to the point cuts nothing.
+        line: (n,) one-based line each point comes from; points of an arc share theirs.
+        operation: (n,) index into ``operations``.
+        operations: Names the file gives its operations, in order.
+        tools: (name, line) of the tools the file loads, in order.
+        remarks: Statements kept for the program, in order.
+        notes: What the user should know, one sentence each, with line numbers.
+    """
+
+    name: str
+    source: str
+    position: Array
+    axis: Array
+    feed: Array
+    rapid: BoolArray
+    line: IntArray
+    operation: IntArray
+    operations: tuple[str, ...]
+    tools: tuple[tuple[str, int], ...] = ()
+    remarks: tuple[Remark, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Checks shapes, axes and feeds, and freezes.
+
+        Raises:
+            ShapeError: Wrong shapes, an axis that is not a unit vector, an index out of range.
+            ImplausibleDataError: No point, or a path larger than any part.
+        """
+        n = len(self.position)
+        for name in ("position", "axis"):
+            object.__setattr__(self, name, frozen(getattr(self, name), (n, 3), name))
+        object.__setattr__(self, "feed", frozen(self.feed, (n,), "feed", allow_nan=True))
+        object.__setattr__(self, "rapid", frozen(self.rapid, (n,), "rapid", dtype=np.bool_))
+        for name in ("line", "operation"):
+            object.__setattr__(self, name, frozen(getattr(self, name), (n,), name, dtype=np.int64))
+        if not n:
+            raise ImplausibleDataError("the tool path has no point.", source=self.source)
+        bad = np.flatnonzero(np.abs(np.linalg.norm(self.axis, axis=1) - 1.0) > _UNIT)
+        if len(bad):
+            raise ShapeError(f"axis[{bad[0]}] is not a unit vector.")
+        if self.operation.min() < 0 or self.operation.max() >= len(self.operations):
+            raise ShapeError(f"operation has indices beyond the {len(self.operations)} names.")
+        extent = np.ptp(self.position, axis=0).max()
+        if extent > LARGEST:
+            raise ImplausibleDataError(
+                f"the tool path is {extent:.1f} m long, at most {LARGEST:g} m are expected.",
+                source=self.source,
+                hint="check its unit, UNITS/MM or UNITS/INCHES.",
+            )
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    @property
+    def cutting(self) -> BoolArray:
+        """(n,) points reached by a move that cuts."""
+        return np.asarray(~self.rapid)
+
+    def place(self, index: int) -> str:
+        """Returns ``file:line`` of a point, for messages."""
+        return f"{self.source}:{self.line[index]}"
+
+    def with_points(
+        self, pick: IntArray, *, position: Array, rapid: BoolArray, notes: Iterable[str] = ()
+    ) -> Toolpath:
+        """Returns the path with another list of points, each taking the rest from an old one.
+
+        Args:
+            pick: (m,) index of the old point each new one takes axis, feed, line and operation of.
+            position: (m, 3) m.
+            rapid: (m,).
+            notes: Added to those of the path.
+        """
+        pick = np.asarray(pick, dtype=np.int64)
+        first = {int(old): new for new, old in reversed(list(enumerate(pick)))}
+        later = np.array(sorted(first), dtype=np.int64)
+        remarks = []
+        for remark in self.remarks:
+            at = int(np.searchsorted(later, remark.before))
+            before = first[int(later[at])] if at < len(later) else len(pick)
+            remarks.append(replace(remark, before=before))
+        return replace(
+            self,
+            position=position,
+            rapid=rapid,
+            axis=self.axis[pick],
+            feed=self.feed[pick],
+            line=self.line[pick],
+            operation=self.operation[pick],
+            remarks=tuple(remarks),
+            notes=(*self.notes, *notes),
+        )
+
+
+def cut_length(path: Toolpath) -> float:
+    """Returns the length in m of the moves that cut."""
+    steps = np.linalg.norm(np.diff(path.position, axis=0), axis=1)
+    return float(steps[path.cutting[1:]].sum())
+
+
+def summary(path: Toolpath) -> str:
+    """Returns one sentence on the path: points, length cut, lifts, feeds."""
+    feeds = path.feed[path.cutting & np.isfinite(path.feed)]
+    speed = "no feed stated"
+    if len(feeds):
+        low, high = feeds.min() / MM, feeds.max() / MM
+        speed = f"feed {low:g} to {high:g} mm/s" if low < high else f"feed {low:g} mm/s"
+    return (
+        f"{path.name}: {len(path)} points, {cut_length(path):.3f} m cut, "
+        f"{int(path.rapid.sum())} rapid, {speed}"
+    )
