@@ -11,15 +11,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 
 from robotrue.calibration.belief import Belief
-from robotrue.calibration.design import Seen, smooth_columns
+from robotrue.calibration.design import smooth_columns
 from robotrue.calibration.observations import (
+    Linearisation,
     PoseObservation,
     PositionObservation,
+    Visits,
     observations_of,
 )
 from robotrue.calibration.parameters import Layout, State, retract
@@ -35,6 +37,24 @@ NUISANCE_SD: Final = 0.1
 """m and rad, about a start in closed form: far looser than any data."""
 ROWS: Final = 256
 """Poses linearised at a time."""
+
+
+class Visited(Protocol):
+    """An observation of which every row has one posture: points, poses, touches."""
+
+    @property
+    def visits(self) -> Visits:
+        """Postures of the rows."""
+        ...
+
+    @property
+    def rows(self) -> IntArray:
+        """(n,) row of the set each entry came from."""
+        ...
+
+    def linearise(self, layout: Layout, state: State, part: slice = ...) -> Linearisation:
+        """Returns residual, Jacobian and covariance of the rows in ``part``."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,7 +91,7 @@ class NewRows:
     """
 
     robot: RobotModel
-    observations: tuple[Seen, ...]
+    observations: tuple[Visited, ...]
     approach: Array
     layout: Layout
     T_tracker_base: Mapping[int, Array]
@@ -111,7 +131,7 @@ class NewRows:
                 out.append(self._piece(belief, state, observation, part))
         return out
 
-    def _piece(self, belief: Belief, state: State, observation: Seen, part: IntArray) -> Piece:
+    def _piece(self, belief: Belief, state: State, observation: Visited, part: IntArray) -> Piece:
         item = observation.linearise(self.layout, state, part)  # type: ignore[arg-type]
         jacobian, joints = item.jacobian, observation.visits.joints[part]
         dof, size = belief.robot.dof, self.layout.robot_size
@@ -161,7 +181,7 @@ def new_rows(
     targets: dict[int, Array] = {}
     sizes: dict[int, int] = {}
     places: set[int] = set()
-    observations: list[Seen] = []
+    observations: list[Visited] = []
     for mine in (known, ~known):
         rows = np.flatnonzero(mine)
         if not len(rows):

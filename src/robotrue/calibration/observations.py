@@ -95,7 +95,7 @@ class PositionObservation:
 
     def linearise(self, layout: Layout, state: State, part: slice = slice(None)) -> Linearisation:
         """Returns the linearised rows; residual (n, 3) m."""
-        point, _, jacobian = _seen(layout, state, self.visits, part, rotations=False)
+        point, _, jacobian = seen_points(layout, state, self.visits, part, rotations=False)
         return Linearisation(
             residual=self.position[part] - point,
             jacobian=jacobian,
@@ -124,7 +124,7 @@ class PoseObservation:
 
     def linearise(self, layout: Layout, state: State, part: slice = slice(None)) -> Linearisation:
         """Returns the linearised rows; residual (n, 6): m, then rad (left rotation vector)."""
-        point, rotation, jacobian = _seen(layout, state, self.visits, part, rotations=True)
+        point, rotation, jacobian = seen_points(layout, state, self.visits, part, rotations=True)
         angle = rotation_vector_from_matrix(self.rotation[part] @ np.swapaxes(rotation, 1, 2))
         jacobian[:, 3:] = _right_inverse(angle) @ jacobian[:, 3:]
         return Linearisation(
@@ -165,8 +165,8 @@ class DistanceObservation:
 
     def linearise(self, layout: Layout, state: State, part: slice = slice(None)) -> Linearisation:
         """Returns the linearised rows; residual (n, 1) m."""
-        a, _, jacobian_a = _seen(layout, state, self.first, part, rotations=False)
-        b, _, jacobian_b = _seen(layout, state, self.second, part, rotations=False)
+        a, _, jacobian_a = seen_points(layout, state, self.first, part, rotations=False)
+        b, _, jacobian_b = seen_points(layout, state, self.second, part, rotations=False)
         length = np.linalg.norm(b - a, axis=1)
         along = (b - a) / length[:, None]
         return Linearisation(
@@ -263,10 +263,18 @@ def _right_inverse(vector: Array) -> Array:
     return out
 
 
-def _seen(
+def seen_points(
     layout: Layout, state: State, visits: Visits, part: slice, *, rotations: bool
 ) -> tuple[Array, Array, Array]:
-    """Point (n, 3), rotation (n, 3, 3) and Jacobian (n, 3 or 6, P) in the station's frame."""
+    """Returns point (n, 3), rotation (n, 3, 3) and Jacobian (n, 3 or 6, P), in the station's frame.
+
+    Args:
+        layout: The parameter vector.
+        state: Where the Jacobian is taken.
+        visits: Postures, loads, stations.
+        part: Which of them.
+        rotations: Whether the Jacobian has the three rows of the rotation.
+    """
     robot, joints, torque = state.robot, visits.joints[part], visits.torque[part]
     target, station = visits.target[part], visits.station[part]
     chain = walk(robot, joints, torque * robot.error("compliance"))

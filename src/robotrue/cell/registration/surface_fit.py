@@ -13,8 +13,8 @@ from typing import Final
 import numpy as np
 
 from robotrue.cell.registration.fit import Registration, moved, numbered
-from robotrue.cell.registration.observable import check_motions
 from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.core.observable import check_motions
 from robotrue.core.poses import apply, inverse
 from robotrue.core.surfaces import Surface
 from robotrue.errors import ConvergenceError, ObservabilityError, ShapeError

@@ -1,4 +1,4 @@
-"""Which motions of a part its surface touches leave free."""
+"""Which motions of a part its touches leave free."""
 
 from __future__ import annotations
 

@@ -1,0 +1,227 @@
+"""Touches of a part as observations: the part is a station, its nominal points what is measured.
+
+A touched feature point says ``T_part_base tip(q) = p_part``: a tracker point whose set-up is the
+part. On a surface a touch fixes only the distance along the normal there, and a gauge fixes the
+distance between the origins of two parts. All linearise over the same parameters and can stand
+beside tracker rows in one Gauss-Newton.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from robotrue.calibration.belief import Belief
+from robotrue.calibration.new_rows import NewRows, Visited
+from robotrue.calibration.observations import (
+    Linearisation,
+    PositionObservation,
+    Visits,
+    seen_points,
+)
+from robotrue.calibration.parameters import Layout, State
+from robotrue.core.arrays import Array, IntArray
+from robotrue.core.poses import inverse
+from robotrue.core.rotations import skew
+from robotrue.core.surfaces import Plane, Surface
+from robotrue.errors import ImplausibleDataError
+from robotrue.measurement.probing_set import KnownDistance, ProbingSet
+from robotrue.robot.statics import Load, drive_torque
+
+COINCIDENT: Final = 1e-3
+"""m; parts nearer to one another than this have no direction between them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SurfaceObservation:
+    """Touches that fix one direction each: the probe's centre is its radius away from a surface.
+
+    Attributes:
+        visits: Postures and loads; the station is the part.
+        surfaces: (n) one per touch, in the part's frame.
+        radius: m, of the probe's ball.
+        variance: (n,) m^2 along the normal, touch and repeatability.
+        rows: (n,) rows of the probing set.
+    """
+
+    visits: Visits
+    surfaces: tuple[Surface, ...]
+    radius: float
+    variance: Array
+    rows: IntArray
+
+    def linearise(self, layout: Layout, state: State, part: slice = slice(None)) -> Linearisation:
+        """Returns the linearised rows; residual (n, 1) m: radius minus distance."""
+        point, _, jacobian = seen_points(layout, state, self.visits, part, rotations=False)
+        chosen = np.arange(len(self.rows))[part]
+        distance, normal = np.empty(len(point)), np.empty((len(point), 3))
+        kept = [self.surfaces[i] for i in chosen]
+        for surface in {id(s): s for s in kept}.values():
+            mine = np.array([s is surface for s in kept])
+            distance[mine], normal[mine] = surface.nearest(point[mine])
+        return Linearisation(
+            residual=(self.radius - distance)[:, None],
+            jacobian=normal[:, None, :] @ jacobian,
+            covariance=self.variance[part][:, None, None],
+            white=np.array([[1.0], [0.0]]),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartDistanceObservation:
+    """Known distances between the origins of parts: sockets on one bar, holes of one drawing.
+
+    Attributes:
+        visits: As many as distances; no posture decides them.
+        distances: Of the parts, which are stations of the layout.
+        rows: (n,) behind the touches.
+    """
+
+    visits: Visits
+    distances: tuple[KnownDistance, ...]
+    rows: IntArray
+
+    def linearise(self, layout: Layout, state: State, part: slice = slice(None)) -> Linearisation:
+        """Returns the linearised rows; residual (n, 1) m.
+
+        Raises:
+            ImplausibleDataError: Parts that stand in the same place.
+        """
+        chosen = [self.distances[i] for i in np.arange(len(self.distances))[part]]
+        n = len(chosen)
+        residual, jacobian = np.empty((n, 1)), np.zeros((n, 1, layout.size))
+        for i, known in enumerate(chosen):
+            a, of_a = _origin(state.T_tracker_base[known.first])
+            b, of_b = _origin(state.T_tracker_base[known.second])
+            length = float(np.linalg.norm(b - a))
+            if length < COINCIDENT:
+                raise ImplausibleDataError(
+                    f"parts {known.first} and {known.second} stand {length * 1e3:.3g} mm apart, "
+                    f"their known distance is {known.length * 1e3:.6g} mm.",
+                    hint="check which touches belong to which part.",
+                )
+            along = (b - a) / length
+            for number, columns, sign in ((known.first, of_a, -1.0), (known.second, of_b, 1.0)):
+                place = layout.blocks[f"station/{number}"]
+                size = place.stop - place.start
+                jacobian[i, 0, place] += sign * along @ columns[:, :size]
+            residual[i, 0] = known.length - length
+        variance = np.array([known.sigma**2 for known in chosen])
+        return Linearisation(
+            residual=residual,
+            jacobian=jacobian,
+            covariance=variance[:, None, None],
+            white=np.zeros((2, 1)),
+        )
+
+
+def _origin(T_part_base: Array) -> tuple[Array, Array]:
+    """The part's origin (3,) m in base, and its derivative (3, 6) by a step of ``T_part_base``."""
+    back = T_part_base[:3, :3].T
+    t = T_part_base[:3, 3]
+    return -back @ t, np.hstack([-back, -back @ skew(t)])
+
+
+def frame_displacement(T_base_part: Array, size: int = 6) -> Array:
+    """Returns the map (size, size) from a step of the part's columns to one of ``T_base_part``.
+
+    Columns are a shift and a left rotation vector of ``T_part_base``, in part axes. The result is
+    the displacement of the part's origin (m) and its left rotation vector (rad), in base axes.
+
+    Args:
+        T_base_part: (4, 4).
+        size: 6, or 3 for a place.
+    """
+    _, of_origin = _origin(inverse(T_base_part))
+    turn = np.hstack([np.zeros((3, 3)), -T_base_part[:3, :3]])
+    out: Array = np.vstack([of_origin, turn])
+    return out[:size, :size]
+
+
+def touch_rows(
+    belief: Belief,
+    touches: ProbingSet,
+    T_base_part: Mapping[int, Array],
+    *,
+    touch_sigma: float,
+    payload: Load,
+) -> NewRows:
+    """Returns the touches ready to be added to a belief, linearised about frames to start from.
+
+    Rows 0 to n - 1 are the touches, those behind them the known distances.
+
+    Args:
+        belief: Says where the arm is believed to be.
+        touches: With joints.
+        T_base_part: (4, 4) of every part, where it roughly stands.
+        touch_sigma: m per axis of one touch: probe, surface, hand.
+        payload: On the flange while touching.
+    """
+    n, parts = len(touches), touches.parts
+    torque = drive_torque(belief.robot, touches.joints, payload)
+    variance = touch_sigma**2 + belief.repeatability**2
+    observations: list[Visited] = []
+    full = np.flatnonzero(touches.full)
+    if len(full):
+        observations.append(
+            PositionObservation(
+                visits=_visits(touches, torque, full),
+                position=touches.point[full],
+                covariance=np.broadcast_to(variance * np.eye(3), (len(full), 3, 3)),
+                rows=full,
+            )
+        )
+    along = np.flatnonzero(~touches.full)
+    if len(along):
+        observations.append(
+            SurfaceObservation(
+                visits=_visits(touches, torque, along),
+                surfaces=tuple(_surface(touches, int(i)) for i in along),
+                radius=touches.radius,
+                variance=np.full(len(along), variance),
+                rows=along,
+            )
+        )
+    count = n + len(touches.distances)
+    dof = belief.robot.dof
+    if touches.distances:
+        size = len(touches.distances)
+        observations.append(
+            PartDistanceObservation(
+                visits=Visits(
+                    joints=np.zeros((size, dof)),
+                    torque=np.zeros((size, dof)),
+                    target=np.zeros(size, dtype=np.int64),
+                    station=np.zeros(size, dtype=np.int64),
+                ),
+                distances=touches.distances,
+                rows=np.arange(n, count),
+            )
+        )
+    return NewRows(
+        robot=belief.robot,
+        observations=tuple(observations),
+        approach=np.zeros((count, dof)),
+        layout=Layout(dof=dof, stations=parts, places=tuple(sorted(touches.sockets))),
+        T_tracker_base={k: inverse(T_base_part[k]) for k in parts},
+        T_flange_target={},
+        count=count,
+    )
+
+
+def _visits(touches: ProbingSet, torque: Array, rows: IntArray) -> Visits:
+    return Visits(
+        joints=touches.joints[rows],
+        torque=torque[rows],
+        target=np.zeros(len(rows), dtype=np.int64),
+        station=touches.part[rows],
+    )
+
+
+def _surface(touches: ProbingSet, row: int) -> Surface:
+    if touches.touched[row] >= 0:
+        return touches.surfaces[int(touches.touched[row])]
+    return Plane(point=touches.point[row], normal=touches.normal[row])
