@@ -55,7 +55,7 @@ def fit_points_robust(
         return np.asarray(np.linalg.norm(point_residuals(T, part, base), axis=1))
 
     keep = agreeing(residual, len(part), GAUSS_POINT * noise.sigma)
-    _check_majority(keep, labels, residual(keep.astype(float)), GAUSS_POINT * noise.sigma)
+    check_majority(keep, labels, residual(keep.astype(float)), GAUSS_POINT * noise.sigma)
     kept = tuple(name for name, good in zip(labels, keep, strict=True) if good)
     fit = fit_points(part[keep], base[keep], sigma=noise.sigma, names=kept)
     return replace(
@@ -88,7 +88,7 @@ def fit_surfaces_robust(touches: SurfaceTouches, start: Array, *, noise: Noise) 
         return np.asarray(np.abs(linearised(touches, latest[0])[0]))
 
     keep = agreeing(residual, len(touches.centre), bound)
-    _check_majority(keep, touches.names, np.abs(linearised(touches, latest[0])[0]), bound)
+    check_majority(keep, touches.names, np.abs(linearised(touches, latest[0])[0]), bound)
     return fit_surfaces(
         touches,
         latest[0],
@@ -98,7 +98,12 @@ def fit_surfaces_robust(touches: SurfaceTouches, start: Array, *, noise: Noise) 
     )
 
 
-def _check_majority(keep: BoolArray, names: tuple[str, ...], distance: Array, bound: float) -> None:
+def check_majority(keep: BoolArray, names: tuple[str, ...], distance: Array, bound: float) -> None:
+    """Passes if more than half of the touches agree.
+
+    Raises:
+        ImplausibleDataError: They do not; names those that disagree, and by how much.
+    """
     if 2 * int(keep.sum()) > len(keep):
         return
     wrong = ", ".join(
