@@ -1,0 +1,203 @@
+"""Touches that can be made: every feature, in the attitudes of the machining and leaned ones.
+
+The tip is the tool point of the robot handed over, and its tool axis is z of the tool frame, which
+points away from the flange. A feature is touched with the attitudes in which the part is machined
+(there the arm's own error is the same as when it cuts), turned about the tool axis and leaned to
+every side (that tells the tool point and the wrist), as far as the direction from which the feature
+is reached, the joint limits and what stands around allow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.poses import apply, pose
+from robotrue.core.rotations import matrix_from_rotation_vector
+from robotrue.core.units import DEG
+from robotrue.errors import ReachError
+from robotrue.measurement.formats.features import Features
+from robotrue.measurement.probing_set import ProbingSet
+from robotrue.planning.probing import Machining
+from robotrue.planning.scene import Scene, collisions
+from robotrue.robot.forward import forward
+from robotrue.robot.inverse import inverse_batch
+from robotrue.robot.inverse_numeric import solve
+from robotrue.robot.model import RobotModel
+from robotrue.robot.opw import opw_geometry
+
+SPINS: Final = np.array([0.0, 90.0, -90.0, 180.0]) * DEG
+"""About the tool axis; a ball touches alike in all of them."""
+ALIKE: Final = 20.0 * DEG
+"""Machined attitudes nearer to one another than this count as one."""
+MOST_ATTITUDES: Final = 12
+"""Machined attitudes that are taken over; the commonest."""
+NEAREST: Final = "tracker"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TouchLimits:
+    """What a touch must keep.
+
+    Attributes:
+        lean: rad, by which the tool is leaned off each machined attitude, to four sides.
+        steepest: rad, largest angle between the tool and the direction a feature is reached from.
+        margin: rad, kept from the joint limits.
+    """
+
+    lean: float = 15.0 * DEG
+    steepest: float = 60.0 * DEG
+    margin: float = 2.0 * DEG
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidates:
+    """Touches that can be made.
+
+    Attributes:
+        touches: With their planned joints, feature by feature.
+        tried: How many combinations of feature and attitude were looked at.
+        rejected: (reason, count) of the others.
+        untouchable: Features without any touch.
+    """
+
+    touches: ProbingSet
+    tried: int
+    rejected: tuple[tuple[str, int], ...]
+    untouchable: tuple[str, ...]
+
+
+def touch_candidates(
+    robot: RobotModel,
+    features: Features,
+    machining: Machining,
+    T_base_part: Mapping[int, Array],
+    *,
+    limits: TouchLimits | None = None,
+    scene: Scene | None = None,
+) -> Candidates:
+    """Returns every touch that can be made.
+
+    Args:
+        robot: Nominal arm with the touching tip as its tool.
+        features: What can be touched.
+        machining: Whose attitudes are taken.
+        T_base_part: (4, 4) of every part, roughly.
+        limits: Leans, steepness, margins.
+        scene: What stands around; nothing is checked without it.
+
+    Raises:
+        ReachError: Not one touch is left; says what took them.
+    """
+    limits = TouchLimits() if limits is None else limits
+    attitude, near = _attitudes(robot, machining, limits.lean)
+    place = np.stack([T_base_part[int(k)] for k in features.part])
+    point = apply(place, features.point)
+    n, a = len(features), len(attitude)
+    feature, chosen = np.repeat(np.arange(n), a), np.tile(np.arange(a), n)
+    counts: dict[str, int] = {}
+    good = np.ones(n * a, dtype=bool)
+    open_side = _reached_from(features, place, attitude, limits.steepest)[feature, chosen]
+    good &= _left(counts, "the tool comes from the wrong side", good, ~open_side)
+    joints = np.full((n * a, robot.dof), np.nan)
+    mine = np.flatnonzero(good)
+    wanted = pose(attitude[chosen[mine]], point[feature[mine]])
+    joints[mine] = _joints(robot, wanted, near[chosen[mine]])
+    out = np.asarray(np.isnan(joints).any(axis=1))
+    good &= _left(counts, "out of reach", good, out)
+    low, high = robot.limits[:, 0] + limits.margin, robot.limits[:, 1] - limits.margin
+    beyond = ((joints < low) | (joints > high)).any(axis=1)
+    good &= _left(counts, "joint limits", good, beyond)
+    if scene is not None and good.any():
+        standing = np.flatnonzero(good)
+        for reason, hit in collisions(scene, joints[standing]).items():
+            if not reason.endswith(NEAREST):  # nothing is tracked here
+                bad = np.zeros_like(good)
+                bad[standing] = hit
+                good &= _left(counts, reason, good, bad)
+    rejected = tuple((reason, count) for reason, count in counts.items() if count)
+    if not good.any():
+        why = ", ".join(f"{reason} {count}" for reason, count in rejected)
+        raise ReachError(
+            f"not one of {n * a} touches of {n} features can be made ({why}).",
+            hint="check the rough frame of the part, the tool and the directions ax, ay, az.",
+        )
+    rows = feature[good]
+    return Candidates(
+        touches=ProbingSet(
+            names=tuple(features.names[k] for k in rows),
+            point=features.point[rows],
+            joints=joints[good],
+            normal=features.normal[rows],
+            part=features.part[rows],
+        ),
+        tried=n * a,
+        rejected=rejected,
+        untouchable=_without(features, rows),
+    )
+
+
+def attitude_groups(robot: RobotModel, joints: Array) -> tuple[IntArray, Array]:
+    """Returns the group of each posture (n,), and a representative posture (g, dof) of each group.
+
+    Tool axes nearer than :data:`ALIKE` to that of a group's first posture belong to it, however the
+    tool is turned about them. Groups come in the order of their first postures.
+    """
+    axis = forward(robot.nominal(), joints)[:, :3, 2]
+    group = np.full(len(joints), -1, dtype=np.int64)
+    first: list[int] = []
+    for k in range(len(joints)):
+        if group[k] < 0:
+            near = axis @ axis[k] >= np.cos(ALIKE)
+            group[near & (group < 0)] = len(first)
+            first.append(k)
+    return group, joints[first]
+
+
+def _attitudes(robot: RobotModel, machining: Machining, lean: float) -> tuple[Array, Array]:
+    """Attitudes R_base_tool (a, 3, 3) to touch with, and a posture (a, dof) near each."""
+    group, first = attitude_groups(robot, machining.joints)
+    common = np.argsort(-np.bincount(group, minlength=len(first)), kind="stable")[:MOST_ATTITUDES]
+    own = forward(robot.nominal(), first[common])[:, :3, :3]
+    leans = lean * np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]], dtype=float)
+    if lean == 0.0:
+        leans = leans[:1]
+    spins = np.zeros((len(SPINS), 3))
+    spins[:, 2] = SPINS
+    turn = matrix_from_rotation_vector(leans)[:, None] @ matrix_from_rotation_vector(spins)[None]
+    turn = turn.reshape(-1, 3, 3)
+    every = own[:, None] @ turn[None]
+    return every.reshape(-1, 3, 3), np.repeat(first[common], len(turn), axis=0)
+
+
+def _reached_from(features: Features, place: Array, attitude: Array, steepest: float) -> BoolArray:
+    """(n, a) whether the tool comes from the side a feature is open to."""
+    known = ~np.isnan(features.access)
+    outward = np.where(known, features.access, features.normal)
+    anywhere: BoolArray = np.isnan(outward[:, 0])
+    in_base = (place[:, :3, :3] @ np.nan_to_num(outward)[:, :, None])[:, :, 0]
+    against = -in_base @ attitude[:, :, 2].T
+    return np.asarray((against >= np.cos(steepest)) | anywhere[:, None])
+
+
+def _joints(robot: RobotModel, wanted: Array, near: Array) -> Array:
+    """Joints (n, dof) rad nearest to a posture; NaN where there are none."""
+    if opw_geometry(robot) is not None:
+        return inverse_batch(robot, wanted, near=near)
+    found = solve(robot.nominal(), wanted, near)
+    return np.where(found.converged[:, None], found.joints, np.nan)
+
+
+def _left(counts: dict[str, int], reason: str, good: BoolArray, bad: BoolArray) -> BoolArray:
+    """Which are not bad; those that were still good are counted under the reason."""
+    counts[reason] = counts.get(reason, 0) + int((good & bad).sum())
+    return ~bad
+
+
+def _without(features: Features, rows: IntArray) -> tuple[str, ...]:
+    left = {features.names[k] for k in rows}
+    return tuple(name for name in dict.fromkeys(features.names) if name not in left)
