@@ -110,7 +110,7 @@ def touch_candidates(
     out = np.asarray(np.isnan(joints).any(axis=1))
     good &= _left(counts, "out of reach", good, out)
     low, high = robot.limits[:, 0] + limits.margin, robot.limits[:, 1] - limits.margin
-    beyond = ((joints < low) | (joints > high)).any(axis=1)
+    beyond = np.asarray(((joints < low) | (joints > high)).any(axis=1))
     good &= _left(counts, "joint limits", good, beyond)
     if scene is not None and good.any():
         standing = np.flatnonzero(good)
