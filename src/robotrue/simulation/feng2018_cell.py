@@ -20,6 +20,7 @@ Frame ``part`` sits at the block's corner: x 0..400, y 0..200, z 0..400 mm. The 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Final, Literal, TypeAlias
 
 import numpy as np
@@ -37,8 +38,8 @@ from robotrue.robot.inverse_numeric import solve
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.presets import preset
 from robotrue.robot.statics import NO_LOAD
-from robotrue.simulation.unmodelled import Unmodelled
-from robotrue.simulation.virtual_robot import VirtualRobot, actual_pose
+from robotrue.simulation.unmodelled import Unmodelled, drive_shift
+from robotrue.simulation.virtual_robot import VirtualRobot
 
 Posture: TypeAlias = Literal["R", "L", "T"]
 """Side the tool comes from. R: axis along +y, at the front; L: along -y, at the back; T: above."""
@@ -67,6 +68,9 @@ FACES: Final[dict[Posture, tuple[int, float]]] = {
 """Face each posture looks at: axis across it, and its coordinate in part, m."""
 EDGE: Final = 10.0 * MM
 """Nothing is touched nearer to an edge than this."""
+_ROUNDS: Final = 6
+_NEAR: Final = 1e-9
+"""m; a touch found nearer than this is found."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -213,11 +217,17 @@ def flipped(cell: FengCell, rng: np.random.Generator) -> FengCell:
     return replace(cell, T_base_part=shift @ T_BASE_FLIPPED @ centre @ turn @ inverse(centre))
 
 
+@cache
 def attitude(posture: Posture) -> Array:
     """Returns the tool's attitude R_base_tool (3, 3) in a posture, nominal."""
     robot = preset("KUKA KR160 R1570").with_tool(TOOL)
-    rotation: Array = forward(robot, START[posture][None])[0, :3, :3]
+    rotation: Array = frozen(forward(robot, START[posture][None])[0, :3, :3], (3, 3), "attitude")
     return rotation
+
+
+@cache
+def _branch(posture: Posture) -> int:
+    return branch_of(preset("KUKA KR160 R1570"), START[posture])
 
 
 def touch_points(posture: Posture, count: int, rng: np.random.Generator) -> Array:
@@ -266,11 +276,14 @@ def joints_touching(cell: FengCell, p_base: Array, R_base_tool: Array, posture: 
     Raises:
         ReachError: A point the arm cannot touch in this posture.
     """
-    shown = p_base.copy()
-    for _ in range(3):  # the error changes by a thousandth of itself from pass to pass
+    shown, joints = p_base, nominal_joints(cell.nominal, _poses(R_base_tool, p_base), posture)
+    for _ in range(_ROUNDS):  # the error hardly changes from round to round
+        off = p_base - machine(cell, joints)
+        if np.abs(off).max(initial=0.0) < _NEAR:
+            break
+        shown = shown + off
         joints = nominal_joints(cell.nominal, _poses(R_base_tool, shown), posture)
-        shown = shown + p_base - machine(cell, joints)
-    return nominal_joints(cell.nominal, _poses(R_base_tool, shown), posture)
+    return joints
 
 
 def machine(cell: FengCell, joints: Array, rng: np.random.Generator | None = None) -> Array:
@@ -278,10 +291,30 @@ def machine(cell: FengCell, joints: Array, rng: np.random.Generator | None = Non
 
     With ``rng`` every visit scatters by the arm's repeatability.
     """
-    reached: Array = actual_pose(cell.robot, joints)[:, :3, 3]
+    robot, effects = cell.robot.actual, cell.robot.effects
+    torque = _weight(robot, joints)
+    still = np.zeros_like(joints)
+    compliance = robot.error("compliance")
+    shift = compliance * torque + drive_shift(effects, joints, torque, compliance, still)
+    reached: Array = forward(robot, joints, shift)[:, :3, 3]
     if rng is not None:
         reached = reached + cell.sizes.repeatability * rng.normal(size=reached.shape)
     return reached
+
+
+def _weight(robot: RobotModel, joints: Array) -> Array:
+    """Torques (n, 6) N m of the two masses: :func:`robotrue.robot.statics.drive_torque`, shorter.
+
+    Overhang of the wrist point over joint 3 and over joint 2, and of the elbow over joint 2.
+    """
+    upper = joints[:, 1] + robot.theta[1]
+    fore = upper + joints[:, 2] + robot.theta[2]
+    wrist = -robot.d[3] * np.sin(fore) + robot.a[2] * np.cos(fore)
+    elbow = robot.a[1] * np.cos(upper)
+    torque = np.zeros_like(joints)
+    torque[:, 1] = WRIST_MASS * (elbow + wrist) + ELBOW_MASS * elbow
+    torque[:, 2] = WRIST_MASS * wrist
+    return float(robot.gravity[2]) * torque
 
 
 def nominal_joints(robot: RobotModel, T_base_tool: Array, posture: Posture) -> Array:
@@ -290,8 +323,7 @@ def nominal_joints(robot: RobotModel, T_base_tool: Array, posture: Posture) -> A
     Raises:
         ReachError: A pose out of reach in this posture.
     """
-    start = START[posture]
-    joints = inverse_batch(robot, T_base_tool, near=start, branch=branch_of(robot, start))
+    joints = inverse_batch(robot, T_base_tool, near=START[posture], branch=_branch(posture))
     lost = np.flatnonzero(np.isnan(joints).any(axis=1))
     if len(lost):
         where = np.round(T_base_tool[lost[0], :3, 3] / MM, 1)
@@ -321,7 +353,7 @@ def compensated_joints(
         start = nominal_joints(model.nominal(), T_base_tool, posture)
         return solve(model, T_base_tool, start).joints if model.errors.any() else start
     shown = T_base_tool.copy()
-    for _ in range(3):  # the error changes by a thousandth of itself from pass to pass
+    for _ in range(2):  # the error changes by a thousandth of itself from round to round
         joints = nominal_joints(model.robot, shown, posture)
         off = model.predict(Query(joints=joints))
         shown[:, :3, 3] = T_base_tool[:, :3, 3] - off.error
@@ -352,12 +384,10 @@ def tracker_poses(
     low, high = T_BASE_DRAWN[:3, 3] - 50.0 * MM, T_BASE_DRAWN[:3, 3] + SIZE + 50.0 * MM
     for k, posture in enumerate(START):
         n = (count + 2 - k) // 3
-        start, spare = START[posture], 2 * n + 10  # a few leaning poses are out of reach
+        spare = 2 * n + 10  # a few leaning poses are out of reach
         lean = matrix_from_rotation_vector(tilt * rng.normal(size=(spare, 3)))
         wanted = pose(lean @ attitude(posture), rng.uniform(low, high, (spare, 3)))
-        found = inverse_batch(
-            cell.nominal, wanted, near=start, branch=branch_of(cell.nominal, start)
-        )
+        found = inverse_batch(cell.nominal, wanted, near=START[posture], branch=_branch(posture))
         reached = found[~np.isnan(found).any(axis=1)]
         if len(reached) < n:
             raise ReachError(

@@ -1,0 +1,274 @@
+"""Ways to tie a program to the block, from the drawing to one estimate of arm, tool and frame.
+
+Each way takes a :class:`Session`, everything that was touched and measured in one cell, and
+returns the two sides as they will be cut. All ways of a session share its touches, so that they
+differ by the method alone. Simulated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from robotrue.calibration.methods import fit
+from robotrue.calibration.model import ErrorModel, Query
+from robotrue.calibration.settings import RP_PER_SIGMA, FitSettings
+from robotrue.cell.registration.feature_frame import fit_feature_frame
+from robotrue.core.arrays import Array
+from robotrue.core.poses import apply, fit_rigid, pose
+from robotrue.core.rotations import matrix_from_rotation_vector, skew
+from robotrue.core.units import DEG, MM
+from robotrue.robot.forward import forward
+from robotrue.robot.model import RobotModel
+from robotrue.simulation.feng2018_cell import (
+    START,
+    T_BASE_DRAWN,
+    T_BASE_FLIPPED,
+    CellSizes,
+    FengCell,
+    Posture,
+    feng_cell,
+    flipped,
+    touch,
+    touch_points,
+    tracker_poses,
+    with_tool_change,
+)
+from robotrue.simulation.slot_test import Side
+
+MOST: Final = 30
+"""Touches on each of the three sides in a session."""
+SPINDLE: Final = 1.5 * DEG
+"""rad about each axis, by which the spindle is askew before anybody has looked at it; assumed."""
+CORNER: Final = np.array([[10.0, 0.0, 10.0], [390.0, 0.0, 10.0], [10.0, 0.0, 390.0]]) * MM
+"""K, L, M (3, 3) m in part: a right angle of 380 mm on the front."""
+BACK_CORNER: Final = (
+    np.array([[390.0, 200.0, 10.0], [10.0, 200.0, 10.0], [390.0, 200.0, 390.0]]) * MM
+)
+"""The same on the back."""
+_STEPS: Final = 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Touches:
+    """Touches of one side.
+
+    Attributes:
+        points: (n, 3) m in part, nominal.
+        joints: (n, 6) rad at the touch.
+    """
+
+    points: Array
+    joints: Array
+
+    def first(self, count: int) -> Touches:
+        """Returns the first touches of the side."""
+        return Touches(points=self.points[:count], joints=self.joints[:count])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Session:
+    """Everything touched and measured in one cell.
+
+    Attributes:
+        cell: The truth.
+        sides: Touches of every side, :data:`MOST` each.
+        corner: Touches of :data:`CORNER`, from the front.
+        calibrated: Error model from the tracker; None where there is no tracker.
+        changed: The same block touched with another tool: cell and touches.
+        turned: The block clamped anew, its back to the front: cell, touches of points on the back
+            in posture R, and of :data:`BACK_CORNER`.
+    """
+
+    cell: FengCell
+    sides: Mapping[Posture, Touches]
+    corner: Touches
+    calibrated: ErrorModel | None
+    changed: tuple[FengCell, Mapping[Posture, Touches]]
+    turned: tuple[FengCell, Touches, Touches]
+
+    @property
+    def nominal(self) -> RobotModel:
+        """The controller's arm."""
+        return self.cell.nominal
+
+
+def session(
+    seed: int, *, sizes: CellSizes | None = None, method: str | None = "ripple", poses: int = 60
+) -> Session:
+    """Returns the session of a seed.
+
+    Args:
+        seed: Of cell, touches and tracker.
+        sizes: Of errors and noise.
+        method: Of :data:`robotrue.calibration.methods.METHODS`, for the tracker's poses; None: no
+            tracker.
+        poses: That the tracker measures.
+    """
+    cell = feng_cell(seed, sizes)
+    rng = np.random.default_rng([seed, 43])
+    sides = _touched(cell, rng)
+    corner = Touches(points=CORNER, joints=touch(cell, CORNER, "R", rng))
+    other = with_tool_change(cell, rng)
+    turned = flipped(cell, rng)
+    back = touch_points("L", MOST, rng)
+    calibrated = None
+    measured = tracker_poses(cell, rng, count=poses)
+    if method is not None:
+        settings = FitSettings(repeatability=cell.sizes.repeatability * RP_PER_SIGMA)
+        calibrated = fit(cell.nominal, measured, method=method, settings=settings)
+    return Session(
+        cell=cell,
+        sides=sides,
+        corner=corner,
+        calibrated=calibrated,
+        changed=(other, _touched(other, rng)),
+        turned=(
+            turned,
+            Touches(points=back, joints=touch(turned, back, "R", rng)),
+            Touches(points=BACK_CORNER, joints=touch(turned, BACK_CORNER, "R", rng)),
+        ),
+    )
+
+
+def _touched(cell: FengCell, rng: np.random.Generator) -> dict[Posture, Touches]:
+    out: dict[Posture, Touches] = {}
+    for posture in START:
+        points = touch_points(posture, MOST, rng)
+        out[posture] = Touches(points=points, joints=touch(cell, points, posture, rng))
+    return out
+
+
+def tips(model: ErrorModel | RobotModel, joints: Array) -> Array:
+    """Returns where a model believes the tip (n, 3) m in base."""
+    if isinstance(model, RobotModel):
+        return np.asarray(forward(model, joints)[:, :3, 3])
+    believed = forward(model.robot, joints)[:, :3, 3] + model.predict(Query(joints=joints)).error
+    return np.asarray(believed)
+
+
+def as_drawn(s: Session) -> tuple[Side, Side]:
+    """Returns both sides cut where the drawing has the block."""
+    return _both(s.cell, s.nominal, T_BASE_DRAWN)
+
+
+def three_points(s: Session, model: ErrorModel | RobotModel) -> tuple[Side, Side]:
+    """Returns the paper's way: a feature frame on three points of the front, K exact."""
+    found = fit_feature_frame(
+        s.corner.points, tips(model, s.corner.joints), sigma=s.cell.sizes.touch
+    )
+    return _both(s.cell, model, found.T_base_part)
+
+
+def front(s: Session, model: ErrorModel | RobotModel, count: int = 20) -> tuple[Side, Side]:
+    """Returns one frame from points of the front alone, all counting equally."""
+    return _both(s.cell, model, _frame(model, s.sides["R"].first(count)))
+
+
+def all_sides(s: Session, model: ErrorModel | RobotModel, count: int = 30) -> tuple[Side, Side]:
+    """Returns one frame from points of all three sides."""
+    return _both(s.cell, model, _frame(model, together(s.sides, count)))
+
+
+def frame_per_side(
+    s: Session, model: ErrorModel | RobotModel, count: int = 10
+) -> tuple[Side, Side]:
+    """Returns each side cut in a frame of its own, from its own touches, in its own posture."""
+    first, second = (
+        Side(
+            cell=s.cell,
+            posture=posture,
+            model=model,
+            T_base_part=_frame(model, s.sides[posture].first(count)),
+        )
+        for posture in ("R", "L")
+    )
+    return first, second
+
+
+def frame_and_tip(s: Session, count: int = 30) -> tuple[Side, Side]:
+    """Returns frame and tool tip from one fit, kinematics nominal."""
+    robot, place = _frame_and_tip(s.nominal, together(s.sides, count))
+    return _both(s.cell, robot, place)
+
+
+def tool_not_refitted(s: Session, model: ErrorModel, count: int = 30) -> tuple[Side, Side]:
+    """Returns both sides after a tool change nobody told the model about."""
+    cell, sides = s.changed
+    return _both(cell, model, _frame(model, together(sides, count)))
+
+
+def turned_as_drawn(s: Session) -> tuple[Side, Side]:
+    """Returns the block cut from the front, turned, and cut from the front again, as drawn."""
+    return _turned(s, s.nominal, T_BASE_DRAWN, T_BASE_FLIPPED)
+
+
+def turned_three_points(s: Session, model: ErrorModel | RobotModel) -> tuple[Side, Side]:
+    """Returns the same with three touched points in each clamping, K exact."""
+    before, after = (
+        fit_feature_frame(t.points, tips(model, t.joints), sigma=s.cell.sizes.touch).T_base_part
+        for t in (s.corner, s.turned[2])
+    )
+    return _turned(s, model, before, after)
+
+
+def turned_points(s: Session, model: ErrorModel | RobotModel, count: int = 20) -> tuple[Side, Side]:
+    """Returns the same with many touched points in each clamping."""
+    first, second = s.sides["R"].first(count), s.turned[1].first(count)
+    return _turned(s, model, _frame(model, first), _frame(model, second))
+
+
+def with_spindle_askew(seed: int) -> Session:
+    """Returns a session without tracker whose spindle is askew: the state before anything."""
+    return session(seed, sizes=CellSizes(spindle=SPINDLE), method=None)
+
+
+def together(sides: Mapping[Posture, Touches], count: int) -> Touches:
+    """Returns ``count`` touches, a third from each side."""
+    each = [sides[posture].first(count // len(START)) for posture in START]
+    return Touches(
+        points=np.concatenate([t.points for t in each]),
+        joints=np.concatenate([t.joints for t in each]),
+    )
+
+
+def _frame(model: ErrorModel | RobotModel, touches: Touches) -> Array:
+    return fit_rigid(touches.points, tips(model, touches.joints))
+
+
+def _both(cell: FengCell, model: ErrorModel | RobotModel, place: Array) -> tuple[Side, Side]:
+    first, second = (
+        Side(cell=cell, posture=posture, model=model, T_base_part=place) for posture in ("R", "L")
+    )
+    return first, second
+
+
+def _turned(
+    s: Session, model: ErrorModel | RobotModel, before: Array, after: Array
+) -> tuple[Side, Side]:
+    return (
+        Side(cell=s.cell, posture="R", model=model, T_base_part=before),
+        Side(cell=s.turned[0], posture="R", model=model, T_base_part=after),
+    )
+
+
+def _frame_and_tip(robot: RobotModel, touches: Touches) -> tuple[RobotModel, Array]:
+    """Gauss-Newton over the frame's six and the tip's three numbers."""
+    tool = robot.T_flange_tool.copy()
+    T = fit_rigid(touches.points, tips(robot, touches.joints))
+    turn = forward(robot, touches.joints)[:, :3, :3] @ tool[:3, :3].T
+    n = len(touches.points)
+    for _ in range(_STEPS):
+        now = robot.with_tool(tool)
+        residual = tips(now, touches.joints) - apply(T, touches.points)
+        lever = touches.points @ T[:3, :3].T
+        frame = np.concatenate([np.broadcast_to(np.eye(3), (n, 3, 3)), -skew(lever)], axis=-1)
+        rows = np.concatenate([frame, -turn], axis=-1).reshape(3 * n, 9)
+        step = np.linalg.lstsq(rows, residual.ravel(), rcond=None)[0]
+        turned = matrix_from_rotation_vector(step[3:6]) @ T[:3, :3]
+        T = pose(turned, T[:3, 3] + step[:3])
+        tool[:3, 3] += step[6:]
+    return robot.with_tool(tool), T
