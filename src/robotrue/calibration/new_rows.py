@@ -29,7 +29,7 @@ from robotrue.calibration.rigid_flexible import RigidFlexibleModel
 from robotrue.calibration.ripple import ripple_columns
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.start import start_state
-from robotrue.core.arrays import Array, IntArray
+from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel, parameter_slice
 
@@ -118,7 +118,7 @@ class NewRows:
             T_flange_target=self.T_flange_target,
         )
 
-    def pieces(self, belief: Belief, chosen: Array | None = None) -> list[Piece]:
+    def pieces(self, belief: Belief, chosen: Array | BoolArray | None = None) -> list[Piece]:
         """Returns the rows (of a mask, or all), linearised at the belief's mean."""
         state = self._state(belief.robot.with_errors(belief.errors))
         out = []

@@ -1,0 +1,65 @@
+"""Which touches agree, judged by how well the others predict each, the arm's own error included.
+
+Touch i is compared with what all others say of it. With C the covariance of all numbers (arm and
+frames as believed, noise over weight), y their offsets and P = C^-1,
+
+    e_i = P_ii^-1 (P y)_i        cov e_i = P_ii^-1
+
+(Rasmussen and Williams 2006, "Gaussian Processes for Machine Learning", eq. 5.10-5.12), so a bound needs no guess of how much the arm may err: that is in C, larger for a nominal arm,
+smaller for a calibrated one and for touches of one neighbourhood.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from robotrue.calibration.belief import Belief
+from robotrue.calibration.drift_scales import Stack
+from robotrue.calibration.robust import chi_point
+from robotrue.core.arrays import Array, BoolArray
+from robotrue.core.graduated import agreeing
+
+FALSE_ALARM: Final = 0.01
+"""Chance that a set without a wrong touch loses one."""
+FAINT: Final = 1e-6
+"""Weight of a touch that is not believed: its own number then says nothing."""
+
+
+def agreeing_touches(stack: Stack, belief: Belief, noise: Array, tested: int) -> BoolArray:
+    """Returns which of the first ``tested`` rows agree.
+
+    Args:
+        stack: All rows, the touches first.
+        belief: Of the arm and, at its end, the frames.
+        noise: (2,) white variance of lengths and angles.
+        tested: Number of touches; the rows behind them are believed.
+
+    Raises:
+        ConvergenceError: Weights that never settle.
+    """
+    half = stack.columns @ belief.root.T
+    shared = half @ half.T
+    offset = stack.values - stack.columns @ belief.mean
+    own = stack.known + np.diag(noise[0] * stack.white)
+    rows = [np.flatnonzero(stack.row == i) for i in range(tested)]
+    level = 1.0 - FALSE_ALARM / max(tested, 1)
+
+    def lengths(weights: Array) -> Array:
+        weight = np.ones(int(stack.row.max()) + 1)
+        weight[:tested] = np.maximum(weights, FAINT)
+        root = 1.0 / np.sqrt(weight[stack.row])
+        inverse = np.linalg.inv(shared + own * root[:, None] * root)
+        force = inverse @ offset
+        out = np.empty(tested)
+        for i, mine in enumerate(rows):
+            block = np.linalg.inv(inverse[np.ix_(mine, mine)])
+            off = block @ force[mine]
+            ours = own[np.ix_(mine, mine)]
+            spread = block - ours / weight[i] + ours
+            square = float(off @ np.linalg.solve(spread, off))
+            out[i] = np.sqrt(max(square, 0.0)) / chi_point(level, len(mine))
+        return out
+
+    return agreeing(lengths, tested, 1.0)

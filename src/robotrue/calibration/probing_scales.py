@@ -1,0 +1,91 @@
+"""What touches alone say of the scales: how far this arm errs, and how noisy the touches are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from robotrue.calibration.belief import Belief
+from robotrue.calibration.drift_scales import Stack
+from robotrue.calibration.evidence import Group, Weights, learn, sums_of
+from robotrue.calibration.priors import LEARNED, Prior
+from robotrue.core.arrays import Array
+
+BANDS: Final = (1, 4, 9, 17, 33)
+"""First N of each band of ripple that has a scale of its own."""
+HOLD: Final = 0.5
+"""Of each scale to its default: a factor of e is one sigma."""
+STEPS: Final = 40
+
+
+def learned_scales(
+    belief: Belief, stack: Stack, noise: Array, physical: Prior
+) -> tuple[Belief, float]:
+    """Returns the prior of a nominal arm with scales as the touches ask, and their noise factor.
+
+    Groups: the learnable ones of the physical prior and each band of each joint's ripple. All are
+    held to their default: thirty touches say little of a group, but they say what all have in
+    common.
+
+    Args:
+        belief: Diagonal prior of the arm, the frames at its end.
+        stack: The believed rows.
+        noise: (2,) white variance of lengths and angles.
+        physical: Names the groups of the robot errors.
+    """
+    sd = np.sqrt(belief.variance)
+    dof, (ripple, backlash, _, end) = belief.robot.dof, belief.starts
+    groups: list[Group] = []
+    number = np.asarray(physical.group[:ripple])
+    for k in np.unique(number[sd[:ripple] > 0.0]).tolist():
+        columns = np.flatnonzero((number == k) & (sd[:ripple] > 0.0))
+        name = "fixed" if k < 0 else (*LEARNED, "compliance")[int(k)]
+        groups.append(_group(name, columns, sd, held=k >= 0))
+    count = len(belief.cycles)
+    order = np.repeat(belief.cycles, 2)
+    for joint in range(dof):
+        first = ripple + 2 * count * joint
+        for low, high in pairwise(BANDS):
+            columns = first + np.flatnonzero((order >= low) & (order < high))
+            if len(columns):
+                groups.append(_group(f"ripple/{joint + 1}/{low}", columns, sd, held=True))
+    others = np.flatnonzero(sd[backlash:end] > 0.0) + backlash
+    if len(others):
+        groups.append(_group("other", others, sd, held=False))
+    groups.append(_group("frames", np.arange(end, len(sd)), sd, held=False))
+    found = _learn(stack.columns, stack, belief.mean, noise, groups)
+    new = np.zeros(len(sd))
+    for group in found.groups:
+        new[group.columns] = group.sd * group.unit
+    return replace(belief, root=np.diag(new)[new > 0.0]), float(found.noise[0])
+
+
+def noise_factor(belief: Belief, stack: Stack, noise: Array) -> float:
+    """Returns by how much the touches' variance is larger than stated; never below 1."""
+    unit = stack.columns @ belief.root.T
+    group = Group(name="all", columns=np.arange(unit.shape[1]), sd=1.0)
+    offset = replace(stack, values=stack.values - stack.columns @ belief.mean)
+    return float(_learn(unit, offset, np.zeros(unit.shape[1]), noise, [group]).noise[0])
+
+
+def _group(name: str, columns: npt.NDArray[Any], sd: Array, *, held: bool) -> Group:
+    return Group(
+        name=name,
+        columns=np.asarray(columns, dtype=np.int64),
+        sd=1.0,
+        rest=1.0 if held else 0.0,
+        shape=sd[columns],
+        hold=HOLD if held else 0.0,
+    )
+
+
+def _learn(columns: Array, stack: Stack, mean: Array, noise: Array, groups: list[Group]) -> Weights:
+    lower = np.linalg.cholesky(stack.known + np.diag(noise[0] * stack.white))
+    values = np.linalg.solve(lower, stack.values - columns @ mean)
+    rows = np.linalg.solve(lower, columns)
+    sums = sums_of([(rows, values, float(len(values)))], columns.shape[1])
+    return learn([replace(sums, least=1.0)], groups, np.ones(1), steps=STEPS)

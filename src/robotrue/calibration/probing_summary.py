@@ -1,0 +1,102 @@
+"""What a model refined by touches says of itself: its lineage, and what it leans on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from robotrue.calibration.belief import Belief
+from robotrue.calibration.identifiability import SEEN, UNSEEN
+from robotrue.calibration.lineage import added, history
+from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.update import moved_summary
+from robotrue.core.arrays import Array
+from robotrue.core.files import sha256
+from robotrue.measurement.probing_set import ProbingSet
+from robotrue.robot.model import parameter_names
+
+
+def touches_hash(touches: ProbingSet) -> str:
+    """Returns the SHA-256 of joints, nominal points and parts."""
+    return sha256(touches.joints.tobytes() + touches.point.tobytes() + touches.part.tobytes())
+
+
+def probing_summary(
+    before: Belief,
+    after: Belief,
+    touches: ProbingSet,
+    outliers: Sequence[str],
+    parents: Sequence[ErrorModel],
+    settings: Mapping[str, Any],
+    rms: float,
+) -> dict[str, Any]:
+    """Returns the summary of the refined model, JSON values.
+
+    Args:
+        before: Prior of the arm.
+        after: Posterior.
+        touches: All of them.
+        outliers: Labels of those not believed.
+        parents: The model it began with; none for a nominal arm.
+        settings: What decided the result besides the data.
+        rms: m, of the believed residuals.
+    """
+    screened = [i for i, label in enumerate(touches.labels) if label in outliers]
+    step = {
+        **added("probing", parents, None, settings, ()),
+        "rows": len(touches),
+        "data_sha256": touches_hash(touches),
+        "sources": [touches.source] if touches.source else [],
+        "screened_rows": screened,
+        "outliers": list(outliers),
+    }
+    if parents:
+        past = [old for parent in parents for old in history(parent)]
+        return moved_summary(dict(parents[0].training_summary()), [*past, step], after)
+    return {
+        "method": "probing",
+        "rows": len(touches),
+        "numbers": 3 * int(touches.full.sum()) + int((~touches.full).sum()),
+        "screened_rows": screened,
+        "data_sha256": step["data_sha256"],
+        "sources": step["sources"],
+        "joint_range_rad": [
+            touches.joints.min(axis=0).tolist(),
+            touches.joints.max(axis=0).tolist(),
+        ],
+        "verdict": "conditional",
+        "doubts": [
+            "calibrated by touches alone: arm, tool and part are known together, at the postures "
+            "that were touched; elsewhere the stated uncertainty counts."
+        ],
+        "unseen": [],
+        "parameters": _parameters(before, after),
+        "white_sd_m": after.white,
+        "rms_m": rms,
+        "lineage": [step],
+    }
+
+
+def _parameters(before: Belief, after: Belief) -> dict[str, dict[str, Any]]:
+    size = len(after.errors)
+    sd, prior = np.sqrt(after.variance[:size]), np.sqrt(before.variance[:size])
+    kinds = _classes(sd, prior)
+    return {
+        name: {"value": float(value), "sd": float(spread), "class": kind}
+        for name, value, spread, kind in zip(
+            parameter_names(after.robot.dof), after.errors, sd, kinds, strict=True
+        )
+    }
+
+
+def _classes(sd: Array, prior: Array) -> list[str]:
+    ratio = np.where(prior > 0.0, sd / np.where(prior > 0.0, prior, 1.0), np.nan)
+    seen, unseen = (1.0 + SEEN) ** -0.5, (1.0 + UNSEEN) ** -0.5
+    words = np.where(
+        np.isnan(ratio),
+        "fixed",
+        np.where(ratio < seen, "seen", np.where(ratio < unseen, "weakly seen", "prior only")),
+    )
+    return [str(word) for word in words]
