@@ -98,6 +98,7 @@ class ProbingTask:
         candidates: Touches that can be made, with their joints as planned.
         machining: Where it counts.
         touch_sigma: m per axis: probe, surface, hand.
+        touch_load: On the flange while touching, one row.
     """
 
     belief: Belief
@@ -105,6 +106,7 @@ class ProbingTask:
     candidates: ProbingSet
     machining: Machining
     touch_sigma: float
+    touch_load: Load = NO_LOAD
 
     def __post_init__(self) -> None:
         """Checks that all belong together.
@@ -170,9 +172,7 @@ def linear_task(task: ProbingTask) -> LinearTask:
     belief = replace(belief, root=belief.root * scale, white=belief.white * scale, inflation=1.0)
     start = len(belief.mean)
     placed = with_nuisances(belief, np.full(6 * len(parts), NUISANCE_SD))
-    touched = Query(joints=task.candidates.joints, load=task.machining.load)
-    if len(task.machining.load.mass) > 1:
-        touched = replace(touched, load=NO_LOAD)
+    touched = Query(joints=task.candidates.joints, load=task.touch_load)
     seen = tip_columns(placed, touched, T_base_part=task.T_base_part, part=task.candidates.part)
     wanted = tip_columns(
         placed, task.machining.query, T_base_part=task.T_base_part, part=task.machining.part
@@ -213,8 +213,9 @@ class GroupCover:
         postures: How many there are.
         uncertainty: m, after the planned touches.
         worst: m, of its worst point.
-        best: m, had every candidate been touched.
+        best: m, the least these candidates allow: all of them touched, or a frame for it alone.
         at_touches: m, of points machined where and as the plan touches.
+        cure: What would help.
     """
 
     name: str
@@ -223,6 +224,7 @@ class GroupCover:
     worst: float
     best: float
     at_touches: float
+    cure: str
 
     @property
     def covered(self) -> bool:
@@ -234,16 +236,10 @@ class GroupCover:
         """What to say of a group that is not covered, with its cure; None of one that is."""
         if self.covered:
             return None
-        cure = (
-            "more touches would cover it"
-            if self.best <= FACTOR * self.at_touches
-            else f"touching every candidate leaves {self.best * 1e3:.2f} mm: add features that can "
-            "be touched in its postures, or a frame of its own"
-        )
         return (
             f"no touch covers {self.name!r}: its points will be known to "
             f"{self.uncertainty * 1e3:.2f} mm, those of touched postures to "
-            f"{self.at_touches * 1e3:.2f} mm; {cure}."
+            f"{self.at_touches * 1e3:.2f} mm; {self.cure}."
         )
 
 
@@ -447,14 +443,20 @@ def _cover(
     out = []
     for name in task.machining.groups:
         mine = task.machining.members(name)
+        least = float(np.sqrt(best[mine].mean()))
+        cure = (
+            f"touching every candidate leaves {least * 1e3:.2f} mm: add features that can be "
+            "touched in its postures"
+        )
         out.append(
             GroupCover(
                 name=name,
                 postures=len(mine),
                 uncertainty=float(np.sqrt(now[mine].mean())),
                 worst=float(np.sqrt(now[mine].max())),
-                best=float(np.sqrt(best[mine].mean())),
+                best=least,
                 at_touches=at_touches,
+                cure="more touches would" if least <= FACTOR * at_touches else cure,
             )
         )
     return tuple(out)
