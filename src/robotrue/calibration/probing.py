@@ -223,7 +223,7 @@ def estimate_probing(
             model = fit(model, measurements, method="ripple", settings=lean)
         else:
             model = updated(model, measurements, settings=settings.priors)
-    before = centred(_before(model, settings), touches.joints)
+    before = centred(before_touching(model, settings), touches.joints)
     in_base = tips(before, touches.joints, settings.payload)
     frames = start_frames(touches, in_base, settings.start, robust=settings.robust)
     rows = touch_rows(
@@ -265,8 +265,12 @@ def _check_joints(touches: ProbingSet, dof: int) -> None:
         raise ConfigurationError(f"part number {min(touches.parts)}, expected 0 or more.")
 
 
-def _before(model: ErrorModel | RobotModel, settings: ProbingSettings) -> Belief:
-    """The belief before the touches, with the tool that touches."""
+def before_touching(model: ErrorModel | RobotModel, settings: ProbingSettings) -> Belief:
+    """Returns the belief in the arm before the touches, with the tool that touches.
+
+    Raises:
+        ConfigurationError: Another tool without ``tool_sigma``, or a model without covariance.
+    """
     if isinstance(model, RobotModel):
         scales = settings.priors.scales
         if settings.tool_sigma > 0.0:
