@@ -47,7 +47,15 @@ def read_cell(path: str | Path) -> Cell:
             file, line and key.
         FormatError: The file cannot be read.
     """
-    data = read_bytes(path)
+    return parse_cell(read_bytes(path), path)
+
+
+def parse_cell(data: bytes, path: str | Path) -> Cell:
+    """Returns the cell the content of a file describes; the path is where it stands, or will.
+
+    Raises:
+        ConfigurationError: As :func:`read_cell`.
+    """
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as cause:

@@ -46,7 +46,7 @@ class PartTable:
         frames: One per part or side; the first is the one meant where none is named.
         identity: The model of the arm that touched. Only programs of that model may use the frames.
         method: How the frames were found.
-        model_file: File name of that model, beside the cell file; empty for the nominal arm.
+        model_file: That model's file, relative to the cell file; empty for the nominal arm.
         points_file: File name of the touches.
         points_sha256: Of that file.
     """

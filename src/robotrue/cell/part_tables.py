@@ -21,6 +21,7 @@ HEADING: Final = "# Registered by touching; written by `robotrue register`, whol
 _TABLE: Final = re.compile(
     r"^[ \t]*\[\[?[ \t]*(part|registration([ \t]*\.[ \t]*model)?)[ \t]*\]\]?", re.MULTILINE
 )
+_URDF: Final = re.compile(r"^([ \t]*urdf[ \t]*=[ \t]*)(\"[^\"\n]*\"|'[^'\n]*')", re.MULTILINE)
 _ANY: Final = re.compile(r"^[ \t]*\[\[?[ \t]*[A-Za-z_][\w. \t-]*\]\]?[ \t]*(#.*)?$", re.MULTILINE)
 
 
@@ -126,3 +127,13 @@ def without_part(text: str) -> str:
         at = len(text) if following is None else following.start()
     out = (out + text[at:]).replace(HEADING, "")
     return out.rstrip() + "\n"
+
+
+def with_part(text: str, part: PartTable) -> str:
+    """Returns a cell.toml's text with these tables in place of any it had."""
+    return without_part(text) + "\n" + part_text(part)
+
+
+def with_urdf(text: str, path: str) -> str:
+    """Returns a cell.toml's text with another path of its URDF file."""
+    return _URDF.sub(lambda match: match[1] + _quoted(path), text, count=1)

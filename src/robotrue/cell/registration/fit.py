@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array, BoolArray, frozen
 from robotrue.core.poses import apply, pose
 from robotrue.core.rotations import matrix_from_rotation_vector, skew
 from robotrue.errors import ShapeError
@@ -89,7 +89,7 @@ class Registration:
         return np.asarray(np.linalg.norm(self.residuals, axis=1))
 
     @property
-    def believed(self) -> Array:
+    def believed(self) -> BoolArray:
         """(n,) True where the touch was fitted."""
         return np.array([name not in self.outliers for name in self.names])
 

@@ -14,7 +14,7 @@ from robotrue.cell.registration.surface_fit import (
     linearised,
     solve_surfaces,
 )
-from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
 from robotrue.core.mesh import TriangleMesh
 from robotrue.core.poses import apply, inverse, pose
 from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector_from_matrix
@@ -111,7 +111,7 @@ class _Option:
 
 
 def _settled(
-    touches: SurfaceTouches, start: Array, normal: Array, used: Array, limit: float
+    touches: SurfaceTouches, start: Array, normal: Array, used: BoolArray, limit: float
 ) -> _Option | None:
     """Returns the pose near a start if it fits, with every touch still coming from outside."""
     try:

@@ -1,0 +1,126 @@
+"""Which model a program was made with: a small file beside it, so that its own bytes stay.
+
+``job.src`` has ``job.src.identity.json``: the SHA-256 of the program, the identity of the model,
+whether its targets are compensated already, and the part frame it was written for. A program edited
+afterwards no longer has the hash: what stands beside it then says nothing.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from robotrue.core.files import read_bytes, sha256, write_atomic
+from robotrue.core.identity import ModelIdentity, identity_from, require_same_model
+from robotrue.errors import FormatError, ModelMismatchError
+
+FORMAT: Final = "robotrue-program-identity"
+VERSION: Final = 1
+SUFFIX: Final = ".identity.json"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProgramIdentity:
+    """What a program belongs to.
+
+    Attributes:
+        model: The model it was made with, or whose registration its frame is.
+        compensated: Its targets are what that model says to command, not where the tool should be.
+        part: Name of the part frame it is written for; empty: it has frames of its own.
+        made_from: File name of the program or tool path it came from.
+        made_from_sha256: Of that file.
+    """
+
+    model: ModelIdentity
+    compensated: bool
+    part: str = ""
+    made_from: str = ""
+    made_from_sha256: str = ""
+
+
+def identity_path(program: str | Path) -> Path:
+    """Returns where the identity of a program stands."""
+    path = Path(program)
+    return path.with_name(path.name + SUFFIX)
+
+
+def write_identity(program: str | Path, data: bytes, identity: ProgramIdentity) -> None:
+    """Writes the identity beside a program of these bytes, whole or not at all.
+
+    Raises:
+        FormatError: The file cannot be written.
+    """
+    document = {
+        "format": FORMAT,
+        "format_version": VERSION,
+        "program": Path(program).name,
+        "program_sha256": sha256(data),
+        "model": identity.model.document(),
+        "compensated": identity.compensated,
+        "part": identity.part,
+        "made_from": identity.made_from,
+        "made_from_sha256": identity.made_from_sha256,
+    }
+    text = json.dumps(document, indent=1, ensure_ascii=False) + "\n"
+    write_atomic(identity_path(program), text.encode())
+
+
+def read_identity(program: str | Path, data: bytes) -> ProgramIdentity | None:
+    """Returns the identity of a program of these bytes; None if nothing beside it speaks of them.
+
+    Raises:
+        FormatError: The file beside it is damaged or from a newer robotrue.
+    """
+    path = identity_path(program)
+    if not path.is_file():
+        return None
+    document = _document(path)
+    if document.get("program_sha256") != sha256(data):
+        return None
+    return ProgramIdentity(
+        model=identity_from(document.get("model") or {}),
+        compensated=bool(document.get("compensated")),
+        part=str(document.get("part", "")),
+        made_from=str(document.get("made_from", "")),
+        made_from_sha256=str(document.get("made_from_sha256", "")),
+    )
+
+
+def _document(path: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(read_bytes(path).decode("utf-8"))
+    except ValueError as cause:
+        raise FormatError(
+            f"not the identity of a program ({cause}).", source=path, hint="delete it."
+        ) from None
+    if not isinstance(found, dict) or found.get("format") != FORMAT:
+        raise FormatError("not the identity of a program.", source=path, hint="delete it.")
+    if found.get("format_version") != VERSION:
+        raise FormatError(
+            f"format version {found.get('format_version')}, this robotrue reads {VERSION}.",
+            source=path,
+            hint="update robotrue.",
+        )
+    return found
+
+
+def require_compensable(program: str | Path, data: bytes, model: ModelIdentity) -> None:
+    """Passes if a program may be compensated by a model.
+
+    Raises:
+        ModelMismatchError: It is compensated already, or belongs to another model.
+        FormatError: As :func:`read_identity`.
+    """
+    known = read_identity(program, data)
+    if known is None:
+        return
+    if known.compensated:
+        raise ModelMismatchError(
+            f"the program is compensated already, with {known.model}; the correction would be "
+            "made twice.",
+            source=program,
+            hint=f"compensate {known.made_from or 'the program it came from'}.",
+        )
+    require_same_model(known.model, model, what="the program", source=str(program))
