@@ -1,0 +1,236 @@
+"""The cheapest way through a grid of rotations about the tool axis, by dynamic programming.
+
+Stations along the path, at each a list of spins, in each of the arm's branches the joints that go
+with a spin. A way takes one spin per station and one branch throughout: a straight move cannot
+change the branch. It pays
+
+    sum over stations of  h (limits + singularities) + (travel * |dq|)^2 / h
+
+with h the length of path between stations, ``limits`` = sum over joints of u^2 / (1 - u^2), u from
+-1 at one limit to 1 at the other, ``singularities`` = sum of (w0 / w)^2 over the sine of the wrist,
+the sine of the elbow and the wrist point's distance from axis 1. Turns of a joint follow from the
+station before (nearest), beginning in the middle of the limits; a way that would leave the limits
+or come too near a singularity does not exist. Where the arm comes from somewhere, ways with its
+shoulder and elbow go before all others (the wrist may flip). Equal costs go to the lower branch and
+the earlier spin, so that equal input gives equal output.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
+from robotrue.core.rotations import wrap
+from robotrue.core.units import DEG
+from robotrue.errors import ShapeError
+from robotrue.robot.model import RobotModel
+from robotrue.robot.opw import OpwGeometry
+
+COMFORT: Final = np.array([np.sin(20.0 * DEG), np.sin(15.0 * DEG), 0.15])
+"""w0 of wrist, elbow and shoulder; the last over the length of the stretched arm."""
+_SHAPES: Final = 4
+"""Combinations of shoulder and elbow; the branch number modulo this."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SpinSettings:
+    """How rotations about the tool axis are chosen.
+
+    Attributes:
+        cutter: (3,) the way from the spindle to the tip, in the tool frame; normalised. KUKA's
+            own convention is +x, most CAM posts and this default take +z.
+        step: rad between the spins tried first; refined to a 25th of it.
+        spacing: m of path between stations.
+        travel: m; how much a radian of joint travel counts against comfort. Larger is smoother.
+        limit_margin: rad kept from every joint limit.
+        wrist_margin: rad between axes 4 and 6 that is kept.
+        elbow_margin: rad by which the elbow stays bent.
+        shoulder_margin: m the wrist point keeps from axis 1.
+    """
+
+    cutter: Array
+    step: float = 10.0 * DEG
+    spacing: float = 0.02
+    travel: float = 1.0
+    limit_margin: float = 3.0 * DEG
+    wrist_margin: float = 3.0 * DEG
+    elbow_margin: float = 3.0 * DEG
+    shoulder_margin: float = 0.02
+
+    def __post_init__(self) -> None:
+        """Normalises the cutter axis.
+
+        Raises:
+            ShapeError: An axis of length zero.
+        """
+        cutter = np.asarray(self.cutter, dtype=np.float64)
+        length = float(np.linalg.norm(cutter))
+        if not length > 0.0:
+            raise ShapeError("cutter has length 0, expected a direction in the tool frame.")
+        object.__setattr__(self, "cutter", frozen(cutter / length, (3,), "cutter"))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Grid:
+    """What can be taken at every station.
+
+    Attributes:
+        joints: (m, b, k, 6) rad per station, branch and spin, any turn; NaN where there are none.
+        spin: (m, k) rad.
+        length: (m,) m of path to each station from the one before; the first is not used.
+        circular: The spins go once round, the first follows the last.
+    """
+
+    joints: Array
+    spin: Array
+    length: Array
+    circular: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Way:
+    """The cheapest way, or how far any got.
+
+    Attributes:
+        branch: Number; -1 if no way leads to the end.
+        spin: (m,) rad, unwrapped; empty if there is none.
+        joints: (m, 6) rad, continuous; empty if there is none.
+        cost: Of the way.
+        reached: Stations that some way reaches; all of them if there is a way.
+    """
+
+    branch: int
+    spin: Array
+    joints: Array
+    cost: float
+    reached: int
+
+
+def best_way(
+    robot: RobotModel,
+    geometry: OpwGeometry,
+    grid: Grid,
+    settings: SpinSettings,
+    *,
+    shape: int | None = None,
+) -> Way:
+    """Returns the cheapest way through a grid by the rule in the head of this module.
+
+    Args:
+        robot: The nominal arm, for its limits.
+        geometry: Of the arm.
+        grid: Of the stations, with all eight branches or with one.
+        settings: Margins and weights.
+        shape: Branch number of the posture the arm comes from; its shoulder and elbow go first.
+    """
+    stations, _, spins, _ = grid.joints.shape
+    comfort = singular_cost(geometry, grid.joints, settings)
+    joints = _first_turn(robot, grid.joints[0])
+    start = _limit_cost(robot, joints, settings) + comfort[0]
+    cost = np.where(np.isfinite(start), start * grid.length[1:2].sum(), np.inf)
+    before, allowed = _predecessors(grid, settings, spins)
+    backs: list[IntArray] = []
+    states = [joints]
+    if not np.isfinite(cost).any():
+        return Way(branch=-1, spin=np.empty(0), joints=np.empty((0, 6)), cost=np.inf, reached=0)
+    for k in range(1, stations):
+        # (b, ways in, spins, 6): every spin from each spin it may come from
+        previous = states[-1][:, before]
+        options = previous + wrap(grid.joints[k][:, None] - previous)
+        length = max(float(grid.length[k]), 1e-6)
+        moved = ((options - previous) ** 2).sum(axis=-1) * settings.travel**2 / length
+        stay = _limit_cost(robot, options, settings) + comfort[k][:, None]
+        total = cost[:, before] + moved + length * stay
+        total = np.where(allowed[k] & np.isfinite(total), total, np.inf)
+        chosen = np.argmin(total, axis=1)
+        cost = np.take_along_axis(total, chosen[:, None], axis=1)[:, 0]
+        if not np.isfinite(cost).any():
+            return Way(branch=-1, spin=np.empty(0), joints=np.empty((0, 6)), cost=np.inf, reached=k)
+        pick = np.broadcast_to(chosen[:, None, :, None], (*cost.shape[:1], 1, spins, 6))
+        states.append(np.take_along_axis(options, pick, axis=1)[:, 0])
+        backs.append(before[chosen, np.arange(spins)])
+    alike = np.arange(len(cost)) % _SHAPES == (shape or 0) % _SHAPES
+    if shape is not None and np.isfinite(cost[alike]).any():
+        cost = np.where(alike[:, None], cost, np.inf)
+    branch, last = np.unravel_index(int(np.argmin(cost)), cost.shape)
+    taken = _trace(backs, int(branch), int(last))
+    rows = np.arange(stations)
+    return Way(
+        branch=int(branch),
+        spin=np.unwrap(grid.spin[rows, taken]),
+        joints=np.array([states[k][branch, taken[k]] for k in rows]),
+        cost=float(cost[branch, last]),
+        reached=stations,
+    )
+
+
+def _trace(backs: list[IntArray], branch: int, last: int) -> IntArray:
+    taken = [last]
+    for back in reversed(backs):
+        taken.append(int(back[branch, taken[-1]]))
+    return np.array(taken[::-1])
+
+
+def _predecessors(grid: Grid, settings: SpinSettings, spins: int) -> tuple[IntArray, BoolArray]:
+    """Spin each spin may come from (w, k), and whether it may, per station (m, w, k)."""
+    stations = len(grid.spin)
+    if grid.circular:
+        before = (np.arange(spins) + np.array([[0], [-1], [1]])) % spins
+        return before, np.ones((stations, 3, spins), dtype=np.bool_)
+    before = np.repeat(np.arange(spins)[:, None], spins, axis=1)
+    allowed = np.ones((stations, spins, spins), dtype=np.bool_)
+    turned = grid.spin[1:, None, :] - grid.spin[:-1, :, None]
+    allowed[1:] = np.abs(turned) <= 1.5 * settings.step
+    return before, allowed
+
+
+def _first_turn(robot: RobotModel, joints: Array) -> Array:
+    """Joints on the turn nearest to the middle of the limits."""
+    middle = robot.limits.mean(axis=1)
+    return np.asarray(middle + wrap(joints - middle))
+
+
+def can_be_taken(
+    robot: RobotModel, geometry: OpwGeometry, joints: Array, settings: SpinSettings
+) -> Array:
+    """Returns the cost of standing at joints (..., 6) rad; infinite or NaN where it cannot be."""
+    stand = _limit_cost(robot, _first_turn(robot, joints), settings)
+    return np.asarray(stand + singular_cost(geometry, joints, settings))
+
+
+def _limit_cost(robot: RobotModel, joints: Array, settings: SpinSettings) -> Array:
+    """Sum of u^2 / (1 - u^2) over the joints; infinite beyond the margin, NaN stays NaN."""
+    middle = robot.limits.mean(axis=1)
+    half = 0.5 * np.diff(robot.limits, axis=1)[:, 0]
+    apart = np.abs(joints - middle)
+    outside = (apart > half - settings.limit_margin).any(axis=-1)
+    u = np.minimum(apart / half, 0.999) ** 2
+    return np.asarray(np.where(outside, np.inf, (u / (1.0 - u)).sum(axis=-1)))
+
+
+def singular_measures(geometry: OpwGeometry, joints: Array) -> Array:
+    """Returns sine of wrist, sine of elbow (signs dropped) and m from axis 1, (..., 3).
+
+    The determinant of the Jacobian of an ortho-parallel arm is their product times a constant.
+    """
+    angles = geometry.angles(joints)
+    ahead, _ = geometry.wrist_point(angles)
+    fold = np.sin(angles[..., 2] + np.arctan2(geometry.a2, geometry.c3))
+    return np.asarray(np.abs(np.stack([np.sin(angles[..., 4]), fold, ahead], axis=-1)))
+
+
+def singular_cost(geometry: OpwGeometry, joints: Array, settings: SpinSettings) -> Array:
+    """Returns the sum of (w0 / w)^2 (...); infinite inside the margins, NaN stays NaN."""
+    measure = singular_measures(geometry, joints)
+    least = np.array(
+        [np.sin(settings.wrist_margin), np.sin(settings.elbow_margin), settings.shoulder_margin]
+    )
+    stretch = geometry.a1 + geometry.c2 + np.hypot(geometry.a2, geometry.c3)
+    scale = COMFORT * np.array([1.0, 1.0, stretch])
+    near = (measure < least).any(axis=-1)
+    return np.asarray(
+        np.where(near, np.inf, ((scale / np.maximum(measure, 1e-9)) ** 2).sum(axis=-1))
+    )

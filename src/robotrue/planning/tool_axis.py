@@ -1,0 +1,296 @@
+"""Joints along a tool path: the rotation about the tool axis that CAM leaves open, by a rule.
+
+A point with a tool axis fixes five of six degrees of freedom. The sixth, the spin of the tool frame
+about the axis, does not change the cut; it is chosen so that the arm stays away from its joint
+limits and singularities and moves smoothly, by dynamic programming over a grid of spins
+(:mod:`robotrue.planning.spin` states the cost). The grid is laid over stations along the path, not
+more than 20 mm or 5 deg of tool axis apart, straight moves between far points included; two finer
+grids around the first result follow; spins between stations are interpolated. Every point and every
+station is then checked once more as the controller will move: position straight, orientation by one
+rotation, joints of one branch.
+
+The spin is counted from a frame that is carried along the path without turning about the axis, so a
+spin that stays the same turns the tool as little as the tool axis allows.
+
+One side keeps one branch of the arm. A path that would need two is refused with the line where the
+first one ends: split it there into two sides.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.core.poses import inverse as inverse_pose
+from robotrue.core.poses import pose
+from robotrue.core.rotations import matrix_from_rotation_vector
+from robotrue.core.units import DEG
+from robotrue.errors import ReachError
+from robotrue.planning.dense_path import DensePath, as_driven, dense_path, stations_of
+from robotrue.planning.spin import (
+    Grid,
+    SpinSettings,
+    Way,
+    best_way,
+    can_be_taken,
+    singular_cost,
+    singular_measures,
+)
+from robotrue.program.toolpath import Toolpath
+from robotrue.robot.inverse import (
+    BRANCHES,
+    branch_of,
+    inverse,
+    inverse_branches,
+    require_opw,
+)
+from robotrue.robot.model import RobotModel
+from robotrue.robot.opw import OpwGeometry
+
+_WINDOW: Final = np.arange(-5.0, 6.0)
+_FINER: Final = 5.0
+_STEP: Final = 45.0 * DEG
+"""rad a joint may turn between two stations of a straight move."""
+_TRIES: Final = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Posed:
+    """A tool path with the arm that follows it.
+
+    Attributes:
+        path: The tool path.
+        T_base_part: (4, 4) where the part stands.
+        rotation: (n, 3, 3) of the tool frame in the part.
+        joints: (n, 6) rad, model sense, continuous.
+        spin: (n,) rad about the tool axis, from a frame carried along the path.
+        branch: Of the arm, see :mod:`robotrue.robot.inverse`.
+        limit_margin: rad, smallest distance of a joint from a limit, on points and between.
+        wrist_angle: rad, smallest angle between axes 4 and 6, on points and between.
+    """
+
+    path: Toolpath
+    T_base_part: Array
+    rotation: Array
+    joints: Array
+    spin: Array
+    branch: int
+    limit_margin: float
+    wrist_angle: float
+
+    def __post_init__(self) -> None:
+        """Freezes the arrays."""
+        n = len(self.path)
+        for name, shape in (
+            ("T_base_part", (4, 4)),
+            ("rotation", (n, 3, 3)),
+            ("joints", (n, 6)),
+            ("spin", (n,)),
+        ):
+            object.__setattr__(self, name, frozen(getattr(self, name), shape, name))
+
+
+def resolve_spin(
+    robot: RobotModel,
+    T_base_part: Array,
+    path: Toolpath,
+    settings: SpinSettings,
+    *,
+    near: Array | None = None,
+) -> Posed:
+    """Returns tool orientation and joints of every point, by the rule in the head of this module.
+
+    Args:
+        robot: The nominal arm with the tool that cuts.
+        T_base_part: (4, 4) where the part stands.
+        path: One side, in the part frame.
+        settings: Cutter axis, grid, margins.
+        near: (6,) rad, where the arm comes from; its shoulder and elbow are kept if they can be.
+
+    Raises:
+        ReachError: A point no spin reaches, or a path no single branch follows; with the line.
+        ConfigurationError: Not an ortho-parallel arm.
+    """
+    geometry = require_opw(robot)
+    robot = robot.nominal()
+    fault: ReachError | None = None
+    spacing = settings.spacing
+    shape = None if near is None else branch_of(robot, near, geometry=geometry)
+    for _ in range(_TRIES):
+        dense = dense_path(path)
+        stations = stations_of(dense, spacing)
+        way = _way(robot, geometry, T_base_part, dense, stations, settings, shape)
+        if way.branch < 0:
+            raise _no_way(robot, geometry, T_base_part, path, dense, stations, way, settings)
+        try:
+            return _posed(robot, geometry, T_base_part, path, dense, stations, way, settings)
+        except ReachError as error:  # a narrow place between two stations
+            fault, spacing = error, 0.5 * spacing
+    raise fault or ReachError("no way was found.", source=path.source)
+
+
+def _way(
+    robot: RobotModel,
+    geometry: OpwGeometry,
+    T_base_part: Array,
+    dense: DensePath,
+    stations: IntArray,
+    settings: SpinSettings,
+    shape: int | None,
+) -> Way:
+    """A way over the whole circle, then twice in a finer window around it."""
+    count = max(round(2.0 * np.pi / settings.step), 4)
+    length = np.diff(dense.along[stations], prepend=dense.along[stations[0]])
+    spin = np.tile(np.arange(count) * (2.0 * np.pi / count), (len(stations), 1))
+    step, way = 2.0 * np.pi / count, None
+    for finer in range(3):
+        joints = _all_joints(robot, geometry, T_base_part, dense, stations, spin, settings)
+        if way is not None:  # only the branch that was found
+            joints = joints[:, way.branch : way.branch + 1]
+        grid = Grid(joints=joints, spin=spin, length=length, circular=finer == 0)
+        found = best_way(robot, geometry, grid, settings, shape=shape if way is None else None)
+        if found.branch < 0:
+            return way or found
+        way = found if way is None else replace(found, branch=way.branch)
+        step /= _FINER
+        spin = way.spin[:, None] + step * _WINDOW
+    return way if way is not None else found
+
+
+def _all_joints(
+    robot: RobotModel,
+    geometry: OpwGeometry,
+    T_base_part: Array,
+    dense: DensePath,
+    stations: IntArray,
+    spin: Array,
+    settings: SpinSettings,
+) -> Array:
+    """Joints (m, 8, k, 6) of every branch at every spin (m, k) of the stations."""
+    m, k = spin.shape
+    turn = _about_z(spin) @ _to_z(settings.cutter)
+    rotation = dense.frame[stations][:, None] @ turn
+    position = np.broadcast_to(dense.position[stations][:, None], (m, k, 3))
+    T_base_tool = T_base_part @ pose(rotation, position)
+    T_base_flange = (T_base_tool @ inverse_pose(robot.T_flange_tool)).reshape(-1, 4, 4)
+    found = inverse_branches(
+        robot, T_base_flange, reference=robot.limits.mean(axis=1), geometry=geometry
+    )
+    return np.moveaxis(found.reshape(m, k, BRANCHES, 6), 2, 1)
+
+
+def _posed(
+    robot: RobotModel,
+    geometry: OpwGeometry,
+    T_base_part: Array,
+    path: Toolpath,
+    dense: DensePath,
+    stations: IntArray,
+    way: Way,
+    settings: SpinSettings,
+) -> Posed:
+    """Spins and joints of the targets, checked at every dense point."""
+    at = dense.along[stations]
+    spin = np.interp(dense.along[dense.at], at, way.spin)
+    rotation = dense.frame[dense.at] @ _about_z(spin) @ _to_z(settings.cutter)
+    T_part_tool = as_driven(dense, pose(rotation, path.position))
+    T_base_flange = T_base_part @ T_part_tool @ inverse_pose(robot.T_flange_tool)
+    guess = np.stack([np.interp(dense.along, at, q) for q in way.joints.T], axis=1)
+    joints = inverse_branches(robot, T_base_flange, reference=guess, geometry=geometry)[
+        :, way.branch
+    ]
+    half = 0.5 * np.diff(robot.limits, axis=1)[:, 0]
+    room = half - np.abs(joints - robot.limits.mean(axis=1))
+    bad = ~np.isfinite(joints).all(axis=1)
+    bad |= ~np.isfinite(singular_cost(geometry, joints, settings))
+    bad |= ~(room.min(axis=1) >= 0.5 * settings.limit_margin)
+    bad[1:] |= ~(np.abs(np.diff(joints, axis=0)).max(axis=1) <= _STEP)
+    if bad.any():
+        raise _narrow(path, int(dense.target[int(np.argmax(bad))]))
+    wrist = np.arcsin(np.clip(singular_measures(geometry, joints)[:, 0].min(), 0.0, 1.0))
+    return Posed(
+        path=path,
+        T_base_part=T_base_part,
+        rotation=rotation,
+        joints=joints[dense.at],
+        spin=spin,
+        branch=way.branch,
+        limit_margin=float(room.min()),
+        wrist_angle=float(wrist),
+    )
+
+
+def _about_z(angle: Array) -> Array:
+    out = np.zeros((*np.shape(angle), 3, 3))
+    out[..., 0, 0] = out[..., 1, 1] = np.cos(angle)
+    out[..., 1, 0] = np.sin(angle)
+    out[..., 0, 1] = -out[..., 1, 0]
+    out[..., 2, 2] = 1.0
+    return out
+
+
+def _to_z(cutter: Array) -> Array:
+    """The smallest rotation (3, 3) that takes the cutter axis to z."""
+    across, cosine = np.cross(cutter, [0.0, 0.0, 1.0]), float(cutter[2])
+    sine = float(np.linalg.norm(across))
+    if sine < 1e-12:
+        return np.eye(3) if cosine > 0.0 else np.diag([1.0, -1.0, -1.0])
+    return matrix_from_rotation_vector(across / sine * np.arctan2(sine, cosine))
+
+
+def _narrow(path: Toolpath, target: int) -> ReachError:
+    return ReachError(
+        "the arm cannot follow the straight move to this point with the tool as it is turned "
+        "there: a joint limit or a singularity lies in between.",
+        source=path.source,
+        line=int(path.line[target]),
+        hint="split the tool path there into two sides, or move the part.",
+    )
+
+
+def _no_way(
+    robot: RobotModel,
+    geometry: OpwGeometry,
+    T_base_part: Array,
+    path: Toolpath,
+    dense: DensePath,
+    stations: IntArray,
+    way: Way,
+    settings: SpinSettings,
+) -> ReachError:
+    """Says which point stops the arm, and whether it is out of reach or only of this way."""
+    index = int(stations[way.reached])
+    line = int(path.line[int(dense.target[index])])
+    spins = np.arange(0.0, 360.0, 10.0) * DEG
+    here = _all_joints(
+        robot, geometry, T_base_part, dense, stations[[way.reached]], spins[None], settings
+    )[0]
+    if np.isfinite(can_be_taken(robot, geometry, here, settings)).any():
+        return ReachError(
+            "the arm reaches this point, but not on the way from the points before it: every "
+            "configuration that got so far meets a joint limit or a singularity.",
+            source=path.source,
+            line=line,
+            hint="split the tool path there into two sides, or move the part.",
+        )
+    rotation = dense.frame[index] @ _about_z(spins) @ _to_z(settings.cutter)
+    why = (
+        f"Every solution has a joint within {settings.limit_margin / DEG:g} deg of its limit or "
+        f"the arm within {settings.wrist_margin / DEG:g} deg of a singularity."
+    )
+    for each in T_base_part @ pose(rotation, dense.position[index]):
+        try:
+            inverse(robot, each)
+        except ReachError as error:
+            why = error.message
+        else:
+            break
+    return ReachError(
+        f"out of reach whatever the rotation about the tool axis. {why}",
+        source=path.source,
+        line=line,
+        hint="check tool, part frame and unit, or move the part.",
+    )
