@@ -39,6 +39,7 @@ from robotrue.calibration.model import Query
 from robotrue.calibration.new_rows import NewRows
 from robotrue.calibration.observations import IN_BASE, PositionObservation, Visits
 from robotrue.calibration.parameters import Layout
+from robotrue.calibration.probing import ProbingEstimate
 from robotrue.calibration.residual import rows_of
 from robotrue.calibration.smooth import features, unit_kernel
 from robotrue.core.arrays import Array, IntArray, frozen
@@ -95,6 +96,45 @@ def tip_columns(
         out[start : start + len(columns), :, : columns.shape[2]] = columns
         start += len(columns)
     return out
+
+
+def machined_covariance(
+    estimate: ProbingEstimate, query: Query, *, part: npt.ArrayLike = 0
+) -> Array:
+    """Returns the covariance (n, 3, 3) m^2, in the part, of points run by an estimate's own model.
+
+    Args:
+        estimate: Whose arm compensates the program and whose frame places it.
+        query: Postures of the machining, as commanded.
+        part: Frame of each point.
+
+    Raises:
+        ShapeError: Joints of another robot, or parts that are not one per posture.
+        ModelMismatchError: A part that was not touched.
+    """
+    return compensated_covariance(
+        estimate.belief,
+        query,
+        T_base_part=estimate.T_base_part,
+        part=part,
+        layout=estimate.layout,
+    )
+
+
+def machined_joint_covariance(
+    estimate: ProbingEstimate, query: Query, *, part: npt.ArrayLike = 0
+) -> Array:
+    """Returns the covariance (3 n, 3 n) m^2 of all those points together, point by point.
+
+    Arguments and errors as :func:`machined_covariance`.
+    """
+    return compensated_joint_covariance(
+        estimate.belief,
+        query,
+        T_base_part=estimate.T_base_part,
+        part=part,
+        layout=estimate.layout,
+    )
 
 
 def compensated_covariance(
