@@ -10,7 +10,8 @@ from typing import Final
 from robotrue.cli.console import emit_facts, emit_json, emit_table, progress, say
 from robotrue.core.files import write_atomic
 from robotrue.errors import ConfigurationError
-from robotrue.simulation.reproduce_deng2022 import Figure, Reproduction, reproduce_deng2022
+from robotrue.simulation.reproduce_deng2022 import reproduce_deng2022
+from robotrue.simulation.reproduction import Figure, Reproduction
 
 PAPERS: Final = ("deng2022",)
 TITLES: Final = {

@@ -197,12 +197,17 @@ def _harmonics(seed: int, amplitude: Array, order: Array, phase: Array) -> Unmod
     )
 
 
-def with_tool_change(cell: FengCell, rng: np.random.Generator) -> FengCell:
-    """Returns the cell after a tool change nobody measured: tip moved by N(0, .3 mm) per axis."""
+def with_tip(cell: FengCell, shift: Array) -> FengCell:
+    """Returns the cell with its true tip moved by (3,) m in tool axes."""
     tool = cell.robot.actual.T_flange_tool.copy()
-    tool[:3, 3] += 0.3 * MM * rng.normal(size=3)
+    tool[:3, 3] += tool[:3, :3] @ shift
     actual = replace(cell.robot.actual, T_flange_tool=tool)
     return replace(cell, robot=replace(cell.robot, actual=actual))
+
+
+def with_tool_change(cell: FengCell, rng: np.random.Generator) -> FengCell:
+    """Returns the cell after a tool change nobody measured: tip moved by N(0, .3 mm) per axis."""
+    return with_tip(cell, 0.3 * MM * rng.normal(size=3))
 
 
 def flipped(cell: FengCell, rng: np.random.Generator) -> FengCell:

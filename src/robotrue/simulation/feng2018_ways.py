@@ -15,12 +15,19 @@ import numpy as np
 
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel, Query
+from robotrue.calibration.probing import (
+    ProbingEstimate,
+    ProbingSettings,
+    estimate_probing,
+    model_of_estimate,
+)
 from robotrue.calibration.settings import RP_PER_SIGMA, FitSettings
 from robotrue.cell.registration.feature_frame import fit_feature_frame
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, fit_rigid, pose
 from robotrue.core.rotations import matrix_from_rotation_vector, skew
 from robotrue.core.units import DEG, MM
+from robotrue.measurement.probing_set import ProbingSet
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel
 from robotrue.simulation.feng2018_cell import (
@@ -49,6 +56,8 @@ BACK_CORNER: Final = (
     np.array([[390.0, 200.0, 10.0], [10.0, 200.0, 10.0], [390.0, 200.0, 390.0]]) * MM
 )
 """The same on the back."""
+TIP: Final = 0.3 * MM
+"""m per axis, how far a tip from CAD or after a tool change may be off."""
 _STEPS: Final = 8
 
 
@@ -201,6 +210,49 @@ def tool_not_refitted(s: Session, model: ErrorModel, count: int = 30) -> tuple[S
     return _both(cell, model, _frame(model, together(sides, count)))
 
 
+def probing_only(s: Session, count: int = 30) -> tuple[Side, Side]:
+    """Returns arm, tool tip and frame from touches alone: one estimate, no tracker."""
+    return _estimated(s.cell, s.nominal, together(s.sides, count), tool_sigma=TIP)
+
+
+def joint_estimate(s: Session, model: ErrorModel, count: int = 30) -> tuple[Side, Side]:
+    """Returns the calibrated arm and the frame in one estimate with the touches."""
+    return _estimated(s.cell, model, together(s.sides, count), tool_sigma=0.0)
+
+
+def tool_refitted(s: Session, model: ErrorModel, count: int = 30) -> tuple[Side, Side]:
+    """Returns the same after a tool change, told how far the new tip may be off."""
+    cell, sides = s.changed
+    return _estimated(cell, model, together(sides, count), tool_sigma=TIP)
+
+
+def probing_set(touches: Touches) -> ProbingSet:
+    """Returns touches as the estimator takes them."""
+    names = tuple(str(i + 1) for i in range(len(touches.points)))
+    return ProbingSet(
+        names=names, point=touches.points, joints=touches.joints, source="simulated touches"
+    )
+
+
+def estimated(
+    cell: FengCell, model: ErrorModel | RobotModel, touches: Touches, *, tool_sigma: float
+) -> ProbingEstimate:
+    """Returns the one estimate of arm, tip and frame from touches of a cell.
+
+    Args:
+        cell: Its stated noise is what the estimate is told.
+        model: Calibrated, or the nominal arm.
+        touches: Of one clamping.
+        tool_sigma: m per axis, how far the tip may be off.
+    """
+    settings = ProbingSettings(
+        touch_sigma=cell.sizes.touch,
+        tool_sigma=tool_sigma,
+        priors=FitSettings(repeatability=cell.sizes.repeatability * RP_PER_SIGMA),
+    )
+    return estimate_probing(model, probing_set(touches), settings)
+
+
 def turned_as_drawn(s: Session) -> tuple[Side, Side]:
     """Returns the block cut from the front, turned, and cut from the front again, as drawn."""
     return _turned(s, s.nominal, T_BASE_DRAWN, T_BASE_FLIPPED)
@@ -244,6 +296,13 @@ def _both(cell: FengCell, model: ErrorModel | RobotModel, place: Array) -> tuple
         Side(cell=cell, posture=posture, model=model, T_base_part=place) for posture in ("R", "L")
     )
     return first, second
+
+
+def _estimated(
+    cell: FengCell, model: ErrorModel | RobotModel, touches: Touches, *, tool_sigma: float
+) -> tuple[Side, Side]:
+    found = estimated(cell, model, touches, tool_sigma=tool_sigma)
+    return _both(cell, model_of_estimate(found), found.T_base_part[0])
 
 
 def _turned(

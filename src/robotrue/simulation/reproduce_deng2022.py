@@ -7,17 +7,10 @@ simulation cannot meet are listed in :data:`UNMET` with the reason.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Final, TypeAlias
+from typing import Final
 
-import numpy as np
-
-from robotrue.core.arrays import Array, frozen
 from robotrue.errors import ConfigurationError
-
-Progress: TypeAlias = Callable[[str, int, int], None]
-"""Told what is done, how many steps are behind, and of how many."""
+from robotrue.simulation.reproduction import Progress, Reproduction
 
 UNMET: Final[tuple[tuple[str, str], ...]] = (
     (
@@ -54,86 +47,7 @@ UNMET: Final[tuple[tuple[str, str], ...]] = (
 """What cannot be met, and why."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Figure:
-    """One printed number and what the simulated arms have in its place.
-
-    Attributes:
-        table: ``"4"`` .. ``"11"``, or ``"switches"``.
-        name: Row of the table.
-        quantity: Column.
-        unit: As printed; empty for a pure number.
-        paper: The printed number; None where the paper has none.
-        ours: (robots,) one value for each arm; one value where arms do not matter.
-    """
-
-    table: str
-    name: str
-    quantity: str
-    unit: str
-    paper: float | None
-    ours: Array
-
-    def __post_init__(self) -> None:
-        """Checks and freezes."""
-        object.__setattr__(self, "ours", frozen(self.ours, (None,), self.name))
-
-    @property
-    def median(self) -> float:
-        """Median over the arms."""
-        return float(np.median(self.ours))
-
-    @property
-    def quartiles(self) -> tuple[float, float]:
-        """Quarter and three-quarter points over the arms."""
-        low, high = np.percentile(self.ours, [25.0, 75.0])
-        return float(low), float(high)
-
-    def document(self) -> dict[str, Any]:
-        """Returns JSON values."""
-        low, high = self.quartiles
-        return {
-            "table": self.table,
-            "name": self.name,
-            "quantity": self.quantity,
-            "unit": self.unit,
-            "paper": self.paper,
-            "median": self.median,
-            "quartile_low": low,
-            "quartile_high": high,
-            "robots": len(self.ours),
-        }
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Reproduction:
-    """All figures.
-
-    Attributes:
-        scenario: Of :data:`robotrue.simulation.scenarios.SCENARIOS`.
-        robots: Number of simulated arms.
-        figures: In the order of the tables.
-        unmet: What cannot be met, and why.
-        remarks: How to read the tables.
-    """
-
-    scenario: str
-    robots: int
-    figures: tuple[Figure, ...]
-    unmet: tuple[tuple[str, str], ...] = UNMET
-    remarks: tuple[str, ...] = ()
-
-    def document(self) -> dict[str, Any]:
-        """Returns JSON values."""
-        return {
-            "simulated": True,
-            "source": "Deng, Gao, Ma, Lu 2022, Journal of Mechanical Engineering 58(14), 170-178",
-            "scenario": self.scenario,
-            "robots": self.robots,
-            "figures": [f.document() for f in self.figures],
-            "unmet": [{"what": what, "why": why} for what, why in self.unmet],
-            "remarks": list(self.remarks),
-        }
+SOURCE: Final = "Deng, Gao, Ma, Lu 2022, Journal of Mechanical Engineering 58(14), 170-178"
 
 
 def reproduce_deng2022(
@@ -175,6 +89,8 @@ def reproduce_deng2022(
         scenario=scenario,
         robots=robots,
         figures=tuple(figures),
+        unmet=UNMET,
+        source=SOURCE,
         remarks=(
             "SIMULATED arms; the paper measured one real arm. Median and quartiles over arms.",
             "Tables 6 and 7 are counts of the plan and have no spread.",

@@ -1,0 +1,101 @@
+"""What a two-sided slot test does not see, shown on cells whose truth is known. Simulated."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from robotrue.calibration.model import ErrorModel
+from robotrue.cell.registration.fit import Noise
+from robotrue.cell.registration.points import fit_points
+from robotrue.core.arrays import Array
+from robotrue.core.poses import pose, pose_from_xyz_abc
+from robotrue.core.units import DEG, MM
+from robotrue.robot.model import RobotModel
+from robotrue.simulation.feng2018_cell import SIZE, CellSizes, FengCell, feng_cell, touch, with_tip
+from robotrue.simulation.feng2018_ways import Session, session, tips, together
+from robotrue.simulation.reproduction import Figure, single
+from robotrue.simulation.slot_test import Side, cut_slots
+from robotrue.validation.datum_check import check_datums
+
+KNOCKED: Final = 1.0 * MM
+"""By which the block is knocked after it was registered, for the datum check."""
+DATUMS: Final = np.array([[60.0, 0.0, 60.0], [340.0, 0.0, 340.0], [60.0, 0.0, 340.0]]) * MM
+"""Datums on the front (3, 3) m, no touch of the frame."""
+TOLERANCE: Final = 0.3 * MM
+ARM_SHARE: Final = 0.1 * MM
+"""m per axis: what a calibrated arm still does from place to place."""
+
+
+def blind_figures(seeds: range) -> list[Figure]:
+    """Returns what the step does under errors of frame and tip, and what a datum does."""
+    exact = CellSizes(arm=0.0, tip=0.0, touch=0.0, repeatability=0.0)
+    cell = feng_cell(0, exact)
+    off = pose_from_xyz_abc(np.full(3, 6.0 * MM), np.full(3, 3.0 * DEG))
+    centre = pose(np.eye(3), 0.5 * SIZE)
+    back = pose(np.eye(3), -0.5 * SIZE)
+    wrong = cell.T_base_part @ centre @ off @ back
+    out = []
+    for name, place, tip in (
+        ("frame off by 6 mm and 3 deg about each axis", wrong, 0.0),
+        ("tip off by 0.35 mm across the tool", cell.T_base_part, 0.35),
+        ("tip off by 10 mm across the tool", cell.T_base_part, 10.0),
+    ):
+        result = cut_slots(
+            *_both(with_tip(cell, np.array([0.0, tip * MM, 0.0])), cell.nominal, place),
+            np.random.default_rng(0),
+        )
+        out.append(single("blind", name, "step", "mm", None, result.mismatch / MM))
+        out.append(single("blind", name, "rms", "mm", None, result.rms / MM))
+    knocked = [_knocked(session(seed), seed) for seed in seeds]
+    for k, (name, quantity, unit) in enumerate(
+        (
+            ("block at rest", "step", "mm"),
+            ("block at rest", "datum says off", "%"),
+            ("block knocked by 1 mm", "step", "mm"),
+            ("block knocked by 1 mm", "rms", "mm"),
+            ("block knocked by 1 mm", "datum says off", "%"),
+        )
+    ):
+        values = np.array([row[k] for row in knocked])
+        ours = np.array([100.0 * values.mean()]) if unit == "%" else values / MM
+        out.append(
+            Figure(table="blind", name=name, quantity=quantity, unit=unit, paper=None, ours=ours)
+        )
+    return out
+
+
+def _knocked(s: Session, seed: int) -> tuple[float, float, float, float, float]:
+    """Step and datum at rest; step, rms and datum after the block was knocked."""
+    model = s.calibrated or s.nominal
+    touched = together(s.sides, 30)
+    noise = Noise(touch=s.cell.sizes.touch, robot=ARM_SHARE)
+    frame = fit_points(touched.points, tips(model, touched.joints), sigma=noise.sigma)
+    rng = np.random.default_rng([seed, 59])
+    direction = rng.normal(size=3)
+    knock = pose(np.eye(3), KNOCKED * direction / np.linalg.norm(direction))
+    moved = replace(s.cell, T_base_part=knock @ s.cell.T_base_part)
+    found: list[float] = []
+    for cell in (s.cell, moved):
+        slots = cut_slots(*_both(cell, model, frame.T_base_part), rng)
+        check = check_datums(
+            frame.T_base_part,
+            frame.covariance,
+            DATUMS,
+            tips(model, touch(cell, DATUMS, "R", rng)),
+            noise=noise,
+            tolerance=TOLERANCE,
+            names=("A", "B", "C"),
+            used=frame.names,
+        )
+        found += [slots.mismatch, slots.rms, float(check.verdict == "is off")]
+    return found[0], found[2], found[3], found[4], found[5]
+
+
+def _both(cell: FengCell, model: ErrorModel | RobotModel, place: Array) -> tuple[Side, Side]:
+    return (
+        Side(cell=cell, posture="R", model=model, T_base_part=place),
+        Side(cell=cell, posture="L", model=model, T_base_part=place),
+    )
