@@ -219,10 +219,20 @@ def predict(
 @app.command()
 def compensate(
     model: Annotated[
-        Path, typer.Argument(metavar="MODEL|CELL", help="Model file; a cell.toml changes nothing.")
+        Path,
+        typer.Argument(
+            metavar="MODEL|CELL",
+            help="Model file, or a cell registered with one; another cell.toml changes nothing.",
+        ),
     ],
     program: Annotated[Path, typer.Argument(metavar="PROGRAM", help="Program to compensate.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Program to write.")],
+    cell: Annotated[
+        Path | None, typer.Option(help="Registered cell whose part frame the program runs in.")
+    ] = None,
+    part: Annotated[
+        str | None, typer.Option(help="Which part or side, where the cell has several.")
+    ] = None,
     wrench: Annotated[
         str | None,
         typer.Option(help="Process force on the tool, base axes: FX,FY,FZ[,MX,MY,MZ] in N, N m."),
@@ -242,6 +252,8 @@ def compensate(
         model,
         program,
         output,
+        registered=cell,
+        part=part,
         wrench=wrench,
         axis_targets=axis_targets,
         max_shift_mm=max_shift_mm,
@@ -379,13 +391,13 @@ def map_errors(
 
 @app.command()
 def reproduce(
-    paper: Annotated[str, typer.Argument(metavar="PAPER", help="deng2022.")],
+    paper: Annotated[str, typer.Argument(metavar="PAPER", help="deng2022 or feng2018.")],
     robots: Annotated[int, typer.Option(help="Simulated arms.")] = 20,
     scenario: Annotated[
-        str, typer.Option(help="S0, S1, S2 or S4 with A or B: how rough the arms are.")
+        str, typer.Option(help="deng2022: S0, S1, S2 or S4 with A or B, how rough the arms are.")
     ] = "S2A",
     quick: Annotated[
-        bool, typer.Option("--quick", help="No switches, fewer layouts, a shallower hole.")
+        bool, typer.Option("--quick", help="A part of the tables, fewer layouts, a shallower hole.")
     ] = False,
     out: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder for JSON and CSV of the figures.")

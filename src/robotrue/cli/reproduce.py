@@ -11,10 +11,15 @@ from robotrue.cli.console import emit_facts, emit_json, emit_table, progress, sa
 from robotrue.core.files import write_atomic
 from robotrue.errors import ConfigurationError
 from robotrue.simulation.reproduce_deng2022 import reproduce_deng2022
+from robotrue.simulation.reproduce_feng2018 import reproduce_feng2018
 from robotrue.simulation.reproduction import Figure, Reproduction
 
-PAPERS: Final = ("deng2022",)
-TITLES: Final = {
+PAPERS: Final = ("deng2022", "feng2018")
+WORDS: Final = {
+    "deng2022": ("arms of scenario", "Deng et al. 2022"),
+    "feng2018": ("cells,", "Feng, Liang, Xi 2018"),
+}
+DENG2022: Final = {
     "4": "Table 4: similarity to the reference region",
     "4 readings": "Table 4: readings of eq. 9-10 over random layouts",
     "5": "Table 5: change of the error when the attitude turns, mm",
@@ -24,6 +29,15 @@ TITLES: Final = {
     "11": "Table 11: milled hole, mm",
     "switches": "Tr-GPR under other readings, mean error of 50 check poses, mm",
 }
+FENG2018: Final = {
+    "worked": "Worked example, noise-free, deg and mm",
+    "readings": "The equations as printed, worked example, worst of K, L, M in mm",
+    "floor": "Recursion (simulated), worst of K, L, M, mm: median [5 % 95 %]",
+    "slots": "Two-sided slots (simulated), mm: median [5 % 95 %]",
+    "sculpture": "Sculpture (simulated), two sides meet on the outline, mm: median [5 % 95 %]",
+    "blind": "What the slots cannot see (simulated), mm: median [5 % 95 %]",
+}
+TITLES: Final = {"deng2022": DENG2022, "feng2018": FENG2018}
 
 
 def run(
@@ -33,22 +47,54 @@ def run(
     if paper not in PAPERS:
         raise ConfigurationError(f"no reproduction of {paper!r}; there are {list(PAPERS)}.")
     with progress() as bar:
-        result = reproduce_deng2022(scenario, robots, quick=quick, progress=bar)
+        if paper == "feng2018":
+            result = reproduce_feng2018(robots, quick=quick, progress=bar)
+        else:
+            result = reproduce_deng2022(scenario, robots, quick=quick, progress=bar)
     if out is not None:
-        _write(result, out)
+        _write(result, out, paper)
     if as_json:
         emit_json(result.document())
         return
+    of, authors = WORDS[paper]
     emit_facts(
-        f"SIMULATED: {result.robots} arms of scenario {result.scenario}, beside Deng et al. 2022",
+        f"SIMULATED: {result.robots} {of} {result.scenario}, beside {authors}",
         [("", remark) for remark in result.remarks],
     )
-    for table, title in TITLES.items():
+    for table, title in TITLES[paper].items():
         figures = [f for f in result.figures if f.table == table]
-        if figures:
+        if not figures:
+            continue
+        if paper == "feng2018":
+            emit_table(title, *_wide(figures))
+        else:
             columns = ("", "", "paper", "median", "quartiles")
             emit_table(f"{title} (simulated)", columns, [_row(f) for f in figures])
     emit_facts("What cannot be met, and why", result.unmet)
+
+
+def _wide(figures: Sequence[Figure]) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+    """One row for each name, one column for each quantity."""
+    quantities = list(dict.fromkeys(f.quantity for f in figures))
+    names = list(dict.fromkeys(f.name for f in figures))
+    found = {(f.name, f.quantity): f for f in figures}
+    rows = [
+        (name, *(_cell(found[name, q]) if (name, q) in found else "" for q in quantities))
+        for name in names
+    ]
+    return ("", *quantities), rows
+
+
+def _cell(figure: Figure) -> str:
+    """Median with 5 and 95 %, and the printed number where there is one."""
+    digits = 0 if figure.unit == "%" else 2 if abs(figure.median) >= 10.0 else 3
+    text = f"{figure.median + 0.0:.{digits}f}{' %' if figure.unit == '%' else ''}"
+    if len(figure.ours) > 1:
+        low, high = figure.range90
+        text += f"\n[{low:.{digits}f} {high:.{digits}f}]"
+    if figure.paper is not None:
+        text += f"\npaper {figure.paper:g}"
+    return text
 
 
 def _row(figure: Figure) -> Sequence[str]:
@@ -65,17 +111,17 @@ def _row(figure: Figure) -> Sequence[str]:
     )
 
 
-def _write(result: Reproduction, folder: Path) -> None:
-    """Writes ``deng2022.json`` and ``deng2022.csv``."""
+def _write(result: Reproduction, folder: Path, paper: str) -> None:
+    """Writes the figures as JSON and as CSV, named after the paper."""
     folder.mkdir(parents=True, exist_ok=True)
     text = json.dumps(result.document(), indent=1, allow_nan=False)
-    write_atomic(folder / "deng2022.json", text.encode())
+    write_atomic(folder / f"{paper}.json", text.encode())
     names = list(result.figures[0].document())
     lines = [",".join(names)]
     for figure in result.figures:
         values = figure.document().values()
         lines.append(",".join("" if v is None else _quoted(v) for v in values))
-    write_atomic(folder / "deng2022.csv", ("\n".join(lines) + "\n").encode())
+    write_atomic(folder / f"{paper}.csv", ("\n".join(lines) + "\n").encode())
     say(f"figures: {folder}")
 
 
