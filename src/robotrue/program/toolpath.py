@@ -21,6 +21,8 @@ _UNIT: Final = 1e-9
 """By which a tool axis may miss length 1; readers normalise what files print."""
 LARGEST: Final = 20.0
 """m; a part larger than this is in another unit."""
+FASTEST: Final = 3.0
+"""m/s; no arm cuts or flies faster, a number beyond is in another unit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

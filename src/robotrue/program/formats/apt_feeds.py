@@ -9,9 +9,8 @@ import numpy as np
 from robotrue.core.units import MM
 from robotrue.errors import FormatError
 from robotrue.program.formats.apt_statements import Statement, is_number, to_number
+from robotrue.program.toolpath import FASTEST
 
-FASTEST: Final = 5.0
-"""m/s; no arm cuts faster, a number beyond is in another unit."""
 _PER_MINUTE: Final = {"MMPM": MM, "IPM": 25.4 * MM, "MPM": 1.0, "FPM": 304.8 * MM}
 _PER_SECOND: Final = {"MMPS": MM, "IPS": 25.4 * MM}
 _PER_TURN: Final = {"MMPR": MM, "IPR": 25.4 * MM}

@@ -19,8 +19,7 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.units import MM
 from robotrue.errors import FormatError
-from robotrue.program.formats.apt_feeds import FASTEST
-from robotrue.program.toolpath import Toolpath
+from robotrue.program.toolpath import FASTEST, Toolpath
 
 POSITION: Final = ("x_mm", "y_mm", "z_mm")
 AXIS: Final = ("i", "j", "k")

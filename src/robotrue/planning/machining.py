@@ -1,0 +1,274 @@
+"""Several sides of a part as one job: each posed, lifted, and reached without touching anything.
+
+Every side gets a lift before its first and after its last point: along the tool axis until the tip
+has left the box around part and paths by the lift height (none where the CAM system already ends
+outside). The box holds the mesh, where there is one, and all points that cut. The job begins and
+ends at home; between sides the arm moves by :func:`robotrue.planning.transit.transit`. Sides are
+cut in the order given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from robotrue.cell.cell import Cell
+from robotrue.cell.obstacles import Box
+from robotrue.core.arrays import Array, frozen
+from robotrue.core.mesh import TriangleMesh
+from robotrue.core.poses import apply
+from robotrue.core.units import DEG, MM
+from robotrue.errors import ConfigurationError
+from robotrue.planning.scene import Scene
+from robotrue.planning.spin import SpinSettings
+from robotrue.planning.tool_axis import Posed, resolve_spin
+from robotrue.planning.transit import blocked, scene_without_reflector, transit
+from robotrue.program.toolpath import Toolpath
+from robotrue.robot.model import RobotModel
+
+HOMES: Final = (
+    np.array(
+        [
+            [0.0, -90.0, 90.0, 0.0, 0.0, 0.0],
+            [0.0, -120.0, 90.0, 0.0, 0.0, 0.0],
+            [0.0, -120.0, 120.0, 0.0, 90.0, 0.0],
+            [0.0, -120.0, 120.0, 0.0, -90.0, 0.0],
+        ]
+    )
+    * DEG
+)
+"""rad, controller's axes: where KUKA arms are usually parked; the first that is clear is taken."""
+MOVED: Final = 30.0 * MM
+"""Frames of sides that put a corner of the part further apart are different clampings."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Side:
+    """One side of the part and where it stands.
+
+    Attributes:
+        path: The tool path, in the part frame.
+        T_base_part: (4, 4).
+    """
+
+    path: Toolpath
+    T_base_part: Array
+
+    def __post_init__(self) -> None:
+        """Freezes the pose."""
+        object.__setattr__(self, "T_base_part", frozen(self.T_base_part, (4, 4), "T_base_part"))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MachiningSettings:
+    """How sides become a job.
+
+    Attributes:
+        spin: How rotations about the tool axis are chosen.
+        lift: m, from the box around the part, before and after each side.
+        home: (6,) rad, controller's axes; empty takes the first of ``HOMES`` that is clear.
+    """
+
+    spin: SpinSettings = field(
+        default_factory=lambda: SpinSettings(cutter=np.array([0.0, 0.0, 1.0]))
+    )
+    lift: float = 100.0 * MM
+    home: Array = field(default_factory=lambda: np.empty(0))
+
+    def __post_init__(self) -> None:
+        """Checks.
+
+        Raises:
+            ConfigurationError: A lift below zero.
+        """
+        if np.size(self.home):
+            object.__setattr__(self, "home", frozen(self.home, (6,), "home"))
+        if not 0.0 <= self.lift < np.inf:
+            raise ConfigurationError(
+                f"the lift is {self.lift / MM:g} mm, expected 0 or more.", hint="--lift-mm 100"
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MachiningJob:
+    """Sides with the arm that cuts them, and the moves between.
+
+    Attributes:
+        sides: In order, each with its lifts.
+        moves: Postures (k, 6) rad, model sense, driven joint by joint before each side (the last of
+            them is where the side begins) and after the last one. One more than sides.
+        notes: What the user should know.
+    """
+
+    sides: tuple[Posed, ...]
+    moves: tuple[Array, ...]
+    notes: tuple[str, ...]
+
+
+def plan_machining(
+    cell: Cell,
+    sides: Sequence[Side],
+    settings: MachiningSettings,
+    *,
+    mesh: TriangleMesh | None = None,
+) -> MachiningJob:
+    """Returns the job: sides in the order given, each by one branch of the arm, and safe moves.
+
+    Args:
+        cell: Robot, tool, obstacles.
+        sides: With their part frames.
+        settings: Lift, home, cutter axis.
+        mesh: Of the part.
+
+    Raises:
+        ReachError: A point out of reach, or no clear way between sides; with the line.
+        ConfigurationError: Not an ortho-parallel arm, several tools, or sides of a part that is
+            clamped anew between them.
+    """
+    robot = cell.robot.nominal()
+    _one_tool([side.path for side in sides])
+    box = _box(sides, mesh)
+    _one_clamping(sides, box)
+    scene = scene_without_reflector(cell)
+    home = _home(robot, scene, box, sides[0].T_base_part, settings)
+    posed: list[Posed] = []
+    moves: list[Array] = []
+    notes: list[str] = []
+    here = home
+    for side in sides:
+        frame = side.T_base_part
+        lifted = _with_lifts(side.path, box, settings.lift)
+        found = resolve_spin(robot, frame, lifted, settings.spin, near=home)
+        what = f"to the first point of {side.path.source}"
+        between = transit(scene, box, frame, here, found.joints[0], home, what=what)
+        posed.append(found)
+        moves.append(np.concatenate([between, found.joints[:1]]))
+        notes.extend(_doubts(found, settings))
+        here = found.joints[-1]
+    back = transit(scene, box, posed[-1].T_base_part, here, home, home, what="home")
+    moves = [np.concatenate([home[None], moves[0]]), *moves[1:], np.concatenate([back, home[None]])]
+    for each in posed:
+        hits = blocked(scene, box, each.T_base_part, each.joints)
+        hits.pop("collision with the part")  # cutting is meant to touch it
+        for reason, hit in hits.items():
+            if hit.any():
+                where = each.path.place(int(np.argmax(hit)))
+                notes.append(f"{where}: {reason} while cutting ({int(hit.sum())} points).")
+    return MachiningJob(sides=tuple(posed), moves=tuple(moves), notes=tuple(notes))
+
+
+def _one_tool(paths: Sequence[Toolpath]) -> None:
+    tools = [(name, path.source, line) for path in paths for name, line in path.tools]
+    for name, source, line in tools:
+        if name != tools[0][0]:
+            raise ConfigurationError(
+                f"tool {name!r} is loaded after tool {tools[0][0]!r}; the cell knows one tool.",
+                source=source,
+                line=line,
+                hint="write one program per tool, each with its own [tool].",
+            )
+
+
+def _home(
+    robot: RobotModel, scene: Scene, box: Box, T_base_part: Array, settings: MachiningSettings
+) -> Array:
+    """The posture (6,) rad the job begins and ends at."""
+    fault = ""
+    for axes in np.atleast_2d(settings.home) if np.size(settings.home) else HOMES:
+        home = axes if robot.controller is None else robot.controller.to_model(axes)
+        beyond = (home < robot.limits[:, 0]) | (home > robot.limits[:, 1])
+        hits = [k for k, hit in blocked(scene, box, T_base_part, home[None]).items() if hit.any()]
+        if not beyond.any() and not hits:
+            return np.asarray(home)
+        joint = int(np.argmax(beyond))
+        why = f"A{joint + 1} is beyond its limits" if beyond.any() else hits[0]
+        shown = ", ".join(f"{value / DEG:g}" for value in axes)
+        fault = fault or f"home (A1..A6 {shown} deg): {why}."
+    raise ConfigurationError(fault, hint="another --home-deg A1,..,A6, clear of the part.")
+
+
+def _one_clamping(sides: Sequence[Side], box: Box) -> None:
+    """Refuses part frames too far apart to be readings of one clamping."""
+    corners = _corners(box)
+    first = apply(sides[0].T_base_part, corners)
+    for side in sides[1:]:
+        apart = np.linalg.norm(apply(side.T_base_part, corners) - first, axis=1).max()
+        if apart > MOVED:
+            raise ConfigurationError(
+                f"the part frames of {sides[0].path.source} and {side.path.source} put a corner of "
+                f"the part {apart / MM:.0f} mm apart (at most {MOVED / MM:.0f} mm): it is clamped "
+                "anew between them.",
+                hint="write one program per clamping.",
+            )
+
+
+def _corners(box: Box) -> Array:
+    """The eight corners (8, 3) m."""
+    low_high = np.stack([box.low, box.high])
+    index = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+    return np.asarray(low_high[index, np.arange(3)])
+
+
+def _box(sides: Sequence[Side], mesh: TriangleMesh | None) -> Box:
+    """The box around the part in the part frame."""
+    points = [side.path.position[side.path.cutting] for side in sides]
+    if mesh is not None:
+        points.append(mesh.vertices)
+    found = np.concatenate(points)
+    if not len(found):
+        raise ConfigurationError(
+            "no move of any tool path cuts.", source=sides[0].path.source, hint="check RAPID."
+        )
+    low, high = found.min(axis=0), found.max(axis=0)
+    flat = 0.5 * MM * (high - low < MM)  # a box must have a volume
+    return Box(name="the part", low=low - flat, high=high + flat)
+
+
+def _with_lifts(path: Toolpath, box: Box, lift: float) -> Toolpath:
+    """The path with a rapid point before and after it, where those are not outside already."""
+    ends = np.array([0, len(path) - 1])
+    way = _way_out(path.position[ends], path.axis[ends], box, lift)
+    count = len(path)
+    before, after = bool(way[0] > 0.0), bool(way[1] > 0.0)
+    pick = np.concatenate([[0] * before, np.arange(count), [count - 1] * after]).astype(np.int64)
+    position = path.position[pick]
+    rapid = path.rapid[pick]
+    if before:
+        position[0] += way[0] * path.axis[0]
+        rapid[0] = True
+    if after:
+        position[-1] += way[1] * path.axis[-1]
+        rapid[-1] = True
+    return path.with_points(pick, position=position, rapid=rapid)
+
+
+def _way_out(points: Array, axes: Array, box: Box, lift: float) -> Array:
+    """How far (k,) m points must go along their axes until the lift's distance from the box."""
+    low, high = box.low - lift, box.high + lift
+    with np.errstate(divide="ignore"):
+        out = np.where(
+            np.abs(axes) < 1e-9,
+            np.inf,
+            np.where(axes > 0.0, high - points, low - points) / np.where(axes == 0.0, 1.0, axes),
+        )
+    inside = ((points > low) & (points < high)).all(axis=1)
+    return np.where(inside, out.min(axis=1), 0.0)
+
+
+def _doubts(posed: Posed, settings: MachiningSettings) -> list[str]:
+    """Sentences on a tight fit."""
+    notes = []
+    if posed.limit_margin < 5.0 * DEG:
+        notes.append(
+            f"{posed.path.source}: a joint comes within {posed.limit_margin / DEG:.1f} deg of its "
+            "limit."
+        )
+    if posed.wrist_angle < 10.0 * DEG:
+        notes.append(
+            f"{posed.path.source}: the wrist comes within {posed.wrist_angle / DEG:.1f} deg of "
+            "stretched."
+        )
+    return notes
