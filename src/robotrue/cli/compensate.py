@@ -4,24 +4,35 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from robotrue.calibration.identity import identity_of
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
+from robotrue.cell.part import PartFrame, PartTable
 from robotrue.cli.console import emit_json, say
 from robotrue.cli.inputs import check_output, parse_wrench
 from robotrue.compensation.compensate import compensate
 from robotrue.compensation.result import unchanged
 from robotrue.compensation.settings import CompensationSettings
-from robotrue.core.files import read_bytes, write_atomic
-from robotrue.core.units import MM
-from robotrue.errors import ArchiveError, ConfigurationError
+from robotrue.core.files import read_bytes, sha256, write_atomic
+from robotrue.core.identity import ModelIdentity, require_same_model
+from robotrue.core.rotations import abc_from_matrix
+from robotrue.core.units import DEG, MM
+from robotrue.errors import ArchiveError, ConfigurationError, ModelMismatchError
 from robotrue.program.formats import read_job, write_program
-from robotrue.program.program import FrameTable, Program
+from robotrue.program.identity import (
+    ProgramIdentity,
+    identity_path,
+    require_compensable,
+    write_identity,
+)
+from robotrue.program.program import FrameTable, Program, Reason
 from robotrue.store.model_file import ZIP, read_model
 
 
@@ -30,27 +41,45 @@ def run(
     program_path: Path,
     output: Path,
     *,
+    registered: Path | None,
+    part: str | None,
     wrench: str | None,
     axis_targets: bool,
     max_shift_mm: float,
     as_json: bool,
 ) -> None:
     """Writes the compensated program and says what became of each target."""
-    check_output(output, [model_path, program_path])
+    check_output(output, [p for p in (model_path, program_path, registered) if p is not None])
     if not max_shift_mm > 0.0:
         raise ConfigurationError(
             f"--max-shift-mm is {max_shift_mm:g} mm, expected above 0.", hint="--max-shift-mm 10"
         )
-    cell, model = _cell_and_model(model_path)
+    cell, model = opened(model_path, registered)
+    frame = None if cell.part is None else cell.part.frame(part)
+    if frame is not None:
+        cell = replace(cell, T_base_frame=frame.T_base_part)
+    elif part is not None:
+        raise ConfigurationError(
+            f"--part {part!r}, but the cell is not registered.",
+            source=registered or model_path,
+            hint="robotrue register CELL|MODEL POINTS -o CELL_OUT.",
+        )
+    used = identity_of(model or cell.robot)
     job = read_job(program_path, frame_table(cell))
     outputs = _outputs(job, program_path, output)
+    for program in job:
+        require_compensable(program_path.with_name(program.name), program.data, used)
     rewritten = [
         _rewritten(model, cell, program, wrench, axis_targets, max_shift_mm) for program in job
     ]
     documents = []
     for program, target, (data, document) in zip(job, outputs, rewritten, strict=True):
-        for note in program.notes:
+        for note in [*program.notes, *_frame_notes(program, frame)]:
             say(f"note: {program.name}: {note}")
+        if model is not None or frame is not None:
+            made = _identity(used, model, frame, program)
+            write_identity(target, data, made)
+            document = {**document, **_identity_document(made, frame, target)}
         write_atomic(target, data)
         documents.append({"output": str(target), **document})
         _tell(program, target, document)
@@ -70,6 +99,107 @@ def _together(documents: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "notes": [note for document in documents for note in document["notes"]],
         "files": list(documents),
     }
+
+
+def opened(path: Path, registered: Path | None = None) -> tuple[Cell, ErrorModel | None]:
+    """Returns the cell and the model of the arm, of one identity; None is the nominal arm.
+
+    Args:
+        path: Model file or cell; a registered cell brings the model it was registered with.
+        registered: Another registered cell, whose frames are wanted.
+
+    Raises:
+        ModelMismatchError: The frames were registered with another model, or it is not there.
+    """
+    cell, model = _cell_and_model(path)
+    if registered is None:
+        if model is None and cell.part is not None:
+            model = _model_of(cell.part, path)
+        return cell, model
+    place = read_cell(registered)
+    if place.part is None:
+        raise ConfigurationError(
+            "the cell is not registered: it has no part frame.",
+            source=registered,
+            hint="robotrue register CELL|MODEL POINTS -o CELL_OUT.",
+        )
+    if cell.part is not None:
+        raise ConfigurationError(
+            "two registered cells: one with --cell is enough.",
+            source=path,
+            hint=f"robotrue compensate {registered} PROGRAM -o OUT",
+        )
+    used = identity_of(model or cell.robot)
+    require_same_model(place.part.identity, used, what="the part frame", source=str(registered))
+    return replace(cell, part=place.part), model
+
+
+def _model_of(part: PartTable, cell: Path) -> ErrorModel | None:
+    """The model a registered cell belongs to, from the file it names; None is the nominal arm."""
+    if part.identity.kind == "nominal":
+        return None
+    path = cell.parent / part.model_file
+    if not part.model_file or not path.is_file():
+        raise ModelMismatchError(
+            f"the part frame was registered with {part.identity}, whose file "
+            f"{part.model_file or '(not named)'} is not there.",
+            source=cell,
+            hint="put the model file back, or register again.",
+        )
+    model = read_model(path).model
+    require_same_model(part.identity, identity_of(model), what="the part frame", source=str(cell))
+    return model
+
+
+def _frame_notes(program: Program, frame: PartFrame | None) -> list[str]:
+    """What to say of a program that does not run in the registered part frame."""
+    if frame is None:
+        return []
+    notes = []
+    if frame.verdict != "GO":
+        notes.append(f"part frame {frame.name!r} is {frame.verdict}: do not cut before it is not.")
+    used = np.unique(program.frame[program.reason == Reason.NONE])
+    own = [
+        float(np.linalg.norm(program.T_base_frame[k][:3, 3] - frame.T_base_part[:3, 3]))
+        for k in used.tolist()
+        if not np.allclose(program.T_base_frame[k], frame.T_base_part, rtol=0.0, atol=1e-7)
+    ]
+    if own:
+        notes.append(
+            f"sets a work frame of its own, {max(own) / MM:.3f} mm from part frame {frame.name!r}; "
+            "its own is used."
+        )
+    return notes
+
+
+def _identity(
+    used: ModelIdentity, model: ErrorModel | None, frame: PartFrame | None, program: Program
+) -> ProgramIdentity:
+    return ProgramIdentity(
+        model=used,
+        compensated=model is not None,
+        part="" if frame is None else frame.name,
+        made_from=program.name,
+        made_from_sha256=sha256(program.data),
+    )
+
+
+def _identity_document(
+    made: ProgramIdentity, frame: PartFrame | None, target: Path
+) -> dict[str, Any]:
+    out: dict[str, Any] = {
+        "model": made.model.document(),
+        "identity": str(identity_path(target)),
+    }
+    if frame is not None:
+        T = frame.T_base_part
+        out["part"] = {
+            "name": frame.name,
+            "xyz_mm": (T[:3, 3] / MM).tolist(),
+            "abc_deg": (abc_from_matrix(T[:3, :3]) / DEG).tolist(),
+            "verdict": frame.verdict,
+        }
+    return out
 
 
 def _cell_and_model(path: Path) -> tuple[Cell, ErrorModel | None]:
@@ -124,7 +254,12 @@ def _outputs(job: Sequence[Program], source: Path, output: Path) -> list[Path]:
 
 def frame_table(cell: Cell) -> FrameTable:
     """Returns the frames a program falls back on."""
-    return FrameTable(T_base_frame=cell.T_base_frame, T_flange_tool=cell.robot.T_flange_tool)
+    named = () if cell.part is None else cell.part.frames
+    return FrameTable(
+        T_base_frame=cell.T_base_frame,
+        T_flange_tool=cell.robot.T_flange_tool,
+        bases={frame.name: frame.T_base_part for frame in named},
+    )
 
 
 def _tell(program: Program, target: Path, document: Mapping[str, Any]) -> None:

@@ -30,10 +30,10 @@ from robotrue.measurement.formats.points import read_points
 from robotrue.program.controller_frames import FORMS, ControllerFrame, controller_frame
 from robotrue.store.model_file import ZIP, read_model, write_model
 from robotrue.validation.registered_part import FoundFrame, RegisteredPart
-from robotrue.validation.registration import RegistrationSettings, register
+from robotrue.validation.registration import register
+from robotrue.validation.registration_settings import RegistrationSettings
 
 UNITS: Final = {"mm": MM, "m": 1.0, "inch": 25.4 * MM}
-FITS: Final = ("auto", "frame", "joint")
 SHOWN: Final = 40
 """Touches in the printed table."""
 
@@ -44,7 +44,7 @@ class Options:
 
     touch_sigma_mm: float
     robot_sigma_mm: float | None
-    tool_sigma_mm: float
+    tool_sigma_mm: float | None
     tolerance_mm: float | None
     probe_radius_mm: float
     fit: str
@@ -79,7 +79,10 @@ def run(
     data = _cell_bytes(cell, cell_or_model, model, table, output)
     if found.refined is not None:
         write_model(refined_path, found.refined, cell)
-        say(f"touching moved the arm: refined model written to {refined_path}")
+        say(
+            f"touching moved the arm by {found.moved / MM:.3f} mm rms at the touches: refined "
+            f"model written to {refined_path}; the frames belong to it"
+        )
     write_atomic(output, data)
     say(f"registered cell written to {output}")
     frames = _frames(found, options)
@@ -104,29 +107,31 @@ def _opened(path: Path) -> tuple[Cell, ErrorModel | None]:
 
 
 def _settings(cell: Cell, options: Options) -> RegistrationSettings:
-    fit: Literal["auto", "frame", "joint"]
-    match options.fit:
-        case "auto" | "frame" | "joint":
-            fit = options.fit
-        case other:
-            raise ConfigurationError(
-                f"--fit {other!r}, expected {', '.join(FITS)}.", hint="--fit auto"
-            )
     if not 0.0 <= options.probe_radius_mm < 100.0:
         raise ConfigurationError(
             f"--probe-radius-mm is {options.probe_radius_mm:g} mm, expected 0 to 100 mm."
         )
-    tolerance = options.tolerance_mm
+    robot, tool, tolerance = (
+        None if size is None else size * MM
+        for size in (options.robot_sigma_mm, options.tool_sigma_mm, options.tolerance_mm)
+    )
     return RegistrationSettings(
         touch=options.touch_sigma_mm * MM,
-        robot=None if options.robot_sigma_mm is None else options.robot_sigma_mm * MM,
-        tool_sigma=options.tool_sigma_mm * MM,
-        tolerance=None if tolerance is None else tolerance * MM,
-        fit=fit,
+        robot=robot,
+        tool_sigma=tool,
+        tolerance=tolerance,
+        fit=_fit(options.fit),
         T_flange_tool=cell.robot.T_flange_tool,
         mesh=_mesh(options),
         arm=fit_settings(cell),
     )
+
+
+def _fit(word: str) -> Literal["auto", "frame", "joint"]:
+    match word:
+        case "auto" | "frame" | "joint":
+            return word
+    raise ConfigurationError(f"--fit {word!r}, expected auto, frame or joint.", hint="--fit auto")
 
 
 def _mesh(options: Options) -> TriangleMesh | None:
@@ -189,6 +194,7 @@ def document(found: RegisteredPart) -> dict[str, Any]:
         "route": found.route,
         "model": found.identity.document(),
         "touched_with": found.touched_with.document(),
+        "moved_mm": found.moved / MM,
         "parts": parts,
     }
 

@@ -17,13 +17,14 @@ Kind = Literal["nominal", "calibrated"]
 SAME_ARM: Final = "0.19 mm (nominal) or 0.09 mm (calibrated)"
 """Machining error, rms, of a part touched at 20 points and machined with the same model."""
 MIXED: Final = {
-    ("calibrated", "nominal"): "1.15 mm",
-    ("nominal", "calibrated"): "1.12 mm",
-    ("nominal", "nominal"): "1.12 to 1.15 mm",
-    ("calibrated", "calibrated"): "1.12 to 1.15 mm",
+    ("calibrated", "nominal"): "Touching with a calibrated and machining with the nominal arm "
+    "leaves 1.15 mm rms",
+    ("nominal", "calibrated"): "Touching with the nominal and machining with a calibrated arm "
+    "leaves 1.12 mm rms",
 }
-"""The same with (touched, machined) by different models: simulated, 193 arms of the KR160's size;
-where both are of one kind, what mixing a model with the nominal arm costs stands for it."""
+"""The same with (touched, machined) by different models: simulated, 193 arms of the KR160's size."""
+OTHERS: Final = "Mixing a calibrated with the nominal arm leaves 1.12 to 1.15 mm rms"
+"""Where both are of one kind: what is known of the mix that is worst."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,9 +89,9 @@ def require_same_model(
     if made.same(used):
         return
     raise ModelMismatchError(
-        f"{what} was made with {made} and would be used with {used}. Mixing costs about "
-        f"{MIXED[made.kind, used.kind]} rms at the part (simulated arms, 20 touches), where one "
-        f"model for both leaves {SAME_ARM}.",
+        f"{what} was made with {made} and would be used with {used}. "
+        f"{MIXED.get((made.kind, used.kind), OTHERS)} at the part (simulated arms, 20 touches), "
+        f"where one model for both leaves {SAME_ARM}.",
         source=source,
         hint="touch and machine with one model: register again with the model that will machine, "
         "or machine with the one that touched.",

@@ -84,6 +84,7 @@ class RegisteredPart:
         identity: The model the frames belong to: only it may run programs in them.
         touched_with: The model that was given; another one where the joint estimate moved the arm.
         refined: The arm as the joint estimate has it; None where it stayed as it was.
+        moved: m, rms, by which the refined arm puts the tip elsewhere at the touches; 0 without.
         doubts: About all frames.
     """
 
@@ -92,6 +93,7 @@ class RegisteredPart:
     identity: ModelIdentity
     touched_with: ModelIdentity
     refined: LearnedModel | None = None
+    moved: float = 0.0
     doubts: tuple[str, ...] = ()
 
     @property

@@ -1,0 +1,159 @@
+"""Registration with the arm's model as it is: the frame alone, doubted as far as the arm is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from robotrue.calibration.belief import Belief, belief_of
+from robotrue.calibration.machined import tip_columns, unchanged_covariance
+from robotrue.calibration.model import ErrorModel, Query
+from robotrue.calibration.prior_belief import prior_belief
+from robotrue.cell.registration.fit import Noise, Registration
+from robotrue.cell.registration.touches import fit_touches, touch_gain
+from robotrue.core.arrays import Array
+from robotrue.core.units import MM
+from robotrue.errors import ConfigurationError
+from robotrue.measurement.probing_set import ProbingSet
+from robotrue.robot.forward import forward
+from robotrue.robot.model import RobotModel
+from robotrue.validation.registered_part import FoundFrame, judged
+from robotrue.validation.registration_settings import TOOL, RegistrationSettings
+from robotrue.validation.touch_checks import check_exchanged
+
+NOMINAL_ROBOT: Final = 0.35 * MM
+"""Error per axis of a nominal arm that is no rigid motion of the part: simulated, 0.3 to 0.5 mm."""
+CALIBRATED_ROBOT: Final = 0.06 * MM
+"""The same of a calibrated arm whose postures are not known."""
+GOOD: Final = 4.0
+"""A good touch lies within this many sigma of its place."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckedTouches:
+    """Touches of one part that passed the checks.
+
+    Attributes:
+        name: Of the part.
+        touches: Of the part.
+        in_base: (n, 3) m, where the model has the tip.
+        noise: Touch and arm.
+        doubts: What the checks could not rule out.
+    """
+
+    name: str
+    touches: ProbingSet
+    in_base: Array
+    noise: Noise
+    doubts: tuple[str, ...]
+
+
+def tips(arm: ErrorModel | RobotModel, joints: Array, settings: RegistrationSettings) -> Array:
+    """Returns where the model has the tip at joints (n, dof) rad, (n, 3) m in base."""
+    robot = arm.nominal() if isinstance(arm, RobotModel) else arm.robot.nominal()
+    tool = settings.T_flange_tool
+    point = forward(robot if tool is None else robot.with_tool(tool), joints)[:, :3, 3]
+    if isinstance(arm, RobotModel):
+        return np.asarray(point)
+    return np.asarray(point + arm.predict(touch_query(joints, robot, settings)).error)
+
+
+def same_tool(robot: RobotModel, settings: RegistrationSettings) -> bool:
+    """Returns whether the tip that touches is the point the model speaks of."""
+    tool = settings.T_flange_tool
+    return tool is None or np.allclose(tool, robot.T_flange_tool, rtol=0.0, atol=1e-9)
+
+
+def touch_query(joints: Array, robot: RobotModel, settings: RegistrationSettings) -> Query:
+    """Returns the touches as postures; another tool than the measured one is named."""
+    return Query(
+        joints=joints,
+        load=settings.arm.payload,
+        T_flange_tool=None if same_tool(robot, settings) else settings.T_flange_tool,
+    )
+
+
+def robot_share(
+    arm: ErrorModel | RobotModel, touches: ProbingSet, settings: RegistrationSettings
+) -> float:
+    """Returns m per axis by which the arm may be off besides a rigid motion of the part."""
+    if settings.robot is not None:
+        return settings.robot
+    if isinstance(arm, RobotModel):
+        return NOMINAL_ROBOT
+    if not touches.has_joints:
+        return CALIBRATED_ROBOT
+    covariance = arm.predict(touch_query(touches.joints, arm.robot, settings)).covariance
+    return float(np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean() / 3.0))
+
+
+def frame_alone(
+    arm: ErrorModel | RobotModel, found: CheckedTouches, settings: RegistrationSettings
+) -> FoundFrame:
+    """Returns the frame of one part, the model of the arm left as it is.
+
+    Raises:
+        ObservabilityError: A motion left open.
+        ImplausibleDataError: Exchanged names, or half the touches against the rest.
+        ConvergenceError: No rest.
+    """
+    fit = fit_touches(found.touches, found.in_base, noise=found.noise)
+    check_exchanged(
+        found.touches,
+        found.in_base,
+        fit.T_base_part,
+        ~fit.believed,
+        tolerance=GOOD * found.noise.sigma,
+    )
+    belief = _belief(arm, settings) if found.touches.has_joints else None
+    machined = None
+    if belief is not None:
+        fit, machined = _with_arm(belief, fit, found, settings)
+    return judged(
+        found.name,
+        fit,
+        found.touches.point,
+        machined,
+        tolerance=settings.tolerance,
+        doubts=found.doubts,
+    )
+
+
+def _with_arm(
+    belief: Belief, fit: Registration, found: CheckedTouches, settings: RegistrationSettings
+) -> tuple[Registration, Array]:
+    """The fit with the arm's own errors in its covariance, and machined points with both.
+
+    Neighbouring touches share the arm's error; machining in the same posture shares it too.
+    """
+    query = touch_query(found.touches.joints, belief.robot, settings)
+    gain = touch_gain(found.touches, found.in_base, fit.T_base_part, fit.believed)
+    half = (tip_columns(belief, query) @ belief.root.T).reshape(gain.shape[1], -1)
+    visit = belief.white**2 + belief.repeatability**2 + settings.touch**2
+    lifted = gain @ half
+    covariance = belief.inflation * (lifted @ lifted.T + visit * gain @ gain.T)
+    machined = unchanged_covariance(
+        belief,
+        query,
+        query,
+        points=found.touches.point,
+        T_base_part=fit.T_base_part,
+        gain=gain,
+        touch_sigma=settings.touch,
+    )
+    return replace(fit, covariance=0.5 * (covariance + covariance.T)), machined
+
+
+def _belief(arm: ErrorModel | RobotModel, settings: RegistrationSettings) -> Belief | None:
+    """What is believed of the arm; None for a model that keeps no joint covariance."""
+    if not isinstance(arm, RobotModel):
+        try:
+            return belief_of(arm)
+        except ConfigurationError:
+            return None
+    robot = arm if settings.T_flange_tool is None else arm.with_tool(settings.T_flange_tool)
+    known = TOOL if settings.tool_sigma is None else max(settings.tool_sigma, 1e-6)
+    scales = replace(settings.arm.scales, tool=known)
+    return prior_belief(robot.nominal(), replace(settings.arm, scales=scales))

@@ -1,0 +1,226 @@
+"""Registration with arm, tool and frames in one estimate; the touches refine the model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from robotrue.calibration.identity import identity_of
+from robotrue.calibration.machined import compensated_covariance
+from robotrue.calibration.model import ErrorModel, Query
+from robotrue.calibration.probing import (
+    ProbingEstimate,
+    ProbingSettings,
+    estimate_probing,
+    model_of_estimate,
+)
+from robotrue.cell.registration.fit import Registration
+from robotrue.core.arrays import Array
+from robotrue.core.poses import apply
+from robotrue.core.units import DEG, MM
+from robotrue.errors import ObservabilityError
+from robotrue.measurement.probing_set import ProbingSet
+from robotrue.robot.forward import forward
+from robotrue.robot.model import RobotModel
+from robotrue.validation.registered_part import FoundFrame, RegisteredPart, judged
+from robotrue.validation.registration_frame import GOOD, CheckedTouches, same_tool, tips
+from robotrue.validation.registration_settings import TOOL, RegistrationSettings
+from robotrue.validation.touch_checks import check_exchanged, listed
+
+ENOUGH: Final = 60
+"""Numbers (20 feature points) from which a nominal arm is learned with its frames."""
+SPARE: Final = 3
+"""Numbers beyond frames and tool that a joint estimate asks at the least."""
+TILT: Final = 10.0 * DEG
+"""Touches whose attitudes differ by less cannot tell the tool from the frame."""
+LOUD: Final = 3.0
+"""Noise beyond what was stated, as a factor, from which the frame is not to be cut in."""
+
+
+def numbers_of(touches: ProbingSet) -> int:
+    """Returns how many numbers the touches give: three of a feature point, one of a normal."""
+    return 3 * int(touches.full.sum()) + int((~touches.full).sum())
+
+
+def enough_for_joint(arm: ErrorModel | RobotModel, touches: ProbingSet) -> bool:
+    """Returns whether arm, tool and frames should be estimated together, if nobody says."""
+    if not touches.has_joints:
+        return False
+    if isinstance(arm, RobotModel):
+        return numbers_of(touches) >= ENOUGH
+    return numbers_of(touches) >= 6 * len(touches.parts)
+
+
+def require_numbers(touches: ProbingSet) -> None:
+    """Passes if the touches can carry what a joint estimate asks.
+
+    Raises:
+        ObservabilityError: No joints, or too few touches; says how many and which there are.
+    """
+    source = touches.source.split(" sha256:")[0] or None
+    if not touches.has_joints:
+        raise ObservabilityError(
+            f"touches {listed(touches.labels)} have no joints: arm and tool cannot be estimated "
+            "from points in base.",
+            source=source,
+            hint="--fit frame, or give j1_deg, j2_deg, ... of every touch.",
+        )
+    have, need = numbers_of(touches), 6 * len(touches.parts) + 3 + SPARE
+    if have < need:
+        raise ObservabilityError(
+            f"touches {listed(touches.labels)} give {have} numbers; {len(touches.parts)} "
+            f"frame{'s' if len(touches.parts) > 1 else ''} of 6, 3 of the tool and {SPARE} to "
+            f"spare ask for {need}, and the arm for more.",
+            source=source,
+            hint="touch more points, or --fit frame.",
+        )
+
+
+def joint_registration(
+    arm: ErrorModel | RobotModel,
+    checked: Sequence[CheckedTouches],
+    touches: ProbingSet,
+    settings: RegistrationSettings,
+) -> RegisteredPart:
+    """Returns all frames and the refined arm.
+
+    Args:
+        arm: What is known before the touches.
+        checked: Part by part.
+        touches: Of all parts.
+        settings: Noise and tool.
+
+    Raises:
+        ObservabilityError: A motion left open.
+        ImplausibleDataError: Exchanged names, or half the touches against the rest.
+        ConvergenceError: No rest.
+    """
+    robot = arm if isinstance(arm, RobotModel) else arm.robot
+    known, doubts = _tool_sigma(arm, robot, touches, settings)
+    estimate = estimate_probing(
+        arm,
+        touches,
+        ProbingSettings(
+            touch_sigma=settings.touch,
+            tool_sigma=known,
+            T_flange_tool=None if same_tool(robot, settings) else settings.T_flange_tool,
+            payload=settings.arm.payload,
+            priors=settings.arm,
+        ),
+    )
+    refined = model_of_estimate(estimate)
+    query = Query(joints=touches.joints, load=settings.arm.payload)
+    machined = compensated_covariance(
+        estimate.belief,
+        query,
+        T_base_part=estimate.T_base_part,
+        part=touches.part,
+        layout=estimate.layout,
+    )
+    return RegisteredPart(
+        route="joint",
+        frames=tuple(
+            _frame(estimate, k, found, machined[touches.part == k], settings)
+            for k, found in enumerate(checked)
+        ),
+        identity=identity_of(refined),
+        touched_with=identity_of(arm),
+        refined=refined,
+        moved=_moved(arm, tips(refined, touches.joints, settings), touches, settings),
+        doubts=doubts,
+    )
+
+
+def _frame(
+    estimate: ProbingEstimate,
+    k: int,
+    found: CheckedTouches,
+    machined: Array,
+    settings: RegistrationSettings,
+) -> FoundFrame:
+    mine = estimate.touches.part == k
+    labels = np.array(estimate.touches.labels)[mine]
+    wrong = {label for label in labels if label in estimate.outliers}
+    outliers = tuple(
+        own for own, label in zip(found.touches.labels, labels, strict=True) if label in wrong
+    )
+    T = estimate.T_base_part[k]
+    fit = Registration(
+        method="joint",
+        T_base_part=T,
+        covariance=estimate.covariance(k),
+        names=found.touches.labels,
+        residuals=estimate.residuals[mine],
+        outliers=outliers,
+        sigma=estimate.sigma,
+        sigma_source="stated",
+        degrees_of_freedom=numbers_of(
+            found.touches.subset(np.isin(labels, list(wrong), invert=True))
+        )
+        - 6,
+    )
+    check_exchanged(
+        found.touches,
+        apply(T, found.touches.point) + fit.residuals,
+        T,
+        ~fit.believed,
+        tolerance=GOOD * found.noise.sigma,
+    )
+    stated = float(np.hypot(settings.touch, estimate.belief.repeatability))
+    reasons: tuple[str, ...] = ()
+    if estimate.sigma > LOUD * stated:
+        reasons += (
+            f"The touches scatter by {estimate.sigma / MM:.3f} mm per axis, stated are "
+            f"{stated / MM:.3f} mm: more than {LOUD:g} times.",
+        )
+    return judged(
+        found.name,
+        fit,
+        found.touches.point,
+        machined,
+        tolerance=settings.tolerance,
+        reasons=reasons,
+        doubts=found.doubts,
+    )
+
+
+def _tool_sigma(
+    arm: ErrorModel | RobotModel,
+    robot: RobotModel,
+    touches: ProbingSet,
+    settings: RegistrationSettings,
+) -> tuple[float, tuple[str, ...]]:
+    """How well the tip is known, m per axis, and what is assumed or not seen of it."""
+    doubts: list[str] = []
+    known = settings.tool_sigma
+    if known is None:
+        known = 0.0 if same_tool(robot, settings) and not isinstance(arm, RobotModel) else TOOL
+        if known and not isinstance(arm, RobotModel):
+            doubts.append(
+                "The tip that touched is not the point the model was made with; its place in the "
+                f"flange is taken as known to {TOOL / MM:g} mm per axis (--tool-sigma-mm)."
+            )
+    if known and _tilt(robot, touches) < TILT:
+        doubts.append(
+            f"All touches were made within {TILT / DEG:g} deg of one attitude: an error of the tip "
+            "looks like a shift of the part, and comes back when the part is machined from "
+            "another side."
+        )
+    return known, tuple(doubts)
+
+
+def _tilt(robot: RobotModel, touches: ProbingSet) -> float:
+    """Largest angle between the tool's attitude at the first touch and any other, rad."""
+    R = forward(robot.nominal(), touches.joints)[:, :3, :3]
+    cosine = 0.5 * (np.einsum("nij,ij->n", R, R[0]) - 1.0)
+    return float(np.arccos(np.clip(cosine, -1.0, 1.0)).max())
+
+
+def _moved(
+    arm: ErrorModel | RobotModel, after: Array, touches: ProbingSet, settings: RegistrationSettings
+) -> float:
+    """Root mean square distance, m, by which the tip moved at the touches."""
+    before = tips(arm, touches.joints, settings)
+    return float(np.sqrt(((after - before) ** 2).sum(axis=1).mean()))
