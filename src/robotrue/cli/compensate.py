@@ -49,6 +49,32 @@ def run(
     as_json: bool,
 ) -> None:
     """Writes the compensated program and says what became of each target."""
+    document = compensated(
+        model_path,
+        program_path,
+        output,
+        registered=registered,
+        part=part,
+        wrench=wrench,
+        axis_targets=axis_targets,
+        max_shift_mm=max_shift_mm,
+    )
+    if as_json:
+        emit_json(document)
+
+
+def compensated(
+    model_path: Path,
+    program_path: Path,
+    output: Path,
+    *,
+    registered: Path | None,
+    part: str | None,
+    wrench: str | None,
+    axis_targets: bool,
+    max_shift_mm: float,
+) -> dict[str, Any]:
+    """Writes the compensated program; returns the counts as JSON values."""
     check_output(output, [p for p in (model_path, program_path, registered) if p is not None])
     if not max_shift_mm > 0.0:
         raise ConfigurationError(
@@ -76,15 +102,14 @@ def run(
     for program, target, (data, document) in zip(job, outputs, rewritten, strict=True):
         for note in [*program.notes, *_frame_notes(program, frame)]:
             say(f"note: {program.name}: {note}")
+        write_atomic(target, data)
         if model is not None or frame is not None:
             made = _identity(used, model, frame, program)
             write_identity(target, data, made)
             document = {**document, **_identity_document(made, frame, target)}
-        write_atomic(target, data)
         documents.append({"output": str(target), **document})
         _tell(program, target, document)
-    if as_json:
-        emit_json(documents[0] if len(documents) == 1 else _together(documents))
+    return documents[0] if len(documents) == 1 else _together(documents)
 
 
 def _together(documents: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
