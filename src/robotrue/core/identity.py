@@ -22,7 +22,7 @@ MIXED: Final = {
     ("nominal", "calibrated"): "Touching with the nominal and machining with a calibrated arm "
     "leaves 1.12 mm rms",
 }
-"""The same with (touched, machined) by different models: simulated, 193 arms of the KR160's size."""
+"""The same with (touched, machined) by different models; simulated, 193 arms of a KR160."""
 OTHERS: Final = "Mixing a calibrated with the nominal arm leaves 1.12 to 1.15 mm rms"
 """Where both are of one kind: what is known of the mix that is worst."""
 
