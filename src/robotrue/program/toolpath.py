@@ -153,6 +153,19 @@ def cut_length(path: Toolpath) -> float:
     return float(steps[path.cutting[1:]].sum())
 
 
+def duration(path: Toolpath, *, rapid: float, feed: float = np.nan) -> float:
+    """Returns the time in s of all moves at their speeds, without acceleration.
+
+    Args:
+        path: The path.
+        rapid: m/s of rapid moves.
+        feed: m/s of moves that cut before any feed is stated.
+    """
+    steps = np.linalg.norm(np.diff(path.position, axis=0), axis=1)
+    speed = np.where(path.rapid, rapid, np.where(np.isnan(path.feed), feed, path.feed))
+    return float((steps / speed[1:]).sum())
+
+
 def summary(path: Toolpath) -> str:
     """Returns one sentence on the path: points, length cut, lifts, feeds."""
     feeds = path.feed[path.cutting & np.isfinite(path.feed)]

@@ -165,9 +165,9 @@ class _Reader:
                 "CIRCLE/ without a GOTO/ after it.", source=self.source, line=self.circle.line
             )
         if not self.unit_line:
-            self.notes.append("the file does not state UNITS/: millimetres were taken.")
+            self._note(1, "the file does not state UNITS/: millimetres were taken.")
         for word, line in self.unknown.items():
-            self.notes.append(f"line {line}: {word} is not known here; it was kept as a remark.")
+            self._note(line, f"{word} is not known here; it was kept as a remark.")
         columns = list(zip(*self.columns, strict=True)) or [(), (), (), ()]
         stem = Path(self.source).stem
         return Toolpath(
@@ -347,11 +347,15 @@ class _Reader:
             (0, 0, 0, 1, 0, 0, 0, 1, 0),
         )
         if not self.frames and values not in plain:
-            self.notes.append(
-                f"line {line}: the points stand in a machining axis system of their own; that is "
-                "the frame to register, and the one a mesh must be in."
+            self._note(
+                line,
+                "the points stand in a machining axis system of their own; that is the frame to "
+                "register, and the one a mesh must be in.",
             )
         self.frames.append(values)
+
+    def _note(self, line: int, text: str) -> None:
+        self.notes.append(f"{self.source}:{line}: {text}")
 
     def _keep(self, statement: Statement, *, known: bool) -> None:
         remark = Remark(

@@ -1,0 +1,97 @@
+"""The report page of a program: what each side asks of the arm, and words not understood."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from robotrue.cell.cell import Cell
+from robotrue.report.content import (
+    Column,
+    Fact,
+    ReportContent,
+    Section,
+    Table,
+    Tile,
+    Verdict,
+)
+from robotrue.report.page import report_html
+
+
+def program_page(cell: Cell, document: Mapping[str, Any]) -> str:
+    """Returns the page (HTML) of the JSON document of ``robotrue program``."""
+    sides = document["sides"]
+    made = document["compensation"]
+    name = Path(document["output"]).name
+    sections = [Section(title="Sides", blocks=(_sides(sides),))]
+    words = [
+        (side["source"], w["line"], w["text"]) for side in sides for w in side["unknown_words"]
+    ]
+    if words:
+        table = Table(
+            title="Statements whose meaning is not known",
+            columns=(Column(title="file"), Column(title="line"), Column(title="statement")),
+            rows=tuple(words),
+            caption="They stand in the program as comments and move nothing.",
+        )
+        sections.append(Section(title="Words", blocks=(table,)))
+    total = sum(side["duration_s"] for side in sides)
+    return report_html(
+        ReportContent(
+            title=f"Program {name}",
+            verdict=Verdict(
+                text=f"{document['targets']} targets on {len(sides)} "
+                f"side{'' if len(sides) == 1 else 's'}, all within reach.",
+                detail="compensated: "
+                + (f"{made['compensated']} targets" if made else "not yet; robotrue compensate"),
+            ),
+            simulated=False,
+            subtitle=cell.robot.name,
+            tiles=(
+                Tile(label="cut", value=sum(s["cut_mm"] for s in sides) / 1e3, unit="m"),
+                Tile(label="time at the stated feeds", value=total / 60.0, unit="min"),
+                Tile(
+                    label="nearest to a joint limit",
+                    value=min(s["limit_margin_deg"] for s in sides),
+                    unit="deg",
+                ),
+            ),
+            sections=tuple(sections),
+            doubts=tuple(document["notes"]),
+            provenance=(Fact(name="cell", value=f"{cell.source} sha256:{cell.digest}"),),
+        )
+    )
+
+
+def _sides(sides: list[Mapping[str, Any]]) -> Table:
+    return Table(
+        title="Sides in the order they are cut",
+        columns=(
+            Column(title="side"),
+            Column(title="part frame"),
+            Column(title="points", digits=0),
+            Column(title="cut", unit="mm", digits=0),
+            Column(title="time", unit="s", digits=0),
+            Column(title="spin from", unit="deg", digits=1),
+            Column(title="spin to", unit="deg", digits=1),
+            Column(title="to a joint limit", unit="deg", digits=1),
+            Column(title="wrist", unit="deg", digits=1),
+        ),
+        rows=tuple(
+            (
+                side["name"],
+                side["part"] or "[base]",
+                side["points"],
+                side["cut_mm"],
+                side["duration_s"],
+                side["spin_deg"][0],
+                side["spin_deg"][1],
+                side["limit_margin_deg"],
+                side["wrist_angle_deg"],
+            )
+            for side in sides
+        ),
+        caption="Spin: rotation about the tool axis, from a frame carried along the path. Wrist: "
+        "smallest angle between axes 4 and 6.",
+    )
