@@ -217,6 +217,73 @@ def predict(
 
 
 @app.command()
+def program(
+    cell: Annotated[
+        Path, typer.Argument(metavar="CELL", help="cell.toml, best one `register` wrote.")
+    ],
+    toolpaths: Annotated[
+        list[Path], typer.Argument(metavar="TOOLPATH...", help="APT/CL data or CSV, one per side.")
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", help="KRL program (.src) to write.")],
+    model: Annotated[
+        Path | None, typer.Option(help="Also compensate the program with this model.")
+    ] = None,
+    part: Annotated[
+        list[str] | None,
+        typer.Option(help="Part frame, for all sides or one for each; default: of the same name."),
+    ] = None,
+    mesh: Annotated[
+        Path | None,
+        typer.Option(help="Part (STL): keep only points inside its largest contour."),
+    ] = None,
+    margin_mm: Annotated[
+        float, typer.Option(help="How far outside the contour points are kept.")
+    ] = 0.0,
+    cutter: Annotated[
+        str | None,
+        typer.Option(help="Axis of [tool] from spindle to tip: x, y, z, -x, -y, -z; default z."),
+    ] = None,
+    lift_mm: Annotated[
+        float, typer.Option(help="Height over part and paths before and after each side.")
+    ] = 100.0,
+    home_deg: Annotated[
+        str | None, typer.Option(help="A1,..,A6 where the job begins and ends.")
+    ] = None,
+    rapid_mm_per_s: Annotated[float, typer.Option(help="Speed of rapid points.")] = 200.0,
+    feed_mm_per_min: Annotated[
+        float | None, typer.Option(help="Feed of points that cut before any is stated.")
+    ] = None,
+    blend_mm: Annotated[float, typer.Option(help="$APO.CDIS; 0 stops at every point.")] = 0.2,
+    max_shift_mm: Annotated[
+        float, typer.Option(help="With --model: leave a target alone that would move further.")
+    ] = 10.0,
+    report: Annotated[Path | None, typer.Option(help="Also write a report page (HTML).")] = None,
+    json: Json = False,
+) -> None:
+    """Make a robot program of CAM tool paths, in the frame where the part was found."""
+    from robotrue.cli.program import run
+
+    run(
+        cell,
+        toolpaths,
+        output,
+        model_path=model,
+        parts=part or [],
+        mesh_path=mesh,
+        margin_mm=margin_mm,
+        cutter=cutter,
+        lift_mm=lift_mm,
+        home_deg=home_deg,
+        rapid_mm_per_s=rapid_mm_per_s,
+        feed_mm_per_min=feed_mm_per_min,
+        blend_mm=blend_mm,
+        max_shift_mm=max_shift_mm,
+        report=report,
+        as_json=json,
+    )
+
+
+@app.command()
 def compensate(
     model: Annotated[
         Path,
@@ -259,6 +326,74 @@ def compensate(
         max_shift_mm=max_shift_mm,
         as_json=json,
     )
+
+
+@app.command(name="probe-plan")
+def probe_plan(
+    cell: Annotated[
+        Path,
+        typer.Argument(metavar="CELL|MODEL", help="cell.toml (nominal arm) or model file."),
+    ],
+    part: Annotated[Path, typer.Option("--part", help="CSV of the features that can be touched.")],
+    machined: Annotated[
+        list[Path],
+        typer.Option(
+            "--machined",
+            help="Postures (CSV with joints), tool path or program; may be repeated.",
+        ),
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", help="CSV of the touches to write.")],
+    touches: Annotated[int, typer.Option("--touches", "-n", help="How many, at most.")] = 20,
+    frame: Annotated[
+        str | None,
+        typer.Option(help="X,Y,Z,A,B,C: roughly where the part stands; default: what CELL says."),
+    ] = None,
+    run: Annotated[
+        str, typer.Option(help="compensated, or unchanged: with the controller's own model.")
+    ] = "compensated",
+    goal: Annotated[
+        str, typer.Option(help="mean: least rms uncertainty. worst: that of the worst point.")
+    ] = "mean",
+    tolerance_mm: Annotated[
+        float, typer.Option(help="Stop when that uncertainty (3-D, one sigma) is below this.")
+    ] = 0.0,
+    touch_sigma_mm: Annotated[
+        float, typer.Option(help="One standard deviation per axis of one touch.")
+    ] = 0.1,
+    tool_sigma_mm: Annotated[
+        float | None,
+        typer.Option(help="Of the tip in the flange; 0: unchanged since the model was made."),
+    ] = None,
+    lean_deg: Annotated[
+        float, typer.Option(help="By which touches lean off the machined attitudes.")
+    ] = 15.0,
+    tip_axis: Annotated[
+        str, typer.Option(help="The way to the tip in the tool frame: +z, or +x on many KUKA.")
+    ] = "+z",
+    report: Annotated[Path | None, typer.Option(help="Also write a report page (HTML).")] = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="Also write the uncertainty over the part (PNG).")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Choose the touches after which machined points are known best, and say how well."""
+    from robotrue.cli.probe_plan import Options
+    from robotrue.cli.probe_plan import run as plan_touches
+
+    options = Options(
+        touches=touches,
+        frame=frame,
+        goal=goal,
+        run=run,
+        tolerance_mm=tolerance_mm,
+        touch_sigma_mm=touch_sigma_mm,
+        tool_sigma_mm=tool_sigma_mm,
+        lean_deg=lean_deg,
+        tip_axis=tip_axis,
+        report=report,
+        picture=picture,
+    )
+    plan_touches(cell, part, machined, output, options, as_json=json)
 
 
 @app.command()

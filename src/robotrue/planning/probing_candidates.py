@@ -1,25 +1,25 @@
 """Touches that can be made: every feature, in the attitudes of the machining and leaned ones.
 
-The tip is the tool point of the robot handed over, and its tool axis is z of the tool frame, which
-points away from the flange. A feature is touched with the attitudes in which the part is machined
-(there the arm's own error is the same as when it cuts), turned about the tool axis and leaned to
-every side (that tells the tool point and the wrist), as far as the direction from which the feature
-is reached, the joint limits and what stands around allow.
+The tip is the tool point of the robot handed over. A feature is touched with the attitudes in which
+the part is machined (there the arm's own error is the same as when it cuts), turned about the tool
+axis and leaned to every side (that tells the tool point and the wrist), as far as the direction
+from which the feature is reached, the joint limits and what stands around allow. A feature that no
+machined attitude faces is touched straight from where it can be reached.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
 from robotrue.core.poses import apply, pose
 from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.core.units import DEG
-from robotrue.errors import ReachError
+from robotrue.errors import ReachError, ShapeError
 from robotrue.measurement.formats.features import Features
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.planning.probing import Machining
@@ -36,7 +36,8 @@ ALIKE: Final = 20.0 * DEG
 """Machined attitudes nearer to one another than this count as one."""
 MOST_ATTITUDES: Final = 12
 """Machined attitudes that are taken over; the commonest."""
-NEAREST: Final = "tracker"
+TRACKER: Final = "tracker"
+"""The body a scene puts where the tracker stands; touching needs none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,11 +48,26 @@ class TouchLimits:
         lean: rad, by which the tool is leaned off each machined attitude, to four sides.
         steepest: rad, largest angle between the tool and the direction a feature is reached from.
         margin: rad, kept from the joint limits.
+        tip_axis: (3,) the way from the flange to the tip, in the tool frame; normalised. Default:
+            +z; KUKA's own convention is +x.
     """
 
     lean: float = 15.0 * DEG
     steepest: float = 60.0 * DEG
     margin: float = 2.0 * DEG
+    tip_axis: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+
+    def __post_init__(self) -> None:
+        """Makes the axis unit.
+
+        Raises:
+            ShapeError: An axis without a direction.
+        """
+        axis: Array = frozen(self.tip_axis, (3,), "tip_axis")
+        if not np.linalg.norm(axis) > 0.0:
+            raise ShapeError("tip_axis is zero, expected a direction in the tool frame.")
+        unit = frozen(axis / np.linalg.norm(axis), (3,), "tip_axis")
+        object.__setattr__(self, "tip_axis", unit)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,14 +110,17 @@ def touch_candidates(
         ReachError: Not one touch is left; says what took them.
     """
     limits = TouchLimits() if limits is None else limits
-    attitude, near = _attitudes(robot, machining, limits.lean)
     place = np.stack([T_base_part[int(k)] for k in features.part])
+    outward = _outward(features, place)
+    stated = outward[~np.isnan(outward[:, 0])]
+    attitude, near = _attitudes(robot, machining, limits, stated)
     point = apply(place, features.point)
     n, a = len(features), len(attitude)
     feature, chosen = np.repeat(np.arange(n), a), np.tile(np.arange(a), n)
     counts: dict[str, int] = {}
     good = np.ones(n * a, dtype=bool)
-    open_side = _reached_from(features, place, attitude, limits.steepest)[feature, chosen]
+    towards = attitude @ limits.tip_axis
+    open_side = _reached_from(outward, towards, limits.steepest)[feature, chosen]
     good &= _left(counts, "the tool comes from the wrong side", good, ~open_side)
     joints = np.full((n * a, robot.dof), np.nan)
     mine = np.flatnonzero(good)
@@ -115,7 +134,7 @@ def touch_candidates(
     if scene is not None and good.any():
         standing = np.flatnonzero(good)
         for reason, hit in collisions(scene, joints[standing]).items():
-            if not reason.endswith(NEAREST):  # nothing is tracked here
+            if not reason.endswith(TRACKER):
                 bad = np.zeros_like(good)
                 bad[standing] = hit
                 good &= _left(counts, reason, good, bad)
@@ -141,13 +160,18 @@ def touch_candidates(
     )
 
 
-def attitude_groups(robot: RobotModel, joints: Array) -> tuple[IntArray, Array]:
+def attitude_groups(robot: RobotModel, joints: Array, *, tip_axis: Array) -> tuple[IntArray, Array]:
     """Returns the group of each posture (n,), and a representative posture (g, dof) of each group.
 
     Tool axes nearer than :data:`ALIKE` to that of a group's first posture belong to it, however the
     tool is turned about them. Groups come in the order of their first postures.
+
+    Args:
+        robot: Nominal arm with its tool.
+        joints: (n, dof) rad.
+        tip_axis: (3,) unit, in the tool frame.
     """
-    axis = forward(robot.nominal(), joints)[:, :3, 2]
+    axis = forward(robot.nominal(), joints)[:, :3, :3] @ tip_axis
     group = np.full(len(joints), -1, dtype=np.int64)
     first: list[int] = []
     for k in range(len(joints)):
@@ -158,29 +182,60 @@ def attitude_groups(robot: RobotModel, joints: Array) -> tuple[IntArray, Array]:
     return group, joints[first]
 
 
-def _attitudes(robot: RobotModel, machining: Machining, lean: float) -> tuple[Array, Array]:
+def _attitudes(
+    robot: RobotModel, machining: Machining, limits: TouchLimits, outward: Array
+) -> tuple[Array, Array]:
     """Attitudes R_base_tool (a, 3, 3) to touch with, and a posture (a, dof) near each."""
-    group, first = attitude_groups(robot, machining.joints)
+    axis = limits.tip_axis
+    group, first = attitude_groups(robot, machining.joints, tip_axis=axis)
     common = np.argsort(-np.bincount(group, minlength=len(first)), kind="stable")[:MOST_ATTITUDES]
-    own = forward(robot.nominal(), first[common])[:, :3, :3]
-    leans = lean * np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]], dtype=float)
-    if lean == 0.0:
+    near = first[common]
+    own = forward(robot.nominal(), near)[:, :3, :3]
+    own, near = _facing(own, near, axis, outward)
+    aside = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+    aside = aside / np.linalg.norm(aside)
+    across = np.cross(axis, aside)
+    leans = limits.lean * np.stack([np.zeros(3), aside, -aside, across, -across])
+    if limits.lean == 0.0:
         leans = leans[:1]
-    spins = np.zeros((len(SPINS), 3))
-    spins[:, 2] = SPINS
+    spins = SPINS[:, None] * axis
     turn = matrix_from_rotation_vector(leans)[:, None] @ matrix_from_rotation_vector(spins)[None]
     turn = turn.reshape(-1, 3, 3)
     every = own[:, None] @ turn[None]
-    return every.reshape(-1, 3, 3), np.repeat(first[common], len(turn), axis=0)
+    return every.reshape(-1, 3, 3), np.repeat(near, len(turn), axis=0)
 
 
-def _reached_from(features: Features, place: Array, attitude: Array, steepest: float) -> BoolArray:
-    """(n, a) whether the tool comes from the side a feature is open to."""
+def _facing(own: Array, near: Array, axis: Array, outward: Array) -> tuple[Array, Array]:
+    """The attitudes, and more that face features which the machined ones do not.
+
+    Each is the nearest machined one, turned no further than it must be.
+    """
+    for towards in -outward:
+        angle = (own @ axis) @ towards
+        best = int(np.argmax(angle))
+        if angle[best] >= np.cos(ALIKE) or len(own) >= 2 * MOST_ATTITUDES:
+            continue
+        now = own[best] @ axis
+        about = np.cross(now, towards)
+        if np.linalg.norm(about) < 1e-6:  # straight against it: any way round
+            about = np.cross(now, np.eye(3)[int(np.argmin(np.abs(now)))])
+        about = about / np.linalg.norm(about) * np.arccos(np.clip(now @ towards, -1.0, 1.0))
+        own = np.concatenate([own, (matrix_from_rotation_vector(about) @ own[best])[None]])
+        near = np.concatenate([near, near[best : best + 1]])
+    return own, near
+
+
+def _outward(features: Features, place: Array) -> Array:
+    """Directions (n, 3) in base from which the features can be reached; NaN: any."""
     known = ~np.isnan(features.access)
-    outward = np.where(known, features.access, features.normal)
+    direction = np.where(known, features.access, features.normal)
+    return np.asarray((place[:, :3, :3] @ direction[:, :, None])[:, :, 0])
+
+
+def _reached_from(outward: Array, towards: Array, steepest: float) -> BoolArray:
+    """(n, a) whether the tool comes from the side a feature is open to."""
     anywhere: BoolArray = np.isnan(outward[:, 0])
-    in_base = (place[:, :3, :3] @ np.nan_to_num(outward)[:, :, None])[:, :, 0]
-    against = -in_base @ attitude[:, :, 2].T
+    against = -np.nan_to_num(outward) @ towards.T
     return np.asarray((against >= np.cos(steepest)) | anywhere[:, None])
 
 

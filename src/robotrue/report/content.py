@@ -25,6 +25,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array, frozen
 from robotrue.errors import ShapeError
+from robotrue.report.part_map import PartMap
 
 Tone: TypeAlias = Literal["good", "caution", "bad", "plain"]
 """How a statement is coloured: as asked, look closer, not as asked, no judgement."""
@@ -359,6 +360,7 @@ Block: TypeAlias = (
     | HoleContour
     | PoseCurves
     | MapSlices
+    | PartMap
 )
 """Anything that can stand in a section, in reading order."""
 

@@ -23,6 +23,7 @@ from robotrue.report.content import (
     Verdict,
 )
 from robotrue.report.map_figure import slices_svg
+from robotrue.report.part_map import PartMap, part_map_svg
 from robotrue.report.plots import (
     coverage_svg,
     distribution_svg,
@@ -120,6 +121,8 @@ def _block(block: Block, key: str) -> str:
             inner = pose_curves_svg(block, key)
         case MapSlices():
             inner = slices_svg(block, key)
+        case PartMap():
+            inner = part_map_svg(block, key)
     caption = f'<p class="caption">{escape(block.caption)}</p>' if block.caption else ""
     return f'<div class="card"><h3>{escape(block.title)}</h3>{inner}{caption}</div>'
 

@@ -1,0 +1,168 @@
+"""The report page of a plan of touches: uncertainty over the part and against their number."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.core.units import DEG, MM
+from robotrue.planning.probing import ProbePlan, ProbingTask
+from robotrue.report.content import (
+    Column,
+    Fact,
+    PoseCurves,
+    PoseSeries,
+    ReportContent,
+    Section,
+    Table,
+    Tile,
+    Verdict,
+)
+from robotrue.report.page import report_html
+from robotrue.report.part_map import PartMap
+from robotrue.robot.forward import forward
+from robotrue.validation.error_map import radius_95
+
+FIRST = 3
+"""Touches from which the curve is drawn: fewer fix no frame."""
+
+
+SAME_SIDE = 45.0 * DEG
+"""Between the tool of a touch and that of the machining, up to which both are on one side."""
+
+
+def part_map(plan: ProbePlan, task: ProbingTask, tip_axis: Array) -> PartMap:
+    """Returns the map of what each machined point will be known to."""
+    machining = task.machining
+    names = machining.groups
+    robot = task.belief.robot.nominal()
+    axis = forward(robot, machining.joints)[:, :3, :3] @ tip_axis
+    side = np.stack([axis[machining.members(name)].mean(axis=0) for name in names])
+    alike = (forward(robot, plan.touches.joints)[:, :3, :3] @ tip_axis) @ side.T
+    drawn = np.where(alike.max(axis=1) > np.cos(SAME_SIDE), np.argmax(alike, axis=1), -1)
+    return PartMap(
+        groups=names,
+        group=np.array([names.index(name) for name in machining.group], dtype=np.float64),
+        point=machining.point,
+        radius=radius_95(plan.covariance),
+        touch=plan.touches.point,
+        touch_group=drawn.astype(np.float64),
+        uncovered=tuple(group.name for group in plan.groups if not group.covered),
+        caption="Points in the part frame; rings are points touched with the tool as it machines "
+        "there. Touches from other sides are not drawn.",
+    )
+
+
+def probe_plan_page(
+    plan: ProbePlan,
+    task: ProbingTask,
+    *,
+    tip_axis: Array,
+    notes: tuple[str, ...],
+    source: str,
+    robot: str,
+) -> str:
+    """Returns the page (HTML)."""
+    n = len(plan.row)
+    radius = radius_95(plan.covariance) / MM
+    covered = not plan.warnings
+    text = f"{n} touches; 95 % of the errors within {radius.max():.2f} mm at every machined point."
+    if not covered:
+        named = ", ".join(group.name for group in plan.groups if not group.covered)
+        text = f"{n} touches leave postures that none covers: {named}."
+    return report_html(
+        ReportContent(
+            title=f"Touches of a part: {robot}",
+            verdict=Verdict(
+                text=text,
+                tone="plain" if covered else "caution",
+                detail=f"As many touches spread evenly: {plan.spread_mean[n] / MM:.3f} mm rms "
+                f"instead of {plan.mean[n] / MM:.3f} mm.",
+            ),
+            simulated=False,
+            subtitle="a plan, before any touch",
+            tiles=(
+                Tile(label="touches", value=float(n), digits=0),
+                Tile(label="rms, one sigma", value=float(plan.mean[n] / MM), unit="mm"),
+                Tile(label="worst, 95 % within", value=float(radius.max()), unit="mm"),
+                Tile(label="spread, rms", value=float(plan.spread_mean[n] / MM), unit="mm"),
+            ),
+            sections=(
+                Section(
+                    title="Over the part",
+                    blocks=(part_map(plan, task, tip_axis), _groups(plan, task)),
+                ),
+                Section(title="Against the number of touches", blocks=(_curve(plan),)),
+                Section(title="Touches", blocks=(_touches(plan),)),
+            ),
+            doubts=(*plan.warnings, *notes),
+            provenance=(Fact(name="arm", value=source),),
+        )
+    )
+
+
+def _curve(plan: ProbePlan) -> PoseCurves:
+    n = len(plan.row)
+    counts = np.arange(min(FIRST, n), n + 1)
+    numbers = counts.astype(np.float64)
+    return PoseCurves(
+        series=(
+            PoseSeries(label="planned", count=numbers, median=plan.mean[counts], role="ours"),
+            PoseSeries(
+                label="spread evenly over the part", count=numbers, median=plan.spread_mean[counts]
+            ),
+        ),
+        axis_label="touches",
+        title="Expected uncertainty of the machined points, rms, one sigma",
+        caption="From what is believed of the arm alone; nothing was touched.",
+    )
+
+
+def _groups(plan: ProbePlan, task: ProbingTask) -> Table:
+    radius = radius_95(plan.covariance) / MM
+    return Table(
+        title="Machined groups",
+        columns=(
+            Column(title="group"),
+            Column(title="points", digits=0),
+            Column(title="rms, one sigma", unit="mm"),
+            Column(title="worst, 95 % within", unit="mm"),
+            Column(title="at best", unit="mm"),
+            Column(title="covered"),
+        ),
+        rows=tuple(
+            (
+                group.name,
+                group.postures,
+                group.uncertainty / MM,
+                float(radius[task.machining.members(group.name)].max()),
+                group.best / MM,
+                "yes" if group.covered else "no",
+            )
+            for group in plan.groups
+        ),
+        caption="At best: what these candidates allow, however many are touched.",
+    )
+
+
+def _touches(plan: ProbePlan) -> Table:
+    touches, dof = plan.touches, plan.touches.joints.shape[1]
+    return Table(
+        title="The touches, in the order of their worth",
+        columns=(
+            Column(title="touch"),
+            Column(title="feature"),
+            *(Column(title=axis, unit="mm", digits=1) for axis in "xyz"),
+            *(Column(title=f"j{i + 1}", unit="deg", digits=2) for i in range(dof)),
+        ),
+        rows=tuple(
+            (
+                k + 1,
+                touches.names[k],
+                *(float(v) for v in touches.point[k] / MM),
+                *(float(v) for v in touches.joints[k] / DEG),
+            )
+            for k in range(len(touches))
+        ),
+        caption="Points in the part; joints in the sense of the robot model.",
+    )

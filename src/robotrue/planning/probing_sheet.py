@@ -1,0 +1,50 @@
+"""A plan of touches as a table to be filled in: the file that registering reads."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.units import DEG, MM
+from robotrue.measurement.probing_set import ProbingSet
+
+PLANNED: Final = "# planned joints, nothing was touched yet"
+"""First line of every such file."""
+
+
+def touch_sheet(touches: ProbingSet, parts: Sequence[str]) -> bytes:
+    """Returns touches as CSV, one row each in their order: columns of a file of touched points.
+
+    The joints are those planned. At the machine each row gets the joints at its touch instead.
+
+    Args:
+        touches: With joints.
+        parts: Name of each part by its number; the column is left out for one part alone.
+    """
+    dof = touches.joints.shape[1]
+    header = ["name", "px_mm", "py_mm", "pz_mm", *(f"j{i + 1}_deg" for i in range(dof))]
+    normals = not touches.full.all()
+    if normals:
+        header += ["nx", "ny", "nz"]
+    if len(parts) > 1:
+        header.append("part")
+    buffer = io.StringIO(newline="")
+    buffer.write(f"{PLANNED}: put the joints at each touch in their place\n")
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(header)
+    for k, name in enumerate(touches.names):
+        row = [name, *_numbers(touches.point[k] / MM), *_numbers(touches.joints[k] / DEG)]
+        if normals:
+            row += _numbers(touches.normal[k])
+        if len(parts) > 1:
+            row.append(parts[int(touches.part[k])])
+        writer.writerow(row)
+    return buffer.getvalue().encode()
+
+
+def _numbers(values: Sequence[float]) -> list[str]:
+    return ["" if np.isnan(v) else f"{v:.6f}".rstrip("0").rstrip(".") for v in values]
