@@ -456,7 +456,7 @@ def _cover(
                 worst=float(np.sqrt(now[mine].max())),
                 best=least,
                 at_touches=at_touches,
-                cure="more touches would" if least <= FACTOR * at_touches else cure,
+                cure="more of these touches would" if least <= FACTOR * at_touches else cure,
             )
         )
     return tuple(out)
