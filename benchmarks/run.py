@@ -110,6 +110,7 @@ BENCHMARKS = (
     Benchmark(name="real_arms", quick=("--quick",), rows=measured_arms),
     Benchmark(name="transfer", quick=("--quick", "--rows", "side", "S1A"), rows=stated),
     Benchmark(name="planned_poses", quick=("--quick",), rows=stated),
+    Benchmark(name="registration", quick=("--quick",), rows=stated),
 )
 
 
