@@ -224,15 +224,16 @@ def unchanged_covariance(
     at_touch = (tip_columns(belief, touches) @ belief.root.T).reshape(3 * n, -1)
     at_work = tip_columns(belief, machined) @ belief.root.T
     seen = at_work - G @ (L @ at_touch)
-    visit = belief.white**2 + belief.repeatability**2
+    visit = belief.inflation * (belief.white**2 + belief.repeatability**2)
     touch = np.broadcast_to(np.asarray(touch_sigma, dtype=np.float64), (n,))
-    noise = np.repeat(visit + touch**2, 3)
-    frame = (L * noise) @ L.T
-    both = seen @ np.swapaxes(seen, 1, 2) + G @ frame @ np.swapaxes(G, 1, 2) + visit * np.eye(3)
+    frame = (L * np.repeat(visit + touch**2, 3)) @ L.T
+    both = belief.inflation * (seen @ np.swapaxes(seen, 1, 2))
+    both = both + G @ frame @ np.swapaxes(G, 1, 2) + visit * np.eye(3)
     if belief.basis is not None and belief.amplitude > 0.0:
-        both = both + _uncarried_beyond_frame(belief, touches, machined, G, L)
+        rest = _uncarried_beyond_frame(belief, touches, machined, G, L)
+        both = both + belief.inflation * rest
     turn = T_base_part[:3, :3]
-    return np.asarray(belief.inflation * (turn.T @ both @ turn))
+    return np.asarray(turn.T @ both @ turn)
 
 
 def _uncarried_beyond_frame(
