@@ -72,12 +72,12 @@ def slots(cells: int, *, worse: float, method: str, every: bool) -> None:
     print(f"{spent:.0f} CPU-s; mm: median [5 % 95 %]")
     head = "step                   sd of four  rms                    front  back   sculpture"
     print(f"{'':52s}  {head}")
-    for name, found in rows.items():
-        step, rms = (spread([getattr(r, q) for r in found]) for q in ("mismatch", "rms"))
+    for name, all_found in rows.items():
+        step, rms = (spread([getattr(r, q) for r in all_found]) for q in ("mismatch", "rms"))
         rest = [
-            np.median([getattr(r, q) for r in found]) / MM for q in ("front", "back", "contour")
+            np.median([getattr(r, q) for r in all_found]) / MM for q in ("front", "back", "contour")
         ]
-        sd = np.median([r.spread for r in found]) / MM
+        sd = np.median([r.spread for r in all_found]) / MM
         print(f"{name:52s}  {step:21s}  {sd:.3f}       {rms:21s}  ", end="")
         print("  ".join(f"{v:.3f}" for v in rest), flush=True)
     steps = np.array([r.mismatch for r in rows[PAPER]]) / MM

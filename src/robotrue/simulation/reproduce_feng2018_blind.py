@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel
-from robotrue.cell.registration.fit import Noise
+from robotrue.cell.registration.fit import Noise, Registration
 from robotrue.cell.registration.points import fit_points
 from robotrue.core.arrays import Array
 from robotrue.core.poses import pose, pose_from_xyz_abc
@@ -18,13 +18,13 @@ from robotrue.simulation.feng2018_cell import SIZE, CellSizes, FengCell, feng_ce
 from robotrue.simulation.feng2018_ways import Session, session, tips, together
 from robotrue.simulation.reproduction import Figure, single
 from robotrue.simulation.slot_test import Side, cut_slots
-from robotrue.validation.datum_check import check_datums
+from robotrue.validation.datum_check import DatumCheck, check_datums
 
 KNOCKED: Final = 1.0 * MM
 """By which the block is knocked after it was registered, for the datum check."""
 DATUMS: Final = np.array([[60.0, 0.0, 60.0], [340.0, 0.0, 340.0], [60.0, 0.0, 340.0]]) * MM
 """Datums on the front (3, 3) m, no touch of the frame."""
-TOLERANCE: Final = 0.3 * MM
+TOLERANCE: Final = 0.5 * MM
 ARM_SHARE: Final = 0.1 * MM
 """m per axis: what a calibrated arm still does from place to place."""
 
@@ -49,7 +49,7 @@ def blind_figures(seeds: range) -> list[Figure]:
         )
         out.append(single("blind", name, "step", "mm", None, result.mismatch / MM))
         out.append(single("blind", name, "rms", "mm", None, result.rms / MM))
-    knocked = [_knocked(session(seed), seed) for seed in seeds]
+    seen = [_seen(session(seed), seed) for seed in seeds]
     for k, (name, quantity, unit) in enumerate(
         (
             ("block at rest", "step", "mm"),
@@ -59,7 +59,7 @@ def blind_figures(seeds: range) -> list[Figure]:
             ("block knocked by 1 mm", "datum says off", "%"),
         )
     ):
-        values = np.array([row[k] for row in knocked])
+        values = np.array([row[k] for row in seen])
         ours = np.array([100.0 * values.mean()]) if unit == "%" else values / MM
         out.append(
             Figure(table="blind", name=name, quantity=quantity, unit=unit, paper=None, ours=ours)
@@ -67,29 +67,48 @@ def blind_figures(seeds: range) -> list[Figure]:
     return out
 
 
-def _knocked(s: Session, seed: int) -> tuple[float, float, float, float, float]:
-    """Step and datum at rest; step, rms and datum after the block was knocked."""
-    model = s.calibrated or s.nominal
+def registered(model: ErrorModel | RobotModel, s: Session) -> Registration:
+    """Returns the frame from ten touches on each of three sides, through a model."""
     touched = together(s.sides, 30)
-    noise = Noise(touch=s.cell.sizes.touch, robot=ARM_SHARE)
-    frame = fit_points(touched.points, tips(model, touched.joints), sigma=noise.sigma)
-    rng = np.random.default_rng([seed, 59])
+    sigma = Noise(touch=s.cell.sizes.touch, robot=ARM_SHARE).sigma
+    return fit_points(touched.points, tips(model, touched.joints), sigma=sigma)
+
+
+def datums_touched(
+    cell: FengCell,
+    model: ErrorModel | RobotModel,
+    frame: Registration,
+    rng: np.random.Generator,
+) -> DatumCheck:
+    """Returns the check of a frame by :data:`DATUMS`, touched in posture R through its model."""
+    return check_datums(
+        frame.T_base_part,
+        frame.covariance,
+        DATUMS,
+        tips(model, touch(cell, DATUMS, "R", rng)),
+        noise=Noise(touch=cell.sizes.touch, robot=ARM_SHARE),
+        tolerance=TOLERANCE,
+        names=("A", "B", "C"),
+        used=frame.names,
+    )
+
+
+def knocked(cell: FengCell, rng: np.random.Generator) -> FengCell:
+    """Returns the cell with its block pushed by :data:`KNOCKED` in a random direction."""
     direction = rng.normal(size=3)
     knock = pose(np.eye(3), KNOCKED * direction / np.linalg.norm(direction))
-    moved = replace(s.cell, T_base_part=knock @ s.cell.T_base_part)
+    return replace(cell, T_base_part=knock @ cell.T_base_part)
+
+
+def _seen(s: Session, seed: int) -> tuple[float, float, float, float, float]:
+    """Step and datum at rest; step, rms and datum after the block was knocked."""
+    model = s.calibrated or s.nominal
+    frame = registered(model, s)
+    rng = np.random.default_rng([seed, 59])
     found: list[float] = []
-    for cell in (s.cell, moved):
+    for cell in (s.cell, knocked(s.cell, rng)):
         slots = cut_slots(*_both(cell, model, frame.T_base_part), rng)
-        check = check_datums(
-            frame.T_base_part,
-            frame.covariance,
-            DATUMS,
-            tips(model, touch(cell, DATUMS, "R", rng)),
-            noise=noise,
-            tolerance=TOLERANCE,
-            names=("A", "B", "C"),
-            used=frame.names,
-        )
+        check = datums_touched(cell, model, frame, rng)
         found += [slots.mismatch, slots.rms, float(check.verdict == "is off")]
     return found[0], found[2], found[3], found[4], found[5]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
@@ -39,17 +39,24 @@ class Way:
     """One way to tie a program to the block.
 
     Attributes:
+        key: Short word for it.
         name: Of the way.
         sides: From a session to the two sides as they are cut.
         cell: Kind of cell: ``plain``, ``askew`` (spindle), ``true tip`` or ``true arm``.
     """
 
+    key: str
     name: str
     sides: Callable[[Session], Sides]
     cell: str = "plain"
 
 
-def _calibrated(s: Session) -> ErrorModel:
+def calibrated_of(s: Session) -> ErrorModel:
+    """Returns the session's calibrated model.
+
+    Raises:
+        ConfigurationError: It had no tracker.
+    """
     if s.calibrated is None:
         raise ConfigurationError("the session has no calibrated model.")
     return s.calibrated
@@ -63,36 +70,66 @@ TOUCHES_90: Final = "touches alone, 90, one estimate"
 REFITTED: Final = "calibrated, tool changed, refitted with the touches"
 
 WAYS: Final = (
-    Way(name=DRAWN, sides=as_drawn, cell="askew"),
-    Way(name=PAPER, sides=lambda s: three_points(s, s.nominal)),
-    Way(name="the same, tip exact", sides=lambda s: three_points(s, s.nominal), cell="true tip"),
-    Way(name="the same, arm exact", sides=lambda s: three_points(s, s.nominal), cell="true arm"),
-    Way(name="20 points on the front", sides=lambda s: front(s, s.nominal)),
-    Way(name="30 points on 3 sides, one frame", sides=lambda s: all_sides(s, s.nominal)),
-    Way(name="a frame for each side, 10 + 10", sides=lambda s: frame_per_side(s, s.nominal)),
-    Way(name="frame and tip, 30 points", sides=frame_and_tip),
-    Way(name=TOUCHES_30, sides=probing_only),
-    Way(name=TOUCHES_90, sides=lambda s: probing_only(s, 90)),
-    Way(name="calibrated, 3 points", sides=lambda s: three_points(s, _calibrated(s))),
-    Way(name=CALIBRATED, sides=lambda s: all_sides(s, _calibrated(s))),
+    Way(key="drawn", name=DRAWN, sides=as_drawn, cell="askew"),
+    Way(key="paper", name=PAPER, sides=lambda s: three_points(s, s.nominal)),
     Way(
+        key="tip-exact",
+        name="the same, tip exact",
+        sides=lambda s: three_points(s, s.nominal),
+        cell="true tip",
+    ),
+    Way(
+        key="arm-exact",
+        name="the same, arm exact",
+        sides=lambda s: three_points(s, s.nominal),
+        cell="true arm",
+    ),
+    Way(key="front", name="20 points on the front", sides=lambda s: front(s, s.nominal)),
+    Way(
+        key="one-frame",
+        name="30 points on 3 sides, one frame",
+        sides=lambda s: all_sides(s, s.nominal),
+    ),
+    Way(
+        key="per-side",
+        name="a frame for each side, 10 + 10",
+        sides=lambda s: frame_per_side(s, s.nominal),
+    ),
+    Way(key="frame-tip", name="frame and tip, 30 points", sides=frame_and_tip),
+    Way(key="touches-30", name=TOUCHES_30, sides=probing_only),
+    Way(key="touches-90", name=TOUCHES_90, sides=lambda s: probing_only(s, 90)),
+    Way(
+        key="calibrated-3",
+        name="calibrated, 3 points",
+        sides=lambda s: three_points(s, calibrated_of(s)),
+    ),
+    Way(key="calibrated", name=CALIBRATED, sides=lambda s: all_sides(s, calibrated_of(s))),
+    Way(
+        key="joint",
         name="calibrated, 30 points, one estimate",
-        sides=lambda s: joint_estimate(s, _calibrated(s)),
+        sides=lambda s: joint_estimate(s, calibrated_of(s)),
     ),
     Way(
+        key="changed",
         name="calibrated, tool changed, not refitted",
-        sides=lambda s: tool_not_refitted(s, _calibrated(s)),
+        sides=lambda s: tool_not_refitted(s, calibrated_of(s)),
     ),
-    Way(name=REFITTED, sides=lambda s: tool_refitted(s, _calibrated(s))),
-    Way(name="block turned, as drawn", sides=turned_as_drawn),
+    Way(key="refitted", name=REFITTED, sides=lambda s: tool_refitted(s, calibrated_of(s))),
+    Way(key="turned-drawn", name="block turned, as drawn", sides=turned_as_drawn),
     Way(
+        key="turned-3",
         name="block turned, 3 points each time",
         sides=lambda s: turned_three_points(s, s.nominal),
     ),
-    Way(name="block turned, 20 points each", sides=lambda s: turned_points(s, s.nominal)),
     Way(
+        key="turned",
+        name="block turned, 20 points each",
+        sides=lambda s: turned_points(s, s.nominal),
+    ),
+    Way(
+        key="turned-calibrated",
         name="block turned, 20 points each, calibrated",
-        sides=lambda s: turned_points(s, _calibrated(s)),
+        sides=lambda s: turned_points(s, calibrated_of(s)),
     ),
 )
 """From the drawing to one estimate."""
@@ -140,7 +177,7 @@ def results_of(
     out: dict[str, WayResult] = {}
     for way in ways:
         if way.cell not in sessions:
-            sessions[way.cell] = _session(way.cell, seed, method, sizes)
+            sessions[way.cell] = session_of(way.cell, seed, method=method, sizes=sizes)
         first, second = way.sides(sessions[way.cell])
         rng = np.random.default_rng([seed, 53])
         slots, body = cut_slots(first, second, rng), cut_contour(first, second, rng)
@@ -157,11 +194,14 @@ def results_of(
     return out
 
 
-def _session(kind: str, seed: int, method: str, sizes: CellSizes | None) -> Session:
-    other: Mapping[str, Callable[[], Session]] = {
-        "plain": lambda: session(seed, sizes=sizes, method=method),
-        "askew": lambda: with_spindle_askew(seed),
-        "true tip": lambda: session(seed, sizes=CellSizes(tip=0.0), method=None),
-        "true arm": lambda: session(seed, sizes=CellSizes(arm=0.0), method=None),
-    }
-    return other[kind]()
+def session_of(
+    kind: str, seed: int, *, method: str = "ripple", sizes: CellSizes | None = None
+) -> Session:
+    """Returns the session a way asks for; ``kind`` is :attr:`Way.cell`, the rest as above."""
+    if kind == "askew":
+        return with_spindle_askew(seed)
+    if kind == "true tip":
+        return session(seed, sizes=CellSizes(tip=0.0), method=None)
+    if kind == "true arm":
+        return session(seed, sizes=CellSizes(arm=0.0), method=None)
+    return session(seed, sizes=sizes, method=method)

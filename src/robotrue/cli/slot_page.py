@@ -1,0 +1,180 @@
+"""The report page of a simulated slot test: error on each side, the steps, what they cannot see."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotrue.core.units import MM
+from robotrue.report.content import (
+    Column,
+    ErrorMap,
+    Fact,
+    PointErrors,
+    ReportContent,
+    Section,
+    Table,
+    Tile,
+    Verdict,
+)
+from robotrue.report.page import report_html
+from robotrue.simulation.reproduce_feng2018_ways import Way
+from robotrue.simulation.slot_test import CHECKED, ContourResult, SlotResult
+from robotrue.validation.datum_check import DatumCheck
+
+MAGNIFICATION = 100.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tried:
+    """One way, cut in the virtual cell.
+
+    Attributes:
+        way: Which.
+        slots: The slot test.
+        body: The sculpture test.
+    """
+
+    way: Way
+    slots: SlotResult
+    body: ContourResult
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlotPage:
+    """What the page shows.
+
+    Attributes:
+        seed: Of the cell.
+        tried: All ways.
+        paper: The way of the paper.
+        chosen: The way set beside it.
+        rest: Datum check with the block where it was.
+        knocked: Datum check after the block was pushed; None if it was not.
+    """
+
+    seed: int
+    tried: tuple[Tried, ...]
+    paper: Tried
+    chosen: Tried
+    rest: DatumCheck
+    knocked: DatumCheck
+
+
+def slot_page(page: SlotPage) -> str:
+    """Returns the page (HTML)."""
+    paper, chosen = page.paper.slots, page.chosen.slots
+    before, after = (np.abs(s.measured.step).ravel() for s in (paper, chosen))
+    sides = tuple(
+        ErrorMap(
+            position=CHECKED,
+            before=paper.error[k],
+            after=chosen.error[k],
+            plane="xz",
+            magnification=MAGNIFICATION,
+            title=f"{name}: before the paper's way, after {page.chosen.way.name}",
+            caption=f"True error of the tip over the block, rms {paper.side_rms[k] / MM:.3f} and "
+            f"{chosen.side_rms[k] / MM:.3f} mm; axes of the block.",
+        )
+        for k, name in enumerate(("First side, from the front", "Second side, from the back"))
+    )
+    steps = PointErrors(
+        before=before,
+        after=after,
+        title="Step at nine places of four slots",
+        caption="Before: the paper's way. What a gauge would read.",
+        axis_label="place, slot by slot",
+    )
+    content = ReportContent(
+        title="Two-sided slot test",
+        subtitle=f"simulated KR160 and block, cell {page.seed}",
+        simulated=True,
+        verdict=Verdict(
+            text=f"Steps of {chosen.mismatch / MM:.3f} mm ({page.chosen.way.name}); "
+            f"{paper.mismatch / MM:.3f} mm the paper's way.",
+            detail=f"True error over both sides {chosen.rms / MM:.3f} and {paper.rms / MM:.3f} mm "
+            "rms: the steps do not show it all.",
+        ),
+        tiles=_tiles(page),
+        sections=(
+            Section(title="Error of each side", blocks=sides),
+            Section(title="The steps", blocks=(steps, _ways(page))),
+            Section(
+                title="What the steps cannot see",
+                text=" ".join(chosen.evaluation.blind),
+                blocks=(_datums(page),),
+            ),
+        ),
+        provenance=(Fact(name="seed", value=str(page.seed)),),
+    )
+    return report_html(content)
+
+
+def _tiles(page: SlotPage) -> tuple[Tile, ...]:
+    paper, chosen = page.paper, page.chosen
+    return (
+        Tile(
+            label="step of the slots",
+            value=chosen.slots.mismatch / MM,
+            unit="mm",
+            before=paper.slots.mismatch / MM,
+        ),
+        Tile(
+            label="true error, rms",
+            value=chosen.slots.rms / MM,
+            unit="mm",
+            before=paper.slots.rms / MM,
+        ),
+        Tile(
+            label="step of the sculpture",
+            value=chosen.body.mismatch / MM,
+            unit="mm",
+            before=paper.body.mismatch / MM,
+        ),
+    )
+
+
+def _ways(page: SlotPage) -> Table:
+    chosen = [t.way.key for t in page.tried].index(page.chosen.way.key)
+    return Table(
+        title="Every way on the same cell and the same touches",
+        columns=(
+            Column(title="way"),
+            Column(title="step", unit="mm"),
+            Column(title="sd of four", unit="mm"),
+            Column(title="rms, first", unit="mm"),
+            Column(title="rms, second", unit="mm"),
+            Column(title="sculpture", unit="mm"),
+        ),
+        rows=tuple(
+            (
+                t.way.name,
+                t.slots.mismatch / MM,
+                t.slots.evaluation.spread / MM,
+                *(v / MM for v in t.slots.side_rms),
+                t.body.mismatch / MM,
+            )
+            for t in page.tried
+        ),
+        highlight=chosen,
+        caption="Step: what a gauge reads. rms: the truth a real test does not have.",
+    )
+
+
+def _datums(page: SlotPage) -> Table:
+    return Table(
+        title="A datum that was not used for the frame, touched again",
+        columns=(
+            Column(title="block"),
+            Column(title="datum"),
+            Column(title="off by", unit="mm"),
+            Column(title="the check says"),
+        ),
+        rows=tuple(
+            (where, name, float(off / MM), check.verdict)
+            for where, check in (("where it was", page.rest), ("pushed by 1 mm", page.knocked))
+            for name, off in zip(check.names, check.distance, strict=True)
+        ),
+        caption="The steps are the same in both cases.",
+    )
