@@ -21,7 +21,7 @@ from robotrue.core.arrays import Array, frozen
 from robotrue.core.mesh import TriangleMesh
 from robotrue.core.poses import apply
 from robotrue.core.units import DEG, MM
-from robotrue.errors import ConfigurationError
+from robotrue.errors import ConfigurationError, ReachError
 from robotrue.planning.scene import Scene
 from robotrue.planning.spin import SpinSettings
 from robotrue.planning.tool_axis import Posed, resolve_spin
@@ -133,23 +133,19 @@ def plan_machining(
     box = _box(sides, mesh)
     _one_clamping(sides, box)
     scene = scene_without_reflector(cell)
-    home = _home(robot, scene, box, sides[0].T_base_part, settings)
-    posed: list[Posed] = []
-    moves: list[Array] = []
-    notes: list[str] = []
-    here = home
-    for side in sides:
-        frame = side.T_base_part
-        lifted = _with_lifts(side.path, box, settings.lift)
-        found = resolve_spin(robot, frame, lifted, settings.spin, near=home)
-        what = f"to the first point of {side.path.source}"
-        between = transit(scene, box, frame, here, found.joints[0], home, what=what)
-        posed.append(found)
-        moves.append(np.concatenate([between, found.joints[:1]]))
-        notes.extend(_doubts(found, settings))
-        here = found.joints[-1]
-    back = transit(scene, box, posed[-1].T_base_part, here, home, home, what="home")
-    moves = [np.concatenate([home[None], moves[0]]), *moves[1:], np.concatenate([back, home[None]])]
+    homes = _homes(robot, scene, box, sides[0].T_base_part, settings)
+    posed = [
+        resolve_spin(
+            robot,
+            side.T_base_part,
+            _with_lifts(side.path, box, settings.lift),
+            settings.spin,
+            near=homes[0],
+        )
+        for side in sides
+    ]
+    moves = _moves(scene, box, posed, homes)
+    notes = [note for each in posed for note in _doubts(each)]
     for each in posed:
         hits = blocked(scene, box, each.T_base_part, each.joints)
         hits.pop("collision with the part")  # cutting is meant to touch it
@@ -157,7 +153,7 @@ def plan_machining(
             if hit.any():
                 where = each.path.place(int(np.argmax(hit)))
                 notes.append(f"{where}: {reason} while cutting ({int(hit.sum())} points).")
-    return MachiningJob(sides=tuple(posed), moves=tuple(moves), notes=tuple(notes))
+    return MachiningJob(sides=tuple(posed), moves=moves, notes=tuple(notes))
 
 
 def _one_tool(paths: Sequence[Toolpath]) -> None:
@@ -172,22 +168,48 @@ def _one_tool(paths: Sequence[Toolpath]) -> None:
             )
 
 
-def _home(
+def _homes(
     robot: RobotModel, scene: Scene, box: Box, T_base_part: Array, settings: MachiningSettings
-) -> Array:
-    """The posture (6,) rad the job begins and ends at."""
-    fault = ""
+) -> list[Array]:
+    """Postures (6,) rad the job may begin and end at: inside the limits and clear."""
+    faults: list[str] = []
+    good: list[Array] = []
     for axes in np.atleast_2d(settings.home) if np.size(settings.home) else HOMES:
         home = axes if robot.controller is None else robot.controller.to_model(axes)
         beyond = (home < robot.limits[:, 0]) | (home > robot.limits[:, 1])
         hits = [k for k, hit in blocked(scene, box, T_base_part, home[None]).items() if hit.any()]
         if not beyond.any() and not hits:
-            return np.asarray(home)
+            good.append(np.asarray(home))
+            continue
         joint = int(np.argmax(beyond))
         why = f"A{joint + 1} is beyond its limits" if beyond.any() else hits[0]
         shown = ", ".join(f"{value / DEG:g}" for value in axes)
-        fault = fault or f"home (A1..A6 {shown} deg): {why}."
-    raise ConfigurationError(fault, hint="another --home-deg A1,..,A6, clear of the part.")
+        faults.append(f"home (A1..A6 {shown} deg): {why}.")
+    if not good:
+        raise ConfigurationError(faults[0], hint="another --home-deg A1,..,A6, clear of the part.")
+    return good
+
+
+def _moves(
+    scene: Scene, box: Box, posed: Sequence[Posed], homes: Sequence[Array]
+) -> tuple[Array, ...]:
+    """Moves from home to each side and home again, with the first home they all are clear from."""
+    fault: ReachError | None = None
+    for home in homes:
+        here, moves = home, [home[None]]
+        try:
+            for side in posed:
+                to = f"to the first point of {side.path.source}"
+                way = transit(scene, box, side.T_base_part, here, side.joints[0], home, what=to)
+                moves[-1] = np.concatenate([moves[-1], way, side.joints[:1]])
+                moves.append(np.empty((0, 6)))
+                here = side.joints[-1]
+            way = transit(scene, box, posed[-1].T_base_part, here, home, home, what="home")
+        except ReachError as error:
+            fault = fault or error
+        else:
+            return (*moves[:-1], np.concatenate([way, home[None]]))
+    raise fault or ReachError("no home was given.")
 
 
 def _one_clamping(sides: Sequence[Side], box: Box) -> None:
@@ -258,7 +280,7 @@ def _way_out(points: Array, axes: Array, box: Box, lift: float) -> Array:
     return np.where(inside, out.min(axis=1), 0.0)
 
 
-def _doubts(posed: Posed, settings: MachiningSettings) -> list[str]:
+def _doubts(posed: Posed) -> list[str]:
     """Sentences on a tight fit."""
     notes = []
     if posed.limit_margin < 5.0 * DEG:

@@ -4,8 +4,9 @@ Joint moves (all axes together, straight in joint space) are tried in a fixed or
 is clear is taken:
 
 1. straight to the next posture;
-2. drawn in: shoulder and elbow as at home, then axis 1 and the wrist, then out again;
-3. over home.
+2. drawn in: shoulder and elbow as at home, then axis 1 and the wrist, then out again; then the
+   same with the arm drawn further in (:data:`DRAWN`);
+3. over home, drawn in before and after.
 
 Clear means: no tube of the arm or tool (:mod:`robotrue.planning.scene`) comes into the box around
 the part or nearer than the clearance to an obstacle, at postures not more than 2 deg apart.
@@ -31,6 +32,8 @@ from robotrue.planning.scene import Scene, collisions, scene_of
 FINE: Final = 2.0 * DEG
 CLEARANCE: Final = 10.0 * MM
 """Kept from obstacles and of the arm from itself."""
+DRAWN: Final = np.array([-120.0, 90.0]) * DEG
+"""rad, controller's A2 and A3 of an arm drawn in: the upper arm leans back, the forearm rises."""
 
 
 def scene_without_reflector(cell: Cell) -> Scene:
@@ -80,11 +83,11 @@ def transit(
         what: Names the move in the message.
 
     Raises:
-        ReachError: None of the three is clear.
+        ReachError: None of them is clear.
     """
-    drawn = [np.concatenate([q[:1], home[1:3], q[3:]]) for q in (start, end)]
+    near, far = (_drawn(start, end, shape) for shape in (home[1:3], _drawn_shape(scene)))
     fault = ""
-    for between in ([], drawn, [home], [drawn[0], home, drawn[1]]):
+    for between in ([], near, far, [home], [near[0], home, near[1]], [far[0], home, far[1]]):
         way = _sampled(np.array([start, *between, end]))
         hits = blocked(scene, box, T_base_part, way)
         found = [reason for reason, hit in hits.items() if hit.any()]
@@ -96,6 +99,17 @@ def transit(
         f"no way {what} is clear: {fault}. Tried straight, drawn in, and over home.",
         hint="another --home-deg, a larger --lift-mm, or check part frame, tool and obstacles.",
     )
+
+
+def _drawn(start: Array, end: Array, shape: Array) -> list[Array]:
+    """Both postures with the shoulder and elbow of another."""
+    return [np.concatenate([q[:1], shape, q[3:]]) for q in (start, end)]
+
+
+def _drawn_shape(scene: Scene) -> Array:
+    controller = scene.cell.robot.controller
+    axes = np.concatenate([[0.0], DRAWN, np.zeros(3)])
+    return (axes if controller is None else controller.to_model(axes))[1:3]
 
 
 def _sampled(postures: Array) -> Array:
