@@ -51,7 +51,7 @@ class SlotPage:
         paper: The way of the paper.
         chosen: The way set beside it.
         rest: Datum check with the block where it was.
-        knocked: Datum check after the block was pushed; None if it was not.
+        knocked: Datum check after the block was pushed.
     """
 
     seed: int
@@ -73,9 +73,10 @@ def slot_page(page: SlotPage) -> str:
             after=chosen.error[k],
             plane="xz",
             magnification=MAGNIFICATION,
+            frame="part",
             title=f"{name}: before the paper's way, after {page.chosen.way.name}",
             caption=f"True error of the tip over the block, rms {paper.side_rms[k] / MM:.3f} and "
-            f"{chosen.side_rms[k] / MM:.3f} mm; axes of the block.",
+            f"{chosen.side_rms[k] / MM:.3f} mm.",
         )
         for k, name in enumerate(("First side, from the front", "Second side, from the back"))
     )

@@ -168,11 +168,12 @@ class ErrorMap:
     """Plot of error arrows at their places, before and after side by side.
 
     Attributes:
-        position: (n, 3) m, where, in base.
+        position: (n, 3) m, where, in ``frame``.
         before: (n, 3) m, actual minus commanded.
         after: (n, 3) m.
         plane: Which two axes are drawn.
         magnification: Arrow length over error length; stated in the plot.
+        frame: Whose axes, for the labels.
         title: Heading.
         caption: One sentence.
     """
@@ -182,6 +183,7 @@ class ErrorMap:
     after: Array
     plane: Plane = "xy"
     magnification: float = 100.0
+    frame: str = "base"
     title: str = "Where the errors point"
     caption: str = ""
 

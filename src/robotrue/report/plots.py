@@ -131,8 +131,8 @@ def map_svg(plot: ErrorMap, key: str) -> str:
             )  # fmt: skip
             tips.append(place + arrow)
             ax.set_title(f"{label}, arrows x{plot.magnification:g}")
-            ax.set_xlabel(f"{'xyz'[first]}, m (base)")
-            ax.set_ylabel(f"{'xyz'[second]}, m (base)")
+            ax.set_xlabel(f"{'xyz'[first]}, m ({plot.frame})")
+            ax.set_ylabel(f"{'xyz'[second]}, m ({plot.frame})")
         _same_view(axes, np.concatenate(tips))
 
     label = escape(plot.title, quote=True)

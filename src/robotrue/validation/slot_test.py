@@ -173,22 +173,22 @@ def _uneven(step: Array, slots: Array) -> float:
 def _sentences(frames: Frames, gain: float) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """What the step sees, and what it does not."""
     sees = [
-        "the difference of the arm's own error between the two postures, across the slot.",
+        "The difference of the arm's own error between the two postures, across the slot.",
     ]
     blind = [
-        "everything along and into the slot: the step is one direction of three.",
-        "errors both sides share: the slot may stand anywhere and its halves still meet.",
+        "Everything along and into the slot: the step is one direction of three.",
+        "Errors both sides share: the slot may stand anywhere and its halves still meet.",
     ]
     if gain > PARALLEL:
-        sees.insert(0, f"the tool tip, {gain:.2f} times its error across the tool.")
+        sees.insert(0, f"The tool tip, {gain:.2f} times its error across the tool.")
     else:
-        blind.append("the tool tip: the tool was turned about the direction that is measured.")
+        blind.append("The tool tip: the tool was turned about the direction that is measured.")
     if frames == "shared":
         blind.insert(
             0,
-            "the frame: both halves move with it, so a frame off by millimetres gives no step. "
+            "The frame: both halves move with it, so a frame off by millimetres gives no step. "
             "Touch a datum that was not used for it.",
         )
     else:
-        sees.append("the difference of the two frames, in full; what they share stays unseen.")
+        sees.append("The difference of the two frames, in full; what they share stays unseen.")
     return tuple(sees), tuple(blind)
