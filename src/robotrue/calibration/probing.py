@@ -9,9 +9,8 @@ machining have in common cancels.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import Any, Final
+from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
@@ -19,11 +18,10 @@ from robotrue.calibration.belief import (
     Belief,
     belief_of,
     conditioned,
-    model_of,
     widened,
     with_nuisances,
 )
-from robotrue.calibration.drift_scales import stacked
+from robotrue.calibration.drift_scales import Stack, stacked
 from robotrue.calibration.estimate import free_groups
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel
@@ -31,13 +29,16 @@ from robotrue.calibration.new_rows import NUISANCE_SD, NewRows, whitened
 from robotrue.calibration.parameters import Layout, State
 from robotrue.calibration.prior_belief import prior_belief
 from robotrue.calibration.priors import build_prior
-from robotrue.calibration.probing_outliers import agreeing_touches
+from robotrue.calibration.probing_estimate import (
+    ProbingEstimate,
+    ProbingSettings,
+    model_of_estimate,
+)
+from robotrue.calibration.probing_outliers import agreeing_touches, surprise
 from robotrue.calibration.probing_scales import learned_scales, noise_factor
-from robotrue.calibration.probing_start import start_frames, tips
+from robotrue.calibration.probing_start import check_held, start_frames, tips
 from robotrue.calibration.probing_summary import probing_summary
-from robotrue.calibration.residual import LearnedModel
-from robotrue.calibration.settings import FitSettings
-from robotrue.calibration.touches import frame_displacement, touch_rows
+from robotrue.calibration.touches import touch_rows
 from robotrue.calibration.update import centred, updated
 from robotrue.core.arrays import Array, BoolArray, frozen
 from robotrue.core.poses import inverse
@@ -52,137 +53,24 @@ from robotrue.errors import (
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.robot.model import RobotModel, parameter_slice
-from robotrue.robot.statics import NO_LOAD, Load
+
+__all__ = [
+    "ProbingEstimate",
+    "ProbingSettings",
+    "before_touching",
+    "estimate_probing",
+    "model_of_estimate",
+]
 
 STEPS: Final = 30
+IMPLAUSIBLE: Final = 10.0
+"""Touches this many times further off than expected are not touches of this part by this arm."""
+FEWEST_LEARNING: Final = 24
+"""Numbers beyond those of the frames from which they say something of scales."""
 ROUNDS: Final = 4
 """Times the touches are judged anew where the estimate has moved."""
 STILL: Final = 1e-7
 """m and rad: frames that move by less are at rest."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ProbingSettings:
-    """What the estimate is told besides the arm and the touches.
-
-    Attributes:
-        touch_sigma: m per axis of one touch: probe, surface, hand; without the arm.
-        tool_sigma: m per axis, how far the tool point may be from where the model has it. 0: the
-            tool that was measured is still in its holder; for a nominal arm that of ``priors``.
-        T_flange_tool: (4, 4) nominal tool of the touches, if another than the model's; what the
-            model knew of its own tool then does not apply, and ``tool_sigma`` must say how well
-            this one is known.
-        robust: Name and leave out touches that disagree.
-        learn: Let the touches scale the priors of a nominal arm, and noise beyond ``touch_sigma``.
-        payload: On the flange while touching.
-        priors: Of a nominal arm: scales, stiffness, repeatability.
-        start: ``T_base_part`` of parts whose touches do not say roughly where they stand.
-    """
-
-    touch_sigma: float = 5e-5
-    tool_sigma: float = 0.0
-    T_flange_tool: Array | None = None
-    robust: bool = True
-    learn: bool = True
-    payload: Load = NO_LOAD
-    priors: FitSettings = field(default_factory=FitSettings)
-    start: Mapping[int, Array] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        """Refuses values that cannot be.
-
-        Raises:
-            ConfigurationError: They are.
-        """
-        for name, value in (("touch_sigma", self.touch_sigma), ("tool_sigma", self.tool_sigma)):
-            if not 0.0 <= value < 0.1:
-                raise ConfigurationError(
-                    f"{name} {value / MM:g} mm, allowed 0 to 100 mm.",
-                    hint=f"0.1 mm is written {name}=1e-4.",
-                )
-        if self.T_flange_tool is not None:
-            tool = frozen(self.T_flange_tool, (4, 4), "T_flange_tool")
-            object.__setattr__(self, "T_flange_tool", tool)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ProbingEstimate:
-    """Arm and frames, known together.
-
-    Attributes:
-        belief: Joint posterior; its last columns are the frames, part by part in rising order: a
-            shift and a left rotation vector of ``T_part_base`` each (a socket: the shift alone).
-        T_base_part: (4, 4) of every part; a socket's axes are the base's.
-        layout: Of robot errors and frames, as :class:`robotrue.calibration.new_rows.NewRows`.
-        touches: As given.
-        residuals: (n, 3) m in base, touched minus where the estimate has it; along the normal
-            alone where a touch fixes only that.
-        outliers: Labels of the touches that were not believed.
-        sigma: m per axis, noise of one touch: stated, repeatability and learned white noise.
-        misfit: Residuals over ``sigma``, about 1 where it explains them: root mean square over the
-            degrees of freedom that the estimate leaves.
-        parents: The model it began with; none for a nominal arm.
-        summary: JSON values for the refined model.
-    """
-
-    belief: Belief
-    T_base_part: Mapping[int, Array]
-    layout: Layout
-    touches: ProbingSet
-    residuals: Array
-    outliers: tuple[str, ...]
-    sigma: float
-    misfit: float
-    parents: tuple[ErrorModel, ...]
-    summary: Mapping[str, Any]
-
-    @property
-    def distances(self) -> Array:
-        """Length of each residual, (n,) m."""
-        return np.asarray(np.linalg.norm(self.residuals, axis=1))
-
-    @property
-    def believed(self) -> BoolArray:
-        """(n,) True where the touch was believed."""
-        return np.array([label not in self.outliers for label in self.touches.labels])
-
-    @property
-    def rms(self) -> float:
-        """Root mean square length of the believed residuals, m."""
-        return float(np.sqrt(np.mean(self.distances[self.believed] ** 2)))
-
-    def columns(self, part: int) -> slice:
-        """Returns where the frame of a part stands in the belief.
-
-        Raises:
-            ModelMismatchError: No such part.
-        """
-        if part not in self.T_base_part:
-            raise ModelMismatchError(
-                f"part {part} was not touched; the estimate has {sorted(self.T_base_part)}."
-            )
-        place = self.layout.blocks[f"station/{part}"]
-        shift = self.belief.starts[3] - self.layout.robot_size
-        return slice(place.start + shift, place.stop + shift)
-
-    def covariance(self, part: int = 0) -> Array:
-        """Returns the covariance (6, 6) of a frame; (3, 3) of a socket.
-
-        Displacement of the part's origin (m), then left rotation vector (rad), both in base axes.
-
-        Raises:
-            ModelMismatchError: No such part.
-        """
-        place = self.columns(part)
-        turn = frame_displacement(self.T_base_part[part], place.stop - place.start)
-        half = self.belief.root[:, place] @ turn.T
-        out: Array = half.T @ half
-        return out
-
-    def joint_covariance(self) -> Array:
-        """Returns the covariance (p, p) of all columns of the belief, SI."""
-        out: Array = self.belief.root.T @ self.belief.root
-        return out
 
 
 def estimate_probing(
@@ -199,14 +87,13 @@ def estimate_probing(
             its type is known, from ``settings.priors`` (30 to 90 touches then calibrate it).
         touches: With the robot's joints.
         settings: Noise, tool, robustness.
-        measurements: Points of a tracker to be added to the same estimate, of the tool that
-            touches.
+        measurements: Points of a tracker on the model's own tool, added to the same estimate.
 
     Raises:
         ObservabilityError: Touches without joints, too few, on one line, or with a motion left
             free.
-        ImplausibleDataError: Half the touches of a part or more disagree; other units; a mirrored
-            part.
+        ImplausibleDataError: Half the touches of a part or more disagree, or all lie far from
+            what the arm can err; other units; a mirrored part.
         ModelMismatchError: Another number of joints.
         ConfigurationError: Another tool without ``tool_sigma``, or a model without covariance.
         ConvergenceError: No rest.
@@ -231,22 +118,22 @@ def estimate_probing(
     )
     prior = with_nuisances(before, np.full(rows.nuisances, NUISANCE_SD))
     after, rows, keep = _agreed(prior, rows, touches, settings)
-    if settings.learn:
-        prior = _scaled(model, prior, after, rows, keep, settings)
+    stack = stacked(rows.pieces(after, keep))
+    _check_plausible(surprise(stack, prior, _noise(prior)), touches)
+    if settings.learn and len(stack.values) - rows.nuisances >= FEWEST_LEARNING:
+        prior = _scaled(model, prior, stack, settings)
         after, rows, keep = _agreed(prior, rows, touches, settings)
+    _check_still_held(touches, keep, in_base, rows)
     return _result(prior, after, rows, touches, keep, settings, model)
 
 
-def model_of_estimate(estimate: ProbingEstimate) -> LearnedModel:
-    """Returns the arm as the estimate knows it, the frames left out, with its lineage."""
-    end = estimate.belief.starts[3]
-    arm = replace(
-        estimate.belief,
-        mean=estimate.belief.mean[:end],
-        root=estimate.belief.root[:, :end],
-        nuisances=0,
-    )
-    return model_of(arm, estimate.summary)
+def _check_still_held(touches: ProbingSet, keep: BoolArray, in_base: Array, rows: NewRows) -> None:
+    """Passes if the touches that are believed still fix every frame."""
+    believed = keep[: len(touches)]
+    for k, T in rows.T_tracker_base.items():
+        if k not in touches.sockets:
+            mine = np.flatnonzero((touches.part == k) & believed)
+            check_held(touches, in_base, mine, inverse(T))
 
 
 def _check_joints(touches: ProbingSet, dof: int) -> None:
@@ -384,16 +271,25 @@ def _believed(prior: Belief, at: Belief, rows: NewRows, touches: ProbingSet) -> 
     return keep
 
 
+def _check_plausible(found: float, touches: ProbingSet) -> None:
+    """Passes touches that are roughly as far off as belief and noise let expect.
+
+    Raises:
+        ImplausibleDataError: They are not.
+    """
+    if found > IMPLAUSIBLE:
+        raise ImplausibleDataError(
+            f"the touches lie {found:.3g} times further from what is believed of arm and part than "
+            f"expected, at most {IMPLAUSIBLE:g} times is plausible.",
+            source=touches.source or None,
+            hint="check names, units, joint signs, the tool, and touch_sigma.",
+        )
+
+
 def _scaled(
-    model: ErrorModel | RobotModel,
-    prior: Belief,
-    at: Belief,
-    rows: NewRows,
-    keep: BoolArray,
-    settings: ProbingSettings,
+    model: ErrorModel | RobotModel, prior: Belief, stack: Stack, settings: ProbingSettings
 ) -> Belief:
     """The prior with scales and noise as the touches ask."""
-    stack = stacked(rows.pieces(at, keep))
     if isinstance(model, RobotModel):
         physical = build_prior(
             Layout(dof=model.dof),

@@ -5,8 +5,9 @@ frames as believed, noise over weight), y their offsets and P = C^-1,
 
     e_i = P_ii^-1 (P y)_i        cov e_i = P_ii^-1
 
-(Rasmussen and Williams 2006, "Gaussian Processes for Machine Learning", eq. 5.10-5.12), so a bound needs no guess of how much the arm may err: that is in C, larger for a nominal arm,
-smaller for a calibrated one and for touches of one neighbourhood.
+(Rasmussen and Williams 2006, "Gaussian Processes for Machine Learning", eq. 5.10-5.12). A bound
+then needs no guess of how much the arm may err: that is in C, larger for a nominal arm, smaller for
+a calibrated one and for touches of one neighbourhood.
 """
 
 from __future__ import annotations
@@ -25,6 +26,21 @@ FALSE_ALARM: Final = 0.01
 """Chance that a set without a wrong touch loses one."""
 FAINT: Final = 1e-6
 """Weight of a touch that is not believed: its own number then says nothing."""
+
+
+def surprise(stack: Stack, belief: Belief, noise: Array) -> float:
+    """Returns how far the rows lie from what was believed, over how far they were expected to.
+
+    About 1 where belief and noise hold; the frames, of which nothing was known, take their share.
+    NaN where nothing is left over.
+    """
+    freedom = len(stack.values) - belief.nuisances
+    if freedom < 1:
+        return float("nan")
+    half = stack.columns @ belief.root.T
+    offset = stack.values - stack.columns @ belief.mean
+    total = half @ half.T + stack.known + np.diag(noise[0] * stack.white)
+    return float(np.sqrt(offset @ np.linalg.solve(total, offset) / freedom))
 
 
 def agreeing_touches(stack: Stack, belief: Belief, noise: Array, tested: int) -> BoolArray:
