@@ -25,7 +25,12 @@ from robotrue.planning.machining import MachiningJob, MachiningSettings, Side, p
 from robotrue.planning.spin import SpinSettings
 from robotrue.planning.tool_axis import Posed
 from robotrue.program.contour import contour_of, keep_inside, side_direction
-from robotrue.program.formats.krl_machining import SideMoves, Speeds, machining_program
+from robotrue.program.formats.krl_machining import (
+    SideMoves,
+    Speeds,
+    machining_program,
+    require_name,
+)
 from robotrue.program.formats.toolpaths import read_toolpath
 from robotrue.program.identity import ProgramIdentity, identity_path, write_identity
 from robotrue.program.toolpath import Toolpath, cut_length, duration
@@ -64,6 +69,7 @@ def run(
     sources = [p for p in (cell_path, model_path, mesh_path, *paths) if p is not None]
     for target in [p for p in (output, report) if p is not None]:
         check_output(target, sources)
+    require_name(output.stem)
     if not 0.0 <= margin_mm < np.inf:
         raise ConfigurationError(f"--margin-mm is {margin_mm:g} mm, expected 0 or more.")
     cell = read_cell(cell_path)
@@ -92,18 +98,14 @@ def run(
     job = plan_machining(cell, sides, settings, mesh=mesh)
     data = _krl(cell, job, output, speeds)
     notes = [*_frame_notes(cell, frames), *(n for s in sides for n in s.path.notes), *job.notes]
-    identity = ProgramIdentity(
-        model=cell.part.identity if cell.part is not None else identity_of(cell.robot),
-        compensated=False,
-        part="" if frames[0] is None else frames[0].name,
-        made_from=paths[0].name,
-        made_from_sha256=sha256(read_bytes(paths[0])),
-    )
+    identity = _identity(cell, frames[0], paths[0])
     document: dict[str, Any] = {"output": str(output), **summary(job, frames, speeds)}
     if model_path is None:
         write_atomic(output, data)
-        write_identity(output, data, identity)
-        document |= {"identity": str(identity_path(output)), "compensation": None}
+        if identity is not None:
+            write_identity(output, data, identity)
+        beside = None if identity is None else str(identity_path(output))
+        document |= {"identity": beside, "compensation": None}
     else:
         document |= _with_model(
             model_path, cell_path, cell, frames[0], data, identity, output, max_shift_mm
@@ -160,10 +162,10 @@ def _pose(cell: Cell, frame: PartFrame | None) -> Array:
 def _frame_notes(cell: Cell, frames: Sequence[PartFrame | None]) -> list[str]:
     if cell.part is None:
         return ["the cell is not registered; its [base] was taken for the part frame."]
+    doubtful = {f.name: f.verdict for f in frames if f is not None and f.verdict != "GO"}
     notes = [
-        f"part frame {frame.name!r} is {frame.verdict}: do not cut before it is not."
-        for frame in dict.fromkeys(frames)
-        if frame is not None and frame.verdict != "GO"
+        f"part frame {name!r} is {verdict}: do not cut before it is not."
+        for name, verdict in doubtful.items()
     ]
     if cell.part.identity.kind != "nominal":
         notes.append(
@@ -171,6 +173,19 @@ def _frame_notes(cell: Cell, frames: Sequence[PartFrame | None]) -> list[str]:
             "compensated by that model lands where it says."
         )
     return notes
+
+
+def _identity(cell: Cell, frame: PartFrame | None, path: Path) -> ProgramIdentity | None:
+    """Whose frame the program stands in; a frame that nobody touched binds it to no model."""
+    if cell.part is None or frame is None:
+        return None
+    return ProgramIdentity(
+        model=cell.part.identity,
+        compensated=False,
+        part=frame.name,
+        made_from=path.name,
+        made_from_sha256=sha256(read_bytes(path)),
+    )
 
 
 def _cutter(cell: Cell, text: str | None) -> Array:
@@ -237,7 +252,7 @@ def _with_model(
     cell: Cell,
     frame: PartFrame | None,
     data: bytes,
-    identity: ProgramIdentity,
+    identity: ProgramIdentity | None,
     output: Path,
     max_shift_mm: float,
 ) -> dict[str, Any]:
@@ -252,7 +267,7 @@ def _with_model(
     with tempfile.TemporaryDirectory() as folder:
         plain = Path(folder) / output.name
         write_atomic(plain, data)
-        if cell.part is not None:
+        if identity is not None:
             write_identity(plain, data, identity)
         made = compensated(
             model_path,

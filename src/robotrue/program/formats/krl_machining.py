@@ -86,6 +86,20 @@ class Speeds:
             )
 
 
+def require_name(name: str) -> None:
+    """Passes for a name a KRL program may have.
+
+    Raises:
+        ConfigurationError: Another one.
+    """
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name) or len(name) > LONGEST_NAME:
+        raise ConfigurationError(
+            f"program name {name!r}: KRL allows up to {LONGEST_NAME} letters, digits and "
+            "underscores, a letter first.",
+            hint="another file name, e.g. job.src.",
+        )
+
+
 def machining_program(
     name: str,
     T_flange_tool: Array,
@@ -109,12 +123,7 @@ def machining_program(
         ConfigurationError: A name KRL does not allow.
         FormatError: A point that cuts without a feed, with its line.
     """
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name) or len(name) > LONGEST_NAME:
-        raise ConfigurationError(
-            f"program name {name!r}: KRL allows up to {LONGEST_NAME} letters, digits and "
-            "underscores, a letter first.",
-            hint="another file name, e.g. job.src.",
-        )
+    require_name(name)
     lines = ["&ACCESS RVP", f"DEF {name}()", *(_comment(text) for text in remarks)]
     lines += ["BAS(#INITMOV,0)", f"BAS(#VEL_PTP,{speeds.joint})"]
     lines.append(f"$TOOL={{{frame_text(T_flange_tool)}}}")
