@@ -11,6 +11,7 @@ from robotrue.calibration.tables import MeanTables, rigid_tables
 from robotrue.core.poses import inverse, pose_from_xyz_abc
 from robotrue.core.rotations import rotation_vector_from_matrix
 from robotrue.core.units import DEG, MM
+from robotrue.core.words import NO_WORD
 from robotrue.program.program import Motion, Program, Reason
 from robotrue.robot.forward import forward, walk
 from robotrue.robot.model import RobotModel, parameter_slice
@@ -131,8 +132,8 @@ def program_of(
     base = {
         "motion": np.full(n, int(motion)),
         "reason": np.zeros(n, dtype=int),
-        "status": np.full(n, -1),
-        "turn": np.full(n, -1),
+        "words": np.full((n, 2), NO_WORD),
+        "words_of": "kuka",
         "frame": np.zeros(n, dtype=int),
         "tool": np.zeros(n, dtype=int),
         "axes": np.full((n, 6), np.nan),

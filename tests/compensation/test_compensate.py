@@ -14,12 +14,14 @@ from robotrue.calibration.model import Query
 from robotrue.calibration.tables import rigid_tables
 from robotrue.compensation import CompensationSettings, Status, compensate, unchanged
 from robotrue.core.units import DEG
+from robotrue.core.words import NO_WORD
 from robotrue.errors import ConfigurationError
 from robotrue.program.program import Motion, Reason
 from robotrue.robot.configuration import kuka_status_turn
 from robotrue.robot.forward import forward
 from robotrue.robot.presets import preset
 from robotrue.robot.statics import Load
+from robotrue.robot.words import configuration_words
 
 PAYLOAD = Load(mass=np.array([60.0]), com=np.array([[0.05, 0.0, 0.15]]))
 WRENCH = np.array([150.0, -300.0, 80.0, 2.0, -5.0, 9.0])
@@ -206,19 +208,25 @@ def test_axis_targets_on_request_only():
     assert np.abs(position - forward(model.robot, joints)[:, :3, 3]).max() < 1e-6
 
 
+EDGE_DEG = (0.0005, -0.0005)
+
+
 def test_status_and_turn_choose_the_branch_and_follow_the_axes():
     model = cases.rigid_model()
-    joints = np.radians([[10, -25, 20, -150, -55, 200], [10, -25, 20, 0.0005, 55, 40]])
+    joints = np.radians(
+        [[10, -25, 20, -150, -55, 200], *([10, -25, 20, x, 55, 40] for x in EDGE_DEG)]
+    )
     shape, turn = kuka_status_turn(model.robot, joints)
     program = cases.program_of(
-        forward(model.robot, joints), motion=Motion.PTP, status=shape, turn=turn
+        forward(model.robot, joints), motion=Motion.PTP, words=np.stack([shape, turn], axis=1)
     )
     result = compensate(model, program)
     assert (result.status == Status.COMPENSATED).all()
     assert np.abs(result.joints - joints).max() < 0.05
     new_shape, new_turn = kuka_status_turn(model.robot, result.joints)
-    kept = np.where(result.replacement.turn < 0, turn, result.replacement.turn)
-    assert np.array_equal(kept, new_turn)
+    renewed = result.replacement.words[:, 1]
+    assert (renewed != NO_WORD).sum() == 1  # one of the two crosses zero
+    assert np.array_equal(np.where(renewed == NO_WORD, turn, renewed), new_turn)
     assert np.array_equal(new_shape, shape)
 
 
@@ -241,3 +249,26 @@ def test_settings_refuse_what_cannot_be():
 def test_import_leaves_numba_alone():
     code = "import robotrue.compensation, sys; sys.exit('numba' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0  # noqa: S603
+
+
+@pytest.mark.parametrize("maker", ["abb", "fanuc", "yaskawa"])
+def test_words_of_every_maker_choose_the_branch_and_follow_the_axes(maker):
+    robot = replace(cases.kr160(), maker=maker)
+    model = cases.rigid_model(robot=robot)
+    edge, step = (0.5 * np.pi, 3e-4) if maker == "abb" else (np.pi, 3e-5)
+    joints = np.radians([[10, -25, 20, -150, -55, 200], [10, -25, 20, 30, 55, 40]])
+    axis = edge + step * np.array([1.0, -1.0])[:, None]
+    joints = np.concatenate([joints, np.repeat(joints[1:], 2, axis=0)])
+    joints[2:, [3]] = axis  # on both sides of where the word of axis 4 changes
+    words = configuration_words(robot, maker, joints)
+    assert (words[2] != words[3]).any()
+    program = cases.program_of(
+        forward(robot, joints), motion=Motion.PTP, words=words, words_of=maker
+    )
+    result = compensate(model, program)
+    assert (result.status == Status.COMPENSATED).all()
+    assert np.abs(result.joints - joints).max() < 0.05
+    new = result.replacement.words
+    follows = configuration_words(robot, maker, result.joints)
+    assert np.array_equal(np.where(new == NO_WORD, words, new), follows)
+    assert (new == NO_WORD).all(axis=1).sum() == 3  # one of the two crosses the edge

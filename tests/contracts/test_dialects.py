@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from robotrue.core.words import NO_WORD
 from robotrue.errors import FormatError
 from robotrue.program.formats import detect, dialect, dialects, read_job, write_program
 from robotrue.program.program import FrameTable, Program, Replacement
@@ -24,14 +25,12 @@ def samples(data_dir: Path) -> list[Path]:
 
 
 def shifted(program: Program, by_m: float) -> Replacement:
-    n = len(program)
     return Replacement(
         changed=program.reason == 0,
         position=program.position + by_m,
         rotation=program.rotation,
         axes=program.axes,
-        status=np.full(n, -1),
-        turn=np.full(n, -1),
+        words=np.full_like(program.words, NO_WORD),
     )
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from robotrue.core.words import NO_WORD
 from robotrue.program.formats import dialect, read_job
 from robotrue.program.program import FrameTable, Program, Replacement
 
@@ -43,8 +44,7 @@ def replacement(
         position=program.position + np.array(by_mm) * 1e-3,
         rotation=program.rotation if rotation is None else program.rotation @ rotation,
         axes=program.axes,
-        status=np.full(len(program), -1),
-        turn=np.full(len(program), -1),
+        words=np.full_like(program.words, NO_WORD),
     )
 
 

@@ -9,6 +9,7 @@ from krl_samples import job, replacement, write
 
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
+from robotrue.core.words import NO_WORD
 from robotrue.program.program import FrameTable, Motion, Program, Reason, Replacement
 
 POINTS = 18_465
@@ -61,8 +62,7 @@ def planted(program: Program, seed: int) -> Replacement:
         position=program.position + rng.normal(0.0, 0.5 * MM, (n, 3)),
         rotation=program.rotation @ turn,
         axes=program.axes,
-        status=np.full(n, -1),
-        turn=np.where(program.turn >= 0, 42, -1),
+        words=np.stack([np.full(n, NO_WORD), np.where(program.words[:, 1] >= 0, 42, NO_WORD)], 1),
     )
 
 
@@ -89,8 +89,8 @@ def test_a_large_dirty_job(tmp_path: Path) -> None:
         error_deg = np.abs(new.rotation - change.rotation)[use] / DEG
         assert error_mm.max() <= half_mm
         assert error_deg.max() <= 3 * half_mm
-    assert set(again[0].turn.tolist()) == {-1, 42}
-    assert set(again[0].status.tolist()) == {-1, 2}
+    assert set(again[0].words[:, 1].tolist()) == {NO_WORD, 42}
+    assert set(again[0].words[:, 0].tolist()) == {NO_WORD, 2}
     # Nothing but numbers of targets differs: comments, folds, frames, loads, line ends.
     for text, program in zip(texts, (source, points), strict=True):
         before = program.data.decode("latin-1").split("\r\n")

@@ -87,7 +87,7 @@ def test_points_of_the_dat_take_frames_and_motion_of_the_src(tmp_path: Path) -> 
     assert motions(points) == [m.LIN, m.PTP, m.ARC_VIA, m.UNUSED, m.PTP]
     assert reasons(points)[:3] == [Reason.NONE] * 3
     assert reasons(points)[3:] == [Reason.UNUSED, Reason.JOINT_TARGET]
-    assert (points.status[0], points.turn[0]) == (2, 35)
+    assert points.words[0].tolist() == [2, 35]
     np.testing.assert_allclose(points.T_base_frame[points.frame[0]], base)
     np.testing.assert_allclose(points.T_flange_tool[points.tool[2]], tool)
     assert motions(source) == [m.ARC_END]

@@ -9,6 +9,7 @@ from krl_samples import body, changed_lines, read, replacement, write
 from robotrue.core.poses import inverse
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG
+from robotrue.core.words import NO_WORD
 from robotrue.errors import ShapeError
 from robotrue.program.program import Replacement
 
@@ -127,8 +128,7 @@ def test_small_modal_drifts_do_not_add_up() -> None:
         position=program.position + shift,
         rotation=change.rotation,
         axes=change.axes,
-        status=change.status,
-        turn=change.turn,
+        words=change.words,
     )
     again = read(write(program, change))
     assert np.abs(again.position - program.position - shift)[1:, 1].max() <= 1.01e-7
@@ -153,8 +153,7 @@ def test_modal_axes_are_inserted() -> None:
         position=change.position,
         rotation=change.rotation,
         axes=moved,
-        status=change.status,
-        turn=change.turn,
+        words=change.words,
     )
     assert changed_lines(program, change) == ["PTP {A1 5.000,A5 0.2500}"]
 
@@ -177,16 +176,15 @@ def test_the_auxiliary_point_gets_no_orientation() -> None:
 def test_status_and_turn(old: str, new: str) -> None:
     text = "PTP {X 1.0,Y 2.0,Z 3.0,A 4.0,B 5.0,C 6.0,%s}\nPTP {X 1.0,Y 2.0,Z 3.0,A 4.0,B 5.0,C 6.0}"
     program = body(text % old)
-    assert (program.status[0], program.turn[0]) == (2, 53 if "B" in old else 35)
-    assert (program.status[1], program.turn[1]) == (-1, -1)
+    assert program.words[0].tolist() == [2, 53 if "B" in old else 35]
+    assert program.words[1].tolist() == [NO_WORD, NO_WORD]
     keep = replacement(program)
     change = Replacement(
         changed=keep.changed,
         position=keep.position,
         rotation=keep.rotation,
         axes=keep.axes,
-        status=np.array([6, 6]),
-        turn=np.array([10, 10]),
+        words=np.array([[6, 10], [6, 10]]),
     )
     assert changed_lines(program, change) == [(text % new).splitlines()[0]]
 

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
+from robotrue.core.words import NO_WORD
 from robotrue.errors import FormatError
 from robotrue.program.formats import dialect
 from robotrue.program.program import FrameTable, Program, Replacement
@@ -70,14 +71,12 @@ def read(data: bytes) -> Program:
 
 
 def moved(program: Program, shift: np.ndarray, turn: np.ndarray) -> Replacement:
-    n = len(program)
     return Replacement(
-        changed=np.ones(n, dtype=bool),
+        changed=np.ones(len(program), dtype=bool),
         position=program.position + shift,
         rotation=program.rotation @ turn,
         axes=program.axes,
-        status=np.full(n, -1),
-        turn=np.full(n, -1),
+        words=np.full_like(program.words, NO_WORD),
     )
 
 

@@ -6,6 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from robotrue.core.words import NO_WORD
 from robotrue.errors import FormatError
 from robotrue.program.formats import dialect
 from robotrue.program.program import FrameTable, Reason, Replacement
@@ -72,14 +73,12 @@ def check(data: bytes, name: str = "part.src") -> bool:
         assert refused.line is not None
         assert 1 <= refused.line <= data.count(b"\n") + data.count(b"\r") + 1
         return False
-    n = len(program)
     change = Replacement(
         changed=np.isin(program.reason, (Reason.NONE, Reason.JOINT_TARGET)),
         position=program.position,
         rotation=program.rotation,
         axes=program.axes,
-        status=np.full(n, -1),
-        turn=np.full(n, -1),
+        words=np.full_like(program.words, NO_WORD),
     )
     assert KRL.write(program, change) == data
     return True

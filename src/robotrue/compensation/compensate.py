@@ -23,6 +23,7 @@ from robotrue.compensation.status import Route, Status
 from robotrue.core.arrays import Array
 from robotrue.core.poses import pose
 from robotrue.core.units import UM
+from robotrue.core.words import NO_WORD
 from robotrue.program.program import Program, Replacement
 from robotrue.robot.inverse_numeric import solve_global
 from robotrue.robot.model import RobotModel
@@ -100,12 +101,11 @@ def _result(
 ) -> Compensation:
     n = len(program)
     changed = outcome.status == Status.COMPENSATED
-    status, turn = np.full(n, -1, dtype=np.int64), np.full(n, -1, dtype=np.int64)
+    new = np.full_like(program.words, NO_WORD)
     worded = plan.worded[changed[plan.worded]]
     if len(worded):
-        words = new_words(robot, program, worded, outcome.joints[worded])
-        status[worded], turn[worded] = words[0], words[1]
-        notes.extend(words[2])
+        new[worded], said = new_words(robot, program, worded, outcome.joints[worded])
+        notes.extend(said)
     axes = program.axes
     moved = np.flatnonzero(changed & (plan.route == Route.AXES))
     if len(moved) and robot.controller is not None:
@@ -118,8 +118,7 @@ def _result(
             position=outcome.position,
             rotation=outcome.rotation.reshape(n, 3, 3),
             axes=axes,
-            status=status,
-            turn=turn,
+            words=new,
         ),
         status=outcome.status,
         predicted_error_before=outcome.before,

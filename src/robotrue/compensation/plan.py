@@ -11,14 +11,15 @@ from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.status import Route, Status
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.poses import inverse, pose
+from robotrue.core.words import NO_WORD
 from robotrue.errors import ModelMismatchError
 from robotrue.program.program import Motion, Program, Reason
-from robotrue.robot.configuration import EDGE, kuka_status_turn
-from robotrue.robot.inverse import inverse_branches
+from robotrue.robot.inverse import inverse_batch, inverse_branches
 from robotrue.robot.model import RobotModel
 from robotrue.robot.opw import opw_geometry
+from robotrue.robot.words import branch_fits, configuration_words, on_turn, renewed
 
-SHAPE_BITS = 7  # KUKA S: shoulder, elbow, wrist; bit 3 says how the point was taught
+CALLED = {"kuka": "S and T", "abb": "confdata", "fanuc": "CONFIG", "yaskawa": "RCONF"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,7 +79,7 @@ def lay_out(robot: RobotModel, program: Program, settings: CompensationSettings)
         status=status,
         rows=rows[order],
         joints=np.concatenate([joints, chosen])[order],
-        worded=worded,
+        worded=_with_words(robot, program, route, worded),
         notes=notes,
     )
 
@@ -117,62 +118,62 @@ def _tool_known(program: Program, rows: IntArray) -> BoolArray:
 def _by_words(
     robot: RobotModel, program: Program, route: IntArray
 ) -> tuple[IntArray, Array, tuple[str, ...]]:
-    """Returns the joint-move targets whose S and T choose the nominal joints, and those joints."""
-    rows = np.flatnonzero((route == Route.FREE) & (program.status >= 0))
+    """Returns the targets whose words choose the nominal joints, and those joints (k, 6) rad.
+
+    Joint moves, and the first target when it is a straight one: straight moves keep the branch.
+    """
+    maker = program.words_of
+    spoken = (program.words != NO_WORD).any(axis=1)
+    asked = np.asarray((route == Route.FREE) & spoken)
+    begun = np.flatnonzero(route != Route.SKIP)
+    if len(begun) and maker != "kuka":  # KUKA reads S and T of joint moves alone
+        asked[begun[0]] |= bool(spoken[begun[0]] and route[begun[0]] == Route.LINEAR)
+    rows = np.flatnonzero(asked)
     nothing = np.empty(0, dtype=np.int64), np.empty((0, 6)), ()
-    if robot.maker != "kuka" or not len(rows):
-        return nothing
-    geometry = opw_geometry(robot)
+    geometry = opw_geometry(robot) if robot.maker == maker and len(rows) else None
     if geometry is None:
         return nothing
-    T_flange_tool = program.T_flange_tool[program.tool[rows]]
-    T_frame_tool = pose(program.rotation[rows], program.position[rows])
-    T_base_flange = (
-        program.T_base_frame[program.frame[rows]] @ T_frame_tool @ inverse(T_flange_tool)
-    )
-    options = inverse_branches(robot, T_base_flange, geometry=geometry)
+    options = inverse_branches(robot, _flange(program, rows), geometry=geometry)
     reached = np.asarray(np.isfinite(options).all(axis=2))
-    words = np.full(options.shape[:2], -1)
-    words[reached], _ = kuka_status_turn(robot, options[reached])
-    fits = np.asarray(reached & ((words & SHAPE_BITS) == (program.status[rows, None] & SHAPE_BITS)))
-    found = fits.any(axis=1)
+    have = np.full((*options.shape[:2], program.words.shape[1]), NO_WORD)
+    have[reached] = configuration_words(robot, maker, options[reached])
+    fits = reached & branch_fits(maker, program.words[rows], have)
+    found = np.asarray(fits.any(axis=1))
     joints = options[np.arange(len(rows)), np.argmax(fits, axis=1)]
-    joints, turned = _on_turn(robot, joints, program.turn[rows])
-    notes: tuple[str, ...] = ()
+    joints, turned = on_turn(robot, maker, joints, program.words[rows])
     astray = rows[reached.any(axis=1) & ~(found & turned)]
+    notes: tuple[str, ...] = ()
     if len(astray):
         notes = (
-            f"{line_list(program, astray)}: no solution has the S and T written there; "
+            f"{line_list(program, astray)}: no solution has the {CALLED[maker]} written there; "
             "the nearest to the target before was taken.",
         )
     good = found & turned
     return rows[good], joints[good], notes
 
 
-def _on_turn(robot: RobotModel, joints: Array, turn: IntArray) -> tuple[Array, BoolArray]:
-    """Returns joints on the turn with the signs of the T word, and whether one is in limits."""
-    out = np.array(joints)
-    good = np.ones(len(joints), dtype=np.bool_)
-    if robot.controller is None:
-        return out, good
-    for i in range(6):
-        best = np.full(len(joints), np.inf)
-        for k in (0, -1, 1):
-            q = joints[:, i] + 2.0 * np.pi * k
-            axis = robot.controller.sign[i] * q + robot.controller.offset[i]
-            allowed = (turn < 0) | ((axis < 0.0) == ((turn >> i) & 1 == 1)) | (np.abs(axis) < EDGE)
-            allowed &= (q >= robot.limits[i, 0] - 1e-9) & (q <= robot.limits[i, 1] + 1e-9)
-            better = allowed & (np.abs(axis) < best)
-            out[better, i] = q[better]
-            best[better] = np.abs(axis)[better]
-        good &= np.isfinite(best)
-    return out, good
+def _flange(program: Program, rows: IntArray) -> Array:
+    """(k, 4, 4) flange in base of the chosen targets."""
+    T_flange_tool = program.T_flange_tool[program.tool[rows]]
+    T_frame_tool = pose(program.rotation[rows], program.position[rows])
+    out: Array = program.T_base_frame[program.frame[rows]] @ T_frame_tool @ inverse(T_flange_tool)
+    return out
+
+
+def _with_words(robot: RobotModel, program: Program, route: IntArray, chosen: IntArray) -> IntArray:
+    """Returns the targets whose words must stay true: KUKA's joint moves, all others of any."""
+    maker = program.words_of
+    if maker == "kuka" or robot.maker != maker or opw_geometry(robot) is None:
+        return chosen
+    spoken = (program.words != NO_WORD).any(axis=1)
+    posed = np.isin(route, [Route.FREE, Route.LINEAR, Route.GIVEN])
+    return np.flatnonzero(spoken & posed)
 
 
 def new_words(
     robot: RobotModel, program: Program, rows: IntArray, joints: Array
-) -> tuple[IntArray, IntArray, tuple[str, ...]]:
-    """Returns S and T (k,) to print for compensated targets, -1 where they stay, and a warning.
+) -> tuple[IntArray, tuple[str, ...]]:
+    """Returns the words (k, w) to print for compensated targets, and a note on those renewed.
 
     Args:
         robot: The nominal arm.
@@ -180,16 +181,21 @@ def new_words(
         rows: (k,) the targets concerned.
         joints: (k, 6) rad, commanded.
     """
-    shape, signs = kuka_status_turn(robot, joints)
-    old_shape, old_turn = program.status[rows], program.turn[rows]
-    status = (shape & SHAPE_BITS) | (old_shape & ~SHAPE_BITS)
-    status = np.where(status == old_shape, -1, status).astype(np.int64)
-    turn = np.where((old_turn < 0) | (signs == old_turn), -1, signs).astype(np.int64)
-    crossed = rows[turn >= 0]
+    maker, written = program.words_of, program.words[rows]
+    after = configuration_words(robot, maker, joints)
+    before = np.array(written)
+    doubtful = np.flatnonzero(((after != written) & (written != NO_WORD)).any(axis=1))
+    if len(doubtful):
+        flange = robot.with_tool(np.eye(4))
+        nominal = inverse_batch(flange, _flange(program, rows[doubtful]), near=joints[doubtful])
+        known = np.isfinite(nominal).all(axis=1)
+        before[doubtful[known]] = configuration_words(robot, maker, nominal[known])
+    words = renewed(maker, written, before, after)
+    crossed = rows[(words != NO_WORD).any(axis=1)]
     notes: tuple[str, ...] = ()
     if len(crossed):
         notes = (
-            f"{line_list(program, crossed)}: an axis crosses zero with the correction; "
-            "the turn word was renewed.",
+            f"{line_list(program, crossed)}: the correction takes an axis across the edge of a "
+            f"word; {CALLED[maker]} were renewed.",
         )
-    return status, turn, notes
+    return words, notes

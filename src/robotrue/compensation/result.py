@@ -11,6 +11,7 @@ import numpy as np
 from robotrue.compensation.status import Status
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.units import DEG, UM
+from robotrue.core.words import NO_WORD
 from robotrue.program.program import Program, Replacement
 
 
@@ -102,12 +103,10 @@ def line_list(program: Program, rows: Array | IntArray, limit: int = 5) -> str:
 
 def unchanged(program: Program) -> Replacement:
     """Returns the replacement that rewrites nothing: the zero correction."""
-    n = len(program)
     return Replacement(
-        changed=np.zeros(n, dtype=np.bool_),
+        changed=np.zeros(len(program), dtype=np.bool_),
         position=program.position,
         rotation=program.rotation,
         axes=program.axes,
-        status=np.full(n, -1, dtype=np.int64),
-        turn=np.full(n, -1, dtype=np.int64),
+        words=np.full_like(program.words, NO_WORD),
     )

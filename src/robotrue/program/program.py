@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robotrue.core.arrays import Array, frozen
+from robotrue.core.words import WORDS, Maker
 
 
 class Motion(IntEnum):
@@ -55,8 +56,9 @@ class Program:
         axes: (n, dof) rad, the controller's axis values of axis targets; NaN otherwise.
         motion: (n,) :class:`Motion`.
         reason: (n,) :class:`Reason`.
-        status: (n,) configuration word as written (KUKA S; -1 if absent).
-        turn: (n,) turn word as written (KUKA T; -1 if absent).
+        words: (n, w) configuration words as written, columns of :mod:`robotrue.core.words`;
+            ``NO_WORD`` where one is absent.
+        words_of: Whose words they are.
         line: (n,) one-based line of the target.
         frame: (n,) index into ``T_base_frame``: the work frame the target is written in.
         tool: (n,) index into ``T_flange_tool``.
@@ -74,8 +76,8 @@ class Program:
     axes: Array
     motion: npt.NDArray[np.int64]
     reason: npt.NDArray[np.int64]
-    status: npt.NDArray[np.int64]
-    turn: npt.NDArray[np.int64]
+    words: npt.NDArray[np.int64]
+    words_of: Maker
     line: npt.NDArray[np.int64]
     frame: npt.NDArray[np.int64]
     tool: npt.NDArray[np.int64]
@@ -95,8 +97,10 @@ class Program:
             ("T_flange_tool", (None, 4, 4)),
         ):
             object.__setattr__(self, name, frozen(getattr(self, name), shape, name, allow_nan=True))
-        for name in ("motion", "reason", "status", "turn", "line", "frame", "tool"):
+        for name in ("motion", "reason", "line", "frame", "tool"):
             object.__setattr__(self, name, frozen(getattr(self, name), (n,), name, dtype=np.int64))
+        words = frozen(self.words, (n, WORDS[self.words_of]), "words", dtype=np.int64)
+        object.__setattr__(self, "words", words)
 
     def __len__(self) -> int:
         return len(self.position)
@@ -111,16 +115,14 @@ class Replacement:
         position: (n, 3) m, in the target's own base frame.
         rotation: (n, 3, 3).
         axes: (n, dof) rad, controller's axes, for axis targets.
-        status: (n,) new configuration word, -1 keeps what is written.
-        turn: (n,) new turn word, -1 keeps what is written.
+        words: (n, w) new configuration words; ``NO_WORD`` keeps what is written.
     """
 
     changed: npt.NDArray[np.bool_]
     position: Array
     rotation: Array
     axes: Array
-    status: npt.NDArray[np.int64]
-    turn: npt.NDArray[np.int64]
+    words: npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

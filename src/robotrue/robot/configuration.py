@@ -159,27 +159,36 @@ def abb_confdata(robot: RobotModel, joints: Array) -> IntArray:
     return out.astype(np.int64)
 
 
-def fanuc_config(robot: RobotModel, joints: Array) -> str:
-    """Returns Fanuc's CONFIG of joints q (6,) rad, e.g. ``"N U T, 0, 0, 0"``.
+def fanuc_words(robot: RobotModel, joints: Array) -> IntArray:
+    """Returns Fanuc's CONFIG as numbers (..., 6) of joints q (..., 6) rad.
 
-    F if J5 is negative, else N; U if the elbow is above the line from shoulder to wrist, else D; T
-    if the wrist point is in front of axis 1, else B; then the turns of J4, J5 and J6: 0 within
-    +-180 deg, 1 for 180..540, -1 for -540..-180. F / N by the sign of J5 is *from memory*; some
-    robot types print the turn of J1 in place of J5's.
+    1 for F, U and T, 0 for N, D and B: F if J5 is negative; U if the elbow is above the line from
+    shoulder to wrist; T if the wrist point is in front of axis 1. Then the turns of J4, J5 and J6:
+    0 within +-180 deg, 1 for 180..540, -1 for -540..-180. F / N by the sign of J5 is *from memory*;
+    some robot types print the turn of J1 in place of J5's.
 
     Raises:
         ConfigurationError: Not an ortho-parallel arm.
     """
-    q = frozen(joints, (6,), "joints")
-    ahead, fold = _posture(require_opw(robot), q)
-    axes = controller_axes(robot, q)
-    letters = (
-        "F" if wrap(axes[4]) < 0.0 else "N",
-        "U" if fold >= 0.0 else "D",
-        "T" if ahead >= 0.0 else "B",
-    )
-    turns = np.rint(axes[3:] / _TURN).astype(int)
-    return f"{' '.join(letters)}, {turns[0]}, {turns[1]}, {turns[2]}"
+    ahead, fold = _posture(require_opw(robot), joints)
+    axes = controller_axes(robot, joints)
+    letters = [wrap(axes[..., 4]) < 0.0, fold >= 0.0, ahead >= 0.0]
+    turns = np.rint(axes[..., 3:] / _TURN)
+    out = np.concatenate([np.stack([np.asarray(x) for x in letters], axis=-1), turns], axis=-1)
+    return out.astype(np.int64)
+
+
+def fanuc_config(robot: RobotModel, joints: Array) -> str:
+    """Returns Fanuc's CONFIG of joints q (6,) rad, e.g. ``"N U T, 0, 0, 0"``.
+
+    Letters and turns as :func:`fanuc_words`.
+
+    Raises:
+        ConfigurationError: Not an ortho-parallel arm.
+    """
+    words = fanuc_words(robot, frozen(joints, (6,), "joints"))
+    letters = " ".join(pair[w] for pair, w in zip(("NF", "DU", "BT"), words[:3], strict=True))
+    return f"{letters}, {words[3]}, {words[4]}, {words[5]}"
 
 
 def yaskawa_rconf(robot: RobotModel, joints: Array) -> IntArray:

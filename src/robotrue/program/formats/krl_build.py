@@ -9,6 +9,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import DEG, MM
+from robotrue.core.words import NO_WORD
 from robotrue.program.euler import matrices_from_abc
 from robotrue.program.formats.krl_flow import BASE, FOREIGN_BASE, ON_ROBOT, TOOL, differing
 from robotrue.program.formats.krl_modal import inherit, visits
@@ -101,8 +102,8 @@ class Builder:
             axes=axes,
             motion=motion,
             reason=reason,
-            status=words[:, 0],
-            turn=words[:, 1],
+            words=np.where(words < 0, NO_WORD, words),
+            words_of="kuka",
             line=line,
             frame=state[:, BASE],
             tool=state[:, TOOL],

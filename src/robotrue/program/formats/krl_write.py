@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import DEG, MM
+from robotrue.core.words import NO_WORD
 from robotrue.errors import ShapeError
 from robotrue.program.euler import nearest_abc
 from robotrue.program.formats.krl_scan import Bytes, Ints
@@ -85,8 +86,7 @@ def write_krl(program: Program, replacement: Replacement) -> bytes:
     if changed.shape != (len(program),):
         raise ShapeError(f"changed has shape {changed.shape}, expected ({len(program)},).")
     values, touched = _new_values(program, replacement, spans, changed)
-    status = np.where(changed, replacement.status, -1).astype(np.int64)
-    turn = np.where(changed, replacement.turn, -1).astype(np.int64)
+    status, turn = np.where(changed[:, None], replacement.words, NO_WORD).astype(np.int64).T
     row, component, value = _insertions(spans, values)
     if not (touched.any() or len(row) or (status >= 0).any() or (turn >= 0).any()):
         return program.data
