@@ -177,5 +177,5 @@ def _datums(page: SlotPage) -> Table:
             for where, check in (("where it was", page.rest), ("pushed by 1 mm", page.knocked))
             for name, off in zip(check.names, check.distance, strict=True)
         ),
-        caption="The steps are the same in both cases.",
+        caption="Both halves of a slot stay with the frame: pushing the block makes no step.",
     )
