@@ -17,7 +17,6 @@ import numpy as np
 from robotrue.calibration.belief import Belief, with_nuisances
 from robotrue.calibration.machined import tip_columns, uncarried
 from robotrue.calibration.model import Query
-from robotrue.calibration.new_rows import NUISANCE_SD
 from robotrue.calibration.update import centred
 from robotrue.core.arrays import Array, IntArray, frozen
 from robotrue.errors import ConfigurationError, ObservabilityError, ShapeError
@@ -33,6 +32,10 @@ An arm of its type errs 5 to 10 times as much on a side that was not touched as 
 REWEIGHTED: Final = 6
 POWER: Final = 1.0
 """The worst point: plans for the mean with weights that grow where the last one left most."""
+ROUGH: Final = 0.02
+ROUGH_TURN: Final = 0.04
+"""m and rad, sd of a frame before the first touch: loose beside any arm, and not so loose that the
+exchange of single touches, which takes them back, loses its digits."""
 UNFIXED: Final = 0.1
 """Share of the frame's prior sd that is left in some direction where touches do not fix it."""
 
@@ -171,7 +174,7 @@ def linear_task(task: ProbingTask) -> LinearTask:
     scale = float(np.sqrt(belief.inflation))  # what the model says of itself, touches aside
     belief = replace(belief, root=belief.root * scale, white=belief.white * scale, inflation=1.0)
     start = len(belief.mean)
-    placed = with_nuisances(belief, np.full(6 * len(parts), NUISANCE_SD))
+    placed = with_nuisances(belief, np.tile(np.repeat([ROUGH, ROUGH_TURN], 3), len(parts)))
     touched = Query(joints=task.candidates.joints, load=task.touch_load)
     seen = tip_columns(placed, touched, T_base_part=task.T_base_part, part=task.candidates.part)
     wanted = tip_columns(
@@ -312,10 +315,11 @@ def plan_touches(
             hint="fewer touches, or more features.",
         )
     linear = linear_task(task)
-    chosen = _planned(linear, n, goal)
+    chosen = _planned(linear, spread_touches(task.candidates, n), goal)
     mean, worst, known = followed(linear, chosen)
     while (kept := _enough(mean if goal == "mean" else worst, tolerance)) < len(chosen):
-        fewer = _planned(linear, kept, goal)  # chosen anew: as many touches can be better ones
+        # Chosen anew: as many touches can be better ones.
+        fewer = _planned(linear, spread_touches(task.candidates, kept), goal)
         trial = followed(linear, fewer)
         if trial[goal == "worst"][-1] > tolerance:
             chosen = chosen[:kept]
@@ -337,15 +341,22 @@ def plan_touches(
     )
 
 
-def _planned(linear: LinearTask, n: int, goal: Goal) -> IntArray:
-    """Rows of n candidates; each of them adds most to those before it."""
+def _planned(linear: LinearTask, spread: IntArray, goal: Goal) -> IntArray:
+    """Rows of as many candidates as spread ones; each adds most to those before it."""
     weight = np.ones(len(linear.columns))
     found, left = np.empty(0, dtype=np.int64), np.inf
     for _ in range(1 if goal == "mean" else REWEIGHTED):
         directions = linear.weight(weight)
-        first = greedy(linear.rows, directions, n)
-        better = exchanged(linear.rows, directions, first.chosen, criterion="I").chosen
-        square = np.trace(linear.covariance(known_after(linear.rows[better])), axis1=1, axis2=2)
+        starts = [greedy(linear.rows, directions, len(spread)).chosen, spread]
+        trials = [spread] + [
+            exchanged(linear.rows, directions, start, criterion="I").chosen for start in starts
+        ]
+        squares = [
+            np.trace(linear.covariance(known_after(linear.rows[trial])), axis1=1, axis2=2)
+            for trial in trials
+        ]
+        best = int(np.argmin([weight @ square for square in squares]))
+        better, square = trials[best], squares[best]
         if goal == "mean" or square.max() < left:
             found, left = _ordered(linear.rows, directions, better), float(square.max())
         weight = weight * (square / square.mean()) ** POWER
@@ -397,7 +408,8 @@ def _enough(left: Array, tolerance: float) -> int:
 def _require_frames(linear: LinearTask, known: Array, n: int, parts: tuple[int, ...]) -> None:
     left = np.einsum("ik,kl,il->i", linear.frames, known, linear.frames)
     for k, part in enumerate(parts):
-        share = float(np.sqrt(left[6 * k : 6 * k + 6].max())) / NUISANCE_SD
+        spread = np.sqrt(left[6 * k : 6 * k + 6])
+        share = float(max(spread[:3].max() / ROUGH, spread[3:].max() / ROUGH_TURN))
         if share > UNFIXED:
             raise ObservabilityError(
                 f"{n} touches do not fix the frame of part {part}.",
