@@ -67,6 +67,11 @@ IMPLAUSIBLE: Final = 10.0
 """Touches this many times further off than expected are not touches of this part by this arm."""
 FEWEST_LEARNING: Final = 24
 """Numbers beyond those of the frames from which they say something of scales."""
+CROWD: Final = 0.15
+FEW: Final = 0.05
+NOISIER: Final = (2.0, 4.0)
+"""Touches left out beyond the share ``CROWD`` are no outliers if noise that many times larger takes
+all but ``FEW`` of them in: ``touch_sigma`` is then too small, and the noise is learned."""
 ROUNDS: Final = 4
 """Times the touches are judged anew where the estimate has moved."""
 STILL: Final = 1e-7
@@ -117,6 +122,7 @@ def estimate_probing(
         before, touches, frames, touch_sigma=settings.touch_sigma, payload=settings.payload
     )
     prior = with_nuisances(before, np.full(rows.nuisances, NUISANCE_SD))
+    stated = _sigma(prior, settings)
     after, rows, keep = _agreed(prior, rows, touches, settings)
     stack = stacked(rows.pieces(after, keep))
     _check_plausible(surprise(stack, prior, _noise(prior)), touches)
@@ -124,7 +130,7 @@ def estimate_probing(
         prior = _scaled(model, prior, stack, settings)
         after, rows, keep = _agreed(prior, rows, touches, settings)
     _check_still_held(touches, keep, in_base, rows)
-    return _result(prior, after, rows, touches, keep, settings, model)
+    return _result(prior, after, rows, touches, keep, settings, model, stated)
 
 
 def _check_still_held(touches: ProbingSet, keep: BoolArray, in_base: Array, rows: NewRows) -> None:
@@ -208,6 +214,11 @@ def _noise(belief: Belief) -> Array:
     return np.array([belief.white**2, 0.0])
 
 
+def _sigma(belief: Belief, settings: ProbingSettings) -> float:
+    """Noise of one touch, m per axis."""
+    return float(np.sqrt(settings.touch_sigma**2 + belief.repeatability**2 + belief.white**2))
+
+
 def _settled(prior: Belief, rows: NewRows, keep: BoolArray) -> tuple[Belief, NewRows]:
     """The posterior of the believed rows, linearised where it stands, and the rows moved there.
 
@@ -239,7 +250,7 @@ def _agreed(
         # A surface must be seen from near before a touch on it can be called wrong.
         at, rows = _settled(prior, rows, keep)
     for _ in range(ROUNDS if settings.robust else 0):
-        found = _believed(prior, at, rows, touches)
+        found = _believed(prior, at, rows, touches, settings)
         at, rows = _settled(prior, rows, found)
         if (found == keep).all():
             break
@@ -247,14 +258,33 @@ def _agreed(
     return at, rows, keep
 
 
-def _believed(prior: Belief, at: Belief, rows: NewRows, touches: ProbingSet) -> BoolArray:
+def _found(
+    prior: Belief, at: Belief, rows: NewRows, touches: ProbingSet, settings: ProbingSettings
+) -> BoolArray:
+    """Which touches agree; with noise above the stated one where that is what the crowd says."""
+    n = len(touches)
+    stack, noise = stacked(rows.pieces(at)), _noise(prior)
+    found = agreeing_touches(stack, prior, noise, n)
+    if not settings.learn or (~found).sum() <= CROWD * n or 3 * n < FEWEST_LEARNING:
+        return found
+    stated = settings.touch_sigma**2 + prior.repeatability**2
+    for factor in NOISIER:
+        wider = agreeing_touches(stack, prior, noise + (factor**2 - 1.0) * stated, n)
+        if (~wider).sum() <= FEW * n:
+            return wider
+    return found
+
+
+def _believed(
+    prior: Belief, at: Belief, rows: NewRows, touches: ProbingSet, settings: ProbingSettings
+) -> BoolArray:
     """Which rows agree.
 
     Raises:
         ImplausibleDataError: Half of a part's touches or more do not.
     """
     n = len(touches)
-    found = agreeing_touches(stacked(rows.pieces(at)), prior, _noise(prior), n)
+    found = _found(prior, at, rows, touches, settings)
     labels = touches.labels
     for k in touches.parts:
         mine = np.flatnonzero(touches.part == k)
@@ -264,7 +294,7 @@ def _believed(prior: Belief, at: Belief, rows: NewRows, touches: ProbingSet) -> 
                 f"{len(wrong)} of {len(mine)} touches of part {k} disagree with the rest: "
                 f"{', '.join(wrong[:8])}{', ...' if len(wrong) > 8 else ''}.",
                 source=touches.source or None,
-                hint="check names, units and joint signs of the touches, and touch_sigma.",
+                hint="check names, units, joint signs and the tool of the touches, and touch_sigma.",
             )
     keep = np.ones(rows.count, dtype=bool)
     keep[:n] = found
@@ -301,8 +331,8 @@ def _scaled(
         prior, factor = learned_scales(prior, stack, _noise(prior), physical)
     else:
         factor = noise_factor(prior, stack, _noise(prior))
-    stated = settings.touch_sigma**2 + prior.repeatability**2 + prior.white**2
-    return replace(prior, white=float(np.sqrt(prior.white**2 + (factor - 1.0) * stated)))
+    more = (factor - 1.0) * _sigma(prior, settings) ** 2
+    return replace(prior, white=float(np.sqrt(prior.white**2 + more)))
 
 
 def _result(
@@ -313,13 +343,14 @@ def _result(
     keep: BoolArray,
     settings: ProbingSettings,
     model: ErrorModel | RobotModel,
+    stated: float,
 ) -> ProbingEstimate:
     n = len(touches)
     frames = {k: inverse(T) for k, T in rows.T_tracker_base.items()}
     residuals = np.zeros((n, 3))
     square, freedom = 0.0, 0.0
     shift = after.starts[3] - rows.layout.robot_size
-    sigma = float(np.sqrt(settings.touch_sigma**2 + after.repeatability**2 + after.white**2))
+    sigma = _sigma(after, settings)
     for piece in rows.pieces(after):
         off = piece.values - piece.columns @ after.mean
         half = piece.columns @ after.root.T
@@ -348,6 +379,7 @@ def _result(
             "learn": settings.learn,
         },
         float(np.sqrt((residuals[keep[:n]] ** 2).sum(axis=1).mean())),
+        sigma / stated,
     )
     return ProbingEstimate(
         belief=after,

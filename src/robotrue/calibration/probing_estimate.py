@@ -54,12 +54,16 @@ class ProbingSettings:
         Raises:
             ConfigurationError: They are.
         """
-        for name, value in (("touch_sigma", self.touch_sigma), ("tool_sigma", self.tool_sigma)):
-            if not 0.0 <= value < 0.1:
-                raise ConfigurationError(
-                    f"{name} {value / MM:g} mm, allowed 0 to 100 mm.",
-                    hint=f"0.1 mm is written {name}=1e-4.",
-                )
+        if not 0.0 < self.touch_sigma < 0.1:
+            raise ConfigurationError(
+                f"touch_sigma {self.touch_sigma / MM:g} mm, allowed above 0, below 100 mm.",
+                hint="0.1 mm is written touch_sigma=1e-4.",
+            )
+        if not 0.0 <= self.tool_sigma < 0.1:
+            raise ConfigurationError(
+                f"tool_sigma {self.tool_sigma / MM:g} mm, allowed 0 to 100 mm.",
+                hint="1 mm is written tool_sigma=1e-3.",
+            )
         if self.T_flange_tool is not None:
             tool = frozen(self.T_flange_tool, (4, 4), "T_flange_tool")
             object.__setattr__(self, "T_flange_tool", tool)

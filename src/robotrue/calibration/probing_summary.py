@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from robotrue.core.arrays import Array
 from robotrue.core.files import sha256
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.robot.model import parameter_names
+
+NOISY: Final = 1.5
+"""Noise of the touches over that stated, from which it is said."""
 
 
 def touches_hash(touches: ProbingSet) -> str:
@@ -31,6 +34,7 @@ def probing_summary(
     parents: Sequence[ErrorModel],
     settings: Mapping[str, Any],
     rms: float,
+    scatter: float,
 ) -> dict[str, Any]:
     """Returns the summary of the refined model, JSON values.
 
@@ -42,6 +46,7 @@ def probing_summary(
         parents: The model it began with; none for a nominal arm.
         settings: What decided the result besides the data.
         rms: m, of the believed residuals.
+        scatter: Noise of the touches as learned, over that stated.
     """
     screened = [i for i, label in enumerate(touches.labels) if label in outliers]
     step = {
@@ -52,9 +57,15 @@ def probing_summary(
         "screened_rows": screened,
         "outliers": list(outliers),
     }
+    doubts = [
+        f"touches scatter {scatter:.1f} times the stated noise: touch_sigma is too small, the part "
+        "is not as drawn, or the tool is not the one stated."
+    ] * (scatter > NOISY)
     if parents:
         past = [old for parent in parents for old in history(parent)]
-        return moved_summary(dict(parents[0].training_summary()), [*past, step], after)
+        summary = dict(parents[0].training_summary())
+        summary["doubts"] = [*summary.get("doubts", ()), *doubts]
+        return moved_summary(summary, [*past, step], after)
     return {
         "method": "probing",
         "rows": len(touches),
@@ -69,7 +80,8 @@ def probing_summary(
         "verdict": "conditional",
         "doubts": [
             "calibrated by touches alone: arm, tool and part are known together, at the postures "
-            "that were touched; elsewhere the stated uncertainty counts."
+            "that were touched; elsewhere the stated uncertainty counts.",
+            *doubts,
         ],
         "unseen": [],
         "parameters": _parameters(before, after),
