@@ -294,7 +294,7 @@ def _believed(
                 f"{len(wrong)} of {len(mine)} touches of part {k} disagree with the rest: "
                 f"{', '.join(wrong[:8])}{', ...' if len(wrong) > 8 else ''}.",
                 source=touches.source or None,
-                hint="check names, units, joint signs and the tool of the touches, and touch_sigma.",
+                hint="check names, units, joint signs, tool of the touches, and touch_sigma.",
             )
     keep = np.ones(rows.count, dtype=bool)
     keep[:n] = found
