@@ -15,13 +15,12 @@ from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError, FormatError, ReachError
 from robotrue.planning.distances import to_obstacle
-from robotrue.planning.machining import MachiningSettings, Side, plan_machining
+from robotrue.planning.machining import MachiningSettings, Side, job_program, plan_machining
 from robotrue.planning.transit import scene_without_reflector, transit
 from robotrue.program.formats import dialect
-from robotrue.program.formats.krl_machining import SideMoves, Speeds, machining_program
+from robotrue.program.formats.krl_machining import Speeds, machining_program
 from robotrue.program.program import FrameTable, Motion
 from robotrue.program.toolpath import Remark, Toolpath
-from robotrue.robot.configuration import controller_axes
 from robotrue.robot.forward import forward
 from robotrue.robot.presets import preset
 
@@ -58,18 +57,7 @@ def sides(*names: str) -> list[Side]:
 
 
 def krl(job, speeds: Speeds | None = None) -> bytes:
-    robot = CELL.robot
-    moves = [
-        SideMoves(
-            axes=controller_axes(robot, m),
-            path=s.path,
-            rotation=s.rotation,
-            T_base_part=s.T_base_part,
-        )
-        for m, s in zip(job.moves, job.sides, strict=False)
-    ]
-    last = controller_axes(robot, job.moves[-1])
-    return machining_program("job", robot.T_flange_tool, moves, last, speeds or Speeds())
+    return job_program(job, CELL.robot, "job", speeds or Speeds())
 
 
 @pytest.fixture(scope="module")

@@ -21,20 +21,20 @@ from robotrue.core.files import read_bytes, sha256, write_atomic
 from robotrue.core.mesh import TriangleMesh, read_mesh
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ModelMismatchError
-from robotrue.planning.machining import MachiningJob, MachiningSettings, Side, plan_machining
+from robotrue.planning.machining import (
+    MachiningJob,
+    MachiningSettings,
+    Side,
+    job_program,
+    plan_machining,
+)
 from robotrue.planning.spin import SpinSettings
 from robotrue.planning.tool_axis import Posed
 from robotrue.program.contour import contour_of, keep_inside, side_direction
-from robotrue.program.formats.krl_machining import (
-    SideMoves,
-    Speeds,
-    machining_program,
-    require_name,
-)
+from robotrue.program.formats.krl_machining import Speeds, require_name
 from robotrue.program.formats.toolpaths import read_toolpath
 from robotrue.program.identity import ProgramIdentity, identity_path, write_identity
 from robotrue.program.toolpath import Toolpath, cut_length, duration
-from robotrue.robot.configuration import controller_axes
 from robotrue.store.model_file import read_model
 
 CUTTERS: Final = {
@@ -42,6 +42,7 @@ CUTTERS: Final = {
     for sign, value in (("", 1.0), ("+", 1.0), ("-", -1.0))
     for k, axis in enumerate("xyz")
 }
+HEAD: Final = "written by robotrue; drive it once slowly, without the spindle"
 ASIDE: Final = 60.0 * DEG
 """A cutter axis further than this off the way from flange to tip must be stated."""
 
@@ -96,7 +97,7 @@ def run(
         for path, frame in zip(paths, frames, strict=True)
     ]
     job = plan_machining(cell, sides, settings, mesh=mesh)
-    data = _krl(cell, job, output, speeds)
+    data = job_program(job, cell.robot, output.stem, speeds, remarks=(HEAD,))
     notes = [*_frame_notes(cell, frames), *(n for s in sides for n in s.path.notes), *job.notes]
     identity = _identity(cell, frames[0], paths[0])
     document: dict[str, Any] = {"output": str(output), **summary(job, frames, speeds)}
@@ -223,27 +224,6 @@ def _home(text: str) -> Array:
             hint="--home-deg 0,-90,90,0,0,0",
         )
     return values * DEG
-
-
-def _krl(cell: Cell, job: MachiningJob, output: Path, speeds: Speeds) -> bytes:
-    robot = cell.robot
-    sides = [
-        SideMoves(
-            axes=controller_axes(robot, moves),
-            path=side.path,
-            rotation=side.rotation,
-            T_base_part=side.T_base_part,
-        )
-        for moves, side in zip(job.moves, job.sides, strict=False)
-    ]
-    return machining_program(
-        output.stem,
-        robot.T_flange_tool,
-        sides,
-        controller_axes(robot, job.moves[-1]),
-        speeds,
-        remarks=("written by robotrue; drive it once slowly, without the spindle",),
-    )
 
 
 def _with_model(

@@ -26,7 +26,9 @@ from robotrue.planning.scene import Scene
 from robotrue.planning.spin import SpinSettings
 from robotrue.planning.tool_axis import Posed, resolve_spin
 from robotrue.planning.transit import blocked, scene_without_reflector, transit
+from robotrue.program.formats.krl_machining import SideMoves, Speeds, machining_program
 from robotrue.program.toolpath import Toolpath
+from robotrue.robot.configuration import controller_axes
 from robotrue.robot.model import RobotModel
 
 HOMES: Final = (
@@ -154,6 +156,30 @@ def plan_machining(
                 where = each.path.place(int(np.argmax(hit)))
                 notes.append(f"{where}: {reason} while cutting ({int(hit.sum())} points).")
     return MachiningJob(sides=tuple(posed), moves=moves, notes=tuple(notes))
+
+
+def job_program(
+    job: MachiningJob, robot: RobotModel, name: str, speeds: Speeds, *, remarks: Sequence[str] = ()
+) -> bytes:
+    """Returns the KRL program (``.src``) of a job.
+
+    Args:
+        job: Of this arm.
+        robot: The nominal arm with the tool that cuts.
+        name: Name of the program.
+        speeds: Rapid, joint and default feed.
+        remarks: Comments for the head.
+
+    Raises:
+        ConfigurationError: A name KRL does not allow.
+        FormatError: A point that cuts without a feed, with its line.
+    """
+    axes = [controller_axes(robot, moves) for moves in job.moves]
+    sides = [
+        SideMoves(axes=before, path=side.path, rotation=side.rotation, T_base_part=side.T_base_part)
+        for before, side in zip(axes[:-1], job.sides, strict=True)
+    ]
+    return machining_program(name, robot.T_flange_tool, sides, axes[-1], speeds, remarks=remarks)
 
 
 def _one_tool(paths: Sequence[Toolpath]) -> None:

@@ -1,0 +1,79 @@
+"""From CAM to program: a vase cut from two sides, its CL files, its STL, and the KRL program."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+import trimesh
+
+from robotrue.core.files import write_atomic
+from robotrue.core.mesh import read_mesh
+from robotrue.core.poses import apply, pose
+from robotrue.core.units import MM
+from robotrue.planning.machining import MachiningSettings, Side, job_program, plan_machining
+from robotrue.program.contour import contour_of, keep_inside, side_direction
+from robotrue.program.formats.krl_machining import Speeds
+from robotrue.program.formats.toolpaths import read_toolpath
+from robotrue.simulation.presets import deng2022
+from robotrue.simulation.virtual_robot import actual_pose
+
+T_BASE_PART = pose(np.eye(3), np.array([1.05, 0.0, 0.45]))  # where touching would have found it
+
+
+def radius(z):
+    """Half the width of the vase in mm at height z mm; its depth is two thirds of that."""
+    return 60 + 35 * np.sin(z / 45.0) - 0.08 * z
+
+
+def write_apt(path, sign):
+    """Lines across the whole blank, lifted from one to the next, as a relief CAM makes them."""
+    lines = [f"PARTNO VASE {path.stem}", "UNITS/MM", "SPINDL/12000,RPM,CLW", "MULTAX/ON"]
+    for z in np.arange(5, 300, 10):
+        x, wide = np.linspace(-110, 110, 56), radius(z)
+        depth = sign * wide / 1.5 * np.sqrt(np.maximum(1 - (x / wide) ** 2, 0.0))
+        text = [f"GOTO/{p:.3f},{q:.3f},{z:.3f},0,{sign},0" for p, q in zip(x, depth, strict=True)]
+        above = [f"GOTO/{p:.3f},{sign * 140},{z:.3f},0,{sign},0" for p in (x[0], x[-1])]
+        lines += ["RAPID", above[0], "FEDRAT/1500,MMPM", *text, "RAPID", above[1]]
+    write_atomic(path, "\n".join([*lines, "FINI", ""]).encode())
+
+
+def main(out: Path) -> None:
+    out.mkdir(parents=True, exist_ok=True)
+    virtual = deng2022(seed=1)
+    cell, robot = virtual.known, virtual.known.robot
+    z = np.linspace(0, 300, 61)
+    profile = np.stack([[0, *radius(z), 0], [0, *z, 300]], axis=1)
+    solid = trimesh.creation.revolve(profile, sections=96)
+    solid.apply_scale([1, 1 / 1.5, 1]).export(out / "vase.stl")
+    mesh, sides = read_mesh(out / "vase.stl"), []
+    figure, axes = plt.subplots(1, 2, figsize=(7, 4), sharey=True)
+    for ax, name, sign in zip(axes, ("front", "back"), (-1, 1), strict=True):
+        write_apt(out / f"{name}.apt", sign)
+        path = read_toolpath(out / f"{name}.apt")
+        kept = keep_inside(path, contour := contour_of(mesh, side_direction(path)))
+        sides.append(Side(path=kept, T_base_part=T_BASE_PART))
+        for each, style in ((path, "r."), (kept, "b.")):
+            ax.plot(*(each.position[each.cutting] / MM)[:, [0, 2]].T, style, markersize=2)
+        around = contour.outlines[0] @ contour.across / MM
+        ax.fill(around[:, 0], around[:, 2], fill=False)
+        ax.set(title=f"{name}: kept blue, dropped red", xlabel="x, mm", aspect="equal")
+    job = plan_machining(cell, sides, MachiningSettings(), mesh=mesh)
+    write_atomic(out / "vase.src", job_program(job, robot, "vase", Speeds()))
+    figure.savefig(out / "09_from_cam.png", bbox_inches="tight")
+    size = []
+    for s in job.sides:  # run as it is, by the virtual arm
+        tip = actual_pose(virtual.robot, s.joints, T_flange_tool=robot.T_flange_tool)[:, :3, 3]
+        size.append(np.linalg.norm(tip - apply(T_BASE_PART, s.path.position), axis=1) / MM)
+    error = np.concatenate(size)
+    off = f"{error.mean():.2f} +- {error.std():.2f} mm (simulated)"
+    print(f"{len(error)} points; uncompensated off by {off}")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "example-out"))
