@@ -175,10 +175,14 @@ def read_mesh(path: str | Path, *, unit: float = MM) -> TriangleMesh:
             hint="export the part as binary STL.",
         ) from error
     if not len(faces):
-        raise FormatError("the file holds no triangles.", source=path)
+        raise FormatError(
+            "the file holds no triangles: points alone have no normals.",
+            source=path,
+            hint="export the part as STL, with its faces.",
+        )
     if not (loaded.is_watertight and loaded.is_winding_consistent):
         raise ImplausibleDataError(
-            f"the mesh of {len(faces)} triangles has holes or faces that look the wrong way.",
+            f"the mesh of {len(faces)} triangles has {_fault(vertices, faces)}.",
             source=path,
             hint="repair it in CAD; a touch must know which side is outside.",
         )
@@ -192,3 +196,19 @@ def read_mesh(path: str | Path, *, unit: float = MM) -> TriangleMesh:
         axis=1,
     )
     return TriangleMesh(vertices=vertices, faces=faces[keep > 0.0])
+
+
+def _fault(vertices: Array, faces: IntArray) -> str:
+    """What keeps a mesh from having an outside, and where it begins."""
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    pairs, counts = np.unique(np.sort(edges, axis=1), axis=0, return_counts=True)
+    wrong, what = pairs[counts == 1], "open edges, a hole"
+    if not len(wrong):
+        wrong, what = pairs[counts > 2], "edges that more than two triangles share"
+    if not len(wrong):
+        ways, times = np.unique(edges, axis=0, return_counts=True)
+        wrong, what = ways[times > 1], "edges between faces that look opposite ways"
+    if not len(wrong):
+        return "faces that look the wrong way"
+    x, y, z = vertices[wrong[0]].mean(axis=0) / MM
+    return f"{len(wrong)} {what}; the first is at ({x:.1f}, {y:.1f}, {z:.1f}) mm"

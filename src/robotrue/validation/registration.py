@@ -20,7 +20,7 @@ from robotrue.core.mesh import TriangleMesh
 from robotrue.errors import ModelMismatchError, ShapeError
 from robotrue.measurement.probing_set import NO_SURFACE, ProbingSet
 from robotrue.robot.model import RobotModel
-from robotrue.validation.registered_part import RegisteredPart
+from robotrue.validation.registered_part import FoundFrame, RegisteredPart
 from robotrue.validation.registration_frame import (
     GOOD,
     CheckedTouches,
@@ -40,6 +40,7 @@ from robotrue.validation.touch_checks import (
     check_order,
     check_pattern_of,
     check_units,
+    naming,
 )
 
 __all__ = ["RegisteredPart", "RegistrationSettings", "register"]
@@ -81,23 +82,36 @@ def register(
     _check_rows(arm, touches, parts)
     if settings.fit == "joint":
         require_numbers(touches)
-    checked = [
-        _checked(arm, name, touches.subset(touches.part == k), settings)
-        for k, name in enumerate(parts)
-    ]
+    several = len(parts) > 1
+    checked = []
+    for k, name in enumerate(parts):
+        mine = touches.subset(touches.part == k)
+        with naming(mine, name if several else ""):
+            checked.append(_checked(arm, name, mine, settings))
     joint = settings.fit == "joint" or (settings.fit == "auto" and enough_for_joint(arm, touches))
     if joint:
         whole = touches if settings.mesh is None else _on_mesh(touches, settings.mesh)
-        return joint_registration(arm, checked, whole, settings)
+        with naming(touches):
+            return joint_registration(arm, checked, whole, settings)
     identity = identity_of(arm)
     nominal = isinstance(arm, RobotModel) and touches.has_joints
     return RegisteredPart(
         route="frame",
-        frames=tuple(frame_alone(arm, found, settings) for found in checked),
+        frames=tuple(_alone(arm, found, settings, several) for found in checked),
         identity=identity,
         touched_with=identity,
         doubts=(NOMINAL_COST,) if nominal else (),
     )
+
+
+def _alone(
+    arm: ErrorModel | RobotModel,
+    found: CheckedTouches,
+    settings: RegistrationSettings,
+    several: bool,
+) -> FoundFrame:
+    with naming(found.touches, found.name if several else ""):
+        return frame_alone(arm, found, settings)
 
 
 def _check_rows(arm: ErrorModel | RobotModel, touches: ProbingSet, parts: Sequence[str]) -> None:
@@ -125,7 +139,7 @@ def _checked(
         doubts += check_on_mesh(touches, settings.mesh, tolerance=settings.on_mesh)
         touches = _on_mesh(touches, settings.mesh)
     noise = Noise(touch=settings.touch, robot=robot_share(arm, touches, settings))
-    check_mirror(touches, in_base, sigma=noise.sigma)
+    doubts += check_mirror(touches, in_base, sigma=noise.sigma)
     doubts += check_order(touches, in_base, tolerance=GOOD * noise.sigma)
     return CheckedTouches(name=name, touches=touches, in_base=in_base, noise=noise, doubts=doubts)
 

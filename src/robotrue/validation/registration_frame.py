@@ -12,16 +12,19 @@ from robotrue.calibration.machined import tip_columns, unchanged_covariance
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.calibration.prior_belief import prior_belief
 from robotrue.cell.registration.fit import Noise, Registration
+from robotrue.cell.registration.surface_fit import SurfaceTouches
+from robotrue.cell.registration.symmetry import symmetric_alternatives
 from robotrue.cell.registration.touches import fit_touches, touch_gain
 from robotrue.core.arrays import Array
-from robotrue.core.units import MM
+from robotrue.core.rotations import skew
+from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
-from robotrue.measurement.probing_set import ProbingSet
+from robotrue.measurement.probing_set import NO_SURFACE, ProbingSet
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel
 from robotrue.validation.registered_part import FoundFrame, judged
 from robotrue.validation.registration_settings import TOOL, RegistrationSettings
-from robotrue.validation.touch_checks import check_exchanged
+from robotrue.validation.touch_checks import check_exchanged, listed
 
 NOMINAL_ROBOT: Final = 0.35 * MM
 """Error per axis of a nominal arm that is no rigid motion of the part: simulated, 0.3 to 0.5 mm."""
@@ -78,15 +81,26 @@ def touch_query(joints: Array, robot: RobotModel, settings: RegistrationSettings
 def robot_share(
     arm: ErrorModel | RobotModel, touches: ProbingSet, settings: RegistrationSettings
 ) -> float:
-    """Returns m per axis by which the arm may be off besides a rigid motion of the part."""
+    """Returns m per axis by which the arm may be off besides a rigid motion of the part.
+
+    With joints from what is believed of the arm: small where all touches have one posture, up to a
+    millimetre of a nominal arm that touches from all sides.
+    """
     if settings.robot is not None:
         return settings.robot
-    if isinstance(arm, RobotModel):
-        return NOMINAL_ROBOT
-    if not touches.has_joints:
-        return CALIBRATED_ROBOT
-    covariance = arm.predict(touch_query(touches.joints, arm.robot, settings)).covariance
-    return float(np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean() / 3.0))
+    belief = arm_belief(arm, settings) if touches.has_joints else None
+    if belief is None:
+        return NOMINAL_ROBOT if isinstance(arm, RobotModel) else CALIBRATED_ROBOT
+    query = touch_query(touches.joints, belief.robot, settings)
+    off = (tip_columns(belief, query) @ belief.root.T).reshape(3 * len(touches), -1)
+    base = tips(arm, touches.joints, settings)
+    lever = base - base.mean(axis=0)
+    shift = np.broadcast_to(np.eye(3), (len(base), 3, 3))
+    rigid = np.concatenate([shift, -skew(lever)], axis=2).reshape(-1, 6)
+    left = off - rigid @ np.linalg.lstsq(rigid, off, rcond=None)[0]
+    distorted = (left**2).sum() / max(len(left) - 6, 1)
+    visit = belief.white**2 + belief.repeatability**2
+    return float(np.sqrt(belief.inflation * (distorted + visit)))
 
 
 def frame_alone(
@@ -107,7 +121,8 @@ def frame_alone(
         ~fit.believed,
         tolerance=GOOD * found.noise.sigma,
     )
-    belief = _belief(arm, settings) if found.touches.has_joints else None
+    doubts = found.doubts + other_poses(found.touches, found.in_base, fit)
+    belief = arm_belief(arm, settings) if found.touches.has_joints else None
     machined = None
     if belief is not None:
         fit, machined = _with_arm(belief, fit, found, settings)
@@ -117,7 +132,42 @@ def frame_alone(
         found.touches.point,
         machined,
         tolerance=settings.tolerance,
-        doubts=found.doubts,
+        doubts=doubts,
+    )
+
+
+def other_poses(touches: ProbingSet, in_base: Array, fit: Registration) -> tuple[str, ...]:
+    """Returns a doubt where the touched mesh looks the same in another pose.
+
+    Where three feature points are touched their names decide, and nothing is said.
+    """
+    on = touches.touched != NO_SURFACE
+    if int(touches.full.sum()) >= 3 or not on.any():
+        return ()
+    names = tuple(label for label, mine in zip(touches.labels, on, strict=True) if mine)
+    surfaces = SurfaceTouches(
+        surfaces=touches.surfaces,
+        touched=touches.touched[on],
+        centre=in_base[on],
+        radius=touches.radius,
+        names=names,
+    )
+    alone = replace(
+        fit,
+        names=names,
+        residuals=fit.residuals[on],
+        outliers=tuple(name for name in fit.outliers if name in names),
+    )
+    found = symmetric_alternatives(surfaces, alone, sigma=fit.sigma)
+    if not found:
+        return ()
+    turns = "; ".join(
+        f"{a.angle / DEG:.0f} deg about ({', '.join(f'{v + 0.0:+.2f}' for v in a.axis_in_part)})"
+        for a in found
+    )
+    return (
+        f"The touches {listed(names)} fit the part as well turned by {turns}; only their nominal "
+        "points say which. Touch a feature that the other side does not have.",
     )
 
 
@@ -146,8 +196,8 @@ def _with_arm(
     return replace(fit, covariance=0.5 * (covariance + covariance.T)), machined
 
 
-def _belief(arm: ErrorModel | RobotModel, settings: RegistrationSettings) -> Belief | None:
-    """What is believed of the arm; None for a model that keeps no joint covariance."""
+def arm_belief(arm: ErrorModel | RobotModel, settings: RegistrationSettings) -> Belief | None:
+    """Returns what is believed of the arm; None for a model that keeps no joint covariance."""
     if not isinstance(arm, RobotModel):
         try:
             return belief_of(arm)

@@ -18,14 +18,19 @@ from robotrue.calibration.probing import (
 )
 from robotrue.cell.registration.fit import Registration
 from robotrue.core.arrays import Array
-from robotrue.core.poses import apply
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ObservabilityError
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel
 from robotrue.validation.registered_part import FoundFrame, RegisteredPart, judged
-from robotrue.validation.registration_frame import GOOD, CheckedTouches, same_tool, tips
+from robotrue.validation.registration_frame import (
+    GOOD,
+    CheckedTouches,
+    other_poses,
+    same_tool,
+    tips,
+)
 from robotrue.validation.registration_settings import TOOL, RegistrationSettings
 from robotrue.validation.touch_checks import check_exchanged, listed
 
@@ -119,16 +124,24 @@ def joint_registration(
         part=touches.part,
         layout=estimate.layout,
     )
+    in_base = tips(refined, touches.joints, settings)
     return RegisteredPart(
         route="joint",
         frames=tuple(
-            _frame(estimate, k, found, machined[touches.part == k], settings)
+            _frame(
+                estimate,
+                k,
+                found,
+                machined[touches.part == k],
+                in_base[touches.part == k],
+                settings,
+            )
             for k, found in enumerate(checked)
         ),
         identity=identity_of(refined),
         touched_with=identity_of(arm),
         refined=refined,
-        moved=_moved(arm, tips(refined, touches.joints, settings), touches, settings),
+        moved=_moved(arm, in_base, touches, settings),
         doubts=doubts,
     )
 
@@ -138,6 +151,7 @@ def _frame(
     k: int,
     found: CheckedTouches,
     machined: Array,
+    in_base: Array,
     settings: RegistrationSettings,
 ) -> FoundFrame:
     mine = estimate.touches.part == k
@@ -163,7 +177,7 @@ def _frame(
     )
     check_exchanged(
         found.touches,
-        apply(T, found.touches.point) + fit.residuals,
+        in_base,
         T,
         ~fit.believed,
         tolerance=GOOD * found.noise.sigma,
@@ -182,7 +196,7 @@ def _frame(
         machined,
         tolerance=settings.tolerance,
         reasons=reasons,
-        doubts=found.doubts,
+        doubts=found.doubts + other_poses(found.touches, in_base, fit),
     )
 
 

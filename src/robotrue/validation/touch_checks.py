@@ -6,7 +6,9 @@ leave small residuals, so each raises; what is only a doubt comes back as a sent
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Final
 
 import numpy as np
@@ -19,7 +21,7 @@ from robotrue.core.graduated import GAUSS_POINT, agreeing
 from robotrue.core.mesh import TriangleMesh
 from robotrue.core.poses import apply, fit_rigid
 from robotrue.core.units import DEG, MM
-from robotrue.errors import ImplausibleDataError, ObservabilityError
+from robotrue.errors import ImplausibleDataError, ObservabilityError, RobotrueError
 from robotrue.measurement.probing_set import ProbingSet
 
 SCALE: Final = 0.03
@@ -27,12 +29,12 @@ SCALE: Final = 0.03
 ROUGH: Final = 0.5
 """The same where touches lie anywhere near their nominal point on a surface."""
 UNITS: Final = {
-    1000.0: ("millimetres", "metres"),
-    0.001: ("metres", "millimetres"),
-    25.4: ("millimetres", "inches"),
-    1.0 / 25.4: ("inches", "millimetres"),
+    1000.0: "the nominal points are in metres",
+    0.001: "the touched points are in metres",
+    25.4: "the nominal points are in inches",
+    1.0 / 25.4: "the touched points are in inches",
 }
-"""Touched over nominal distance, and what the touched and the nominal numbers then are."""
+"""Touched over nominal distance as read in mm, and what that says."""
 MOST_NAMES: Final = 40
 """Points up to which every other order of the names is tried."""
 SWAPPED: Final = 8
@@ -42,6 +44,26 @@ SWAPPED: Final = 8
 def listed(names: Sequence[str], most: int = 8) -> str:
     """Returns names for a message, the first few of many."""
     return ", ".join(names[:most]) + (f", ... ({len(names)} in all)" if len(names) > most else "")
+
+
+@contextmanager
+def naming(touches: ProbingSet, part: str = "") -> Iterator[None]:
+    """Lets every error inside carry the file, the part where there are several, and the touches."""
+    try:
+        yield
+    except RobotrueError as error:
+        message = error.message
+        words = set(re.findall(r"[^\s,;:()]+", message))
+        if not words & {word for label in touches.labels for word in label.split()}:
+            message += f" Touches: {listed(touches.labels)}."
+        if part:
+            message = f"part {part!r}: {message}"
+        raise type(error)(
+            message,
+            source=error.source or _file(touches),
+            line=error.line,
+            hint=error.hint,
+        ) from error
 
 
 def check_units(
@@ -75,13 +97,8 @@ def check_units(
                 hint="the joint columns are in radians: multiply them by 57.29578.",
             )
     near = min(UNITS, key=lambda unit: abs(np.log(max(ratio, 1e-12) / unit)))
-    fits = abs(ratio / near - 1.0) <= max(allowed, 0.1)
-    guess = (
-        f"the touched points are in {UNITS[near][1 if near < 1.0 else 0]} or the nominal ones in "
-        f"{UNITS[near][0 if near < 1.0 else 1]}"
-        if fits
-        else "another part, another scale, or names of other points"
-    )
+    known = abs(ratio / near - 1.0) <= max(allowed, 0.1)
+    guess = UNITS[near] if known else "another part, another scale, or names of other points"
     raise ImplausibleDataError(
         f"distances between the touched points {who} are {ratio:.4g} times those of the nominal "
         f"points, allowed {1 - allowed:g} to {1 + allowed:g}: {guess}.",
@@ -156,8 +173,8 @@ def check_order(touches: ProbingSet, in_base: Array, *, tolerance: float) -> tup
     )
 
 
-def check_mirror(touches: ProbingSet, in_base: Array, *, sigma: float) -> None:
-    """Passes unless the feature points fit only as their mirror image, wrong ones left aside.
+def check_mirror(touches: ProbingSet, in_base: Array, *, sigma: float) -> tuple[str, ...]:
+    """Returns a doubt about flat patterns; points that fit only as their mirror image raise.
 
     Args:
         touches: Of one part.
@@ -165,15 +182,19 @@ def check_mirror(touches: ProbingSet, in_base: Array, *, sigma: float) -> None:
         sigma: m per axis of a good touch.
 
     Raises:
-        ImplausibleDataError: Mirrored.
-
-    Fails when: the points lie in one plane: they then fit upside down, and nothing tells.
+        ImplausibleDataError: Mirrored; wrong touches do not hide it.
     """
     full = touches.full
-    if int(full.sum()) < 4:
-        return
     point, base = touches.point[full], in_base[full]
+    if not full.all() or len(point) < 3:
+        return ()
     bound = GAUSS_POINT * sigma
+    depth = np.linalg.svd(point - point.mean(axis=0), compute_uv=False)[2]
+    if depth < bound:
+        return (
+            f"The points {listed(touches.labels)} lie in one plane: a mirrored part, or one upside "
+            "down, would fit as well. Touch a point off that plane.",
+        )
     here = _agree(point, base, bound)
     there = _agree(point * np.array([1.0, 1.0, -1.0]), base, bound)
     if here <= 0.5 * len(point) and there > max(here, 0.7 * len(point)):
@@ -185,6 +206,7 @@ def check_mirror(touches: ProbingSet, in_base: Array, *, sigma: float) -> None:
             hint="check the sign of one coordinate, left against right hand parts, or the order "
             "of the names.",
         )
+    return ()
 
 
 def _agree(point: Array, base: Array, bound: float) -> int:
