@@ -1,0 +1,118 @@
+"""Numbers rewritten in the style of what stood there, and spliced into the bytes of a program.
+
+The style of ``-0.50`` is two decimals, of ``+5.`` a plus and a bare point, of ``.5`` no digit
+before the point, of ``1.5e-03`` an exponent of two digits. A number that says the value already
+keeps its bytes, so that ``-0.000`` stays ``-0.000``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Final
+
+from robotrue.errors import ShapeError
+
+NUMBER: Final = rb"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+"""Regular expression of one number."""
+_PARTS: Final = re.compile(rb"([+-]?)(\d*)(\.?)(\d*)(?:([eE])([+-]?)(\d+))?")
+_FINE: Final = 6
+"""Least decimals of a number with an exponent: the style of ``1E3`` holds no correction."""
+_LARGEST: Final = 1e9
+
+
+def restyled(token: bytes, value: float, *, least: int = 0) -> bytes:
+    """Returns ``value`` in the style of ``token``; the token itself where it says that already.
+
+    It says so when the value is within half of the last digit that would be printed.
+
+    Args:
+        token: One number, as :data:`NUMBER`.
+        value: In the unit the token is printed in.
+        least: Decimals to print at least: a shift of 0.02 mm would be lost in ``5`` or ``5.0``.
+
+    Raises:
+        ShapeError: The token is not a number, or the value is not finite or not below 1e9.
+    """
+    sign, whole, point, fraction, letter, _, _ = parts = _parts(token)
+    if not abs(value) < _LARGEST:
+        raise ShapeError(f"{value} cannot be printed, expected a finite number below 1e9.")
+    least = max(least, _FINE) if letter else least
+    decimals = max(_last_decimal(parts), least)
+    if abs(value - float(token)) <= 0.5 * 10.0**-decimals:
+        return token
+    if letter:
+        return _with_exponent(parts, value, least)
+    text = f"{abs(value):.{decimals}f}".encode()
+    if decimals == 0 and point:
+        text += b"."
+    if not whole and fraction and text.startswith(b"0."):
+        text = text[1:]
+    return _sign(sign, value, text) + text
+
+
+def half_digit(token: bytes) -> float:
+    """Returns half of the last digit a number shows: 0.0005 for ``1.250``, 5 for ``1E1``.
+
+    Raises:
+        ShapeError: The token is not a number.
+    """
+    return float(0.5 * 10.0 ** -_last_decimal(_parts(token)))
+
+
+def spliced(
+    data: bytes, starts: Sequence[int], lengths: Sequence[int], texts: Sequence[bytes]
+) -> bytes:
+    """Returns ``data`` with ``data[start : start + length]`` replaced by each text, in any order.
+
+    Raises:
+        ShapeError: The three differ in length, or two stretches overlap or leave the data.
+    """
+    if not len(starts) == len(lengths) == len(texts):
+        raise ShapeError(f"{len(starts)} starts, {len(lengths)} lengths, {len(texts)} texts.")
+    pieces: list[bytes] = []
+    cursor = 0
+    for at in sorted(range(len(starts)), key=starts.__getitem__):
+        start, end = int(starts[at]), int(starts[at] + lengths[at])
+        if not cursor <= start <= end <= len(data):
+            raise ShapeError(
+                f"bytes {start} to {end} cannot be replaced, expected {cursor} to {len(data)}."
+            )
+        pieces += data[cursor:start], texts[at]
+        cursor = end
+    pieces.append(data[cursor:])
+    return b"".join(pieces)
+
+
+def _parts(token: bytes) -> tuple[bytes, ...]:
+    match = _PARTS.fullmatch(token)
+    if match is None or not (match[2] or match[4]):
+        raise ShapeError(f"{token!r} is not a number.")
+    return tuple(part or b"" for part in match.groups())
+
+
+def _last_decimal(parts: tuple[bytes, ...]) -> int:
+    """Place of the last digit shown behind the point, negative before it."""
+    exponent = int(parts[5] + parts[6]) if parts[6] else 0
+    return len(parts[3]) - exponent
+
+
+def _with_exponent(parts: tuple[bytes, ...], value: float, least: int) -> bytes:
+    sign, _, _, fraction, letter, exponent_sign, digits = parts
+    # The exponent is that of the value, so the mantissa needs more decimals where it is large.
+    text, power = "", 0
+    for _ in range(2):  # 9.99 may round to 10.0, which has another exponent
+        power = int((text or f"{abs(value):.15e}").partition("e")[2])
+        text = f"{abs(value):.{max(len(fraction), power + least, 0)}e}"
+    mantissa, _, exponent = text.partition("e")
+    power = int(exponent)
+    told = b"-" if power < 0 else b"+" if exponent_sign == b"+" or len(digits) > 1 else b""
+    shown = mantissa.encode() + letter + told + str(abs(power)).zfill(len(digits)).encode()
+    return _sign(sign, value, shown) + shown
+
+
+def _sign(sign: bytes, value: float, text: bytes) -> bytes:
+    """Returns the sign to print; a number of zeros alone has no minus."""
+    if value < 0 and re.search(rb"[1-9]", re.split(rb"[eE]", text)[0]):
+        return b"-"
+    return b"+" if sign == b"+" else b""

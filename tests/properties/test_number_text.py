@@ -1,0 +1,87 @@
+"""Laws of printed numbers: style and value survive, and nothing else is touched."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robotrue.errors import ShapeError
+from robotrue.program.formats.number_text import NUMBER, half_digit, restyled, spliced
+
+digits = st.text("0123456789", min_size=1, max_size=6)
+tokens = st.builds(
+    lambda sign, number, exponent: (sign + number + exponent).encode(),
+    st.sampled_from(["", "-", "+"]),
+    st.one_of(digits, digits.map(lambda d: d + "."), st.tuples(digits, digits).map(".".join),
+              digits.map(lambda d: "." + d)),
+    st.sampled_from(["", "", "", "E-05", "e+2", "E3", "E-14"]),
+)  # fmt: skip
+values = st.one_of(
+    st.floats(-4000, 4000), st.floats(-1, 1), st.sampled_from([0.0, -0.0, 0.9999996])
+)
+
+
+@given(tokens, values, st.integers(0, 7))
+@settings(max_examples=300, deadline=None)
+def test_value_to_half_a_digit_in_the_style_that_stood_there(
+    token: bytes, value: float, least: int
+) -> None:
+    out = restyled(token, value, least=least)
+    assert re.fullmatch(NUMBER, out)
+    assert abs(float(out) - value) <= half_digit(out) * (1 + 1e-9) + 1e-12
+    assert restyled(token, float(token), least=least) == token
+    assert restyled(out, value, least=least) == out
+    if out == token:
+        return
+    exponent = b"E" in token.upper()
+    assert (b"E" in out.upper()) == exponent
+    assert half_digit(out) <= 0.5 * 10.0**-least * (1 + 1e-9)
+    assert out.startswith(b"+") == (token.startswith(b"+") and not out.startswith(b"-"))
+    if not exponent:
+        shown = len(token.partition(b".")[2])
+        assert len(out.partition(b".")[2]) == max(shown, least)
+
+
+def test_styles() -> None:
+    assert restyled(b"-0.000", 0.0004) == b"-0.000"
+    assert restyled(b"-0.000", 0.0006) == b"0.001"
+    assert restyled(b"0.0", -0.02) == b"0.0"
+    assert restyled(b"5", 5.02) == b"5"
+    assert restyled(b"5", 5.02, least=3) == b"5.020"
+    assert restyled(b"+5.", 6.7) == b"+7."
+    assert restyled(b".50", -0.25) == b"-.25"
+    assert restyled(b".50", 1.25) == b"1.25"
+    assert restyled(b"0.10", -0.004) == b"0.00"
+    assert restyled(b"1.5E-03", 0.25) == b"2.50000E-01"
+    assert restyled(b"1E3", 1234.5) == b"1.234500000E3"
+    for bad in (float("nan"), 1e9):
+        with pytest.raises(ShapeError, match="cannot be printed"):
+            restyled(b"1.0", bad)
+    for word in (b"", b".", b"-", b"1,5", b"1.5\n"):
+        with pytest.raises(ShapeError, match="is not a number"):
+            restyled(word, 1.0)
+
+
+@given(st.lists(st.tuples(st.binary(max_size=5), st.binary(max_size=4), st.binary(max_size=6))))
+@settings(max_examples=100, deadline=None)
+def test_splicing_touches_what_it_is_told(parts: list[tuple[bytes, bytes, bytes]]) -> None:
+    data, want = b"", b""
+    starts = []
+    for kept, old, new in parts:
+        starts.append(len(data) + len(kept))
+        data, want = data + kept + old, want + kept + new
+    lengths, texts = [len(old) for _, old, _ in parts], [new for _, _, new in parts]
+    assert spliced(data, starts, lengths, texts) == want
+    assert spliced(data, [], [], []) == data
+
+
+def test_stretches_must_not_overlap() -> None:
+    with pytest.raises(ShapeError, match="bytes 1 to 3 cannot be replaced, expected 2 to 4"):
+        spliced(b"abcd", [0, 1], [2, 2], [b"x", b"y"])
+    with pytest.raises(ShapeError, match="cannot be replaced"):
+        spliced(b"abcd", [3], [2], [b"x"])
+    with pytest.raises(ShapeError, match="1 starts, 1 lengths, 0 texts"):
+        spliced(b"abcd", [3], [1], [])
