@@ -1,6 +1,6 @@
 """Calibration from touches alone, on measured arms: a ball in sockets, no tracker, no reader.
 
-    python benchmarks/real_touches.py [--quick] [--arms NAME ...]
+    python benchmarks/real_touches.py [--quick] [--arms NAME ...] [--how-many]
 
 A ball on the flange sits in two sockets 50 mm apart on a printed fixture that stood at several
 places; only joint angles were recorded. Whole places are held out: a model is fitted to the touches
@@ -11,7 +11,8 @@ Beside them stand random fifths of the touches with all places seen: what noise 
 "DH, loose" is the reference's fit made again (theta, d, a, alpha at 0.02 rad and 2 mm). "Ours" is
 the method that holds the ball best in places held out *among the training places*; nothing looks at
 the place that is tested. "Joint estimate" is ``estimate_probing`` with the sockets' distance.
-Data: the folder ROBOTRUE_DATA (default ../shared/data).
+``--how-many`` prints instead what fewer places and touches would have given. Data: the folder
+ROBOTRUE_DATA (default ../shared/data).
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -60,7 +62,7 @@ LOOSE = FitSettings(
     solver=SolverSettings(learn_scales=False),
 )
 CHOICE = ("geometric", "elastic", "ripple")
-FOLDS, SEED = 5, 0
+FOLDS, SEED, DRAWS = 5, 0, 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,15 +142,45 @@ def mean_mm(held: Mapping[str, SocketSpread]) -> float:
 def result(case: str, reference: str, bound: float, measured: float, beside: str) -> None:
     """Prints one row of the summary."""
     verdict = "reached" if measured < bound else "missed"
-    print(f"RESULT | {case} | {reference} | < {bound:g} | {measured:.3f}; {beside} | {verdict}")
+    print(f"RESULT | {case} | {reference} | < {bound:.3f} | {measured:.3f}; {beside} | {verdict}")
+
+
+def read(arm: Arm) -> SocketTouches:
+    """The touches of one arm, with the sockets' distance."""
+    folder = ROOT / "sockets-mukca" / arm.folder
+    return read_sockets(folder, spacing=SPACING, spacing_sigma=0.2 * MM)
+
+
+def how_many(arm: Arm) -> None:
+    """Prints what elastic reaches at all other places after some touches at some places."""
+    data, robot = read(arm), preset(arm.preset)
+    touches = data.touches
+    rng = np.random.default_rng(SEED)
+    print(f"{arm.title}, elastic: places, touches in each socket, mean mm at all other places")
+    for count in range(1, len(data.places)):
+        chosen = list(combinations(data.places, count))
+        if len(chosen) > DRAWS:
+            chosen = [chosen[i] for i in rng.choice(len(chosen), DRAWS, replace=False)]
+        for most in (8, 15, None):
+            means = []
+            for names in chosen:
+                rows = np.flatnonzero(data.rows_at(names))
+                of = touches.part[rows]
+                kept = [rng.permutation(rows[of == k])[:most] for k in np.unique(of)]
+                model = by_method(robot, "elastic", touches.subset(np.sort(np.concatenate(kept))))
+                others = touches.subset(~data.rows_at(names))
+                means.append(socket_spread(model, others).mean / MM)
+            print(
+                f"  {count}  {most or 'all':>3}  median {np.median(means):.3f}  worst of "
+                f"{len(means)} {max(means):.3f}",
+                flush=True,
+            )
 
 
 def run(arm: Arm, quick: bool) -> None:
     """Prints the table and the rows of one arm."""
     begin = time.perf_counter()
-    data: SocketTouches = read_sockets(
-        ROOT / "sockets-mukca" / arm.folder, spacing=SPACING, spacing_sigma=0.2 * MM
-    )
+    data = read(arm)
     robot, touches = preset(arm.preset), data.touches
     places = {
         name: tuple(np.flatnonzero(data.place == i).tolist()) for i, name in enumerate(data.places)
@@ -207,12 +239,15 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="the reference's place alone")
     parser.add_argument("--arms", nargs="+", choices=names, default=names)
+    parser.add_argument("--how-many", action="store_true", help="fewer places and touches")
     chosen = parser.parse_args(arguments)
     if not ROOT.is_dir():
         print(f"measured data not found at {ROOT}; set ROBOTRUE_DATA")
         return 1
     for arm in ARMS:
-        if arm.folder in chosen.arms:
+        if arm.folder in chosen.arms and chosen.how_many:
+            how_many(arm)
+        elif arm.folder in chosen.arms:
             run(arm, chosen.quick)
     return 0
 

@@ -108,6 +108,7 @@ BENCHMARKS = (
     Benchmark(name="compensation_chain", quick=("20000",), rows=chain),
     Benchmark(name="few_poses", quick=("--quick",), rows=stated),
     Benchmark(name="real_arms", quick=("--quick",), rows=measured_arms),
+    Benchmark(name="real_touches", quick=("--quick",), rows=stated),
     Benchmark(name="transfer", quick=("--quick", "--rows", "side", "S1A"), rows=stated),
     Benchmark(name="planned_poses", quick=("--quick",), rows=stated),
     Benchmark(name="registration", quick=("--quick",), rows=stated),
