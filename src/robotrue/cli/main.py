@@ -328,6 +328,28 @@ def compensate(
     )
 
 
+@app.command()
+def diff(
+    first: Annotated[Path, typer.Argument(metavar="BEFORE", help="Program as CAM made it.")],
+    second: Annotated[Path, typer.Argument(metavar="AFTER", help="The same, compensated.")],
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            help="Model file: also the predicted error of every target, before and after."
+        ),
+    ] = None,
+    cell: Annotated[Path | None, typer.Option(help="Registered cell with the part frame.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Every target as CSV.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Compare two programs target by target: shift, turn, predicted error before and after."""
+    from robotrue.cli import diff as command
+
+    command.run(first, second, model_path=model, registered=cell, output=output, as_json=json)
+
+
 @app.command(name="probe-plan")
 def probe_plan(
     cell: Annotated[

@@ -1,0 +1,154 @@
+"""``robotrue diff``: what one program changes of another, target by target."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from robotrue.calibration.model import ErrorModel
+from robotrue.cell.cell import Cell
+from robotrue.cli.compensate import frame_table, opened
+from robotrue.cli.console import emit_json, emit_table, say
+from robotrue.cli.inputs import check_output
+from robotrue.compensation.difference import Change, Difference, difference
+from robotrue.core.arrays import Array
+from robotrue.core.files import write_atomic
+from robotrue.core.units import DEG, MM, UM
+from robotrue.errors import ModelMismatchError
+from robotrue.program.formats import read_job
+from robotrue.program.program import FrameTable
+from robotrue.validation.error_map import radius_95
+
+SHOWN: Final = 20
+"""Rows of the printed table: those that moved most."""
+COLUMNS: Final = (
+    "file", "line", "line_after", "status", "shift_x_um", "shift_y_um", "shift_z_um", "shift_um",
+    "turn_deg", "error_before_um", "error_after_um", "bound_95_um",
+)  # fmt: skip
+
+
+def run(
+    first: Path,
+    second: Path,
+    *,
+    model_path: Path | None,
+    registered: Path | None,
+    output: Path | None,
+    as_json: bool,
+) -> None:
+    """Compares two programs; writes every target as CSV on request."""
+    sources = [p for p in (first, second, model_path, registered) if p is not None]
+    if output is not None:
+        check_output(output, sources)
+    cell, model = (None, None) if model_path is None else opened(model_path, registered)
+    found = _differences(first, second, cell, model)
+    rows = [row for name, one in found for row in _rows(name, one)]
+    if output is not None:
+        write_atomic(output, _csv(rows))
+        say(f"{len(rows)} targets written to {output}")
+    if as_json:
+        emit_json({"files": [{"file": name, **one.summary()} for name, one in found]})
+        return
+    for name, one in found:
+        _show(name, one)
+
+
+def _differences(
+    first: Path, second: Path, cell: Cell | None, model: ErrorModel | None
+) -> list[tuple[str, Difference]]:
+    frames = FrameTable() if cell is None else frame_table(cell)
+    jobs = read_job(first, frames), read_job(second, frames)
+    if len(jobs[0]) != len(jobs[1]):
+        raise ModelMismatchError(
+            f"{first.name} is a job of {len(jobs[0])} files, {second.name} of {len(jobs[1])}.",
+            source=second,
+            hint="put the companions of both programs beside them.",
+        )
+    if cell is None:
+        return [(a.name, difference(a, b)) for a, b in zip(*jobs, strict=True)]
+    load = cell.payload
+    return [(a.name, difference(a, b, model=model, load=load)) for a, b in zip(*jobs, strict=True)]
+
+
+def _rows(name: str, found: Difference) -> list[dict[str, Any]]:
+    size = np.linalg.norm(found.shift, axis=1)
+    before, after, bound = _errors(found)
+    return [
+        {
+            "file": name,
+            "line": int(found.line[i]),
+            "line_after": int(found.line_after[i]),
+            "status": Change(int(found.change[i])).name.lower(),
+            **dict(zip(COLUMNS[4:7], (found.shift[i] / UM).tolist(), strict=True)),
+            "shift_um": size[i] / UM,
+            "turn_deg": found.turn[i] / DEG,
+            "error_before_um": before[i] / UM,
+            "error_after_um": after[i] / UM,
+            "bound_95_um": bound[i] / UM,
+        }
+        for i in range(len(size))
+    ]
+
+
+def _errors(found: Difference) -> tuple[Array, Array, Array]:
+    """Length (n,) m of the error before and after, and the radius that holds 95 % about it."""
+    n = len(found.change)
+    if not found.has_errors:
+        nothing = np.full(n, np.nan)
+        return nothing, nothing, nothing
+    bound = np.full(n, np.nan)
+    known = np.isfinite(found.covariance).all(axis=(1, 2))
+    bound[known] = radius_95(found.covariance[known])
+    before, after = (np.linalg.norm(e, axis=1) for e in (found.error_before, found.error_after))
+    return before, after, bound
+
+
+def _csv(rows: Sequence[dict[str, Any]]) -> bytes:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for row in rows:
+        writer.writerow([_cell(row[name]) for name in COLUMNS])
+    return text.getvalue().encode()
+
+
+def _cell(value: object) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}" if np.isfinite(value) else ""
+    return str(value)
+
+
+def _show(name: str, found: Difference) -> None:
+    size = np.nan_to_num(np.linalg.norm(found.shift, axis=1))
+    before, after, bound = _errors(found)
+    order = np.argsort(-size, kind="stable")[:SHOWN]
+    known = found.has_errors
+    emit_table(
+        f"{name}: {len(size)} targets, those that moved most",
+        ("line", "shift mm", "x mm", "y mm", "z mm", "turn deg")
+        + (("before mm", "after mm", "95 % mm") if known else ()),
+        [
+            [
+                str(int(found.line[i])),
+                *(f"{v / MM:.4f}" for v in (size[i], *np.nan_to_num(found.shift[i]))),
+                f"{found.turn[i] / DEG:.4f}",
+                *((f"{v / MM:.4f}" for v in (before[i], after[i], bound[i])) if known else ()),
+            ]
+            for i in order.tolist()
+            if found.change[i] == Change.MOVED
+        ],
+    )
+    number = np.bincount(found.change, minlength=len(Change))
+    said = ", ".join(f"{number[c]} {c.name.lower()}" for c in Change if number[c])
+    say(f"{name}: {said}")
+    if known and np.isfinite(after).any():
+        say(
+            f"{name}: predicted error {np.nanmean(before) / UM:.0f} um mean before, "
+            f"{np.nanmean(after) / UM:.1f} um after, within {np.nanmax(bound) / UM:.0f} um with "
+            "95 % at the worst target"
+        )
