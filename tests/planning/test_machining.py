@@ -186,6 +186,12 @@ def test_two_tools_and_two_clampings_are_refused():
         plan_machining(CELL, [one, again], MachiningSettings())
 
 
+def test_a_lift_out_of_reach_is_not_blamed_on_the_point_under_it():
+    settings = MachiningSettings(lift=1.2)
+    with pytest.raises(ReachError, match=r"^top\.apt:(5|16): the lift of 1200 mm over this point"):
+        plan_machining(CELL, sides("top"), settings)
+
+
 def test_a_home_in_the_part_is_refused_and_a_clear_one_chosen():
     inside = np.array([0.0, -75.0, 105.0, 0.0, 0.0, 0.0]) * DEG
     with pytest.raises(ConfigurationError, match=r"home \(A1..A6 0, -75, 105, 0, 0, 0 deg\): coll"):

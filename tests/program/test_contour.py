@@ -126,6 +126,21 @@ def test_distances_are_signed_and_a_margin_widens():
     assert contour.keeps(points, margin=0.04).tolist() == [True, True, False]
 
 
+def test_distances_within_a_band_are_those_of_all_edges():
+    turn = np.linspace(0, 2 * np.pi, 400)[:-1]
+    wavy = np.stack([np.cos(turn), np.sin(turn)], axis=1) * (1 + 0.1 * np.sin(40 * turn))[:, None]
+    points = np.random.default_rng(2).uniform(-1.3, 1.3, (1500, 2))
+    every = distance(wavy, points)
+    start, along = wavy, np.roll(wavy, -1, axis=0) - wavy
+    apart = points[:, None] - start
+    share = np.clip((apart * along).sum(2) / (along**2).sum(1), 0, 1)
+    truth = np.linalg.norm(apart - share[..., None] * along, axis=2).min(axis=1)
+    np.testing.assert_allclose(every, truth, atol=1e-12)
+    near = distance(wavy, points, within=0.05)
+    np.testing.assert_array_equal(np.isfinite(near), every <= 0.05)
+    np.testing.assert_allclose(near[np.isfinite(near)], every[every <= 0.05])
+
+
 def test_a_drawing_with_crossings_overlaps_and_a_dead_end():
     cross = np.array(
         [

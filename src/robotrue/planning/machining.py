@@ -136,16 +136,7 @@ def plan_machining(
     _one_clamping(sides, box)
     scene = scene_without_reflector(cell)
     homes = _homes(robot, scene, box, sides[0].T_base_part, settings)
-    posed = [
-        resolve_spin(
-            robot,
-            side.T_base_part,
-            _with_lifts(side.path, box, settings.lift),
-            settings.spin,
-            near=homes[0],
-        )
-        for side in sides
-    ]
+    posed = [_posed(robot, side, box, settings, homes[0]) for side in sides]
     moves = _moves(scene, box, posed, homes)
     notes = [note for each in posed for note in _doubts(each)]
     for each in posed:
@@ -180,6 +171,26 @@ def job_program(
         for before, side in zip(axes[:-1], job.sides, strict=True)
     ]
     return machining_program(name, robot.T_flange_tool, sides, axes[-1], speeds, remarks=remarks)
+
+
+def _posed(
+    robot: RobotModel, side: Side, box: Box, settings: MachiningSettings, home: Array
+) -> Posed:
+    """The side with its lifts; a lift out of reach is not blamed on the point under it."""
+    frame, lifted = side.T_base_part, _with_lifts(side.path, box, settings.lift)
+    try:
+        return resolve_spin(robot, frame, lifted, settings.spin, near=home)
+    except ReachError as error:
+        if error.line not in (side.path.line[0], side.path.line[-1]) or lifted is side.path:
+            raise
+        resolve_spin(robot, frame, side.path, settings.spin, near=home)  # or the point's own fault
+        raise ReachError(
+            f"the lift of {settings.lift / MM:g} mm over this point cannot be made: "
+            f"{error.message}",
+            source=error.source,
+            line=error.line,
+            hint="a smaller --lift-mm.",
+        ) from error
 
 
 def _one_tool(paths: Sequence[Toolpath]) -> None:
@@ -281,6 +292,8 @@ def _with_lifts(path: Toolpath, box: Box, lift: float) -> Toolpath:
     way = _way_out(path.position[ends], path.axis[ends], box, lift)
     count = len(path)
     before, after = bool(way[0] > 0.0), bool(way[1] > 0.0)
+    if not (before or after):
+        return path
     pick = np.concatenate([[0] * before, np.arange(count), [count - 1] * after]).astype(np.int64)
     position = path.position[pick]
     rapid = path.rapid[pick]

@@ -66,7 +66,14 @@ class Contour:
 
     def keeps(self, points: Array, *, margin: float = 0.0) -> BoolArray:
         """Returns which points (n, 3) m in part lie inside, or outside by at most ``margin`` m."""
-        return np.asarray(self.outside_by(points) <= margin)
+        flat = np.asarray(points) @ self.across.T
+        out = np.zeros(len(flat), dtype=np.bool_)
+        for outline in self.outlines:
+            out |= inside(outline, flat)
+            if margin > 0.0:
+                rest = np.flatnonzero(~out)
+                out[rest] = distance(outline, flat[rest], within=margin) <= margin
+        return out
 
 
 def contour_of(mesh: TriangleMesh, direction: Array) -> Contour:
@@ -145,11 +152,11 @@ def keep_inside(
         ImplausibleDataError: No point that cuts lies inside: another frame, or another unit.
     """
     cuts = np.flatnonzero(path.cutting)
-    outside = np.full(len(path), -np.inf)
-    outside[cuts] = contour.outside_by(path.position[cuts])
-    kept = np.asarray(path.cutting & (outside <= margin))
+    kept = np.zeros(len(path), dtype=np.bool_)
+    kept[cuts] = contour.keeps(path.position[cuts], margin=margin)
     if not kept.any():
-        nearest = float(outside[cuts].min()) if len(cuts) else np.inf
+        apart = contour.outside_by(path.position[cuts])
+        nearest = float(apart.min()) if len(cuts) else np.inf
         raise ImplausibleDataError(
             f"no point of the tool path lies inside the largest contour of the mesh; the nearest "
             f"is {nearest / MM:.3f} mm outside.",

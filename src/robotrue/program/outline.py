@@ -17,7 +17,9 @@ from robotrue.errors import ConvergenceError
 SNAP: Final = 1e-7
 """m."""
 _BLOCK: Final = 1 << 20
-"""Pairs of segments looked at together."""
+"""Pairs looked at together."""
+_ROWS: Final = 500
+"""Points looked at together."""
 
 
 def outer_boundaries(segments: Array) -> list[Array]:
@@ -53,28 +55,48 @@ def inside(polygon: Array, points: Array) -> BoolArray:
     """Returns which points (n, 2) m lie in a polygon (k, 2) m, by crossings of a ray along x."""
     out = np.zeros(len(points), dtype=np.bool_)
     start, end = polygon, np.roll(polygon, -1, axis=0)
-    step = max(_BLOCK // max(len(polygon), 1), 1)
-    rise = np.where(end[:, 1] == start[:, 1], 1.0, end[:, 1] - start[:, 1])
-    for first in range(0, len(points), step):
-        x, y = points[first : first + step, 0, None], points[first : first + step, 1, None]
-        spans = (start[:, 1] > y) != (end[:, 1] > y)
-        at = start[:, 0] + (y - start[:, 1]) / rise * (end[:, 0] - start[:, 0])
-        out[first : first + step] = (spans & (x < at)).sum(axis=1) % 2 == 1
+    low, high = np.minimum(start[:, 1], end[:, 1]), np.maximum(start[:, 1], end[:, 1])
+    order = np.argsort(points[:, 1], kind="stable")
+    for rows in np.array_split(order, max(len(order) // _ROWS, 1)):  # of about the same height
+        x, y = points[rows, 0, None], points[rows, 1, None]
+        if not len(rows):
+            continue
+        here = (low <= y[-1]) & (high >= y[0])
+        a, b = start[here], end[here]
+        spans = (a[:, 1] > y) != (b[:, 1] > y)
+        rise = np.where(b[:, 1] == a[:, 1], 1.0, b[:, 1] - a[:, 1])
+        at = a[:, 0] + (y - a[:, 1]) / rise * (b[:, 0] - a[:, 0])
+        out[rows] = (spans & (x < at)).sum(axis=1) % 2 == 1
     return out
 
 
-def distance(polygon: Array, points: Array) -> Array:
-    """Returns the distance (n,) m of points (n, 2) m to the line of a polygon (k, 2) m."""
-    out = np.empty(len(points))
-    start, along = polygon, np.roll(polygon, -1, axis=0) - polygon
-    square = np.maximum((along**2).sum(axis=1), SNAP**2)
-    step = max(_BLOCK // max(len(polygon), 1), 1)
-    for first in range(0, len(points), step):
-        apart = points[first : first + step, None] - start
-        share = np.clip((apart * along).sum(axis=2) / square, 0.0, 1.0)
-        rest = apart - share[..., None] * along
-        out[first : first + step] = np.sqrt((rest**2).sum(axis=2).min(axis=1))
-    return out
+def distance(polygon: Array, points: Array, *, within: float = np.inf) -> Array:
+    """Returns the distance (n,) m of points (n, 2) m to the line of a polygon (k, 2) m.
+
+    Args:
+        polygon: (k, 2) m.
+        points: (n, 2) m.
+        within: m; of points farther away only that they are: infinity.
+    """
+    out = np.full(len(points), np.inf)
+    end = np.roll(polygon, -1, axis=0)
+    low, high = np.minimum(polygon, end) - within, np.maximum(polygon, end) + within
+    order = np.argsort(points[:, 1], kind="stable")
+    for rows in np.array_split(order, max(len(order) // _ROWS, 1)):  # of about the same height
+        if not len(rows):
+            continue
+        part = points[rows]
+        here = (low[:, 1] <= part[-1, 1]) & (high[:, 1] >= part[0, 1])
+        if not here.any():
+            continue
+        start, along = polygon[here], end[here] - polygon[here]
+        square = np.maximum((along**2).sum(axis=1), SNAP**2)
+        x, y = part[:, 0, None] - start[:, 0], part[:, 1, None] - start[:, 1]
+        share = np.clip((x * along[:, 0] + y * along[:, 1]) / square, 0.0, 1.0)
+        x -= share * along[:, 0]
+        y -= share * along[:, 1]
+        out[rows] = np.sqrt((x * x + y * y).min(axis=1))
+    return np.where(out <= within, out, np.inf)
 
 
 def _planar(segments: Array) -> tuple[Array, IntArray]:
