@@ -13,15 +13,18 @@ import numpy as np
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
+from robotrue.cell.part import PartTable
 from robotrue.cli.console import emit_facts, emit_json, emit_table, say
 from robotrue.cli.inputs import read_mapping
 from robotrue.cli.model_view import drive_errors, identified, remarks, result_facts, stiffness
 from robotrue.core.files import read_bytes
+from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import FormatError
 from robotrue.measurement.formats.registry import read_measurements
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.program.formats import detect, read_job
+from robotrue.program.identity import read_identity
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 from robotrue.robot.forward import forward
 from robotrue.store.model_file import ModelFile, read_model
@@ -44,6 +47,7 @@ def run(path: Path, *, mapping: Path | None, as_json: bool) -> None:
         document = cell_document(read_cell(path))
     elif mapping is None and _is_program(path, data):
         document = program_document(read_job(path, FrameTable()))
+        document |= _program_identity(path, data)
     else:
         document = measurement_document(_measurements(path, mapping))
     if as_json:
@@ -148,7 +152,43 @@ def cell_document(cell: Cell) -> dict[str, Any]:
         "tracker": cell.tracker.name,
         "tracker_sigma_at_3m_um": float(cell.tracker.sigma_range(np.array(3.0))) / UM,
         "repeatability_mm": cell.repeatability / MM,
+        **({} if cell.part is None else {"part": _part_document(cell.part)}),
         "doubts": list(cell.doubts),
+    }
+
+
+def _part_document(part: PartTable) -> dict[str, Any]:
+    return {
+        "method": part.method,
+        "points": part.points_file,
+        "model": {**part.identity.document(), "file": part.model_file},
+        "frames": [
+            {
+                "name": frame.name,
+                "xyz_mm": (frame.T_base_part[:3, 3] / MM).tolist(),
+                "abc_deg": (abc_from_matrix(frame.T_base_part[:3, :3]) / DEG).tolist(),
+                "touches": frame.touches,
+                "outliers": list(frame.outliers),
+                "rms_mm": frame.rms / MM,
+                "verdict": frame.verdict,
+            }
+            for frame in part.frames
+        ],
+    }
+
+
+def _program_identity(path: Path, data: bytes) -> dict[str, Any]:
+    """What the file beside a program says of it; empty if nothing does."""
+    known = read_identity(path, data)
+    if known is None:
+        return {}
+    return {
+        "identity": {
+            "model": known.model.document(),
+            "compensated": known.compensated,
+            "part": known.part,
+            "made_from": known.made_from,
+        }
     }
 
 
@@ -239,6 +279,11 @@ def _show(path: Path, document: dict[str, Any]) -> None:
 
 def _words(value: Any) -> str:
     if isinstance(value, dict):
+        if any(
+            not isinstance(number, int) or isinstance(number, bool) for number in value.values()
+        ):
+            told = ((name.replace("_", " "), _words(inner)) for name, inner in value.items())
+            return ", ".join(f"{name} {words}" for name, words in told if words != "none")
         return ", ".join(f"{number} {name}" for name, number in value.items()) or "none"
     if isinstance(value, list):
         if value and isinstance(value[0], list):

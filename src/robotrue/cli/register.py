@@ -65,6 +65,11 @@ def run(
         check_output(path, inputs)
     for form in options.frame_format:
         controller_frame(np.eye(4), form, number=options.frame_number)  # refuses before any work
+    if not 0.0 <= options.probe_radius_mm < 100.0:
+        raise ConfigurationError(
+            f"--probe-radius-mm is {options.probe_radius_mm:g} mm, expected 0 to 100 mm.",
+            hint="--probe-radius-mm 3",
+        )
     cell, model = _opened(cell_or_model)
     file = read_points(points)
     touches = replace(file.touches, radius=options.probe_radius_mm * MM)
@@ -107,10 +112,6 @@ def _opened(path: Path) -> tuple[Cell, ErrorModel | None]:
 
 
 def _settings(cell: Cell, options: Options) -> RegistrationSettings:
-    if not 0.0 <= options.probe_radius_mm < 100.0:
-        raise ConfigurationError(
-            f"--probe-radius-mm is {options.probe_radius_mm:g} mm, expected 0 to 100 mm."
-        )
     robot, tool, tolerance = (
         None if size is None else size * MM
         for size in (options.robot_sigma_mm, options.tool_sigma_mm, options.tolerance_mm)

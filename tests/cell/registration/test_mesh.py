@@ -207,7 +207,7 @@ def test_an_stl_in_millimetres_is_read(tmp_path: Path) -> None:
 
 def test_a_mesh_with_a_hole_or_no_mesh_is_named(tmp_path: Path) -> None:
     pytest.importorskip("trimesh")
-    with pytest.raises(ImplausibleDataError, match="3 open edges, a hole; the first is at"):
+    with pytest.raises(ImplausibleDataError, match="4 open edges, a hole; the first is at"):
         read_mesh(stl(tmp_path / "open.stl", BOX_FACES[:-2]))
     broken = tmp_path / "broken.stl"
     broken.write_bytes(b"nothing of the kind")
