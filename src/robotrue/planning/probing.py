@@ -36,6 +36,10 @@ ROUGH: Final = 0.02
 ROUGH_TURN: Final = 0.04
 """m and rad, sd of a frame before the first touch: loose beside any arm, and not so loose that the
 exchange of single touches, which takes them back, loses its digits."""
+MOTIONS: Final = (
+    *(f"shift along {axis}" for axis in "xyz"),
+    *(f"turn about {axis}" for axis in "xyz"),
+)
 UNFIXED: Final = 0.1
 """Share of the frame's prior sd that is left in some direction where touches do not fix it."""
 
@@ -406,15 +410,17 @@ def _enough(left: Array, tolerance: float) -> int:
 
 
 def _require_frames(linear: LinearTask, known: Array, n: int, parts: tuple[int, ...]) -> None:
-    left = np.einsum("ik,kl,il->i", linear.frames, known, linear.frames)
+    loose = np.repeat([ROUGH, ROUGH_TURN], 3)
     for k, part in enumerate(parts):
-        spread = np.sqrt(left[6 * k : 6 * k + 6])
-        share = float(max(spread[:3].max() / ROUGH, spread[3:].max() / ROUGH_TURN))
-        if share > UNFIXED:
+        mine = linear.frames[6 * k : 6 * k + 6] / loose[:, None]
+        values, vectors = np.linalg.eigh(mine @ known @ mine.T)
+        if values[-1] > UNFIXED**2:
+            motion = MOTIONS[int(np.argmax(np.abs(vectors[:, -1])))]
             raise ObservabilityError(
-                f"{n} touches do not fix the frame of part {part}.",
-                hint="three points that are not on one line, or six touches of surfaces, for each "
-                "part.",
+                f"{n} touches do not fix the frame of part {part}; most of all the {motion} of the "
+                "part is open.",
+                hint="three points that are not on one line, or six touches of surfaces that face "
+                "three ways, for each part.",
             )
 
 
