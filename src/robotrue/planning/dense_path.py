@@ -6,7 +6,9 @@ along the path without turning about the axis.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -100,19 +102,37 @@ def _between(first: Array, last: Array, share: Array) -> Array:
 
 def _carried(axis: Array) -> Array:
     """Frames (d, 3, 3) with z against the axis, carried along without turning about it."""
-    x = _perpendicular(axis[0])
     sides = np.empty_like(axis)
-    moved = np.concatenate([[True], np.any(axis[1:] != axis[:-1], axis=1)])
-    for k in range(len(axis)):
-        if moved[k] and k:
-            across, cosine = np.cross(axis[k - 1], axis[k]), float(axis[k - 1] @ axis[k])
-            if cosine > -1.0 + 1e-9:
-                x = x + np.cross(across, x) + np.cross(across, np.cross(across, x)) / (1.0 + cosine)
-            x = x - (x @ axis[k]) * axis[k]
-            x = x / np.linalg.norm(x)
-        sides[k] = x
+    side = _perpendicular(axis[0])
+    moved = np.flatnonzero(np.any(axis[1:] != axis[:-1], axis=1)) + 1
+    ends = np.append(moved, len(axis))
+    sides[: ends[0]] = side
+    carried = tuple(side.tolist())
+    for k, end in pairwise(ends.tolist()):
+        carried = _carry(carried, axis[k - 1].tolist(), axis[k].tolist())
+        sides[k:end] = carried
     z = -axis
     return np.stack([sides, np.cross(z, sides), z], axis=-1)
+
+
+def _carry(
+    side: tuple[float, ...], before: list[float], after: list[float]
+) -> tuple[float, float, float]:
+    """The side vector after the smallest rotation from one axis to the next."""
+    # Plain floats: of a hundred thousand points each needs the one before.
+    (x, y, z), (a, b, c), (u, v, w) = side, before, after
+    cosine = a * u + b * v + c * w
+    if cosine > -1.0 + 1e-9:  # else any half turn will do, and the side stays
+        p, q, r = b * w - c * v, c * u - a * w, a * v - b * u
+        i, j, k = q * z - r * y, r * x - p * z, p * y - q * x
+        scale = 1.0 / (1.0 + cosine)
+        x += i + scale * (q * k - r * j)
+        y += j + scale * (r * i - p * k)
+        z += k + scale * (p * j - q * i)
+    off = x * u + y * v + z * w  # rounding
+    x, y, z = x - off * u, y - off * v, z - off * w
+    length = math.sqrt(x * x + y * y + z * z)
+    return x / length, y / length, z / length
 
 
 def _perpendicular(axis: Array) -> Array:

@@ -43,6 +43,8 @@ HOMES: Final = (
     * DEG
 )
 """rad, controller's axes: where KUKA arms are usually parked; the first that is clear is taken."""
+LOOKED_AT: Final = 2000
+"""Points of a side looked at for collisions while cutting, evenly over it."""
 MOVED: Final = 30.0 * MM
 """Frames of sides that put a corner of the part further apart are different clampings."""
 
@@ -139,13 +141,7 @@ def plan_machining(
     posed = [_posed(robot, side, box, settings, homes[0]) for side in sides]
     moves = _moves(scene, box, posed, homes)
     notes = [note for each in posed for note in _doubts(each)]
-    for each in posed:
-        hits = blocked(scene, box, each.T_base_part, each.joints)
-        hits.pop("collision with the part")  # cutting is meant to touch it
-        for reason, hit in hits.items():
-            if hit.any():
-                where = each.path.place(int(np.argmax(hit)))
-                notes.append(f"{where}: {reason} while cutting ({int(hit.sum())} points).")
+    notes += [note for each in posed for note in _near_misses(scene, box, each)]
     return MachiningJob(sides=tuple(posed), moves=moves, notes=tuple(notes))
 
 
@@ -317,6 +313,19 @@ def _way_out(points: Array, axes: Array, box: Box, lift: float) -> Array:
         )
     inside = ((points > low) & (points < high)).all(axis=1)
     return np.where(inside, out.min(axis=1), 0.0)
+
+
+def _near_misses(scene: Scene, box: Box, posed: Posed) -> list[str]:
+    """Sentences on obstacles that arm or tool come near to while cutting."""
+    count = len(posed.joints)
+    rows = np.unique(np.linspace(0, count - 1, min(count, LOOKED_AT)).astype(np.int64))
+    hits = blocked(scene, box, posed.T_base_part, posed.joints[rows])
+    hits.pop("collision with the part")  # cutting is meant to touch it
+    return [
+        f"{posed.path.place(int(rows[int(np.argmax(hit))]))}: {reason} while cutting."
+        for reason, hit in hits.items()
+        if hit.any()
+    ]
 
 
 def _doubts(posed: Posed) -> list[str]:

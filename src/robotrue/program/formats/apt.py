@@ -13,6 +13,7 @@ Without UNITS/ a file is in millimetres, and says so in its notes.
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 from typing import Final, NoReturn
@@ -256,11 +257,10 @@ class _Reader:
         return sum(printed) if printed else CHORD
 
     def _turn(self, statement: Statement, values: list[float]) -> None:
-        axis = np.array(values)
-        length = float(np.linalg.norm(axis))
+        length = math.hypot(*values)
         if not 0.99 <= length <= 1.01:
             self._refuse(statement, f"a tool axis of length {length:.4g}, expected 1")
-        axis = axis / length
+        axis = np.array(values) / length
         if self.fixed_axis and float(axis @ self.axis) < 1.0 - 1e-6:
             self._refuse(statement, "another tool axis after MULTAX/OFF")
         self.axis = axis
