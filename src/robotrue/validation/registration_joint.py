@@ -35,9 +35,9 @@ from robotrue.validation.registration_settings import TOOL, RegistrationSettings
 from robotrue.validation.touch_checks import check_exchanged, listed
 
 ENOUGH: Final = 27
-"""Numbers (9 feature points) from which a nominal arm is learned with its frames. Machined rms of 30
-simulated cells, frame alone and joint estimate: 9 touches of three sides .68 and .20 mm, 10 of one
-side .17 and .12 mm there, 1.31 and 1.22 mm on the other."""
+"""Numbers (9 feature points) from which a nominal arm is learned with its frames. Machined rms of
+30 simulated cells, frame alone and joint estimate: 9 touches of three sides .68 and .20 mm, 10 of
+one side .17 and .12 mm there, 1.31 and 1.22 mm on the other."""
 SPARE: Final = 3
 """Numbers beyond frames and tool that a joint estimate asks at the least."""
 TILT: Final = 10.0 * DEG
