@@ -137,6 +137,8 @@ class FrameTable:
         external_axes_at_rest: The external axes stand still in the whole program, and every frame
             here is given with them where they stand; only then are targets with an external axis
             away from zero compensated.
+        pulses_per_degree: (6,) drive pulses per degree of axes 1 to 6 (Yaskawa ALL.PRM), signed;
+            without them axis targets written in pulses are not compensated.
     """
 
     T_base_frame: Array = field(default_factory=lambda: np.eye(4))
@@ -144,6 +146,7 @@ class FrameTable:
     bases: Mapping[str, Array] = field(default_factory=dict)
     tools: Mapping[str, Array] = field(default_factory=dict)
     external_axes_at_rest: bool = False
+    pulses_per_degree: Array | None = None
 
 
 class Dialect(Protocol):

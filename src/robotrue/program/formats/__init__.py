@@ -22,7 +22,10 @@ from robotrue.core.files import read_bytes
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.program.program import Dialect, FrameTable, Program, Replacement
 
-_MODULES: Final[dict[str, str]] = {"krl": "robotrue.program.formats.krl"}
+_MODULES: Final[dict[str, str]] = {
+    "jbi": "robotrue.program.formats.jbi",
+    "krl": "robotrue.program.formats.krl",
+}
 _SURE: Final = 0.4
 
 

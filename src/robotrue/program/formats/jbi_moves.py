@@ -1,0 +1,220 @@
+"""What the instructions of a JBI job do with its points: moves, arcs, shifts, computed points."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Final
+
+from robotrue.errors import FormatError
+from robotrue.program.formats.jbi_scan import P_POINTS, JbiScan
+from robotrue.program.program import Motion, Reason
+
+_PLAIN: Final = re.compile(rb"MOV([JLC])[ \t]+C(\d{1,6})(?![^ \t])(.*)", re.DOTALL)
+_MOVE: Final = re.compile(rb"(\+?)[ \t]*(S?MOV|IMOV|EIMOV|REFP)([JLCS]?)\b(.*)", re.DOTALL)
+_POINTS: Final = re.compile(rb"(?<![\w#(])(C|P|BC|BP|EC|EX)(\d{1,6})\b")
+_COMPUTED: Final = re.compile(rb"(?<![\w#(])(?:C|P|BC|BP|EC|EX)\[")
+_VARIABLE: Final = re.compile(rb"\bL?PX?(\d{1,6})\b")
+_VARIABLES: Final = re.compile(rb"\bPX?\[")
+_FRAME: Final = re.compile(rb"\b(?:MFRAME|SETUFRAME)\b.*?UF#\((\d+)\)", re.IGNORECASE)
+_TOOL: Final = re.compile(rb"\b(?:SETTOOL)\b.*?TL#\((\d+)\)", re.IGNORECASE)
+_MOTION: Final = {
+    b"J": Motion.PTP,
+    b"L": Motion.LIN,
+    b"C": Motion.ARC_VIA,
+    b"S": Motion.SPLINE,
+    b"": Motion.LIN,
+}
+_TAILS: Final = 4096
+"""Tails of moves remembered."""
+
+
+@dataclass(slots=True)
+class Moves:
+    """What is known of every point that a move names.
+
+    Attributes:
+        motion: How each row is moved to, by row.
+        flags: Reasons found in instructions, by row.
+        partners: External points that stand in the same move, by row.
+        runs: Rows of each run of ``MOVC``, in order.
+        frames: User frames that the job computes (number, line).
+        tools: Tools likewise.
+        notes: Sentences.
+    """
+
+    motion: dict[int, Motion] = field(default_factory=dict)
+    flags: dict[int, Reason] = field(default_factory=dict)
+    partners: dict[int, list[tuple[str, int]]] = field(default_factory=dict)
+    runs: list[list[int]] = field(default_factory=list)
+    frames: list[tuple[str, int]] = field(default_factory=list)
+    tools: list[tuple[str, int]] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+
+def moves(scan: JbiScan, name: str) -> Moves:
+    """Returns what the instructions do.
+
+    Raises:
+        FormatError: A move to a C point that the job does not hold.
+    """
+    walk = _Walk(scan, name)
+    for line, text in scan.body:
+        walk.instruction(line, text.partition(b"'")[0])
+    walk.finish()
+    return walk.out
+
+
+class _Walk:
+    def __init__(self, scan: JbiScan, name: str) -> None:
+        self.name = name
+        self.out = Moves()
+        self._row = {number: row for row, number in enumerate(scan.names.tolist())}
+        self._external = scan.external
+        self._run: list[int] = []
+        self._master: list[int] = []
+        self._shift = 0
+        self._shifted: list[int] = []
+        self._jumps = any(text.startswith((b"JUMP", b"CALL")) for _, text in scan.body)
+        self._told: set[str] = set()
+        self._tails: dict[bytes, bool] = {}
+
+    def instruction(self, line: int, text: bytes) -> None:
+        """Reads one."""
+        plain = _PLAIN.match(text)
+        if plain and not self._shift and self._is_plain(plain[3]):
+            row = self._row.get(int(plain[2]))
+            if row is not None:
+                self._master = [row]
+                self._track(self._master, plain[1], b"FPT" in plain[3])
+                return
+        match = _MOVE.match(text)
+        if match:
+            self._move(line, match[1] == b"+", match[2], match[3], match[4])
+            return
+        if text.startswith(b"SFTON"):
+            self._shift = self._shift or line
+            self._tell("shift", f"{self.name}:{line}: SFTON shifts the moves after it; their "
+                       "targets are not compensated.")  # fmt: skip
+        elif text.startswith(b"SFTOF") and not self._jumps:
+            self._shift = 0
+        for pattern, found in ((_FRAME, self.out.frames), (_TOOL, self.out.tools)):
+            found += [(number.decode(), line) for number in pattern.findall(text)]
+        for number in _VARIABLE.findall(text):
+            self._compute(int(number) + P_POINTS, line)
+        if _VARIABLES.search(text):
+            self._all_variables(line)
+
+    def finish(self) -> None:
+        """Closes what is open at the end."""
+        self._close_run()
+        if self._shift and self._jumps:
+            self._shifted = list(self.out.motion)
+        self.out.flags |= dict.fromkeys(self._shifted, Reason.RELATIVE)
+
+    def _is_plain(self, tail: bytes) -> bool:
+        """Whether a move's tail names no point and no second group; tails repeat themselves."""
+        known = self._tails.get(tail)
+        if known is None:
+            known = not (b"+" in tail or _POINTS.search(tail) or _COMPUTED.search(tail))
+            if len(self._tails) < _TAILS:
+                self._tails[tail] = known
+        return known
+
+    def _move(self, line: int, second: bool, verb: bytes, letter: bytes, rest: bytes) -> None:
+        own, *others = rest.split(b"+")
+        if second:
+            own, others = b"", [rest]
+        if _COMPUTED.search(rest):
+            self._all_variables(line)
+        rows = [] if verb == b"REFP" else list(self._targets(line, own))
+        outside = [key for key in self._points(rest) if key[0] not in ("C", "P")]
+        for row in [row for other in others for row in self._targets(line, other)]:
+            self._flag(row, Reason.EXTERNAL_AXIS)
+            self._tell("second", f"{self.name}:{line}: points behind + move a second group; they "
+                       "are not compensated.")  # fmt: skip
+        self._master = rows or self._master
+        for row in self._master:
+            self.out.partners.setdefault(row, []).extend(outside)
+        if verb in (b"IMOV", b"EIMOV"):
+            self._tell("step", f"{self.name}:{line}: IMOV moves by a step; its point is not "
+                       "compensated.")  # fmt: skip
+            for row in rows:
+                self._flag(row, Reason.RELATIVE)
+        elif verb == b"SMOV":
+            for row in rows:
+                self._flag(row, Reason.EXTERNAL_AXIS)
+        if self._shift:
+            self._shifted += rows
+        self._track(rows, letter, b"FPT" in own)
+
+    def _track(self, rows: list[int], letter: bytes, ends: bool) -> None:
+        """Notes how rows are moved to; runs of MOVC are arcs of two points each."""
+        if letter != b"C" and rows:
+            self._close_run()
+        for row in rows:
+            how = _MOTION[letter]
+            if letter == b"C":
+                # The first is reached on a straight line and begins the arc.
+                how = (Motion.ARC_VIA, Motion.ARC_END)[len(self._run) % 2 == 0]
+                how = how if self._run else Motion.LIN
+                self._run.append(row)
+            before = self.out.motion.get(row)
+            if before is None or how == Motion.PTP:
+                self.out.motion[row] = how
+        if ends and self._run:
+            last = self._run[-1]
+            self._close_run()
+            self._run = [last]
+
+    def _close_run(self) -> None:
+        if len(self._run) > 1:
+            self.out.runs.append(self._run)
+            if self.out.motion[self._run[-1]] == Motion.ARC_VIA:
+                self.out.motion[self._run[-1]] = Motion.ARC_END
+        self._run = []
+
+    def _points(self, text: bytes) -> Iterator[tuple[str, int]]:
+        for kind, number in _POINTS.findall(text):
+            yield kind.decode(), int(number)
+
+    def _targets(self, line: int, text: bytes) -> Iterator[int]:
+        for kind, number in self._points(text):
+            if kind not in ("C", "P"):
+                continue
+            row = self._row.get(number + (P_POINTS if kind == "P" else 0))
+            if row is not None:
+                yield row
+            elif kind == "C":
+                raise FormatError(
+                    f"a move to C{number:05d}, which //POS does not hold.",
+                    source=self.name,
+                    line=line,
+                    hint="the file is cut off or was edited: export the job again.",
+                )
+            else:
+                self._tell("P", f"{self.name}:{line}: P{number:03d} is a variable of the "
+                           "controller; moves to such points are not compensated.")  # fmt: skip
+
+    def _compute(self, name: int, line: int) -> None:
+        row = self._row.get(name)
+        if row is not None:
+            self._flag(row, Reason.EXPRESSION)
+            self._tell("set", f"{self.name}:{line}: P{name - P_POINTS:03d} is used or set by an "
+                       "instruction; such points are not compensated.")  # fmt: skip
+
+    def _all_variables(self, line: int) -> None:
+        self._tell("index", f"{self.name}:{line}: a point is chosen by a computed number; P points "
+                   "of this job are not compensated.")  # fmt: skip
+        for name, row in self._row.items():
+            if name >= P_POINTS:
+                self._flag(row, Reason.EXPRESSION)
+
+    def _flag(self, row: int, reason: Reason) -> None:
+        self.out.flags.setdefault(row, reason)
+
+    def _tell(self, key: str, text: str) -> None:
+        if key not in self._told:
+            self._told.add(key)
+            self.out.notes.append(text)

@@ -1,0 +1,231 @@
+"""Builds a program from a scanned JBI job: columns, reasons, notes."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.units import DEG
+from robotrue.core.words import NO_WORD, WORDS
+from robotrue.errors import ShapeError
+from robotrue.program.formats.jbi_moves import Moves, moves
+from robotrue.program.formats.jbi_scan import UNITS, Header, JbiScan, scan
+from robotrue.program.formats.jbi_write import JbiSpans
+from robotrue.program.formats.numbered_frames import NumberedFrames
+from robotrue.program.formats.target_tokens import TargetTokens, values_of
+from robotrue.program.program import FrameTable, Motion, Program, Reason
+
+_COUNTED: Final = ("C", "BC", "EC", "P", "BP", "EX")
+"""Order of ``///NPOS``."""
+_HOLDER: Final = {"base": "UFRAME.CND", "tool": "TOOL.CND"}
+_PULSES_HINT: Final = (
+    "state the pulses per degree of axes S, L, U, R, B, T in the frame table (pulses_per_degree; "
+    "ALL.PRM has them)"
+)
+
+
+def read_jbi(data: bytes, name: str, frames: FrameTable) -> Program:
+    """Returns the program of a job.
+
+    Raises:
+        FormatError: Not a job, cut off, or a line that cannot be read.
+        ShapeError: ``frames.pulses_per_degree`` are not six numbers other than zero.
+    """
+    found = scan(data, name=name)
+    return _Builder(found, moves(found, name), name, frames).program()
+
+
+class _Builder:
+    def __init__(self, found: JbiScan, walk: Moves, name: str, given: FrameTable) -> None:
+        self.scan, self.walk, self.name, self.given = found, walk, name, given
+        self.notes: list[str] = []
+        self.frames = NumberedFrames(given, name, holder=_HOLDER, zero_is_root=False)
+        for side, changed in (("base", walk.frames), ("tool", walk.tools)):
+            for number, line in changed:
+                self.frames.change(side, number, line, "the job")
+        self._relative = next((v for _, k, v in found.attributes if k == "FRAME"), "").split()
+        groups = [value for _, key, value in found.attributes if key.startswith("GROUP")]
+        self._rail = any("BS" in value for value in groups)
+
+    def program(self) -> Program:
+        """Returns the program."""
+        found, n = self.scan, len(self.scan.names)
+        unit = _units(self.given)
+        kinds = np.array([header.unit for header in found.headers], np.int64)
+        kind = kinds[found.header]
+        tokens = TargetTokens(
+            start=found.start,
+            length=found.length,
+            value=found.value,
+            kind=kind,
+            unit=unit,
+            whole=np.array([False, False, True]),
+        )
+        position, rotation, axes = values_of(tokens)
+        base, tool, doubtful = self._header_frames()
+        reason = self._reasons(kind, base[found.header], tool[found.header], doubtful)
+        motion = np.full(n, int(Motion.UNUSED), np.int64)
+        motion[list(self.walk.motion)] = list(self.walk.motion.values())
+        self._external(reason)
+        reason[motion == Motion.UNUSED] = Reason.UNUSED
+        reason[found.count != 6] = Reason.INCOMPLETE
+        reason[list(self.walk.flags)] = list(self.walk.flags.values())
+        self._pair_arcs(reason)
+        self._count_notes()
+        rconf = np.array([header.rconf for header in found.headers], np.int64)[found.header]
+        rconf[kind != UNITS["RECTAN"]] = -1
+        return Program(
+            name=self.name,
+            dialect="jbi",
+            data=found.data,
+            position=position,
+            rotation=rotation,
+            axes=axes,
+            motion=motion,
+            reason=reason,
+            words=_words(found, rconf),
+            words_of="yaskawa",
+            line=found.line,
+            frame=base[found.header],
+            tool=tool[found.header],
+            T_base_frame=self.frames.stacked("base"),
+            T_flange_tool=self.frames.stacked("tool"),
+            notes=tuple(dict.fromkeys(self.notes + self.walk.notes)),
+            spans=JbiSpans(tokens=tokens, rconf=rconf, fields=tuple(found.rconf)),
+        )
+
+    def _header_frames(self) -> tuple[IntArray, IntArray, dict[int, Reason]]:
+        """Returns work frame and tool of every header state, and states that cannot be used."""
+        base, tool, doubtful = [], [], {}
+        for index, header in enumerate(self.scan.headers):
+            rows = np.flatnonzero(self.scan.header == index)
+            line = int(self.scan.line[rows[0]]) if len(rows) else 1
+            if not len(rows):  # a state that no point has names nothing
+                base.append(0)
+                tool.append(0)
+                continue
+            base.append(self._base(header, line, len(rows)))
+            number = header.tool
+            tool.append(self.frames.number("tool", number, line) if number else 0)
+            if header.unit == UNITS["RECTAN"] and header.postype == "TOOL":
+                doubtful[index] = Reason.RELATIVE
+                self.notes.append(
+                    f"{self.name}:{line}: {len(rows)} points in tool coordinates; they are not "
+                    "compensated. Convert them to BASE or USER."
+                )
+        return np.array(base, np.int64), np.array(tool, np.int64), doubtful
+
+    def _base(self, header: Header, line: int, count: int) -> int:
+        frames, postype = self.frames, header.postype
+        if header.unit != UNITS["RECTAN"] or postype in ("ROBOT", "TOOL"):
+            return frames.root("base")
+        if postype == "BASE":
+            if not self._rail or "BASE" in map(str.upper, self.given.bases):
+                named = "BASE" in map(str.upper, self.given.bases)
+                return frames.number("base", "BASE", line) if named else frames.root("base")
+            what, cure = "BASE is that of the base axis", "add base BASE to the frame table"
+            return frames.unknown("base", what, line, cure)
+        if postype == "USER":
+            return self._user(header.user, line, count)
+        what = f"{postype or 'of points without ///POSTYPE'} is not one robotrue knows"
+        return frames.unknown("base", what, line, "convert the points to BASE or USER")
+
+    def _user(self, number: str, line: int, count: int) -> int:
+        said = self._relative[1] if self._relative[:1] == ["USER"] and self._relative[1:] else ""
+        number = number or said
+        if said:
+            self.notes.append(
+                f"{self.name}: a relative job; {count} points are compensated in user frame "
+                f"{number}, where they were taught: run elsewhere, the correction does not fit."
+            )
+        if not number:
+            what = "is a user frame without a number"
+            return self.frames.unknown("base", what, line, "add ///USER")
+        return self.frames.number("base", number, line)
+
+    def _reasons(
+        self, kind: IntArray, base: IntArray, tool: IntArray, doubtful: dict[int, Reason]
+    ) -> IntArray:
+        """Returns the first reason of every row, from its kind and frames."""
+        is_axis = kind != UNITS["RECTAN"]
+        reason = np.where(is_axis, int(Reason.JOINT_TARGET), int(Reason.NONE))
+        for index, why in doubtful.items():
+            reason[self.scan.header == index] = why
+        for side, column in (("base", base), ("tool", tool)):
+            lost = np.isin(column, self.frames.lost_of(side))
+            if side == "base":
+                lost &= ~is_axis
+            reason[lost] = Reason.UNKNOWN_FRAME
+            self.notes += [self.frames.lost[side, i] for i in np.unique(column[lost]).tolist()]
+        pulses = kind == UNITS["PULSE"]
+        if pulses.any() and self.given.pulses_per_degree is None:
+            reason[pulses] = Reason.INCOMPLETE
+            self._tell(pulses, "points in pulses whose axis values are not known", _PULSES_HINT)
+        odd = self.scan.count != 6
+        if odd.any():
+            self._tell(odd, "points that have not six values", "six-axis arms are supported")
+        return reason
+
+    def _tell(self, rows: BoolArray, what: str, cure: str) -> None:
+        line = self.scan.line[np.flatnonzero(rows)[0]]
+        self.notes.append(
+            f"{self.name}:{line}: {int(rows.sum())} {what} (the first is in this line); they are "
+            f"not compensated: {cure}."
+        )
+
+    def _external(self, reason: IntArray) -> None:
+        """Flags the points whose move also positions a base or station axis away from zero."""
+        values = self.scan.external
+        used = [(row, key) for row, keys in self.walk.partners.items() for key in keys]
+        away = sorted({row for row, key in used if any(values.get(key, (np.nan,)))})
+        distinct = {(key[0], values.get(key, (np.nan,))) for _, key in used}
+        still = len(distinct) == len({kind for kind, _ in distinct})
+        known = all(key in values for _, key in used)
+        if not away or (self.given.external_axes_at_rest and still and known):
+            return
+        reason[away] = Reason.EXTERNAL_AXIS
+        rows = np.zeros(len(reason), np.bool_)
+        rows[away] = True
+        cure = "if it stands still and the frames hold there, say so in the frame table"
+        self._tell(rows, "points moved to together with a base or station axis", cure)
+
+    def _pair_arcs(self, reason: IntArray) -> None:
+        """Gives all points of an arc the same fate: half a corrected arc is another arc."""
+        for run in self.walk.runs:
+            worst = next((int(reason[row]) for row in run if reason[row] > 0), 0)
+            for row in run:
+                reason[row] = reason[row] or worst
+
+    def _count_notes(self) -> None:
+        have = tuple(self.scan.found.get(kind, 0) for kind in _COUNTED)
+        if self.scan.counts and self.scan.counts != have:
+            self.notes.append(
+                f"{self.name}: ///NPOS says {','.join(map(str, self.scan.counts))}, but "
+                f"{','.join(map(str, have))} points ({', '.join(_COUNTED)}) stand there; the "
+                "controller may refuse the job."
+            )
+
+
+def _units(given: FrameTable) -> Array:
+    """Returns rad per printed unit of axis values, by ``UNITS``."""
+    unit = np.full((3, 6), DEG)
+    unit[UNITS["PULSE"]] = np.nan
+    if given.pulses_per_degree is not None:
+        ratio = np.asarray(given.pulses_per_degree, dtype=np.float64)
+        if ratio.shape != (6,) or not (np.abs(ratio) > 0.0).all() or np.isinf(ratio).any():
+            raise ShapeError(
+                f"pulses_per_degree is {ratio.tolist()}, expected six numbers other than zero.",
+                hint="axes S, L, U, R, B, T as in ALL.PRM.",
+            )
+        unit[UNITS["PULSE"]] = DEG / ratio
+    return unit
+
+
+def _words(found: JbiScan, rconf: IntArray) -> IntArray:
+    """Returns the first six fields of the RCONF of every row (n, 6)."""
+    fields = np.full((len(found.rconf) + 1, WORDS["yaskawa"]), NO_WORD, np.int64)
+    for index, values in enumerate(found.rconf):
+        fields[index] = values[: WORDS["yaskawa"]]
+    return fields[rconf]  # -1 is the last row, without words

@@ -1,0 +1,287 @@
+"""One pass over a Yaskawa JBI job: its points, the modal headers over them, its moves.
+
+In ``//POS`` the lines ``///USER``, ``///TOOL``, ``///POSTYPE``, ``///PULSE``, ``///RECTAN``,
+``///ANGLE`` and ``///RCONF`` hold for the points that follow, until they are said again. Robot
+points are C and P; BC and BP are those of a base axis, EC and EX of a station.
+"""
+
+from __future__ import annotations
+
+import re
+from array import array
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple, NoReturn
+
+import numpy as np
+
+from robotrue.core.arrays import Array, IntArray
+from robotrue.errors import FormatError
+from robotrue.program.formats.number_text import NUMBER
+from robotrue.program.formats.text_lines import require_text
+
+_END: Final = rb"[ \t]*(?:\r\n|\n|\r|\Z)"
+_SIX: Final = rb",".join([rb"[ \t]*(" + NUMBER + rb")[ \t]*"] * 6)
+_POINT: Final = re.compile(rb"([CP])(\d{1,6})[ \t]*=" + _SIX + _END)
+_LINE: Final = re.compile(rb"([^\r\n]*)(?:\r\n|\n|\r|\Z)")
+_OTHER_POINT: Final = re.compile(rb"(C|P|BC|BP|EC|EX)(\d{1,6})[ \t]*=(.*)")
+_HEADER: Final = re.compile(rb"///(\w+)[ \t]*(.*)")
+_NUMBER: Final = re.compile(NUMBER)
+UNITS: Final = {"RECTAN": 0, "ANGLE": 1, "PULSE": 2}
+"""How numbers are meant: a pose in mm and deg, axes in deg, axes in pulses."""
+_BOM: Final = b"\xef\xbb\xbf"
+
+
+class Header(NamedTuple):
+    """What holds for the points after a header line.
+
+    Attributes:
+        user: Number of the user frame, empty if none was said.
+        tool: Number of the tool, likewise.
+        postype: ``BASE``, ``ROBOT``, ``USER``, ``TOOL``, ``MTOOL``, ``PULSE``, ``ANGLE`` or empty.
+        unit: One of ``UNITS``; points without a type are pulses.
+        rconf: Index into ``JbiScan.rconf``, -1 before the first.
+    """
+
+    user: str = ""
+    tool: str = ""
+    postype: str = ""
+    unit: int = UNITS["PULSE"]
+    rconf: int = -1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JbiScan:
+    """What stands where; rows are the robot points in file order.
+
+    Attributes:
+        data: The bytes.
+        names: (n,) number of each point, P points counted from ``P_POINTS``.
+        line: (n,) one-based line.
+        header: (n,) index into ``headers``.
+        count: (n,) how many numbers stand there.
+        start: (n, 6) first byte of the numbers.
+        length: (n, 6).
+        value: (n, 6) as printed, NaN where none stands.
+        headers: Distinct states of the modal headers.
+        rconf: The fields of every ``///RCONF`` line.
+        counts: What ``///NPOS`` says, empty without it.
+        found: How many of C, BC, EC, P, BP, EX there are.
+        external: Values of BC, BP, EC and EX points by name.
+        body: Instruction lines (one-based line, text), headers and comments left out.
+        attributes: Header lines of ``//INST`` (line, name, value).
+    """
+
+    data: bytes
+    names: IntArray
+    line: IntArray
+    header: IntArray
+    count: IntArray
+    start: IntArray
+    length: IntArray
+    value: Array
+    headers: list[Header]
+    rconf: list[tuple[int, ...]]
+    counts: tuple[int, ...]
+    found: dict[str, int]
+    external: dict[tuple[str, int], tuple[float, ...]]
+    body: list[tuple[int, bytes]]
+    attributes: list[tuple[int, str, str]]
+
+
+P_POINTS: Final = 10**6
+"""Added to the number of a P point, so that C00001 and P00001 have names of their own."""
+
+
+def scan(data: bytes, *, name: str) -> JbiScan:
+    """Returns the columns of a job.
+
+    Raises:
+        FormatError: Not a job, cut off, or a line that cannot be read.
+    """
+    require_text(data, name)
+    reader = _Reader(data, name)
+    reader.read()
+    return reader.result()
+
+
+@dataclass(slots=True)
+class _Reader:
+    data: bytes
+    name: str
+    at: int = 0
+    line: int = 0
+    state: Header = field(default_factory=Header)
+    counts: tuple[int, ...] = ()
+    index: dict[Header, int] = field(default_factory=dict)
+    rconf: list[tuple[int, ...]] = field(default_factory=list)
+    external: dict[tuple[str, int], tuple[float, ...]] = field(default_factory=dict)
+    found: dict[str, int] = field(default_factory=dict)
+    body: list[tuple[int, bytes]] = field(default_factory=list)
+    attributes: list[tuple[int, str, str]] = field(default_factory=list)
+    rows: array[int] = field(default_factory=lambda: array("q"))
+    spans: array[int] = field(default_factory=lambda: array("q"))
+    values: array[float] = field(default_factory=lambda: array("d"))
+
+    def read(self) -> None:
+        """Reads the whole file."""
+        self.at = len(_BOM) if self.data.startswith(_BOM) else 0
+        self._section(b"/JOB")
+        if self._section(b"//POS", b"//INST") == b"//POS":
+            self._points()
+        self._instructions()
+
+    def result(self) -> JbiScan:
+        """Returns the columns."""
+        table = np.frombuffer(self.rows, np.int64).reshape(-1, 4)
+        spans = np.frombuffer(self.spans, np.int64).reshape(-1, 6, 2)
+        names = table[:, 0]
+        order = np.argsort(names, kind="stable")
+        twice = np.flatnonzero(np.diff(names[order]) == 0)
+        if len(twice):
+            first, second = table[order[twice[0]], 1], table[order[twice[0] + 1], 1]
+            self.line = int(second)
+            self._refuse(f"this point stands in line {first}, too", "remove one of the two")
+        return JbiScan(
+            data=self.data,
+            names=names,
+            line=table[:, 1],
+            header=table[:, 2],
+            count=table[:, 3],
+            start=spans[:, :, 0],
+            length=spans[:, :, 1] - spans[:, :, 0],
+            value=np.frombuffer(self.values, np.float64).reshape(-1, 6),
+            headers=list(self.index),
+            rconf=self.rconf,
+            counts=self.counts,
+            found=self.found,
+            external=self.external,
+            body=self.body,
+            attributes=self.attributes,
+        )
+
+    def _next(self) -> bytes | None:
+        """Returns the next line without blanks around it, ``None`` behind the last."""
+        match = _LINE.match(self.data, self.at)
+        if match is None or self.at >= len(self.data):
+            return None
+        self.at = match.end()
+        self.line += 1
+        return match[1].strip(b" \t")
+
+    def _section(self, *wanted: bytes) -> bytes:
+        """Skips headers and comments to one of some section lines and returns it."""
+        names = " or ".join(each.decode() for each in wanted)
+        while (text := self._next()) is not None:
+            if text.upper() in wanted:
+                return text.upper()
+            if text and not text.startswith((b"/", b"'")):
+                self._refuse(f"{_shown(text)} stands where {names} should", "export the job again")
+        self._refuse(f"the file ends before {names}", "give a whole Yaskawa job")
+
+    def _points(self) -> None:
+        """Reads ``//POS`` up to ``//INST``."""
+        data, match_point = self.data, _POINT.match
+        rows, spans, values = self.rows, self.spans, self.values
+        self.found |= {"C": 0, "P": 0}
+        header, more = self._header(), True
+        while more:
+            match = match_point(data, self.at)
+            if match is None:
+                more = self._other()
+                header = self._header()
+                continue
+            _, letter, number, *where = match.regs
+            self.line += 1
+            kind = data[letter[0] : letter[1]].decode()
+            rows.extend((self._name(kind, int(data[number[0] : number[1]])), self.line, header, 6))
+            for span in where:
+                spans.extend(span)
+                values.append(float(data[span[0] : span[1]]))
+            self.at = match.end()
+        large = np.flatnonzero(np.isinf(np.frombuffer(values, np.float64)))
+        if len(large):
+            self.line = rows[4 * (int(large[0]) // 6) + 1]
+            self._refuse("a number is too large", "correct it")
+
+    def _name(self, kind: str, number: int) -> int:
+        self.found[kind] += 1
+        return number + (P_POINTS if kind == "P" else 0)
+
+    def _header(self) -> int:
+        return self.index.setdefault(self.state, len(self.index))
+
+    def _other(self) -> bool:
+        """Reads a line of ``//POS`` that is no point of six numbers; False for ``//INST``."""
+        text = self._next()
+        if text is None:
+            self._refuse("the file ends before //INST", "it is cut off: export the job again")
+        point, header = _OTHER_POINT.fullmatch(text), _HEADER.fullmatch(text)
+        if text.upper() == b"//INST":
+            return False
+        if point:
+            self._odd_point(point[1].decode(), int(point[2]), point[3])
+        elif header:
+            self._header_line(header[1].decode("latin-1").upper(), header[2].decode("latin-1"))
+        elif text and not text.startswith((b"//", b"'")):
+            self._refuse(f"{_shown(text)} is no point and no header", "correct or remove it")
+        return True
+
+    def _odd_point(self, kind: str, number: int, text: bytes) -> None:
+        parts = [part.strip(b" \t") for part in text.split(b",")]
+        if not all(_NUMBER.fullmatch(part) for part in parts):
+            self._refuse(f"{_shown(text)} is no list of numbers", "correct it")
+        numbers = tuple(float(part) for part in parts)
+        if kind in ("C", "P"):
+            self.rows.extend((self._name(kind, number), self.line, self._header(), len(parts)))
+            self.spans.extend([0] * 12)
+            self.values.extend([np.nan] * 6)
+        else:
+            self.found[kind] = self.found.get(kind, 0) + 1
+            self.external[kind, number] = numbers
+
+    def _header_line(self, name: str, value: str) -> None:
+        value = value.strip()
+        if name == "NPOS":
+            self.counts = self._integers(name, value)
+        elif name == "USER":
+            self.state = self.state._replace(user=str(self._integers(name, value)[0]))
+        elif name == "TOOL":
+            self.state = self.state._replace(tool=str(self._integers(name, value)[0]))
+        elif name == "POSTYPE":
+            kind = value.upper()
+            self.state = self.state._replace(postype=kind, unit=UNITS.get(kind, 0))
+        elif name in UNITS:
+            self.state = self.state._replace(unit=UNITS[name])
+        elif name == "RCONF":
+            fields = self._integers(name, value)
+            if len(fields) < 6:
+                self._refuse(f"///RCONF has {len(fields)} fields, at least 6 are", "complete it")
+            self.state = self.state._replace(rconf=len(self.rconf))
+            self.rconf.append(fields)
+
+    def _integers(self, name: str, value: str) -> tuple[int, ...]:
+        parts = value.split(",")
+        if not all(re.fullmatch(r"\s*[+-]?[0-9]{1,9}\s*", part) for part in parts):
+            self._refuse(f"///{name} {value[:60]!r} is no list of whole numbers", "correct it")
+        return tuple(int(part) for part in parts)
+
+    def _instructions(self) -> None:
+        """Reads ``//INST`` to its ``END``."""
+        ended = False
+        while (text := self._next()) is not None:
+            header = _HEADER.fullmatch(text.replace(b"////", b"///", 1))
+            if header and not self.body:
+                name, value = header[1].decode("latin-1"), header[2].decode("latin-1")
+                self.attributes.append((self.line, name.upper(), value.strip()))
+            elif text and not text.startswith((b"'", b"/")):
+                ended = text == b"END"
+                self.body.append((self.line, text))
+        if not ended:
+            self._refuse("the job has no END", "it is cut off: export it again")
+
+    def _refuse(self, what: str, cure: str) -> NoReturn:
+        raise FormatError(f"{what}.", source=self.name, line=max(self.line, 1), hint=f"{cure}.")
+
+
+def _shown(text: bytes) -> str:
+    return repr(text[:60].decode("latin-1"))

@@ -1,0 +1,85 @@
+"""Splices new numbers into the bytes of a JBI job; every other byte is copied.
+
+Numbers keep the style they stand in; millimetres and degrees get at least three decimals, pulses
+none. RCONF is modal: a point whose configuration changes gets an ``///RCONF`` line of its own
+before it, and the next point one that says what held before. These are the only bytes added.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotrue.core.arrays import IntArray
+from robotrue.core.words import NO_WORD, WORDS
+from robotrue.errors import ShapeError
+from robotrue.program.formats.number_text import spliced
+from robotrue.program.formats.target_tokens import TargetTokens, rewritten
+from robotrue.program.program import Program, Replacement
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JbiSpans:
+    """Where the numbers stand and which RCONF holds.
+
+    Attributes:
+        tokens: The six numbers of each point.
+        rconf: (n,) index into ``fields``, -1 where none holds.
+        fields: Every ``///RCONF`` line of the job.
+    """
+
+    tokens: TargetTokens
+    rconf: IntArray
+    fields: tuple[tuple[int, ...], ...]
+
+
+def write_jbi(program: Program, replacement: Replacement) -> bytes:
+    """Returns the job with the numbers of the changed rows replaced and nothing else touched.
+
+    Raises:
+        ShapeError: A changed row has a value that is not finite, or beyond 1e9 mm, deg or pulses.
+    """
+    spans = program.spans
+    if not isinstance(spans, JbiSpans):
+        raise ShapeError(f"{program.name} was not read by the jbi dialect, but by another.")
+    starts, lengths, texts = rewritten(program, replacement, spans.tokens)
+    for place, text in _headers(program, replacement, spans):
+        starts.append(place)
+        lengths.append(0)
+        texts.append(text)
+    return spliced(program.data, starts, lengths, texts) if starts else program.data
+
+
+def _headers(
+    program: Program, replacement: Replacement, spans: JbiSpans
+) -> list[tuple[int, bytes]]:
+    """Returns (place, line) of every RCONF line to insert."""
+    changed = np.asarray(replacement.changed, dtype=np.bool_)
+    words = np.asarray(replacement.words, dtype=np.int64)
+    new = changed[:, None] & (words != NO_WORD) & (program.words != NO_WORD)
+    wanted = np.where(new, words, program.words)
+    if np.array_equal(wanted, program.words):
+        return []
+    rows = np.flatnonzero(spans.rconf >= 0)
+    held = program.words[rows].copy()  # what holds before each row in the file as it will be
+    follows = np.flatnonzero(spans.rconf[rows][1:] == spans.rconf[rows][:-1]) + 1
+    held[follows] = wanted[rows[follows - 1]]
+    out = []
+    for row in rows[(held != wanted[rows]).any(axis=1)].tolist():
+        fields = spans.fields[int(spans.rconf[row])][WORDS["yaskawa"] :]
+        text = ",".join(map(str, (*wanted[row].tolist(), *fields)))
+        place = _line_start(program.data, int(spans.tokens.start[row, 0]))
+        out.append((place, b"///RCONF " + text.encode() + _line_end(program.data, place)))
+    return out
+
+
+def _line_start(data: bytes, place: int) -> int:
+    return max(data.rfind(b"\n", 0, place), data.rfind(b"\r", 0, place)) + 1
+
+
+def _line_end(data: bytes, start: int) -> bytes:
+    """Returns how the line before ``start`` ends."""
+    if data[:start].endswith(b"\r\n"):
+        return b"\r\n"
+    return data[start - 1 : start]

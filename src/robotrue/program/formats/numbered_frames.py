@@ -1,0 +1,102 @@
+"""Frames a program names by number and the controller holds: Yaskawa's and Fanuc's."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.program.program import FrameTable
+
+_SIDES: Final = {"base": "work frame", "tool": "tool"}
+
+
+class NumberedFrames:
+    """Matrices of the numbered work frames and tools, looked up in the cell's table.
+
+    Attributes:
+        matrices: ``base`` and ``tool`` matrices by index; NaN is not known.
+        lost: For each index that is not known, the sentence that says why and what to do.
+    """
+
+    def __init__(
+        self, table: FrameTable, name: str, *, holder: Mapping[str, str], zero_is_root: bool
+    ) -> None:
+        """Begins with the defaults.
+
+        Args:
+            table: What is known of the controller.
+            name: Of the program file.
+            holder: Where the controller keeps its ``base`` and ``tool`` data, for the sentences.
+            zero_is_root: Number 0 is the robot's root, or the flange, when the table is silent.
+        """
+        self._given: dict[str, Mapping[str, Array]] = {"base": table.bases, "tool": table.tools}
+        self._name, self._holder, self._zero = name, holder, zero_is_root
+        self.matrices: dict[str, list[Array]] = {
+            "base": [np.asarray(table.T_base_frame, dtype=np.float64)],
+            "tool": [np.asarray(table.T_flange_tool, dtype=np.float64)],
+        }
+        self.lost: dict[tuple[str, int], str] = {}
+        self._index: dict[tuple[str, str], int] = {}
+        self._changed: dict[tuple[str, str], str] = {}
+
+    def change(self, side: str, number: str, line: int, by: str) -> None:
+        """Notes that the program itself changes a numbered frame, so that it is not known."""
+        self._changed.setdefault((side, _plain(number)), f"is changed by {by} in line {line}")
+
+    def default(self, side: str) -> int:
+        """Returns the index of the table's default."""
+        return 0
+
+    def root(self, side: str) -> int:
+        """Returns the index of the robot's root, or of the flange as a tool."""
+        return self._enter(side, "root", np.eye(4))
+
+    def number(self, side: str, number: str, line: int) -> int:
+        """Returns the index of a numbered frame; ``line`` is where it is first asked for."""
+        number = _plain(number)
+        if (side, number) in self._changed:
+            return self.unknown(
+                side, f"{number} {self._changed[side, number]}", line, "compensate without it"
+            )
+        for key, matrix in self._given[side].items():
+            if _plain(key) == number:
+                return self._enter(side, number, np.asarray(matrix, dtype=np.float64))
+        if number == "0" and self._zero:
+            return self.root(side)
+        return self.unknown(
+            side,
+            f"{number} stands in the controller ({self._holder[side]}), not in the program",
+            line,
+            f"add {side} {number} to the frame table",
+        )
+
+    def unknown(self, side: str, what: str, line: int, cure: str) -> int:
+        """Returns the index of a frame that is not known."""
+        known = len(self.matrices[side])
+        index = self._enter(side, "? " + what, np.full((4, 4), np.nan))
+        if index == known:
+            self.lost[side, index] = f"{self._name}:{line}: {_SIDES[side]} {what}; {cure}."
+        return index
+
+    def stacked(self, side: str) -> Array:
+        """Returns the matrices (f, 4, 4)."""
+        return np.array(self.matrices[side])
+
+    def lost_of(self, side: str) -> list[int]:
+        """Returns the indices that are not known."""
+        return [index for which, index in self.lost if which == side]
+
+    def _enter(self, side: str, key: str, matrix: Array) -> int:
+        if (side, key) not in self._index:
+            self._index[side, key] = len(self.matrices[side])
+            self.matrices[side].append(matrix)
+        return self._index[side, key]
+
+
+def _plain(number: str) -> str:
+    """Returns a number without leading zeros; a name in lower case."""
+    text = number.strip().lower()
+    return str(int(text)) if text.isascii() and text.isdigit() else text

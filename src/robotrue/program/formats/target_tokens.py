@@ -1,0 +1,139 @@
+"""Six printed numbers per target: where they stand, what they say, and what they shall say.
+
+For languages that print X, Y, Z in mm and the turns about X, Y and Z in deg, rotation
+Rz Ry Rx (Yaskawa's Rx Ry Rz, Fanuc's W P R), or six axis values. A number is rewritten in the
+style it stands in, only when it differs by more than half of its last digit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.units import DEG, MM
+from robotrue.errors import ShapeError
+from robotrue.program.euler import abc_from_matrices, matrices_from_abc
+from robotrue.program.formats.number_text import restyled
+from robotrue.program.program import Program, Replacement
+
+LEAST_DECIMALS: Final = 3
+"""Of a millimetre or degree that is rewritten: a correction of 0.02 mm would be lost in ``5.0``."""
+_SAME_POSITION: Final = 1e-11
+_SAME_ROTATION: Final = 1e-10
+"""As in the KRL writer: nearer than this, in m or a matrix element, is what was read."""
+_LARGEST: Final = 1e9
+POSE: Final = 0
+"""Kind of a target whose numbers are a pose; kinds above are axis values in units of their own."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TargetTokens:
+    """Where the numbers of n targets stand.
+
+    Attributes:
+        start: (n, 6) first byte of each number.
+        length: (n, 6) its bytes.
+        value: (n, 6) as printed; NaN where no number stands.
+        kind: (n,) ``POSE``, or the row of ``unit``.
+        unit: (k, 6) rad per printed unit of axis values; row 0 is not used. NaN is not known.
+        whole: (k,) axis values are printed without decimals.
+    """
+
+    start: IntArray
+    length: IntArray
+    value: Array
+    kind: IntArray
+    unit: Array
+    whole: BoolArray
+
+
+def values_of(tokens: TargetTokens) -> tuple[Array, Array, Array]:
+    """Returns position (n, 3) m, rotation (n, 3, 3) and axes (n, 6) rad, NaN where not given."""
+    pose = (tokens.kind == POSE)[:, None]
+    printed = np.where(pose, tokens.value, np.nan)
+    axes = np.where(pose, np.nan, tokens.value * tokens.unit[tokens.kind])
+    rotation = matrices_from_abc(np.ascontiguousarray(printed[:, :2:-1]), DEG)
+    return printed[:, :3] * MM, rotation, axes
+
+
+def rewritten(
+    program: Program, replacement: Replacement, tokens: TargetTokens
+) -> tuple[list[int], list[int], list[bytes]]:
+    """Returns (starts, lengths, texts) of the numbers that change.
+
+    A number after two or more blanks keeps its column, where those blanks allow it.
+
+    Raises:
+        ShapeError: A changed row has a value that is not finite, or beyond 1e9 mm, deg or pulses.
+    """
+    changed = np.asarray(replacement.changed, dtype=np.bool_)
+    if changed.shape != (len(program),):
+        raise ShapeError(f"changed has shape {changed.shape}, expected ({len(program)},).")
+    values, touched = _wanted(program, replacement, tokens, changed)
+    touched &= tokens.length > 0
+    least = np.where(tokens.whole[tokens.kind] & (tokens.kind != POSE), 0, LEAST_DECIMALS)
+    starts: list[int] = []
+    lengths: list[int] = []
+    texts: list[bytes] = []
+    data = program.data
+    row, column = np.nonzero(touched)
+    at, size = tokens.start[row, column], tokens.length[row, column]
+    for first, long, value, decimals in zip(
+        at.tolist(), size.tolist(), values[row, column].tolist(), least[row].tolist(), strict=True
+    ):
+        old = data[first : first + long]
+        new = restyled(old, value, least=decimals)
+        if new != old:
+            eaten, text = _in_column(data, first, len(new) - long, new)
+            starts.append(first - eaten)
+            lengths.append(long + eaten)
+            texts.append(text)
+    return starts, lengths, texts
+
+
+def _wanted(
+    program: Program, replacement: Replacement, tokens: TargetTokens, changed: BoolArray
+) -> tuple[Array, BoolArray]:
+    """Returns what every number shall say (n, 6), as printed, and which of them may differ."""
+    values = tokens.value.copy()
+    touched = np.zeros(values.shape, dtype=np.bool_)
+    pose = np.flatnonzero(changed & (tokens.kind == POSE))
+    moved = np.asarray(replacement.position, dtype=np.float64)[pose]
+    touched[pose, :3] = ~(np.abs(moved - program.position[pose]) <= _SAME_POSITION)
+    values[pose, :3] = np.where(touched[pose, :3], moved / MM, values[pose, :3])
+    turned = np.asarray(replacement.rotation, dtype=np.float64)[pose]
+    same = (np.abs(turned - program.rotation[pose]) <= _SAME_ROTATION).all(axis=(1, 2))
+    spun = pose[~same]
+    near = np.ascontiguousarray(tokens.value[spun, :2:-1]) * DEG
+    values[spun, 3:] = abc_from_matrices(np.ascontiguousarray(turned[~same]), near)[:, ::-1] / DEG
+    touched[spun, 3:] = True
+    axis = np.flatnonzero(changed & (tokens.kind != POSE))
+    wanted = np.asarray(replacement.axes, dtype=np.float64)[axis]
+    touched[axis] = ~(np.abs(wanted - program.axes[axis]) <= _SAME_ROTATION)
+    values[axis] = np.where(touched[axis], wanted / tokens.unit[tokens.kind[axis]], values[axis])
+    bad = touched & ~(np.abs(values) < _LARGEST)
+    if bad.any():
+        at = int(np.argwhere(bad)[0][0])
+        raise ShapeError(
+            f"the new target is {values[at].tolist()} as printed (mm, deg or pulses), expected "
+            "finite numbers below 1e9.",
+            source=program.name,
+            line=int(program.line[at]),
+            hint="leave this row unchanged.",
+        )
+    return values, touched
+
+
+def _in_column(data: bytes, first: int, growth: int, text: bytes) -> tuple[int, bytes]:
+    """Returns how many blanks before a number to take, and the text with the blanks to add."""
+    blanks = 0
+    while blanks <= max(growth, 1) and data[first - blanks - 1 : first - blanks] == b" ":
+        blanks += 1
+    if blanks < 2:
+        return 0, text
+    if growth > 0:
+        return min(growth, blanks - 1), text
+    return 0, b" " * -growth + text
