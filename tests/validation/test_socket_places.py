@@ -1,4 +1,4 @@
-"""A ball in sockets of a simulated arm with seven joints: what its spread says and what it hides."""
+"""A ball in sockets of a simulated arm of seven joints: what its spread says and what it hides."""
 
 from __future__ import annotations
 
