@@ -228,6 +228,7 @@ def _part_document(frame: FoundFrame) -> dict[str, Any]:
         "touches": len(fit.names),
         "sigma_mm": fit.sigma / MM,
         "misfit": fit.misfit,
+        "with_arm": frame.with_arm,
         "machined_95_mm": dict(zip(fit.names, (frame.region / MM).tolist(), strict=True)),
     }
 
@@ -264,13 +265,13 @@ def _show(found: RegisteredPart, frames: list[tuple[str, ControllerFrame]]) -> N
                 ("one sigma", f"{_three(sd[:3] / MM, 'mm')}; {_three(sd[3:] / DEG, 'deg')}"),
                 ("touches", f"{len(fit.names)}, of which {len(fit.outliers)} not believed"),
                 ("residual rms", f"{fit.rms / MM:.4f} mm"),
-                ("machined there, 95 %", f"{frame.region.max() / MM:.3f} mm or better"),
+                (f"{_share(frame)}, 95 %", f"{frame.region.max() / MM:.3f} mm or better"),
                 ("verdict", frame.verdict),
             ],
         )
         emit_table(
             "touches",
-            ("", "residual mm", "machined, 95 % mm", ""),
+            ("", "residual mm", f"{_share(frame)}, 95 % mm", ""),
             [
                 (name, f"{far / MM:.4f}", f"{reach / MM:.3f}", "" if good else "not believed")
                 for name, far, reach, good in list(
@@ -286,6 +287,11 @@ def _show(found: RegisteredPart, frames: list[tuple[str, ControllerFrame]]) -> N
         say(f"note: {doubt}")
     for _, controller in frames:
         _paste(controller)
+
+
+def _share(frame: FoundFrame) -> str:
+    """What the region at a touch is about: without joints the arm's share is not known."""
+    return "machined there" if frame.with_arm else "frame there"
 
 
 def _paste(frame: ControllerFrame) -> None:

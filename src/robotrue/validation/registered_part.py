@@ -33,6 +33,7 @@ class FoundFrame:
         points: (n, 3) m in part, the nominal points of the touches.
         machined: (n, 3, 3) m^2 in part, covariance of a machined point at each touch and in its
             posture: frame and arm together; without joints the frame's share alone.
+        with_arm: Whether ``machined`` holds the arm's share.
         reasons: Why not to cut, one sentence each.
         doubts: What the touches cannot tell, one sentence each.
     """
@@ -41,6 +42,7 @@ class FoundFrame:
     registration: Registration
     points: Array
     machined: Array
+    with_arm: bool = True
     reasons: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
 
@@ -137,6 +139,7 @@ def judged(
         doubts: Found elsewhere.
     """
     T = registration.T_base_part
+    with_arm = machined is not None
     if machined is None:
         machined = T[:3, :3].T @ point_covariance(registration, points) @ T[:3, :3]
     found = FoundFrame(name=name, registration=registration, points=points, machined=machined)
@@ -170,6 +173,7 @@ def judged(
         registration=registration,
         points=points,
         machined=machined,
+        with_arm=with_arm,
         reasons=tuple(against),
         doubts=tuple(open_),
     )
