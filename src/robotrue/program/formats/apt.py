@@ -25,7 +25,13 @@ from robotrue.core.units import MM
 from robotrue.errors import FormatError
 from robotrue.program.formats.apt_arcs import Circle, arc_points, circle_of, directed_circle
 from robotrue.program.formats.apt_feeds import Speeds
-from robotrue.program.formats.apt_statements import Statement, numbers, statements
+from robotrue.program.formats.apt_statements import (
+    Statement,
+    is_number,
+    numbers,
+    statements,
+    to_number,
+)
 from robotrue.program.toolpath import Remark, Toolpath
 
 INCH: Final = 25.4 * MM
@@ -117,8 +123,8 @@ class _Reader:
         self.notes: list[str] = []
         self.unknown: dict[str, int] = {}
         self.frames: list[tuple[float, ...]] = []
-        self._frame_rows = -1
-        self._frame: list[float] = []
+        self._frame: list[float] | None = None
+        self._named = False
         self.points: list[Array] = []
         self.axes: list[Array] = []
         self.columns: list[tuple[float, bool, int, int]] = []
@@ -324,14 +330,28 @@ class _Reader:
         if found:
             self._operation(found[1].strip())
         if text.upper().startswith(_AXIS_SYSTEM):
-            self._frame_rows, self._frame = 4, []
-        elif self._frame_rows > 0 and text:
-            self._frame_rows -= 1
-            words = text.split()
-            if self._frame_rows < 3 and len(words) == 4:
-                self._frame += [float(w) for w in words if re.fullmatch(r"[+-]?[\d.]+\S*", w)]
-            if not self._frame_rows and len(self._frame) == 12:
-                self._axis_system(tuple(self._frame), statement.line)
+            self._frame = []
+        elif self._frame is not None and text:
+            self._axis_row(text, statement.line)
+
+    def _axis_row(self, text: str, line: int) -> None:
+        """A row of a machining axis system; the name of the system stands before the first."""
+        words = text.split()
+        rows = self._frame or []
+        if len(words) == 4 and all(map(is_number, words)):
+            self._frame = [*rows, *(to_number(word) for word in words)]
+        elif rows or self._named:
+            raise FormatError(
+                f"{text[:60]!r} is no row of the machining axis system before it.",
+                source=self.source,
+                line=line,
+                hint="post the file again, or take the comment *CATIA0 out.",
+            )
+        else:
+            self._named = True
+        if self._frame is not None and len(self._frame) == 12:
+            self._axis_system(tuple(self._frame), line)
+            self._frame, self._named = None, False
 
     def _axis_system(self, values: tuple[float, ...], line: int) -> None:
         if self.frames and values != self.frames[-1]:

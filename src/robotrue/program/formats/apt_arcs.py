@@ -17,7 +17,13 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.units import MM
 from robotrue.errors import FormatError
-from robotrue.program.formats.apt_statements import Statement, is_number, numbers, to_number
+from robotrue.program.formats.apt_statements import (
+    LARGEST,
+    Statement,
+    is_number,
+    numbers,
+    to_number,
+)
 
 MISS: Final = 0.02 * MM
 """m by which start and end may miss the printed circle; files print 3 to 6 decimals."""
@@ -106,6 +112,10 @@ def directed_circle(
             line=statement.line,
         )
     values = [to_number(field) for field in fields]
+    if max(map(abs, values)) > LARGEST:
+        raise FormatError(
+            f"the arc holds a number beyond {LARGEST:g}.", source=source, line=statement.line
+        )
     centre, end = np.array(values[:3]) * unit, np.array(values[-3:]) * unit
     axis = tool if wanted == 10 else np.array(values[3:6])
     axis = axis / max(float(np.linalg.norm(axis)), 1e-12)

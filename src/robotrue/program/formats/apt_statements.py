@@ -8,7 +8,10 @@ from typing import Final, NamedTuple
 
 from robotrue.errors import FormatError
 
+LARGEST: Final = 1e7
+"""Of any number in a statement; 10 km."""
 _NUMBER: Final = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][+-]?\d+)?")
+_LINE_END: Final = re.compile(r"\r\n|\n|\r")
 _HEAD: Final = re.compile(r"[A-Za-z][\w ,.\-]*")
 _FREE_TEXT: Final = ("PARTNO", "PPRINT", "INSERT", "REMARK", "TPRINT", "LETTER", "MCHFIN")
 """Words whose text is for people; nothing in it is looked at."""
@@ -39,7 +42,9 @@ def statements(data: bytes, source: str) -> Iterator[Statement]:
         FormatError: Not text, a line that is no statement, a continuation without an end.
     """
     pending, start = "", 0
-    lines = _decode(data, source).splitlines()
+    lines = _LINE_END.split(_decode(data, source))
+    if not lines[-1]:
+        lines.pop()  # behind the last line end
     for number, raw in enumerate(lines, start=1):
         code, _, comment = raw.partition("$$")
         code = code.strip()
@@ -111,7 +116,7 @@ def numbers(statement: Statement, source: str) -> list[float]:
     """Returns all arguments as numbers.
 
     Raises:
-        FormatError: One of them is not a number.
+        FormatError: One of them is not a number, or one no part can have.
     """
     for word in statement.arguments:
         if not is_number(word):
@@ -121,4 +126,11 @@ def numbers(statement: Statement, source: str) -> list[float]:
                 line=statement.line,
                 hint="post the path as plain coordinates, without names of points.",
             )
-    return [to_number(word) for word in statement.arguments]
+    values = [to_number(word) for word in statement.arguments]
+    if any(abs(value) > LARGEST for value in values):
+        raise FormatError(
+            f"{statement.head}/ holds a number beyond {LARGEST:g}.",
+            source=source,
+            line=statement.line,
+        )
+    return values
