@@ -41,7 +41,7 @@ MOTIONS: Final = (
     *(f"turn about {axis}" for axis in "xyz"),
 )
 UNFIXED: Final = 0.1
-"""Share of the frame's prior sd that is left in some direction where touches do not fix it."""
+"""Share of a frame's prior sd that is left in some direction where touches do not fix it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,13 +142,14 @@ class ProbingTask:
 class LinearTask:
     """The task as the criteria of planning see it: every direction in units of its prior.
 
+    The last six directions of each part are those of its frame.
+
     Attributes:
         rows: (c, 3, k) whitened rows of the candidates; a touch of a surface fills one of three.
         columns: (m, 3, k) m, what touching can teach about the machined points.
         at_touches: (c, 3, k) m, the same for points machined where a candidate touches.
         visit: m^2 per axis, what differs from visit to visit, of each machined point (m,).
         touch_visit: (c,) m^2, likewise at the candidates.
-        frames: (6 parts, k) sd of the frames' columns.
     """
 
     rows: Array
@@ -156,7 +157,6 @@ class LinearTask:
     at_touches: Array
     visit: Array
     touch_visit: Array
-    frames: Array
 
     def weight(self, share: Array) -> Array:
         """Returns W (k, k) m^2: mean of G' G over the machined points, with weights (m,)."""
@@ -177,7 +177,6 @@ def linear_task(task: ProbingTask) -> LinearTask:
     belief = centred(task.belief, np.vstack([task.candidates.joints, task.machining.joints]))
     scale = float(np.sqrt(belief.inflation))  # what the model says of itself, touches aside
     belief = replace(belief, root=belief.root * scale, white=belief.white * scale, inflation=1.0)
-    start = len(belief.mean)
     placed = with_nuisances(belief, np.tile(np.repeat([ROUGH, ROUGH_TURN], 3), len(parts)))
     touched = Query(joints=task.candidates.joints, load=task.touch_load)
     seen = tip_columns(placed, touched, T_base_part=task.T_base_part, part=task.candidates.part)
@@ -194,7 +193,6 @@ def linear_task(task: ProbingTask) -> LinearTask:
         at_touches=seen,
         visit=scatter + uncarried(placed, task.machining.query),
         touch_visit=touch_visit,
-        frames=placed.root.T[start:],
     )
 
 
@@ -330,7 +328,7 @@ def plan_touches(
             mean, worst, known = followed(linear, chosen)
             break
         chosen, (mean, worst, known) = fewer, trial
-    _require_frames(linear, known, len(chosen), tuple(sorted(task.T_base_part)))
+    _require_frames(linear, chosen, tuple(sorted(task.T_base_part)))
     spread, _, _ = followed(linear, spread_touches(task.candidates, len(chosen)))
     return ProbePlan(
         touches=task.candidates.subset(chosen),
@@ -409,16 +407,17 @@ def _enough(left: Array, tolerance: float) -> int:
     return int(met[0]) + 1 if len(met) else len(left) - 1
 
 
-def _require_frames(linear: LinearTask, known: Array, n: int, parts: tuple[int, ...]) -> None:
-    loose = np.repeat([ROUGH, ROUGH_TURN], 3)
+def _require_frames(linear: LinearTask, chosen: IntArray, parts: tuple[int, ...]) -> None:
+    """Passes if the touches would fix every frame by themselves, were the arm known exactly."""
+    start = linear.rows.shape[2] - 6 * len(parts)
     for k, part in enumerate(parts):
-        mine = linear.frames[6 * k : 6 * k + 6] / loose[:, None]
-        values, vectors = np.linalg.eigh(mine @ known @ mine.T)
-        if values[-1] > UNFIXED**2:
-            motion = MOTIONS[int(np.argmax(np.abs(vectors[:, -1])))]
+        rows = linear.rows[chosen, :, start + 6 * k : start + 6 * k + 6].reshape(-1, 6)
+        values, vectors = np.linalg.eigh(np.eye(6) + rows.T @ rows)
+        if values[0] < 1.0 / UNFIXED**2:
+            motion = MOTIONS[int(np.argmax(np.abs(vectors[:, 0])))]
             raise ObservabilityError(
-                f"{n} touches do not fix the frame of part {part}; most of all the {motion} of the "
-                "part is open.",
+                f"{len(chosen)} touches do not fix the frame of part {part}; most of all the "
+                f"{motion} of the part is open.",
                 hint="three points that are not on one line, or six touches of surfaces that face "
                 "three ways, for each part.",
             )

@@ -25,6 +25,7 @@ from robotrue.report.content import (
     ReportContent,
     Table,
 )
+from robotrue.report.part_map import PartMap
 
 
 def report_json(content: ReportContent) -> str:
@@ -130,6 +131,16 @@ def _block(block: Block) -> Mapping[str, Any]:
                     }
                     for s in block.series
                 ],
+            }
+        case PartMap():
+            return head | {
+                "kind": "part_map",
+                "groups": list(block.groups),
+                "group": [int(k) for k in block.group],
+                "point_mm": (block.point / MM).tolist(),
+                "radius_95_mm": (block.radius / MM).tolist(),
+                "touch_mm": (block.touch / MM).tolist(),
+                "uncovered": list(block.uncovered),
             }
         case MapSlices():
             return head | {
