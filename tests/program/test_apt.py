@@ -147,6 +147,67 @@ def test_the_tool_axis_turns_along_an_arc():
     assert tilt[-1] == pytest.approx(np.degrees(np.arctan2(0.6, 0.8)))
 
 
+CREO = """\
+$$*         Pro/CLfile
+$$-> MFGNO / MFG0001
+PARTNO / MFG0001
+MACHIN / UNCX01, 1
+UNITS / MM
+LOADTL / 1
+$$-> CUTTER / 20.000000
+$$-> CSYS / 1.0000000000, 0.0000000000, 0.0000000000, 0.0000000000, $
+            0.0000000000, 1.0000000000, 0.0000000000, 0.0000000000, $
+            0.0000000000, 0.0000000000, 1.0000000000, 0.0000000000
+SPINDL / RPM, 1000.000000,  CLW
+RAPID
+GOTO / 12.0000000000, 0.0000000000, 50.0000000000
+FEDRAT / 100.000000,  MMPM
+GOTO / 12.0000000000, 0.0000000000, 0.0000000000
+CIRCLE / 0.0000000000, 0.0000000000, 0.0000000000,$
+0.0000000000, 0.0000000000, 1.0000000000, 12.0000000000
+GOTO / 0.0000000000, 12.0000000000, 0.0000000000
+SPINDL / OFF
+$$-> END /
+FINI
+"""
+NX = """\
+TOOL PATH/CAVITY_MILL,TOOL,MILL
+TLDATA/MILL,10.0000,0.0000,75.0000,0.0000,0.0000
+MSYS/0.0000,0.0000,0.0000,1.0000000,0.0000000,0.0000000,0.0000000,1.0000000,0.0000000
+$$ centerline data
+PAINT/PATH
+LOADTL/1
+SPINDL/RPM,1200,CLW
+RAPID
+GOTO/0.0000,0.0000,50.0000,0.0000000,0.0000000,1.0000000
+PAINT/COLOR,211
+FEDRAT/MMPM,250.0000
+GOTO/0.0000,0.0000,10.0000
+GOTO/5.0000,0.0000,10.0000
+PAINT/TOOL,NOMORE
+END-OF-PATH
+"""
+
+
+def test_files_as_the_big_systems_write_them():
+    creo = read(CREO)
+    assert creo.notes == ()
+    assert creo.rapid.tolist()[:2] == [True, False]
+    np.testing.assert_allclose(creo.position[-1] / MM, [0, 12, 0], atol=1e-12)
+    nx = read(NX)
+    assert nx.notes == ("side.apt:1: the file does not state UNITS/: millimetres were taken.",)
+    assert nx.operations == ("CAVITY_MILL",)
+    assert len(nx) == 3
+    assert all(remark.known for remark in (*nx.remarks, *creo.remarks))
+    shifted = CREO.replace("0.0000000000, $", "5.0000000000, $", 1)
+    assert "axis system of their own" in read(shifted).notes[0]
+
+
+def test_a_dollar_in_a_comment_swallows_no_point():
+    path = read("UNITS/MM\n$$ costs 5 $\nGOTO/1,2,3\n$$-> NOTE $\nGOTO/4,5,6\n")
+    assert len(path) == 2
+
+
 REFUSED = {
     "10.0,20.0,30.0": "no statement",
     "GOTO/A,B,C": "'A', expected a number",

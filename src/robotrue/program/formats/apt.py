@@ -78,6 +78,7 @@ _KNOWN: Final = frozenset(
 """Words that move nothing: kept for people, without a warning."""
 _OPERATION: Final = re.compile(r"OPERATION NAME\s*:\s*(.+)", re.IGNORECASE)
 _AXIS_SYSTEM: Final = "*CATIA0"
+_CSYS: Final = "-> CSYS"
 
 
 def read_apt(data: bytes, *, source: str) -> Toolpath:
@@ -331,6 +332,10 @@ class _Reader:
             self._operation(found[1].strip())
         if text.upper().startswith(_AXIS_SYSTEM):
             self._frame = []
+        elif text.upper().startswith(_CSYS):
+            words = text.partition("/")[2].split(",")
+            if len(words) == 12 and all(map(is_number, words)):
+                self._axis_system(tuple(to_number(word) for word in words), statement.line)
         elif self._frame is not None and text:
             self._axis_row(text, statement.line)
 

@@ -11,6 +11,7 @@ from robotrue.errors import FormatError
 LARGEST: Final = 1e7
 """Of any number in a statement; 10 km."""
 _NUMBER: Final = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][+-]?\d+)?")
+_NUMBERS: Final = re.compile(r"[\d\s.,+\-Ee]+\$?\s*")
 _LINE_END: Final = re.compile(r"\r\n|\n|\r")
 _HEAD: Final = re.compile(r"[A-Za-z][\w ,.\-]*")
 _FREE_TEXT: Final = ("PARTNO", "PPRINT", "INSERT", "REMARK", "TPRINT", "LETTER", "MCHFIN")
@@ -38,16 +39,23 @@ class Statement(NamedTuple):
 def statements(data: bytes, source: str) -> Iterator[Statement]:
     """Yields the statements of a file in order; comment lines have an empty head.
 
+    A dollar sign at the end of a line continues it. So it does in comments that begin with ``$$->``
+    (data some systems hide from others), as long as numbers follow.
+
     Raises:
         FormatError: Not text, a line that is no statement, a continuation without an end.
     """
-    pending, start = "", 0
+    pending, start, hidden = "", 0, ""
     lines = _LINE_END.split(_decode(data, source))
     if not lines[-1]:
         lines.pop()  # behind the last line end
     for number, raw in enumerate(lines, start=1):
-        code, _, comment = raw.partition("$$")
-        code = code.strip()
+        if hidden and _NUMBERS.fullmatch(raw):
+            code, comment = "", f"{hidden} {raw.strip()}"
+        else:
+            code, _, comment = raw.partition("$$")
+        code, comment = code.strip(), comment.strip()
+        hidden = comment[:-1] if comment.startswith("->") and comment.endswith("$") else ""
         if code.endswith("$"):
             start = start or number
             pending += code[:-1] + " "
@@ -57,8 +65,8 @@ def statements(data: bytes, source: str) -> Iterator[Statement]:
             pending, start = "", 0
         else:
             line = number
-        if code.strip() or comment:
-            yield _statement(code, comment.strip(), line, source)
+        if code.strip() or (comment and not hidden):
+            yield _statement(code, comment, line, source)
     if pending:
         raise FormatError(
             "the file ends in a continued statement ($ at the end of the line).",
