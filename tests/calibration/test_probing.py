@@ -18,8 +18,10 @@ from robotrue.calibration.probing import (
     estimate_probing,
     model_of_estimate,
 )
+from robotrue.calibration.probing_scales import few_factor
 from robotrue.calibration.residual import LearnedModel
 from robotrue.calibration.rigid_flexible import RigidFlexibleModel
+from robotrue.calibration.touches import frame_displacement
 from robotrue.core.arrays import Array
 from robotrue.core.mesh import TriangleMesh
 from robotrue.core.poses import apply, fit_rigid, inverse, pose
@@ -241,6 +243,19 @@ def test_tracker_points_join_the_touches() -> None:
     settings = replace(SETTINGS, tool_sigma=0.0)
     both = estimate_probing(where.nominal, touches, settings, measurements=measured)
     assert np.trace(both.covariance()[:3, :3]) < 0.3 * np.trace(alone.covariance()[:3, :3])
+
+
+def test_few_touches_of_one_side_say_that_they_are_few() -> None:
+    factors = []
+    for postures in (("R",), ("R", "L", "T")):
+        touches = touched(cell(2), 30 // len(postures), postures=postures)
+        found = estimate_probing(cell(2).nominal, touches, SETTINGS)
+        factors.append(found.belief.inflation)
+        joint = found.joint_covariance()[found.columns(0), found.columns(0)]
+        turn = frame_displacement(found.T_base_part[0])
+        np.testing.assert_allclose(found.covariance(), turn @ joint @ turn.T, atol=1e-12)
+    assert factors[0] > factors[1] + 0.1 > 1.1
+    np.testing.assert_allclose([few_factor(t) for t in (6.0, 1e6)], [1.4237, 1.0], rtol=1e-4)
 
 
 # Surfaces, sockets, gauges

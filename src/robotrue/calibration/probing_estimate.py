@@ -140,12 +140,12 @@ class ProbingEstimate:
         place = self.columns(part)
         turn = frame_displacement(self.T_base_part[part], place.stop - place.start)
         half = self.belief.root[:, place] @ turn.T
-        out: Array = half.T @ half
+        out: Array = self.belief.inflation * half.T @ half
         return out
 
     def joint_covariance(self) -> Array:
-        """Returns the covariance (p, p) of all columns of the belief, SI."""
-        out: Array = self.belief.root.T @ self.belief.root
+        """Returns the covariance (p, p) of all columns of the belief, SI; inflation included."""
+        out: Array = self.belief.inflation * self.belief.root.T @ self.belief.root
         return out
 
 

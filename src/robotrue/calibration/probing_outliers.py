@@ -74,7 +74,7 @@ def agreeing_touches(stack: Stack, belief: Belief, noise: Array, tested: int) ->
             off = block @ force[mine]
             ours = own[np.ix_(mine, mine)]
             spread = block - ours / weight[i] + ours
-            square = float(off @ np.linalg.solve(spread, off))
+            square = float(off @ np.linalg.solve(spread, off)) / belief.inflation
             out[i] = np.sqrt(max(square, 0.0)) / chi_point(level, len(mine))
         return out
 

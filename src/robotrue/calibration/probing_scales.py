@@ -8,11 +8,13 @@ from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import fdtri
 
 from robotrue.calibration.belief import Belief
 from robotrue.calibration.drift_scales import Stack
 from robotrue.calibration.evidence import Group, Weights, learn, sums_of
 from robotrue.calibration.priors import LEARNED, Prior
+from robotrue.calibration.robust import chi_point
 from robotrue.core.arrays import Array
 
 BANDS: Final = (1, 4, 9, 17, 33)
@@ -20,6 +22,9 @@ BANDS: Final = (1, 4, 9, 17, 33)
 HOLD: Final = 0.5
 """Of each scale to its default: a factor of e is one sigma."""
 STEPS: Final = 40
+WORTH: Final = 4.0
+"""Weights that the default scale is worth."""
+LEVEL: Final = 0.95
 
 
 def learned_scales(
@@ -27,9 +32,9 @@ def learned_scales(
 ) -> tuple[Belief, float]:
     """Returns the prior of a nominal arm with scales as the touches ask, and their noise factor.
 
-    Groups: the learnable ones of the physical prior and each band of each joint's ripple. All are
-    held to their default: thirty touches say little of a group, but they say what all have in
-    common.
+    Groups: the learnable ones of the physical prior and the bands of ripple. All are held to their
+    default: thirty touches say little of a group, but they say what all have in common. A scale
+    told by few is not a scale known, so the belief's inflation grows (:func:`few_factor`).
 
     Args:
         belief: Diagonal prior of the arm, the frames at its end.
@@ -45,14 +50,11 @@ def learned_scales(
         columns = np.flatnonzero((number == k) & (sd[:ripple] > 0.0))
         name = "fixed" if k < 0 else (*LEARNED, "compliance")[int(k)]
         groups.append(_group(name, columns, sd, held=k >= 0))
-    count = len(belief.cycles)
-    order = np.repeat(belief.cycles, 2)
-    for joint in range(dof):
-        first = ripple + 2 * count * joint
-        for low, high in pairwise(BANDS):
-            columns = first + np.flatnonzero((order >= low) & (order < high))
-            if len(columns):
-                groups.append(_group(f"ripple/{joint + 1}/{low}", columns, sd, held=True))
+    order = np.tile(np.repeat(belief.cycles, 2), dof)
+    for low, high in pairwise(BANDS):
+        columns = ripple + np.flatnonzero((order >= low) & (order < high))
+        if len(columns):
+            groups.append(_group(f"ripple/{low}", columns, sd, held=True))
     others = np.flatnonzero(sd[backlash:end] > 0.0) + backlash
     if len(others):
         groups.append(_group("other", others, sd, held=False))
@@ -61,7 +63,26 @@ def learned_scales(
     new = np.zeros(len(sd))
     for group in found.groups:
         new[group.columns] = group.sd * group.unit
-    return replace(belief, root=np.diag(new)[new > 0.0]), float(found.noise[0])
+    told = sum(
+        float(seen) for g, seen in zip(found.groups, found.determined, strict=True) if g.learned
+    )
+    wider = replace(
+        belief, root=np.diag(new)[new > 0.0], inflation=belief.inflation * few_factor(told)
+    )
+    return wider, float(found.noise[0])
+
+
+def few_factor(told: float) -> float:
+    """Returns the factor on a covariance whose scale was told by some weights.
+
+    It takes a 95 % region in space from a Gaussian's to that of a multivariate t: 3 F(3, nu) over
+    chi^2 (Gelman and others 2013, "Bayesian Data Analysis", section 3.2, for the scale of a
+    Gaussian), nu the weights the touches determine and :data:`WORTH` for the default.
+
+    Args:
+        told: Number of weights of learned groups that the touches determine.
+    """
+    return float(3.0 * fdtri(3, told + WORTH, LEVEL) / chi_point(LEVEL, 3) ** 2)
 
 
 def noise_factor(belief: Belief, stack: Stack, noise: Array) -> float:

@@ -93,7 +93,8 @@ def probing_summary(
 
 def _parameters(before: Belief, after: Belief) -> dict[str, dict[str, Any]]:
     size = len(after.errors)
-    sd, prior = np.sqrt(after.variance[:size]), np.sqrt(before.variance[:size])
+    sd = np.sqrt(after.inflation * after.variance[:size])
+    prior = np.sqrt(before.inflation * before.variance[:size])
     kinds = _classes(sd, prior)
     return {
         name: {"value": float(value), "sd": float(spread), "class": kind}
