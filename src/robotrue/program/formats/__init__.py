@@ -23,6 +23,7 @@ from robotrue.errors import ConfigurationError, FormatError
 from robotrue.program.program import Dialect, FrameTable, Program, Replacement
 
 _MODULES: Final[dict[str, str]] = {
+    "fanuc_ls": "robotrue.program.formats.fanuc_ls",
     "jbi": "robotrue.program.formats.jbi",
     "krl": "robotrue.program.formats.krl",
 }

@@ -205,6 +205,8 @@ class _Walk:
                        "instruction; such points are not compensated.")  # fmt: skip
 
     def _all_variables(self, line: int) -> None:
+        if "index" in self._told:
+            return
         self._tell("index", f"{self.name}:{line}: a point is chosen by a computed number; P points "
                    "of this job are not compensated.")  # fmt: skip
         for name, row in self._row.items():

@@ -1,0 +1,220 @@
+"""What the statements of a Fanuc LS program do with its positions.
+
+A statement is ``n: ... ;`` and may go over lines. J, L, C (via and end in one statement), A (one
+point of an arc per statement) and S (spline) move to ``P[n]``. Words after the target say what
+else counts: an offset or an increment makes it another pose than the one that stands there.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from typing import Final
+
+from robotrue.errors import FormatError
+from robotrue.program.formats.fanuc_scan import FanucScan
+from robotrue.program.formats.text_lines import line_at
+from robotrue.program.program import Motion, Reason
+
+_STATEMENT: Final = re.compile(rb"\s*(?:\d{0,6}\s*:)?([^;]*);")
+_PLAIN: Final = re.compile(rb"[ \t]*([JLS])[ \t]+P\[(\d{1,6})(?::[^\]]*)?\](.*)", re.DOTALL)
+_MOVE: Final = re.compile(rb"\s*([JLCAS])\s+(P|PR)\s*\[(.*)", re.DOTALL)
+_TARGET: Final = re.compile(rb"\b(P|PR)\s*\[\s*([^\]:]*)\s*(?::[^\]]*)?\]")
+_POINT: Final = re.compile(rb"(?<![\w$])P\s*\[\s*([^\]:]*)\s*(?::[^\]]*)?\]")
+_FRAME_NUMBER: Final = re.compile(rb"\b(UFRAME|UTOOL)_NUM\s*=\s*([^;,)]*)")
+_FRAME_DATA: Final = re.compile(rb"\b(UFRAME|UTOOL)\s*\[\s*([^\]:]*)\s*(?::[^\]]*)?\]\s*=")
+_MOTION: Final = {b"J": Motion.PTP, b"L": Motion.LIN, b"S": Motion.SPLINE}
+_SIDE: Final = {b"UFRAME": "base", b"UTOOL": "tool"}
+_OPTIONS: Final = (
+    (re.compile(rb"\bINC\b"), Reason.RELATIVE, "INC moves by a step"),
+    (
+        re.compile(rb"\b(?:TOOL_OFFSET|OFFSET|VOFFSET)\b"),
+        Reason.EXPRESSION,
+        "an offset from a register moves the target",
+    ),
+    (re.compile(rb"\bRTCP\b"), Reason.TOOL_ON_FLOOR, "RTCP has the tool stand outside the robot"),
+    (re.compile(rb"\bCOORD\b"), Reason.EXTERNAL_AXIS, "COORD moves with another group"),
+)
+_TAILS: Final = 4096
+"""Tails of moves remembered."""
+
+
+@dataclass(slots=True)
+class Moves:
+    """What is known of every position that a statement names.
+
+    Attributes:
+        motion: How each row is moved to, by row.
+        flags: Reasons found in statements, by row.
+        arcs: Rows that make one arc, or one run of arcs.
+        current: What ``UFRAME_NUM`` and ``UTOOL_NUM`` are set to: distinct texts by side.
+        changed: Line of the frames that the program computes, by side and number, ``?`` for any.
+        notes: Sentences.
+    """
+
+    motion: dict[int, Motion] = field(default_factory=dict)
+    flags: dict[int, Reason] = field(default_factory=dict)
+    arcs: list[list[int]] = field(default_factory=list)
+    current: dict[str, set[str]] = field(default_factory=lambda: {"base": set(), "tool": set()})
+    changed: dict[tuple[str, str], int] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+
+def moves(scan: FanucScan, name: str) -> Moves:
+    """Returns what the statements do.
+
+    Raises:
+        FormatError: A statement without its ``;``.
+    """
+    walk = _Walk(scan, name)
+    at, end = scan.statements
+    match = _STATEMENT.match(scan.data, at, end)
+    while match is not None:
+        walk.statement(match.start(1), match[1])
+        at = match.end()
+        match = _STATEMENT.match(scan.data, at, end)
+    rest = scan.data[at:end]
+    if rest.strip():
+        at += len(rest) - len(rest.lstrip())
+        raise FormatError(
+            f"the statement {rest.strip()[:40].decode('latin-1')!r} has no ';'.",
+            source=name,
+            line=line_at(scan.data, at),
+            hint="the file is cut off or was edited: export the program again.",
+        )
+    walk.close_run()
+    return walk.out
+
+
+class _Walk:
+    def __init__(self, scan: FanucScan, name: str) -> None:
+        self.name, self.data = name, scan.data
+        self.out = Moves()
+        self._row = {number: row for row, number in enumerate(scan.number.tolist())}
+        self._others = scan.others
+        self._run: list[int] = []
+        self._told: set[str] = set()
+        self._tails: dict[bytes, tuple[tuple[Reason, str], ...]] = {}
+
+    def statement(self, place: int, text: bytes) -> None:
+        """Reads one; comments and remarked statements are passed over."""
+        plain = _PLAIN.match(text)
+        if plain and not self._run:
+            row, options = self._row.get(int(plain[2])), self._options(plain[3])
+            if row is not None and not options:
+                self._use(row, _MOTION[plain[1]])
+                return
+        text = text.lstrip()
+        if not text or text.startswith((b"!", b"//", b"--")):
+            return
+        move = _MOVE.match(text)
+        if move:
+            self._move(place, move[1], text)
+        elif b"P" in text or b"U" in text:
+            self._other(place, text)
+
+    def close_run(self) -> None:
+        """Ends a run of A moves: its points share their fate."""
+        if len(self._run) > 1:
+            self.out.arcs.append(self._run)
+            if self.out.motion[self._run[-1]] == Motion.ARC_VIA:
+                self.out.motion[self._run[-1]] = Motion.ARC_END
+        self._run = []
+
+    def _move(self, place: int, letter: bytes, text: bytes) -> None:
+        count = 2 if letter == b"C" else 1
+        targets = list(_TARGET.finditer(text))[:count]
+        tail = text[targets[-1].end() :] if targets else b""
+        rows = [self._target(place, each) for each in targets]
+        known = [row for row in rows if row is not None]
+        if letter != b"A":
+            self.close_run()
+        if letter == b"C":
+            for row, how in zip(rows, (Motion.ARC_VIA, Motion.ARC_END), strict=False):
+                if row is not None:
+                    self._use(row, how)
+            if len(known) < 2:
+                for row in known:
+                    self._flag(row, Reason.EXPRESSION)
+            self.out.arcs.append(known)
+        elif letter == b"A":
+            for row in known:
+                # The first is reached on a straight line and begins the arc.
+                how = Motion.ARC_VIA if len(self._run) % 2 else Motion.ARC_END
+                self._use(row, how if self._run else Motion.LIN)
+                self._run.append(row)
+        else:
+            for row in known:
+                self._use(row, _MOTION[letter])
+        for reason, what in self._options(tail):
+            self._tell(what, place, f"{what}; such targets are not compensated")
+            for row in known:
+                self._flag(row, reason)
+
+    def _target(self, place: int, match: re.Match[bytes]) -> int | None:
+        text = match[2].strip()
+        if match[1] == b"PR":
+            self._tell("PR", place, "targets in position registers (PR) stand in the controller; "
+                       "they are not compensated")  # fmt: skip
+            return None
+        if not text.isdigit() or len(text) > 6:
+            self._computed(place)
+            return None
+        row = self._row.get(int(text))
+        if row is None and int(text) not in self._others:
+            self._tell("absent", place, f"/POS does not hold P[{int(text)}]; moves to such points "
+                       "are not compensated")  # fmt: skip
+        return row
+
+    def _other(self, place: int, text: bytes) -> None:
+        """Reads a statement that is no move: frames it sets, positions it reads."""
+        for kind, number in _FRAME_NUMBER.findall(text):
+            self.out.current[_SIDE[kind]].add(_digits(number))
+        for kind, number in _FRAME_DATA.findall(text):
+            key = _SIDE[kind], _digits(number)
+            if key not in self.out.changed:
+                self.out.changed[key] = line_at(self.data, place)
+        for found in _POINT.findall(text):
+            row = self._row.get(int(found)) if _digits(found)[:6].isdigit() else None
+            if row is not None:
+                self._flag(row, Reason.EXPRESSION)
+                self._tell("read", place, f"P[{int(found)}] is used by a statement that is no "
+                           "move; such positions are not compensated")  # fmt: skip
+            elif not found.strip().isdigit():
+                self._computed(place)
+
+    def _computed(self, place: int) -> None:
+        if "index" in self._told:
+            return
+        self._tell("index", place, "a position is chosen by a computed number; no position of this "
+                   "program is compensated")  # fmt: skip
+        for row in self._row.values():
+            self._flag(row, Reason.EXPRESSION)
+
+    def _options(self, tail: bytes) -> tuple[tuple[Reason, str], ...]:
+        known = self._tails.get(tail)
+        if known is None:
+            upper = tail.upper()
+            known = tuple((why, what) for sign, why, what in _OPTIONS if sign.search(upper))
+            if len(self._tails) < _TAILS:
+                self._tails[tail] = known
+        return known
+
+    def _use(self, row: int, how: Motion) -> None:
+        before = self.out.motion.get(row)
+        if before is None or how == Motion.PTP:
+            self.out.motion[row] = how
+
+    def _flag(self, row: int, reason: Reason) -> None:
+        self.out.flags.setdefault(row, reason)
+
+    def _tell(self, key: str, place: int, text: str) -> None:
+        if key not in self._told:
+            self._told.add(key)
+            self.out.notes.append(f"{self.name}:{line_at(self.data, place)}: {text}.")
+
+
+def _digits(text: bytes) -> str:
+    """Returns a number as text, ``?`` for what is computed."""
+    plain = text.strip().decode("latin-1")
+    return plain if plain.isascii() and plain.isdigit() else "?"

@@ -1,0 +1,178 @@
+"""Builds a program from a scanned Fanuc LS file: columns, reasons, notes."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import BoolArray, IntArray
+from robotrue.core.units import DEG
+from robotrue.core.words import NO_WORD, WORDS
+from robotrue.program.formats.fanuc_moves import Moves, moves
+from robotrue.program.formats.fanuc_scan import FanucScan, scan
+from robotrue.program.formats.fanuc_write import FanucSpans, read_config
+from robotrue.program.formats.numbered_frames import NumberedFrames
+from robotrue.program.formats.target_tokens import TargetTokens, values_of
+from robotrue.program.formats.text_lines import line_starts
+from robotrue.program.program import FrameTable, Motion, Program, Reason
+
+_HOLDER: Final = {"base": "UFRAME", "tool": "UTOOL"}
+
+
+def read_fanuc(data: bytes, name: str, frames: FrameTable) -> Program:
+    """Returns the program of an LS file.
+
+    Raises:
+        FormatError: Not an LS program, cut off, or a record that cannot be read.
+    """
+    found = scan(data, name=name)
+    return _Builder(found, moves(found, name), name, frames).program()
+
+
+class _Builder:
+    def __init__(self, found: FanucScan, walk: Moves, name: str, given: FrameTable) -> None:
+        self.scan, self.walk, self.name, self.given = found, walk, name, given
+        self.notes: list[str] = []
+        self.frames = NumberedFrames(given, name, holder=_HOLDER, zero_is_root=True)
+        for (side, number), line in walk.changed.items():
+            self.frames.change(side, number, line, "the program")
+        self.line = np.searchsorted(line_starts(found.data), found.place, side="right")
+
+    def program(self) -> Program:
+        """Returns the program."""
+        found, n = self.scan, len(self.scan.number)
+        tokens = TargetTokens(
+            start=found.start,
+            length=np.where(np.isnan(found.value), 0, found.length),
+            value=found.value,
+            kind=found.is_axis,
+            unit=np.full((2, 6), DEG),
+            whole=np.zeros(2, np.bool_),
+        )
+        position, rotation, axes = values_of(tokens)
+        base, tool = self._numbers("base", found.frame), self._numbers("tool", found.tool)
+        reason = self._frame_reasons(base, tool)
+        motion = np.full(n, int(Motion.UNUSED), np.int64)
+        motion[list(self.walk.motion)] = list(self.walk.motion.values())
+        self._external(reason)
+        reason[motion == Motion.UNUSED] = Reason.UNUSED
+        untaught = np.asarray(np.isnan(found.value).any(axis=1))
+        if untaught.any():
+            reason[untaught] = Reason.INCOMPLETE
+            self._tell(untaught, "positions were never taught (********)", "teach them")
+        reason[list(self.walk.flags)] = list(self.walk.flags.values())
+        self._pair_arcs(reason)
+        self._axis_note(reason)
+        return Program(
+            name=self.name,
+            dialect="fanuc_ls",
+            data=found.data,
+            position=position,
+            rotation=rotation,
+            axes=axes,
+            motion=motion,
+            reason=reason,
+            words=self._words(),
+            words_of="fanuc",
+            line=self.line,
+            frame=base,
+            tool=tool,
+            T_base_frame=self.frames.stacked("base"),
+            T_flange_tool=self.frames.stacked("tool"),
+            notes=tuple(dict.fromkeys(self.notes + self.walk.notes)),
+            spans=FanucSpans(tokens=tokens, config=found.config),
+        )
+
+    def _numbers(self, side: str, written: list[str]) -> IntArray:
+        """Returns the frame or tool index of every row from its UF or UT."""
+        out = np.zeros(len(written), np.int64)
+        names = np.array(written, dtype=np.str_)
+        for number in dict.fromkeys(written):
+            rows = np.flatnonzero(names == number)
+            out[rows] = self._number(side, number, int(self.line[rows[0]]))
+        return out
+
+    def _number(self, side: str, number: str, line: int) -> int:
+        if (side, "?") in self.walk.changed:
+            what = f"is changed by a computed number in line {self.walk.changed[side, '?']}"
+            return self.frames.unknown(side, what, line, "write the number out")
+        if number.isdigit():
+            return self.frames.number(side, number, line)
+        current = self.walk.current[side]
+        if len(current) == 1 and current != {"?"}:
+            return self.frames.number(side, next(iter(current)), line)
+        name = _HOLDER[side]
+        what = f"is the one in force ({name[:2]} : {number}), which the program does not fix"
+        return self.frames.unknown(side, what, line, f"set {name}_NUM once, or write its number")
+
+    def _frame_reasons(self, base: IntArray, tool: IntArray) -> IntArray:
+        is_axis = self.scan.is_axis == 1
+        reason = np.where(is_axis, int(Reason.JOINT_TARGET), int(Reason.NONE))
+        for side, column in (("base", base), ("tool", tool)):
+            lost = np.isin(column, self.frames.lost_of(side))
+            if side == "base":
+                lost &= ~is_axis
+            reason[lost] = Reason.UNKNOWN_FRAME
+            self.notes += [self.frames.lost[side, i] for i in np.unique(column[lost]).tolist()]
+        return reason
+
+    def _external(self, reason: IntArray) -> None:
+        """Flags the positions with an external axis or another group away from zero."""
+        values = self.scan.external
+        away = [row for row, axes in values.items() if any(value != 0.0 for _, _, value in axes)]
+        still = len({tuple(axes) for axes in values.values()}) == 1
+        known = all(value == value for axes in values.values() for _, _, value in axes)
+        if not away or (self.given.external_axes_at_rest and still and known):
+            return
+        reason[away] = Reason.EXTERNAL_AXIS
+        rows = np.zeros(len(reason), np.bool_)
+        rows[away] = True
+        cure = "if it stands still and the frames hold there, say so in the frame table"
+        self._tell(rows, "positions with an external axis or another group away from zero", cure)
+
+    def _tell(self, rows: BoolArray, what: str, cure: str) -> None:
+        line = self.line[np.flatnonzero(rows)[0]]
+        self.notes.append(
+            f"{self.name}:{line}: {int(rows.sum())} {what} (the first is in this line); they are "
+            f"not compensated: {cure}."
+        )
+
+    def _pair_arcs(self, reason: IntArray) -> None:
+        """Gives all points of an arc the same fate: half a corrected arc is another arc."""
+        for arc in self.walk.arcs:
+            worst = next((int(reason[row]) for row in arc if reason[row] > 0), 0)
+            for row in arc:
+                reason[row] = reason[row] or worst
+
+    def _axis_note(self, reason: IntArray) -> None:
+        if (reason == Reason.JOINT_TARGET).any():
+            self.notes.append(
+                f"{self.name}: positions with J1 to J6 are read as the controller counts them, J3 "
+                "from the horizontal; the arm must be described with that coupling of J2 and J3."
+            )
+
+    def _words(self) -> IntArray:
+        """Returns CONFIG as numbers (n, 6)."""
+        words = np.full((len(self.scan.number), WORDS["fanuc"]), NO_WORD, np.int64)
+        read: dict[bytes, list[int] | None] = {}
+        odd = np.zeros(len(words), np.bool_)
+        for row, (start, length) in enumerate(self.scan.config.tolist()):
+            if start < 0:
+                continue
+            text = self.scan.data[start : start + length]
+            if text not in read:
+                match = read_config(text)
+                read[text] = None if match is None else match[0]
+            found = read[text]
+            if found is None:
+                odd[row] = bool(text.strip())
+            else:
+                words[row] = found
+        if odd.any():
+            line = self.line[np.flatnonzero(odd)[0]]
+            self.notes.append(
+                f"{self.name}:{line}: CONFIG is not of the form 'N U T, 0, 0, 0'; it stays as it "
+                "is and does not choose the arm's configuration."
+            )
+        return words

@@ -1,0 +1,237 @@
+"""One pass over a Fanuc LS program: the records of ``/POS`` and where their numbers stand.
+
+A record is ``P[n:"name"]{ GP1: UF : 1, UT : 1, CONFIG : '..', X = .. mm, .. R = .. deg };``, or
+with ``J1= .. deg`` to ``J6``. What follows the sixth number in group 1, and everything in the
+other groups, are external axes. ``********`` is a number that was never taught.
+"""
+
+from __future__ import annotations
+
+import re
+from array import array
+from dataclasses import dataclass, field
+from typing import Final, NoReturn
+
+import numpy as np
+
+from robotrue.core.arrays import Array, IntArray
+from robotrue.errors import FormatError
+from robotrue.program.formats.number_text import NUMBER
+from robotrue.program.formats.text_lines import line_at, require_text
+
+_SECTION: Final = re.compile(rb"(?:\A(?:\xef\xbb\xbf)?|(?<=[\r\n]))[ \t]*/(PROG|MN|POS|END)\b")
+_HEAD: Final = re.compile(rb"\s*P\s*\[\s*(\d{1,6})\s*(?::[^\]\r\n]*)?\]\s*\{\s*", re.IGNORECASE)
+_GROUP: Final = re.compile(
+    rb"GP(\d{1,2})\s*:\s*UF\s*:\s*(\w{1,9})\s*,\s*UT\s*:\s*(\w{1,9})\s*,\s*"
+    rb"(?:\w+\s*:\s*'([^'\r\n]*)'\s*,\s*)?",
+    re.IGNORECASE,
+)
+_FIELD: Final = rb"(\w{1,4})\s*=\s*(\*+|" + NUMBER + rb")\s*(mm|deg)\s*"
+_ONE: Final = re.compile(_FIELD, re.IGNORECASE)
+_SIX: Final = re.compile(rb",\s*".join([_FIELD] * 6), re.IGNORECASE)
+_CLOSE: Final = re.compile(rb"\}\s*;")
+_BLANK: Final = re.compile(rb"\s*")
+_COMMA: Final = re.compile(rb"\s*,\s*")
+_NAMES: Final[dict[tuple[bytes, ...], int]] = {
+    (b"X", b"Y", b"Z", b"W", b"P", b"R"): 0,
+    (b"J1", b"J2", b"J3", b"J4", b"J5", b"J6"): 1,
+}
+_UNITS: Final = ((b"mm", b"mm", b"mm", b"deg", b"deg", b"deg"), (b"deg",) * 6)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FanucScan:
+    """What stands where; rows are the records with a group 1, in file order.
+
+    Attributes:
+        data: The bytes.
+        number: (n,) of each record.
+        place: (n,) its first byte.
+        frame: Its UF as written, by row.
+        tool: Its UT as written.
+        is_axis: (n,) it holds J1 to J6.
+        start: (n, 6) first byte of each number.
+        length: (n, 6).
+        value: (n, 6) as printed; NaN where never taught.
+        config: (n, 2) first byte and length of what stands in the quotes of CONFIG, -1 without.
+        external: Values of external axes (group, axis, value) by row.
+        others: Numbers of records without a group 1.
+        statements: First byte and end of the part between ``/MN`` and ``/POS``.
+    """
+
+    data: bytes
+    number: IntArray
+    place: IntArray
+    frame: list[str]
+    tool: list[str]
+    is_axis: IntArray
+    start: IntArray
+    length: IntArray
+    value: Array
+    config: IntArray
+    external: dict[int, list[tuple[int, str, float]]]
+    others: set[int]
+    statements: tuple[int, int]
+
+
+def scan(data: bytes, *, name: str) -> FanucScan:
+    """Returns the columns of a program.
+
+    Raises:
+        FormatError: Not an LS program, cut off, or a record that cannot be read.
+    """
+    require_text(data, name)
+    reader = _Reader(data, name)
+    statements, (first, last) = reader.sections()
+    reader.records(first, last)
+    return reader.result(statements)
+
+
+@dataclass(slots=True)
+class _Reader:
+    data: bytes
+    name: str
+    rows: array[int] = field(default_factory=lambda: array("q"))
+    spans: array[int] = field(default_factory=lambda: array("q"))
+    values: array[float] = field(default_factory=lambda: array("d"))
+    frame: list[str] = field(default_factory=list)
+    tool: list[str] = field(default_factory=list)
+    external: dict[int, list[tuple[int, str, float]]] = field(default_factory=dict)
+    others: set[int] = field(default_factory=set)
+    seen: dict[int, int] = field(default_factory=dict)
+
+    def sections(self) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Returns where the statements and where the records stand."""
+        found: dict[str, re.Match[bytes]] = {}
+        for match in _SECTION.finditer(self.data):
+            key = match[1].decode()
+            if key in found:
+                self._refuse(f"a second /{key}", "give one program per file", match.start())
+            found[key] = match
+        for key, cure in (
+            ("PROG", "give a Fanuc LS program (ASCII), not the binary TP"),
+            ("MN", "the file is cut off: export the program again"),
+            ("POS", "the file is cut off: export the program again"),
+            ("END", "the file is cut off: export the program again"),
+        ):
+            if key not in found:
+                self._refuse(f"there is no /{key}", cure, 0 if key == "PROG" else len(self.data))
+        ends = [found[key].start() for key in ("PROG", "MN", "POS", "END")]
+        if ends != sorted(ends):
+            self._refuse("sections in another order than /PROG, /MN, /POS, /END", "export again", 0)
+        return (found["MN"].end(), found["POS"].start()), (found["POS"].end(), found["END"].start())
+
+    def records(self, at: int, end: int) -> None:
+        """Reads the records between two places."""
+        data = self.data
+        while True:
+            match = _HEAD.match(data, at, end)
+            if match is None:
+                break
+            number = int(match[1])
+            if number in self.seen:
+                line = line_at(data, self.seen[number])
+                what = f"P[{number}] stands in line {line}, too"
+                self._refuse(what, "remove one of the two", match.start(1))
+            self.seen[number] = match.start(1)
+            at = self._record(number, match.start(1), match.end(), end)
+        rest = _BLANK.match(data, at, end)
+        at = rest.end() if rest else at
+        if at < end:
+            self._refuse(f"{_shown(data, at)} is no position record", "correct it", at)
+
+    def _record(self, number: int, place: int, at: int, end: int) -> int:
+        """Reads the groups of one record up to its ``};`` and returns the place after it."""
+        data, has_one, groups = self.data, False, 0
+        while True:
+            group = _GROUP.match(data, at, end)
+            if group is None:
+                break
+            groups += 1
+            row = len(self.frame)
+            if group[1].lstrip(b"0") == b"1" and not has_one:
+                has_one = True
+                at = self._robot(number, place, group, end)
+                at = self._axes(row, 1, at, end)
+            else:
+                row = row - 1 if has_one else row
+                at = self._axes(row, int(group[1]), group.end(), end)
+        close = _CLOSE.match(data, at, end)
+        if close is None or not groups:
+            what = f"{_shown(data, at)} in P[{number}] cannot be read"
+            self._refuse(what, "a record holds groups GPn with UF, UT and numbers in mm or deg", at)
+        if not has_one:
+            self.others.add(number)
+            self.external.pop(len(self.frame), None)
+        return close.end()
+
+    def _robot(self, number: int, place: int, group: re.Match[bytes], end: int) -> int:
+        """Reads the six numbers of group 1 and returns the place after them."""
+        data = self.data
+        six = _SIX.match(data, group.end(), end)
+        if six is None:
+            what = f"{_shown(data, group.end())} in P[{number}] are not six numbers in mm or deg"
+            self._refuse(what, "six-axis robots are supported", group.end())
+        kind = _kind(six.group(1, 4, 7, 10, 13, 16), six.group(3, 6, 9, 12, 15, 18))
+        if kind < 0:
+            what = f"{_shown(data, group.end())} in P[{number}] is neither X Y Z W P R nor J1 to J6"
+            self._refuse(what, "positions are in mm and deg", group.end())
+        quoted = group.start(4)
+        config = (quoted, group.end(4) - quoted) if quoted >= 0 else (-1, 0)
+        self.rows.extend((number, place, kind, *config))
+        for column in (2, 5, 8, 11, 14, 17):
+            text, span = six[column], six.span(column)
+            value = np.nan if text.startswith(b"*") else float(text)
+            if value in (np.inf, -np.inf):
+                self._refuse(f"{_shown(data, span[0])} is too large", "correct it", span[0])
+            self.spans.extend(span)
+            self.values.append(value)
+        self.frame.append(group[2].decode().upper())
+        self.tool.append(group[3].decode().upper())
+        return six.end()
+
+    def _axes(self, row: int, group: int, at: int, end: int) -> int:
+        """Reads further numbers of a group as external axes of a row."""
+        while True:
+            comma = _COMMA.match(self.data, at, end)
+            one = _ONE.match(self.data, comma.end() if comma else at, end)
+            if one is None:
+                return at
+            value = np.nan if one[2].startswith(b"*") else float(one[2])
+            self.external.setdefault(row, []).append((group, one[1].decode("latin-1"), value))
+            at = one.end()
+
+    def result(self, statements: tuple[int, int]) -> FanucScan:
+        """Returns the columns."""
+        table = np.frombuffer(self.rows, np.int64).reshape(-1, 5)
+        spans = np.frombuffer(self.spans, np.int64).reshape(-1, 6, 2)
+        return FanucScan(
+            data=self.data,
+            number=table[:, 0],
+            place=table[:, 1],
+            frame=self.frame,
+            tool=self.tool,
+            is_axis=table[:, 2],
+            start=spans[:, :, 0],
+            length=spans[:, :, 1] - spans[:, :, 0],
+            value=np.frombuffer(self.values, np.float64).reshape(-1, 6),
+            config=table[:, 3:],
+            external=self.external,
+            others=self.others,
+            statements=statements,
+        )
+
+    def _refuse(self, what: str, cure: str, place: int) -> NoReturn:
+        line = line_at(self.data.rstrip(), place)
+        raise FormatError(f"{what}.", source=self.name, line=line, hint=f"{cure}.")
+
+
+def _kind(names: tuple[bytes, ...], units: tuple[bytes, ...]) -> int:
+    """Returns 0 for a pose, 1 for axis values, -1 for neither."""
+    kind = _NAMES.get(names, -1)
+    return kind if kind >= 0 and units == _UNITS[kind] else -1
+
+
+def _shown(data: bytes, place: int) -> str:
+    text = data[place : place + 60].replace(b"\r", b"\n")
+    return repr(text.partition(b"\n")[0].decode("latin-1").strip())
