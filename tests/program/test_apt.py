@@ -259,6 +259,7 @@ def test_what_cannot_be_understood_is_named_with_its_line(statement):
         ("UNITS/MM\nFEDRAT/.1,MMPR\nGOTO/1,2,3\n", 3, "per revolution"),
         ("UNITS/MM\nFEDRAT/900000,MMPM\nGOTO/1,2,3\n", 3, "at most 3000 mm/s"),
         ("MSYS/0,0,0,1,0,0,0,1,0\nGOTO/1,2,3\nMSYS/9,0,0,1,0,0,0,1,0\n", 3, "second machining"),
+        ("GOTO/1,2,3\nMSYS/9,0,0,1,0,0,0,1,0\n", 2, "second machining"),
         ("UNITS/MM\nGOTO/1,2,3\0\n", 2, "NUL byte"),
         ("UNITS/MM\nGOTO/1,2,3E99\n", 2, "beyond 1e+07"),
         ("$$*CATIA0\n$$ A\n$$ 1 0 0 x\nGOTO/1,2,3\n", 3, "no row of the machining axis system"),

@@ -25,13 +25,8 @@ from robotrue.core.units import MM
 from robotrue.errors import FormatError
 from robotrue.program.formats.apt_arcs import Circle, arc_points, circle_of, directed_circle
 from robotrue.program.formats.apt_feeds import Speeds
-from robotrue.program.formats.apt_statements import (
-    Statement,
-    is_number,
-    numbers,
-    statements,
-    to_number,
-)
+from robotrue.program.formats.apt_frames import AxisSystems
+from robotrue.program.formats.apt_statements import Statement, numbers, statements
 from robotrue.program.toolpath import Remark, Toolpath
 
 INCH: Final = 25.4 * MM
@@ -77,8 +72,6 @@ _KNOWN: Final = frozenset(
 )
 """Words that move nothing: kept for people, without a warning."""
 _OPERATION: Final = re.compile(r"OPERATION NAME\s*:\s*(.+)", re.IGNORECASE)
-_AXIS_SYSTEM: Final = "*CATIA0"
-_CSYS: Final = "-> CSYS"
 
 
 def read_apt(data: bytes, *, source: str) -> Toolpath:
@@ -123,9 +116,7 @@ class _Reader:
         self.remarks: list[Remark] = []
         self.notes: list[str] = []
         self.unknown: dict[str, int] = {}
-        self.frames: list[tuple[float, ...]] = []
-        self._frame: list[float] | None = None
-        self._named = False
+        self.systems = AxisSystems(source)
         self.points: list[Array] = []
         self.axes: list[Array] = []
         self.columns: list[tuple[float, bool, int, int]] = []
@@ -174,6 +165,12 @@ class _Reader:
             )
         if not self.unit_line:
             self._note(1, "the file does not state UNITS/: millimetres were taken.")
+        if self.systems.own:
+            self._note(
+                self.systems.own,
+                "the points stand in a machining axis system of their own; that is the frame to "
+                "register, and the one a mesh must be in.",
+            )
         for word, line in self.unknown.items():
             self._note(line, f"{word} is not known here; it was kept as a remark.")
         columns = list(zip(*self.columns, strict=True)) or [(), (), (), ()]
@@ -321,63 +318,16 @@ class _Reader:
             self.tools.append((name, statement.line))
 
     def _msys(self, statement: Statement) -> None:
-        self._axis_system(tuple(numbers(statement, self.source)), statement.line)
+        values = tuple(numbers(statement, self.source))
+        self.systems.take(values, statement.line, points=bool(self.points))
         self._keep(statement, known=True)
 
     def _comment(self, statement: Statement) -> None:
         """Names of operations and machining axis systems stand in comments in some systems."""
-        text = statement.comment
-        found = _OPERATION.search(text)
+        found = _OPERATION.search(statement.comment)
         if found:
             self._operation(found[1].strip())
-        if text.upper().startswith(_AXIS_SYSTEM):
-            self._frame = []
-        elif text.upper().startswith(_CSYS):
-            words = text.partition("/")[2].split(",")
-            if len(words) == 12 and all(map(is_number, words)):
-                self._axis_system(tuple(to_number(word) for word in words), statement.line)
-        elif self._frame is not None and text:
-            self._axis_row(text, statement.line)
-
-    def _axis_row(self, text: str, line: int) -> None:
-        """A row of a machining axis system; the name of the system stands before the first."""
-        words = text.split()
-        rows = self._frame or []
-        if len(words) == 4 and all(map(is_number, words)):
-            self._frame = [*rows, *(to_number(word) for word in words)]
-        elif rows or self._named:
-            raise FormatError(
-                f"{text[:60]!r} is no row of the machining axis system before it.",
-                source=self.source,
-                line=line,
-                hint="post the file again, or take the comment *CATIA0 out.",
-            )
-        else:
-            self._named = True
-        if self._frame is not None and len(self._frame) == 12:
-            self._axis_system(tuple(self._frame), line)
-            self._frame, self._named = None, False
-
-    def _axis_system(self, values: tuple[float, ...], line: int) -> None:
-        if self.frames and values != self.frames[-1]:
-            raise FormatError(
-                "a second machining axis system: the points before and after it stand in "
-                "different frames.",
-                source=self.source,
-                line=line,
-                hint="post one file per axis system, or all operations in one.",
-            )
-        plain = (
-            (1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0),
-            (0, 0, 0, 1, 0, 0, 0, 1, 0),
-        )
-        if not self.frames and values not in plain:
-            self._note(
-                line,
-                "the points stand in a machining axis system of their own; that is the frame to "
-                "register, and the one a mesh must be in.",
-            )
-        self.frames.append(values)
+        self.systems.comment(statement.comment, statement.line, points=bool(self.points))
 
     def _note(self, line: int, text: str) -> None:
         self.notes.append(f"{self.source}:{line}: {text}")
