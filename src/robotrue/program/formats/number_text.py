@@ -13,8 +13,9 @@ from typing import Final
 
 from robotrue.errors import ShapeError
 
-NUMBER: Final = rb"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+NUMBER: Final = rb"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
 """Regular expression of one number."""
+_PLAIN: Final = re.compile(rb"-?\d+\.(\d+)")
 _PARTS: Final = re.compile(rb"([+-]?)(\d*)(\.?)(\d*)(?:([eE])([+-]?)(\d+))?")
 _FINE: Final = 6
 """Least decimals of a number with an exponent: the style of ``1E3`` holds no correction."""
@@ -34,9 +35,12 @@ def restyled(token: bytes, value: float, *, least: int = 0) -> bytes:
     Raises:
         ShapeError: The token is not a number, or the value is not finite or not below 1e9.
     """
-    sign, whole, point, fraction, letter, _, _ = parts = _parts(token)
     if not abs(value) < _LARGEST:
         raise ShapeError(f"{value} cannot be printed, expected a finite number below 1e9.")
+    plain = _PLAIN.fullmatch(token)
+    if plain:  # nearly all there are
+        return _fixed(token, value, max(len(plain[1]), least))
+    sign, whole, point, fraction, letter, _, _ = parts = _parts(token)
     least = max(least, _FINE) if letter else least
     decimals = max(_last_decimal(parts), least)
     if abs(value - float(token)) <= 0.5 * 10.0**-decimals:
@@ -49,6 +53,13 @@ def restyled(token: bytes, value: float, *, least: int = 0) -> bytes:
     if not whole and fraction and text.startswith(b"0."):
         text = text[1:]
     return _sign(sign, value, text) + text
+
+
+def _fixed(token: bytes, value: float, decimals: int) -> bytes:
+    if abs(value - float(token)) <= 0.5 * 10.0**-decimals:
+        return token
+    text = b"%.*f" % (decimals, value)
+    return text if text.strip(b"-0.") else text.lstrip(b"-")
 
 
 def half_digit(token: bytes) -> float:
