@@ -62,6 +62,9 @@ def lay_out(robot: RobotModel, program: Program, settings: CompensationSettings)
     blocked |= ~axis & ~_has_pose(program)
     joints_known = np.flatnonzero(axis)
     joints = np.empty((0, 6))
+    miscounted = _miscounted(robot, program, joints_known)
+    if miscounted:
+        joints_known = np.empty(0, dtype=np.int64)
     if len(joints_known):
         joints, joints_known = _axis_joints(robot, program, joints_known)
         blocked |= axis & ~np.isin(np.arange(n), joints_known)
@@ -80,7 +83,22 @@ def lay_out(robot: RobotModel, program: Program, settings: CompensationSettings)
         rows=rows[order],
         joints=np.concatenate([joints, chosen])[order],
         worded=_with_words(robot, program, route, worded),
-        notes=notes,
+        notes=miscounted + notes,
+    )
+
+
+def _miscounted(robot: RobotModel, program: Program, rows: IntArray) -> tuple[str, ...]:
+    """Returns a note if axis targets are not this arm's joints.
+
+    Fanuc's J3 is the angle of the forearm to the horizontal; it stays while J2 turns.
+    """
+    if program.words_of != "fanuc" or not len(rows):
+        return ()
+    if not np.array_equal(robot.joint_map, np.eye(robot.dof)):
+        return ()
+    return (
+        f"{line_list(program, rows)}: Fanuc counts J3 from the horizontal, {robot.name} counts it "
+        "from the arm before it; axis targets are not used. Describe the arm with joint_map.",
     )
 
 
