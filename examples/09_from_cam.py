@@ -16,7 +16,8 @@ from robotrue.core.files import write_atomic
 from robotrue.core.mesh import read_mesh
 from robotrue.core.poses import apply, pose
 from robotrue.core.units import MM
-from robotrue.planning.machining import MachiningSettings, Side, job_program, plan_machining
+from robotrue.planning.lifts import Side
+from robotrue.planning.machining import MachiningSettings, job_program, plan_machining
 from robotrue.program.contour import contour_of, keep_inside, side_direction
 from robotrue.program.formats.krl_machining import Speeds
 from robotrue.program.formats.toolpaths import read_toolpath
@@ -66,13 +67,12 @@ def main(out: Path) -> None:
     job = plan_machining(cell, sides, MachiningSettings(), mesh=mesh)
     write_atomic(out / "vase.src", job_program(job, robot, "vase", Speeds()))
     figure.savefig(out / "09_from_cam.png", bbox_inches="tight")
-    size = []
-    for s in job.sides:  # run as it is, by the virtual arm
+    size = []  # the program run as it is, by the virtual arm
+    for s in job.sides:
         tip = actual_pose(virtual.robot, s.joints, T_flange_tool=robot.T_flange_tool)[:, :3, 3]
         size.append(np.linalg.norm(tip - apply(T_BASE_PART, s.path.position), axis=1) / MM)
     error = np.concatenate(size)
-    off = f"{error.mean():.2f} +- {error.std():.2f} mm (simulated)"
-    print(f"{len(error)} points; uncompensated off by {off}")
+    print(f"{len(error)} points, off by {error.mean():.2f} +- {error.std():.2f} mm (simulated)")
 
 
 if __name__ == "__main__":

@@ -52,7 +52,7 @@ def ring(around: int = 24, across: int = 12) -> TriangleMesh:
 
 def lumps() -> TriangleMesh:
     """A ball whose radius waves, so that its shadow's rim is folded."""
-    mesh = ring(32, 32)
+    mesh = ring(24, 24)
     v = mesh.vertices
     wave = 1.0 + 0.15 * np.sin(60 * v[:, 0]) * np.cos(70 * v[:, 1]) + 0.2 * np.sin(80 * v[:, 2])
     return TriangleMesh(vertices=v * wave[:, None], faces=mesh.faces)
@@ -77,16 +77,16 @@ def test_the_outline_is_the_outer_boundary_of_the_shadow(shape, direction):
     mesh = shape()
     contour = contour_of(mesh, np.array(direction))
     assert len(contour.outlines) == 1
-    ticks = np.linspace(-0.16, 0.16, 65) + 0.000123  # off the edges of triangles
+    ticks = np.linspace(-0.16, 0.16, 49) + 0.000123  # off the edges of triangles
     flat = np.stack(np.meshgrid(ticks, ticks, indexing="ij"), axis=-1).reshape(-1, 2)
     shadow = in_shadow(mesh, contour.across, flat)
-    filled = binary_fill_holes(shadow.reshape(65, 65)).ravel()  # holes count as inside
+    filled = binary_fill_holes(shadow.reshape(49, 49)).ravel()  # holes count as inside
     off = contour.outside_by(flat @ contour.across)
     assert not (shadow & (off > 0.0)).any()
-    clear = np.abs(off) > 0.005  # a cell from the line
+    clear = np.abs(off) > 0.007  # a cell from the line
     assert (filled == (off < 0.0))[clear].all()
-    assert (filled & clear).sum() > 200
-    assert (~filled & clear).sum() > 1000
+    assert (filled & clear).sum() > 100
+    assert (~filled & clear).sum() > 500
 
 
 def test_a_hole_through_the_part_lies_inside_its_contour():

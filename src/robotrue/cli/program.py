@@ -21,10 +21,10 @@ from robotrue.core.files import read_bytes, sha256, write_atomic
 from robotrue.core.mesh import TriangleMesh, read_mesh
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ModelMismatchError
+from robotrue.planning.lifts import Side
 from robotrue.planning.machining import (
     MachiningJob,
     MachiningSettings,
-    Side,
     job_program,
     plan_machining,
 )

@@ -19,16 +19,17 @@ from robotrue.cell.cell import Cell
 from robotrue.cell.obstacles import Box
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.mesh import TriangleMesh
-from robotrue.core.poses import apply
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ReachError
+from robotrue.planning.lifts import Side, box_around, require_one_clamping, with_lifts
 from robotrue.planning.scene import Scene
-from robotrue.planning.spin import SpinSettings
+from robotrue.planning.spin import SHAPES, SpinSettings
 from robotrue.planning.tool_axis import Posed, resolve_spin
 from robotrue.planning.transit import blocked, scene_without_reflector, transit
 from robotrue.program.formats.krl_machining import SideMoves, Speeds, machining_program
 from robotrue.program.toolpath import Toolpath
 from robotrue.robot.configuration import controller_axes
+from robotrue.robot.inverse import branch_of
 from robotrue.robot.model import RobotModel
 
 HOMES: Final = (
@@ -45,25 +46,6 @@ HOMES: Final = (
 """rad, controller's axes: where KUKA arms are usually parked; the first that is clear is taken."""
 LOOKED_AT: Final = 2000
 """Points of a side looked at for collisions while cutting, evenly over it."""
-MOVED: Final = 30.0 * MM
-"""Frames of sides that put a corner of the part further apart are different clampings."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Side:
-    """One side of the part and where it stands.
-
-    Attributes:
-        path: The tool path, in the part frame.
-        T_base_part: (4, 4).
-    """
-
-    path: Toolpath
-    T_base_part: Array
-
-    def __post_init__(self) -> None:
-        """Freezes the pose."""
-        object.__setattr__(self, "T_base_part", frozen(self.T_base_part, (4, 4), "T_base_part"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,13 +116,14 @@ def plan_machining(
     """
     robot = cell.robot.nominal()
     _one_tool([side.path for side in sides])
-    box = _box(sides, mesh)
-    _one_clamping(sides, box)
+    box = box_around(sides, mesh)
+    require_one_clamping(sides, box)
     scene = scene_without_reflector(cell)
     homes = _homes(robot, scene, box, sides[0].T_base_part, settings)
     posed = [_posed(robot, side, box, settings, homes[0]) for side in sides]
     moves = _moves(scene, box, posed, homes)
-    notes = [note for each in posed for note in _doubts(each)]
+    shape = branch_of(robot, homes[0])
+    notes = [note for each in posed for note in _doubts(each, shape)]
     notes += [note for each in posed for note in _near_misses(scene, box, each)]
     return MachiningJob(sides=tuple(posed), moves=moves, notes=tuple(notes))
 
@@ -173,7 +156,7 @@ def _posed(
     robot: RobotModel, side: Side, box: Box, settings: MachiningSettings, home: Array
 ) -> Posed:
     """The side with its lifts; a lift out of reach is not blamed on the point under it."""
-    frame, lifted = side.T_base_part, _with_lifts(side.path, box, settings.lift)
+    frame, lifted = side.T_base_part, with_lifts(side.path, box, settings.lift)
     try:
         return resolve_spin(robot, frame, lifted, settings.spin, near=home)
     except ReachError as error:
@@ -245,76 +228,6 @@ def _moves(
     raise fault or ReachError("no home was given.")
 
 
-def _one_clamping(sides: Sequence[Side], box: Box) -> None:
-    """Refuses part frames too far apart to be readings of one clamping."""
-    corners = _corners(box)
-    first = apply(sides[0].T_base_part, corners)
-    for side in sides[1:]:
-        apart = np.linalg.norm(apply(side.T_base_part, corners) - first, axis=1).max()
-        if apart > MOVED:
-            raise ConfigurationError(
-                f"the part frames of {sides[0].path.source} and {side.path.source} put a corner of "
-                f"the part {apart / MM:.0f} mm apart (at most {MOVED / MM:.0f} mm): it is clamped "
-                "anew between them.",
-                hint="write one program per clamping.",
-            )
-
-
-def _corners(box: Box) -> Array:
-    """The eight corners (8, 3) m."""
-    low_high = np.stack([box.low, box.high])
-    index = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
-    return np.asarray(low_high[index, np.arange(3)])
-
-
-def _box(sides: Sequence[Side], mesh: TriangleMesh | None) -> Box:
-    """The box around the part in the part frame."""
-    points = [side.path.position[side.path.cutting] for side in sides]
-    if mesh is not None:
-        points.append(mesh.vertices)
-    found = np.concatenate(points)
-    if not len(found):
-        raise ConfigurationError(
-            "no move of any tool path cuts.", source=sides[0].path.source, hint="check RAPID."
-        )
-    low, high = found.min(axis=0), found.max(axis=0)
-    flat = 0.5 * MM * (high - low < MM)  # a box must have a volume
-    return Box(name="the part", low=low - flat, high=high + flat)
-
-
-def _with_lifts(path: Toolpath, box: Box, lift: float) -> Toolpath:
-    """The path with a rapid point before and after it, where those are not outside already."""
-    ends = np.array([0, len(path) - 1])
-    way = _way_out(path.position[ends], path.axis[ends], box, lift)
-    count = len(path)
-    before, after = bool(way[0] > 0.0), bool(way[1] > 0.0)
-    if not (before or after):
-        return path
-    pick = np.concatenate([[0] * before, np.arange(count), [count - 1] * after]).astype(np.int64)
-    position = path.position[pick]
-    rapid = path.rapid[pick]
-    if before:
-        position[0] += way[0] * path.axis[0]
-        rapid[0] = True
-    if after:
-        position[-1] += way[1] * path.axis[-1]
-        rapid[-1] = True
-    return path.with_points(pick, position=position, rapid=rapid)
-
-
-def _way_out(points: Array, axes: Array, box: Box, lift: float) -> Array:
-    """How far (k,) m points must go along their axes until the lift's distance from the box."""
-    low, high = box.low - lift, box.high + lift
-    with np.errstate(divide="ignore"):
-        out = np.where(
-            np.abs(axes) < 1e-9,
-            np.inf,
-            np.where(axes > 0.0, high - points, low - points) / np.where(axes == 0.0, 1.0, axes),
-        )
-    inside = ((points > low) & (points < high)).all(axis=1)
-    return np.where(inside, out.min(axis=1), 0.0)
-
-
 def _near_misses(scene: Scene, box: Box, posed: Posed) -> list[str]:
     """Sentences on obstacles that arm or tool come near to while cutting."""
     count = len(posed.joints)
@@ -328,9 +241,14 @@ def _near_misses(scene: Scene, box: Box, posed: Posed) -> list[str]:
     ]
 
 
-def _doubts(posed: Posed) -> list[str]:
-    """Sentences on a tight fit."""
+def _doubts(posed: Posed, shape: int) -> list[str]:
+    """Sentences on a tight fit, and on another shoulder or elbow than that of home's branch."""
     notes = []
+    if posed.branch % SHAPES != shape % SHAPES:
+        notes.append(
+            f"{posed.path.source}: only reached with another shoulder or elbow than home's; watch "
+            "the joint move to it."
+        )
     if posed.limit_margin < 5.0 * DEG:
         notes.append(
             f"{posed.path.source}: a joint comes within {posed.limit_margin / DEG:.1f} deg of its "

@@ -31,7 +31,7 @@ from robotrue.robot.opw import OpwGeometry
 
 COMFORT: Final = np.array([np.sin(20.0 * DEG), np.sin(15.0 * DEG), 0.15])
 """w0 of wrist, elbow and shoulder; the last over the length of the stretched arm."""
-_SHAPES: Final = 4
+SHAPES: Final = 4
 """Combinations of shoulder and elbow; the branch number modulo this."""
 
 
@@ -152,7 +152,7 @@ def best_way(
         pick = np.broadcast_to(chosen[:, None, :, None], (*cost.shape[:1], 1, spins, 6))
         states.append(np.take_along_axis(options, pick, axis=1)[:, 0])
         backs.append(before[chosen, np.arange(spins)])
-    alike = np.arange(len(cost)) % _SHAPES == (shape or 0) % _SHAPES
+    alike = np.arange(len(cost)) % SHAPES == (shape or 0) % SHAPES
     if shape is not None and np.isfinite(cost[alike]).any():
         cost = np.where(alike[:, None], cost, np.inf)
     branch, last = np.unravel_index(int(np.argmin(cost)), cost.shape)
