@@ -18,7 +18,7 @@ from robotrue.cell.registration.robust import check_majority
 from robotrue.cell.registration.surface_fit import SurfaceTouches, linearised, solve_surfaces
 from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
 from robotrue.core.graduated import GAUSS_NORMAL, GAUSS_POINT, agreeing
-from robotrue.core.poses import fit_rigid
+from robotrue.core.poses import apply, fit_rigid
 from robotrue.core.units import MM
 from robotrue.errors import ImplausibleDataError, ObservabilityError
 from robotrue.measurement.probing_set import NO_SURFACE, ProbingSet
@@ -112,6 +112,10 @@ def fit_touches(
     latest = [_start(touches, base) if start is None else np.asarray(start, dtype=np.float64)]
 
     def length(weights: Array) -> Array:
+        if touches.full.all():  # in closed form
+            latest[0] = fit_rigid(touches.point, base, weights)
+            gap = base - apply(latest[0], touches.point)
+            return np.asarray(np.linalg.norm(gap, axis=1))
         latest[0] = solve_surfaces(parts.touches, latest[0], weights[parts.owner])
         distance = linearised(parts.touches, latest[0])[0]
         return np.asarray(np.sqrt(np.bincount(parts.owner, distance**2, minlength=n)))
