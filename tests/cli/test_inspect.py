@@ -100,3 +100,20 @@ def test_something_else(cli, work: Path) -> None:
     got = cli("inspect", work / "letter.md", "--json")
     assert got.code == 1
     assert "not a model, cell, program or measurement file" in got.fault["message"]
+
+
+def test_a_tool_path(cli, work: Path) -> None:
+    text = "UNITS/MM\nLOADTL/4\nRAPID\nGOTO/0,0,50\nFEDRAT/600,MMPM\nGOTO/0,0,0\nGOTO/30,40,0\n"
+    (work / "side.apt").write_text(text)
+    document = cli("inspect", work / "side.apt", "--json").document
+    assert document["holds"] == "tool path"
+    assert document["points"] == 3
+    assert document["rapid_points"] == 1
+    assert document["cut_mm"] == pytest.approx(100.0)
+    assert document["feed_mm_per_min"] == [[600.0, 600.0]]
+    assert document["extent_mm"] == pytest.approx([30.0, 40.0, 50.0])
+    assert document["tools"] == ["4"]
+    (work / "side.csv").write_text("x_mm,y_mm,z_mm,rapid\n0,0,5,1\n0,0,0,0\n")
+    assert cli("inspect", work / "side.csv", "--json").document["holds"] == "tool path"
+    assert "tool axes" in cli("inspect", work / "side.csv").out
+    assert cli("inspect", work / "cal.csv", "--json").document["holds"] == "measurements"

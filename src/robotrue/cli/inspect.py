@@ -24,12 +24,18 @@ from robotrue.errors import FormatError
 from robotrue.measurement.formats.registry import read_measurements
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.program.formats import detect, read_job
+from robotrue.program.formats.apt import looks_like_apt
+from robotrue.program.formats.toolpath_csv import is_toolpath_header
+from robotrue.program.formats.toolpaths import read_toolpath
 from robotrue.program.identity import read_identity
 from robotrue.program.program import FrameTable, Motion, Program, Reason
+from robotrue.program.toolpath import Toolpath, cut_length
 from robotrue.robot.forward import forward
 from robotrue.store.model_file import ModelFile, read_model
 
 WORKBOOKS: Final = (".xlsx", ".xlsm", ".xls", ".xlsb", ".ods")
+LOOKED_AT: Final = 1 << 18
+"""Bytes that decide whether a file is a tool path."""
 TABLES: Final = (".csv", ".tsv", ".txt")
 
 
@@ -45,6 +51,8 @@ def run(path: Path, *, mapping: Path | None, as_json: bool) -> None:
         return
     if mapping is None and _is_cell(path, data):
         document = cell_document(read_cell(path))
+    elif mapping is None and _is_toolpath(data):
+        document = toolpath_document(read_toolpath(path))
     elif mapping is None and _is_program(path, data):
         document = program_document(read_job(path, FrameTable()))
         document |= _program_identity(path, data)
@@ -238,6 +246,28 @@ def _is_cell(path: Path, data: bytes) -> bool:
         return "robot" in tomllib.loads(data.decode("utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError):
         return False
+
+
+def toolpath_document(path: Toolpath) -> dict[str, Any]:
+    """Returns points, lengths and feeds of a tool path, and what was not understood."""
+    feeds = path.feed[path.cutting & np.isfinite(path.feed)] * 60.0 / MM
+    return {
+        "holds": "tool path",
+        "points": len(path),
+        "rapid_points": int(path.rapid.sum()),
+        "cut_mm": cut_length(path) / MM,
+        "extent_mm": (np.ptp(path.position, axis=0) / MM).tolist(),
+        "feed_mm_per_min": [[float(feeds.min()), float(feeds.max())]] if len(feeds) else [],
+        "tool_axes": len(np.unique(np.round(path.axis, 6), axis=0)),
+        "operations": list(path.operations),
+        "tools": [name for name, _ in path.tools],
+        "notes": list(path.notes),
+    }
+
+
+def _is_toolpath(data: bytes) -> bool:
+    head = data[:LOOKED_AT].decode("latin-1").removeprefix("\xef\xbb\xbf")
+    return is_toolpath_header(head) or looks_like_apt(head)
 
 
 def _is_program(path: Path, data: bytes) -> bool:

@@ -35,6 +35,18 @@ def looks_like_csv(text: str) -> bool:
     return False
 
 
+def is_toolpath_header(text: str) -> bool:
+    """Returns whether a table has the columns of a tool path and no others.
+
+    Measurements and touched points have more.
+    """
+    for line in text.splitlines():
+        if line.strip() and not line.lstrip().startswith("#"):
+            names = {name.strip().lower() for name in line.replace(";", ",").split(",")}
+            return set(POSITION) <= names <= set(COLUMNS)
+    return False
+
+
 def read_toolpath_csv(data: bytes, *, source: str) -> Toolpath:
     """Returns the tool path of a CSV file.
 
