@@ -112,6 +112,8 @@ BENCHMARKS = (
     Benchmark(name="transfer", quick=("--quick", "--rows", "side", "S1A"), rows=stated),
     Benchmark(name="planned_poses", quick=("--quick",), rows=stated),
     Benchmark(name="registration", quick=("--quick",), rows=stated),
+    Benchmark(name="registration_coverage", quick=("--quick",), rows=stated),
+    Benchmark(name="planned_touches", quick=("--quick",), rows=stated),
 )
 
 

@@ -83,7 +83,7 @@ def part_map_png(plot: PartMap) -> bytes:
     """Returns the map as a PNG picture."""
     return png(
         _drawing(plot),
-        width=1.2 + 4.2 * max(len(plot.groups), 2),
+        width=1.2 + 4.0 * max(len(plot.groups), 2),
         height=4.3,
         panels=max(len(plot.groups), 2),
         title=plot.title,
