@@ -59,7 +59,7 @@ class FoundFrame:
 
     @property
     def region(self) -> Array:
-        """(n,) m: a point machined at the touch lies within, 95 times in 100."""
+        """Distance that a point machined at each touch keeps 95 times in 100, (n,) m."""
         return np.asarray(REGION * np.sqrt(np.linalg.eigvalsh(self.machined)[:, -1]))
 
     def part_frame(self) -> PartFrame:

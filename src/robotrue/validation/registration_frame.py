@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.calibration.belief import Belief, belief_of
+from robotrue.calibration.belief import Belief, belief_of, widened
 from robotrue.calibration.machined import tip_columns, unchanged_covariance
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.calibration.prior_belief import prior_belief
@@ -21,7 +21,7 @@ from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.probing_set import NO_SURFACE, ProbingSet
 from robotrue.robot.forward import forward
-from robotrue.robot.model import RobotModel
+from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.validation.registered_part import FoundFrame, judged
 from robotrue.validation.registration_settings import TOOL, RegistrationSettings
 from robotrue.validation.touch_checks import check_exchanged, listed
@@ -200,9 +200,12 @@ def arm_belief(arm: ErrorModel | RobotModel, settings: RegistrationSettings) -> 
     """Returns what is believed of the arm; None for a model that keeps no joint covariance."""
     if not isinstance(arm, RobotModel):
         try:
-            return belief_of(arm)
+            belief = belief_of(arm)
         except ConfigurationError:
             return None
+        variance = np.zeros(len(belief.mean))
+        variance[parameter_slice(belief.robot.dof, "tool")][:3] = (settings.tool_sigma or 0.0) ** 2
+        return widened(belief, variance)
     robot = arm if settings.T_flange_tool is None else arm.with_tool(settings.T_flange_tool)
     known = TOOL if settings.tool_sigma is None else max(settings.tool_sigma, 1e-6)
     scales = replace(settings.arm.scales, tool=known)
