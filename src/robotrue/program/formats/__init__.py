@@ -26,6 +26,7 @@ _MODULES: Final[dict[str, str]] = {
     "fanuc_ls": "robotrue.program.formats.fanuc_ls",
     "jbi": "robotrue.program.formats.jbi",
     "krl": "robotrue.program.formats.krl",
+    "rapid": "robotrue.program.formats.rapid",
 }
 _SURE: Final = 0.4
 

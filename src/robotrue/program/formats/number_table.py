@@ -1,0 +1,134 @@
+"""The numbers of all targets of a program as one table: where each stands and what it says."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.program.formats.number_text import restyled, spliced
+
+_HELD: Final = 4096
+"""Matches kept as objects before they become rows of arrays."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Numbers:
+    """Tokens of n targets with up to w numbers each.
+
+    Attributes:
+        start: (n, w) first byte, -1 where a target has no such number.
+        length: (n, w) bytes.
+        value: (n, w) as printed, NaN where there is none or it is beyond any number.
+    """
+
+    start: IntArray
+    length: IntArray
+    value: Array
+
+    def rows(self, index: IntArray) -> Numbers:
+        """Returns the tokens of chosen rows; -1 chooses a row without any."""
+        none = np.asarray(index < 0)[:, None]
+        if not len(self.start):
+            shape = (len(index), self.start.shape[1])
+            return Numbers(
+                start=np.full(shape, -1), length=np.zeros(shape, np.int64),
+                value=np.full(shape, np.nan),
+            )  # fmt: skip
+        return Numbers(
+            start=np.where(none, -1, self.start[index]),
+            length=np.where(none, 0, self.length[index]),
+            value=np.where(none, np.nan, self.value[index]),
+        )
+
+
+class NumberTable:
+    """Collects matches whose groups are numbers.
+
+    Args:
+        width: Columns of the table.
+        layouts: For each kind of literal the columns its groups go to.
+    """
+
+    def __init__(self, width: int, layouts: Sequence[Sequence[int]]) -> None:
+        self._width = width
+        self._layouts = [np.array(layout) for layout in layouts]
+        self._held: list[tuple[int, re.Match[bytes]]] = []
+        self._done: list[Numbers] = []
+        self._rows = 0
+
+    def add(self, match: re.Match[bytes], kind: int) -> int:
+        """Returns the row a literal of this kind gets."""
+        self._held.append((kind, match))
+        if len(self._held) >= _HELD:
+            self._flush()
+        self._rows += 1
+        return self._rows - 1
+
+    def numbers(self) -> Numbers:
+        """Returns the whole table."""
+        self._flush()
+        empty = np.empty((0, self._width), np.int64)
+        return Numbers(
+            start=np.concatenate([empty, *(part.start for part in self._done)]),
+            length=np.concatenate([empty, *(part.length for part in self._done)]),
+            value=np.concatenate([empty.astype(np.float64), *(part.value for part in self._done)]),
+        )
+
+    def _flush(self) -> None:
+        shape = (len(self._held), self._width)
+        start, length = np.full(shape, -1), np.zeros(shape, np.int64)
+        value = np.full(shape, np.nan)
+        kinds = np.array([kind for kind, _ in self._held], np.int64)
+        for kind, columns in enumerate(self._layouts):
+            rows = np.flatnonzero(kinds == kind)
+            if not len(rows):
+                continue
+            found = [self._held[row][1] for row in rows.tolist()]
+            spans = np.array([match.regs for match in found])[:, 1:]
+            at = np.ix_(rows, columns)
+            start[at], length[at] = spans[:, :, 0], spans[:, :, 1] - spans[:, :, 0]
+            value[at] = [[float(token) for token in match.groups()] for match in found]
+        value[~np.isfinite(value)] = np.nan
+        self._done.append(Numbers(start=start, length=length, value=value))
+        self._held = []
+
+
+def respelled(
+    data: bytes,
+    numbers: Numbers,
+    values: Array,
+    touched: BoolArray,
+    enough: IntArray,
+    least: IntArray,
+) -> bytes:
+    """Returns the bytes with the touched numbers rewritten in their own style.
+
+    Args:
+        data: The bytes.
+        numbers: Where the numbers stand.
+        values: (n, w) in the unit they are printed in.
+        touched: (n, w) those to rewrite; a number that says its value already stays.
+        enough: (n, w) decimals that can hold a correction.
+        least: (n, w) decimals to print where a number has fewer than that.
+    """
+    starts: list[int] = []
+    lengths: list[int] = []
+    texts: list[bytes] = []
+    where = np.nonzero(touched & (numbers.start >= 0))
+    columns = (numbers.start, numbers.length, values, enough, least)
+    for start, length, value, limit, more in zip(
+        *(column[where].tolist() for column in columns), strict=True
+    ):
+        token = data[start : start + length]
+        shown = len(token.partition(b".")[2])
+        text = restyled(token, value, least=0 if shown >= limit else more)
+        if text != token:
+            starts.append(start)
+            lengths.append(length)
+            texts.append(text)
+    return spliced(data, starts, lengths, texts) if starts else data

@@ -1,0 +1,271 @@
+"""Builds the program of a walked RAPID module: columns, reasons, notes."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.rotations import matrix_from_quat_wxyz
+from robotrue.core.units import DEG, MM
+from robotrue.core.words import NO_WORD
+from robotrue.program.formats.rapid_frames import TOOL, WORK
+from robotrue.program.formats.rapid_walk import AXES_SHIFTED, AXIS, NOTHING, SHIFTED, Walk
+from robotrue.program.formats.rapid_write import RapidSpans
+from robotrue.program.formats.stored_points import firsts
+from robotrue.program.formats.text_lines import line_starts
+from robotrue.program.program import FrameTable, Motion, Program, Reason
+
+_NOT_CONNECTED: Final = 8.9e9
+"""9E9 and beyond: the external axis is not there."""
+_TOLD: Final = 5
+"""Lines named one by one before the rest is counted."""
+
+
+def build(walk: Walk, given: FrameTable) -> Program:
+    """Returns the program."""
+    return _Builder(walk, given).program()
+
+
+class _Builder:
+    """Columns of one module while reasons are found; rows are points in the order of the walk."""
+
+    def __init__(self, walk: Walk, given: FrameTable) -> None:
+        story, uses = walk.story, walk.story.uses
+        self.walk, self.given, self.count = walk, given, len(story.offset)
+        self.kind = np.array(story.kind, np.int64)
+        self.is_axis = self.kind == AXIS
+        self.numbers = walk.table.numbers().rows(np.array(story.row, np.int64))
+        self.point, self.place, self.how, self.setting = (
+            np.array(column, np.int64)
+            for column in (uses.point, uses.place, uses.motion, uses.setting)
+        )
+        self.first = firsts(self.point, self.count)
+        self.used = self.first >= 0
+        self.reason = np.where(self.is_axis, int(Reason.JOINT_TARGET), int(Reason.NONE))
+        offsets = np.array(story.offset, np.int64)
+        self.starts = line_starts(walk.data)
+        self.line = np.searchsorted(self.starts, offsets, side="right")
+        self.order = np.argsort(offsets, kind="stable")
+        self.tell = Notes(walk.name, self.line)
+
+    def program(self) -> Program:
+        """Returns the finished program, its rows in file order."""
+        state = self._settle()
+        self._external()
+        self._flagged()
+        position, rotation, axes = self._si()
+        self._pair_arcs()
+        self._spoken()
+        frames, order = self.walk.frames.frames, self.order
+        return Program(
+            name=self.walk.name,
+            dialect="rapid",
+            data=self.walk.data,
+            position=position[order],
+            rotation=rotation[order],
+            axes=axes[order],
+            motion=self._motion()[order],
+            reason=self.reason[order],
+            words=self._words()[order],
+            words_of="abb",
+            line=self.line[order],
+            frame=state[1][order],
+            tool=state[0][order],
+            T_base_frame=np.array(frames.matrices[WORK]),
+            T_flange_tool=np.array(frames.matrices[TOOL]),
+            notes=self.tell.notes(),
+            spans=RapidSpans(numbers=self.numbers.rows(order), is_axis=self.is_axis[order]),
+        )
+
+    def _put(self, rows: BoolArray, why: Reason, what: str) -> None:
+        rows = rows & (self.kind != NOTHING)
+        self.reason[rows] = why
+        self.tell.rows(rows, what)
+
+    def _motion(self) -> IntArray:
+        motion = np.full(self.count, int(Motion.UNUSED))
+        motion[self.point[::-1]] = self.how[::-1]
+        motion[self.point[self.how == Motion.PTP]] = Motion.PTP
+        return motion
+
+    def _settle(self) -> IntArray:
+        """Returns tool and work frame (2, n) of every point; flags what cannot be relied on."""
+        states, swapped = self._states()
+        state = np.zeros((2, self.count), np.int64)
+        state[:, self.used] = states[:, self.first[self.used]]
+        for side, name in enumerate((TOOL, WORK)):
+            cures = {i: text for (k, i), text in self.walk.frames.frames.cures.items() if k == name}
+            lost = np.isin(state[side], list(cures)) & self.used & ~(self.is_axis & (side == 1))
+            self.reason[lost] = Reason.UNKNOWN_FRAME
+            for each in np.unique(state[side][lost]).tolist():
+                self.tell.say(cures[each])
+        self._put(
+            self._any(swapped) & ~self.is_axis,
+            Reason.TOOL_ON_FLOOR,
+            "the robot carries the workpiece, or the tool stands on the floor; "
+            "such targets are not compensated",
+        )
+        shifted = [self.walk.course.versions(k, self.place) != 0 for k in (SHIFTED, AXES_SHIFTED)]
+        self._put(
+            self._any(shifted[0] | shifted[1]),
+            Reason.RELATIVE,
+            "a program displacement or offset of external axes (PDisp.., EOffs..) is in force; "
+            "such targets are not compensated",
+        )
+        same = states == states[:, self.first[self.point]]
+        self._put(
+            self._any(~(same[0] & (same[1] | self.is_axis[self.point]))),
+            Reason.UNKNOWN_FRAME,
+            "this target is used with more than one tool or work object; it is not compensated",
+        )
+        return state
+
+    def _states(self) -> tuple[IntArray, BoolArray]:
+        """Returns tool and work frame (2, u) of every use, and which are swapped."""
+        states = np.zeros((2, len(self.place)), np.int64)
+        swapped = np.zeros(len(self.place), np.bool_)
+        for (tool, work), (number, offset) in self.walk.story.settings.items():
+            rows = np.flatnonzero(self.setting == number)
+            line = int(np.searchsorted(self.starts, offset, side="right")) - 1
+            for side, (kind, name) in enumerate(((TOOL, tool), (WORK, work))):
+                index, on_robot = self.walk.frames.resolve(kind, name, self.place[rows], line)
+                states[side, rows] = index
+                swapped[rows] |= on_robot
+        return states, swapped
+
+    def _any(self, uses: BoolArray) -> BoolArray:
+        """Returns the points (n,) of which some use is meant."""
+        out = np.zeros(self.count, np.bool_)
+        out[self.point[uses]] = True
+        return out
+
+    def _external(self) -> None:
+        external = self.numbers.value[:, 11:]
+        with np.errstate(invalid="ignore"):
+            there = np.abs(external) < _NOT_CONNECTED
+        there &= self.used[:, None]
+        away = (there & (external != 0.0)).any(axis=1)
+        if not away.any():
+            return
+        seen = np.where(there, external, np.nan)[self.used & (self.kind != NOTHING)]
+        low, high = (each(seen, axis=0) for each in (np.fmin.reduce, np.fmax.reduce))
+        missing = np.isnan(seen).any(axis=0) & np.isfinite(low)
+        if self.given.external_axes_at_rest and not ((low < high) | missing).any():
+            return
+        self.reason[away] = Reason.EXTERNAL_AXIS
+        column = int(np.flatnonzero((low != 0.0) & np.isfinite(low) | (high > 0.0))[0])
+        self.tell.rows(
+            away,
+            f"external axis {column + 1} is {low[column]:g} to {high[column]:g} (mm or deg) and "
+            f"may carry the robot or the part; {int(away.sum())} targets are not compensated. If "
+            "it stands still and the frames hold there, say so in the frame table",
+        )
+
+    def _flagged(self) -> None:
+        """Flags what the text says of single points."""
+        story = self.walk.story
+        uncertain, based, flagged = (np.zeros(self.count, np.bool_) for _ in range(3))
+        uncertain[list(self.walk.variables.uncertain())] = True
+        based[list(story.based)] = True
+        flagged[list(story.flags)] = True
+        self._put(
+            uncertain & self.used,
+            Reason.EXPRESSION,
+            "this target takes part in a computation, or is given several values; "
+            "it is not compensated",
+        )
+        for point, why in story.flags.items():
+            self.reason[point] = why
+        self.reason[~self.used & ~flagged] = Reason.UNUSED
+        self._put(
+            based & ~self.used,
+            Reason.RELATIVE,
+            "this target is used by Offs or RelTool alone; it is not compensated",
+        )
+        self.tell.rows(
+            based & (self.reason == Reason.NONE),
+            "this target is also the start of Offs or RelTool: what is reached from it moves "
+            "along with its correction",
+        )
+
+    def _si(self) -> tuple[Array, Array, Array]:
+        """Returns position, rotation and axes in m and rad; flags what cannot be either."""
+        values, is_axis = self.numbers.value, self.is_axis
+        length = np.linalg.norm(values[:, 3:7], axis=1)
+        with np.errstate(invalid="ignore"):
+            pose = ~is_axis & (length > 0.5) & (length < 2.0)
+        pose &= np.isfinite(values[:, :3]).all(axis=1)
+        position = np.where(pose[:, None], values[:, :3] * MM, np.nan)
+        rotation = np.full((self.count, 3, 3), np.nan)
+        rotation[pose] = matrix_from_quat_wxyz(values[pose, 3:7])
+        axes = np.where(is_axis[:, None], values[:, :6] * DEG, np.nan)
+        self._put(
+            ~pose & ~is_axis | is_axis & np.isnan(axes).any(axis=1),
+            Reason.INCOMPLETE,
+            "the numbers of this target are no pose: its quaternion is far from length 1, or a "
+            "number is beyond all bounds",
+        )
+        return position, rotation, axes
+
+    def _words(self) -> IntArray:
+        values = self.numbers.value[:, 7:11]
+        with np.errstate(invalid="ignore"):
+            plain = (values == np.rint(values)) & (np.abs(values) < 1000)
+        plain &= ~self.is_axis[:, None]
+        return np.where(plain, np.where(plain, values, 0).astype(np.int64), NO_WORD)
+
+    def _pair_arcs(self) -> None:
+        """Gives both points of an arc the same fate: half a corrected arc is another arc."""
+        for via, last in self.walk.story.arcs:
+            worst = int(self.reason[via] or self.reason[last])
+            for point in (via, last):
+                self.reason[point] = self.reason[point] or worst
+
+    def _spoken(self) -> None:
+        """Adds what the walk noticed: computed targets, checks of confdata, foreign routines."""
+        story, name = self.walk.story, self.walk.name
+        told: dict[str, list[int]] = {}
+        for offset, what in story.notes:
+            line = int(np.searchsorted(self.starts, offset, side="right"))
+            told.setdefault(what, []).append(line)
+        for what, lines in told.items():
+            more = f" ({len(lines)} times)" if len(lines) > 1 else ""
+            self.tell.say(f"{name}:{lines[0]}: {what}; it is not compensated{more}.")
+        for what, offset in story.checks.items():
+            self.tell.say(
+                f"{name}:{int(np.searchsorted(self.starts, offset, side='right'))}: {what}: the "
+                "controller does not compare confdata from here; they are kept right all the same."
+            )
+        foreign = self.walk.outside()
+        if foreign and len(self.place):
+            shown = ", ".join(foreign[:_TOLD]) + (" and others" if len(foreign) > _TOLD else "")
+            self.tell.say(
+                f"{name}: {shown} stand in no file given here. Targets are compensated as if they "
+                "change no tool, work object or program displacement."
+            )
+
+
+class Notes:
+    """Sentences for the user, each once."""
+
+    def __init__(self, name: str, line: IntArray) -> None:
+        self._name, self._line = name, line
+        self._all: list[str] = []
+
+    def say(self, sentence: str) -> None:
+        """Adds a whole sentence."""
+        self._all.append(sentence)
+
+    def rows(self, rows: BoolArray, what: str) -> None:
+        """Adds the lines of some targets and what is true of them."""
+        found = np.unique(self._line[np.flatnonzero(rows)]).tolist()
+        if found:
+            shown = ", ".join(str(each) for each in found[:_TOLD])
+            more = f" and {len(found) - _TOLD} more lines" if len(found) > _TOLD else ""
+            self.say(f"{self._name}:{shown}{more}: {what}.")
+
+    def notes(self) -> tuple[str, ...]:
+        """Returns all sentences."""
+        return tuple(dict.fromkeys(self._all))

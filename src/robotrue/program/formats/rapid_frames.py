@@ -1,0 +1,205 @@
+"""Tools and work objects of a RAPID module: what they are at each statement, as matrices.
+
+``tooldata`` is ``[robhold, tframe, load]``, ``wobjdata`` is ``[robhold, ufprog, "ufmec", uframe,
+oframe]``; a target in a work object stands in world * uframe * oframe. They are read and never
+rewritten.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final, TypeAlias
+
+import numpy as np
+
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.poses import pose
+from robotrue.core.rotations import matrix_from_quat_wxyz
+from robotrue.core.units import MM
+from robotrue.program.formats.course import DIFFERS, Course
+from robotrue.program.formats.krl_frames import Frames
+from robotrue.program.formats.rapid_scan import POSE, arguments, clean, fills
+from robotrue.program.program import FrameTable
+
+TOOL: Final = "tool"
+WORK: Final = "base"
+KINDS: Final = {"tooldata": TOOL, "wobjdata": WORK}
+_FRAMES: Final = {TOOL: ("tframe",), WORK: ("uframe", "oframe")}
+_MEMBERS: Final = {TOOL: ("tframe", "robhold"), WORK: ("uframe", "oframe", "robhold", "ufprog")}
+_OTHER: Final = ("tload", "ufmec")
+"""Members that say nothing of where the target is, given the others."""
+_PATH: Final = re.compile(r"\s*\.\s*(\w+)\s*(.*)$", re.DOTALL)
+
+
+Member: TypeAlias = Array | bool | None
+"""A frame (4, 4), a truth, or None where it is not known."""
+
+
+@dataclass(slots=True)
+class _Variable:
+    """Where it is declared, and what every member is given, in the order it is given."""
+
+    line: int
+    versions: dict[str, list[Member]] = field(default_factory=lambda: defaultdict(list))
+
+
+class RapidFrames:
+    """All tools and work objects.
+
+    Attributes:
+        frames: The matrices by index, and the sentence for each that is not known.
+    """
+
+    def __init__(self, table: FrameTable, name: str, course: Course) -> None:
+        self.frames = Frames(table, name)
+        self._table, self._course = table, course
+        self._known: dict[tuple[str, str], _Variable] = {}
+        given = _given(table.bases, "wobj0")
+        self._T_base_world = np.eye(4) if given is None else given
+
+    def has(self, side: str, name: str) -> bool:
+        """Returns whether the modules declare it."""
+        return (side, name) in self._known
+
+    def declare(self, side: str, name: str, value: bytes, line: int) -> None:
+        """Enters a declaration."""
+        variable = self._known[side, name] = _Variable(line)
+        for member, what in self._whole(side, value).items():
+            variable.versions[member].append(what)
+
+    def assign(self, side: str, name: str, path: str, value: bytes, place: int) -> None:
+        """Enters ``name.path := value`` at a place of the course."""
+        variable = self._known[side, name]
+        match = _PATH.match(path)
+        if path.strip() and match is None:
+            new: dict[str, Member] = dict.fromkeys(_MEMBERS[side])
+        elif match is None:
+            new = self._whole(side, value)
+        else:
+            member, deeper = match[1].lower(), match[2].strip()
+            if member in _OTHER:
+                return
+            new = dict.fromkeys(_MEMBERS[side])
+            if member in new:
+                new = {member: None if deeper else _member(member, value)}
+        for member, what in new.items():
+            versions = variable.versions[member]
+            versions.append(what)
+            self._course.set(place, (side, name, member), len(versions) - 1)
+
+    def lose(self, side: str, name: str, place: int) -> None:
+        """Notes that something not followed may have changed it."""
+        self.assign(side, name, ".?", b"", place)
+
+    def _whole(self, side: str, value: bytes) -> dict[str, Member]:
+        new: dict[str, Member] = dict.fromkeys(_MEMBERS[side])
+        text = value.strip()
+        if not (text.startswith(b"[") and text.endswith(b"]")):
+            return new
+        found = arguments(text, 1, len(text) - 1)
+        parts = [] if found is None else [text[a:b] for a, b in found.places]
+        if side == TOOL and len(parts) == 3:
+            new["robhold"], new["tframe"] = _truth(parts[0]), _frame(parts[1])
+        if side == WORK and len(parts) == 5:
+            new["robhold"] = _truth(parts[0])
+            new["ufprog"] = _truth(parts[1])
+            new["uframe"], new["oframe"] = _frame(parts[3]), _frame(parts[4])
+        return new
+
+    def resolve(
+        self, side: str, name: str, places: IntArray, line: int
+    ) -> tuple[IntArray, BoolArray]:
+        """Returns the index of the matrix at each place, and where part and tool are swapped.
+
+        Args:
+            side: ``TOOL`` or ``WORK``.
+            name: Lower case; empty when the instruction names none.
+            places: (n,) of the motions.
+            line: Zero-based line that first asks, for the sentence.
+        """
+        variable = self._known.get((side, name))
+        if variable is None:
+            one = self._outside(side, name, line)
+            return np.full(len(places), one), np.zeros(len(places), np.bool_)
+        members = _MEMBERS[side]
+        found = np.stack([self._course.versions((side, name, m), places) for m in members])
+        kinds, inverse = np.unique(found, axis=1, return_inverse=True)
+        index = np.empty(kinds.shape[1], np.int64)
+        swapped = np.zeros(kinds.shape[1], np.bool_)
+        for column in range(kinds.shape[1]):
+            version = dict(zip(members, kinds[:, column].tolist(), strict=True))
+            index[column], swapped[column] = self._one(side, name, variable, version)
+        return index[inverse.reshape(-1)], swapped[inverse.reshape(-1)]
+
+    def _one(
+        self, side: str, name: str, variable: _Variable, version: dict[str, int]
+    ) -> tuple[int, bool]:
+        differs = [member for member, each in version.items() if each == DIFFERS]
+        if differs:
+            return self._lost(
+                side, name, variable, f"{differs[0]} depends on the way the program took"
+            ), False
+        values = {member: variable.versions[member][each] for member, each in version.items()}
+        if values.get("ufprog") is False:
+            return self._lost(side, name, variable, "moves with another mechanical unit"), False
+        held, total = values["robhold"], self._T_base_world if side == WORK else np.eye(4)
+        if held is None or values.get("ufprog", True) is None:
+            return self._lost(side, name, variable, "is not given as numbers"), False
+        for member in _FRAMES[side]:
+            matrix = values[member]
+            if not isinstance(matrix, np.ndarray):
+                return self._lost(side, name, variable, "is not given as numbers"), False
+            total = total @ matrix
+        return self.frames.known(side, total), held is (side == WORK)
+
+    def _outside(self, side: str, name: str, line: int) -> int:
+        if side == WORK and name in ("", "wobj0"):
+            return self.frames.known(side, self._T_base_world)
+        given = _given(self._table.tools if side == TOOL else self._table.bases, name)
+        if given is not None:
+            return self.frames.known(side, given)
+        if name == "tool0":
+            return self.frames.known(side, np.eye(4))
+        what = {TOOL: "tooldata", WORK: "wobjdata"}[side]
+        shown = repr(name) if re.fullmatch(r"\w+", name) else "of this instruction"
+        return self.frames.unknown(
+            side, line, f"{shown} is not in this module",
+            f"copy its {what} into the module, or add it to the frame table",
+        )  # fmt: skip
+
+    def _lost(self, side: str, name: str, variable: _Variable, why: str) -> int:
+        return self.frames.unknown(
+            side, variable.line, f"{name!r} {why}", "write its frame as numbers before the motions"
+        )
+
+
+def _member(member: str, value: bytes) -> Member:
+    return _truth(value) if member in ("robhold", "ufprog") else _frame(value)
+
+
+def _truth(value: bytes) -> bool | None:
+    return {"true": True, "false": False}.get(clean(value).lower())
+
+
+def _frame(value: bytes) -> Array | None:
+    """Returns a pose literal as a matrix; None if it is not one."""
+    value = value.strip()
+    match = fills(POSE, value, 0, len(value))
+    if match is None:
+        return None
+    numbers = np.array([float(each) for each in match.groups()])
+    length = float(np.linalg.norm(numbers[3:]))
+    if not (np.isfinite(numbers).all() and 0.5 < length < 2.0):
+        return None
+    out: Array = pose(matrix_from_quat_wxyz(numbers[3:]), numbers[:3] * MM)
+    return out
+
+
+def _given(table: Mapping[str, Array], name: str) -> Array | None:
+    for key, matrix in table.items():
+        if key.lower() == name:
+            return np.asarray(matrix, dtype=np.float64)
+    return None

@@ -1,0 +1,108 @@
+"""RAPID's instructions: which of them move, where their arguments stand, which change nothing."""
+
+from __future__ import annotations
+
+import re
+from typing import Final, NamedTuple
+
+from robotrue.program.formats.rapid_scan import SKIP, arguments, clean
+from robotrue.program.program import Motion
+
+
+class Move(NamedTuple):
+    """A motion instruction.
+
+    Attributes:
+        motion: How it moves to its (last) target.
+        targets: How many targets come first.
+        tool: Which argument is the tool, from 0, options not counted.
+        axes: The target is a jointtarget.
+    """
+
+    motion: Motion
+    targets: int
+    tool: int
+    axes: bool = False
+
+
+class Tail(NamedTuple):
+    """The arguments of a motion.
+
+    Attributes:
+        tool: Name in lower case, or the text that is no name.
+        work: Work object, likewise; empty if none is named.
+        places: Byte stretches of the targets that stand in it.
+    """
+
+    tool: str
+    work: str
+    places: tuple[tuple[int, int], ...]
+
+
+_PLAIN: Final = {
+    "movel": Move(Motion.LIN, 1, 3),
+    "movej": Move(Motion.PTP, 1, 3),
+    "movec": Move(Motion.ARC_END, 2, 4),
+    "moveabsj": Move(Motion.PTP, 1, 3, True),
+    "triggl": Move(Motion.LIN, 1, 4),
+    "triggj": Move(Motion.PTP, 1, 4),
+    "triggc": Move(Motion.ARC_END, 2, 5),
+    "trigglios": Move(Motion.LIN, 1, 3),
+}
+_MOVES: Final = _PLAIN | {
+    f"move{kind}{form}": _PLAIN[f"move{kind}"]
+    for kind in "ljc"
+    for form in ("do", "ao", "go", "sync")
+}
+
+BUILT_IN: Final = frozenset(
+    """accset activeventbuffer actunit add aliasio aliasioreset bitclear bitset break callbyvar
+    cirpathmode clear clearpath clkreset clkstart clkstop close confj confl confjoff corrclear
+    corrcon corrdiscon corrwrite deactunit decr dropwobj eoffsoff eoffson eoffsset errlog errraise
+    errwrite gripload idelete idisable ienable incr invertdo iodisable ioenable isignaldi isignaldo
+    isleep itimer iwatch load loadid mechunitload motsup pathaccellim pathreclimit pathrecstart
+    pathrecstop pathresol pdispoff pdispon pdispset pulsedo raise refreshdata reset restopath retry
+    rewind save searchc searchj searchl set setao setdo setgo singarea softact softdeact speedlim
+    speedrefresh spystart spystop startload startmove stop stopmove storepath tperase tpreadfk
+    tpreadnum tpshow tpwrite triggequip trigginnt triggint triggio triggrampao triggspeed
+    triggstopproc trynext tunereset tuneservo uimsgbox uishow unload velset waitdi waitdo waitai
+    waitao waitgi waitgo waitload waitrob waitsyncTask waittime waituntil waitwobj worldacclim write
+    writebin writestrbin syncmoveon syncmoveoff syncmovesuspend syncmoveresume waitsynctask exit
+    exitcycle connect wzboxdef wzcyldef wzdosset wzenable wzdisable wzfree wzlimsup open text
+    singareaoff moveextj""".lower().split()
+)
+"""Instructions of the controller that change no tool, work object or program displacement."""
+_SWALLOWED: Final = re.compile(
+    rb"[\r\n]\s*(?:(?:Move|Trigg)(?:L|J|C|AbsJ)\b|ENDPROC|PROC\b|ENDIF|SetDO\b)", re.IGNORECASE
+)
+
+
+def move_of(word: str) -> Move | None:
+    """Returns how an instruction moves, None if it does not."""
+    return _MOVES.get(word)
+
+
+def read_tail(data: bytes, start: int, end: int, move: Move, *, given: int) -> Tail | None:
+    """Returns what stands between two bytes of a motion instruction.
+
+    None is returned where brackets do not match or another statement begins before the end.
+
+    Args:
+        data: The module.
+        start: Byte after the instruction's name, or after a first target already read.
+        end: Its end.
+        move: What the instruction is.
+        given: Targets already read.
+    """
+    gap = SKIP.match(data, start, end)
+    first = gap.end() if gap else start
+    if given and data[first : first + 1] not in (b",", b"\\"):
+        return None
+    found = arguments(data, start, end)
+    if found is None or _SWALLOWED.search(data, start, end):
+        return None
+    places, rest = found.places[: move.targets - given], found.places[move.targets - given :]
+    index = move.tool - move.targets
+    tool = clean(data[slice(*rest[index])]) if index < len(rest) else ""
+    work = found.options.get("wobj", "")
+    return Tail(tool.lower(), work.lower(), tuple(places))

@@ -1,0 +1,230 @@
+"""Reads the bytes of a RAPID module as statements, arguments and literals.
+
+A statement ends with ``;`` and may span lines; control words (``IF .. THEN``, ``PROC name()``) end
+with themselves. Comments (``!``), strings and brackets are respected everywhere.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+from robotrue.errors import FormatError
+from robotrue.program.formats.number_text import NUMBER
+from robotrue.program.formats.text_lines import line_at
+
+GAP: Final = rb"(?:\s++|![^\r\n]*+)*+"
+"""Blanks, line ends and comments."""
+
+
+def _row(count: int) -> bytes:
+    number = b"(" + NUMBER + b")"
+    return rb"\[" + GAP + (GAP + b"," + GAP).join([number] * count) + GAP + rb"\]"
+
+
+def _rows(*counts: int) -> re.Pattern[bytes]:
+    inside = (GAP + b"," + GAP).join(_row(count) for count in counts)
+    return re.compile(rb"\[" + GAP + inside + GAP + rb"\]")
+
+
+ROBTARGET: Final = _rows(3, 4, 4, 6)
+"""Position in mm, quaternion, confdata, external axes."""
+JOINTTARGET: Final = _rows(6, 6)
+"""Axes in deg, external axes."""
+POSE: Final = _rows(3, 4)
+NAME: Final = re.compile(rb"[A-Za-z]\w*+")
+SKIP: Final = re.compile(GAP)
+
+_STRING: Final = rb'"(?:[^"\r\n]|"")*+"'
+_BODY: Final = re.compile(rb'(?:[^;"!]++|' + _STRING + rb"|![^\r\n]*+)*+;")
+_PIECE: Final = re.compile(rb"[\[({]|[\])}]|[,\\]|" + _STRING + rb"|![^\r\n]*+")
+_COMMENT: Final = re.compile(_STRING + rb"|(![^\r\n]*+)")
+_HEADER: Final = re.compile(rb"(?:\xef\xbb\xbf)?\s*+(?:%%%.*?%%%)?", re.DOTALL)
+_LABEL: Final = re.compile(GAP + rb":(?!=)")
+_NAMED: Final = re.compile(GAP + rb"\w++" + GAP + rb"(?:\([^()]*+\))?+")
+_FUNCTION: Final = re.compile(GAP + rb"\w++" + GAP + rb"\w++" + GAP + rb"(?:\([^()]*+\))?+")
+_BRACKETED: Final = re.compile(GAP + rb"\([^()]*+\)")
+_PLACEHOLDER: Final = re.compile(rb"<[^\r\n]*+")
+
+
+def _until(words: bytes) -> re.Pattern[bytes]:
+    plain = rb'(?:[^;"!\w]++|' + _STRING + rb"|![^\r\n]*+|(?!(?:" + words + rb")\b)\w++)*+"
+    return re.compile(plain + rb"(;|\w++)", re.IGNORECASE)
+
+
+_HEADS: Final = {
+    "if": _until(rb"THEN"),
+    "elseif": _until(rb"THEN"),
+    "while": _until(rb"DO"),
+    "for": _until(rb"DO"),
+}
+_TEST: Final = _until(rb"CASE|DEFAULT|ENDTEST")
+_CASE: Final = re.compile(rb'(?:[^;"!:]++|' + _STRING + rb"|![^\r\n]*+)*+:(?!=)")
+_ALONE: Final = frozenset(
+    """else endif endwhile endfor endtest endproc endfunc endtrap endrecord endmodule undo
+    backward""".split()
+)
+
+
+class Statement(NamedTuple):
+    """One statement or control word.
+
+    Attributes:
+        word: Its first word in lower case; ``label``, ``prefix`` (LOCAL before a routine) and
+            ``if then`` are words of our own.
+        start: First byte of that word.
+        body: Byte after it.
+        end: End of the statement, without the ``;``.
+    """
+
+    word: str
+    start: int
+    body: int
+    end: int
+
+
+def statements(data: bytes, name: str) -> Iterator[Statement]:
+    """Yields the statements in file order.
+
+    Raises:
+        FormatError: Something that is no statement, or one that does not end, with its line.
+    """
+    header = _HEADER.match(data)
+    at = header.end() if header else 0
+    size = len(data)
+    while True:
+        gap = SKIP.match(data, at)
+        at = gap.end() if gap else at
+        if at >= size:
+            return
+        match = NAME.match(data, at)
+        if match is None:
+            at = _nameless(data, at, name)
+            continue
+        word, body = match[0].decode().lower(), match.end()
+        if word in _ALONE:
+            yield Statement(word, at, body, body)
+            at = body
+            continue
+        statement = _control(data, word, at, body)
+        if statement is None:
+            end = _BODY.match(data, body)
+            if end is None:
+                raise _endless(data, at, name)
+            statement = Statement(word, at, body, end.end() - 1)
+            yield statement
+            at = end.end()
+            continue
+        yield statement
+        at = statement.end
+
+
+def _nameless(data: bytes, at: int, name: str) -> int:
+    """Returns the end of what starts with no word: a stray ``;``, ``%"x"%;``, ``<SMT>``."""
+    if data[at : at + 1] == b";":
+        return at + 1
+    placeholder = _PLACEHOLDER.match(data, at)
+    if placeholder:
+        return placeholder.end()
+    end = _BODY.match(data, at) if data[at : at + 1] == b"%" else None
+    if end is None:
+        raise FormatError(
+            f"{_shown(data, at)!r} cannot begin a statement.",
+            source=name,
+            line=line_at(data, at),
+            hint="export the module again; a bracket or ';' may be missing before it.",
+        )
+    return end.end()
+
+
+def _control(data: bytes, word: str, at: int, body: int) -> Statement | None:
+    """Returns a statement that does not end with ``;``, or None if this one does."""
+    if word in _HEADS:
+        head = _HEADS[word].match(data, body)
+        if head is None or head[1] == b";":
+            return None
+        return Statement(word + " then" if word == "if" else word, at, body, head.end())
+    if word in ("case", "default"):
+        end = _CASE.match(data, body)
+        return Statement(word, at, body, end.end()) if end else None
+    if word == "test":
+        end = _TEST.match(data, body)
+        return Statement(word, at, body, end.start(1)) if end and end[1] != b";" else None
+    if word in ("proc", "func", "trap", "module", "record"):
+        end = (_FUNCTION if word == "func" else _NAMED).match(data, body)
+        return Statement(word, at, body, end.end()) if end else None
+    if word == "error":
+        end = _BRACKETED.match(data, body)
+        return Statement(word, at, body, end.end() if end else body)
+    if word in ("local", "task"):
+        gap = SKIP.match(data, body)
+        after = NAME.match(data, gap.end() if gap else body)
+        if after and after[0].lower() in (b"proc", b"func", b"trap", b"record"):
+            return Statement("prefix", at, body, after.start())
+    end = _LABEL.match(data, body)
+    return Statement("label", at, at, end.end()) if end else None
+
+
+def _endless(data: bytes, at: int, name: str) -> FormatError:
+    return FormatError(
+        f"the statement {_shown(data, at)!r} has no ';', or a string in it is not closed.",
+        source=name,
+        line=line_at(data, at),
+        hint="the file may be cut off; export it again.",
+    )
+
+
+def _shown(data: bytes, at: int) -> str:
+    return data[at : at + 40].split(b"\n")[0].decode("latin-1").strip()
+
+
+class Arguments(NamedTuple):
+    """Arguments of an instruction: byte stretches, and the optional ones by lower-case name."""
+
+    places: list[tuple[int, int]]
+    options: dict[str, str]
+
+
+def arguments(data: bytes, start: int, end: int) -> Arguments | None:
+    """Returns the arguments of an instruction, None if its brackets do not match."""
+    pieces: list[tuple[int, int, bool]] = []
+    depth, begun, optional = 0, start, False
+    for match in _PIECE.finditer(data, start, end):
+        sign = match[0]
+        if sign in (b",", b"\\"):
+            if depth == 0:
+                pieces.append((begun, match.start(), optional))
+                begun, optional = match.end(), sign == b"\\"
+        elif sign in (b"[", b"(", b"{"):
+            depth += 1
+        elif sign in (b"]", b")", b"}"):
+            depth -= 1
+            if depth < 0:
+                return None
+    if depth:
+        return None
+    pieces.append((begun, end, optional))
+    found = Arguments([], {})
+    for first, last, is_option in pieces:
+        if is_option:
+            name, _, value = clean(data[first:last]).partition(":=")
+            found.options[name.strip().lower()] = value.strip()
+            continue
+        gap = SKIP.match(data, first, last)
+        first = gap.end() if gap else first
+        if first < last:
+            found.places.append((first, last))
+    return found
+
+
+def clean(text: bytes) -> str:
+    """Returns code as text without comments and the blanks around it."""
+    return _COMMENT.sub(lambda m: b"" if m[1] else m[0], text).decode("latin-1").strip()
+
+
+def fills(pattern: re.Pattern[bytes], data: bytes, start: int, end: int) -> re.Match[bytes] | None:
+    """Returns the match of a literal that is all there is between two bytes."""
+    match = pattern.match(data, start, end)
+    gap = SKIP.match(data, match.end(), end) if match else None
+    return match if gap and gap.end() == end else None

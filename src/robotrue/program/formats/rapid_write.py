@@ -1,0 +1,79 @@
+"""Puts new numbers into the bytes of a RAPID module; every other byte is copied.
+
+Millimetres and degrees with fewer than three decimals are rewritten with four, quaternions with
+fewer than six with eight, so that a correction is not rounded away; all else keeps its style
+(:mod:`robotrue.program.formats.number_text`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array, BoolArray
+from robotrue.core.rotations import quat_wxyz_from_matrix
+from robotrue.core.units import DEG, MM
+from robotrue.core.words import NO_WORD
+from robotrue.errors import ShapeError
+from robotrue.program.formats.number_table import Numbers, respelled
+from robotrue.program.formats.pose_write import changed_rows, moved, require_printable
+from robotrue.program.program import Program, Replacement
+
+_ENOUGH: Final = np.array([3] * 3 + [6] * 4 + [0] * 10)
+_LEAST: Final = np.array([4] * 3 + [8] * 4 + [0] * 10)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RapidSpans:
+    """Where the numbers of the targets stand.
+
+    Attributes:
+        numbers: (n, 17) x, y, z, q1..q4, cf1, cf4, cf6, cfx, external axes; of axis targets the
+            axes in the first six columns.
+        is_axis: (n,) the target is a jointtarget.
+    """
+
+    numbers: Numbers
+    is_axis: BoolArray
+
+
+def write_rapid(program: Program, replacement: Replacement) -> bytes:
+    """Returns the module with the numbers of the changed rows replaced and nothing else touched.
+
+    Of the two quaternions of an orientation the one with the sign of the old is written.
+
+    Raises:
+        ShapeError: A changed row has a value that is not finite, or beyond 1e9 mm or deg.
+    """
+    spans = program.spans
+    if not isinstance(spans, RapidSpans):
+        raise ShapeError(f"{program.name} was not read by the rapid dialect, but by another.")
+    changed = changed_rows(program, replacement)
+    values = spans.numbers.value.copy()
+    touched = np.zeros(values.shape, dtype=np.bool_)
+    place, turn, axes = moved(program, replacement)
+    pose, axis = changed & ~spans.is_axis, changed & spans.is_axis
+    touched[:, :3] = place & pose[:, None]
+    touched[:, 3:7] = (turn & pose)[:, None]
+    values[:, :3] = np.where(touched[:, :3], replacement.position / MM, values[:, :3])
+    rows = np.flatnonzero(turn & pose)
+    values[rows, 3:7] = _signed(replacement.rotation[rows], values[rows, 3:7])
+    told = np.asarray(replacement.words, dtype=np.int64)
+    touched[:, 7:11] = (told != NO_WORD) & pose[:, None]
+    values[:, 7:11] = np.where(touched[:, 7:11], told, values[:, 7:11])
+    touched[:, :6] |= axes & axis[:, None]
+    values[:, :6] = np.where(axes & axis[:, None], replacement.axes / DEG, values[:, :6])
+    require_printable(program, values[:, :7], touched[:, :7], "mm, quaternion or deg")
+    is_axis = spans.is_axis[:, None]
+    enough, least = np.where(is_axis, 3, _ENOUGH), np.where(is_axis, 4, _LEAST)
+    return respelled(program.data, spans.numbers, values, touched, enough, least)
+
+
+def _signed(rotation: Array, old: Array) -> Array:
+    """Returns unit quaternions (k, 4) on the side of the old ones."""
+    new = quat_wxyz_from_matrix(rotation)
+    sign = np.where(np.sum(new * old, axis=1, keepdims=True) < 0.0, -1.0, 1.0)
+    out: Array = sign * new
+    return out

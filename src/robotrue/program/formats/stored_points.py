@@ -1,0 +1,110 @@
+"""Points a program keeps in variables: which literal a motion moves to, and which is not certain.
+
+A variable that is given one literal in the whole program is that literal everywhere. One that is
+given several is, at a motion, the one given last, if nothing but plain statements lies between; and
+a variable that takes part in a computation is not certain anywhere.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from robotrue.core.arrays import IntArray
+
+
+@dataclass(slots=True)
+class Variable:
+    """One variable.
+
+    Attributes:
+        kind: What it holds, in the language's own word.
+        points: Number of the point last given, by subscript; empty for a scalar.
+        given: Barriers passed when each was given.
+        all: Every point it was ever given, by subscript.
+        is_array: It has subscripts.
+        outside: A parameter, or imported: its value is not in this program.
+        computed: It takes part in a computation.
+    """
+
+    kind: str
+    points: dict[str, int] = field(default_factory=dict)
+    given: dict[str, int] = field(default_factory=dict)
+    all: dict[str, list[int]] = field(default_factory=dict)
+    is_array: bool = False
+    outside: bool = False
+    computed: bool = False
+
+    def give(self, subscript: str, point: int, barriers: int) -> None:
+        """Gives an element a literal."""
+        self.points[subscript] = point
+        self.given[subscript] = barriers
+        self.all.setdefault(subscript, []).append(point)
+
+
+class Variables:
+    """All variables, by scope and name; names are compared as the caller spells them."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[str, str], Variable] = {}
+        self._uncertain: list[tuple[Variable, str]] = []
+
+    def declare(self, scope: str, name: str, kind: str) -> Variable:
+        """Returns the variable of this scope, new if it is not known there."""
+        return self._known.setdefault((scope, name), Variable(kind))
+
+    def find(self, scope: str, name: str) -> Variable | None:
+        """Returns the variable a name means inside a scope."""
+        return self._known.get((scope, name)) or self._known.get(("", name))
+
+    def points_at(self, variable: Variable, subscript: str | None, barriers: int) -> list[int]:
+        """Returns the points a motion may move to; ``None`` as subscript is any element."""
+        asked = list(variable.points) if subscript is None else [subscript]
+        found = [each for each in asked if each in variable.points]
+        for each in found:
+            if variable.given[each] != barriers:
+                self._uncertain.append((variable, each))
+        return [variable.points[each] for each in found]
+
+    def uncertain(self) -> set[int]:
+        """Returns the points of which it is not certain that they are what is moved to."""
+        out: set[int] = set()
+        for variable in self._known.values():
+            if variable.computed or variable.outside:
+                out.update(point for points in variable.all.values() for point in points)
+        for variable, subscript in self._uncertain:
+            if len(variable.all[subscript]) > 1:
+                out.update(variable.all[subscript])
+        return out
+
+
+@dataclass(slots=True)
+class Uses:
+    """What is moved to, as columns.
+
+    Attributes:
+        point: Number of the point.
+        place: Of the motion, growing from statement to statement.
+        motion: :class:`~robotrue.program.program.Motion`.
+        setting: Number of the pair of work frame and tool named there.
+    """
+
+    point: list[int] = field(default_factory=list)
+    place: list[int] = field(default_factory=list)
+    motion: list[int] = field(default_factory=list)
+    setting: list[int] = field(default_factory=list)
+
+    def add(self, point: int, place: int, motion: int, setting: int) -> None:
+        """Adds one motion."""
+        self.point.append(point)
+        self.place.append(place)
+        self.motion.append(motion)
+        self.setting.append(setting)
+
+
+def firsts(point: IntArray, count: int) -> IntArray:
+    """Returns for every point (count,) the first of its uses, -1 if it has none."""
+    out = np.full(count, -1, np.int64)
+    out[point[::-1]] = np.arange(len(point))[::-1]
+    return out
