@@ -2,7 +2,7 @@
 
 Stations along the path, at each a list of spins, in each of the arm's branches the joints that go
 with a spin. A way takes one spin per station and one branch throughout: a straight move cannot
-change the branch. It pays
+change the branch. It pays ::
 
     sum over stations of  h (limits + singularities) + (travel * |dq|)^2 / h
 
