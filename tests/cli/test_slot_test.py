@@ -27,6 +27,7 @@ def test_a_simulated_test_says_so_and_what_it_cannot_see(cli, tmp_path: Path) ->
     text = page.read_text()
     assert "SIMULATED DATA" in text
     assert text.count("<svg") == 3
+    assert "m (part)" in text
     assert "What the steps cannot see" in text
     assert "http" not in text
 

@@ -44,6 +44,7 @@ from robotrue.simulation.feng2018_cell import (
     tracker_poses,
     with_tool_change,
 )
+from robotrue.simulation.feng2018_planned import TIP, touch_planned
 from robotrue.simulation.slot_test import Side
 
 MOST: Final = 30
@@ -56,8 +57,6 @@ BACK_CORNER: Final = (
     np.array([[390.0, 200.0, 10.0], [10.0, 200.0, 10.0], [390.0, 200.0, 390.0]]) * MM
 )
 """The same on the back."""
-TIP: Final = 0.3 * MM
-"""m per axis, how far a tip from CAD or after a tool change may be off."""
 _STEPS: Final = 8
 
 
@@ -215,6 +214,11 @@ def probing_only(s: Session, count: int = 30) -> tuple[Side, Side]:
     return _estimated(s.cell, s.nominal, together(s.sides, count), tool_sigma=TIP)
 
 
+def probing_planned(s: Session, count: int = 30) -> tuple[Side, Side]:
+    """Returns the same with touches planned for the two sides that will be cut."""
+    return _estimated(s.cell, s.nominal, _planned(s.cell, count), tool_sigma=TIP)
+
+
 def joint_estimate(s: Session, model: ErrorModel, count: int = 30) -> tuple[Side, Side]:
     """Returns the calibrated arm and the frame in one estimate with the touches."""
     return _estimated(s.cell, model, together(s.sides, count), tool_sigma=0.0)
@@ -224,6 +228,12 @@ def tool_refitted(s: Session, model: ErrorModel, count: int = 30) -> tuple[Side,
     """Returns the same after a tool change, told how far the new tip may be off."""
     cell, sides = s.changed
     return _estimated(cell, model, together(sides, count), tool_sigma=TIP)
+
+
+def tool_refitted_planned(s: Session, model: ErrorModel, count: int = 30) -> tuple[Side, Side]:
+    """Returns the same with planned touches."""
+    cell = s.changed[0]
+    return _estimated(cell, model, _planned(cell, count), tool_sigma=TIP)
 
 
 def probing_set(touches: Touches) -> ProbingSet:
@@ -303,6 +313,11 @@ def _estimated(
 ) -> tuple[Side, Side]:
     found = estimated(cell, model, touches, tool_sigma=tool_sigma)
     return _both(cell, model_of_estimate(found), found.T_base_part[0])
+
+
+def _planned(cell: FengCell, count: int) -> Touches:
+    points, joints = touch_planned(cell, count, np.random.default_rng([cell.seed, 61, count]))
+    return Touches(points=points, joints=joints)
 
 
 def _turned(

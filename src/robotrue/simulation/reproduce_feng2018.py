@@ -50,8 +50,8 @@ UNMET: Final[tuple[tuple[str, str], ...]] = (
     ),
     (
         "a second turn of 0.75, 0.36, 0.48 deg",
-        "Read rightly and without noise the first pass is exact; what is left of it there is "
-        "about 5 mm over 400 mm, and no size of arm error here makes that.",
+        "Read rightly and without noise the first pass is exact. A second turn of that size is "
+        "about 5 mm over 400 mm; the floor of an arm three times worse than ours is below 2 mm.",
     ),
     (
         "eq. 5-7, the tool from the table",

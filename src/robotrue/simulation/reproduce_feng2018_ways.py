@@ -20,10 +20,12 @@ from robotrue.simulation.feng2018_ways import (
     front,
     joint_estimate,
     probing_only,
+    probing_planned,
     session,
     three_points,
     tool_not_refitted,
     tool_refitted,
+    tool_refitted_planned,
     turned_as_drawn,
     turned_points,
     turned_three_points,
@@ -65,9 +67,12 @@ def calibrated_of(s: Session) -> ErrorModel:
 PAPER: Final = "3 points on the front, tip from CAD (the paper)"
 DRAWN: Final = "as drawn, spindle askew"
 CALIBRATED: Final = "calibrated, 30 points on 3 sides"
-TOUCHES_30: Final = "touches alone, 30, one estimate"
-TOUCHES_90: Final = "touches alone, 90, one estimate"
-REFITTED: Final = "calibrated, tool changed, refitted with the touches"
+TOUCHES_30: Final = "touches alone, 30 at random, one estimate"
+TOUCHES_90: Final = "touches alone, 90 at random, one estimate"
+PLANNED_30: Final = "touches alone, 30 planned, one estimate"
+PLANNED_90: Final = "touches alone, 90 planned, one estimate"
+REFITTED: Final = "calibrated, tool changed, 30 touches at random refit it"
+REFITTED_PLANNED: Final = "calibrated, tool changed, 30 planned touches refit it"
 
 WAYS: Final = (
     Way(key="drawn", name=DRAWN, sides=as_drawn, cell="askew"),
@@ -98,6 +103,8 @@ WAYS: Final = (
     Way(key="frame-tip", name="frame and tip, 30 points", sides=frame_and_tip),
     Way(key="touches-30", name=TOUCHES_30, sides=probing_only),
     Way(key="touches-90", name=TOUCHES_90, sides=lambda s: probing_only(s, 90)),
+    Way(key="planned-30", name=PLANNED_30, sides=probing_planned),
+    Way(key="planned-90", name=PLANNED_90, sides=lambda s: probing_planned(s, 90)),
     Way(
         key="calibrated-3",
         name="calibrated, 3 points",
@@ -115,6 +122,11 @@ WAYS: Final = (
         sides=lambda s: tool_not_refitted(s, calibrated_of(s)),
     ),
     Way(key="refitted", name=REFITTED, sides=lambda s: tool_refitted(s, calibrated_of(s))),
+    Way(
+        key="refitted-planned",
+        name=REFITTED_PLANNED,
+        sides=lambda s: tool_refitted_planned(s, calibrated_of(s)),
+    ),
     Way(key="turned-drawn", name="block turned, as drawn", sides=turned_as_drawn),
     Way(
         key="turned-3",
