@@ -66,12 +66,17 @@ def test_touches_a_page_a_picture_and_the_keys(cli, shop_floor: Path) -> None:
     assert len(document["machined"]) == 6
     assert document["warnings"] == []
     assert any("priors" in note for note in document["notes"])
+    early = cli("register", shop_floor / "cell.toml", touches, "-o", shop_floor / "out.toml")
+    assert early.code == 1
+    assert "t.csv:1: its joints are planned ones, nothing was touched yet." in early.err
+    first, rest = touches.read_text().split("\n", 1)
+    assert first.startswith("# planned joints, nothing was touched yet")
+    touches.write_text(rest)
     back = read_points(touches).touches
     assert list(back.names) == document["names"]
     np.testing.assert_allclose(back.joints / DEG, document["joints_deg"], atol=1e-5)
     tip = forward(shop.nominal(), back.joints)[:, :3, 3]
     np.testing.assert_allclose(apply(inverse(T_BASE_PART), tip), back.point, atol=1e-7)
-    assert touches.read_text().startswith("# planned joints, nothing was touched yet")
     assert "<svg" in page.read_text(encoding="utf-8")
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert "put the joints at each touch in place of the planned ones" in got.err

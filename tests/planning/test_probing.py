@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,7 +23,13 @@ from robotrue.cell.registration.points import frame_gain
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, pose
 from robotrue.core.units import DEG, MM
-from robotrue.errors import ConfigurationError, ObservabilityError, ReachError, ShapeError
+from robotrue.errors import (
+    ConfigurationError,
+    FormatError,
+    ObservabilityError,
+    ReachError,
+    ShapeError,
+)
 from robotrue.measurement.formats.features import Features
 from robotrue.measurement.formats.points import read_points
 from robotrue.measurement.probing_set import ProbingSet
@@ -297,14 +304,22 @@ def test_spread_touches_take_every_feature_before_one_twice() -> None:
     assert far > 0.5
 
 
-def test_the_sheet_is_what_registering_reads(tmp_path) -> None:
+def without_first_line(path: Path) -> None:
+    path.write_text(path.read_text().split("\n", 1)[1])
+
+
+def test_the_sheet_is_what_registering_reads(tmp_path: Path) -> None:
     plan = plan_touches(task(), 6)
     path = tmp_path / "touches.csv"
     path.write_bytes(touch_sheet(plan.touches, ("part",)))
+    with pytest.raises(FormatError, match=r"touches.csv:1: its joints are planned ones, nothing"):
+        read_points(path)
+    without_first_line(path)
     back = read_points(path).touches
     assert back.names == plan.touches.names
     np.testing.assert_allclose(back.joints, plan.touches.joints, atol=1e-8)
     np.testing.assert_allclose(back.point, plan.touches.point, atol=1e-9)
     two = replace(plan.touches, part=np.array([0, 1, 0, 1, 0, 1]))
     path.write_bytes(touch_sheet(two, ("left", "right")))
+    without_first_line(path)
     assert read_points(path).parts == ("left", "right")

@@ -111,7 +111,8 @@ def run(
     write_atomic(output, touch_sheet(plan.touches, features.parts))
     say(
         f"{count(len(plan.row), 'touch') if len(plan.row) == 1 else f'{len(plan.row)} touches'} "
-        f"written to {output}: put the joints at each touch in place of the planned ones"
+        f"written to {output}: put the joints at each touch in place of the planned ones, "
+        "then delete the first line"
     )
     for path, (what, content) in pages.items():
         write_atomic(path, content)

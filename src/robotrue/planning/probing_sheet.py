@@ -5,21 +5,19 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Sequence
-from typing import Final
 
 import numpy as np
 
 from robotrue.core.units import DEG, MM
+from robotrue.measurement.formats.points import PLANNED
 from robotrue.measurement.probing_set import ProbingSet
-
-PLANNED: Final = "# planned joints, nothing was touched yet"
-"""First line of every such file."""
 
 
 def touch_sheet(touches: ProbingSet, parts: Sequence[str]) -> bytes:
     """Returns touches as CSV, one row each in their order: columns of a file of touched points.
 
-    The joints are those planned. At the machine each row gets the joints at its touch instead.
+    The joints are those planned. At the machine each row gets the joints at its touch instead, and
+    the first line goes; until then the file is refused, since planned joints fit exactly.
 
     Args:
         touches: With joints.
@@ -33,7 +31,7 @@ def touch_sheet(touches: ProbingSet, parts: Sequence[str]) -> bytes:
     if len(parts) > 1:
         header.append("part")
     buffer = io.StringIO(newline="")
-    buffer.write(f"{PLANNED}: put the joints at each touch in their place\n")
+    buffer.write(f"{PLANNED}: put the joints at each touch in their place, then delete this line\n")
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(header)
     for k, name in enumerate(touches.names):

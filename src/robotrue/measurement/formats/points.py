@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array
-from robotrue.core.files import write_atomic
+from robotrue.core.files import read_bytes, write_atomic
 from robotrue.core.units import DEG, MM
 from robotrue.errors import FormatError
 from robotrue.measurement.formats.canonical import canonical_joints
@@ -30,6 +30,8 @@ POINT: Final = ("px_mm", "py_mm", "pz_mm")
 POSITION: Final = ("x_mm", "y_mm", "z_mm")
 NORMAL: Final = ("nx", "ny", "nz")
 EXAMPLE: Final = "name,px_mm,py_mm,pz_mm,j1_deg,...,j6_deg or name,px_mm,py_mm,pz_mm,x_mm,y_mm,z_mm"
+PLANNED: Final = "# planned joints, nothing was touched yet"
+"""First line of a file of touches that were planned; who has touched takes it out."""
 UNIT: Final = (0.5, 2.0)
 """Lengths a normal may have; outside it is no direction but a coordinate."""
 
@@ -56,9 +58,16 @@ def read_points(path: str | Path) -> PointsFile:
 
     Raises:
         FormatError: A column is missing, unknown or incomplete, a cell is not a finite number, a
-            normal is no direction; with its line.
+            normal is no direction; with its line. The file says that nothing was touched yet.
     """
     sheet = read_sheet(path)
+    if read_bytes(path).removeprefix(b"\xef\xbb\xbf").startswith(PLANNED.encode()):
+        raise FormatError(
+            "its joints are planned ones, nothing was touched yet.",
+            source=path,
+            line=1,
+            hint="put the joints at each touch in their place, then delete this line.",
+        )
     keys = {column_key(name): i for i, name in enumerate(sheet.header)}
     joints = tuple(f"j{i + 1}_deg" for i in range(canonical_joints(sheet.header)))
     _check_columns(sheet, keys, joints)
