@@ -22,7 +22,7 @@ _MOVE: Final = re.compile(rb"\s*([JLCAS])\s+(P|PR)\s*\[(.*)", re.DOTALL)
 _TARGET: Final = re.compile(rb"\b(P|PR)\s*\[\s*([^\]:]*)\s*(?::[^\]]*)?\]")
 _POINT: Final = re.compile(rb"(?<![\w$])P\s*\[\s*([^\]:]*)\s*(?::[^\]]*)?\]")
 _FRAME_NUMBER: Final = re.compile(rb"\b(UFRAME|UTOOL)_NUM\s*=\s*([^;,)]*)")
-_FRAME_DATA: Final = re.compile(rb"\b(UFRAME|UTOOL)\s*\[\s*([^\]:]*)\s*(?::[^\]]*)?\]\s*=")
+_FRAME_DATA: Final = re.compile(rb"\b(UFRAME|UTOOL)\s*\[([^=;]*)\]\s*=")
 _MOTION: Final = {b"J": Motion.PTP, b"L": Motion.LIN, b"S": Motion.SPLINE}
 _SIDE: Final = {b"UFRAME": "base", b"UTOOL": "tool"}
 _OPTIONS: Final = (
@@ -171,7 +171,7 @@ class _Walk:
         for kind, number in _FRAME_NUMBER.findall(text):
             self.out.current[_SIDE[kind]].add(_digits(number))
         for kind, number in _FRAME_DATA.findall(text):
-            key = _SIDE[kind], _digits(number)
+            key = _SIDE[kind], _digits(number.partition(b":")[0])
             if key not in self.out.changed:
                 self.out.changed[key] = line_at(self.data, place)
         for found in _POINT.findall(text):

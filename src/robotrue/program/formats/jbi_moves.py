@@ -143,6 +143,8 @@ class _Walk:
             for row in rows:
                 self._flag(row, Reason.RELATIVE)
         elif verb == b"SMOV":
+            self._tell("along", f"{self.name}:{line}: SMOV moves along with another group; its "
+                       "point is not compensated.")  # fmt: skip
             for row in rows:
                 self._flag(row, Reason.EXTERNAL_AXIS)
         if self._shift:
