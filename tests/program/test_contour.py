@@ -226,9 +226,15 @@ def test_without_rapid_points_lifts_clear_part_and_path():
     )
 
 
+def test_low_rapid_points_do_not_keep_lifts_low():
+    side = path([(10, 10, 8), (10, 10, 5), (150, 10, 5), (90, 90, 5)], [1, 0, 0, 0])
+    kept = keep_inside(side, contour_of(PLATE, side_direction(side)))
+    assert kept.position[2, 2] == pytest.approx(30 * MM)  # 10 mm over the plate
+
+
 def test_a_tilted_tool_is_lifted_along_its_axis():
     tilted = np.array([0.0, np.sin(0.3), np.cos(0.3)])
-    side = path([(50, 50, 30), (50, 50, 0), (150, 50, 0)], [1, 0, 0], axis=np.tile(tilted, (3, 1)))
+    side = path([(50, 50, 80), (50, 50, 0), (150, 50, 0)], [1, 0, 0], axis=np.tile(tilted, (3, 1)))
     kept = keep_inside(side, contour_of(PLATE, side_direction(side)))
     way = kept.position[-1] - kept.position[-2]
     np.testing.assert_allclose(way / np.linalg.norm(way), tilted, atol=1e-12)

@@ -9,9 +9,9 @@ Xi 2018, section 2, "largest contour method"; the paper gives the rule in words 
 * A point that cuts is kept when its tip lies in the contour, or outside by no more than a margin.
 * Rapid points between two cuts that were neighbours before stay as the CAM system made them. Where
   points that cut were dropped, the rapid points there are dropped too: the tool is lifted along
-  its axis from the last point kept to the height of the CAM system's own highest rapid point (or
-  a clearance above part and path where it made none), flies to above the next point kept and goes
-  down with that point's feed.
+  its axis from the last point kept to the height of the CAM system's highest rapid point, and a
+  clearance above part and path at least, flies to above the next point kept and goes down with
+  that point's feed.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from robotrue.program.toolpath import Toolpath
 TILT: Final = 30.0 * DEG
 """Largest angle between a tool axis and the mean of its side."""
 CLEARANCE: Final = 10.0 * MM
-"""Of lifts over part and path, where the CAM system made none."""
+"""Of lifts over part and path."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,7 +146,7 @@ def keep_inside(
         path: One side; its tool axes within 30 deg of the contour's direction.
         contour: Of the part, seen from that side.
         margin: m a tip may lie outside.
-        clearance: m over part and path, for lifts where the path has no rapid point.
+        clearance: m over part and path that lifts reach at least.
 
     Raises:
         ImplausibleDataError: No point that cuts lies inside: another frame, or another unit.
@@ -214,11 +214,8 @@ def _mend(path: Toolpath, kept: BoolArray) -> tuple[IntArray, BoolArray, int]:
 def _lift(path: Toolpath, contour: Contour, points: IntArray, clearance: float) -> Array:
     """Returns the way (m, 3) m along the tool axis from points to the height of flight."""
     height = path.position @ contour.direction
-    level = float(height.max())
-    if path.rapid.any():
-        level = max(float(height[path.rapid].max()), float(height[path.cutting].max()))
-    else:
-        level = max(level, contour.top) + clearance
+    level = max(contour.top, float(height[path.cutting].max())) + clearance
+    level = max(level, float(height.max()))
     axis = path.axis[points]
     way = (level - height[points]) / np.maximum(axis @ contour.direction, np.cos(2.0 * TILT))
     return np.asarray(way[:, None] * axis)
