@@ -12,11 +12,14 @@ from robotrue.calibration.residual import LearnedModel
 from robotrue.cell.part import PartFrame, PartTable
 from robotrue.cell.registration.fit import Registration, point_covariance
 from robotrue.core.arrays import Array, frozen
+from robotrue.core.graduated import GAUSS_POINT
 from robotrue.core.identity import ModelIdentity
 from robotrue.core.units import MM
 
 Route = Literal["frame", "joint"]
 """``frame``: the arm's model as it is; ``joint``: arm, tool and frames in one estimate."""
+FEW_BEYOND: Final = 0.15
+"""Share of touches just beyond the bound of good ones that chance may put there."""
 MISFIT: Final = 0.999
 """Probability that the residuals of good touches stay below the bound of the verdict."""
 REGION: Final = float(np.sqrt(chi2.ppf(0.95, 3)))
@@ -156,6 +159,13 @@ def judged(
             f"({registration.sigma / MM:.3f} mm per axis; up to {allowed:.1f} times is allowed): "
             f"{_worst(registration)}."
         )
+    near = _just_beyond(registration)
+    if len(near) > max(2, FEW_BEYOND * len(registration.names)):
+        against.append(
+            f"{len(near)} of {len(registration.names)} touches lie just beyond what good ones may "
+            f"({GAUSS_POINT * registration.sigma / MM:.3f} mm): {_listed(registration, near)}. "
+            "Touch or arm are worth less than stated."
+        )
     if registration.outliers:
         open_.append(f"Not believed: {_listed(registration, registration.outliers)}; touch again.")
     else:
@@ -177,6 +187,13 @@ def judged(
         reasons=tuple(against),
         doubts=tuple(open_),
     )
+
+
+def _just_beyond(registration: Registration) -> tuple[str, ...]:
+    """Touches not believed that are not far off either: a bound through the good ones."""
+    far = dict(zip(registration.names, registration.distances, strict=True))
+    bound = 3.0 * GAUSS_POINT * registration.sigma
+    return tuple(name for name in registration.outliers if far[name] < bound)
 
 
 def _stray(registration: Registration) -> tuple[str, ...]:

@@ -114,6 +114,6 @@ def check_majority(keep: BoolArray, names: tuple[str, ...], distance: Array, bou
     raise ImplausibleDataError(
         f"{len(keep) - int(keep.sum())} of {len(keep)} touches disagree with the rest by more than "
         f"{bound / MM:.2f} mm: {wrong}.",
-        hint="check the names and units of the touches, and whether the tool is the one stated; the "
+        hint="check names and units of the touches, and whether the tool is the one stated; the "
         "stated noise must include the robot's own error.",
     )
