@@ -22,8 +22,8 @@ BANDS: Final = (1, 4, 9, 17, 33)
 HOLD: Final = 0.5
 """Of each scale to its default: a factor of e is one sigma."""
 STEPS: Final = 40
-WORTH: Final = 4.0
-"""Weights that the default scale is worth."""
+WORTH: Final = 8.0
+"""Weights that the default scales are worth: with 4, regions after 12 touches hold too much."""
 LEVEL: Final = 0.95
 
 
