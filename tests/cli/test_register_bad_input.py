@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -257,3 +258,51 @@ def test_an_output_that_is_read(cli, work: Path) -> None:
     assert got.code == 1
     assert "the output is cell.toml, which is read here" in got.err
     assert (work / "cell.toml").read_bytes() == before
+
+
+def test_no_such_folder(cli, work: Path) -> None:
+    path = touched.write(work / "p.csv", POINTS, position=touched.in_base(POINTS))
+    out = work / "nowhere" / "o.toml"
+    got = cli("register", work / "cell.toml", path, "-o", out)
+    assert got.code == 1
+    assert f"{out}: cannot write: the folder {out.parent} does not exist." in got.err
+
+
+def test_a_full_disk_leaves_the_old_cell_and_model(
+    cli, work: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    points, joints = touched.by_joints(8)
+    path = touched.write(work / "p.csv", points, joints_deg=np.rad2deg(joints))
+    args = ("register", work / "model.rtm", path, "-o", work / "o.toml")
+    assert cli(*args).code == 0
+    before = {path.name: path.read_bytes() for path in work.iterdir()}
+
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    got = cli(*args, "--touch-sigma-mm", "0.2")
+    assert got.code == 1
+    assert "cannot write: No space left on device." in got.err
+    assert {path.name: path.read_bytes() for path in work.iterdir()} == before
+
+
+URDF = """<robot name="arm"><link name="l0"/>{}</robot>"""
+JOINT = (
+    '<joint name="j{0}" type="revolute"><origin xyz="0 0 0.4" rpy="{2} 0 0"/><parent link="l{1}"/>'
+    '<child link="l{0}"/><axis xyz="0 0 1"/><limit lower="-2" upper="2" effort="1" velocity="1"/>'
+    '</joint><link name="l{0}"/>'
+)
+
+
+def test_a_urdf_is_found_from_the_new_cell(cli, work: Path) -> None:
+    joints = "".join(JOINT.format(i, i - 1, 1.5707963267948966 * (i == 2)) for i in (1, 2, 3))
+    (work / "cells").mkdir()
+    (work / "out").mkdir()
+    (work / "cells" / "arm.urdf").write_text(URDF.format(joints))
+    (work / "cells" / "c.toml").write_text("schema = 1\n[robot]\nurdf = 'arm.urdf'\n")
+    path = touched.write(work / "p.csv", POINTS, position=touched.in_base(POINTS))
+    got = cli("register", work / "cells" / "c.toml", path, "-o", work / "out" / "r.toml")
+    assert got.code == 0, got.err
+    assert 'urdf = "../cells/arm.urdf"' in (work / "out" / "r.toml").read_text()
+    assert cli("inspect", work / "out" / "r.toml", "--json").document["robot"] == "arm"

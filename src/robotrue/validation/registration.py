@@ -89,7 +89,9 @@ def register(
         mine = touches.subset(touches.part == k)
         with naming(mine, name if several else ""):
             checked.append(_checked(arm, name, mine, settings))
-    joint = settings.fit == "joint" or (settings.fit == "auto" and enough_for_joint(arm, touches))
+    joint = settings.fit == "joint" or (
+        settings.fit == "auto" and enough_for_joint(arm, touches, settings)
+    )
     if joint:
         whole = touches if settings.mesh is None else _on_mesh(touches, settings.mesh)
         with naming(touches):

@@ -27,6 +27,7 @@ from robotrue.validation.registered_part import FoundFrame, RegisteredPart, judg
 from robotrue.validation.registration_frame import (
     GOOD,
     CheckedTouches,
+    arm_belief,
     other_poses,
     same_tool,
     tips,
@@ -51,9 +52,14 @@ def numbers_of(touches: ProbingSet) -> int:
     return 3 * int(touches.full.sum()) + int((~touches.full).sum())
 
 
-def enough_for_joint(arm: ErrorModel | RobotModel, touches: ProbingSet) -> bool:
-    """Returns whether arm, tool and frames should be estimated together, if nobody says."""
-    if not touches.has_joints:
+def enough_for_joint(
+    arm: ErrorModel | RobotModel, touches: ProbingSet, settings: RegistrationSettings
+) -> bool:
+    """Returns whether arm, tool and frames should be estimated together, if nobody says.
+
+    A model that keeps no covariance of its parameters cannot learn from touches.
+    """
+    if not touches.has_joints or arm_belief(arm, settings) is None:
         return False
     if isinstance(arm, RobotModel):
         return numbers_of(touches) >= ENOUGH
