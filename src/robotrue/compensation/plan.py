@@ -64,6 +64,7 @@ def lay_out(robot: RobotModel, program: Program, settings: CompensationSettings)
     joints = np.empty((0, 6))
     miscounted = _miscounted(robot, program, joints_known)
     if miscounted:
+        blocked |= axis
         joints_known = np.empty(0, dtype=np.int64)
     if len(joints_known):
         joints, joints_known = _axis_joints(robot, program, joints_known)
