@@ -205,7 +205,7 @@ def test_ways_stand_in_the_order_the_notes_measured() -> None:
     keys = ("drawn", "paper", "per-side", "touches-90", "calibrated", "changed", "refitted")
     ways = tuple(way for way in WAYS if way.key in keys)
     name = {way.key: way.name for way in ways}
-    cells = [results_of(seed, ways) for seed in range(1, 5)]
+    cells = [results_of(seed, ways) for seed in range(1, 4)]
     step = {k: np.median([c[name[k]].mismatch for c in cells]) / MM for k in keys}
     rms = {k: np.median([c[name[k]].rms for c in cells]) / MM for k in keys}
     assert step["drawn"] > 3.0

@@ -29,7 +29,7 @@ SOURCE: Final = (
 UNMET: Final[tuple[tuple[str, str], ...]] = (
     (
         "slots agree within 0.019 mm (n) or 0.022 (n - 1)",
-        "Four slots of one part. Our arms alone give 0.04, a wrong tip alone 0.01: the printed "
+        "Four slots of one part. Our arms alone give 0.05, a wrong tip alone 0.01: the printed "
         "steps look more like a tip off by 0.35 mm across the tool than like the arm the paper "
         "blames. One part cannot tell.",
     ),
