@@ -141,6 +141,14 @@ def test_distances_within_a_band_are_those_of_all_edges():
     np.testing.assert_allclose(near[np.isfinite(near)], every[every <= 0.05])
 
 
+def test_points_on_the_contour_are_kept():
+    contour = contour_of(PLATE, np.array([0.0, 0.0, 1.0]))
+    rim = np.array([[0, 0.05, 0], [0.1, 0.05, 0], [0.05, 0, 0], [0.05, 0.1, 0], [0.1, 0.1, 0]])
+    assert contour.keeps(rim).all()
+    assert not contour.keeps(1.001 * rim[1:]).all()
+    assert not contour.keeps(rim + np.array([0.0, 0.2, 0.0])).any()
+
+
 def test_a_drawing_with_crossings_overlaps_and_a_dead_end():
     cross = np.array(
         [

@@ -6,7 +6,8 @@ Xi 2018, section 2, "largest contour method"; the paper gives the rule in words 
 
 * The contour is the outer boundary of the part's shadow along the tool axis of the side. Holes
   through the part lie inside the contour and are cut. Of several bodies each has its own.
-* A point that cuts is kept when its tip lies in the contour, or outside by no more than a margin.
+* A point that cuts is kept when its tip lies in the contour or on it, or outside by no more than a
+  margin.
 * Rapid points between two cuts that were neighbours before stay as the CAM system made them. Where
   points that cut were dropped, the rapid points there are dropped too: the tool is lifted along
   its axis from the last point kept to the height of the CAM system's highest rapid point, and a
@@ -25,7 +26,7 @@ from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
 from robotrue.core.mesh import TriangleMesh
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ImplausibleDataError, ShapeError
-from robotrue.program.outline import distance, inside, outer_boundaries
+from robotrue.program.outline import SNAP, distance, inside, outer_boundaries
 from robotrue.program.toolpath import Toolpath
 
 TILT: Final = 30.0 * DEG
@@ -70,9 +71,8 @@ class Contour:
         out = np.zeros(len(flat), dtype=np.bool_)
         for outline in self.outlines:
             out |= inside(outline, flat)
-            if margin > 0.0:
-                rest = np.flatnonzero(~out)
-                out[rest] = distance(outline, flat[rest], within=margin) <= margin
+            rest = np.flatnonzero(~out)
+            out[rest] = np.isfinite(distance(outline, flat[rest], within=margin + SNAP))
         return out
 
 
