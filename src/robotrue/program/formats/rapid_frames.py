@@ -140,7 +140,7 @@ class RapidFrames:
         differs = [member for member, each in version.items() if each == DIFFERS]
         if differs:
             return self._lost(
-                side, name, variable, f"{differs[0]} depends on the way the program took"
+                side, name, variable, f"depends on the way the program took ({differs[0]})"
             ), False
         values = {member: variable.versions[member][each] for member, each in version.items()}
         if values.get("ufprog") is False:
