@@ -164,6 +164,24 @@ def test_remarks_feeds_and_exact_stops_stand_where_they_belong():
     assert "; 99: FINI ?" in after
 
 
+def test_a_stop_halts_and_a_delay_waits():
+    remarks = (
+        Remark(before=4, line=20, text="STOP"),
+        Remark(before=7, line=30, text="DELAY/ 2.5"),
+        Remark(before=9, line=40, text="OPSTOP"),
+    )
+    one = Side(path=path("top", remarks=remarks), T_base_part=PART)
+    lines = krl(plan_machining(CELL, [one], MachiningSettings())).decode().split("\r\n")
+    for comment, action in (("; 20: STOP", "HALT"), ("; 30: DELAY/ 2.5", "WAIT SEC 2.500")):
+        at = lines.index(comment)
+        assert lines[at + 1] == action
+        assert lines[at - 1].endswith("}")  # comes to rest before it
+        assert lines[at + 2].endswith("C_DIS")
+    at = lines.index("; 40: OPSTOP")
+    assert lines[at - 1].endswith("C_DIS")
+    assert lines[at + 1].startswith("LIN")
+
+
 def test_a_point_that_cuts_without_a_feed_is_refused_with_its_line():
     feed = np.full(12, 0.02)
     feed[:3] = np.nan

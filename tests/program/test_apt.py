@@ -225,6 +225,7 @@ REFUSED = {
     "TLAXIS/0,0,0": "not a direction",
     "TRANS/1,0,0,0,0,1,0,0,0,0,1,0": "moves the coordinates",
     "ROTABL/90": "turns the part",
+    "MODE/INCR": "only absolute ones are read",
     "CUTCOM/LEFT": "moves the path sideways",
     "CYCLE/DRILL,5": "makes motions of its own",
     "GOLFT/L1,PAST,L2": "along surfaces",

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Final, NoReturn
 
@@ -67,7 +68,7 @@ _REFUSED: Final = {
 _OFF_ONLY: Final = {"CYCLE": "makes motions of its own", "CUTCOM": "moves the path sideways"}
 _KNOWN: Final = frozenset(
     "PARTNO PPRINT INSERT REMARK TPRINT MACHIN FINI END REWIND STOP OPSTOP COOLNT CUTTER TLDATA "
-    "CLDIST LINTOL AUTOPS DELAY DISPLY PAINT CLEARP SAFETY TOLER HEAD MODE CLRSRF PREFUN AUXFUN "
+    "CLDIST LINTOL AUTOPS DELAY DISPLY PAINT CLEARP SAFETY TOLER HEAD CLRSRF "
     "SEQNO DEBUG PBS OPNAME SET TURRET CHECK PROBE INTCOD LEADER TOOL".split()
 )
 """Words that move nothing: kept for people, without a warning."""
@@ -120,6 +121,15 @@ class _Reader:
         self.points: list[Array] = []
         self.axes: list[Array] = []
         self.columns: list[tuple[float, bool, int, int]] = []
+        self._modal: dict[str, Callable[[Statement], None]] = {
+            "UNITS": self._units,
+            "MULTAX": self._multax,
+            "TLAXIS": self._tlaxis,
+            "INTOL": self._intol,
+            "OUTTOL": self._outtol,
+            "MSYS": self._msys,
+            "TOOL PATH": self._tool_path,
+        }
 
     def take(self, statement: Statement) -> None:
         """Takes one statement."""
@@ -138,8 +148,8 @@ class _Reader:
             self._directed(statement)
         elif head == "INDIRV":
             self.tangent = self._vector(statement)
-        elif head in ("UNITS", "MULTAX", "TLAXIS", "INTOL", "OUTTOL", "MSYS", "TOOL PATH"):
-            getattr(self, "_" + head.lower().replace(" ", "_"))(statement)
+        elif head in self._modal:
+            self._modal[head](statement)
         elif head == "RAPID":
             self.rapid = True
         elif head in ("FEDRAT", "SPINDL"):
@@ -152,6 +162,10 @@ class _Reader:
             self._keep(statement, known=True)
         elif word in _REFUSED:
             self._refuse(statement, f"{word} {_REFUSED[word]}")
+        elif word == "MODE" and "INCR" in statement.arguments:
+            self._refuse(
+                statement, "MODE/INCR makes coordinates add up; only absolute ones are read"
+            )
         elif word in _OFF_ONLY and statement.arguments[:1] not in (("OFF",), ("NOMORE",)):
             self._refuse(statement, f"{word}/ {_OFF_ONLY[word]}")
         else:

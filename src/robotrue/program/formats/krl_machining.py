@@ -5,7 +5,7 @@ are axis targets with exact stops. Points that cut are ``LIN`` with ``C_DIS`` (`
 long as cutting goes on, with exact stops at its ends; rapid points are ``LIN`` at the rapid speed,
 since the CAM system drew them straight. Positions have four decimals of a millimetre, angles five
 of a degree, frames as many as they need. Statements of the tool path that move nothing stand as
-comments where they stood.
+comments where they stood; ``STOP`` also halts, ``DELAY/ s`` also waits.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from robotrue.program.toolpath import FASTEST, Toolpath
 
 LONGEST_NAME: Final = 24
 _COMMENT: Final = 100
+_WAIT: Final = re.compile(r"DELAY\s*/\s*(\d+\.?\d*|\.\d+)", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,7 +156,8 @@ def _side(side: SideMoves, speeds: Speeds) -> list[str]:
     targets = _targets(path.position, side.rotation)
     cutting = path.cutting
     blends = np.append(cutting[:-1] & cutting[1:], False) & (speeds.blend > 0.0)
-    remarks = _remarks(path)
+    remarks, halts = _remarks(path)
+    blends[[k - 1 for k in halts if k]] = False
     feeds = _feeds(path, speeds)
     operation, speed = -1, ""
     for k, (target, feed, blend) in enumerate(zip(targets, feeds, blends, strict=True)):
@@ -193,11 +195,21 @@ def _feeds(path: Toolpath, speeds: Speeds) -> Array:
     return np.asarray(feed)
 
 
-def _remarks(path: Toolpath) -> dict[int, list[str]]:
+def _remarks(path: Toolpath) -> tuple[dict[int, list[str]], list[int]]:
+    """Lines to stand before each point, and the points before which the arm stands still."""
     out: dict[int, list[str]] = {}
+    halts: list[int] = []
     for remark in path.remarks:
-        out.setdefault(remark.before, []).append(_comment(f"{remark.line}: {remark.text}"))
-    return out
+        lines = out.setdefault(remark.before, [])
+        lines.append(_comment(f"{remark.line}: {remark.text}"))
+        wait = _WAIT.fullmatch(remark.text)
+        if remark.text.upper() == "STOP":
+            lines.append("HALT")
+        elif wait:
+            lines.append(f"WAIT SEC {float(wait[1]):.3f}")
+        if wait or remark.text.upper() == "STOP":
+            halts.append(remark.before)
+    return out, halts
 
 
 def _comment(text: str) -> str:
