@@ -374,3 +374,19 @@ def test_inspect_tells_part_and_model(cli, registered: Path) -> None:
     document = cli("inspect", registered / "a.src", "--json").document
     assert document["identity"]["compensated"] is True
     assert document["identity"]["model"]["kind"] == "calibrated"
+
+
+def test_a_registered_cell_brings_its_model_to_the_next_registration(cli, registered: Path) -> None:
+    work = registered
+    path = touched.write(
+        work / "q.csv", touched.POINTS, position=touched.in_base(touched.POINTS, noise=2e-5)
+    )
+    (work / "next").mkdir()
+    got = cli("register", work / "m.toml", path, "-o", work / "next" / "r.toml", "--json")
+    assert got.code == 0, got.err
+    model = identity_of(read_model(work / "model.rtm").model)
+    assert got.document["model"] == model.document()
+    stated = tomllib.loads((work / "next" / "r.toml").read_text())["registration"]["model"]
+    assert stated["file"] == "../model.rtm"
+    again = cli("compensate", work / "next" / "r.toml", work / "job.src", "-o", work / "a.src")
+    assert again.code == 0, again.err

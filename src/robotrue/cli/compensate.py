@@ -13,18 +13,18 @@ import numpy as np
 from robotrue.calibration.identity import identity_of
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
-from robotrue.cell.config import read_cell
-from robotrue.cell.part import PartFrame, PartTable
+from robotrue.cell.part import PartFrame
 from robotrue.cli.console import emit_json, say
 from robotrue.cli.inputs import check_output, parse_wrench
+from robotrue.cli.registered import opened
 from robotrue.compensation.compensate import compensate
 from robotrue.compensation.result import unchanged
 from robotrue.compensation.settings import CompensationSettings
-from robotrue.core.files import read_bytes, sha256, write_atomic
-from robotrue.core.identity import ModelIdentity, require_same_model
+from robotrue.core.files import sha256, write_atomic
+from robotrue.core.identity import ModelIdentity
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
-from robotrue.errors import ArchiveError, ConfigurationError, ModelMismatchError
+from robotrue.errors import ConfigurationError
 from robotrue.program.formats import read_job, write_program
 from robotrue.program.identity import (
     ProgramIdentity,
@@ -33,7 +33,6 @@ from robotrue.program.identity import (
     write_identity,
 )
 from robotrue.program.program import FrameTable, Program, Reason
-from robotrue.store.model_file import ZIP, read_model
 
 
 def run(
@@ -126,56 +125,6 @@ def _together(documents: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     }
 
 
-def opened(path: Path, registered: Path | None = None) -> tuple[Cell, ErrorModel | None]:
-    """Returns the cell and the model of the arm, of one identity; None is the nominal arm.
-
-    Args:
-        path: Model file or cell; a registered cell brings the model it was registered with.
-        registered: Another registered cell, whose frames are wanted.
-
-    Raises:
-        ModelMismatchError: The frames were registered with another model, or it is not there.
-    """
-    cell, model = _cell_and_model(path)
-    if registered is None:
-        if model is None and cell.part is not None:
-            model = _model_of(cell.part, path)
-        return cell, model
-    place = read_cell(registered)
-    if place.part is None:
-        raise ConfigurationError(
-            "the cell is not registered: it has no part frame.",
-            source=registered,
-            hint="robotrue register CELL|MODEL POINTS -o CELL_OUT.",
-        )
-    if cell.part is not None:
-        raise ConfigurationError(
-            "two registered cells: one with --cell is enough.",
-            source=path,
-            hint=f"robotrue compensate {registered} PROGRAM -o OUT",
-        )
-    used = identity_of(model or cell.robot)
-    require_same_model(place.part.identity, used, what="the part frame", source=str(registered))
-    return replace(cell, part=place.part), model
-
-
-def _model_of(part: PartTable, cell: Path) -> ErrorModel | None:
-    """The model a registered cell belongs to, from the file it names; None is the nominal arm."""
-    if part.identity.kind == "nominal":
-        return None
-    path = cell.parent / part.model_file
-    if not part.model_file or not path.is_file():
-        raise ModelMismatchError(
-            f"the part frame was registered with {part.identity}, whose file "
-            f"{part.model_file or '(not named)'} is not there.",
-            source=cell,
-            hint="put the model file back, or register again.",
-        )
-    model = read_model(path).model
-    require_same_model(part.identity, identity_of(model), what="the part frame", source=str(cell))
-    return model
-
-
 def _frame_notes(program: Program, frame: PartFrame | None) -> list[str]:
     """What to say of a program that does not run in the registered part frame."""
     if frame is None:
@@ -225,24 +174,6 @@ def _identity_document(
             "verdict": frame.verdict,
         }
     return out
-
-
-def _cell_and_model(path: Path) -> tuple[Cell, ErrorModel | None]:
-    """The content of a model file, or a bare cell."""
-    if read_bytes(path).startswith(ZIP):
-        stored = read_model(path)
-        return stored.cell, stored.model
-    if path.suffix.lower() == ".toml":
-        return read_cell(path), None
-    try:
-        return read_cell(path), None
-    except ConfigurationError as cause:
-        raise ArchiveError(
-            f"neither a model file nor a cell ({cause.message})",
-            source=path,
-            line=cause.line,
-            hint="robotrue compensate MODEL PROGRAM -o OUT.",
-        ) from cause
 
 
 def _rewritten(

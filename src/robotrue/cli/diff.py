@@ -12,9 +12,10 @@ import numpy as np
 
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
-from robotrue.cli.compensate import frame_table, opened
+from robotrue.cli.compensate import frame_table
 from robotrue.cli.console import emit_json, emit_table, say
 from robotrue.cli.inputs import check_output
+from robotrue.cli.registered import opened
 from robotrue.compensation.difference import Change, Difference, difference
 from robotrue.core.arrays import Array
 from robotrue.core.files import write_atomic

@@ -41,6 +41,8 @@ ENOUGH: Final = 27
 one side .17 and .12 mm there, 1.31 and 1.22 mm on the other."""
 SPARE: Final = 3
 """Numbers beyond frames and tool that a joint estimate asks at the least."""
+EXACT: Final = 1e-6
+"""m, a tip that is said to be known exactly."""
 TILT: Final = 10.0 * DEG
 """Touches whose attitudes differ by less cannot tell the tool from the frame."""
 LOUD: Final = 3.0
@@ -230,7 +232,8 @@ def _tool_sigma(
             "looks like a shift of the part, and comes back when the part is machined from "
             "another side."
         )
-    return known, tuple(doubts)
+    # A nominal arm's prior of the tip would stand in for 0.
+    return max(known, EXACT) if isinstance(arm, RobotModel) else known, tuple(doubts)
 
 
 def _tilt(robot: RobotModel, touches: ProbingSet) -> float:

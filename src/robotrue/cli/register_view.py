@@ -1,0 +1,126 @@
+"""What ``robotrue register`` answers: JSON values, tables, frames to paste."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+
+from robotrue.cli.console import emit_facts, emit_table, say
+from robotrue.core.rotations import abc_from_matrix
+from robotrue.core.units import DEG, MM
+from robotrue.program.controller_frames import ControllerFrame
+from robotrue.validation.registered_part import FoundFrame, RegisteredPart
+
+SHOWN: Final = 40
+"""Touches in the printed table."""
+
+
+def document(found: RegisteredPart) -> dict[str, Any]:
+    """Returns JSON values: those of the first part at the top, all parts under ``parts``."""
+    parts = [_part_document(frame) for frame in found.frames]
+    first = dict(parts[0])
+    if len(parts) > 1:
+        first["residual_mm"] = _all_residuals(found)
+        first["outliers"] = [name for part in parts for name in part["outliers"]]
+    return {
+        **first,
+        "verdict": found.verdict,
+        "reasons": [reason for part in parts for reason in part["reasons"]],
+        "doubts": [*found.doubts, *(doubt for part in parts for doubt in part["doubts"])],
+        "route": found.route,
+        "model": found.identity.document(),
+        "touched_with": found.touched_with.document(),
+        "moved_mm": found.moved / MM,
+        "parts": parts,
+    }
+
+
+def _all_residuals(found: RegisteredPart) -> Mapping[str, float]:
+    """Residual by name over all parts; the part's name goes before one that is not alone."""
+    names = [name for frame in found.frames for name in frame.registration.names]
+    alone = len(set(names)) == len(names)
+    return {
+        (name if alone else f"{frame.name}/{name}"): float(length / MM)
+        for frame in found.frames
+        for name, length in zip(frame.registration.names, frame.registration.distances, strict=True)
+    }
+
+
+def _part_document(frame: FoundFrame) -> dict[str, Any]:
+    fit = frame.registration
+    T = fit.T_base_part
+    return {
+        "part": frame.name,
+        "xyz_mm": (T[:3, 3] / MM).tolist(),
+        "abc_deg": (abc_from_matrix(T[:3, :3]) / DEG).tolist(),
+        "residual_mm": dict(zip(fit.names, (fit.distances / MM).tolist(), strict=True)),
+        "rms_mm": fit.rms / MM,
+        "outliers": list(fit.outliers),
+        "covariance": fit.covariance.tolist(),
+        "verdict": frame.verdict,
+        "reasons": list(frame.reasons),
+        "doubts": list(frame.doubts),
+        "touches": len(fit.names),
+        "sigma_mm": fit.sigma / MM,
+        "misfit": fit.misfit,
+        "with_arm": frame.with_arm,
+        "machined_95_mm": dict(zip(fit.names, (frame.region / MM).tolist(), strict=True)),
+    }
+
+
+def frame_document(name: str, frame: ControllerFrame) -> dict[str, str]:
+    """Returns a frame in a controller's words as JSON values."""
+    return {"part": name, "system": frame.system, "order": frame.order, "text": frame.text}
+
+
+def show(found: RegisteredPart, frames: list[tuple[str, ControllerFrame]]) -> None:
+    """Prints each frame, its touches, what is against it, and the lines for controllers."""
+    for frame in found.frames:
+        fit, T = frame.registration, frame.registration.T_base_part
+        sd = np.sqrt(np.diag(fit.covariance))
+        emit_facts(
+            f"{frame.name} in base, with {found.identity}",
+            [
+                ("x, y, z", _three(T[:3, 3] / MM, "mm")),
+                ("A, B, C", _three(abc_from_matrix(T[:3, :3]) / DEG, "deg")),
+                ("one sigma", f"{_three(sd[:3] / MM, 'mm')}; {_three(sd[3:] / DEG, 'deg')}"),
+                ("touches", f"{len(fit.names)}, of which {len(fit.outliers)} not believed"),
+                ("residual rms", f"{fit.rms / MM:.4f} mm"),
+                (f"{_share(frame)}, 95 %", f"{frame.region.max() / MM:.3f} mm or better"),
+                ("verdict", frame.verdict),
+            ],
+        )
+        emit_table(
+            "touches",
+            ("", "residual mm", f"{_share(frame)}, 95 % mm", ""),
+            [
+                (name, f"{far / MM:.4f}", f"{reach / MM:.3f}", "" if good else "not believed")
+                for name, far, reach, good in list(
+                    zip(fit.names, fit.distances, frame.region, fit.believed, strict=True)
+                )[:SHOWN]
+            ],
+        )
+        for reason in frame.reasons:
+            say(f"no-go: {reason}")
+        for doubt in frame.doubts:
+            say(f"note: {doubt}")
+    for doubt in found.doubts:
+        say(f"note: {doubt}")
+    for _, controller in frames:
+        _paste(controller)
+
+
+def _share(frame: FoundFrame) -> str:
+    """What the region at a touch is about: without joints the arm's share is not known."""
+    return "machined there" if frame.with_arm else "frame there"
+
+
+def _paste(frame: ControllerFrame) -> None:
+    sys.stdout.write(frame.text + "\n")
+
+
+def _three(values: Any, unit: str) -> str:
+    return ", ".join(f"{float(v):.4f}" for v in values) + f" {unit}"

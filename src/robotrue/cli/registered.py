@@ -1,0 +1,92 @@
+"""A model file, a cell, or a registered cell with the model it belongs to: opened as one thing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from robotrue.calibration.identity import identity_of
+from robotrue.calibration.model import ErrorModel
+from robotrue.cell.cell import Cell
+from robotrue.cell.config import read_cell
+from robotrue.cell.part import PartTable
+from robotrue.core.files import read_bytes
+from robotrue.core.identity import require_same_model
+from robotrue.errors import ArchiveError, ConfigurationError, ModelMismatchError
+from robotrue.store.model_file import ZIP, read_model
+
+
+def opened(path: Path, registered: Path | None = None) -> tuple[Cell, ErrorModel | None]:
+    """Returns the cell and the model of the arm, of one identity; None is the nominal arm.
+
+    Args:
+        path: Model file or cell; a registered cell brings the model it was registered with.
+        registered: Another registered cell, whose frames are wanted.
+
+    Raises:
+        ModelMismatchError: The frames were registered with another model, or it is not there.
+    """
+    cell, model = _cell_and_model(path)
+    if registered is None:
+        if model is None and cell.part is not None:
+            model = model_of_part(cell.part, path)
+        return cell, model
+    place = read_cell(registered)
+    if place.part is None:
+        raise ConfigurationError(
+            "the cell is not registered: it has no part frame.",
+            source=registered,
+            hint="robotrue register CELL|MODEL POINTS -o CELL_OUT.",
+        )
+    if cell.part is not None:
+        raise ConfigurationError(
+            "two registered cells: one with --cell is enough.",
+            source=path,
+            hint=f"robotrue compensate {registered} PROGRAM -o OUT",
+        )
+    used = identity_of(model or cell.robot)
+    require_same_model(place.part.identity, used, what="the part frame", source=str(registered))
+    return replace(cell, part=place.part), model
+
+
+def model_of_part(part: PartTable, cell: Path) -> ErrorModel | None:
+    """Returns the model a registered cell belongs to, from the file it names; None: nominal arm.
+
+    Args:
+        part: Of the cell.
+        cell: Its file; the model's is named relative to it.
+
+    Raises:
+        ModelMismatchError: The file is not there, or holds another model by now.
+    """
+    if part.identity.kind == "nominal":
+        return None
+    path = cell.parent / part.model_file
+    if not part.model_file or not path.is_file():
+        raise ModelMismatchError(
+            f"the part frame was registered with {part.identity}, whose file "
+            f"{part.model_file or '(not named)'} is not there.",
+            source=cell,
+            hint="put the model file back, or register anew from the cell or model it came from.",
+        )
+    model = read_model(path).model
+    require_same_model(part.identity, identity_of(model), what="the part frame", source=str(cell))
+    return model
+
+
+def _cell_and_model(path: Path) -> tuple[Cell, ErrorModel | None]:
+    """The content of a model file, or a bare cell."""
+    if read_bytes(path).startswith(ZIP):
+        stored = read_model(path)
+        return stored.cell, stored.model
+    if path.suffix.lower() == ".toml":
+        return read_cell(path), None
+    try:
+        return read_cell(path), None
+    except ConfigurationError as cause:
+        raise ArchiveError(
+            f"neither a model file nor a cell ({cause.message})",
+            source=path,
+            line=cause.line,
+            hint="a model file is what `robotrue calibrate ... -o` writes.",
+        ) from cause
