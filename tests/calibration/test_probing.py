@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from robotrue.calibration.belief import belief_of, model_of, widened, with_centres
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import Query
 from robotrue.calibration.probing import (
@@ -20,7 +21,9 @@ from robotrue.calibration.probing import (
 )
 from robotrue.calibration.probing_scales import few_factor
 from robotrue.calibration.residual import LearnedModel
+from robotrue.calibration.residual import from_archive as model_from_archive
 from robotrue.calibration.rigid_flexible import RigidFlexibleModel
+from robotrue.calibration.smooth import SmoothBasis, choose_centres
 from robotrue.calibration.touches import frame_displacement
 from robotrue.core.arrays import Array
 from robotrue.core.mesh import TriangleMesh
@@ -233,6 +236,27 @@ def test_another_tool_needs_to_be_said_how_well_known() -> None:
     place = parameter_slice(6, "tool")
     np.testing.assert_allclose(belief.variance[place], [1e-6] * 3 + [0.0] * 3)
     assert not belief.errors[place].any()
+
+
+def test_a_smooth_residual_reaches_to_the_touches_and_is_kept() -> None:
+    where = cell(2)
+    measured = tracker_poses(where, np.random.default_rng(1))
+    plain = belief_of(fit(where.nominal, measured, method="elastic"))
+    basis = choose_centres(measured.joints, np.full(12, 0.6), most=20, enough=0.05)
+    none = SmoothBasis(centres=np.zeros((0, 12)), scale=basis.scale)
+    belief = with_centres(replace(plain, basis=none, amplitude=0.05 * MM), basis)
+    variance = np.zeros(len(belief.mean))
+    variance[belief.starts[2] :] = (0.05 * MM) ** 2
+    model = model_of(widened(belief, variance), {"method": "gp"})
+    touches = touched(where, 6)
+    found = estimate_probing(model, touches, replace(SETTINGS, tool_sigma=0.0))
+    assert found.belief.centres > belief.centres == 20
+    refined = model_of_estimate(found)
+    again = model_from_archive(refined.to_archive())
+    query = Query(joints=touches.joints)
+    np.testing.assert_array_equal(again.predict(query).error, refined.predict(query).error)
+    other = replace(SETTINGS, T_flange_tool=model.robot.T_flange_tool, tool_sigma=0.3 * MM)
+    assert before_touching(model, other).white > 0.05 * MM
 
 
 def test_tracker_points_join_the_touches() -> None:
