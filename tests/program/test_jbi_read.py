@@ -135,8 +135,22 @@ def test_points_of_an_arc_share_their_fate() -> None:
     points = HEAD + f"C00000={P}\nC00001={P}\n///TOOL 5\nC00002={P}\nC00003={P}\n"
     moves = "MOVC C00000\nMOVC C00001\nMOVC C00002\nMOVL C00003"
     assert body(points, moves).reason.tolist() == [Reason.UNKNOWN_FRAME] * 4
+    chained = "MOVC C00000\nMOVC C00001\nMOVC C00003 FPT\nMOVC C00004\nMOVC C00002"
+    more = points.replace("///TOOL 5", f"C00004={P}\n///TOOL 5")
+    more = more.replace("C00003", "///TOOL 1\nC00003")
+    assert body(more, chained).reason.tolist() == [Reason.UNKNOWN_FRAME] * 5
     moves = "MOVC C00000\nMOVC C00001\nMOVL C00002\nMOVL C00003"
     assert body(points, moves).reason.tolist()[:2] == [Reason.NONE] * 2
+
+
+def test_an_arc_of_poses_and_axis_values_is_left_alone() -> None:
+    points = f"{HEAD}C00000={P}\nC00001={P}\n///POSTYPE ANGLE\n///ANGLE\nC00002=1,2,3,4,5,6\n"
+    points += "C00003=1,2,3,4,5,6\nC00004=1,2,3,4,5,6\n"
+    moves = "MOVC C00000\nMOVC C00001\nMOVC C00002\nMOVL C00003"
+    reasons = [Reason.INCOMPLETE] * 3 + [Reason.JOINT_TARGET, Reason.UNUSED]
+    assert body(points, moves).reason.tolist() == reasons
+    moves = "MOVC C00002\nMOVC C00003\nMOVC C00004"
+    assert body(points, moves).reason.tolist()[2:] == [Reason.JOINT_TARGET] * 3
 
 
 @pytest.mark.parametrize(

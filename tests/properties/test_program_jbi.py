@@ -81,14 +81,14 @@ def moved(program: Program, shift: np.ndarray, turn: np.ndarray, bend: float = 0
 
 
 @given(jobs())
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=30, deadline=None)
 def test_zero_correction_is_the_identity(data: bytes) -> None:
     program = read(data)
     assert JBI.write(program, moved(program, np.zeros(3), np.eye(3))) == data
 
 
 @given(jobs(), st.integers(0, 2**32 - 1))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=30, deadline=None)
 def test_what_is_written_is_read_again_and_nothing_else_changed(data: bytes, seed: int) -> None:
     program = read(data)
     rng = np.random.default_rng(seed)
@@ -113,7 +113,7 @@ def test_what_is_written_is_read_again_and_nothing_else_changed(data: bytes, see
 
 
 @given(jobs(), st.integers(0, 2**32 - 1))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=30, deadline=None)
 def test_words_are_those_asked_for_and_the_counts_stay(data: bytes, seed: int) -> None:
     program = read(data)
     rng = np.random.default_rng(seed)
@@ -213,7 +213,7 @@ edits = st.lists(
 
 
 @given(edits)
-@settings(max_examples=250, deadline=None)
+@settings(max_examples=150, deadline=None)
 def test_edited_anywhere(changes: list[tuple[float, int, bytes]]) -> None:
     data = SAMPLE
     for where, cut, piece in changes:
@@ -223,6 +223,6 @@ def test_edited_anywhere(changes: list[tuple[float, int, bytes]]) -> None:
 
 
 @given(st.binary(max_size=300), st.sampled_from([b"", b"/JOB\n//POS\n", b"/JOB\n//INST\n"]))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=60, deadline=None)
 def test_any_bytes(data: bytes, head: bytes) -> None:
     check(head + data)

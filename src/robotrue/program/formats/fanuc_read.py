@@ -13,6 +13,7 @@ from robotrue.program.formats.fanuc_moves import Moves, moves
 from robotrue.program.formats.fanuc_scan import FanucScan, scan
 from robotrue.program.formats.fanuc_write import FanucSpans, read_config
 from robotrue.program.formats.numbered_frames import NumberedFrames
+from robotrue.program.formats.shared_fate import share_fate
 from robotrue.program.formats.target_tokens import TargetTokens, values_of
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.program import FrameTable, Motion, Program, Reason
@@ -62,7 +63,7 @@ class _Builder:
             reason[untaught] = Reason.INCOMPLETE
             self._tell(untaught, "positions were never taught (********)", "teach them")
         reason[list(self.walk.flags)] = list(self.walk.flags.values())
-        self._pair_arcs(reason)
+        share_fate(reason, self.walk.arcs)
         self._axis_note(reason)
         return Program(
             name=self.name,
@@ -137,13 +138,6 @@ class _Builder:
             f"{self.name}:{line}: {int(rows.sum())} {what} (the first is in this line); they are "
             f"not compensated: {cure}."
         )
-
-    def _pair_arcs(self, reason: IntArray) -> None:
-        """Gives all points of an arc the same fate: half a corrected arc is another arc."""
-        for arc in self.walk.arcs:
-            worst = next((int(reason[row]) for row in arc if reason[row] > 0), 0)
-            for row in arc:
-                reason[row] = reason[row] or worst
 
     def _axis_note(self, reason: IntArray) -> None:
         if (reason == Reason.JOINT_TARGET).any():

@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from array import array
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Final, NoReturn
 
 import numpy as np
@@ -19,7 +20,8 @@ from robotrue.errors import FormatError
 from robotrue.program.formats.number_text import NUMBER
 from robotrue.program.formats.text_lines import line_at, require_text
 
-_SECTION: Final = re.compile(rb"(?:\A(?:\xef\xbb\xbf)?|(?<=[\r\n]))[ \t]*/(PROG|MN|POS|END)\b")
+_SECTION: Final = re.compile(rb"/(PROG|MN|POS|END)\b")
+_LINE_HEAD: Final = (b"", b"\xef\xbb\xbf")
 _HEAD: Final = re.compile(rb"\s*P\s*\[\s*(\d{1,6})\s*(?::[^\]\r\n]*)?\]\s*\{\s*", re.IGNORECASE)
 _GROUP: Final = re.compile(
     rb"GP(\d{1,2})\s*:\s*UF\s*:\s*(\w{1,9})\s*,\s*UT\s*:\s*(\w{1,9})\s*,\s*"
@@ -104,6 +106,8 @@ class _Reader:
         """Returns where the statements and where the records stand."""
         found: dict[str, re.Match[bytes]] = {}
         for match in _SECTION.finditer(self.data):
+            if not self._begins_line(match.start()):
+                continue
             key = match[1].decode()
             if key in found:
                 self._refuse(f"a second /{key}", "give one program per file", match.start())
@@ -120,6 +124,10 @@ class _Reader:
         if ends != sorted(ends):
             self._refuse("sections in another order than /PROG, /MN, /POS, /END", "export again", 0)
         return (found["MN"].end(), found["POS"].start()), (found["POS"].end(), found["END"].start())
+
+    def _begins_line(self, place: int) -> bool:
+        line = max(self.data.rfind(b"\n", 0, place), self.data.rfind(b"\r", 0, place)) + 1
+        return self.data[line:place].strip(b" \t") in _LINE_HEAD
 
     def records(self, at: int, end: int) -> None:
         """Reads the records between two places."""
@@ -172,27 +180,26 @@ class _Reader:
         if six is None:
             what = f"{_shown(data, group.end())} in P[{number}] are not six numbers in mm or deg"
             self._refuse(what, "six-axis robots are supported", group.end())
-        kind = _kind(six.group(1, 4, 7, 10, 13, 16), six.group(3, 6, 9, 12, 15, 18))
+        groups = six.groups()
+        kind = _kind(groups[0::3], groups[2::3])
         if kind < 0:
             what = f"{_shown(data, group.end())} in P[{number}] is neither X Y Z W P R nor J1 to J6"
             self._refuse(what, "positions are in mm and deg", group.end())
         quoted = group.start(4)
         config = (quoted, group.end(4) - quoted) if quoted >= 0 else (-1, 0)
         self.rows.extend((number, place, kind, *config))
-        for column in (2, 5, 8, 11, 14, 17):
-            text, span = six[column], six.span(column)
-            value = np.nan if text.startswith(b"*") else float(text)
-            if value in (np.inf, -np.inf):
-                self._refuse(f"{_shown(data, span[0])} is too large", "correct it", span[0])
-            self.spans.extend(span)
-            self.values.append(value)
+        numbers = [np.nan if text[:1] == b"*" else float(text) for text in groups[1::3]]
+        if np.inf in numbers or -np.inf in numbers:
+            self._refuse(f"a number in P[{number}] is too large", "correct it", six.start(2))
+        self.spans.extend(chain.from_iterable(six.regs[2::3]))
+        self.values.extend(numbers)
         self.frame.append(group[2].decode().upper())
         self.tool.append(group[3].decode().upper())
         return six.end()
 
     def _axes(self, row: int, group: int, at: int, end: int) -> int:
         """Reads further numbers of a group as external axes of a row."""
-        while True:
+        while self.data[at : at + 1] != b"}":
             comma = _COMMA.match(self.data, at, end)
             one = _ONE.match(self.data, comma.end() if comma else at, end)
             if one is None:
@@ -200,6 +207,7 @@ class _Reader:
             value = np.nan if one[2].startswith(b"*") else float(one[2])
             self.external.setdefault(row, []).append((group, one[1].decode("latin-1"), value))
             at = one.end()
+        return at
 
     def result(self, statements: tuple[int, int]) -> FanucScan:
         """Returns the columns."""

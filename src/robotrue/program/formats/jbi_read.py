@@ -14,6 +14,7 @@ from robotrue.program.formats.jbi_moves import Moves, moves
 from robotrue.program.formats.jbi_scan import UNITS, Header, JbiScan, scan
 from robotrue.program.formats.jbi_write import JbiSpans
 from robotrue.program.formats.numbered_frames import NumberedFrames
+from robotrue.program.formats.shared_fate import share_fate
 from robotrue.program.formats.target_tokens import TargetTokens, values_of
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 
@@ -72,7 +73,7 @@ class _Builder:
         reason[motion == Motion.UNUSED] = Reason.UNUSED
         reason[found.count != 6] = Reason.INCOMPLETE
         reason[list(self.walk.flags)] = list(self.walk.flags.values())
-        self._pair_arcs(reason)
+        share_fate(reason, self.walk.runs)
         self._count_notes()
         rconf = np.array([header.rconf for header in found.headers], np.int64)[found.header]
         rconf[kind != UNITS["RECTAN"]] = -1
@@ -190,13 +191,6 @@ class _Builder:
         rows[away] = True
         cure = "if it stands still and the frames hold there, say so in the frame table"
         self._tell(rows, "points moved to together with a base or station axis", cure)
-
-    def _pair_arcs(self, reason: IntArray) -> None:
-        """Gives all points of an arc the same fate: half a corrected arc is another arc."""
-        for run in self.walk.runs:
-            worst = next((int(reason[row]) for row in run if reason[row] > 0), 0)
-            for row in run:
-                reason[row] = reason[row] or worst
 
     def _count_notes(self) -> None:
         have = tuple(self.scan.found.get(kind, 0) for kind in _COUNTED)

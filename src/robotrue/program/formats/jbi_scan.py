@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from array import array
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Final, NamedTuple, NoReturn
 
 import numpy as np
@@ -194,9 +195,8 @@ class _Reader:
             self.line += 1
             kind = data[letter[0] : letter[1]].decode()
             rows.extend((self._name(kind, int(data[number[0] : number[1]])), self.line, header, 6))
-            for span in where:
-                spans.extend(span)
-                values.append(float(data[span[0] : span[1]]))
+            spans.extend(chain.from_iterable(where))
+            values.extend(map(float, match.groups()[2:]))
             self.at = match.end()
         large = np.flatnonzero(np.isinf(np.frombuffer(values, np.float64)))
         if len(large):

@@ -129,11 +129,11 @@ def _wanted(
 
 def _in_column(data: bytes, first: int, growth: int, text: bytes) -> tuple[int, bytes]:
     """Returns how many blanks before a number to take, and the text with the blanks to add."""
-    blanks = 0
-    while blanks <= max(growth, 1) and data[first - blanks - 1 : first - blanks] == b" ":
-        blanks += 1
-    if blanks < 2:
+    if growth == 0 or data[first - 2 : first] != b"  ":
         return 0, text
-    if growth > 0:
-        return min(growth, blanks - 1), text
-    return 0, b" " * -growth + text
+    if growth < 0:
+        return 0, b" " * -growth + text
+    blanks = 2
+    while blanks <= growth and data[first - blanks - 1 : first - blanks] == b" ":
+        blanks += 1
+    return min(growth, blanks - 1), text
