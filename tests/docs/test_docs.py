@@ -27,7 +27,8 @@ PAGES = sorted(
 )
 LINK = re.compile(r"!?\[[^\]\n]*\]\(([^)\s]+)\)")
 CALL = re.compile(
-    r"robotrue (demo|plan|calibrate|transfer|validate|predict|program|compensate|inspect|map)"
+    r"robotrue (demo|plan|calibrate|transfer|validate|predict|program|compensate|diff|inspect|map|"
+    r"register|probe-plan|slot-test|reproduce)"
     r"\b([^\n`|]*)"
 )
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
