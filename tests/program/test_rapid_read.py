@@ -151,6 +151,7 @@ def test_frames_in_the_order_of_the_program() -> None:
         0,
     ]
     assert reasons(f"IF x {set_one}" + move(target(1))) == [Reason.UNKNOWN_FRAME]
+    assert reasons(f"IF x THEN\n{set_one}ELSE\n{set_one}ENDIF\n" + move(target(1))) == [0]
     assert reasons(f"WHILE x DO\n{move(target(1))}{set_one}ENDWHILE\n") == [Reason.UNKNOWN_FRAME]
     assert reasons("fixture.uframe.trans.x:=5;\n" + move(target(1))) == [Reason.UNKNOWN_FRAME]
     assert reasons("MToolTCPCalib spindle;\n" + move(target(1))) == [Reason.UNKNOWN_FRAME]

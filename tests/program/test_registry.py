@@ -35,8 +35,7 @@ def test_detect() -> None:
     assert detect(b"whatever", "x.SRC").name == "krl"
     with pytest.raises(FormatError, match=r"x\.txt:1: not a program robotrue reads; it knows "):
         detect(b"whatever", "x.txt")
-    with pytest.raises(FormatError):
-        detect(b"def f():\n  movel(p[0,0,0,0,0,0])\n", "x.script")
+    assert detect(b"def f():\n  movel(p[0,0,0,0,0,0])\n", "x.txt").name == "urscript"
 
 
 def test_one_file(tmp_path: Path) -> None:

@@ -27,6 +27,7 @@ _MODULES: Final[dict[str, str]] = {
     "jbi": "robotrue.program.formats.jbi",
     "krl": "robotrue.program.formats.krl",
     "rapid": "robotrue.program.formats.rapid",
+    "urscript": "robotrue.program.formats.urscript",
 }
 _SURE: Final = 0.4
 

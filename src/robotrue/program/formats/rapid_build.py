@@ -14,13 +14,12 @@ from robotrue.program.formats.rapid_frames import TOOL, WORK
 from robotrue.program.formats.rapid_walk import AXES_SHIFTED, AXIS, NOTHING, SHIFTED, Walk
 from robotrue.program.formats.rapid_write import RapidSpans
 from robotrue.program.formats.stored_points import firsts
+from robotrue.program.formats.target_notes import TOLD, TargetNotes
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 
 _NOT_CONNECTED: Final = 8.9e9
 """9E9 and beyond: the external axis is not there."""
-_TOLD: Final = 5
-"""Lines named one by one before the rest is counted."""
 
 
 def build(walk: Walk, given: FrameTable) -> Program:
@@ -48,7 +47,7 @@ class _Builder:
         self.starts = line_starts(walk.data)
         self.line = np.searchsorted(self.starts, offsets, side="right")
         self.order = np.argsort(offsets, kind="stable")
-        self.tell = Notes(walk.name, self.line)
+        self.tell = TargetNotes(walk.name, self.line)
 
     def program(self) -> Program:
         """Returns the finished program, its rows in file order."""
@@ -226,13 +225,7 @@ class _Builder:
     def _spoken(self) -> None:
         """Adds what the walk noticed: computed targets, checks of confdata, foreign routines."""
         story, name = self.walk.story, self.walk.name
-        told: dict[str, list[int]] = {}
-        for offset, what in story.notes:
-            line = int(np.searchsorted(self.starts, offset, side="right"))
-            told.setdefault(what, []).append(line)
-        for what, lines in told.items():
-            more = f" ({len(lines)} times)" if len(lines) > 1 else ""
-            self.tell.say(f"{name}:{lines[0]}: {what}; it is not compensated{more}.")
+        self.tell.each(story.notes, self.starts)
         for what, offset in story.checks.items():
             self.tell.say(
                 f"{name}:{int(np.searchsorted(self.starts, offset, side='right'))}: {what}: the "
@@ -240,32 +233,8 @@ class _Builder:
             )
         foreign = self.walk.outside()
         if foreign and len(self.place):
-            shown = ", ".join(foreign[:_TOLD]) + (" and others" if len(foreign) > _TOLD else "")
+            shown = ", ".join(foreign[:TOLD]) + (" and others" if len(foreign) > TOLD else "")
             self.tell.say(
                 f"{name}: {shown} stand in no file given here. Targets are compensated as if they "
                 "change no tool, work object or program displacement."
             )
-
-
-class Notes:
-    """Sentences for the user, each once."""
-
-    def __init__(self, name: str, line: IntArray) -> None:
-        self._name, self._line = name, line
-        self._all: list[str] = []
-
-    def say(self, sentence: str) -> None:
-        """Adds a whole sentence."""
-        self._all.append(sentence)
-
-    def rows(self, rows: BoolArray, what: str) -> None:
-        """Adds the lines of some targets and what is true of them."""
-        found = np.unique(self._line[np.flatnonzero(rows)]).tolist()
-        if found:
-            shown = ", ".join(str(each) for each in found[:_TOLD])
-            more = f" and {len(found) - _TOLD} more lines" if len(found) > _TOLD else ""
-            self.say(f"{self._name}:{shown}{more}: {what}.")
-
-    def notes(self) -> tuple[str, ...]:
-        """Returns all sentences."""
-        return tuple(dict.fromkeys(self._all))

@@ -44,6 +44,16 @@ class _Variable:
 
     line: int
     versions: dict[str, list[Member]] = field(default_factory=lambda: defaultdict(list))
+    _number: dict[tuple[str, object], int] = field(default_factory=dict)
+
+    def version(self, member: str, what: Member) -> int:
+        """Returns the number of a member's value; the same value has the same number."""
+        key = (member, what.tobytes() if isinstance(what, np.ndarray) else what)
+        versions = self.versions[member]
+        if key not in self._number:
+            self._number[key] = len(versions)
+            versions.append(what)
+        return self._number[key]
 
 
 class RapidFrames:
@@ -68,7 +78,7 @@ class RapidFrames:
         """Enters a declaration."""
         variable = self._known[side, name] = _Variable(line)
         for member, what in self._whole(side, value).items():
-            variable.versions[member].append(what)
+            variable.version(member, what)
 
     def assign(self, side: str, name: str, path: str, value: bytes, place: int) -> None:
         """Enters ``name.path := value`` at a place of the course."""
@@ -86,9 +96,8 @@ class RapidFrames:
             if member in new:
                 new = {member: None if deeper else _member(member, value)}
         for member, what in new.items():
-            versions = variable.versions[member]
-            versions.append(what)
-            self._course.set(place, (side, name, member), len(versions) - 1)
+            version = variable.version(member, what)
+            self._course.set(place, (side, name, member), version)
 
     def lose(self, side: str, name: str, place: int) -> None:
         """Notes that something not followed may have changed it."""

@@ -1,0 +1,45 @@
+"""What a reader wants to say of targets, in sentences with line numbers."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import BoolArray, IntArray
+
+TOLD: Final = 5
+"""Lines named one by one before the rest is counted."""
+
+
+class TargetNotes:
+    """Sentences for the user, each once."""
+
+    def __init__(self, name: str, line: IntArray) -> None:
+        self._name, self._line = name, line
+        self._all: list[str] = []
+
+    def say(self, sentence: str) -> None:
+        """Adds a whole sentence."""
+        self._all.append(sentence)
+
+    def rows(self, rows: BoolArray, what: str) -> None:
+        """Adds the lines of some targets and what is true of them."""
+        found = np.unique(self._line[np.flatnonzero(rows)]).tolist()
+        if found:
+            shown = ", ".join(str(each) for each in found[:TOLD])
+            more = f" and {len(found) - TOLD} more lines" if len(found) > TOLD else ""
+            self.say(f"{self._name}:{shown}{more}: {what}.")
+
+    def each(self, found: list[tuple[int, str]], starts: IntArray) -> None:
+        """Adds what is said of (byte, what), the same words once; ``starts`` begin the lines."""
+        told: dict[str, list[int]] = {}
+        for offset, what in found:
+            told.setdefault(what, []).append(int(np.searchsorted(starts, offset, side="right")))
+        for what, lines in told.items():
+            more = f" ({len(lines)} times)" if len(lines) > 1 else ""
+            self.say(f"{self._name}:{lines[0]}: {what}; it is not compensated{more}.")
+
+    def notes(self) -> tuple[str, ...]:
+        """Returns all sentences."""
+        return tuple(dict.fromkeys(self._all))

@@ -1,0 +1,288 @@
+"""Reads the statements of a UR script in order: points, motions, the tool, frames of poses."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from typing import Final
+
+from robotrue.program.formats.course import Course
+from robotrue.program.formats.number_table import NumberTable
+from robotrue.program.formats.stored_points import Uses, Variable, Variables
+from robotrue.program.formats.urscript_scan import AXES, POSE, Routine, arguments
+from robotrue.program.program import Motion, Reason
+
+POINT: Final = 0
+JOINTS: Final = 1
+NOTHING: Final = 2
+FRAME: Final = 3
+"""Kinds of points: pose, axes, a motion to no literal, a pose that is a tool or a frame."""
+LITERALS: Final = ((POSE, POINT, "pose"), (AXES, JOINTS, "joints"))
+UNKNOWN: Final = -1
+BASE: Final = -2
+"""Frames that are no point: computed, and the robot's base."""
+TOOL: Final = "tool"
+_MOVES: Final = {
+    "movel": (Motion.LIN,),
+    "movep": (Motion.LIN,),
+    "movej": (Motion.PTP,),
+    "movec": (Motion.ARC_VIA, Motion.ARC_END),
+}
+_ASSIGNED: Final = re.compile(
+    rb"\s*(?:(global|local)\s+)?([A-Za-z_]\w*)\s*(\[[^\]]*\])?\s*=(?!=)\s*"
+)
+_CALL: Final = re.compile(rb"\s*([A-Za-z_]\w*)\s*\(")
+_CALLED: Final = re.compile(rb"([A-Za-z_]\w*)\s*\(")
+_KEYWORD: Final = re.compile(rb"\s*(while|if|elif|else|return|break|end|run|halt)\b")
+_NAME: Final = re.compile(rb"[A-Za-z_]\w*+$")
+_WORDS: Final = re.compile(rb"(?<![\w.])[A-Za-z_]\w*+")
+_NAMED: Final = re.compile(rb"(?:pose|q|pose_via|pose_to)\s*=\s*")
+_FRAMED: Final = re.compile(rb"pose_trans\s*\(")
+_SOLVED: Final = re.compile(rb"get_inverse_kin\s*\(")
+_ADDED: Final = re.compile(rb"pose_add\s*\(")
+
+
+@dataclass(slots=True)
+class Story:
+    """What the walk collects.
+
+    Attributes:
+        offset: First byte of every point.
+        row: Its row in the table of numbers, -1 if it has none.
+        kind: See above.
+        uses: What is moved to; the setting is the frame's number in ``frames``.
+        frames: Points that are frames, ``BASE`` or ``UNKNOWN``.
+        tools: Points or ``UNKNOWN``, by the version set; the first is the one at the start.
+        asked: First byte that names each frame and tool, for sentences.
+        flags: Reasons found in the text.
+        arcs: Pairs of points.
+        notes: (byte, what to say).
+    """
+
+    offset: list[int] = field(default_factory=list)
+    row: list[int] = field(default_factory=list)
+    kind: list[int] = field(default_factory=list)
+    uses: Uses = field(default_factory=Uses)
+    frames: dict[int, int] = field(default_factory=lambda: {BASE: 0})
+    tools: list[int] = field(default_factory=lambda: [BASE])
+    asked: dict[tuple[str, int], int] = field(default_factory=dict)
+    flags: dict[int, Reason] = field(default_factory=dict)
+    arcs: list[tuple[int, int]] = field(default_factory=list)
+    notes: list[tuple[int, str]] = field(default_factory=list)
+
+
+class Walk:
+    """One reading of a script."""
+
+    def __init__(self, code: bytes, routines: list[Routine]) -> None:
+        self.code, self.course = code, Course()
+        self.table = NumberTable(6, (tuple(range(6)), tuple(range(6))))
+        self.story, self.variables = Story(), Variables()
+        self._at, self._scope, self._routines = 0, "", routines
+        self._own = {routine.name for routine in routines if routine.name}
+        self._blocks: list[str] = []
+        self._literal_frames: dict[bytes, int] = {}
+        self._tools: dict[int, int] = {}
+        self.moves = 0
+
+    def all(self) -> None:
+        """Reads every routine, the statements outside of all first."""
+        for routine in self._routines:
+            self._at += 1
+            self._scope, self._blocks = routine.name, []
+            self.course.start(self._at, routine.name, handler=routine.parallel)
+            for name in routine.parameters:
+                self.variables.declare(self._scope, name, "parameter").outside = True
+            for start, end in routine.statements:
+                self._at += 1
+                self._statement(start, end)
+
+    def _statement(self, start: int, end: int) -> None:
+        call = _CALL.match(self.code, start, end)
+        word = call[1].decode() if call else ""
+        if call and word in _MOVES:
+            self._move(word, call.end(), end)
+        elif call and word == "set_tcp":
+            self._tool(call.end(), self._closed(call.end(), end))
+        elif not self._control(start, end) and not self._assign(start, end):
+            self._other(start, end)
+
+    def _control(self, start: int, end: int) -> bool:
+        match = _KEYWORD.match(self.code, start, end)
+        if match is None:
+            return False
+        word = match[1].decode()
+        course, at = self.course, self._at
+        if word == "while":
+            course.loop(at)
+        elif word == "if":
+            course.branch(at, opens=True)
+        elif word in ("elif", "else"):
+            course.alternative(at, other=word == "else")
+        elif word == "break":
+            course.exit_loop(at)
+        elif word in ("return", "halt"):
+            course.leave(at)
+        elif word == "end":
+            block = self._blocks.pop() if self._blocks else ""
+            (course.close_loop if block == "while" else course.join)(at)
+        if word in ("while", "if"):
+            self._blocks.append(word)
+        self._other(match.end(), end)
+        return True
+
+    def _other(self, start: int, end: int) -> None:
+        """What is not followed: its variables are not certain; own routines are passed through."""
+        self._mention(start, end)
+        called = [name.decode() for name in _CALLED.findall(self.code, start, end)]
+        own = [name for name in called if name in self._own]
+        if own:
+            self._at += 1
+            self.course.call(self._at, own)
+        if called and called[0].startswith(("servo", "speed")):
+            for match in POSE.finditer(self.code, start, end):
+                point = self._point(match.start(), self.table.add(match, POINT), POINT)
+                self.story.flags[point] = Reason.EXPRESSION
+                self.story.notes.append((start, f"{called[0]} is no motion that is followed"))
+
+    def _mention(self, start: int, end: int) -> None:
+        for match in _WORDS.finditer(self.code, start, end):
+            variable = self.variables.find(self._scope, match[0].decode())
+            if variable is not None:
+                variable.computed = True
+
+    def _assign(self, start: int, end: int) -> bool:
+        match = _ASSIGNED.match(self.code, start, end)
+        if match is None:
+            return False
+        name, at = match[2].decode(), match.end()
+        variable = self.variables.find(self._scope, name)
+        for pattern, kind, what in LITERALS:
+            literal = None if match[3] else pattern.match(self.code, at, end)
+            if literal and not self.code[literal.end() : end].strip():
+                scope = self._scope if match[1] == b"local" else ""
+                variable = variable or self.variables.declare(scope, name, what)
+                if variable.kind != what:
+                    variable.computed = True
+                point = self._point(literal.start(), self.table.add(literal, kind), kind)
+                variable.give("", point, self.course.barriers)
+                return True
+        if variable is None and not match[3]:
+            variable = self.variables.declare("", name, "value")
+        if variable is not None:
+            variable.computed = True
+        self._other(at, end)
+        return True
+
+    def _point(self, offset: int, row: int, kind: int) -> int:
+        story = self.story
+        story.offset.append(offset)
+        story.row.append(row)
+        story.kind.append(kind)
+        return len(story.offset) - 1
+
+    def _closed(self, start: int, end: int) -> int:
+        """Returns where the bracket closes that opened before ``start``."""
+        depth = 1
+        for match in re.finditer(rb"[()]", self.code[start:end]):
+            depth += 1 if match[0] == b"(" else -1
+            if depth == 0:
+                return start + match.start()
+        return end
+
+    def _tool(self, start: int, end: int) -> None:
+        first = arguments(self.code, start, end)[0]
+        point, tools = self._frame(*first), self.story.tools
+        version = self._tools.setdefault(point, len(tools)) if point >= 0 else len(tools)
+        if version == len(tools):
+            tools.append(point)
+            self.story.asked[TOOL, version] = start
+        self.course.set(self._at, TOOL, version)
+
+    def _frame(self, start: int, end: int) -> int:
+        """Returns the point that a frame or tool argument means, or ``UNKNOWN``."""
+        text = self.code[start:end]
+        known = self._literal_frames.get(text)
+        if known is not None:
+            return known
+        match = POSE.match(self.code, start, end)
+        if match and match.end() == end:
+            point = self._point(start, self.table.add(match, POINT), FRAME)
+            self._literal_frames[text] = point
+            return point
+        variable = self._variable(text)
+        if variable is not None and variable.kind == "pose":
+            points = self.variables.points_at(variable, "", self.course.barriers)
+            if points:
+                self.story.flags[points[0]] = Reason.EXPRESSION
+                return points[0]
+        self._mention(start, end)
+        return UNKNOWN
+
+    def _variable(self, text: bytes) -> Variable | None:
+        return (
+            self.variables.find(self._scope, text.decode("latin-1")) if _NAME.match(text) else None
+        )
+
+    def _move(self, word: str, start: int, end: int) -> None:
+        self.moves += 1
+        close = end if self.code[end - 1 : end] == b")" else self._closed(start, end) + 1
+        targets = _MOVES[word]
+        found = [
+            self._operand(*place)
+            for place in arguments(self.code, start, close - 1)[: len(targets)]
+        ]
+        while len(found) < len(targets):
+            found.append((self._lost(start, Reason.INCOMPLETE, f"{word} has no target"), BASE))
+        for (point, frame), motion in zip(found, targets, strict=True):
+            number = self.story.frames.setdefault(frame, len(self.story.frames))
+            self.story.asked.setdefault(("base", number), start)
+            self.story.uses.add(point, self._at, motion, number)
+        if len(found) == 2:
+            self.story.arcs.append((found[0][0], found[1][0]))
+
+    def _operand(self, start: int, end: int) -> tuple[int, int]:
+        """Returns the point an argument means and the frame it stands in."""
+        named = _NAMED.match(self.code, start, end)
+        start = named.end() if named else start
+        for pattern, kind, _ in LITERALS:
+            match = pattern.match(self.code, start, end)
+            if match and match.end() == end:
+                return self._point(start, self.table.add(match, kind), kind), BASE
+        text = self.code[start:end]
+        variable = self._variable(text)
+        if variable is not None:
+            points = self.variables.points_at(variable, "", self.course.barriers)
+            if points:
+                return points[0], BASE
+        for pattern in (_FRAMED, _SOLVED):
+            call = pattern.match(self.code, start, end)
+            if call and self._closed(call.end(), end) == end - 1:
+                inside = arguments(self.code, call.end(), end - 1)
+                if pattern is _SOLVED:
+                    for place in inside[1:]:
+                        self._mention_seed(*place)
+                    return self._operand(*inside[0])
+                if len(inside) == 2:
+                    point, inner = self._operand(*inside[1])
+                    frame = self._frame(*inside[0])
+                    return point, frame if inner == BASE else UNKNOWN
+        self._mention(start, end)
+        shown = text[:40].decode("latin-1")
+        if _ADDED.match(self.code, start, end):
+            what = f"the target {shown!r} starts from another pose"
+            return self._lost(start, Reason.RELATIVE, what), BASE
+        what = f"the target {shown!r} is computed, a parameter, or given nowhere"
+        return self._lost(start, Reason.EXPRESSION, what), BASE
+
+    def _mention_seed(self, start: int, end: int) -> None:
+        """Joints near which get_inverse_kin looks may be a variable: it stays what it is."""
+        text = self.code[start:end].partition(b"=")[2].strip() or self.code[start:end]
+        if self._variable(text) is None:
+            self._mention(start, end)
+
+    def _lost(self, offset: int, reason: Reason, what: str) -> int:
+        point = self._point(offset, -1, NOTHING)
+        self.story.flags[point] = reason
+        self.story.notes.append((offset, what))
+        return point

@@ -1,0 +1,90 @@
+"""Puts new numbers into the bytes of a UR script; every other byte is copied.
+
+Metres and radians with fewer than six decimals are rewritten with seven (0.1 um); all else keeps
+its style (:mod:`robotrue.program.formats.number_text`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array, BoolArray
+from robotrue.core.rotations import rotation_vector_from_matrix
+from robotrue.errors import ShapeError
+from robotrue.program.formats.number_table import Numbers, respelled
+from robotrue.program.formats.pose_write import changed_rows, moved, require_printable
+from robotrue.program.program import Program, Replacement
+
+_ENOUGH: Final = np.array([6])
+_LEAST: Final = np.array([7])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UrSpans:
+    """Where the numbers of the targets stand.
+
+    Attributes:
+        numbers: (n, 6) x, y, z in m and the rotation vector in rad, or six axes in rad.
+        is_axis: (n,) the target is a list of axes.
+    """
+
+    numbers: Numbers
+    is_axis: BoolArray
+
+
+def write_urscript(program: Program, replacement: Replacement) -> bytes:
+    """Returns the script with the numbers of the changed rows replaced and nothing else touched.
+
+    Raises:
+        ShapeError: A changed row has a value that is not finite, or beyond 1e9 m or rad.
+    """
+    spans = program.spans
+    if not isinstance(spans, UrSpans):
+        raise ShapeError(f"{program.name} was not read by the urscript dialect, but by another.")
+    changed = changed_rows(program, replacement)
+    values = spans.numbers.value.copy()
+    touched = np.zeros(values.shape, dtype=np.bool_)
+    place, turn, axes = moved(program, replacement)
+    pose, axis = changed & ~spans.is_axis, changed & spans.is_axis
+    touched[:, :3] = place & pose[:, None]
+    touched[:, 3:] = (turn & pose)[:, None]
+    values[:, :3] = np.where(touched[:, :3], replacement.position, values[:, :3])
+    rows = np.flatnonzero(turn & pose)
+    values[rows, 3:] = nearest_rotation_vector(replacement.rotation[rows], values[rows, 3:])
+    if axis.any():
+        touched |= axes & axis[:, None]
+        values = np.where(axes & axis[:, None], replacement.axes, values)
+    require_printable(program, values, touched, "m, rad")
+    shape = values.shape
+    return respelled(
+        program.data,
+        spans.numbers,
+        values,
+        touched,
+        np.broadcast_to(_ENOUGH, shape),
+        np.broadcast_to(_LEAST, shape),
+    )
+
+
+def nearest_rotation_vector(rotation: Array, near: Array) -> Array:
+    """Returns the rotation vectors (k, 3) rad of (k, 3, 3) that are nearest to ``near`` (k, 3).
+
+    A vector and the one a full turn shorter or longer are the same rotation: near half a turn a
+    correction of 0.01 deg may otherwise print the opposite vector.
+    """
+    if not np.isfinite(rotation).all():
+        return np.full((len(rotation), 3), np.nan)
+    vector = rotation_vector_from_matrix(rotation)
+    length = np.linalg.norm(vector, axis=1, keepdims=True)
+    near_length = np.linalg.norm(near, axis=1, keepdims=True)
+    tiny = 1e-12
+    # No turn at all is a full turn about any axis: the one that stood there.
+    axis = np.where(
+        length > 1e-7, vector / np.maximum(length, tiny), near / np.maximum(near_length, tiny)
+    )
+    turns = np.rint((np.sum(axis * near, axis=1, keepdims=True) - length) / (2.0 * np.pi))
+    out: Array = vector + 2.0 * np.pi * turns * axis
+    return out
