@@ -195,6 +195,7 @@ def test_many_touches_calibrate_a_nominal_arm(cli, work: Path) -> None:
 def test_one_frame_per_side(cli, work: Path) -> None:
     position = touched.in_base(np.vstack([touched.POINTS, touched.POINTS]))
     position[8:] += [0.0, 0.003, 0.0]
+    position[10] += [0.0, 0.0, 0.008]
     path = touched.write(
         work / "p.csv",
         np.vstack([touched.POINTS, touched.POINTS]),
@@ -208,7 +209,10 @@ def test_one_frame_per_side(cli, work: Path) -> None:
     shift = np.array(back["xyz_mm"]) - front["xyz_mm"]
     np.testing.assert_allclose(shift, [0.0, 3.0, 0.0], atol=0.3)
     assert document["xyz_mm"] == front["xyz_mm"]
-    assert len(document["residual_mm"]) == 16
+    assert list(document["residual_mm"])[8:10] == ["back/K1", "back/K2"]
+    assert (front["outliers"], back["outliers"]) == ([], ["K3"])
+    assert document["outliers"] == ["back/K3"]
+    assert any(doubt.startswith("back: Not believed: K3") for doubt in document["doubts"])
     cell = read_cell(work / "o.toml")
     assert cell.part is not None
     assert cell.part.names == ("front", "back")

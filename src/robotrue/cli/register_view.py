@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -21,15 +20,25 @@ SHOWN: Final = 40
 def document(found: RegisteredPart) -> dict[str, Any]:
     """Returns JSON values: those of the first part at the top, all parts under ``parts``."""
     parts = [_part_document(frame) for frame in found.frames]
+    several = len(parts) > 1
     first = dict(parts[0])
-    if len(parts) > 1:
-        first["residual_mm"] = _all_residuals(found)
-        first["outliers"] = [name for part in parts for name in part["outliers"]]
+    if several:
+        names = _names(found)
+        lengths = [d for frame in found.frames for d in frame.registration.distances / MM]
+        believed = [b for frame in found.frames for b in frame.registration.believed]
+        first["residual_mm"] = dict(zip(names, map(float, lengths), strict=True))
+        first["outliers"] = [n for n, good in zip(names, believed, strict=True) if not good]
+
+    def told(key: str) -> list[str]:
+        return [
+            f"{part['part']}: {line}" if several else line for part in parts for line in part[key]
+        ]
+
     return {
         **first,
         "verdict": found.verdict,
-        "reasons": [reason for part in parts for reason in part["reasons"]],
-        "doubts": [*found.doubts, *(doubt for part in parts for doubt in part["doubts"])],
+        "reasons": told("reasons"),
+        "doubts": [*found.doubts, *told("doubts")],
         "route": found.route,
         "model": found.identity.document(),
         "touched_with": found.touched_with.document(),
@@ -38,15 +47,11 @@ def document(found: RegisteredPart) -> dict[str, Any]:
     }
 
 
-def _all_residuals(found: RegisteredPart) -> Mapping[str, float]:
-    """Residual by name over all parts; the part's name goes before one that is not alone."""
-    names = [name for frame in found.frames for name in frame.registration.names]
-    alone = len(set(names)) == len(names)
-    return {
-        (name if alone else f"{frame.name}/{name}"): float(length / MM)
-        for frame in found.frames
-        for name, length in zip(frame.registration.names, frame.registration.distances, strict=True)
-    }
+def _names(found: RegisteredPart) -> list[str]:
+    """Of all touches; the part's name goes before where one of them stands twice."""
+    pairs = [(frame.name, name) for frame in found.frames for name in frame.registration.names]
+    alone = len({name for _, name in pairs}) == len(pairs)
+    return [name if alone else f"{part}/{name}" for part, name in pairs]
 
 
 def _part_document(frame: FoundFrame) -> dict[str, Any]:
@@ -103,10 +108,11 @@ def show(found: RegisteredPart, frames: list[tuple[str, ControllerFrame]]) -> No
                 )[:SHOWN]
             ],
         )
+        about = f"{frame.name}: " if len(found.frames) > 1 else ""
         for reason in frame.reasons:
-            say(f"no-go: {reason}")
+            say(f"no-go: {about}{reason}")
         for doubt in frame.doubts:
-            say(f"note: {doubt}")
+            say(f"note: {about}{doubt}")
     for doubt in found.doubts:
         say(f"note: {doubt}")
     for _, controller in frames:
