@@ -249,8 +249,10 @@ def report(tally: Tally) -> None:
         for count in COUNTS:
             both = [tally.line(way, count, side)[0] for side in SIDES]
             text = " / ".join(f"{share:.1f} %" for share in both)
-            inside = all(low <= share <= high for share in both)
-            verdict = ("reached" if inside else "missed") if way in HONEST else "for comparison"
+            verdict = "for comparison"
+            if way in HONEST:
+                verdict = "missed" if min(both) < low else "reached"
+                verdict = "missed: too wide" if max(both) > high else verdict
             reach = f"{low:g} to {high:g} % both" if way in HONEST else "-"
             reference = REFERENCE.get(way, {}).get(count, "-")
             print(

@@ -12,7 +12,7 @@ from scipy.special import fdtri
 
 from robotrue.calibration.belief import Belief
 from robotrue.calibration.drift_scales import Stack
-from robotrue.calibration.evidence import Group, Weights, learn, sums_of
+from robotrue.calibration.evidence import COMMON_HOLD, Group, Weights, learn, sums_of
 from robotrue.calibration.priors import LEARNED, Prior
 from robotrue.calibration.robust import chi_point
 from robotrue.core.arrays import Array
@@ -66,23 +66,30 @@ def learned_scales(
     told = sum(
         float(seen) for g, seen in zip(found.groups, found.determined, strict=True) if g.learned
     )
+    # What the touches determine hardly depends on the scales; what they do not (a side that was
+    # never touched) is as uncertain as the scales themselves, which the default holds loosely.
+    beyond = float(np.sqrt(few_factor(told, COMMON_HOLD) / few_factor(told)))
+    for group in found.groups:
+        if group.learned:
+            new[group.columns] *= beyond
     wider = replace(
         belief, root=np.diag(new)[new > 0.0], inflation=belief.inflation * few_factor(told)
     )
     return wider, float(found.noise[0])
 
 
-def few_factor(told: float) -> float:
+def few_factor(told: float, worth: float = WORTH) -> float:
     """Returns the factor on a covariance whose scale was told by some weights.
 
     It takes a 95 % region in space from a Gaussian's to that of a multivariate t: 3 F(3, nu) over
     chi^2 (Gelman and others 2013, "Bayesian Data Analysis", section 3.2, for the scale of a
-    Gaussian), nu the weights the touches determine and :data:`WORTH` for the default.
+    Gaussian), nu the weights the touches determine and what the default is worth.
 
     Args:
         told: Number of weights of learned groups that the touches determine.
+        worth: Weights that the default scales are worth.
     """
-    return float(3.0 * fdtri(3, told + WORTH, LEVEL) / chi_point(LEVEL, 3) ** 2)
+    return float(3.0 * fdtri(3, told + worth, LEVEL) / chi_point(LEVEL, 3) ** 2)
 
 
 def noise_factor(belief: Belief, stack: Stack, noise: Array) -> float:
