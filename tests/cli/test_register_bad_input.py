@@ -205,6 +205,17 @@ def test_a_side_at_fault_is_named(refused, work: Path) -> None:
     assert message.startswith("part 'back': points K1,")
 
 
+def test_more_sides_than_the_controller_has_frames(refused, work: Path) -> None:
+    both = np.vstack([POINTS, POINTS])
+    path = touched.write(
+        work / "p.csv", both, position=touched.in_base(both), names=NAMES * 2,
+        part=["front"] * 8 + ["back"] * 8,
+    )  # fmt: skip
+    options = ("--frame-format", "g54", "--frame-number", "6")
+    message = refused("ConfigurationError", path, *options)
+    assert message == "frame number 7 of g54, allowed 1 to 6."
+
+
 def test_another_robot(refused, work: Path) -> None:
     rows = ["name,px_mm,py_mm,pz_mm," + ",".join(f"j{i}_deg" for i in range(1, 8))]
     rows += [f"K{i},{i},{i * i},0,1,2,3,4,5,6,7" for i in range(4)]

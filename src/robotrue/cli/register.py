@@ -25,7 +25,7 @@ from robotrue.core.mesh import TriangleMesh, read_mesh
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.formats.points import read_points
-from robotrue.program.controller_frames import FORMS, ControllerFrame, controller_frame
+from robotrue.program.controller_frames import ControllerFrame, controller_frame
 from robotrue.store.model_file import ZIP, write_model
 from robotrue.validation.registered_part import RegisteredPart
 from robotrue.validation.registration import register
@@ -75,6 +75,7 @@ def run(
         parts=file.parts,
         settings=_settings(cell, options),
     )
+    frames = _frames(found, options)
     used = refined_path if found.refined is not None else _model_path(cell, cell_or_model)
     model_file = "" if used is None else _relative(used, output)
     table = found.table(model_file=model_file, points_file=points.name, points_sha256=file.digest)
@@ -87,7 +88,6 @@ def run(
         )
     write_atomic(output, data)
     say(f"registered cell written to {output}")
-    frames = _frames(found, options)
     if as_json:
         emit_json(
             {
@@ -176,7 +176,7 @@ def _frames(found: RegisteredPart, options: Options) -> list[tuple[str, Controll
                 frame.registration.T_base_part,
                 form,
                 name=frame.name,
-                number=min(options.frame_number + k, FORMS[form][1]),
+                number=options.frame_number + k,
             ),
         )
         for form in options.frame_format

@@ -24,6 +24,10 @@ from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 
 
+ANY: Final = 1_000_000
+"""Last number where frames have names and the number says nothing."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ControllerFrame:
     """A frame in a controller's own words.
@@ -137,10 +141,10 @@ def _g54(xyz: Array, R: Array, name: str, number: int) -> ControllerFrame:
 
 FORMS: Final[dict[str, tuple[int, int, Callable[[Array, Array, str, int], ControllerFrame]]]] = {
     "krl": (1, 128, _krl),
-    "rapid": (1, 1, _rapid),
+    "rapid": (1, ANY, _rapid),
     "fanuc": (1, 61, _fanuc),
     "yaskawa": (1, 63, _yaskawa),
-    "ur": (1, 1, _ur),
+    "ur": (1, ANY, _ur),
     "g54": (1, 6, _g54),
 }
 """Name of each form, first and last number of the frame table, and its writer."""
