@@ -23,7 +23,6 @@ from robotrue.core.rotations import (
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 
-
 ANY: Final = 1_000_000
 """Last number where frames have names and the number says nothing."""
 
