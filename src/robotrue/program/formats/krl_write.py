@@ -23,6 +23,7 @@ from robotrue.core.words import NO_WORD
 from robotrue.errors import ShapeError
 from robotrue.program.euler import nearest_abc
 from robotrue.program.formats.krl_scan import Bytes, Ints
+from robotrue.program.formats.number_kernels import copy_bytes, put_number, put_whole
 from robotrue.program.program import Program, Replacement
 
 _SAME_POSITION: Final = 1e-11
@@ -229,49 +230,10 @@ def _style(buf: Any, start: Any, end: Any) -> Any:
 
 
 @numba.njit(cache=True)
-def _decimal(out: Any, k: Any, whole: Any) -> Any:
-    """Writes a non-negative integer at ``k``; returns its end."""
-    size, rest = 1, whole // 10
-    while rest > 0:
-        size += 1
-        rest //= 10
-    for i in range(size):
-        out[k + size - 1 - i] = 48 + whole % 10
-        whole //= 10
-    return k + size
-
-
-@numba.njit(cache=True)
-def _number(out: Any, k: Any, value: Any, decimals: Any, plus: Any, bare: Any) -> Any:
-    """Writes ``value`` with ``decimals`` at ``k``; returns its end."""
-    scale = 1
-    for _ in range(decimals):
-        scale *= 10
-    magnitude = abs(value)
-    whole = int(np.floor(magnitude))
-    fraction = int(np.rint((magnitude - whole) * scale))
-    if fraction >= scale:
-        whole, fraction = whole + 1, fraction - scale
-    if value < 0 and (whole > 0 or fraction > 0):
-        out[k] = 45
-        k += 1
-    elif plus:
-        out[k] = 43
-        k += 1
-    if whole > 0 or not bare:
-        k = _decimal(out, k, whole)
-    out[k] = 46
-    for i in range(decimals):
-        out[k + decimals - i] = 48 + fraction % 10
-        fraction //= 10
-    return k + 1 + decimals
-
-
-@numba.njit(cache=True)
 def _integer(out: Any, k: Any, value: Any, buf: Any, start: Any, end: Any) -> Any:
     """Writes S or T in the base and at least the digits of the bytes it replaces."""
     if buf[start] != 39:
-        return _decimal(out, k, value)
+        return put_whole(out, k, value)
     base = 2 if (buf[start + 1] & 223) == 66 else 16
     size, rest = 1, value // base
     while rest > 0:
@@ -288,14 +250,6 @@ def _integer(out: Any, k: Any, value: Any, buf: Any, start: Any, end: Any) -> An
 
 
 @numba.njit(cache=True)
-def _copy(out: Any, k: Any, buf: Any, start: Any, end: Any) -> Any:
-    for i in range(start, end):
-        out[k] = buf[i]
-        k += 1
-    return k
-
-
-@numba.njit(cache=True)
 def _place(
     out: Any, k: Any, buf: Any, cursor: Any, start: Any, end: Any, text: Any, size: Any
 ) -> Any:
@@ -305,12 +259,12 @@ def _place(
         lead += 1
     growth = size - (end - start)
     eat = min(growth, lead - 1) if lead >= 2 and growth > 0 else 0
-    k = _copy(out, k, buf, cursor, start - eat)
+    k = copy_bytes(out, k, buf, cursor, start - eat)
     if lead >= 2:
         for _ in range(-growth):
             out[k] = 32
             k += 1
-    return _copy(out, k, text, 0, size)
+    return copy_bytes(out, k, text, 0, size)
 
 
 @numba.njit(cache=True)
@@ -327,7 +281,7 @@ def _insert(out: Any, k: Any, component: Any, value: Any, decimals: Any) -> Any:
         k += 1
         out[k] = 43 + component
     out[k + 1] = 32
-    return _number(out, k + 2, value, decimals, False, False)
+    return put_number(out, k + 2, value, decimals, False, False)
 
 
 @numba.njit(cache=True)
@@ -361,7 +315,7 @@ def _splice(
                 most = max(most, decimals)
                 new = values[row, code % 6]
                 if touched[row, code % 6] and abs(new - old[t]) > _HALF_DIGIT[decimals]:
-                    size = _number(scratch, 0, new, decimals, plus, bare)
+                    size = put_number(scratch, 0, new, decimals, plus, bare)
             elif code == 18 and status[row] >= 0 and status[row] != old[t]:
                 size = _integer(scratch, 0, status[row], buf, first, last)
             elif code == 19 and turn[row] >= 0 and turn[row] != old[t]:
@@ -372,9 +326,9 @@ def _splice(
         if inserting:
             t = token[row] + tokens[row] - 1
             last = start[t] + length[t]
-            k = _copy(out, k, buf, cursor, last)
+            k = copy_bytes(out, k, buf, cursor, last)
             cursor = last
             while add < add_row.size and add_row[add] == row:
                 k = _insert(out, k, add_component[add], add_value[add], max(most, 4))
                 add += 1
-    return _copy(out, k, buf, cursor, buf.size)
+    return copy_bytes(out, k, buf, cursor, buf.size)

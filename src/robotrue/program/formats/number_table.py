@@ -10,10 +10,15 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray, IntArray
-from robotrue.program.formats.number_text import restyled, spliced
+from robotrue.program.formats.number_kernels import plain_tokens, respell
+from robotrue.program.formats.number_text import restyled
 
 _HELD: Final = 4096
 """Matches kept as objects before they become rows of arrays."""
+_QUICK: Final = 1e8
+"""Values below this are printed by the compiled way."""
+_WIDEST: Final = 28
+"""Bytes one rewritten number can take: sign, nine digits, point, fifteen decimals."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,19 +121,42 @@ def respelled(
         enough: (n, w) decimals that can hold a correction.
         least: (n, w) decimals to print where a number has fewer than that.
     """
-    starts: list[int] = []
-    lengths: list[int] = []
-    texts: list[bytes] = []
     where = np.nonzero(touched & (numbers.start >= 0))
-    columns = (numbers.start, numbers.length, values, enough, least)
-    for start, length, value, limit, more in zip(
-        *(column[where].tolist() for column in columns), strict=True
-    ):
-        token = data[start : start + length]
+    order = np.argsort(numbers.start[where], kind="stable")
+    start, length, limit, more = (
+        column[where][order] for column in (numbers.start, numbers.length, enough, least)
+    )
+    old, value = numbers.value[where][order], values[where][order]
+    if not len(start):
+        return data
+    text = np.frombuffer(data, np.uint8)
+    odd = ~plain_tokens(text, start, length) | (np.abs(value) >= _QUICK)
+    slow, texts = np.zeros(len(start) + 1, np.int64), b""
+    if odd.any():
+        slow, texts = _restyled(data, np.flatnonzero(odd), start, length, value, limit, more)
+    out = np.empty(len(data) + _WIDEST * len(start) + len(texts), np.uint8)
+    size = respell(
+        text, start, length, old, value, limit, more, slow, np.frombuffer(texts, np.uint8), out
+    )
+    return out[:size].tobytes()
+
+
+def _restyled(
+    data: bytes,
+    odd: IntArray,
+    start: IntArray,
+    length: IntArray,
+    value: Array,
+    enough: IntArray,
+    least: IntArray,
+) -> tuple[IntArray, bytes]:
+    """Returns the texts of the odd tokens in one piece, and where each begins (t + 1,)."""
+    size = np.zeros(len(start) + 1, np.int64)
+    texts = []
+    for t in odd.tolist():
+        token = data[start[t] : start[t] + length[t]]
         shown = len(token.partition(b".")[2])
-        text = restyled(token, value, least=0 if shown >= limit else more)
-        if text != token:
-            starts.append(start)
-            lengths.append(length)
-            texts.append(text)
-    return spliced(data, starts, lengths, texts) if starts else data
+        text = restyled(token, float(value[t]), least=0 if shown >= enough[t] else int(least[t]))
+        texts.append(text)
+        size[t + 1] = len(text)
+    return np.cumsum(size), b"".join(texts)

@@ -128,14 +128,23 @@ def _refusal(what: str, code: bytes, place: int, name: str) -> FormatError:
     )
 
 
-def arguments(code: bytes, start: int, end: int) -> list[tuple[int, int]]:
-    """Returns the stretches between the commas of an argument list, blanks left out."""
+def arguments(code: bytes, start: int, end: int, most: int = 99) -> list[tuple[int, int]]:
+    """Returns the stretches between the commas of an argument list, blanks left out.
+
+    Args:
+        code: Quieted bytes.
+        start: First byte inside the brackets.
+        end: The closing bracket.
+        most: How many are asked for.
+    """
     out, depth, begun = [], 0, start
     for match in _SIGNS.finditer(code, start, end):
         if match[0] == b",":
             if depth == 0:
                 out.append(_trimmed(code, begun, match.start()))
                 begun = match.end()
+                if len(out) == most:
+                    return out
         else:
             depth += 1 if match[0] in b"[(" else -1
     out.append(_trimmed(code, begun, end))

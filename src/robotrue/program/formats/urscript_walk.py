@@ -226,12 +226,10 @@ class Walk:
 
     def _move(self, word: str, start: int, end: int) -> None:
         self.moves += 1
-        close = end if self.code[end - 1 : end] == b")" else self._closed(start, end) + 1
         targets = _MOVES[word]
-        found = [
-            self._operand(*place)
-            for place in arguments(self.code, start, close - 1)[: len(targets)]
-        ]
+        close = end - 1 if self.code[end - 1 : end] == b")" else self._closed(start, end)
+        places = arguments(self.code, start, close, len(targets))
+        found = [self._operand(*place) for place in places]
         while len(found) < len(targets):
             found.append((self._lost(start, Reason.INCOMPLETE, f"{word} has no target"), BASE))
         for (point, frame), motion in zip(found, targets, strict=True):

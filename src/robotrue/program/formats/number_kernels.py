@@ -1,0 +1,123 @@
+"""Compiled printing of numbers into a buffer of bytes, for programs of a million targets."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numba
+import numpy as np
+
+_HALF_DIGIT: Final = np.array([0.5 * 10.0**-k for k in range(16)])
+SLOW_DECIMALS: Final = 13
+"""From here on a number is left to the slow way, which rounds exactly."""
+
+
+@numba.njit(cache=True)
+def put_whole(out: Any, k: Any, whole: Any) -> Any:
+    """Writes a non-negative integer at ``k``; returns its end."""
+    size, rest = 1, whole // 10
+    while rest > 0:
+        size += 1
+        rest //= 10
+    for i in range(size):
+        out[k + size - 1 - i] = 48 + whole % 10
+        whole //= 10
+    return k + size
+
+
+@numba.njit(cache=True)
+def put_number(out: Any, k: Any, value: Any, decimals: Any, plus: Any, bare: Any) -> Any:
+    """Writes ``value`` with ``decimals`` at ``k``; returns its end."""
+    scale = 1
+    for _ in range(decimals):
+        scale *= 10
+    magnitude = abs(value)
+    whole = int(np.floor(magnitude))
+    fraction = int(np.rint((magnitude - whole) * scale))
+    if fraction >= scale:
+        whole, fraction = whole + 1, fraction - scale
+    if value < 0 and (whole > 0 or fraction > 0):
+        out[k] = 45
+        k += 1
+    elif plus:
+        out[k] = 43
+        k += 1
+    if whole > 0 or not bare:
+        k = put_whole(out, k, whole)
+    out[k] = 46
+    for i in range(decimals):
+        out[k + decimals - i] = 48 + fraction % 10
+        fraction //= 10
+    return k + 1 + decimals
+
+
+@numba.njit(cache=True)
+def copy_bytes(out: Any, k: Any, buf: Any, start: Any, end: Any) -> Any:
+    """Copies ``buf[start:end]`` to ``k``; returns its end."""
+    for i in range(start, end):
+        out[k] = buf[i]
+        k += 1
+    return k
+
+
+@numba.njit(cache=True)
+def is_plain(buf: Any, start: Any, end: Any) -> Any:
+    """Returns whether a token is digits with at most one point and a sign, and not too long."""
+    point = -1
+    for i in range(start, end):
+        if buf[i] == 46:
+            point = i
+        elif not (48 <= buf[i] <= 57 or (i == start and (buf[i] == 43 or buf[i] == 45))):
+            return False
+    return point >= 0 and start < end and end - point <= SLOW_DECIMALS
+
+
+@numba.njit(cache=True)
+def respell(
+    buf: Any,
+    start: Any,
+    length: Any,
+    old: Any,
+    value: Any,
+    enough: Any,
+    least: Any,
+    slow: Any,
+    texts: Any,
+    out: Any,
+) -> Any:
+    """Copies ``buf`` to ``out`` with tokens (t,), in order, rewritten; returns the bytes written.
+
+    A plain token keeps its decimals, or gets ``least`` where it has fewer than ``enough``; it stays
+    where it says the value already. Of others ``texts[slow[t] : slow[t + 1]]`` is what to write.
+    """
+    cursor, k = 0, 0
+    for t in range(start.size):
+        first, last = start[t], start[t] + length[t]
+        if slow[t + 1] > slow[t]:
+            k = copy_bytes(out, k, buf, cursor, first)
+            k = copy_bytes(out, k, texts, slow[t], slow[t + 1])
+            cursor = last
+            continue
+        point = first
+        while buf[point] != 46:
+            point += 1
+        decimals = last - point - 1
+        if decimals < enough[t]:
+            decimals = max(decimals, least[t])
+        if abs(value[t] - old[t]) <= _HALF_DIGIT[decimals]:
+            continue
+        k = copy_bytes(out, k, buf, cursor, first)
+        signed = buf[first] == 43 or buf[first] == 45
+        bare = point == first + signed
+        k = put_number(out, k, value[t], decimals, buf[first] == 43, bare)
+        cursor = last
+    return copy_bytes(out, k, buf, cursor, buf.size)
+
+
+@numba.njit(cache=True)
+def plain_tokens(buf: Any, start: Any, length: Any) -> Any:
+    """Returns which tokens (t,) are plain."""
+    out = np.empty(start.size, np.bool_)
+    for t in range(start.size):
+        out[t] = is_plain(buf, start[t], start[t] + length[t])
+    return out
