@@ -216,7 +216,7 @@ def test_counts_that_do_not_fit_are_named() -> None:
         ("\nEND\n", "\n", "test.jbi:15: the job has no END"),
         ("C00000=800.000", "C00000=8oo.000", "test.jbi:9: '8oo.000,-100.000"),
         ("C00000=800.000", "C00000=800.0.0", "test.jbi:9: '800.0.0"),
-        ("C00000=800.000", "C00000=" + "9" * 400, "test.jbi:9: a number is too large"),
+        ("C00000=800.000", "C00000=" + "9" * 400, "has a number that is too large"),
         ("C00000=800.000", "C00000 800.000", "is no point and no header"),
         ("///RCONF 1,0,0,0,0,0,0,0", "///RCONF 1,0", "test.jbi:8: ///RCONF has 2 fields"),
         ("///TOOL 1", "///TOOL one", "test.jbi:5: ///TOOL 'one' is no list of whole numbers"),

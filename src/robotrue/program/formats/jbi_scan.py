@@ -10,19 +10,16 @@ from __future__ import annotations
 import re
 from array import array
 from dataclasses import dataclass, field
-from itertools import chain
 from typing import Final, NamedTuple, NoReturn
 
 import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
 from robotrue.errors import FormatError
+from robotrue.program.formats.jbi_points import point_lines
 from robotrue.program.formats.number_text import NUMBER
 from robotrue.program.formats.text_lines import require_text
 
-_END: Final = rb"[ \t]*(?:\r\n|\n|\r|\Z)"
-_SIX: Final = rb",".join([rb"[ \t]*(" + NUMBER + rb")[ \t]*"] * 6)
-_POINT: Final = re.compile(rb"([CP])(\d{1,6})[ \t]*=" + _SIX + _END)
 _LINE: Final = re.compile(rb"([^\r\n]*)(?:\r\n|\n|\r|\Z)")
 _OTHER_POINT: Final = re.compile(rb"(C|P|BC|BP|EC|EX)(\d{1,6})[ \t]*=(.*)")
 _HEADER: Final = re.compile(rb"///(\w+)[ \t]*(.*)")
@@ -30,6 +27,8 @@ _NUMBER: Final = re.compile(NUMBER)
 UNITS: Final = {"RECTAN": 0, "ANGLE": 1, "PULSE": 2}
 """How numbers are meant: a pose in mm and deg, axes in deg, axes in pulses."""
 _BOM: Final = b"\xef\xbb\xbf"
+_AT_ONCE: Final = 8192
+"""Point lines read by one call of the compiled loop."""
 
 
 class Header(NamedTuple):
@@ -181,27 +180,23 @@ class _Reader:
 
     def _points(self) -> None:
         """Reads ``//POS`` up to ``//INST``."""
-        data, match_point = self.data, _POINT.match
-        rows, spans, values = self.rows, self.spans, self.values
+        text = np.frombuffer(self.data, np.uint8)
+        table, spans = np.empty((_AT_ONCE, 4), np.int64), np.empty((_AT_ONCE, 6, 2), np.int64)
+        value, more = np.empty((_AT_ONCE, 6)), True
         self.found |= {"C": 0, "P": 0}
-        header, more = self._header(), True
         while more:
-            match = match_point(data, self.at)
-            if match is None:
-                more = self._other()
-                header = self._header()
-                continue
-            _, letter, number, *where = match.regs
-            self.line += 1
-            kind = data[letter[0] : letter[1]].decode()
-            rows.extend((self._name(kind, int(data[number[0] : number[1]])), self.line, header, 6))
-            spans.extend(chain.from_iterable(where))
-            values.extend(map(float, match.groups()[2:]))
-            self.at = match.end()
-        large = np.flatnonzero(np.isinf(np.frombuffer(values, np.float64)))
-        if len(large):
-            self.line = rows[4 * (int(large[0]) // 6) + 1]
-            self._refuse("a number is too large", "correct it")
+            header = self._header()
+            count, self.at = point_lines(
+                text, self.at, self.line, header, P_POINTS, table, spans, value
+            )
+            self.line += count
+            self.rows.frombytes(table[:count].tobytes())
+            self.spans.frombytes(spans[:count].tobytes())
+            self.values.frombytes(value[:count].tobytes())
+            variables = int(np.count_nonzero(table[:count, 0] >= P_POINTS))
+            self.found["P"] += variables
+            self.found["C"] += count - variables
+            more = count == _AT_ONCE or self._other()
 
     def _name(self, kind: str, number: int) -> int:
         self.found[kind] += 1
@@ -231,6 +226,8 @@ class _Reader:
         if not all(_NUMBER.fullmatch(part) for part in parts):
             self._refuse(f"{_shown(text)} is no list of numbers", "correct it")
         numbers = tuple(float(part) for part in parts)
+        if kind in ("C", "P") and (len(parts) == 6 or not np.isfinite(numbers).all()):
+            self._refuse(f"{_shown(text)} has a number that is too large", "correct it")
         if kind in ("C", "P"):
             self.rows.extend((self._name(kind, number), self.line, self._header(), len(parts)))
             self.spans.extend([0] * 12)

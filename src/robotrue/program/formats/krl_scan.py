@@ -227,7 +227,7 @@ def _find(keys: Any, key: Any) -> Any:
 
 
 @numba.njit(cache=True)
-def _number(buf: Any, i: Any, end: Any) -> Any:
+def read_number(buf: Any, i: Any, end: Any) -> Any:
     """Returns (value, end) of ``[+-]?digits[.digits][ E[+-]digits]`` at ``i``; end = i if none."""
     j, negative = i, False
     if j < end and (buf[j] == 43 or buf[j] == 45):
@@ -360,7 +360,7 @@ def _aggregate(
             if j == start:
                 return -1, n_tok, 0, 5, j
         else:
-            value, j = _number(buf, j, end)
+            value, j = read_number(buf, j, end)
         if not np.isfinite(value):
             return -1, n_tok, 0, 3, start
         after = _blank(buf, j, end)

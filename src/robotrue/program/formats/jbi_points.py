@@ -1,0 +1,93 @@
+"""Runs of plain JBI point lines ``C00000=x,y,z,rx,ry,rz``, read by a compiled loop."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+
+from robotrue.program.formats.krl_scan import read_number
+
+
+@numba.njit(cache=True)
+def point_lines(
+    buf: Any, at: Any, line: Any, header: Any, offset: Any, table: Any, spans: Any, value: Any
+) -> Any:
+    """Fills rows from the point lines that begin at ``at``, up to a line that is no such line.
+
+    Args:
+        buf: The bytes of the job.
+        at: First byte of a line.
+        line: One-based number of the line before it.
+        header: What to write in the column of headers.
+        offset: Added to the numbers of P points.
+        table: (m, 4) gets number, line, header and the count of values of each point.
+        spans: (m, 6, 2) gets first and last byte of the values.
+        value: (m, 6) gets the values.
+
+    Returns:
+        How many rows were filled, and the first byte of the line after them.
+    """
+    rows = 0
+    while rows < len(table):
+        name, end = _name(buf, at, offset)
+        if name < 0:
+            break
+        end = _values(buf, end, spans[rows], value[rows])
+        if end < 0:
+            break
+        table[rows, 0], table[rows, 1] = name, line + rows + 1
+        table[rows, 2], table[rows, 3] = header, 6
+        rows += 1
+        at = end
+    return rows, at
+
+
+@numba.njit(cache=True)
+def _name(buf: Any, at: Any, offset: Any) -> Any:
+    """Returns the number of the point named at ``at``, -1 if there is none, and what follows."""
+    n = buf.size
+    if at >= n or (buf[at] != 67 and buf[at] != 80):
+        return -1, at
+    number, k = 0, at + 1
+    while k < n and 48 <= buf[k] <= 57 and k - at <= 6:
+        number = 10 * number + buf[k] - 48
+        k += 1
+    first = k
+    k = _blank(buf, k)
+    if first == at + 1 or k >= n or buf[k] != 61:
+        return -1, at
+    return number + (offset if buf[at] == 80 else 0), k + 1
+
+
+@numba.njit(cache=True)
+def _values(buf: Any, k: Any, spans: Any, value: Any) -> Any:
+    """Reads six numbers and the end of the line; returns the next line, -1 if they are not six."""
+    n = buf.size
+    for i in range(6):
+        k = _blank(buf, k)
+        number, end = read_number(buf, k, n)
+        if end == k or not np.isfinite(number):
+            return -1
+        for j in range(k, end):
+            if buf[j] == 32 or buf[j] == 9:  # KRL has blanks before an exponent, JBI has not
+                return -1
+        spans[i, 0], spans[i, 1], value[i] = k, end, number
+        k = _blank(buf, end)
+        if i < 5:
+            if k >= n or buf[k] != 44:
+                return -1
+            k += 1
+    if k < n and buf[k] == 13:
+        return k + 2 if k + 1 < n and buf[k + 1] == 10 else k + 1
+    if k < n and buf[k] != 10:
+        return -1
+    return min(k + 1, n)
+
+
+@numba.njit(cache=True)
+def _blank(buf: Any, k: Any) -> Any:
+    while k < buf.size and (buf[k] == 32 or buf[k] == 9):
+        k += 1
+    return k
