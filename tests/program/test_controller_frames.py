@@ -58,7 +58,7 @@ def read(form: str, text: str) -> np.ndarray:
 
 
 @pytest.mark.parametrize("form", sorted(FORMS))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(LENGTH, LENGTH, LENGTH, ANGLE, ANGLE, ANGLE)
 def test_read_back_it_is_the_frame(
     form: str, x: float, y: float, z: float, a: float, b: float, c: float
@@ -77,7 +77,7 @@ def test_the_two_krl_lines_and_the_two_g54_lines_agree() -> None:
     assert "$P_UIFR[2]=CTRANS(X,100.0000,Y,200.0000,Z,300.0000):CROT(X,30.000000," in g54
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(ANGLE, ANGLE, ANGLE)
 def test_quaternions_are_of_unit_length_and_read_back(a: float, b: float, c: float) -> None:
     R = about(2, a) @ about(1, b) @ about(0, c)
