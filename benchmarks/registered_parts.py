@@ -4,13 +4,13 @@
 
 Simulated cells of robotrue.simulation.feng2018_cell (touch .1 mm per axis, tip off by .3 mm per
 axis). A nominal arm touches the block from one side or three; a calibrated one (60 tracker poses,
-method "elastic") touches 30 points of three sides, before and after a tool change of .3 mm per axis.
-Points of the front and of the back, 12 each, are then machined in the frame, by the model it belongs
-to.
+method "elastic") touches 30 points of three sides, before and after a tool change of .3 mm per
+axis. Points of the front and of the back, 12 each, are then machined in the frame, by the model it
+belongs to.
 
-Columns: median over cells of the rms error, in brackets its 95th percentile, mm; stated: the largest
-95 % region of a machined point at the touches, median; share of cells with verdict GO; refused:
-cells in which the touches contradict the model, so that no frame is given.
+Columns: median over cells of the rms error, in brackets its 95th percentile, mm; stated: the
+largest 95 % region of a machined point at the touches, median; share of cells with verdict GO;
+refused: cells in which the touches contradict the model, so that no frame is given.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import argparse
 import sys
 import time
 from collections import defaultdict
+from typing import Literal
 
 import numpy as np
 
@@ -48,6 +49,8 @@ from robotrue.validation.registration_settings import RegistrationSettings
 
 ARM = FitSettings(repeatability=0.03 * MM * RP_PER_SIGMA)
 FIRST_SEED = 0
+WAYS: tuple[Literal["frame", "joint"], ...] = ("frame", "joint")
+CUT: tuple[Posture, ...] = ("R", "L")
 PLANS: dict[str, dict[Posture, int]] = {
     "6 front": {"R": 6},
     "10 front": {"R": 10},
@@ -93,12 +96,12 @@ def row(
         found = register(arm, touches, settings=settings)
     except ImplausibleDataError:
         return [np.nan] * 4
-    errors = [machined(cell, found, arm, side, rng) for side in ("R", "L")]  # type: ignore[arg-type]
+    errors = [machined(cell, found, arm, side, rng) for side in CUT]
     return [*errors, found.frames[0].region.max() / MM, float(found.verdict == "GO")]
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--cells", type=int, default=200)
     parser.add_argument("--quick", action="store_true", help="20 cells")
     given = parser.parse_args()
@@ -109,25 +112,25 @@ def main() -> None:
         cell, rng = feng_cell(seed), np.random.default_rng([seed, 9])
         for plan, sides in PLANS.items():
             touches = probed(cell, sides, rng)
-            for way in ("frame", "joint"):
-                told = RegistrationSettings(arm=ARM, fit=way)  # type: ignore[arg-type]
+            for way in WAYS:
+                told = RegistrationSettings(arm=ARM, fit=way)
                 rows[f"nominal, {plan}", way].append(row(cell, cell.nominal, touches, told, rng))
         model = fit(cell.nominal, tracker_poses(cell, rng), method="elastic", settings=ARM)
         changed = with_tool_change(cell, rng)
         for what, at, sigma in (("calibrated", cell, None), ("tool changed", changed, 0.3 * MM)):
             touches = probed(at, PLANS["30 of three sides"], rng)
-            for way in ("frame", "joint"):
-                told = RegistrationSettings(arm=ARM, fit=way, tool_sigma=sigma)  # type: ignore[arg-type]
+            for way in WAYS:
+                told = RegistrationSettings(arm=ARM, fit=way, tool_sigma=sigma)
                 rows[f"{what}, 30 of three sides", way].append(row(at, model, touches, told, rng))
     sys.stdout.write(f"{cells} cells, seeds from {FIRST_SEED}; simulated\n")
     sys.stdout.write(f"{'touches':32} {'way':6} {'front':>16} {'back':>16} stated    GO refused\n")
-    for (what, way), found in rows.items():
+    for (what, route), found in rows.items():
         table = np.array(found)
         kept = table[np.isfinite(table[:, 0])]
         middle, high = np.median(kept, axis=0), np.percentile(kept, 95, axis=0)
-        sides = [f"{middle[k]:6.3f} [{high[k]:6.3f}]" for k in (0, 1)]
+        errors = [f"{middle[k]:6.3f} [{high[k]:6.3f}]" for k in (0, 1)]
         sys.stdout.write(
-            f"{what:32} {way:6} {sides[0]:>16} {sides[1]:>16} {middle[2]:6.3f} "
+            f"{what:32} {route:6} {errors[0]:>16} {errors[1]:>16} {middle[2]:6.3f} "
             f"{kept[:, 3].mean():5.2f} {len(table) - len(kept):7d}\n"
         )
     sys.stdout.write(f"{time.perf_counter() - started:.0f} s\n")
