@@ -279,3 +279,19 @@ def test_refused_by_line(text: str, line: int, what: str) -> None:
         read(text)
     assert caught.value.line == line
     assert caught.value.source == "part.mod"
+
+
+def test_settings_a_caller_passes_on() -> None:
+    options = "PERS tooldata spindle \\ PERS wobjdata fixture"
+    text = f"{FRAMES}PROC go({options})\n{move(target())}ENDPROC\nENDMODULE"
+    assert read(text).reason.tolist() == [Reason.UNKNOWN_FRAME]
+    assert reasons(f"MoveL {target()},v1,z1,spindle\\WObj?fixture;") == [Reason.UNKNOWN_FRAME]
+
+
+def test_calls_by_name_and_traps_are_told() -> None:
+    program = module('%"proc"+x%;\n' + move(target()))
+    assert any("a call by name stand in no file" in note for note in program.notes)
+    trap = "TRAP stop\nfixture.uframe:=[[1,0,0],[1,0,0,0]];\nENDTRAP\n"
+    program = read(f"{FRAMES}PROC main()\n{move(target())}ENDPROC\n{trap}ENDMODULE")
+    assert program.reason.tolist() == [0]
+    assert any(": stop, which an interrupt or an error starts" in n for n in program.notes)

@@ -95,6 +95,12 @@ def test_tool_in_the_order_of_the_script() -> None:
     assert note.startswith("part.script:2: the tool of line 2 is computed")
 
 
+def test_a_thread_that_changes_the_tool_is_told() -> None:
+    program = read(f"thread t():\nset_tcp({P})\nend\ndef a():\nmovel({P})\nend\n")
+    assert program.reason.tolist() == [NONE]
+    assert any("the thread t changes the tool" in note for note in program.notes)
+
+
 def test_frames() -> None:
     frame = "p[1.0,2.0,0.0,0.0,0.0,1.5707963]"
     program = script(f"movel(pose_trans({frame}, {P}))\nf = {frame}\nmovej(pose_trans(f,{P}),a=1)")

@@ -35,6 +35,7 @@ class Course:
         self._steps: list[_Step] = [_Step(0, "start", "\0 before all")]
         self._sets: dict[Hashable, list[_Step]] = {}
         self._solved: dict[Hashable, tuple[IntArray, IntArray]] = {}
+        self._handlers: set[str] = set()
         self.barriers = 0
 
     def set(self, at: int, key: Hashable, version: int) -> None:
@@ -85,6 +86,10 @@ class Course:
         """Passes through other routines."""
         self._step(_Step(at, "call", names=tuple(names)))
 
+    def handlers(self) -> list[str]:
+        """Returns the handlers that set something asked for: it may differ at any place."""
+        return sorted(self._handlers)
+
     def versions(self, key: Hashable, places: IntArray) -> IntArray:
         """Returns the version (n,) in force at places (n,); ``DIFFERS`` where ways disagree."""
         if key not in self._sets:
@@ -131,6 +136,7 @@ class Course:
                 case _:
                     flow.call(each.at, [_named(name) for name in each.names if name in own])
         ways = flow.solve()
+        self._handlers.update(name.removeprefix(_named("")) for name in ways.handlers)
         return np.array(ways.line), np.array([value[BASE] for value in ways.value])
 
 

@@ -231,9 +231,16 @@ class _Builder:
                 f"{name}:{int(np.searchsorted(self.starts, offset, side='right'))}: {what}: the "
                 "controller does not compare confdata from here; they are kept right all the same."
             )
+        for each in self.walk.course.handlers():
+            self.tell.say(
+                f"{name}: {each}, which an interrupt or an error starts, changes a tool, work "
+                "object or displacement; targets that may come after it are compensated as if it "
+                "had not run."
+            )
         foreign = self.walk.outside()
         if foreign and len(self.place):
-            shown = ", ".join(foreign[:TOLD]) + (" and others" if len(foreign) > TOLD else "")
+            names = ["a call by name" if each == "late" else each for each in foreign]
+            shown = ", ".join(names[:TOLD]) + (" and others" if len(foreign) > TOLD else "")
             self.tell.say(
                 f"{name}: {shown} stand in no file given here. Targets are compensated as if they "
                 "change no tool, work object or program displacement."

@@ -56,7 +56,7 @@ _MOVES: Final = _PLAIN | {
 }
 
 BUILT_IN: Final = frozenset(
-    """accset activeventbuffer actunit add aliasio aliasioreset bitclear bitset break callbyvar
+    """accset activeventbuffer actunit add aliasio aliasioreset bitclear bitset break
     cirpathmode clear clearpath clkreset clkstart clkstop close confj confl confjoff corrclear
     corrcon corrdiscon corrwrite deactunit decr dropwobj eoffsoff eoffson eoffsset errlog errraise
     errwrite gripload idelete idisable ienable incr invertdo iodisable ioenable isignaldi isignaldo
@@ -104,5 +104,6 @@ def read_tail(data: bytes, start: int, end: int, move: Move, *, given: int) -> T
     places, rest = found.places[: move.targets - given], found.places[move.targets - given :]
     index = move.tool - move.targets
     tool = clean(data[slice(*rest[index])]) if index < len(rest) else ""
-    work = found.options.get("wobj", "")
+    # ``\\WObj?w`` passes on an option that the caller may have left out.
+    work = found.options.get("wobj", next((o for o in found.options if o[:4] == "wobj"), ""))
     return Tail(tool.lower(), work.lower(), tuple(places))

@@ -71,8 +71,8 @@ class Statement(NamedTuple):
     """One statement or control word.
 
     Attributes:
-        word: Its first word in lower case; ``label``, ``prefix`` (LOCAL before a routine) and
-            ``if then`` are words of our own.
+        word: Its first word in lower case; ``label``, ``prefix`` (LOCAL before a routine),
+            ``late`` (a call by name) and ``if then`` are words of our own.
         start: First byte of that word.
         body: Byte after it.
         end: End of the statement, without the ``;``.
@@ -100,7 +100,10 @@ def statements(data: bytes, name: str) -> Iterator[Statement]:
             return
         match = NAME.match(data, at)
         if match is None:
-            at = _nameless(data, at, name)
+            end = _nameless(data, at, name)
+            if data[at : at + 1] == b"%":
+                yield Statement("late", at, at, end - 1)
+            at = end
             continue
         word, body = match[0].decode().lower(), match.end()
         if word in _ALONE:
@@ -109,12 +112,11 @@ def statements(data: bytes, name: str) -> Iterator[Statement]:
             continue
         statement = _control(data, word, at, body)
         if statement is None:
-            end = _BODY.match(data, body)
-            if end is None:
+            ended = _BODY.match(data, body)
+            if ended is None:
                 raise _endless(data, at, name)
-            statement = Statement(word, at, body, end.end() - 1)
-            yield statement
-            at = end.end()
+            yield Statement(word, at, body, ended.end() - 1)
+            at = ended.end()
             continue
         yield statement
         at = statement.end

@@ -385,9 +385,16 @@ class Walk:
             self.story.arcs += [(a, b) for a in via for b in last]
 
     def _use(self, point: int, motion: int, tail: Tail, start: int) -> None:
-        story = self.story
-        number, _ = story.settings.setdefault((tail.tool, tail.work), (len(story.settings), start))
-        story.uses.add(point, self._at, motion, number)
+        settings = self.story.settings
+        key = tail.tool, tail.work
+        if any(self._is_parameter(name) for name in key):
+            key = (f"{tail.tool} ({self._scope})", f"{tail.work} ({self._scope})")
+        number, _ = settings.setdefault(key, (len(settings), start))
+        self.story.uses.add(point, self._at, motion, number)
+
+    def _is_parameter(self, name: str) -> bool:
+        variable = self.variables.find(self._scope, name)
+        return variable is not None and variable.outside
 
     def _target(self, start: int, end: int, move: Move) -> list[int]:
         """Returns the points a target argument may mean; one of no numbers if none is known."""

@@ -163,3 +163,8 @@ class _Builder:
             for point in (via, last):
                 self.reason[point] = self.reason[point] or worst
         self.tell.each(story.notes, self.starts)
+        for each in self.walk.course.handlers():
+            self.tell.say(
+                f"{self.name}: the thread {each} changes the tool; targets are compensated as if "
+                "it did not run."
+            )
