@@ -15,7 +15,7 @@ import numpy as np
 from robotrue.core.arrays import IntArray
 from robotrue.core.words import NO_WORD
 from robotrue.errors import ShapeError
-from robotrue.program.formats.number_text import spliced
+from robotrue.program.formats.pose_write import changed_rows
 from robotrue.program.formats.target_tokens import TargetTokens, rewritten
 from robotrue.program.program import Program, Replacement
 
@@ -59,20 +59,26 @@ def write_fanuc(program: Program, replacement: Replacement) -> bytes:
     spans = program.spans
     if not isinstance(spans, FanucSpans):
         raise ShapeError(f"{program.name} was not read by the fanuc_ls dialect, but by another.")
-    starts, lengths, texts = rewritten(program, replacement, spans.tokens)
-    changed = np.asarray(replacement.changed, dtype=np.bool_)
+    others = _configurations(program, replacement, spans)
+    return rewritten(program, replacement, spans.tokens, others, aligned=True)
+
+
+def _configurations(
+    program: Program, replacement: Replacement, spans: FanucSpans
+) -> list[tuple[int, int, bytes]]:
+    """Returns (first byte, bytes, text) of the letters and turns of CONFIG that change."""
+    changed = changed_rows(program, replacement)
     words = np.asarray(replacement.words, dtype=np.int64)
     new = changed[:, None] & (words != NO_WORD) & (program.words != NO_WORD)
     new &= words != program.words
+    out: list[tuple[int, int, bytes]] = []
     for row in np.flatnonzero(new.any(axis=1)).tolist():
         first, size = spans.config[row].tolist()
         found = read_config(program.data[first : first + size])
         for column in np.flatnonzero(new[row]).tolist() if found else ():
             begin, end = found[1][column] if found else (0, 0)
-            starts.append(first + begin)
-            lengths.append(end - begin)
-            texts.append(_word(column, int(words[row, column])))
-    return spliced(program.data, starts, lengths, texts) if starts else program.data
+            out.append((first + begin, end - begin, _word(column, int(words[row, column]))))
+    return out
 
 
 def _word(column: int, value: int) -> bytes:

@@ -14,7 +14,7 @@ import numpy as np
 from robotrue.core.arrays import IntArray
 from robotrue.core.words import NO_WORD, WORDS
 from robotrue.errors import ShapeError
-from robotrue.program.formats.number_text import spliced
+from robotrue.program.formats.pose_write import changed_rows
 from robotrue.program.formats.target_tokens import TargetTokens, rewritten
 from robotrue.program.program import Program, Replacement
 
@@ -43,19 +43,15 @@ def write_jbi(program: Program, replacement: Replacement) -> bytes:
     spans = program.spans
     if not isinstance(spans, JbiSpans):
         raise ShapeError(f"{program.name} was not read by the jbi dialect, but by another.")
-    starts, lengths, texts = rewritten(program, replacement, spans.tokens)
-    for place, text in _headers(program, replacement, spans):
-        starts.append(place)
-        lengths.append(0)
-        texts.append(text)
-    return spliced(program.data, starts, lengths, texts) if starts else program.data
+    headers = _headers(program, replacement, spans)
+    return rewritten(program, replacement, spans.tokens, headers, aligned=False)
 
 
 def _headers(
     program: Program, replacement: Replacement, spans: JbiSpans
-) -> list[tuple[int, bytes]]:
-    """Returns (place, line) of every RCONF line to insert."""
-    changed = np.asarray(replacement.changed, dtype=np.bool_)
+) -> list[tuple[int, int, bytes]]:
+    """Returns (place, 0, line) of every RCONF line to insert."""
+    changed = changed_rows(program, replacement)
     words = np.asarray(replacement.words, dtype=np.int64)
     new = changed[:, None] & (words != NO_WORD) & (program.words != NO_WORD)
     wanted = np.where(new, words, program.words)
@@ -70,7 +66,7 @@ def _headers(
         fields = spans.fields[int(spans.rconf[row])][WORDS["yaskawa"] :]
         text = ",".join(map(str, (*wanted[row].tolist(), *fields)))
         place = _line_start(program.data, int(spans.tokens.start[row, 0]))
-        out.append((place, b"///RCONF " + text.encode() + _line_end(program.data, place)))
+        out.append((place, 0, b"///RCONF " + text.encode() + _line_end(program.data, place)))
     return out
 
 

@@ -23,7 +23,7 @@ from robotrue.core.words import NO_WORD
 from robotrue.errors import ShapeError
 from robotrue.program.euler import nearest_abc
 from robotrue.program.formats.krl_scan import Bytes, Ints
-from robotrue.program.formats.number_kernels import copy_bytes, put_number, put_whole
+from robotrue.program.formats.number_kernels import copy_bytes, place, put_number, put_whole
 from robotrue.program.program import Program, Replacement
 
 _SAME_POSITION: Final = 1e-11
@@ -250,24 +250,6 @@ def _integer(out: Any, k: Any, value: Any, buf: Any, start: Any, end: Any) -> An
 
 
 @numba.njit(cache=True)
-def _place(
-    out: Any, k: Any, buf: Any, cursor: Any, start: Any, end: Any, text: Any, size: Any
-) -> Any:
-    """Copies up to a token and writes ``text[:size]``, its column kept where blanks allow."""
-    lead = 0
-    while start - lead - 1 >= cursor and buf[start - lead - 1] == 32:
-        lead += 1
-    growth = size - (end - start)
-    eat = min(growth, lead - 1) if lead >= 2 and growth > 0 else 0
-    k = copy_bytes(out, k, buf, cursor, start - eat)
-    if lead >= 2:
-        for _ in range(-growth):
-            out[k] = 32
-            k += 1
-    return copy_bytes(out, k, text, 0, size)
-
-
-@numba.njit(cache=True)
 def _insert(out: Any, k: Any, component: Any, value: Any, decimals: Any) -> Any:
     """Writes ``,NAME value`` for a left-out component."""
     out[k] = 44
@@ -321,7 +303,7 @@ def _splice(
             elif code == 19 and turn[row] >= 0 and turn[row] != old[t]:
                 size = _integer(scratch, 0, turn[row], buf, first, last)
             if size > 0:
-                k = _place(out, k, buf, cursor, first, last, scratch, size)
+                k = place(out, k, buf, cursor, first, last, scratch, size)
                 cursor = last
         if inserting:
             t = token[row] + tokens[row] - 1

@@ -61,6 +61,24 @@ def copy_bytes(out: Any, k: Any, buf: Any, start: Any, end: Any) -> Any:
 
 
 @numba.njit(cache=True)
+def place(
+    out: Any, k: Any, buf: Any, cursor: Any, start: Any, end: Any, text: Any, size: Any
+) -> Any:
+    """Copies up to a token and writes ``text[:size]``, its column kept where blanks allow."""
+    lead = 0
+    while start - lead - 1 >= cursor and buf[start - lead - 1] == 32:
+        lead += 1
+    growth = size - (end - start)
+    eat = min(growth, lead - 1) if lead >= 2 and growth > 0 else 0
+    k = copy_bytes(out, k, buf, cursor, start - eat)
+    if lead >= 2:
+        for _ in range(-growth):
+            out[k] = 32
+            k += 1
+    return copy_bytes(out, k, text, 0, size)
+
+
+@numba.njit(cache=True)
 def is_plain(buf: Any, start: Any, end: Any) -> Any:
     """Returns whether a token is digits with at most one point and a sign, and not too long."""
     point = -1
@@ -83,33 +101,36 @@ def respell(
     least: Any,
     slow: Any,
     texts: Any,
+    aligned: Any,
     out: Any,
 ) -> Any:
     """Copies ``buf`` to ``out`` with tokens (t,), in order, rewritten; returns the bytes written.
 
     A plain token keeps its decimals, or gets ``least`` where it has fewer than ``enough``; it stays
     where it says the value already. Of others ``texts[slow[t] : slow[t + 1]]`` is what to write.
+    When ``aligned``, a token keeps its column where the blanks before it allow.
     """
-    cursor, k = 0, 0
+    scratch, cursor, k = np.empty(64, np.uint8), 0, 0
     for t in range(start.size):
         first, last = start[t], start[t] + length[t]
         if slow[t + 1] > slow[t]:
+            text, size = texts[slow[t] : slow[t + 1]], slow[t + 1] - slow[t]
+        else:
+            point = first
+            while buf[point] != 46:
+                point += 1
+            decimals = last - point - 1
+            if decimals < enough[t]:
+                decimals = max(decimals, least[t])
+            if abs(value[t] - old[t]) <= _HALF_DIGIT[decimals]:
+                continue
+            signed = buf[first] == 43 or buf[first] == 45
+            bare = point == first + signed
+            text, size = scratch, put_number(scratch, 0, value[t], decimals, buf[first] == 43, bare)
+        if not aligned:
             k = copy_bytes(out, k, buf, cursor, first)
-            k = copy_bytes(out, k, texts, slow[t], slow[t + 1])
-            cursor = last
-            continue
-        point = first
-        while buf[point] != 46:
-            point += 1
-        decimals = last - point - 1
-        if decimals < enough[t]:
-            decimals = max(decimals, least[t])
-        if abs(value[t] - old[t]) <= _HALF_DIGIT[decimals]:
-            continue
-        k = copy_bytes(out, k, buf, cursor, first)
-        signed = buf[first] == 43 or buf[first] == 45
-        bare = point == first + signed
-        k = put_number(out, k, value[t], decimals, buf[first] == 43, bare)
+            cursor = first
+        k = place(out, k, buf, cursor, first, last, text, size)
         cursor = last
     return copy_bytes(out, k, buf, cursor, buf.size)
 

@@ -110,6 +110,8 @@ def respelled(
     touched: BoolArray,
     enough: IntArray,
     least: IntArray,
+    *,
+    aligned: bool = False,
 ) -> bytes:
     """Returns the bytes with the touched numbers rewritten in their own style.
 
@@ -120,6 +122,7 @@ def respelled(
         touched: (n, w) those to rewrite; a number that says its value already stays.
         enough: (n, w) decimals that can hold a correction.
         least: (n, w) decimals to print where a number has fewer than that.
+        aligned: A number after two or more blanks keeps its column where they allow it.
     """
     where = np.nonzero(touched & (numbers.start >= 0))
     order = np.argsort(numbers.start[where], kind="stable")
@@ -136,8 +139,9 @@ def respelled(
         slow, texts = _restyled(data, np.flatnonzero(odd), start, length, value, limit, more)
     out = np.empty(len(data) + _WIDEST * len(start) + len(texts), np.uint8)
     size = respell(
-        text, start, length, old, value, limit, more, slow, np.frombuffer(texts, np.uint8), out
-    )
+        text, start, length, old, value, limit, more, slow, np.frombuffer(texts, np.uint8),
+        aligned, out,
+    )  # fmt: skip
     return out[:size].tobytes()
 
 

@@ -7,6 +7,7 @@ style it stands in, only when it differs by more than half of its last digit.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -16,7 +17,9 @@ from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ShapeError
 from robotrue.program.euler import abc_from_matrices, matrices_from_abc
-from robotrue.program.formats.number_text import restyled
+from robotrue.program.formats.number_table import Numbers, respelled
+from robotrue.program.formats.number_text import spliced
+from robotrue.program.formats.pose_write import changed_rows
 from robotrue.program.program import Program, Replacement
 
 LEAST_DECIMALS: Final = 3
@@ -60,38 +63,38 @@ def values_of(tokens: TargetTokens) -> tuple[Array, Array, Array]:
 
 
 def rewritten(
-    program: Program, replacement: Replacement, tokens: TargetTokens
-) -> tuple[list[int], list[int], list[bytes]]:
-    """Returns (starts, lengths, texts) of the numbers that change.
+    program: Program,
+    replacement: Replacement,
+    tokens: TargetTokens,
+    others: Sequence[tuple[int, int, bytes]],
+    *,
+    aligned: bool,
+) -> bytes:
+    """Returns the bytes with the numbers that change, and other stretches, replaced.
 
-    A number after two or more blanks keeps its column, where those blanks allow it.
+    Args:
+        program: As it was read.
+        replacement: What its targets shall be.
+        tokens: Where its numbers stand.
+        others: Other stretches (first byte, bytes, text), clear of the numbers.
+        aligned: A number after two or more blanks keeps its column where they allow it.
 
     Raises:
         ShapeError: A changed row has a value that is not finite, or beyond 1e9 mm, deg or pulses.
     """
-    changed = np.asarray(replacement.changed, dtype=np.bool_)
-    if changed.shape != (len(program),):
-        raise ShapeError(f"changed has shape {changed.shape}, expected ({len(program)},).")
+    changed = changed_rows(program, replacement)
     values, touched = _wanted(program, replacement, tokens, changed)
     touched &= tokens.length > 0
+    data, start = program.data, tokens.start
+    if others:
+        first, size, texts = zip(*sorted(others), strict=True)
+        growth = np.cumsum([0, *(len(t) - s for t, s in zip(texts, size, strict=True))])
+        start = start + growth[np.searchsorted(first, start, side="right")]
+        data = spliced(data, first, size, texts)
     least = np.where(tokens.whole[tokens.kind] & (tokens.kind != POSE), 0, LEAST_DECIMALS)
-    starts: list[int] = []
-    lengths: list[int] = []
-    texts: list[bytes] = []
-    data = program.data
-    row, column = np.nonzero(touched)
-    at, size = tokens.start[row, column], tokens.length[row, column]
-    for first, long, value, decimals in zip(
-        at.tolist(), size.tolist(), values[row, column].tolist(), least[row].tolist(), strict=True
-    ):
-        old = data[first : first + long]
-        new = restyled(old, value, least=decimals)
-        if new != old:
-            eaten, text = _in_column(data, first, len(new) - long, new)
-            starts.append(first - eaten)
-            lengths.append(long + eaten)
-            texts.append(text)
-    return starts, lengths, texts
+    least = np.broadcast_to(least[:, None], values.shape)
+    numbers = Numbers(start=start, length=tokens.length, value=tokens.value)
+    return respelled(data, numbers, values, touched, least, least, aligned=aligned)
 
 
 def _wanted(
@@ -125,15 +128,3 @@ def _wanted(
             hint="leave this row unchanged.",
         )
     return values, touched
-
-
-def _in_column(data: bytes, first: int, growth: int, text: bytes) -> tuple[int, bytes]:
-    """Returns how many blanks before a number to take, and the text with the blanks to add."""
-    if growth == 0 or data[first - 2 : first] != b"  ":
-        return 0, text
-    if growth < 0:
-        return 0, b" " * -growth + text
-    blanks = 2
-    while blanks <= growth and data[first - blanks - 1 : first - blanks] == b" ":
-        blanks += 1
-    return min(growth, blanks - 1), text
