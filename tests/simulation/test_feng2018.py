@@ -10,6 +10,7 @@ import pytest
 from robotrue.core.poses import apply, pose, pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ReachError
+from robotrue.robot.forward import forward
 from robotrue.robot.inverse import branch_of, branches_of
 from robotrue.robot.statics import drive_torque
 from robotrue.simulation.feng2018_cell import (
@@ -31,6 +32,7 @@ from robotrue.simulation.feng2018_cell import (
     tracker_poses,
     with_tip,
 )
+from robotrue.simulation.feng2018_planned import touch_planned
 from robotrue.simulation.feng2018_ways import all_sides, frame_and_tip, session, together
 from robotrue.simulation.recursion_floor import CASES, run_recursion
 from robotrue.simulation.reproduce_feng2018_ways import WAYS, calibrated_of, results_of
@@ -106,6 +108,19 @@ def test_touches_scatter_as_stated() -> None:
     points = touch_points("R", 400, rng)
     off = machine(cell, touch(cell, points, "R", rng)) - apply(cell.T_base_part, points)
     assert off.std() == pytest.approx(np.hypot(0.1, 0.03) * MM, rel=0.06)
+
+
+def test_planned_touches_are_on_the_block_and_mostly_where_it_is_cut() -> None:
+    cell = feng_cell(17, CellSizes(touch=0.0, repeatability=0.0))
+    points, joints = touch_planned(cell, 12, np.random.default_rng(11))
+    np.testing.assert_allclose(machine(cell, joints), apply(cell.T_base_part, points), atol=1e-9)
+    front, back, top = (points[:, 1] == 0.0), (points[:, 1] == SIZE[1]), (points[:, 2] == SIZE[2])
+    assert (front | back | top).all()
+    assert front.sum() >= 3
+    assert back.sum() >= 3
+    tool = forward(cell.nominal, joints)[:, :3, :3]
+    turned = np.linalg.norm(tool - tool[0], axis=(1, 2))
+    assert len(np.unique(turned.round(3))) > 6  # attitudes of their own
 
 
 def test_what_is_out_of_reach_is_named() -> None:

@@ -576,7 +576,7 @@ def slot_test(
     seed: Annotated[int, typer.Option(help="Seed of the virtual cell.")] = 1,
     way: Annotated[
         str,
-        typer.Option(help="Way shown beside the paper's: calibrated, touches-90, per-side, ..."),
+        typer.Option(help="Way shown beside the paper's: calibrated, planned-30, per-side, ..."),
     ] = "calibrated",
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Page (.html) with the error per side.")
