@@ -297,7 +297,7 @@ def _show(path: Path, document: dict[str, Any]) -> None:
     emit_facts(
         f"{path.name}: {document['holds']}",
         [
-            (key.replace("_", " "), _words(value))
+            (key.replace("_", " "), _told(key, value))
             for key, value in document.items()
             if key not in (*remarks_of, "holds")
         ],
@@ -307,13 +307,31 @@ def _show(path: Path, document: dict[str, Any]) -> None:
             say(f"{key.removesuffix('s')}: {line}")
 
 
+def _told(key: str, value: Any) -> str:
+    if key == "part":
+        frames = "; ".join(
+            f"{frame['name']} at {_three(frame['xyz_mm'])} mm, {_three(frame['abc_deg'])} deg, "
+            f"{frame['verdict']}"
+            for frame in value["frames"]
+        )
+        return f"{frames}; with {_whose(value['model'])}"
+    if key == "identity":
+        done = "compensated" if value["compensated"] else "not compensated"
+        where = f", part {value['part']}" if value["part"] else ""
+        return f"{done}, {_whose(value['model'])}{where}"
+    return _words(value)
+
+
+def _three(values: Sequence[float]) -> str:
+    return ", ".join(f"{value:.3f}" for value in values)
+
+
+def _whose(model: dict[str, str]) -> str:
+    return f"the {model['kind']} {model['robot']} ({model['sha256'][:12]})"
+
+
 def _words(value: Any) -> str:
     if isinstance(value, dict):
-        if any(
-            not isinstance(number, int) or isinstance(number, bool) for number in value.values()
-        ):
-            told = ((name.replace("_", " "), _words(inner)) for name, inner in value.items())
-            return ", ".join(f"{name} {words}" for name, words in told if words != "none")
         return ", ".join(f"{number} {name}" for name, number in value.items()) or "none"
     if isinstance(value, list):
         if value and isinstance(value[0], list):
