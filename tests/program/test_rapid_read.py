@@ -153,6 +153,10 @@ def test_frames_in_the_order_of_the_program() -> None:
     assert reasons(f"IF x {set_one}" + move(target(1))) == [Reason.UNKNOWN_FRAME]
     assert reasons(f"IF x THEN\n{set_one}ELSE\n{set_one}ENDIF\n" + move(target(1))) == [0]
     assert reasons(f"WHILE x DO\n{move(target(1))}{set_one}ENDWHILE\n") == [Reason.UNKNOWN_FRAME]
+    set_three = set_one.replace(":=", " ! to\n := ! [\n").replace(".", " . ! a\n")
+    assert reasons(set_three + move(target(1))) == [0]
+    assert reasons(f"IF x {set_three}" + move(target(1))) == [Reason.UNKNOWN_FRAME]
+    assert reasons("IF x Twist fixture;\n" + move(target(1))) == [Reason.UNKNOWN_FRAME]
     assert reasons("fixture.uframe.trans.x:=5;\n" + move(target(1))) == [Reason.UNKNOWN_FRAME]
     assert reasons("MToolTCPCalib spindle;\n" + move(target(1))) == [Reason.UNKNOWN_FRAME]
     assert reasons("ToLower(fixture);\n" + move(target(1))) == [Reason.UNKNOWN_FRAME]

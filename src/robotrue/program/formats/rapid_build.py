@@ -10,8 +10,9 @@ from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.rotations import matrix_from_quat_wxyz
 from robotrue.core.units import DEG, MM
 from robotrue.core.words import NO_WORD
+from robotrue.program.formats.rapid_data import AXIS, NOTHING
 from robotrue.program.formats.rapid_frames import TOOL, WORK
-from robotrue.program.formats.rapid_walk import AXES_SHIFTED, AXIS, NOTHING, SHIFTED, Walk
+from robotrue.program.formats.rapid_walk import AXES_SHIFTED, SHIFTED, Walk
 from robotrue.program.formats.rapid_write import RapidSpans
 from robotrue.program.formats.stored_points import firsts
 from robotrue.program.formats.target_notes import TOLD, TargetNotes

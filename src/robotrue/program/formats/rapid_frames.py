@@ -21,7 +21,7 @@ from robotrue.core.rotations import matrix_from_quat_wxyz
 from robotrue.core.units import MM
 from robotrue.program.formats.course import DIFFERS, Course
 from robotrue.program.formats.krl_frames import Frames
-from robotrue.program.formats.rapid_scan import POSE, arguments, clean, fills
+from robotrue.program.formats.rapid_scan import POSE, SKIP, arguments, clean, fills
 from robotrue.program.program import FrameTable
 
 TOOL: Final = "tool"
@@ -105,7 +105,7 @@ class RapidFrames:
 
     def _whole(self, side: str, value: bytes) -> dict[str, Member]:
         new: dict[str, Member] = dict.fromkeys(_MEMBERS[side])
-        text = value.strip()
+        text = _bare(value)
         if not (text.startswith(b"[") and text.endswith(b"]")):
             return new
         found = arguments(text, 1, len(text) - 1)
@@ -195,7 +195,7 @@ def _truth(value: bytes) -> bool | None:
 
 def _frame(value: bytes) -> Array | None:
     """Returns a pose literal as a matrix; None if it is not one."""
-    value = value.strip()
+    value = _bare(value)
     match = fills(POSE, value, 0, len(value))
     if match is None:
         return None
@@ -205,6 +205,11 @@ def _frame(value: bytes) -> Array | None:
         return None
     out: Array = pose(matrix_from_quat_wxyz(numbers[3:]), numbers[:3] * MM)
     return out
+
+
+def _bare(value: bytes) -> bytes:
+    """Returns a value without the blanks and comments before it."""
+    return SKIP.sub(b"", value, count=1).strip()
 
 
 def _given(table: Mapping[str, Array], name: str) -> Array | None:

@@ -104,6 +104,6 @@ def read_tail(data: bytes, start: int, end: int, move: Move, *, given: int) -> T
     places, rest = found.places[: move.targets - given], found.places[move.targets - given :]
     index = move.tool - move.targets
     tool = clean(data[slice(*rest[index])]) if index < len(rest) else ""
-    # ``\\WObj?w`` passes on an option that the caller may have left out.
+    # ``\WObj?w`` passes on an option that the caller may have left out.
     work = found.options.get("wobj", next((o for o in found.options if o[:4] == "wobj"), ""))
     return Tail(tool.lower(), work.lower(), tuple(places))

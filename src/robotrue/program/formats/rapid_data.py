@@ -1,0 +1,226 @@
+"""The points, tools and work objects a RAPID module keeps in data."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from typing import Final
+
+from robotrue.program.formats.course import Course
+from robotrue.program.formats.number_table import NumberTable
+from robotrue.program.formats.rapid_frames import KINDS, TOOL, WORK, RapidFrames
+from robotrue.program.formats.rapid_scan import (
+    GAP,
+    JOINTTARGET,
+    ROBTARGET,
+    SKIP,
+    Statement,
+    clean,
+    fills,
+)
+from robotrue.program.formats.stored_points import Uses, Variable, Variables
+from robotrue.program.formats.text_lines import line_at
+from robotrue.program.program import Reason
+
+LAYOUTS: Final = (tuple(range(17)), (*range(6), *range(11, 17)))
+"""Columns of a robtarget (x y z, q1..q4, cf1 cf4 cf6 cfx, external axes) and of a jointtarget."""
+POSE: Final = 0
+AXIS: Final = 1
+NOTHING: Final = 2
+"""Kinds of points: the third stands for a motion to what is no literal."""
+LITERAL: Final = {"robtarget": (ROBTARGET, POSE), "jointtarget": (JOINTTARGET, AXIS)}
+_DECLARED: Final = re.compile(
+    rb"(?:(?:LOCAL|TASK|GLOBAL)\b" + GAP + rb")?(?:CONST|PERS|VAR)\b" + GAP
+    + rb"(?P<kind>\w+)" + GAP + rb"(?P<name>\w+)" + GAP
+    + rb"(?:\{(?P<sizes>[^}]*)\}" + GAP + rb")?(?P<given>:=)?",
+    re.IGNORECASE,
+)  # fmt: skip
+_ASSIGNED: Final = re.compile(
+    rb"(\w+)" + GAP + rb"(?:\{([^}]*)\})?" + GAP + rb"((?:\." + GAP + rb"\w+" + GAP + rb")*+):="
+)
+_WORDS: Final = re.compile(rb'"(?:[^"\r\n]|"")*+"|![^\r\n]*+|(?<![\w.])([A-Za-z]\w*)')
+_SIZE_OF: Final = re.compile(rb"\bDim\s*\(\s*\w+", re.IGNORECASE)
+_READS_FRAMES: Final = re.compile(
+    r"(?:move|trigg|search|arc|spot|paint|disp|cap|waitwobj|dropwobj|gripload|tp|err|egm)\w*$"
+)
+
+
+@dataclass(slots=True)
+class Story:
+    """What the walk collects.
+
+    Attributes:
+        offset: First byte of every point.
+        row: Its row in the table of numbers, -1 if it has none.
+        kind: ``POSE``, ``AXIS`` or ``NOTHING``.
+        uses: What is moved to.
+        settings: The (tool, work object) pairs motions name, and the byte that first does.
+        flags: Reasons of points, found in the text.
+        arcs: Pairs of points: via and end.
+        based: Points that Offs or RelTool start from.
+        notes: (byte, what to say).
+        checks: ConfL and ConfJ that stop a check, and the byte of the first.
+        begun: A module or motion was found.
+    """
+
+    offset: list[int] = field(default_factory=list)
+    row: list[int] = field(default_factory=list)
+    kind: list[int] = field(default_factory=list)
+    uses: Uses = field(default_factory=Uses)
+    settings: dict[tuple[str, str], tuple[int, int]] = field(default_factory=dict)
+    flags: dict[int, Reason] = field(default_factory=dict)
+    arcs: list[tuple[int, int]] = field(default_factory=list)
+    based: set[int] = field(default_factory=set)
+    notes: list[tuple[int, str]] = field(default_factory=list)
+    checks: dict[str, int] = field(default_factory=dict)
+    begun: bool = False
+
+
+class Data:
+    """What declarations and assignments say, while a module is read.
+
+    Attributes:
+        data: The bytes.
+        name: File name.
+        frames: Tools and work objects.
+        course: The ways through the program.
+        table: Numbers of the points.
+        story: What the walk collects.
+        variables: Points by name.
+        place: Number of the statement being read.
+        scope: Routine being read, empty outside of all.
+    """
+
+    def __init__(self, data: bytes, name: str, frames: RapidFrames, course: Course) -> None:
+        self.data, self.name, self.frames, self.course = data, name, frames, course
+        self.table = NumberTable(17, LAYOUTS)
+        self.story, self.variables = Story(), Variables()
+        self.place, self.scope = 0, ""
+
+    def declare(self, statement: Statement, *, frames_only: bool = False) -> bool:
+        """Enters a declaration; returns whether the statement is one."""
+        if statement.word not in ("local", "task", "global", "const", "pers", "var"):
+            return False
+        match = _DECLARED.match(self.data, statement.start, statement.end)
+        if match is None:
+            return False
+        kind, name = match["kind"].decode().lower(), match["name"].decode().lower()
+        start, end = match.end(), statement.end
+        if kind in KINDS and not match["sizes"]:
+            value = self.data[start:end] if match["given"] else b""
+            if not frames_only or not self.frames.has(KINDS[kind], name):
+                self.frames.declare(KINDS[kind], name, value, self._line(statement.start))
+        elif frames_only:
+            return True
+        elif kind in LITERAL:
+            variable = self.variables.declare(self.scope, name, kind)
+            variable.is_array = match["sizes"] is not None
+            if match["given"]:
+                self._give(variable, start, end)
+        elif match["given"]:
+            self.mention(start, end, "")
+        return True
+
+    def _give(self, variable: Variable, start: int, end: int, subscript: str = "") -> None:
+        """Gives a variable the literal or, for an array, the literals between two bytes."""
+        pattern, kind = LITERAL[variable.kind]
+        if not variable.is_array or subscript:
+            match = fills(pattern, self.data, *self._inside(start, end))
+            if match is None:
+                self._computed(variable, start, end)
+            else:
+                self._point_of(variable, subscript, match, kind)
+            return
+        at, number, matches = start, [0], []
+        for match in pattern.finditer(self.data, start, end):
+            between = clean(self.data[at : match.start()])
+            number = _counted(number, between)
+            if re.sub(r"[\[\],\s]", "", between):
+                self._computed(variable, start, end)
+                return
+            matches.append((",".join(map(str, number)), match))
+            at = match.end()
+        if re.sub(r"[\]\s]", "", clean(self.data[at:end])) or not matches:
+            self._computed(variable, start, end)
+            return
+        for subscript, match in matches:
+            self._point_of(variable, subscript, match, kind)
+
+    def _inside(self, start: int, end: int) -> tuple[int, int]:
+        gap = SKIP.match(self.data, start, end)
+        return (gap.end() if gap else start), end
+
+    def _computed(self, variable: Variable, start: int, end: int) -> None:
+        variable.computed = True
+        self.mention(start, end, "")
+
+    def _point_of(
+        self, variable: Variable, subscript: str, match: re.Match[bytes], kind: int
+    ) -> None:
+        point = self.add_point(match.start(), self.table.add(match, kind), kind)
+        variable.give(subscript, point, self.course.barriers)
+
+    def add_point(self, offset: int, row: int, kind: int) -> int:
+        """Returns the number of a new point."""
+        story = self.story
+        story.offset.append(offset)
+        story.row.append(row)
+        story.kind.append(kind)
+        return len(story.offset) - 1
+
+    def assign(self, start: int, end: int) -> bool:
+        """Enters ``name := value``; returns whether the statement is one."""
+        match = _ASSIGNED.match(self.data, start, end)
+        if match is None:
+            return False
+        name, path = match[1].decode().lower(), clean(match[3])
+        for side in (TOOL, WORK):
+            if self.frames.has(side, name):
+                value = self.data[match.end() : end]
+                if match[2]:
+                    self.frames.lose(side, name, self.place)
+                else:
+                    self.frames.assign(side, name, path, value, self.place)
+                return True
+        variable = self.variables.find(self.scope, name)
+        if variable is None or variable.kind not in LITERAL:
+            self.mention(match.end(), end, "")
+        else:
+            subscript = re.sub(rb"\s+", b"", match[2] or b"").decode()
+            plain = bool(re.fullmatch(r"\d*(,\d+)*", subscript)) and not path.strip()
+            if plain and bool(subscript) == variable.is_array:
+                self._give(variable, *self._inside(match.end(), end), subscript)
+            else:
+                self._computed(variable, match.end(), end)
+        return True
+
+    def mention(self, start: int, end: int, word: str) -> None:
+        """Marks what takes part in something that is not followed, an instruction if not empty."""
+        text = _SIZE_OF.sub(b"", self.data[start:end])
+        if not text or text.isspace():
+            return
+        for match in _WORDS.finditer(text):
+            if not match[1]:
+                continue
+            name = match[1].decode().lower()
+            variable = self.variables.find(self.scope, name)
+            if variable is not None:
+                variable.computed = True
+            elif word and not _READS_FRAMES.match(word):
+                for side in (TOOL, WORK):
+                    if self.frames.has(side, name):
+                        self.frames.lose(side, name, self.place)
+
+    def _line(self, offset: int) -> int:
+        return line_at(self.data, offset) - 1
+
+
+def _counted(number: list[int], between: str) -> list[int]:
+    """Returns the subscript of the next element of an array literal from what lies before it."""
+    opened = between.count("[")
+    if number == [0]:
+        return [1] * max(1, opened)
+    closed = between.count("]")
+    keep = number[: max(1, len(number) - closed)]
+    keep[-1] += 1
+    return keep + [1] * opened
