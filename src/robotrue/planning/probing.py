@@ -31,11 +31,12 @@ FACTOR: Final = 2.0
 An arm of its type errs 5 to 10 times as much on a side that was not touched as on one that was."""
 REWEIGHTED: Final = 6
 POWER: Final = 1.0
-"""The worst point: plans for the mean with weights that grow where the last one left most."""
+"""Plans made for the worst point, and the power with which weights grow where the last one left
+most."""
 ROUGH: Final = 0.02
 ROUGH_TURN: Final = 0.04
-"""m and rad, sd of a frame before the first touch: loose beside any arm, and not so loose that the
-exchange of single touches, which takes them back, loses its digits."""
+"""m and rad, by which a frame may be off before the first touch. Loose beside any arm, and not so
+loose that the exchange of single touches, which takes them back, loses its digits."""
 MOTIONS: Final = (
     *(f"shift along {axis}" for axis in "xyz"),
     *(f"turn about {axis}" for axis in "xyz"),
