@@ -10,6 +10,7 @@ from robotrue.core.arrays import BoolArray, IntArray
 from robotrue.core.units import DEG
 from robotrue.core.words import NO_WORD, WORDS
 from robotrue.program.formats.fanuc_moves import Moves, moves
+from robotrue.program.formats.fanuc_records import CURRENT
 from robotrue.program.formats.fanuc_scan import FanucScan, scan
 from robotrue.program.formats.fanuc_write import FanucSpans, read_config
 from robotrue.program.formats.numbered_frames import NumberedFrames
@@ -85,14 +86,14 @@ class _Builder:
             spans=FanucSpans(tokens=tokens, config=found.config),
         )
 
-    def _numbers(self, side: str, written: list[str]) -> IntArray:
+    def _numbers(self, side: str, written: IntArray) -> IntArray:
         """Returns the frame or tool index of every row from its UF or UT."""
-        out = np.zeros(len(written), np.int64)
-        names = np.array(written, dtype=np.str_)
-        for number in dict.fromkeys(written):
-            rows = np.flatnonzero(names == number)
-            out[rows] = self._number(side, number, int(self.line[rows[0]]))
-        return out
+        numbers, first, inverse = np.unique(written, return_index=True, return_inverse=True)
+        found = [
+            self._number(side, "F" if number == CURRENT else str(number), int(self.line[row]))
+            for number, row in zip(numbers.tolist(), first.tolist(), strict=True)
+        ]
+        return np.array(found, np.int64)[inverse]
 
     def _number(self, side: str, number: str, line: int) -> int:
         if (side, "?") in self.walk.changed:

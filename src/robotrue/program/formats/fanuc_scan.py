@@ -17,6 +17,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
 from robotrue.errors import FormatError
+from robotrue.program.formats.fanuc_records import COLUMNS, CURRENT, plain_records
 from robotrue.program.formats.number_text import NUMBER
 from robotrue.program.formats.text_lines import line_at, require_text
 
@@ -24,7 +25,7 @@ _SECTION: Final = re.compile(rb"/(PROG|MN|POS|END)\b")
 _LINE_HEAD: Final = (b"", b"\xef\xbb\xbf")
 _HEAD: Final = re.compile(rb"\s*P\s*\[\s*(\d{1,6})\s*(?::[^\]\r\n]*)?\]\s*\{\s*", re.IGNORECASE)
 _GROUP: Final = re.compile(
-    rb"GP(\d{1,2})\s*:\s*UF\s*:\s*(\w{1,9})\s*,\s*UT\s*:\s*(\w{1,9})\s*,\s*"
+    rb"GP(\d{1,2})\s*:\s*UF\s*:\s*(\d{1,9}|F)\s*,\s*UT\s*:\s*(\d{1,9}|F)\s*,\s*"
     rb"(?:\w+\s*:\s*'([^'\r\n]*)'\s*,\s*)?",
     re.IGNORECASE,
 )
@@ -38,6 +39,8 @@ _NAMES: Final[dict[tuple[bytes, ...], int]] = {
     (b"X", b"Y", b"Z", b"W", b"P", b"R"): 0,
     (b"J1", b"J2", b"J3", b"J4", b"J5", b"J6"): 1,
 }
+_AT_ONCE: Final = 8192
+"""Records read by one call of the compiled loop."""
 _UNITS: Final = ((b"mm", b"mm", b"mm", b"deg", b"deg", b"deg"), (b"deg",) * 6)
 
 
@@ -48,31 +51,31 @@ class FanucScan:
     Attributes:
         data: The bytes.
         number: (n,) of each record.
-        place: (n,) its first byte.
-        frame: Its UF as written, by row.
-        tool: Its UT as written.
+        place: (n,) a byte of its first line.
+        frame: (n,) its UF, ``CURRENT`` for F.
+        tool: (n,) its UT, likewise.
         is_axis: (n,) it holds J1 to J6.
         start: (n, 6) first byte of each number.
         length: (n, 6).
         value: (n, 6) as printed; NaN where never taught.
         config: (n, 2) first byte and length of what stands in the quotes of CONFIG, -1 without.
         external: Values of external axes (group, axis, value) by row.
-        others: Numbers of records without a group 1.
+        others: First byte of the records without a group 1, by number.
         statements: First byte and end of the part between ``/MN`` and ``/POS``.
     """
 
     data: bytes
     number: IntArray
     place: IntArray
-    frame: list[str]
-    tool: list[str]
+    frame: IntArray
+    tool: IntArray
     is_axis: IntArray
     start: IntArray
     length: IntArray
     value: Array
     config: IntArray
     external: dict[int, list[tuple[int, str, float]]]
-    others: set[int]
+    others: dict[int, int]
     statements: tuple[int, int]
 
 
@@ -96,11 +99,8 @@ class _Reader:
     rows: array[int] = field(default_factory=lambda: array("q"))
     spans: array[int] = field(default_factory=lambda: array("q"))
     values: array[float] = field(default_factory=lambda: array("d"))
-    frame: list[str] = field(default_factory=list)
-    tool: list[str] = field(default_factory=list)
     external: dict[int, list[tuple[int, str, float]]] = field(default_factory=dict)
-    others: set[int] = field(default_factory=set)
-    seen: dict[int, int] = field(default_factory=dict)
+    others: dict[int, int] = field(default_factory=dict)
 
     def sections(self) -> tuple[tuple[int, int], tuple[int, int]]:
         """Returns where the statements and where the records stand."""
@@ -131,18 +131,19 @@ class _Reader:
 
     def records(self, at: int, end: int) -> None:
         """Reads the records between two places."""
-        data = self.data
+        data, text = self.data, np.frombuffer(self.data, np.uint8)
+        table, spans = np.empty((_AT_ONCE, COLUMNS), np.int64), np.empty((_AT_ONCE, 6, 2), np.int64)
+        value = np.empty((_AT_ONCE, 6))
         while True:
-            match = _HEAD.match(data, at, end)
-            if match is None:
+            count, at = plain_records(text, at, end, table, spans, value)
+            self.rows.frombytes(table[:count].tobytes())
+            self.spans.frombytes(spans[:count].tobytes())
+            self.values.frombytes(value[:count].tobytes())
+            match = None if count == _AT_ONCE else _HEAD.match(data, at, end)
+            if match is not None:
+                at = self._record(int(match[1]), match.start(1), match.end(), end)
+            elif count < _AT_ONCE:
                 break
-            number = int(match[1])
-            if number in self.seen:
-                line = line_at(data, self.seen[number])
-                what = f"P[{number}] stands in line {line}, too"
-                self._refuse(what, "remove one of the two", match.start(1))
-            self.seen[number] = match.start(1)
-            at = self._record(number, match.start(1), match.end(), end)
         rest = _BLANK.match(data, at, end)
         at = rest.end() if rest else at
         if at < end:
@@ -156,7 +157,7 @@ class _Reader:
             if group is None:
                 break
             groups += 1
-            row = len(self.frame)
+            row = len(self.rows) // COLUMNS
             if group[1].lstrip(b"0") == b"1" and not has_one:
                 has_one = True
                 at = self._robot(number, place, group, end)
@@ -169,8 +170,9 @@ class _Reader:
             what = f"{_shown(data, at)} in P[{number}] cannot be read"
             self._refuse(what, "a record holds groups GPn with UF, UT and numbers in mm or deg", at)
         if not has_one:
-            self.others.add(number)
-            self.external.pop(len(self.frame), None)
+            if self.others.setdefault(number, place) != place:
+                self._twice(number, self.others[number], place)
+            self.external.pop(len(self.rows) // COLUMNS, None)
         return close.end()
 
     def _robot(self, number: int, place: int, group: re.Match[bytes], end: int) -> int:
@@ -187,14 +189,12 @@ class _Reader:
             self._refuse(what, "positions are in mm and deg", group.end())
         quoted = group.start(4)
         config = (quoted, group.end(4) - quoted) if quoted >= 0 else (-1, 0)
-        self.rows.extend((number, place, kind, *config))
+        self.rows.extend((number, place, kind, *config, _frame(group[2]), _frame(group[3])))
         numbers = [np.nan if text[:1] == b"*" else float(text) for text in groups[1::3]]
         if np.inf in numbers or -np.inf in numbers:
             self._refuse(f"a number in P[{number}] is too large", "correct it", six.start(2))
         self.spans.extend(chain.from_iterable(six.regs[2::3]))
         self.values.extend(numbers)
-        self.frame.append(group[2].decode().upper())
-        self.tool.append(group[3].decode().upper())
         return six.end()
 
     def _axes(self, row: int, group: int, at: int, end: int) -> int:
@@ -211,27 +211,45 @@ class _Reader:
 
     def result(self, statements: tuple[int, int]) -> FanucScan:
         """Returns the columns."""
-        table = np.frombuffer(self.rows, np.int64).reshape(-1, 5)
+        table = np.frombuffer(self.rows, np.int64).reshape(-1, COLUMNS)
+        self._require_once(table)
         spans = np.frombuffer(self.spans, np.int64).reshape(-1, 6, 2)
         return FanucScan(
             data=self.data,
             number=table[:, 0],
             place=table[:, 1],
-            frame=self.frame,
-            tool=self.tool,
+            frame=table[:, 5],
+            tool=table[:, 6],
             is_axis=table[:, 2],
             start=spans[:, :, 0],
             length=spans[:, :, 1] - spans[:, :, 0],
             value=np.frombuffer(self.values, np.float64).reshape(-1, 6),
-            config=table[:, 3:],
+            config=table[:, 3:5],
             external=self.external,
             others=self.others,
             statements=statements,
         )
 
+    def _require_once(self, table: IntArray) -> None:
+        number = np.concatenate([table[:, 0], np.array(list(self.others), np.int64)])
+        place = np.concatenate([table[:, 1], np.array(list(self.others.values()), np.int64)])
+        order = np.lexsort((place, number))
+        twice = np.flatnonzero(np.diff(number[order]) == 0)
+        if len(twice):
+            first, second = order[twice[0]], order[twice[0] + 1]
+            self._twice(int(number[first]), int(place[first]), int(place[second]))
+
+    def _twice(self, number: int, first: int, second: int) -> NoReturn:
+        what = f"P[{number}] stands in line {line_at(self.data, first)}, too"
+        self._refuse(what, "remove one of the two", second)
+
     def _refuse(self, what: str, cure: str, place: int) -> NoReturn:
         line = line_at(self.data.rstrip(), place)
         raise FormatError(f"{what}.", source=self.name, line=line, hint=f"{cure}.")
+
+
+def _frame(text: bytes) -> int:
+    return int(text) if text.isdigit() else CURRENT
 
 
 def _kind(names: tuple[bytes, ...], units: tuple[bytes, ...]) -> int:
