@@ -37,6 +37,8 @@ class Numbers:
 
     def rows(self, index: IntArray) -> Numbers:
         """Returns the tokens of chosen rows; -1 chooses a row without any."""
+        if len(index) == len(self.start) and (index == np.arange(len(index))).all():
+            return self
         none = np.asarray(index < 0)[:, None]
         if not len(self.start):
             shape = (len(index), self.start.shape[1])
@@ -56,12 +58,14 @@ class NumberTable:
 
     Args:
         width: Columns of the table.
-        layouts: For each kind of literal the columns its groups go to.
+        layouts: For each kind of literal the columns its groups go to; -1 before and after them
+            are groups that are no numbers.
     """
 
     def __init__(self, width: int, layouts: Sequence[Sequence[int]]) -> None:
         self._width = width
-        self._layouts = [np.array(layout) for layout in layouts]
+        self._layouts = [np.array([each for each in layout if each >= 0]) for layout in layouts]
+        self._before = [_leading(layout) for layout in layouts]
         self._held: list[tuple[int, re.Match[bytes]]] = []
         self._done: list[Numbers] = []
         self._rows = 0
@@ -94,13 +98,20 @@ class NumberTable:
             if not len(rows):
                 continue
             found = [self._held[row][1] for row in rows.tolist()]
-            spans = np.array([match.regs for match in found])[:, 1:]
+            first = self._before[kind]
+            numbers = slice(first, first + len(columns))
+            spans = np.array([match.regs for match in found])[:, 1:][:, numbers]
             at = np.ix_(rows, columns)
             start[at], length[at] = spans[:, :, 0], spans[:, :, 1] - spans[:, :, 0]
-            value[at] = [[float(token) for token in match.groups()] for match in found]
+            value[at] = [[float(token) for token in match.groups()[numbers]] for match in found]
         value[~np.isfinite(value)] = np.nan
         self._done.append(Numbers(start=start, length=length, value=value))
         self._held = []
+
+
+def _leading(layout: Sequence[int]) -> int:
+    """Returns how many groups stand before the first number."""
+    return next((i for i, each in enumerate(layout) if each >= 0), 0)
 
 
 def respelled(

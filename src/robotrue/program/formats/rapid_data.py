@@ -22,8 +22,11 @@ from robotrue.program.formats.stored_points import Uses, Variable, Variables
 from robotrue.program.formats.text_lines import line_at
 from robotrue.program.program import Reason
 
-LAYOUTS: Final = (tuple(range(17)), (*range(6), *range(11, 17)))
-"""Columns of a robtarget (x y z, q1..q4, cf1 cf4 cf6 cfx, external axes) and of a jointtarget."""
+LAYOUTS: Final = (tuple(range(17)), (*range(6), *range(11, 17)), (-1, *range(17), -1))
+"""Columns of a robtarget (x y z, q1..q4, cf1 cf4 cf6 cfx, external axes), of a jointtarget, and of
+a whole motion to a robtarget."""
+INLINE_POSE: Final = 2
+"""Layout of the last."""
 POSE: Final = 0
 AXIS: Final = 1
 NOTHING: Final = 2

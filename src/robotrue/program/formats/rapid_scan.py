@@ -7,7 +7,6 @@ with themselves. Comments (``!``), strings and brackets are respected everywhere
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from typing import Final, NamedTuple
 
 from robotrue.errors import FormatError
@@ -33,6 +32,10 @@ ROBTARGET: Final = _rows(3, 4, 4, 6)
 JOINTTARGET: Final = _rows(6, 6)
 """Axes in deg, external axes."""
 POSE: Final = _rows(3, 4)
+INLINE: Final = re.compile(
+    GAP + rb"(Move[LJ])\b\s*+" + ROBTARGET.pattern + rb"([^;\"![\](){}]*+);", re.IGNORECASE
+)
+"""A whole motion to a literal, as a post writes it: word, 17 numbers, the rest."""
 NAME: Final = re.compile(rb"[A-Za-z]\w*+")
 SKIP: Final = re.compile(GAP)
 
@@ -84,42 +87,40 @@ class Statement(NamedTuple):
     end: int
 
 
-def statements(data: bytes, name: str) -> Iterator[Statement]:
-    """Yields the statements in file order.
+def beginning(data: bytes) -> int:
+    """Returns where the first statement may begin, behind the header."""
+    header = _HEADER.match(data)
+    return header.end() if header else 0
+
+
+def next_statement(data: bytes, at: int, name: str) -> tuple[Statement | None, int]:
+    """Returns the first statement from a byte on, None at the end of the file, and its end.
 
     Raises:
         FormatError: Something that is no statement, or one that does not end, with its line.
     """
-    header = _HEADER.match(data)
-    at = header.end() if header else 0
-    size = len(data)
     while True:
         gap = SKIP.match(data, at)
         at = gap.end() if gap else at
-        if at >= size:
-            return
+        if at >= len(data):
+            return None, at
         match = NAME.match(data, at)
-        if match is None:
-            end = _nameless(data, at, name)
-            if data[at : at + 1] == b"%":
-                yield Statement("late", at, at, end - 1)
-            at = end
-            continue
-        word, body = match[0].decode().lower(), match.end()
-        if word in _ALONE:
-            yield Statement(word, at, body, body)
-            at = body
-            continue
-        statement = _control(data, word, at, body)
-        if statement is None:
-            ended = _BODY.match(data, body)
-            if ended is None:
-                raise _endless(data, at, name)
-            yield Statement(word, at, body, ended.end() - 1)
-            at = ended.end()
-            continue
-        yield statement
-        at = statement.end
+        if match is not None:
+            break
+        end = _nameless(data, at, name)
+        if data[at : at + 1] == b"%":
+            return Statement("late", at, at, end - 1), end
+        at = end
+    word, body = match[0].decode().lower(), match.end()
+    if word in _ALONE:
+        return Statement(word, at, body, body), body
+    statement = _control(data, word, at, body)
+    if statement is not None:
+        return statement, statement.end
+    ended = _BODY.match(data, body)
+    if ended is None:
+        raise _endless(data, at, name)
+    return Statement(word, at, body, ended.end() - 1), ended.end()
 
 
 def _nameless(data: bytes, at: int, name: str) -> int:

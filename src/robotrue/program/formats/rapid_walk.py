@@ -7,17 +7,17 @@ from typing import Final
 
 from robotrue.errors import FormatError
 from robotrue.program.formats.course import Course
-from robotrue.program.formats.rapid_data import AXIS, LITERAL, NOTHING, POSE, Data
+from robotrue.program.formats.rapid_data import INLINE_POSE, LITERAL, NOTHING, POSE, Data
 from robotrue.program.formats.rapid_frames import RapidFrames
 from robotrue.program.formats.rapid_moves import BUILT_IN, Move, Tail, move_of, read_tail
 from robotrue.program.formats.rapid_scan import (
-    JOINTTARGET,
+    INLINE,
     ROBTARGET,
-    SKIP,
     Statement,
+    beginning,
     clean,
     fills,
-    statements,
+    next_statement,
 )
 from robotrue.program.formats.text_lines import line_at
 from robotrue.program.program import Motion, Reason
@@ -48,19 +48,31 @@ class Walk(Data):
     def __init__(self, data: bytes, name: str, frames: RapidFrames, course: Course) -> None:
         super().__init__(data, name, frames, course)
         self._open, self._in_record = 0, False
-        self._tails: dict[tuple[bytes, int], Tail] = {}
+        self._tails: dict[tuple[bytes, bytes], Tail | None] = {}
         self._calls: list[str] = []
         self._routines: set[str] = set()
 
     def declarations(self) -> None:
         """Reads the tools and work objects only: a file beside the program."""
-        for statement in statements(self.data, self.name):
+        at = beginning(self.data)
+        while True:
+            statement, at = next_statement(self.data, at, self.name)
+            if statement is None:
+                return
             self.declare(statement, frames_only=True)
 
     def all(self) -> None:
         """Reads every statement."""
-        for statement in statements(self.data, self.name):
+        at = beginning(self.data)
+        while True:
             self.place += 1
+            inline = INLINE.match(self.data, at)
+            if inline and self._inline(inline):
+                at = inline.end()
+                continue
+            statement, at = next_statement(self.data, at, self.name)
+            if statement is None:
+                break
             self._statement(statement)
         if self._open:
             raise FormatError(
@@ -177,25 +189,24 @@ class Walk(Data):
         self.place += 1
         self.course.join(self.place)
 
+    def _inline(self, match: re.Match[bytes]) -> bool:
+        """Enters a motion to a literal; returns whether its other arguments are understood."""
+        key = match[1], match[match.lastindex or 0]
+        move = move_of(key[0].decode().lower())
+        if move is not None and key not in self._tails:
+            start, end = match.span(match.lastindex or 0)
+            self._tails[key] = read_tail(self.data, start, end, move, given=1)
+        tail = self._tails.get(key)
+        if move is None or tail is None or tail.places:
+            return False
+        self.story.begun = True
+        offset = self.data.find(b"[", match.end(1))
+        point = self.add_point(offset, self.table.add(match, INLINE_POSE), POSE)
+        self._use(point, move.motion, tail, offset)
+        return True
+
     def _move(self, start: int, end: int, move: Move) -> None:
         self.story.begun = True
-        gap = SKIP.match(self.data, start, end)
-        first = gap.end() if gap else start
-        pattern = JOINTTARGET if move.axes else ROBTARGET
-        match = pattern.match(self.data, first, end) if move.targets == 1 else None
-        tail_at = match.end() if match else start
-        key = self.data[tail_at:end] if match else None
-        if match is not None and key is not None:
-            tail = self._tails.get((key, move.tool))
-            if tail is None:
-                tail = read_tail(self.data, tail_at, end, move, given=1)
-                if tail is not None and not tail.places:
-                    self._tails[key, move.tool] = tail
-            if tail is not None and not tail.places:
-                kind = AXIS if move.axes else POSE
-                point = self.add_point(match.start(), self.table.add(match, kind), kind)
-                self._use(point, move.motion, tail, start)
-                return
         tail = read_tail(self.data, start, end, move, given=0)
         if tail is None:
             raise FormatError(

@@ -36,6 +36,7 @@ _CALLED: Final = re.compile(rb"([A-Za-z_]\w*)\s*\(")
 _KEYWORD: Final = re.compile(rb"\s*(while|if|elif|else|return|break|end|run|halt)\b")
 _NAME: Final = re.compile(rb"[A-Za-z_]\w*+$")
 _WORDS: Final = re.compile(rb"(?<![\w.])[A-Za-z_]\w*+")
+_NEXT: Final = re.compile(rb"\s*[,)]")
 _NAMED: Final = re.compile(rb"(?:pose|q|pose_via|pose_to)\s*=\s*")
 _FRAMED: Final = re.compile(rb"pose_trans\s*\(")
 _SOLVED: Final = re.compile(rb"get_inverse_kin\s*\(")
@@ -227,6 +228,12 @@ class Walk:
     def _move(self, word: str, start: int, end: int) -> None:
         self.moves += 1
         targets = _MOVES[word]
+        if len(targets) == 1:  # nearly all there are
+            match = POSE.match(self.code, start, end)
+            if match and _NEXT.match(self.code, match.end()):
+                point = self._point(match.start(), self.table.add(match, POINT), POINT)
+                self.story.uses.add(point, self._at, targets[0], 0)
+                return
         close = end - 1 if self.code[end - 1 : end] == b")" else self._closed(start, end)
         places = arguments(self.code, start, close, len(targets))
         found = [self._operand(*place) for place in places]
