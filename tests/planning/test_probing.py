@@ -283,6 +283,15 @@ def test_candidates_touch_where_they_say_and_from_where_they_can() -> None:
     assert found.untouchable == ()
 
 
+def test_more_candidates_than_are_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("robotrue.planning.probing_candidates.MOST", 50)
+    found = touch_candidates(ROBOT, features("RLT"), machining(), {0: T_BASE_DRAWN})
+    assert len(found.touches) == 50
+    assert found.tried == 50 + sum(count for _, count in found.rejected)
+    assert dict(found.rejected)["more than are looked at"] > 0
+    assert {name[0] for name in found.touches.names} == {"R", "L", "T"}
+
+
 def test_features_that_cannot_be_touched() -> None:
     away = replace(features("R"), point=np.add(grid("R", 3), [9.0, 0.0, 0.0]))
     with pytest.raises(ReachError, match=r"not one of 360 touches of 9 features can be made"):

@@ -36,6 +36,8 @@ ALIKE: Final = 20.0 * DEG
 """Machined attitudes nearer to one another than this count as one."""
 MOST_ATTITUDES: Final = 12
 """Machined attitudes that are taken over; the commonest."""
+MOST: Final = 4000
+"""Touches that are handed on, evenly over features and attitudes."""
 TRACKER: Final = "tracker"
 """The body a scene puts where the tracker stands; touching needs none."""
 
@@ -145,18 +147,24 @@ def touch_candidates(
             f"not one of {n * a} touches of {n} features can be made ({why}).",
             hint="check the rough frame of the part, the tool and the directions ax, ay, az.",
         )
-    rows = feature[good]
+    untouchable = _without(features, feature[good])
+    able = np.flatnonzero(good)
+    if len(able) > MOST:
+        kept = able[np.linspace(0, len(able) - 1, MOST).round().astype(np.int64)]
+        rejected += (("more than are looked at", len(able) - MOST),)
+        able = kept
+    rows = feature[able]
     return Candidates(
         touches=ProbingSet(
             names=tuple(features.names[k] for k in rows),
             point=features.point[rows],
-            joints=joints[good],
+            joints=joints[able],
             normal=features.normal[rows],
             part=features.part[rows],
         ),
         tried=n * a,
         rejected=rejected,
-        untouchable=_without(features, rows),
+        untouchable=untouchable,
     )
 
 
