@@ -163,6 +163,32 @@ def test_external_axes_and_other_groups() -> None:
     assert not program.notes
 
 
+def test_records_of_any_form_say_the_same() -> None:
+    plain = record(1) + record(2, JOINTS)
+    told = "L P[1] 9mm/sec FINE ;\nL P[2] 9mm/sec FINE ;"
+    expected = body(plain, told)
+    forms = [
+        plain.replace("   GP1", "\f   GP1"),
+        record(1, more=",\n\tE1=  0.0 deg") + record(2, JOINTS, more=", E1=0 mm, E2= 0.0 deg"),
+        plain.replace("   GP1:\n    UF : ", "gp1:uf:").replace("GP1", "gp1"),
+        plain.replace("}", "   GP2:\n UF : 1, UT : 1, J1= 0 deg\n}"),
+        plain.replace(" ", "").replace("\t", "").replace("NUT", "N U T"),
+        plain.replace("P[1]", 'P [ 1 : "a, { b" ] '),
+    ]
+    for form in forms:
+        found = body(form, told)
+        np.testing.assert_array_equal(found.position, expected.position)
+        np.testing.assert_array_equal(found.rotation, expected.rotation)
+        np.testing.assert_array_equal(found.axes, expected.axes)
+        np.testing.assert_array_equal(found.words, expected.words)
+        np.testing.assert_array_equal(found.reason, expected.reason)
+        spans, data = found.spans.tokens, found.data
+        for first, size, value in zip(
+            spans.start.flat, spans.length.flat, spans.value.flat, strict=True
+        ):
+            assert float(data[first : first + size]) == value
+
+
 def test_positions_never_taught() -> None:
     untaught = POSE.replace("  800.000", "********").replace("180.000", "********")
     program = body(record(1, untaught, uf="F", ut="F", config=""), MOVE)

@@ -266,11 +266,12 @@ class _Reader:
         """Reads ``//INST`` to its ``END``."""
         ended = False
         while (text := self._next()) is not None:
-            header = _HEADER.fullmatch(text.replace(b"////", b"///", 1))
-            if header and not self.body:
-                name, value = header[1].decode("latin-1"), header[2].decode("latin-1")
-                self.attributes.append((self.line, name.upper(), value.strip()))
-            elif text and not text.startswith((b"'", b"/")):
+            if text.startswith(b"/"):
+                header = _HEADER.fullmatch(text.replace(b"////", b"///", 1))
+                if header and not self.body:
+                    name, value = header[1].decode("latin-1"), header[2].decode("latin-1")
+                    self.attributes.append((self.line, name.upper(), value.strip()))
+            elif text and not text.startswith(b"'"):
                 ended = text == b"END"
                 self.body.append((self.line, text))
         if not ended:
