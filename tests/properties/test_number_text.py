@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robotrue.errors import ShapeError
+from robotrue.program.formats.number_table import NumberTable
 from robotrue.program.formats.number_text import NUMBER, half_digit, restyled, spliced
 
 digits = st.text("0123456789", min_size=1, max_size=6)
@@ -85,3 +86,18 @@ def test_stretches_must_not_overlap() -> None:
         spliced(b"abcd", [3], [2], [b"x"])
     with pytest.raises(ShapeError, match="1 starts, 1 lengths, 0 texts"):
         spliced(b"abcd", [3], [1], [])
+
+
+@given(st.lists(tokens, min_size=6, max_size=6))
+@settings(max_examples=150, deadline=None)
+def test_numbers_of_literals_are_read_to_the_last_bit(row: list[bytes]) -> None:
+    data = b"x 7, [" + b" , ! 5\n".join(row) + b"]"
+    table = NumberTable(data, [(5, 4, 3, 2, 1, 0)], b"!")
+    assert table.add(5, len(data), 0) == 0
+    numbers = table.numbers()
+    assert numbers.value[0, ::-1].tolist() == [float(token) for token in row]
+    found = [
+        data[start : start + length]
+        for start, length in zip(numbers.start[0], numbers.length[0], strict=True)
+    ]
+    assert found[::-1] == row

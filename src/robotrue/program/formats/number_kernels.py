@@ -8,6 +8,7 @@ import numba
 import numpy as np
 
 _HALF_DIGIT: Final = np.array([0.5 * 10.0**-k for k in range(16)])
+_POWER: Final = np.array([10.0**k for k in range(23)])
 SLOW_DECIMALS: Final = 13
 """From here on a number is left to the slow way, which rounds exactly."""
 
@@ -142,3 +143,75 @@ def plain_tokens(buf: Any, start: Any, length: Any) -> Any:
     for t in range(start.size):
         out[t] = is_plain(buf, start[t], start[t] + length[t])
     return out
+
+
+@numba.njit(cache=True)
+def literal_numbers(
+    buf: Any,
+    first: Any,
+    last: Any,
+    kind: Any,
+    columns: Any,
+    comment: Any,
+    start: Any,
+    length: Any,
+    value: Any,
+) -> None:
+    """Fills in where the numbers of literals (n,) stand and what they say.
+
+    A value stays NaN where it has more than fifteen digits or a large exponent: only a slow way
+    reads it to the last bit.
+    """
+    for row in range(first.size):
+        i, count = first[row], 0
+        while i < last[row]:
+            c = buf[i]
+            if c == comment:
+                while i < last[row] and buf[i] != 10 and buf[i] != 13:
+                    i += 1
+            elif not (48 <= c <= 57 or c == 43 or c == 45 or c == 46):
+                i += 1
+            else:
+                begun = i
+                while i < last[row] and (
+                    48 <= buf[i] <= 57
+                    or buf[i] == 43
+                    or buf[i] == 45
+                    or buf[i] == 46
+                    or (buf[i] | 32) == 101
+                ):
+                    i += 1
+                column = columns[kind[row], count]
+                count += 1
+                start[row, column], length[row, column] = begun, i - begun
+                value[row, column] = _exact(buf, begun, i)
+
+
+@numba.njit(cache=True)
+def _exact(buf: Any, start: Any, end: Any) -> Any:
+    """Returns a number that one product or quotient rounds to the last bit, NaN for others."""
+    whole, digits, decimals, power, mark = 0, 0, 0, 0, end
+    point = False
+    for i in range(start, end):
+        c = buf[i]
+        if 48 <= c <= 57:
+            whole = 10 * whole + (c - 48)
+            digits += 1
+            decimals += point
+            if digits > 15:
+                return np.nan
+        elif c == 46:
+            point = True
+        elif (c | 32) == 101:
+            mark = i
+            break
+    for i in range(mark + 1, end):
+        if 48 <= buf[i] <= 57:
+            power = min(10 * power + (buf[i] - 48), 1000)
+    if mark + 1 < end and buf[mark + 1] == 45:
+        power = -power
+    power -= decimals
+    if abs(power) > 22:
+        return np.nan
+    out = whole * _POWER[power] if power >= 0 else whole / _POWER[-power]
+    return -out if buf[start] == 45 else out

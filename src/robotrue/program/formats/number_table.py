@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import re
+from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -10,11 +10,9 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray, IntArray
-from robotrue.program.formats.number_kernels import plain_tokens, respell
+from robotrue.program.formats.number_kernels import literal_numbers, plain_tokens, respell
 from robotrue.program.formats.number_text import restyled
 
-_HELD: Final = 4096
-"""Matches kept as objects before they become rows of arrays."""
 _QUICK: Final = 1e8
 """Values below this are printed by the compiled way."""
 _WIDEST: Final = 28
@@ -54,64 +52,44 @@ class Numbers:
 
 
 class NumberTable:
-    """Collects matches whose groups are numbers.
+    """Collects literals, whose numbers are read in one compiled pass at the end.
 
     Args:
-        width: Columns of the table.
-        layouts: For each kind of literal the columns its groups go to; -1 before and after them
-            are groups that are no numbers.
+        data: The bytes the literals stand in.
+        layouts: For each kind of literal the column each of its numbers goes to.
+        comment: Sign behind which the rest of a line is no number.
     """
 
-    def __init__(self, width: int, layouts: Sequence[Sequence[int]]) -> None:
-        self._width = width
-        self._layouts = [np.array([each for each in layout if each >= 0]) for layout in layouts]
-        self._before = [_leading(layout) for layout in layouts]
-        self._held: list[tuple[int, re.Match[bytes]]] = []
-        self._done: list[Numbers] = []
-        self._rows = 0
+    def __init__(self, data: bytes, layouts: Sequence[Sequence[int]], comment: bytes) -> None:
+        self._data, self._layouts, self._comment = data, layouts, comment
+        self._first, self._last, self._kind = array("q"), array("q"), array("q")
 
-    def add(self, match: re.Match[bytes], kind: int) -> int:
-        """Returns the row a literal of this kind gets."""
-        self._held.append((kind, match))
-        if len(self._held) >= _HELD:
-            self._flush()
-        self._rows += 1
-        return self._rows - 1
+    def add(self, start: int, end: int, kind: int) -> int:
+        """Returns the row of a literal between two bytes, whose form has been checked."""
+        self._first.append(start)
+        self._last.append(end)
+        self._kind.append(kind)
+        return len(self._first) - 1
 
     def numbers(self) -> Numbers:
         """Returns the whole table."""
-        self._flush()
-        empty = np.empty((0, self._width), np.int64)
-        return Numbers(
-            start=np.concatenate([empty, *(part.start for part in self._done)]),
-            length=np.concatenate([empty, *(part.length for part in self._done)]),
-            value=np.concatenate([empty.astype(np.float64), *(part.value for part in self._done)]),
-        )
-
-    def _flush(self) -> None:
-        shape = (len(self._held), self._width)
+        width = 1 + max(max(layout) for layout in self._layouts)
+        columns = np.full((len(self._layouts), width), -1)
+        for kind, layout in enumerate(self._layouts):
+            columns[kind, : len(layout)] = layout
+        shape = (len(self._first), width)
         start, length = np.full(shape, -1), np.zeros(shape, np.int64)
         value = np.full(shape, np.nan)
-        kinds = np.array([kind for kind, _ in self._held], np.int64)
-        for kind, columns in enumerate(self._layouts):
-            rows = np.flatnonzero(kinds == kind)
-            if not len(rows):
-                continue
-            found = [self._held[row][1] for row in rows.tolist()]
-            first = self._before[kind]
-            numbers = slice(first, first + len(columns))
-            spans = np.array([match.regs for match in found])[:, 1:][:, numbers]
-            at = np.ix_(rows, columns)
-            start[at], length[at] = spans[:, :, 0], spans[:, :, 1] - spans[:, :, 0]
-            value[at] = [[float(token) for token in match.groups()[numbers]] for match in found]
+        first, last, kinds = (
+            np.array(each, np.int64) for each in (self._first, self._last, self._kind)
+        )
+        text = np.frombuffer(self._data, np.uint8)
+        literal_numbers(text, first, last, kinds, columns, self._comment[0], start, length, value)
+        for row, column in np.argwhere((start >= 0) & np.isnan(value)).tolist():
+            at = int(start[row, column])
+            value[row, column] = float(self._data[at : at + int(length[row, column])])
         value[~np.isfinite(value)] = np.nan
-        self._done.append(Numbers(start=start, length=length, value=value))
-        self._held = []
-
-
-def _leading(layout: Sequence[int]) -> int:
-    """Returns how many groups stand before the first number."""
-    return next((i for i, each in enumerate(layout) if each >= 0), 0)
+        return Numbers(start=start, length=length, value=value)
 
 
 def respelled(

@@ -22,11 +22,8 @@ from robotrue.program.formats.stored_points import Uses, Variable, Variables
 from robotrue.program.formats.text_lines import line_at
 from robotrue.program.program import Reason
 
-LAYOUTS: Final = (tuple(range(17)), (*range(6), *range(11, 17)), (-1, *range(17), -1))
-"""Columns of a robtarget (x y z, q1..q4, cf1 cf4 cf6 cfx, external axes), of a jointtarget, and of
-a whole motion to a robtarget."""
-INLINE_POSE: Final = 2
-"""Layout of the last."""
+LAYOUTS: Final = (tuple(range(17)), (*range(6), *range(11, 17)))
+"""Columns of a robtarget (x y z, q1..q4, cf1 cf4 cf6 cfx, external axes) and of a jointtarget."""
 POSE: Final = 0
 AXIS: Final = 1
 NOTHING: Final = 2
@@ -96,7 +93,7 @@ class Data:
 
     def __init__(self, data: bytes, name: str, frames: RapidFrames, course: Course) -> None:
         self.data, self.name, self.frames, self.course = data, name, frames, course
-        self.table = NumberTable(17, LAYOUTS)
+        self.table = NumberTable(data, LAYOUTS, b"!")
         self.story, self.variables = Story(), Variables()
         self.place, self.scope = 0, ""
 
@@ -160,7 +157,7 @@ class Data:
     def _point_of(
         self, variable: Variable, subscript: str, match: re.Match[bytes], kind: int
     ) -> None:
-        point = self.add_point(match.start(), self.table.add(match, kind), kind)
+        point = self.add_point(match.start(), self.table.add(*match.span(), kind), kind)
         variable.give(subscript, point, self.course.barriers)
 
     def add_point(self, offset: int, row: int, kind: int) -> int:

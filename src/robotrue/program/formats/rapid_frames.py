@@ -21,7 +21,7 @@ from robotrue.core.rotations import matrix_from_quat_wxyz
 from robotrue.core.units import MM
 from robotrue.program.formats.course import DIFFERS, Course
 from robotrue.program.formats.krl_frames import Frames
-from robotrue.program.formats.rapid_scan import POSE, SKIP, arguments, clean, fills
+from robotrue.program.formats.rapid_scan import POSE, SKIP, arguments, clean, fills, numbers_of
 from robotrue.program.program import FrameTable
 
 TOOL: Final = "tool"
@@ -199,7 +199,7 @@ def _frame(value: bytes) -> Array | None:
     match = fills(POSE, value, 0, len(value))
     if match is None:
         return None
-    numbers = np.array([float(each) for each in match.groups()])
+    numbers = np.array([float(each) for each in numbers_of(match[0])])
     length = float(np.linalg.norm(numbers[3:]))
     if not (np.isfinite(numbers).all() and 0.5 < length < 2.0):
         return None

@@ -10,16 +10,17 @@ import re
 from typing import Final, NamedTuple
 
 from robotrue.errors import FormatError
-from robotrue.program.formats.number_text import NUMBER
 from robotrue.program.formats.text_lines import line_at
 
 GAP: Final = rb"(?:\s++|![^\r\n]*+)*+"
 """Blanks, line ends and comments."""
 
 
+_NUMBER: Final = rb"[+-]?+(?:\d++(?:\.\d*+)?+|\.\d++)(?:[eE][+-]?+\d++)?+"
+
+
 def _row(count: int) -> bytes:
-    number = b"(" + NUMBER + b")"
-    return rb"\[" + GAP + (GAP + b"," + GAP).join([number] * count) + GAP + rb"\]"
+    return rb"\[" + GAP + (GAP + b"," + GAP).join([_NUMBER] * count) + GAP + rb"\]"
 
 
 def _rows(*counts: int) -> re.Pattern[bytes]:
@@ -33,9 +34,9 @@ JOINTTARGET: Final = _rows(6, 6)
 """Axes in deg, external axes."""
 POSE: Final = _rows(3, 4)
 INLINE: Final = re.compile(
-    GAP + rb"(Move[LJ])\b\s*+" + ROBTARGET.pattern + rb"([^;\"![\](){}]*+);", re.IGNORECASE
+    GAP + rb"(Move[LJ])\b\s*+(" + ROBTARGET.pattern + rb")([^;\"![\](){}]*+);", re.IGNORECASE
 )
-"""A whole motion to a literal, as a post writes it: word, 17 numbers, the rest."""
+"""A whole motion to a literal, as a post writes it: word, literal, the rest."""
 NAME: Final = re.compile(rb"[A-Za-z]\w*+")
 SKIP: Final = re.compile(GAP)
 
@@ -231,3 +232,8 @@ def fills(pattern: re.Pattern[bytes], data: bytes, start: int, end: int) -> re.M
     match = pattern.match(data, start, end)
     gap = SKIP.match(data, match.end(), end) if match else None
     return match if gap and gap.end() == end else None
+
+
+def numbers_of(literal: bytes) -> list[bytes]:
+    """Returns the numbers of a literal as printed."""
+    return re.findall(_NUMBER, re.sub(rb"![^\r\n]*", b"", literal))

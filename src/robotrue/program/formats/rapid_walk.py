@@ -7,7 +7,7 @@ from typing import Final
 
 from robotrue.errors import FormatError
 from robotrue.program.formats.course import Course
-from robotrue.program.formats.rapid_data import INLINE_POSE, LITERAL, NOTHING, POSE, Data
+from robotrue.program.formats.rapid_data import LITERAL, NOTHING, POSE, Data
 from robotrue.program.formats.rapid_frames import RapidFrames
 from robotrue.program.formats.rapid_moves import BUILT_IN, Move, Tail, move_of, read_tail
 from robotrue.program.formats.rapid_scan import (
@@ -47,7 +47,7 @@ class Walk(Data):
 
     def __init__(self, data: bytes, name: str, frames: RapidFrames, course: Course) -> None:
         super().__init__(data, name, frames, course)
-        self._open, self._in_record = 0, False
+        self._open, self._in_record, self._with_parameters = 0, False, False
         self._tails: dict[tuple[bytes, bytes], Tail | None] = {}
         self._calls: list[str] = []
         self._routines: set[str] = set()
@@ -110,7 +110,7 @@ class Walk(Data):
             self._calls.append(word)
             self.course.call(self.place, [word])
         for match in ROBTARGET.finditer(self.data, start, end):
-            point = self.add_point(match.start(), self.table.add(match, POSE), POSE)
+            point = self.add_point(match.start(), self.table.add(*match.span(), POSE), POSE)
             self.story.flags[point] = Reason.EXPRESSION
             self.story.notes.append((match.start(), f"{word} is no motion that is followed"))
 
@@ -169,6 +169,7 @@ class Walk(Data):
         self.scope = names[-1].lower() if names else ""
         self._routines.add(self.scope)
         self.course.start(self.place, self.scope, handler=word == "trap")
+        self._with_parameters = bool(parameters.strip(") "))
         for each in re.split(r"[,|\\]", parameters.rstrip(") ")):
             match = _PARAMETER.match(each.strip())
             if match:
@@ -191,18 +192,17 @@ class Walk(Data):
 
     def _inline(self, match: re.Match[bytes]) -> bool:
         """Enters a motion to a literal; returns whether its other arguments are understood."""
-        key = match[1], match[match.lastindex or 0]
+        key = match[1], match[3]
         move = move_of(key[0].decode().lower())
         if move is not None and key not in self._tails:
-            start, end = match.span(match.lastindex or 0)
-            self._tails[key] = read_tail(self.data, start, end, move, given=1)
+            self._tails[key] = read_tail(self.data, *match.span(3), move, given=1)
         tail = self._tails.get(key)
         if move is None or tail is None or tail.places:
             return False
         self.story.begun = True
-        offset = self.data.find(b"[", match.end(1))
-        point = self.add_point(offset, self.table.add(match, INLINE_POSE), POSE)
-        self._use(point, move.motion, tail, offset)
+        start, end = match.span(2)
+        point = self.add_point(start, self.table.add(start, end, POSE), POSE)
+        self._use(point, move.motion, tail, start)
         return True
 
     def _move(self, start: int, end: int, move: Move) -> None:
@@ -234,7 +234,7 @@ class Walk(Data):
     def _use(self, point: int, motion: int, tail: Tail, start: int) -> None:
         settings = self.story.settings
         key = tail.tool, tail.work
-        if any(self._is_parameter(name) for name in key):
+        if self._with_parameters and any(self._is_parameter(name) for name in key):
             key = (f"{tail.tool} ({self.scope})", f"{tail.work} ({self.scope})")
         number, _ = settings.setdefault(key, (len(settings), start))
         self.story.uses.add(point, self.place, motion, number)
@@ -249,7 +249,7 @@ class Walk(Data):
         pattern, code = LITERAL[kind]
         match = fills(pattern, self.data, start, end)
         if match:
-            return [self.add_point(start, self.table.add(match, code), code)]
+            return [self.add_point(start, self.table.add(*match.span(), code), code)]
         text = clean(self.data[start:end])
         named = _REFERENCE.match(text)
         if named:

@@ -77,7 +77,7 @@ class Walk:
 
     def __init__(self, code: bytes, routines: list[Routine]) -> None:
         self.code, self.course = code, Course()
-        self.table = NumberTable(6, (tuple(range(6)), tuple(range(6))))
+        self.table = NumberTable(code, (tuple(range(6)), tuple(range(6))), b"#")
         self.story, self.variables = Story(), Variables()
         self._at, self._scope, self._routines = 0, "", routines
         self._own = {routine.name for routine in routines if routine.name}
@@ -142,7 +142,7 @@ class Walk:
             self.course.call(self._at, own)
         if called and called[0].startswith(("servo", "speed")):
             for match in POSE.finditer(self.code, start, end):
-                point = self._point(match.start(), self.table.add(match, POINT), POINT)
+                point = self._point(match.start(), self.table.add(*match.span(), POINT), POINT)
                 self.story.flags[point] = Reason.EXPRESSION
                 self.story.notes.append((start, f"{called[0]} is no motion that is followed"))
 
@@ -165,7 +165,7 @@ class Walk:
                 variable = variable or self.variables.declare(scope, name, what)
                 if variable.kind != what:
                     variable.computed = True
-                point = self._point(literal.start(), self.table.add(literal, kind), kind)
+                point = self._point(literal.start(), self.table.add(*literal.span(), kind), kind)
                 variable.give("", point, self.course.barriers)
                 return True
         if variable is None and not match[3]:
@@ -208,7 +208,7 @@ class Walk:
             return known
         match = POSE.match(self.code, start, end)
         if match and match.end() == end:
-            point = self._point(start, self.table.add(match, POINT), FRAME)
+            point = self._point(start, self.table.add(*match.span(), POINT), FRAME)
             self._literal_frames[text] = point
             return point
         variable = self._variable(text)
@@ -231,7 +231,7 @@ class Walk:
         if len(targets) == 1:  # nearly all there are
             match = POSE.match(self.code, start, end)
             if match and _NEXT.match(self.code, match.end()):
-                point = self._point(match.start(), self.table.add(match, POINT), POINT)
+                point = self._point(match.start(), self.table.add(*match.span(), POINT), POINT)
                 self.story.uses.add(point, self._at, targets[0], 0)
                 return
         close = end - 1 if self.code[end - 1 : end] == b")" else self._closed(start, end)
@@ -253,7 +253,7 @@ class Walk:
         for pattern, kind, _ in LITERALS:
             match = pattern.match(self.code, start, end)
             if match and match.end() == end:
-                return self._point(start, self.table.add(match, kind), kind), BASE
+                return self._point(start, self.table.add(*match.span(), kind), kind), BASE
         text = self.code[start:end]
         variable = self._variable(text)
         if variable is not None:
