@@ -46,10 +46,10 @@ from robotrue.validation.touch_checks import (
 __all__ = ["RegisteredPart", "RegistrationSettings", "register"]
 
 NOMINAL_COST: Final = (
-    "The frame was found with the nominal arm, left as it is. In 30 simulated cells such a frame "
-    "machined to 0.14 to 0.20 mm rms on the side and in the postures it was touched in, to 1.3 to "
-    "1.4 mm on another side, and to 0.7 mm where touches of three sides share it; nine touches or "
-    "more of three sides estimate the arm as well and leave 0.2 mm on each. Touch each side for "
+    "The frame was found with the nominal arm, left as it is. In 100 simulated cells such a frame "
+    "machined to 0.16 to 0.20 mm rms on the side and in the postures it was touched in, to 1.4 mm "
+    "on another side, and to 0.7 mm where touches of three sides share it; nine touches or more of "
+    "three sides estimate the arm as well and leave 0.1 to 0.2 mm on each. Touch each side for "
     "itself (column part), touch more points, or calibrate."
 )
 """What a plain frame of a nominal arm costs."""
