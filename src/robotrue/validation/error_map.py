@@ -116,7 +116,8 @@ def radius_95(covariance: Array) -> Array:
     """Returns the radius in m that holds 95 % of N(0, C), shape (n,), for C (n, 3, 3) m^2.
 
     Two moments: the squared length is taken as g chi2(h) with g = tr(C^2) / tr(C) and
-    h = tr(C)^2 / tr(C^2) (Satterthwaite 1946). Exact for a sphere and for a line, within 1 % between.
+    h = tr(C)^2 / tr(C^2) (Satterthwaite 1946). Exact for a sphere and for a line, within 1 %
+    between.
     """
     first = np.trace(covariance, axis1=1, axis2=2)
     second = np.einsum("nij,nji->n", covariance, covariance)
