@@ -12,6 +12,7 @@ from robotrue.errors import FormatError
 from robotrue.program.formats import detect, dialect
 from robotrue.program.program import FrameTable, Motion, Reason
 
+EXPRESSION = Reason.EXPRESSION
 J = f"[[10,-70,100,5,60,-20],{REST}]"
 
 
@@ -115,6 +116,21 @@ def test_offsets() -> None:
     assert program.reason.tolist() == [Reason.NONE] + [Reason.RELATIVE] * 3
     assert any("start of Offs or RelTool" in note for note in program.notes)
     assert any("used by Offs or RelTool alone" in note for note in program.notes)
+
+
+def test_offsets_of_computed_size() -> None:
+    data = f"CONST robtarget p10:={target(1)};\nCONST robtarget p20:={target(2)};\n"
+    size = move("Offs(p10,p20.trans.x,0,5)") + move("p10") + move("p20")
+    assert reasons(size, data) == [0, EXPRESSION, Reason.RELATIVE]
+    twice = move("Offs(RelTool(p10,0,0,5),0,0,5)") + move("p10") + move("p20")
+    assert reasons(twice, data) == [EXPRESSION, 0, Reason.RELATIVE]
+
+
+def test_arcs_through_arrays() -> None:
+    data = f"CONST robtarget p{{2}}:=[{target(1)},{target(2)}];\nCONST robtarget q:={target(3)};\n"
+    text = move("p{i},q", "MoveC")
+    assert reasons(text, data) == [0, 0, 0]
+    assert reasons(text + move("Calc(q)"), data) == [EXPRESSION] * 4
 
 
 def test_computed_targets() -> None:

@@ -15,6 +15,8 @@ from robotrue.errors import ShapeError
 
 NUMBER: Final = rb"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
 """Regular expression of one number."""
+WHOLE_NUMBER: Final = rb"[+-]?+(?:\d++(?:\.\d*+)?+|\.\d++)(?:[eE][+-]?+\d++)?+"
+"""The same for long patterns: it gives nothing back, so that a mismatch is found at once."""
 _PLAIN: Final = re.compile(rb"-?\d+\.(\d+)")
 _PARTS: Final = re.compile(rb"([+-]?)(\d*)(\.?)(\d*)(?:([eE])([+-]?)(\d+))?")
 _FINE: Final = 6

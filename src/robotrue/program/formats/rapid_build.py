@@ -218,10 +218,14 @@ class _Builder:
 
     def _pair_arcs(self) -> None:
         """Gives both points of an arc the same fate: half a corrected arc is another arc."""
-        for via, last in self.walk.story.arcs:
-            worst = int(self.reason[via] or self.reason[last])
-            for point in (via, last):
-                self.reason[point] = self.reason[point] or worst
+        changed = True
+        while changed:
+            changed = False
+            for via, last in self.walk.story.arcs:
+                worst = int(self.reason[via] or self.reason[last])
+                for point in (via, last):
+                    changed |= bool(worst and not self.reason[point])
+                    self.reason[point] = self.reason[point] or worst
 
     def _spoken(self) -> None:
         """Adds what the walk noticed: computed targets, checks of confdata, foreign routines."""

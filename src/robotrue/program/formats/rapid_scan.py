@@ -10,17 +10,15 @@ import re
 from typing import Final, NamedTuple
 
 from robotrue.errors import FormatError
+from robotrue.program.formats.number_text import WHOLE_NUMBER
 from robotrue.program.formats.text_lines import line_at
 
 GAP: Final = rb"(?:\s++|![^\r\n]*+)*+"
 """Blanks, line ends and comments."""
 
 
-_NUMBER: Final = rb"[+-]?+(?:\d++(?:\.\d*+)?+|\.\d++)(?:[eE][+-]?+\d++)?+"
-
-
 def _row(count: int) -> bytes:
-    return rb"\[" + GAP + (GAP + b"," + GAP).join([_NUMBER] * count) + GAP + rb"\]"
+    return rb"\[" + GAP + (GAP + b"," + GAP).join([WHOLE_NUMBER] * count) + GAP + rb"\]"
 
 
 def _rows(*counts: int) -> re.Pattern[bytes]:
@@ -236,4 +234,4 @@ def fills(pattern: re.Pattern[bytes], data: bytes, start: int, end: int) -> re.M
 
 def numbers_of(literal: bytes) -> list[bytes]:
     """Returns the numbers of a literal as printed."""
-    return re.findall(_NUMBER, re.sub(rb"![^\r\n]*", b"", literal))
+    return re.findall(WHOLE_NUMBER, re.sub(rb"![^\r\n]*", b"", literal))

@@ -229,7 +229,7 @@ class Walk(Data):
         if len(via) == len(last):
             self.story.arcs += zip(via, last, strict=True)
         else:
-            self.story.arcs += [(a, b) for a in via for b in last]
+            self.story.arcs += [(a, last[0]) for a in via] + [(via[0], b) for b in last]
 
     def _use(self, point: int, motion: int, tail: Tail, start: int) -> None:
         settings = self.story.settings
@@ -269,18 +269,23 @@ class Walk(Data):
             return [self._lost(start, Reason.EXPRESSION, f"the target {text[:40]!r} {why}")]
         shifting = _SHIFTING.match(text)
         if shifting:
-            self._based(shifting[2])
+            if not self._based(shifting[2]):
+                self.mention(start, end, "")
+            comma = self.data.find(b",", start, end)
+            self.mention(comma if comma >= 0 else end, end, "")
             return [self._lost(start, Reason.RELATIVE, f"{shifting[1]} starts from another target")]
         self.mention(start, end, "")
         return [self._lost(start, Reason.EXPRESSION, f"the target {text[:40]!r} is computed")]
 
-    def _based(self, inside: str) -> None:
+    def _based(self, inside: str) -> bool:
+        """Marks the points that Offs or RelTool start from; returns whether they are a variable."""
         named = _REFERENCE.match(inside.split(",")[0].strip())
         variable = self.variables.find(self.scope, named[1].lower()) if named else None
         if variable is None:
-            return
-        for point in self.variables.points_at(variable, None, self.course.barriers):
-            self.story.based.add(point)
+            return False
+        points = self.variables.points_at(variable, None, self.course.barriers)
+        self.story.based.update(points)
+        return True
 
     def _lost(self, offset: int, reason: Reason, what: str) -> int:
         point = self.add_point(offset, -1, NOTHING)

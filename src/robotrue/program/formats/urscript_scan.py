@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from robotrue.errors import FormatError
+from robotrue.program.formats.number_text import WHOLE_NUMBER
 from robotrue.program.formats.text_lines import line_at
 
 _QUIET: Final = re.compile(rb'"(?:[^"\\\r\n]|\\.)*+"|#[^\r\n]*+')
@@ -23,7 +24,7 @@ _ROUTINES: Final = (b"def", b"thread", b"sec")
 
 
 def _six(before: bytes) -> re.Pattern[bytes]:
-    number = rb"\s*+[+-]?+(?:\d++(?:\.\d*+)?+|\.\d++)(?:[eE][+-]?+\d++)?+\s*+"
+    number = rb"\s*+" + WHOLE_NUMBER + rb"\s*+"
     return re.compile(before + rb"\[" + b",".join([number] * 6) + rb"\]")
 
 
