@@ -23,6 +23,7 @@ from robotrue.calibration.model import Query
 from robotrue.calibration.prior_belief import prior_belief
 from robotrue.calibration.priors import PriorScales
 from robotrue.calibration.probing import ProbingSettings, estimate_probing, model_of_estimate
+from robotrue.calibration.probing_scales import few_factor
 from robotrue.calibration.settings import RP_PER_SIGMA, FitSettings
 from robotrue.calibration.smooth import SmoothBasis, features
 from robotrue.cell.registration.points import fit_points, frame_gain
@@ -272,3 +273,18 @@ def test_refusals() -> None:
 def test_region_factor_is_that_of_three_dimensions() -> None:
     """chi^2 with 3 degrees of freedom, 95 %: 7.8147 (any table)."""
     assert region_factor() ** 2 == pytest.approx(7.8147, abs=1e-4)
+
+
+def test_scales_told_by_few_stay_between_learned_and_default() -> None:
+    """F(3, 4) at 95 % is 6.591 (any table): 3 F / chi^2(3) = 2.530 for 3.5 weights and half."""
+    assert few_factor(3.5, 0.5) == pytest.approx(3.0 * 6.591 / 7.8147, abs=1e-3)
+    points, joints = postures("R", 12, 2)  # of an arm that turns out to be exact
+    touches = ProbingSet(names=tuple(map(str, range(12))), point=points, joints=joints)
+    told = ProbingSettings(touch_sigma=0.1 * MM, tool_sigma=0.3 * MM, robust=False)
+    query = Query(joints=postures("L", 8, 3)[1])
+    found = estimate_probing(NOMINAL, touches, told)
+    default = estimate_probing(NOMINAL, touches, replace(told, learn=False))
+    moved = np.trace(machined_covariance(found, query), axis1=1, axis2=2).mean()
+    held = np.trace(machined_covariance(default, query), axis1=1, axis2=2).mean()
+    assert moved / found.belief.inflation <= held * (1.0 + 1e-6)
+    assert moved > 0.1 * held

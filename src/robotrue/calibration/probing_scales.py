@@ -68,10 +68,11 @@ def learned_scales(
     )
     # What the touches determine hardly depends on the scales; what they do not (a side that was
     # never touched) is as uncertain as the scales themselves, which the default holds loosely.
+    # A scale that was lowered is widened so far, but not beyond the default.
     beyond = float(np.sqrt(few_factor(told, COMMON_HOLD) / few_factor(told)))
     for group in found.groups:
         if group.learned:
-            new[group.columns] *= beyond
+            new[group.columns] *= max(min(beyond, 1.0 / group.sd), 1.0)
     wider = replace(
         belief, root=np.diag(new)[new > 0.0], inflation=belief.inflation * few_factor(told)
     )
