@@ -251,8 +251,8 @@ def report(tally: Tally) -> None:
             text = " / ".join(f"{share:.1f} %" for share in both)
             verdict = "for comparison"
             if way in HONEST:
-                verdict = "missed" if min(both) < low else "reached"
-                verdict = "missed: too wide" if max(both) > high else verdict
+                verdict = "missed: too wide" if max(both) > high else "reached"
+                verdict = "missed" if min(both) < low else verdict
             reach = f"{low:g} to {high:g} % both" if way in HONEST else "-"
             reference = REFERENCE.get(way, {}).get(count, "-")
             print(
