@@ -136,6 +136,8 @@ def test_what_is_refused_target_by_target() -> None:
     )
     assert program.reason.tolist() == [int(Reason.RELATIVE), *[EXPRESSION] * 3]
     assert program.notes[0].startswith("part.script:2: the target 'pose_add(p1,")
+    for tool in (f"{Q},1e-3,1e-3,{P}", f"tcp={P}"):
+        assert reasons(f"movej(get_inverse_kin({P},{tool}))") == [EXPRESSION]
     assert reasons(f"movec({P},ghost)") == [EXPRESSION, EXPRESSION]
     assert reasons("movec(ghost)") == [EXPRESSION, int(Reason.INCOMPLETE)]
     assert reasons(f"servoc({P},1,1)") == [EXPRESSION]

@@ -40,6 +40,9 @@ _NEXT: Final = re.compile(rb"\s*[,)]")
 _NAMED: Final = re.compile(rb"(?:pose|q|pose_via|pose_to)\s*=\s*")
 _FRAMED: Final = re.compile(rb"pose_trans\s*\(")
 _SOLVED: Final = re.compile(rb"get_inverse_kin\s*\(")
+_OWN_TOOL: Final = re.compile(rb"tcp\w*\s*=")
+_SOLVED_WITH_TOOL: Final = 4
+"""Arguments of get_inverse_kin that leave the tool what it is; a fifth names another."""
 _ADDED: Final = re.compile(rb"pose_add\s*\(")
 
 
@@ -260,18 +263,22 @@ class Walk:
             points = self.variables.points_at(variable, "", self.course.barriers)
             if points:
                 return points[0], BASE
-        for pattern in (_FRAMED, _SOLVED):
-            call = pattern.match(self.code, start, end)
-            if call and self._closed(call.end(), end) == end - 1:
-                inside = arguments(self.code, call.end(), end - 1)
-                if pattern is _SOLVED:
-                    for place in inside[1:]:
-                        self._mention_seed(*place)
-                    return self._operand(*inside[0])
-                if len(inside) == 2:
-                    point, inner = self._operand(*inside[1])
-                    frame = self._frame(*inside[0])
-                    return point, frame if inner == BASE else UNKNOWN
+        framed, solved = (each.match(self.code, start, end) for each in (_FRAMED, _SOLVED))
+        call = framed or solved
+        if call and self._closed(call.end(), end) == end - 1:
+            inside = arguments(self.code, call.end(), end - 1)
+            if (
+                solved
+                and not any(_OWN_TOOL.match(self.code, *each) for each in inside)
+                and (len(inside) <= _SOLVED_WITH_TOOL)
+            ):
+                for place in inside[1:]:
+                    self._mention_seed(*place)
+                return self._operand(*inside[0])
+            if framed and len(inside) == 2:
+                point, inner = self._operand(*inside[1])
+                frame = self._frame(*inside[0])
+                return point, frame if inner == BASE else UNKNOWN
         self._mention(start, end)
         shown = text[:40].decode("latin-1")
         if _ADDED.match(self.code, start, end):
