@@ -29,6 +29,14 @@ def test_a_pose() -> None:
     assert not program.notes
 
 
+def test_blanks_around_names_and_numbers() -> None:
+    plain = body(f"{HEAD}C00000={P}", "MOVL C00000")
+    found = body(f"{HEAD} \tC00000 =  {P.replace(',', ' , ')} ", "  MOVL  C00000")
+    np.testing.assert_array_equal(found.position, plain.position)
+    np.testing.assert_array_equal(found.rotation, plain.rotation)
+    assert found.reason.tolist() == [Reason.NONE]
+
+
 def test_headers_hold_until_they_are_said_again() -> None:
     points = (
         f"///USER 2\n///TOOL 1\n///POSTYPE USER\n///RECTAN \n///RCONF 0,1,0,0,0,0\nC00000={P}\n"
@@ -216,7 +224,7 @@ def test_counts_that_do_not_fit_are_named() -> None:
         ("\nEND\n", "\n", "test.jbi:15: the job has no END"),
         ("C00000=800.000", "C00000=8oo.000", "test.jbi:9: '8oo.000,-100.000"),
         ("C00000=800.000", "C00000=800.0.0", "test.jbi:9: '800.0.0"),
-        ("C00000=800.000", "C00000=" + "9" * 400, "has a number that is too large"),
+        ("C00000=800.000", "C00000=" + "9" * 400, "has a number that cannot be read"),
         ("C00000=800.000", "C00000 800.000", "is no point and no header"),
         ("///RCONF 1,0,0,0,0,0,0,0", "///RCONF 1,0", "test.jbi:8: ///RCONF has 2 fields"),
         ("///TOOL 1", "///TOOL one", "test.jbi:5: ///TOOL 'one' is no list of whole numbers"),

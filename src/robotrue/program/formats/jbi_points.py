@@ -47,7 +47,7 @@ def point_lines(
 @numba.njit(cache=True)
 def _name(buf: Any, at: Any, offset: Any) -> Any:
     """Returns the number of the point named at ``at``, -1 if there is none, and what follows."""
-    n = buf.size
+    n, at = buf.size, _blank(buf, at)
     if at >= n or (buf[at] != 67 and buf[at] != 80):
         return -1, at
     number, k = 0, at + 1

@@ -227,7 +227,7 @@ class _Reader:
             self._refuse(f"{_shown(text)} is no list of numbers", "correct it")
         numbers = tuple(float(part) for part in parts)
         if kind in ("C", "P") and (len(parts) == 6 or not np.isfinite(numbers).all()):
-            self._refuse(f"{_shown(text)} has a number that is too large", "correct it")
+            self._refuse(f"{_shown(text)} has a number that cannot be read", "correct it")
         if kind in ("C", "P"):
             self.rows.extend((self._name(kind, number), self.line, self._header(), len(parts)))
             self.spans.extend([0] * 12)
