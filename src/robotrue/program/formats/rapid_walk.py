@@ -22,6 +22,8 @@ from robotrue.program.formats.rapid_scan import (
 from robotrue.program.formats.text_lines import line_at
 from robotrue.program.program import Motion, Reason
 
+_TAILS: Final = 4096
+"""Kept ways a motion goes on behind its literal; nearly all of a post's are the same few."""
 SHIFTED: Final = "displacement"
 AXES_SHIFTED: Final = "offset of external axes"
 _SHIFTS: Final = {
@@ -194,6 +196,8 @@ class Walk(Data):
         """Enters a motion to a literal; returns whether its other arguments are understood."""
         key = match[1], match[3]
         move = move_of(key[0].decode().lower())
+        if len(self._tails) > _TAILS:
+            self._tails.clear()
         if move is not None and key not in self._tails:
             self._tails[key] = read_tail(self.data, *match.span(3), move, given=1)
         tail = self._tails.get(key)
