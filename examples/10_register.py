@@ -67,6 +67,8 @@ def main(out: Path) -> None:
     axes.semilogy(COUNTS, stated, label="stated, 95 %, worst touch")
     axes.semilogy(COUNTS, [np.percentile(e, 95) for e in done], "o", label="then cut, 95 %")
     axes.set(xlabel="touches", ylabel="mm (simulated)")
+    axes.set_yticks([0.2, 0.5, 1.0, 2.0, 4.0], ["0.2", "0.5", "1", "2", "4"])
+    axes.set_yticks([], minor=True)
     axes.legend()
     figure.savefig(out / "10_register.png", bbox_inches="tight")
     error = done[-1].std(ddof=1) / np.sqrt(len(done[-1]))
