@@ -1,13 +1,12 @@
-"""The estimate from touches: laws, what it learns, what it names, and what it refuses."""
+"""The estimate from touches: laws, what it learns, surfaces, sockets and gauges."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
+from probing_cases import EXACT, FACE, SETTINGS, cell, frame_error, known_arm, of, touched
 
 from robotrue.calibration.belief import belief_of, model_of, widened, with_centres
 from robotrue.calibration.methods import fit
@@ -22,13 +21,12 @@ from robotrue.calibration.probing import (
 from robotrue.calibration.probing_scales import few_factor
 from robotrue.calibration.residual import LearnedModel
 from robotrue.calibration.residual import from_archive as model_from_archive
-from robotrue.calibration.rigid_flexible import RigidFlexibleModel
 from robotrue.calibration.smooth import SmoothBasis, choose_centres
 from robotrue.calibration.touches import frame_displacement
 from robotrue.core.arrays import Array
 from robotrue.core.mesh import TriangleMesh
 from robotrue.core.poses import apply, fit_rigid, inverse, pose
-from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector_from_matrix
+from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.core.surfaces import Plane
 from robotrue.core.units import MM
 from robotrue.errors import (
@@ -36,7 +34,6 @@ from robotrue.errors import (
     ImplausibleDataError,
     ModelMismatchError,
     ObservabilityError,
-    RobotrueError,
 )
 from robotrue.measurement.probing_set import KnownDistance, ProbingSet
 from robotrue.robot.forward import forward
@@ -46,10 +43,8 @@ from robotrue.simulation.feng2018_cell import (
     FACES,
     SIZE,
     START,
-    T_BASE_DRAWN,
     CellSizes,
     FengCell,
-    Posture,
     feng_cell,
     joints_touching,
     machine,
@@ -57,66 +52,6 @@ from robotrue.simulation.feng2018_cell import (
     touch_points,
     tracker_poses,
 )
-
-EXACT = CellSizes(arm=0.0, tip=0.0, touch=0.0, repeatability=0.0)
-SETTINGS = ProbingSettings(touch_sigma=0.1 * MM, tool_sigma=0.3 * MM)
-FACE: dict[Posture, Plane] = {
-    posture: Plane(
-        point=np.where(np.arange(3) == axis, level, 0.0),
-        normal=(1.0 if level > 0.0 else -1.0) * np.eye(3)[axis],
-    )
-    for posture, (axis, level) in FACES.items()
-}
-"""The faces of the block as planes."""
-
-
-def known_arm(cell: FengCell) -> RigidFlexibleModel:
-    """A model that knows the arm without any doubt."""
-    actual = cell.robot.actual
-    size = len(actual.errors)
-    nominal = actual.nominal()
-    return RigidFlexibleModel(
-        robot=nominal,
-        errors=actual.errors,
-        covariance=np.zeros((size, size)),
-        repeatability=0.0,
-        white=0.0,
-    )
-
-
-@cache
-def cell(seed: int) -> FengCell:
-    return feng_cell(seed)
-
-
-def touched(
-    where: FengCell, count: int, *, seed: int = 0, postures: tuple[Posture, ...] = ("R", "L", "T")
-) -> ProbingSet:
-    """``count`` touches of feature points in every posture."""
-    rng = np.random.default_rng([seed, where.seed])
-    points = [touch_points(p, count, rng) for p in postures]
-    joints = [touch(where, x, p, rng) for x, p in zip(points, postures, strict=True)]
-    return of(np.concatenate(points), np.concatenate(joints))
-
-
-def of(point: Array, joints: Array) -> ProbingSet:
-    names = tuple(f"p{i + 1}" for i in range(len(point)))
-    return ProbingSet(names=names, point=point, joints=joints, source="simulated")
-
-
-def spoilt(touches: ProbingSet, rows: list[int], by: float) -> ProbingSet:
-    """The set with some nominal points moved: the probe touched something else."""
-    point = touches.point.copy()
-    rng = np.random.default_rng(9)
-    away = rng.normal(size=(len(rows), 3))
-    point[rows] += by * away / np.linalg.norm(away, axis=1)[:, None]
-    return replace(touches, point=point)
-
-
-def frame_error(found: Array, true: Array) -> Array:
-    turn = rotation_vector_from_matrix(found[:3, :3] @ true[:3, :3].T)
-    return np.concatenate([found[:3, 3] - true[:3, 3], turn])
-
 
 # Laws
 
@@ -416,122 +351,3 @@ def test_sockets_and_their_known_distance() -> None:
         return float(np.sqrt(row @ joint @ row))
 
     assert along(found) < 0.025 * MM < along(without)
-
-
-# Wrong touches
-
-
-def test_wrong_touches_are_named_and_cost_nothing() -> None:
-    where = cell(7)
-    touches = touched(where, 10)
-    clean = estimate_probing(where.nominal, touches, SETTINGS)
-    wrong = [3, 11, 12, 25]
-    for by in (2.0 * MM, 15.0 * MM):
-        found = estimate_probing(where.nominal, spoilt(touches, wrong, by), SETTINGS)
-        assert found.outliers == ("p4", "p12", "p13", "p26")
-        assert found.believed.sum() == 26
-        apart = frame_error(found.T_base_part[0], clean.T_base_part[0])
-        assert np.linalg.norm(apart[:3]) < 0.3 * MM
-        assert (found.distances[wrong] > 0.8 * by).all()
-    assert not clean.outliers
-
-
-def test_good_touches_of_a_poor_arm_are_kept() -> None:
-    where = feng_cell(8, CellSizes(arm=3.0))
-    found = estimate_probing(where.nominal, touched(where, 10), SETTINGS)
-    assert len(found.outliers) <= 1
-
-
-def test_swapped_names_among_many_are_named() -> None:
-    where = cell(7)
-    touches = touched(where, 5)
-    point = touches.point.copy()
-    point[[2, 8]] = point[[8, 2]]
-    found = estimate_probing(where.nominal, replace(touches, point=point), SETTINGS)
-    assert found.outliers == ("p3", "p9")
-
-
-@pytest.mark.parametrize("count", [1, 2])
-def test_swapped_names_among_few_are_refused(count: int) -> None:
-    where = cell(7)
-    touches = touched(where, count).subset(np.arange(3 * count)[: 3 if count == 1 else 4])
-    point = touches.point.copy()
-    point[[0, 2]] = point[[2, 0]]
-    with pytest.raises(ImplausibleDataError):
-        estimate_probing(where.nominal, replace(touches, point=point), SETTINGS)
-
-
-def test_touches_that_mostly_disagree_are_refused() -> None:
-    where = cell(7)
-    with pytest.raises(ImplausibleDataError, match=r"of part 0 disagree.*p1"):
-        estimate_probing(
-            where.nominal, spoilt(touched(where, 3), [0, 2, 4, 6, 8], 9.0 * MM), SETTINGS
-        )
-
-
-# Bad input
-
-
-def test_points_that_fix_no_frame_are_refused() -> None:
-    where = feng_cell(5, EXACT)
-    rng = np.random.default_rng(0)
-    line = np.linspace(0.1, 0.9, 6)[:, None] * np.array([0.4, 0.0, 0.3])
-    with pytest.raises(ObservabilityError, match=r"p1, .* lie on one line of the part"):
-        estimate_probing(where.nominal, of(line, touch(where, line, "R", rng)), SETTINGS)
-    same = np.tile([0.1, 0.0, 0.2], (5, 1))
-    with pytest.raises(ObservabilityError, match="at 1 different places"):
-        estimate_probing(where.nominal, of(same, touch(where, same, "R", rng)), SETTINGS)
-    with pytest.raises(ObservabilityError, match="p1, p2 are at 2 different places"):
-        estimate_probing(where.nominal, touched(where, 1).subset([0, 1]), SETTINGS)
-
-
-@pytest.mark.parametrize(
-    ("changed", "error", "words"),
-    [
-        (lambda t: replace(t, point=1e3 * t.point), ImplausibleDataError, r"span .* mm and the"),
-        (lambda t: replace(t, point=t.point * [1, -1, 1]), ImplausibleDataError, "mirror image"),
-        (lambda t: replace(t, joints=t.joints * [1, 1, -1, 1, 1, 1]), ImplausibleDataError, "."),
-        (
-            lambda t: replace(t, joints=t.joints[:, :5]),
-            ModelMismatchError,
-            "touches have 5 joints, the robot has 6",
-        ),
-        (
-            lambda t: ProbingSet(names=t.names, point=t.point, position=t.point),
-            ObservabilityError,
-            "without the robot's joints",
-        ),
-        (lambda t: t.subset([]), ObservabilityError, "0 touches"),
-        (lambda t: replace(t, part=np.full(12, -1)), ConfigurationError, "part number -1"),
-    ],
-)
-def test_what_cannot_be_is_refused(
-    changed: Callable[[ProbingSet], ProbingSet], error: type[RobotrueError], words: str
-) -> None:
-    where = cell(5)
-    touches = changed(touched(where, 4))
-    with pytest.raises(error, match=words):
-        estimate_probing(where.nominal, touches, SETTINGS)
-
-
-@pytest.mark.parametrize("wrong", [{"touch_sigma": 0.1}, {"touch_sigma": 0.0}, {"tool_sigma": 0.3}])
-def test_settings_refuse_millimetres_and_touches_without_noise(wrong: dict[str, float]) -> None:
-    with pytest.raises(ConfigurationError, match=f"{next(iter(wrong))} .* mm, allowed"):
-        ProbingSettings(**wrong)
-
-
-def test_noise_above_what_was_stated_is_learned_and_said() -> None:
-    where = feng_cell(5, CellSizes(touch=0.3 * MM))
-    found = estimate_probing(where.nominal, touched(where, 12), SETTINGS)
-    assert len(found.outliers) <= 2
-    assert 0.2 * MM < found.sigma < 0.4 * MM
-    assert any("times the stated" in doubt for doubt in found.summary["doubts"])
-    quiet = estimate_probing(cell(5).nominal, touched(cell(5), 12), SETTINGS)
-    assert not any("times the stated" in doubt for doubt in quiet.summary["doubts"])
-
-
-def test_drawn_start_is_used_where_it_is_given() -> None:
-    where = feng_cell(5, EXACT)
-    settings = replace(SETTINGS, start={0: T_BASE_DRAWN})
-    found = estimate_probing(where.nominal, touched(where, 4), settings)
-    np.testing.assert_allclose(found.T_base_part[0], where.T_base_part, atol=2e-8)
