@@ -20,7 +20,7 @@ import numpy as np
 from robotrue.core.arrays import Array, IntArray, frozen
 from robotrue.core.units import MM
 from robotrue.errors import FormatError
-from robotrue.measurement.formats.sheet import Sheet, column_key, read_sheet
+from robotrue.measurement.formats.sheet import Sheet, column_key, finite_number, read_sheet
 
 POINT: Final = ("px_mm", "py_mm", "pz_mm")
 NORMAL: Final = ("nx", "ny", "nz")
@@ -78,7 +78,7 @@ def read_features(path: str | Path) -> Features:
     _check_columns(sheet, keys)
     words = [_word(sheet, row, keys["part"]) for row in _rows(sheet)] if "part" in keys else []
     parts = tuple(dict.fromkeys(words)) or ("part",)
-    point = [[_number(sheet, row, keys[name]) for name in POINT] for row in _rows(sheet)]
+    point = [[finite_number(sheet, row, keys[name]) for name in POINT] for row in _rows(sheet)]
     return Features(
         names=tuple(_word(sheet, row, keys["name"]) for row in _rows(sheet)),
         point=np.array(point, dtype=np.float64).reshape(-1, 3) * MM,
@@ -128,23 +128,6 @@ def _word(sheet: Sheet, row: int, column: int) -> str:
     return text
 
 
-def _number(sheet: Sheet, row: int, column: int) -> float:
-    text = sheet.cells[row][column]
-    plain = text.replace(",", ".") if sheet.decimal == "," else text
-    try:
-        value = float("nan") if "_" in plain else float(plain)
-    except ValueError:
-        value = float("nan")
-    if not np.isfinite(value):
-        raise FormatError(
-            f"{sheet.header[column]} is {text or 'blank'}, expected a finite number.",
-            source=sheet.source,
-            line=sheet.lines[row],
-            hint="correct or delete that row.",
-        )
-    return value
-
-
 def _directions(sheet: Sheet, keys: dict[str, int], names: Sequence[str]) -> Array:
     """Directions (n, 3); NaN in a row that leaves all three blank."""
     out = np.full((len(sheet.cells), 3), np.nan)
@@ -153,7 +136,7 @@ def _directions(sheet: Sheet, keys: dict[str, int], names: Sequence[str]) -> Arr
     for row in _rows(sheet):
         if not any(sheet.cells[row][keys[name]] for name in names):
             continue
-        found = np.array([_number(sheet, row, keys[name]) for name in names])
+        found = np.array([finite_number(sheet, row, keys[name]) for name in names])
         length = float(np.linalg.norm(found))
         if not UNIT[0] <= length <= UNIT[1]:
             raise FormatError(

@@ -23,7 +23,7 @@ from robotrue.core.files import read_bytes, write_atomic
 from robotrue.core.units import DEG, MM
 from robotrue.errors import FormatError
 from robotrue.measurement.formats.canonical import canonical_joints
-from robotrue.measurement.formats.sheet import Sheet, column_key, read_sheet
+from robotrue.measurement.formats.sheet import Sheet, column_key, finite_number, read_sheet
 from robotrue.measurement.probing_set import ProbingSet
 
 POINT: Final = ("px_mm", "py_mm", "pz_mm")
@@ -173,45 +173,27 @@ def _parts(sheet: Sheet, keys: dict[str, int]) -> tuple[tuple[str, ...], list[in
 def _numbers(sheet: Sheet, keys: dict[str, int], names: Sequence[str]) -> Array:
     """Returns columns (n, k), every value finite."""
     return np.array(
-        [[_number(sheet, row, keys[name]) for name in names] for row in range(len(sheet.cells))]
+        [
+            [finite_number(sheet, row, keys[name], of=cells[keys["name"]]) for name in names]
+            for row, cells in enumerate(sheet.cells)
+        ]
     )
-
-
-def _number(sheet: Sheet, row: int, column: int) -> float:
-    text = sheet.cells[row][column]
-    plain = text.replace(",", ".") if sheet.decimal == "," else text
-    try:
-        value = float("nan") if "_" in plain else float(plain)
-    except ValueError:
-        value = float("nan")
-    if not np.isfinite(value):
-        raise FormatError(
-            f"{sheet.header[column]} of {sheet.cells[row][_name_of(sheet)]!r} is "
-            f"{text or 'blank'}, expected a finite number.",
-            source=sheet.source,
-            line=sheet.lines[row],
-            hint="correct or delete that row.",
-        )
-    return value
-
-
-def _name_of(sheet: Sheet) -> int:
-    return [column_key(name) for name in sheet.header].index("name")
 
 
 def _normals(sheet: Sheet, keys: dict[str, int]) -> Array:
     """Returns normals (n, 3); NaN in a row that leaves all three blank or zero."""
     out = np.full((len(sheet.cells), 3), np.nan)
-    for row in range(len(sheet.cells)):
-        if not any(sheet.cells[row][keys[name]] for name in NORMAL):
+    for row, cells in enumerate(sheet.cells):
+        if not any(cells[keys[name]] for name in NORMAL):
             continue
-        normal = np.array([_number(sheet, row, keys[name]) for name in NORMAL])
+        touch = cells[keys["name"]]
+        normal = np.array([finite_number(sheet, row, keys[name], of=touch) for name in NORMAL])
         length = float(np.linalg.norm(normal))
         if length == 0.0:
             continue
         if not UNIT[0] <= length <= UNIT[1]:
             raise FormatError(
-                f"normal of {sheet.cells[row][_name_of(sheet)]!r} has length {length:g}, expected "
+                f"normal of {touch!r} has length {length:g}, expected "
                 f"a direction of length {UNIT[0]:g} to {UNIT[1]:g}.",
                 source=sheet.source,
                 line=sheet.lines[row],

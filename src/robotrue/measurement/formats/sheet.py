@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 import re
 import zipfile
 from dataclasses import dataclass
@@ -48,6 +49,35 @@ class Sheet:
 def column_key(name: str) -> str:
     """Returns the form in which column names are compared: no outer blanks, no case."""
     return " ".join(name.split()).casefold()
+
+
+def finite_number(sheet: Sheet, row: int, column: int, *, of: str = "") -> float:
+    """Returns the number in a cell, with the decimal mark of the sheet.
+
+    Args:
+        sheet: The table.
+        row: From 0.
+        column: From 0.
+        of: What the row is about, for the message.
+
+    Raises:
+        FormatError: Blank, no number, or not finite; with its line.
+    """
+    text = sheet.cells[row][column]
+    plain = text.replace(",", ".") if sheet.decimal == "," else text
+    try:
+        value = float("nan") if "_" in plain else float(plain)
+    except ValueError:
+        value = float("nan")
+    if not math.isfinite(value):
+        raise FormatError(
+            f"{sheet.header[column]}{f' of {of!r}' if of else ''} is {text or 'blank'}, expected a "
+            "finite number.",
+            source=sheet.source,
+            line=sheet.lines[row],
+            hint="correct or delete that row.",
+        )
+    return value
 
 
 def read_sheet(

@@ -14,7 +14,7 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.units import MM
 from robotrue.errors import FormatError
-from robotrue.measurement.formats.sheet import Sheet, column_key, read_sheet
+from robotrue.measurement.formats.sheet import column_key, finite_number, read_sheet
 
 COLUMNS: Final = ("slot", "step_mm")
 
@@ -39,30 +39,14 @@ def read_slot_steps(path: str | Path) -> tuple[tuple[str, ...], Array]:
             hint="slot,step_mm with one row for each place that was measured.",
         )
     steps: dict[str, list[float]] = {}
-    for row, line in zip(sheet.cells, sheet.lines, strict=True):
-        name = row[keys["slot"]]
+    for row, line in enumerate(sheet.lines):
+        name = sheet.cells[row][keys["slot"]]
         if not name:
             raise FormatError("slot is blank, expected a name.", source=sheet.source, line=line)
-        steps.setdefault(name, []).append(_step(sheet, row[keys["step_mm"]], line))
+        steps.setdefault(name, []).append(finite_number(sheet, row, keys["step_mm"]))
     if not steps:
         raise FormatError("no rows.", source=sheet.source, hint="one row for each place.")
     out = np.full((len(steps), max(len(v) for v in steps.values())), np.nan)
     for k, values in enumerate(steps.values()):
         out[k, : len(values)] = values
     return tuple(steps), out * MM
-
-
-def _step(sheet: Sheet, text: str, line: int) -> float:
-    plain = text.replace(",", ".") if sheet.decimal == "," else text
-    try:
-        value = float("nan") if "_" in plain else float(plain)
-    except ValueError:
-        value = float("nan")
-    if not np.isfinite(value):
-        raise FormatError(
-            f"step_mm is {text or 'blank'}, expected a finite number.",
-            source=sheet.source,
-            line=line,
-            hint="correct or delete that row.",
-        )
-    return value
