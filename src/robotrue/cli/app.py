@@ -1,0 +1,39 @@
+"""The application every command registers with, and arguments that many of them share."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from robotrue import __version__
+
+app = typer.Typer(
+    name="robotrue",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    help="Makes an industrial robot cut where the CAM said.",
+)
+
+Json = Annotated[bool, typer.Option("--json", help="Machine-readable result on stdout.")]
+CellFile = Annotated[Path, typer.Argument(metavar="CELL", help="cell.toml")]
+ModelFile = Annotated[Path, typer.Argument(metavar="MODEL", help="Model file of `calibrate`.")]
+
+
+def _version(value: bool) -> None:
+    if value:
+        sys.stdout.write(f"robotrue {__version__}\n")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Calibrate a robot, know how far to trust it, and compensate its programs."""

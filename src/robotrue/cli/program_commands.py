@@ -1,0 +1,144 @@
+"""Signatures of the commands about programs: made from tool paths, compensated, compared."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from robotrue.cli.app import Json, app
+
+
+@app.command()
+def program(
+    cell: Annotated[
+        Path, typer.Argument(metavar="CELL", help="cell.toml, best one `register` wrote.")
+    ],
+    toolpaths: Annotated[
+        list[Path], typer.Argument(metavar="TOOLPATH...", help="APT/CL data or CSV, one per side.")
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", help="KRL program (.src) to write.")],
+    model: Annotated[
+        Path | None, typer.Option(help="Also compensate the program with this model.")
+    ] = None,
+    part: Annotated[
+        list[str] | None,
+        typer.Option(help="Part frame, for all sides or one for each; default: of the same name."),
+    ] = None,
+    mesh: Annotated[
+        Path | None,
+        typer.Option(help="Part (STL): keep only points inside its largest contour."),
+    ] = None,
+    margin_mm: Annotated[
+        float, typer.Option(help="How far outside the contour points are kept.")
+    ] = 0.0,
+    cutter: Annotated[
+        str | None,
+        typer.Option(help="Axis of [tool] from spindle to tip: x, y, z, -x, -y, -z; default z."),
+    ] = None,
+    lift_mm: Annotated[
+        float, typer.Option(help="Height over part and paths before and after each side.")
+    ] = 100.0,
+    home_deg: Annotated[
+        str | None, typer.Option(help="A1,..,A6 where the job begins and ends.")
+    ] = None,
+    rapid_mm_per_s: Annotated[float, typer.Option(help="Speed of rapid points.")] = 200.0,
+    feed_mm_per_min: Annotated[
+        float | None, typer.Option(help="Feed of points that cut before any is stated.")
+    ] = None,
+    blend_mm: Annotated[float, typer.Option(help="$APO.CDIS; 0 stops at every point.")] = 0.2,
+    max_shift_mm: Annotated[
+        float, typer.Option(help="With --model: leave a target alone that would move further.")
+    ] = 10.0,
+    report: Annotated[Path | None, typer.Option(help="Also write a report page (HTML).")] = None,
+    json: Json = False,
+) -> None:
+    """Make a robot program of CAM tool paths, in the frame where the part was found."""
+    from robotrue.cli.program import run
+
+    run(
+        cell,
+        toolpaths,
+        output,
+        model_path=model,
+        parts=part or [],
+        mesh_path=mesh,
+        margin_mm=margin_mm,
+        cutter=cutter,
+        lift_mm=lift_mm,
+        home_deg=home_deg,
+        rapid_mm_per_s=rapid_mm_per_s,
+        feed_mm_per_min=feed_mm_per_min,
+        blend_mm=blend_mm,
+        max_shift_mm=max_shift_mm,
+        report=report,
+        as_json=json,
+    )
+
+
+@app.command()
+def compensate(
+    model: Annotated[
+        Path,
+        typer.Argument(
+            metavar="MODEL|CELL",
+            help="Model file, or a cell registered with one; another cell.toml changes nothing.",
+        ),
+    ],
+    program: Annotated[Path, typer.Argument(metavar="PROGRAM", help="Program to compensate.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Program to write.")],
+    cell: Annotated[
+        Path | None, typer.Option(help="Registered cell whose part frame the program runs in.")
+    ] = None,
+    part: Annotated[
+        str | None, typer.Option(help="Which part or side, where the cell has several.")
+    ] = None,
+    wrench: Annotated[
+        str | None,
+        typer.Option(help="Process force on the tool, base axes: FX,FY,FZ[,MX,MY,MZ] in N, N m."),
+    ] = None,
+    axis_targets: Annotated[
+        bool, typer.Option(help="Compensate axis targets too (PTP {A1 ..}).")
+    ] = False,
+    max_shift_mm: Annotated[
+        float, typer.Option(help="Leave a target alone if it would move further than this.")
+    ] = 10.0,
+    json: Json = False,
+) -> None:
+    """Rewrite a program so that the robot lands where it says."""
+    from robotrue.cli.compensate import run
+
+    run(
+        model,
+        program,
+        output,
+        registered=cell,
+        part=part,
+        wrench=wrench,
+        axis_targets=axis_targets,
+        max_shift_mm=max_shift_mm,
+        as_json=json,
+    )
+
+
+@app.command()
+def diff(
+    first: Annotated[Path, typer.Argument(metavar="BEFORE", help="Program as CAM made it.")],
+    second: Annotated[Path, typer.Argument(metavar="AFTER", help="The same, compensated.")],
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            help="Model file: also the predicted error of every target, before and after."
+        ),
+    ] = None,
+    cell: Annotated[Path | None, typer.Option(help="Registered cell with the part frame.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Every target as CSV.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Compare two programs target by target: shift, turn, predicted error before and after."""
+    from robotrue.cli import diff as command
+
+    command.run(first, second, model_path=model, registered=cell, output=output, as_json=json)
