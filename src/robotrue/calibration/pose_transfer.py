@@ -16,10 +16,9 @@ from robotrue.calibration.deng2022.committee import boosted
 from robotrue.calibration.deng2022.features import attitude_reference
 from robotrue.calibration.deng2022.joined import Expert, PoseModel
 from robotrue.calibration.deng2022.readings import Readings
-from robotrue.calibration.deng2022.transfer_gpr import labelled
+from robotrue.calibration.deng2022.transfer_gpr import labelled, pose_summary
 from robotrue.calibration.settings import FitSettings
 from robotrue.core.arrays import Array
-from robotrue.core.files import sha256
 from robotrue.core.regions import CylinderRegion
 from robotrue.core.units import MM
 from robotrue.errors import ObservabilityError
@@ -77,22 +76,8 @@ def fit_boosted_poses(
         reference=reference,
         outside=READINGS.outside,
         summary={
-            "method": "boosted poses",
-            "rows": len(rows),
+            **pose_summary(rows, "boosted poses", inside=""),
             "target_rows": len(target),
-            "screened_rows": [],
-            "data_sha256": sha256(rows.joints.tobytes() + rows.position.tobytes()),
-            "sources": list(rows.sources),
-            "joint_range_rad": [rows.joints.min(axis=0).tolist(), rows.joints.max(axis=0).tolist()],
-            "position_range_m": [
-                rows.position.min(axis=0).tolist(),
-                rows.position.max(axis=0).tolist(),
-            ],
-            "verdict": "conditional",
-            "doubts": [
-                "a model of poses: it holds for the payload, the tool point and the arm "
-                "configuration that were measured."
-            ],
         },
     )
 

@@ -5,11 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
-from robotrue.calibration.methods import METHODS, FitSettings, fit
+from robotrue.calibration.methods import METHODS, fit
 from robotrue.calibration.model import ErrorModel
-from robotrue.calibration.priors import PriorScales, StiffnessPrior
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
 from robotrue.cli.console import emit_facts, emit_json, progress, say
@@ -17,12 +14,12 @@ from robotrue.cli.inputs import check_output, measured
 from robotrue.cli.model_view import remarks, result_facts
 from robotrue.errors import ConfigurationError, ObservabilityError
 from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.planning.information import settings_of
 from robotrue.store.model_file import write_model
 from robotrue.validation.auto import fit_auto
 from robotrue.validation.contest import Selection, selection_from_summary
 from robotrue.validation.validate import validate
 
-STIFFNESS_SD = 0.3
 """Relative standard deviation taken for a stiffness stated in the cell."""
 SHOWN_ROWS = 10
 
@@ -86,7 +83,7 @@ def calibrated(
     cell: Cell, measurements: MeasurementSet, method: str
 ) -> tuple[ErrorModel, Selection | None]:
     """Returns the model of a cell by a method's name; ``auto`` lets held-out poses choose."""
-    robot, settings = cell.measured_robot, fit_settings(cell)
+    robot, settings = cell.measured_robot, settings_of(cell)
     if method != "auto":
         with progress() as step:
             step(method, 0, 1)
@@ -96,22 +93,6 @@ def calibrated(
     selection = selection_from_summary(model.training_summary()["selection"])
     say(f"method {selection.winner}: {selection.reason}")
     return model, selection
-
-
-def fit_settings(cell: Cell) -> FitSettings:
-    """Returns what the cell says about noise, load and stiffness."""
-    stated = np.isfinite(cell.compliance_prior)
-    stiffness = None
-    if stated.all():
-        stiffness = StiffnessPrior(
-            stiffness=1.0 / cell.compliance_prior, relative_sd=np.array(STIFFNESS_SD)
-        )
-    return FitSettings(
-        payload=cell.payload,
-        repeatability=cell.repeatability,
-        scales=PriorScales(tool=cell.target_sigma),
-        stiffness=stiffness,
-    )
 
 
 def _write_report(

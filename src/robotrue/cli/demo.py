@@ -18,7 +18,6 @@ from robotrue.calibration.methods import METHODS, fit
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
-from robotrue.cli.calibrate import fit_settings
 from robotrue.cli.compensate import frame_table
 from robotrue.cli.console import emit_json, emit_table, progress, say
 from robotrue.cli.inputs import measured
@@ -31,6 +30,7 @@ from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM, UM
 from robotrue.measurement.formats.canonical import write_canonical
 from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.planning.information import settings_of
 from robotrue.program.formats import read_program, write_program
 from robotrue.program.program import Program
 from robotrue.report.content import ReportContent, Table
@@ -223,7 +223,7 @@ def cell_toml(cell: Cell) -> str:
 
 def calibrated(cell: Cell, training: MeasurementSet, step: Progress) -> Chosen:
     """Returns the method that wins on held-out poses, fitted on all rows."""
-    robot, settings = cell.measured_robot, fit_settings(cell)
+    robot, settings = cell.measured_robot, settings_of(cell)
     candidates = {name: partial(fit, robot, method=name, settings=settings) for name in METHODS}
     selection = select(
         candidates,

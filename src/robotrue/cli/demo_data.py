@@ -19,7 +19,6 @@ from robotrue.calibration.model import ErrorModel, Query
 from robotrue.calibration.settings import FitSettings
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
-from robotrue.cli.calibrate import fit_settings
 from robotrue.cli.demo import DemoResult, Progress, lengths_mm, statistics_mm, write_report
 from robotrue.cli.inputs import measured
 from robotrue.compensation.compensate import compensate
@@ -31,6 +30,7 @@ from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ReachError
 from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.planning.information import settings_of
 from robotrue.program.formats import read_program, write_program
 from robotrue.report.calibration import calibration_content
 from robotrue.report.content import (
@@ -134,7 +134,7 @@ def run_demo_on_data(
     out_dir.mkdir(parents=True, exist_ok=True)
     write_atomic(out_dir / "cell.toml", CELL.encode())
     cell = read_cell(out_dir / "cell.toml")
-    settings = fit_settings(cell)
+    settings = settings_of(cell)
     tell("reading the UR10 measurements", 0.0)
     series = {name: _series(cell, Path(data_dir) / path, rows) for name, path in SERIES.items()}
     selection = _contest(cell, settings, series["A"], tell)

@@ -12,7 +12,6 @@ import numpy as np
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
-from robotrue.cli.calibrate import fit_settings
 from robotrue.cli.console import count, emit_json, emit_table, say
 from robotrue.cli.inputs import check_output
 from robotrue.core.arrays import Array
@@ -20,6 +19,7 @@ from robotrue.core.files import read_bytes, sha256, write_atomic
 from robotrue.core.regions import CubeRegion, CylinderRegion, Region
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
+from robotrue.planning.information import settings_of
 from robotrue.report.content import Fact
 from robotrue.report.map import ATTITUDES, coordinate_units, map_content, map_slices, sector_names
 from robotrue.store.model_file import ZIP, read_model
@@ -117,7 +117,7 @@ def _model(path: Path) -> tuple[ErrorModel, Cell]:
         return stored.model, stored.cell
     cell = read_cell(path)
     say("note: a cell and no model: stated stiffness and prior scales, nothing measured")
-    return uncalibrated(cell.measured_robot, fit_settings(cell)), cell
+    return uncalibrated(cell.measured_robot, settings_of(cell)), cell
 
 
 def _region(kind: str, ranges: dict[str, str | None]) -> Region:

@@ -10,7 +10,6 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.calibration.probing import ProbingSettings, before_touching
-from robotrue.cli.calibrate import fit_settings
 from robotrue.cli.console import count, emit_json, emit_table, say
 from robotrue.cli.inputs import check_output
 from robotrue.cli.probe_plan_inputs import (
@@ -23,6 +22,7 @@ from robotrue.core.files import write_atomic
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.formats.features import read_features
+from robotrue.planning.information import settings_of
 from robotrue.planning.probing import Goal, ProbePlan, ProbingTask, plan_touches
 from robotrue.planning.probing_candidates import Candidates, TouchLimits, touch_candidates
 from robotrue.planning.probing_frame import plan_frame_touches
@@ -94,7 +94,7 @@ def run(
         tool_sigma=tool,
         T_flange_tool=None if own_tool else nominal.T_flange_tool,
         payload=cell.payload,
-        priors=fit_settings(cell),
+        priors=settings_of(cell),
     )
     task = ProbingTask(
         belief=before_touching(arm, settings),

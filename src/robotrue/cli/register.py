@@ -15,7 +15,6 @@ from robotrue.cell.config import parse_cell
 from robotrue.cell.part import PartTable
 from robotrue.cell.part_tables import with_part, with_urdf
 from robotrue.cell.writer import cell_text
-from robotrue.cli.calibrate import fit_settings
 from robotrue.cli.console import emit_json, say
 from robotrue.cli.inputs import check_output
 from robotrue.cli.register_view import document, frame_document, show
@@ -25,6 +24,7 @@ from robotrue.core.mesh import TriangleMesh, read_mesh
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.formats.points import read_points
+from robotrue.planning.information import settings_of
 from robotrue.program.controller_frames import ControllerFrame, controller_frame
 from robotrue.store.model_file import ZIP, write_model
 from robotrue.validation.registered_part import RegisteredPart
@@ -114,7 +114,7 @@ def _settings(cell: Cell, options: Options) -> RegistrationSettings:
         fit=_fit(options.fit),
         T_flange_tool=cell.robot.T_flange_tool,
         mesh=_mesh(options),
-        arm=fit_settings(cell),
+        arm=settings_of(cell),
     )
 
 

@@ -12,7 +12,6 @@ from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.sources import Source
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
-from robotrue.cli.calibrate import fit_settings
 from robotrue.cli.console import count, emit_facts, emit_json, emit_table, progress, say
 from robotrue.cli.inputs import check_output, read_rows
 from robotrue.cli.model_view import remarks, result_facts
@@ -20,6 +19,7 @@ from robotrue.core.files import read_bytes, sha256, write_atomic
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, ModelMismatchError, ObservabilityError
 from robotrue.measurement.measurement_set import MeasurementSet, concatenate
+from robotrue.planning.information import settings_of
 from robotrue.report.content import Fact
 from robotrue.store.model_file import ZIP, read_model, write_model
 from robotrue.validation.contest import Selection
@@ -51,7 +51,7 @@ def run(
         say(f"note: {doubt}")
     sources = [_source(cell, *one, mapping) for one in named]
     target = _target(cell, targets, mapping)
-    settings = fit_settings(cell)
+    settings = settings_of(cell)
     robot = cell.measured_robot
     found = contestants(robot, target, sources, settings)
     if target is None and not found.transfers:

@@ -137,7 +137,7 @@ def fit_deng2022(
         reference=reference,
         outside=chosen.outside,
         summary={
-            **_summary(concatenate([source, target]), "deng2022"),
+            **pose_summary(concatenate([source, target]), "deng2022"),
             "readings": asdict(chosen),
             "sub_spaces": [_said(a) for a in alignments],
             "rounds": len(committee.betas),
@@ -176,7 +176,7 @@ def fit_pose_gpr(
         experts=(_expert(region, committee, rows, settings),),
         reference=reference,
         outside=chosen.outside,
-        summary={**_summary(measurements, "pose-gpr"), "readings": asdict(chosen)},
+        summary={**pose_summary(measurements, "pose-gpr"), "readings": asdict(chosen)},
     )
 
 
@@ -227,8 +227,16 @@ def _enough(measurements: MeasurementSet, name: str) -> None:
         )
 
 
-def _summary(rows: MeasurementSet, method: str) -> dict[str, Any]:
-    """JSON values; lengths are SI like everything in an archive."""
+def pose_summary(
+    rows: MeasurementSet, method: str, *, inside: str = ", and only inside its domains"
+) -> dict[str, Any]:
+    """Returns the JSON values of a model of poses; lengths are SI like everything in an archive.
+
+    Args:
+        rows: All rows it was fitted to.
+        method: Its name.
+        inside: Where it holds, the end of the doubt.
+    """
     return {
         "method": method,
         "rows": len(rows),
@@ -243,7 +251,7 @@ def _summary(rows: MeasurementSet, method: str) -> dict[str, Any]:
         "verdict": "conditional",
         "doubts": [
             "A model of poses: it holds for the payload, the tool point and the arm configuration "
-            "that were measured, and only inside its domains."
+            f"that were measured{inside}."
         ],
     }
 
