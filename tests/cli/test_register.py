@@ -63,6 +63,7 @@ def test_exact_points_give_the_exact_frame(cli, work: Path) -> None:
     got = cli("register", work / "cell.toml", path, "-o", work / "out.toml", "--json")
     np.testing.assert_allclose(got.document["xyz_mm"], [1100.0, -200.0, 500.0], atol=1e-5)
     np.testing.assert_allclose(got.document["abc_deg"], [10.0, -5.0, 3.0], atol=1e-6)
+    assert any("nobody touches that well" in doubt for doubt in got.document["doubts"])
 
 
 def test_wrong_touches_are_named_and_not_fitted(cli, work: Path) -> None:

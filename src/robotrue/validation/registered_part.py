@@ -14,7 +14,7 @@ from robotrue.cell.registration.fit import Registration, point_covariance
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.graduated import GAUSS_POINT
 from robotrue.core.identity import ModelIdentity
-from robotrue.core.units import MM
+from robotrue.core.units import MM, UM
 
 Route = Literal["frame", "joint"]
 """``frame``: the arm's model as it is; ``joint``: arm, tool and frames in one estimate."""
@@ -22,6 +22,8 @@ FEW_BEYOND: Final = 0.15
 """Share of touches just beyond the bound of good ones that chance may put there."""
 MISFIT: Final = 0.999
 """Probability that the residuals of good touches stay below the bound of the verdict."""
+TOO_GOOD: Final = 1e-3
+"""Residuals below this share of the noise are not those of touches."""
 REGION: Final = float(np.sqrt(chi2.ppf(0.95, 3)))
 """A 3-D error is within this many standard deviations of its worst direction, 95 % or more."""
 
@@ -165,6 +167,11 @@ def judged(
             f"{len(near)} of {len(registration.names)} touches lie just beyond what good ones may "
             f"({GAUSS_POINT * registration.sigma / MM:.3f} mm): {_listed(registration, near)}. "
             "Touch or arm are worth less than stated."
+        )
+    elif registration.rms < TOO_GOOD * registration.sigma:
+        open_.append(
+            f"The touches fit to {registration.rms / UM:.2g} um, nobody touches that well: are "
+            "planned or computed points in the place of touched ones?"
         )
     if registration.outliers:
         open_.append(f"Not believed: {_listed(registration, registration.outliers)}; touch again.")
