@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 
 import numpy as np
+from damaged import Edits, edited, edits, read_or_refused
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
 from robotrue.core.words import NO_WORD
-from robotrue.errors import FormatError
 from robotrue.program.formats import dialect
 from robotrue.program.program import FrameTable, Program, Reason, Replacement
 
@@ -153,17 +153,7 @@ PIECES = [
 
 def check(data: bytes) -> bool:
     """Returns whether the file was read; then its zero correction is the file itself."""
-    try:
-        program = read(data)
-    except FormatError as error:
-        refused = error
-    else:
-        assert RAPID.write(program, moved(program, *STILL)) == data
-        return True
-    assert refused.source == "part.mod"
-    assert refused.line is not None
-    assert 1 <= refused.line <= data.count(b"\n") + data.count(b"\r") + 1
-    return False
+    return read_or_refused(read, RAPID, moved, "part.mod", data)
 
 
 def test_the_sample_is_read() -> None:
@@ -176,25 +166,10 @@ def test_cut_off_at_every_byte() -> None:
     assert check(SAMPLE)
 
 
-edits = st.lists(
-    st.tuples(
-        st.floats(0, 1, exclude_max=True),
-        st.integers(0, 8),
-        st.one_of(st.sampled_from(PIECES), st.binary(max_size=3), st.just(b"")),
-    ),
-    min_size=1,
-    max_size=6,
-)
-
-
-@given(edits)
+@given(edits(PIECES))
 @settings(max_examples=150, deadline=None)
-def test_edited_anywhere(changes: list[tuple[float, int, bytes]]) -> None:
-    data = SAMPLE
-    for where, cut, piece in changes:
-        at = int(where * (len(data) + 1))
-        data = data[:at] + piece + data[at + cut :]
-    check(data)
+def test_edited_anywhere(changes: Edits) -> None:
+    check(edited(SAMPLE, changes))
 
 
 @given(st.one_of(st.binary(max_size=300), st.text('MoveLPRC[]{}(),;:=\\!" \n019.').map(str.encode)))

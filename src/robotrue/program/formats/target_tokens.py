@@ -15,19 +15,14 @@ import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import DEG, MM
-from robotrue.errors import ShapeError
 from robotrue.program.euler import abc_from_matrices, matrices_from_abc
 from robotrue.program.formats.number_table import Numbers, respelled
 from robotrue.program.formats.number_text import spliced
-from robotrue.program.formats.pose_write import changed_rows
+from robotrue.program.formats.pose_write import changed_rows, moved, require_printable
 from robotrue.program.program import Program, Replacement
 
 LEAST_DECIMALS: Final = 3
 """Of a millimetre or degree that is rewritten: a correction of 0.02 mm would be lost in ``5.0``."""
-_SAME_POSITION: Final = 1e-11
-_SAME_ROTATION: Final = 1e-10
-"""As in the KRL writer: nearer than this, in m or a matrix element, is what was read."""
-_LARGEST: Final = 1e9
 POSE: Final = 0
 """Kind of a target whose numbers are a pose; kinds above are axis values in units of their own."""
 
@@ -103,28 +98,18 @@ def _wanted(
     """Returns what every number shall say (n, 6), as printed, and which of them may differ."""
     values = tokens.value.copy()
     touched = np.zeros(values.shape, dtype=np.bool_)
-    pose = np.flatnonzero(changed & (tokens.kind == POSE))
-    moved = np.asarray(replacement.position, dtype=np.float64)[pose]
-    touched[pose, :3] = ~(np.abs(moved - program.position[pose]) <= _SAME_POSITION)
-    values[pose, :3] = np.where(touched[pose, :3], moved / MM, values[pose, :3])
-    turned = np.asarray(replacement.rotation, dtype=np.float64)[pose]
-    same = (np.abs(turned - program.rotation[pose]) <= _SAME_ROTATION).all(axis=(1, 2))
-    spun = pose[~same]
+    place, turn, axes = moved(program, replacement)
+    pose, axis = changed & (tokens.kind == POSE), changed & (tokens.kind != POSE)
+    touched[:, :3] = place & pose[:, None]
+    values[:, :3] = np.where(touched[:, :3], replacement.position / MM, values[:, :3])
+    spun = np.flatnonzero(turn & pose)
     near = np.ascontiguousarray(tokens.value[spun, :2:-1]) * DEG
-    values[spun, 3:] = abc_from_matrices(np.ascontiguousarray(turned[~same]), near)[:, ::-1] / DEG
+    turned = np.ascontiguousarray(replacement.rotation[spun], dtype=np.float64)
+    values[spun, 3:] = abc_from_matrices(turned, near)[:, ::-1] / DEG
     touched[spun, 3:] = True
-    axis = np.flatnonzero(changed & (tokens.kind != POSE))
-    wanted = np.asarray(replacement.axes, dtype=np.float64)[axis]
-    touched[axis] = ~(np.abs(wanted - program.axes[axis]) <= _SAME_ROTATION)
-    values[axis] = np.where(touched[axis], wanted / tokens.unit[tokens.kind[axis]], values[axis])
-    bad = touched & ~(np.abs(values) < _LARGEST)
-    if bad.any():
-        at = int(np.argwhere(bad)[0][0])
-        raise ShapeError(
-            f"the new target is {values[at].tolist()} as printed (mm, deg or pulses), expected "
-            "finite numbers below 1e9.",
-            source=program.name,
-            line=int(program.line[at]),
-            hint="leave this row unchanged.",
-        )
+    rows = np.flatnonzero(axis)
+    touched[rows] = axes[rows]
+    wanted = np.asarray(replacement.axes, dtype=np.float64)[rows] / tokens.unit[tokens.kind[rows]]
+    values[rows] = np.where(touched[rows], wanted, values[rows])
+    require_printable(program, values, touched, "mm, deg or pulses")
     return values, touched
