@@ -1,0 +1,1 @@
+"""Files of frequency responses and force records: one file per format, no science."""

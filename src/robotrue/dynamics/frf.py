@@ -1,0 +1,143 @@
+"""The frequency response of the tool: the noun, its three forms, its value at any frequency.
+
+Inside it is always a **receptance**, displacement over force in m/N, with e^{+j omega t}. Hammer
+tests with an accelerometer measure the accelerance; the forms differ by j omega::
+
+    mobility = j omega G,    accelerance = -omega^2 G
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from robotrue.core.arrays import Array, BoolArray, frozen
+from robotrue.errors import ConfigurationError, ShapeError
+
+ComplexArray: TypeAlias = npt.NDArray[np.complex128]
+"""complex128 array; shape and unit are in the docstring of whoever names it."""
+AXES: Final = ("x", "y", "z")
+FORMS: Final = {"receptance": 0, "mobility": 1, "accelerance": 2}
+"""Form to the power of j omega in it."""
+FORM_UNITS: Final = {"receptance": "m/N", "mobility": "m/s/N", "accelerance": "m/s^2/N"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrequencyResponse:
+    """Displacement of the tool over the force on it, axis by axis.
+
+    Attributes:
+        frequency: (m,) Hz, rising, from 0 on.
+        response: (m, r, e) m/N; zero where ``present`` is false.
+        response_axes: r of x, y, z: where the displacement goes.
+        excitation_axes: e of x, y, z: where the force acts.
+        present: (r, e), false for a pair that nobody measured.
+        coherence: (m, r, e) 0..1, or None.
+        valid: Hz, lowest and highest frequency the numbers are to be trusted at.
+        measured_as: Form it was measured in: receptance, mobility or accelerance. The latter two
+            know nothing of the static deflection.
+        static: (r, e) m/N of a static load test, or None.
+        source: File or test it came from.
+    """
+
+    frequency: Array
+    response: ComplexArray
+    response_axes: tuple[str, ...]
+    excitation_axes: tuple[str, ...]
+    present: BoolArray
+    coherence: Array | None
+    valid: tuple[float, float]
+    measured_as: str
+    static: Array | None
+    source: str
+
+    def __post_init__(self) -> None:
+        """Freezes and checks shapes, order and band."""
+        for name in ("response_axes", "excitation_axes"):
+            _check_axes(getattr(self, name), name)
+        r, e = len(self.response_axes), len(self.excitation_axes)
+        frequency = frozen(self.frequency, (None,), "frequency")
+        m = len(frequency)
+        if m < 2 or frequency[0] < 0.0 or (np.diff(frequency) <= 0.0).any():
+            raise ShapeError("frequency has to rise from 0 Hz or above and hold two lines or more.")
+        if self.measured_as not in FORMS:
+            raise ConfigurationError(
+                f"form {self.measured_as!r} of a frequency response, expected {sorted(FORMS)}."
+            )
+        response = np.array(self.response, dtype=np.complex128)
+        for part in (response.real, response.imag):
+            frozen(part, (m, r, e), "response")
+        response.flags.writeable = False
+        low, high = self.valid
+        if not 0.0 <= low < high:
+            raise ShapeError(f"band of validity {low:g} to {high:g} Hz, expected low < high.")
+        set_ = object.__setattr__
+        set_(self, "frequency", frequency)
+        set_(self, "response", response)
+        set_(self, "present", frozen(self.present, (r, e), "present", dtype=np.bool_))
+        if self.coherence is not None:
+            set_(self, "coherence", frozen(self.coherence, (m, r, e), "coherence"))
+        if self.static is not None:
+            set_(self, "static", frozen(self.static, (r, e), "static"))
+
+    def pair(self, response: str, excitation: str) -> ComplexArray:
+        """Returns (m,) m/N of one pair of axes, response first.
+
+        Raises:
+            ConfigurationError: The pair was not measured.
+        """
+        if response in self.response_axes and excitation in self.excitation_axes:
+            i, j = self.response_axes.index(response), self.excitation_axes.index(excitation)
+            if self.present[i, j]:
+                return self.response[:, i, j]
+        raise ConfigurationError(
+            f"the frequency response holds no pair {response}{excitation}; "
+            f"it holds {', '.join(self.pairs)}.",
+            source=self.source,
+        )
+
+    @property
+    def pairs(self) -> tuple[str, ...]:
+        """Measured pairs, response axis first: xx, yx, ..."""
+        return tuple(
+            a + b
+            for i, a in enumerate(self.response_axes)
+            for j, b in enumerate(self.excitation_axes)
+            if self.present[i, j]
+        )
+
+
+def in_form(response: ComplexArray, frequency: Array, have: str, want: str) -> ComplexArray:
+    """Returns a response (m, ...) converted between receptance, mobility and accelerance.
+
+    Multiplied or divided by powers of j omega; a line at 0 Hz becomes zero on the way up.
+
+    Args:
+        response: (m, ...) in the form ``have``.
+        frequency: (m,) Hz.
+        have: Form it is in.
+        want: Form wanted.
+
+    Raises:
+        ConfigurationError: Not a form, or a line at 0 Hz on the way down: the static deflection
+            cannot be had from a velocity or an acceleration.
+    """
+    for form in (have, want):
+        if form not in FORMS:
+            raise ConfigurationError(f"form {form!r}, expected one of {sorted(FORMS)}.")
+    power = FORMS[want] - FORMS[have]
+    if power < 0 and (frequency <= 0.0).any():
+        raise ConfigurationError(
+            f"a line at 0 Hz of {have} says nothing about {want}.",
+            hint="leave the line at 0 Hz out and give the static deflection of a load test.",
+        )
+    factor = (2j * np.pi * frequency) ** power
+    return np.asarray(response * factor.reshape(-1, *[1] * (response.ndim - 1)))
+
+
+def _check_axes(axes: tuple[str, ...], name: str) -> None:
+    if not axes or len(set(axes)) != len(axes) or not set(axes) <= set(AXES):
+        raise ConfigurationError(f"{name} {axes}, expected some of {AXES}, each once.")

@@ -1,0 +1,164 @@
+"""Modes of the tool: poles, residues and what lies outside the band.
+
+With poles p_k (upper half plane) and residues R_k, the receptance is::
+
+    G(s) = sum_k [ R_k / (s - p_k) + conj(R_k) / (s - conj(p_k)) ] + upper + lower / s^2
+
+``upper`` (m/N) is the flexibility of the modes above the band, ``lower`` (1/kg) what the modes
+below it and the rigid body leave: at s = j omega it is -lower / omega^2. ``lower`` grows without
+limit towards 0 Hz: whoever filters in time needs it zero, and the static part from a load test.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.archive import Archive
+from robotrue.core.arrays import Array, frozen
+from robotrue.dynamics.frf import AXES, ComplexArray
+from robotrue.errors import ArchiveError, ConfigurationError, ShapeError
+
+KIND: Final = "modal-model"
+SCHEMA: Final = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModalModel:
+    """Receptance as a sum of modes.
+
+    Attributes:
+        poles: (k,) rad/s, imaginary part above zero, real part below, by rising frequency.
+        residues: (k, r, e) m/(N s).
+        upper: (r, e) m/N, flexibility of the modes above the band.
+        lower: (r, e) 1/kg, of what lies below the band; zero where nothing does.
+        static: (r, e) m/N of a static load test, or None.
+        response_axes: r of x, y, z.
+        excitation_axes: e of x, y, z.
+        valid: Hz, band of the response it was fitted to.
+        source: File or model it came from.
+    """
+
+    poles: ComplexArray
+    residues: ComplexArray
+    upper: Array
+    lower: Array
+    static: Array | None
+    response_axes: tuple[str, ...]
+    excitation_axes: tuple[str, ...]
+    valid: tuple[float, float]
+    source: str
+
+    def __post_init__(self) -> None:
+        """Freezes and checks."""
+        r, e = len(self.response_axes), len(self.excitation_axes)
+        if not set(self.response_axes) | set(self.excitation_axes) <= set(AXES):
+            raise ConfigurationError(f"axes of a modal model are some of {AXES}.")
+        poles = _complex(self.poles, (None,), "poles")
+        if not ((poles.imag > 0.0) & (poles.real < 0.0)).all():
+            raise ShapeError("poles need a real part below and an imaginary part above zero.")
+        set_ = object.__setattr__
+        set_(self, "poles", poles)
+        set_(self, "residues", _complex(self.residues, (len(poles), r, e), "residues"))
+        set_(self, "upper", frozen(self.upper, (r, e), "upper"))
+        set_(self, "lower", frozen(self.lower, (r, e), "lower"))
+        if self.static is not None:
+            set_(self, "static", frozen(self.static, (r, e), "static"))
+
+    @property
+    def frequency(self) -> Array:
+        """(k,) Hz, undamped natural frequencies."""
+        return np.asarray(np.abs(self.poles) / (2.0 * np.pi))
+
+    @property
+    def damping(self) -> Array:
+        """(k,) part of critical damping."""
+        return np.asarray(-self.poles.real / np.abs(self.poles))
+
+    @property
+    def decay_time(self) -> float:
+        """Time constant of the slowest mode, s; its response falls to 1/e in it."""
+        return float(np.max(-1.0 / self.poles.real))
+
+    def response(self, frequency: Array) -> ComplexArray:
+        """Returns the receptance (m, r, e) m/N at frequencies (m,) Hz.
+
+        Raises:
+            ConfigurationError: 0 Hz was asked of a model with a lower residual.
+        """
+        s = 2j * np.pi * np.asarray(frequency, dtype=float)
+        if self.lower.any() and (s == 0.0).any():
+            raise ConfigurationError(
+                "a modal model with a lower residual has no value at 0 Hz.",
+                hint="fit it with the static deflection of a load test.",
+            )
+        poles, residues = self.poles[:, None, None], self.residues
+        out = np.empty((len(s), *self.upper.shape), dtype=np.complex128)
+        for i, si in enumerate(s):
+            out[i] = (residues / (si - poles) + residues.conj() / (si - poles.conj())).sum(axis=0)
+            out[i] += self.upper
+            if self.lower.any():
+                out[i] += self.lower / si**2
+        return out
+
+    @property
+    def modal_static(self) -> Array:
+        """(r, e) m/N, what the modes and the upper residual alone deflect at 0 Hz."""
+        pole = self.poles[:, None, None]
+        return np.asarray(-2.0 * (self.residues / pole).real.sum(axis=0) + self.upper)
+
+    def to_archive(self) -> Archive:
+        """Returns the model as document and arrays (SI)."""
+        arrays = {
+            "poles_re": self.poles.real,
+            "poles_im": self.poles.imag,
+            "residues_re": self.residues.real,
+            "residues_im": self.residues.imag,
+            "upper": self.upper,
+            "lower": self.lower,
+        }
+        if self.static is not None:
+            arrays["static"] = self.static
+        document = {
+            "response_axes": list(self.response_axes),
+            "excitation_axes": list(self.excitation_axes),
+            "valid_hz": list(self.valid),
+            "source": self.source,
+        }
+        return Archive(kind=KIND, schema=SCHEMA, document=document, arrays=arrays)
+
+
+def modal_model_from_archive(archive: Archive) -> ModalModel:
+    """Returns the model of an archive.
+
+    Raises:
+        ArchiveError: Another kind, or written by a newer robotrue.
+    """
+    if archive.kind != KIND or archive.schema > SCHEMA:
+        raise ArchiveError(
+            f"archive of kind {archive.kind!r}, schema {archive.schema}; expected {KIND!r}, "
+            f"schema up to {SCHEMA}."
+        )
+    document = archive.document
+    low, high = document["valid_hz"]
+    return ModalModel(
+        poles=archive.array("poles_re") + 1j * archive.array("poles_im"),
+        residues=archive.array("residues_re") + 1j * archive.array("residues_im"),
+        upper=archive.array("upper"),
+        lower=archive.array("lower"),
+        static=archive.arrays.get("static"),
+        response_axes=tuple(document["response_axes"]),
+        excitation_axes=tuple(document["excitation_axes"]),
+        valid=(float(low), float(high)),
+        source=str(document["source"]),
+    )
+
+
+def _complex(values: ComplexArray, shape: tuple[int | None, ...], name: str) -> ComplexArray:
+    array = np.array(values, dtype=np.complex128)
+    for part in (array.real, array.imag):
+        frozen(part, shape, name)
+    array.flags.writeable = False
+    return array
