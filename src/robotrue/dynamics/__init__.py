@@ -1,1 +1,1 @@
-"""Frequency response, cutting force and the dynamic error they make; what is learned of its rest."""
+"""Frequency response, cutting force, the dynamic error they make, and learning its rest."""
