@@ -20,6 +20,7 @@ from typing import Final, cast
 
 from robotrue.core.files import read_bytes
 from robotrue.errors import ConfigurationError, FormatError
+from robotrue.program.insertion import Inserter
 from robotrue.program.program import Dialect, FrameTable, Program, Replacement
 
 _MODULES: Final[dict[str, str]] = {
@@ -29,6 +30,8 @@ _MODULES: Final[dict[str, str]] = {
     "rapid": "robotrue.program.formats.rapid",
     "urscript": "robotrue.program.formats.urscript",
 }
+_INSERTERS: Final[dict[str, str]] = {}
+"""Dialects that can put targets into a program."""
 _SURE: Final = 0.4
 
 
@@ -59,6 +62,32 @@ def dialect(name: str) -> Dialect:
             f"no dialect is called {name!r}.", hint=f"one of {', '.join(dialects())}."
         )
     return cast(Dialect, import_module(_MODULES[name]).DIALECT)
+
+
+def register_inserter(name: str, module: str) -> None:
+    """Adds what puts targets into programs of a dialect; ``module`` holds it as ``INSERTER``.
+
+    Raises:
+        ConfigurationError: The dialect has another already.
+    """
+    if _INSERTERS.get(name, module) != module:
+        raise ConfigurationError(f"targets are put into {name!r} by {_INSERTERS[name]} already.")
+    _INSERTERS[name] = module
+
+
+def inserter(name: str) -> Inserter:
+    """Returns what puts targets into programs of a dialect.
+
+    Raises:
+        ConfigurationError: This dialect has no way to do so.
+    """
+    if name not in _INSERTERS:
+        raise ConfigurationError(
+            f"moves of a {name} program are not split; robotrue splits those of "
+            f"{', '.join(sorted(_INSERTERS)) or 'no dialect'}.",
+            hint="leave --split away.",
+        )
+    return cast(Inserter, import_module(_INSERTERS[name]).INSERTER)
 
 
 def detect(data: bytes, name: str) -> Dialect:

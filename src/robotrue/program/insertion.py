@@ -1,0 +1,161 @@
+"""The moves of a job, and the targets to be put into them.
+
+A program is columns of targets in file order; a move is the way to a target from the one before it.
+Which target that is, and whether more of them may stand in between, only the dialect can tell: it
+reads the statements. Rows here are *job rows*: those of the first program of a job, then those of
+the second, and so on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.errors import ShapeError
+from robotrue.program.program import Motion, Program
+
+
+class Obstacle(IntEnum):
+    """Why no target may be put into a move; 0 means it may."""
+
+    NONE = 0
+    START = 1
+    SHARED = 2
+    LOOP = 3
+    COMPUTED = 4
+    TIMED = 5
+    EVENT = 6
+    FRAMES = 7
+    EXTERNAL = 8
+    BLEND = 9
+    FORM = 10
+
+    @property
+    def explanation(self) -> str:
+        """One clause for reports: why the move is left whole."""
+        return _EXPLANATIONS[self]
+
+
+_EXPLANATIONS = {
+    Obstacle.NONE: "may be split",
+    Obstacle.START: "where it begins is not certain",
+    Obstacle.SHARED: "its target is used by several moves",
+    Obstacle.LOOP: "it stands in a loop",
+    Obstacle.COMPUTED: "its target is computed, or chosen by a computed number",
+    Obstacle.TIMED: "its time is given, not its speed",
+    Obstacle.EVENT: "an output or a trigger is tied to it",
+    Obstacle.FRAMES: "it begins in another work frame or with another tool",
+    Obstacle.EXTERNAL: "an external axis moves along",
+    Obstacle.BLEND: "its blend would reach beyond a part of it",
+    Obstacle.FORM: "a statement of this form is not repeated",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Moves:
+    """k straight and circular moves of a job, in the order of the text.
+
+    Attributes:
+        start: (k,) job row the move begins at, -1 where that is not certain.
+        via: (k,) job row of the auxiliary point of an arc, -1 for a straight move.
+        end: (k,) job row it ends at.
+        line: (k,) one-based line of the motion in the file that holds the motions.
+        obstacle: (k,) :class:`Obstacle`.
+        spans: The dialect's own table of byte positions; opaque to everyone else.
+    """
+
+    start: IntArray
+    via: IntArray
+    end: IntArray
+    line: IntArray
+    obstacle: IntArray
+    spans: Any = None
+
+    def __post_init__(self) -> None:
+        """Checks shapes and freezes."""
+        n = len(self.end)
+        for name in ("start", "via", "end", "line", "obstacle"):
+            value = frozen(getattr(self, name), (n,), name, dtype=np.int64)
+            object.__setattr__(self, name, value)
+
+    def __len__(self) -> int:
+        return len(self.end)
+
+    @property
+    def circular(self) -> npt.NDArray[np.bool_]:
+        """(k,) which are arcs."""
+        return np.asarray(self.via >= 0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Insertion:
+    """m targets to be put into moves, each behind the start of its move and those before it here.
+
+    A straight move gets ``LIN`` targets. An arc gets pairs of ``ARC_VIA`` and ``ARC_END``; its own
+    end stays and its own auxiliary point serves the last of the shorter arcs (moved there by a
+    :class:`~robotrue.program.program.Replacement`, not here).
+
+    Attributes:
+        move: (m,) the move each belongs to, not falling.
+        motion: (m,) :class:`~robotrue.program.program.Motion`.
+        position: (m, 3) m, in the work frame of the end of the move.
+        rotation: (m, 3, 3) likewise.
+        words: (m, w) configuration words; ``NO_WORD`` takes the one of the end of the move.
+    """
+
+    move: IntArray
+    motion: IntArray
+    position: Array
+    rotation: Array
+    words: IntArray
+
+    def __post_init__(self) -> None:
+        """Checks shapes and order, and freezes."""
+        m = len(self.move)
+        for name in ("move", "motion"):
+            value = frozen(getattr(self, name), (m,), name, dtype=np.int64)
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "position", frozen(self.position, (m, 3), "position"))
+        object.__setattr__(self, "rotation", frozen(self.rotation, (m, 3, 3), "rotation"))
+        words = frozen(self.words, (m, None), "words", dtype=np.int64)
+        object.__setattr__(self, "words", words)
+        if (np.diff(self.move) < 0).any():
+            raise ShapeError("the moves of an insertion fall, expected the order of the text.")
+        known = (Motion.LIN, Motion.ARC_VIA, Motion.ARC_END)
+        if not np.isin(self.motion, known).all():
+            raise ShapeError("an insertion holds LIN, ARC_VIA and ARC_END targets only.")
+
+    def __len__(self) -> int:
+        return len(self.move)
+
+
+class Inserter(Protocol):
+    """What a dialect offers that can put targets into a program: a leaf file beside its writer."""
+
+    def moves(self, job: Sequence[Program]) -> Moves:
+        """Returns the moves of a job as its statements tell them."""
+        ...
+
+    def insert(
+        self, job: Sequence[Program], moves: Moves, insertion: Insertion
+    ) -> tuple[bytes, ...]:
+        """Returns the bytes of every program of the job with the targets put in.
+
+        What the move says besides its target is repeated for each; where the move has no word for
+        continuous motion, those put in get one.
+
+        Raises:
+            ShapeError: A move with an obstacle, or a value that cannot be written.
+        """
+        ...
+
+
+def job_rows(job: Sequence[Program]) -> IntArray:
+    """Returns the first job row of every program, and behind the last (p + 1,)."""
+    return np.concatenate([[0], np.cumsum([len(program) for program in job])]).astype(np.int64)
