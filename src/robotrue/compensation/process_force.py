@@ -1,0 +1,420 @@
+"""The process force of every target from a description: rules and tables, in one of three frames.
+
+A part of a description gives a wrench in base axes, in tool axes, or in path axes (x the feed
+across the tool axis, y to its left, z the tool axis from tip to spindle): milling forces turn with
+the feed. All are forces **on the tool at the tool point**. Two parts that name the same target are
+refused; a rule that names no lines holds where no other part does. Joint moves carry no force, and
+in a plunge (feed along the tool axis) the part of a path-axes force across the axis is left out: it
+turns with the cutter and has no mean.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal, Protocol, TypeAlias
+
+import numpy as np
+
+from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
+from robotrue.core.units import MM
+from robotrue.errors import ConfigurationError, FormatError
+from robotrue.program.cut_path import CutPath, ProcessForce
+from robotrue.program.program import Motion
+
+Axes: TypeAlias = Literal["base", "tool", "path"]
+Key: TypeAlias = Literal["line", "target", "path_mm"]
+FEEDING: tuple[Motion, ...] = (Motion.LIN, Motion.ARC_VIA, Motion.ARC_END, Motion.SPLINE)
+_LONGER = 1.0 * MM  # of a table beyond the end of the path that is rounding
+
+
+class Part(Protocol):
+    """One part of a description.
+
+    Attributes:
+        name: For messages and the summary.
+        axes: What its wrench is written in.
+        general: It holds only where no other part does.
+        program: File whose targets it means; empty for any.
+    """
+
+    @property
+    def name(self) -> str: ...  # noqa: D102
+    @property
+    def axes(self) -> Axes: ...  # noqa: D102
+    @property
+    def general(self) -> bool: ...  # noqa: D102
+    @property
+    def by_place(self) -> bool:
+        """It names targets by where they stand in one file."""
+        ...
+
+    @property
+    def program(self) -> str: ...  # noqa: D102
+
+    def claims(self, path: CutPath) -> BoolArray:
+        """Returns (n,) the targets it gives a force."""
+        ...
+
+    def values(self, path: CutPath, rows: IntArray) -> Array:
+        """Returns (k, 6) N, N m for some of the targets it claims, in its axes."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ForceRule:
+    """One wrench for many targets.
+
+    Attributes:
+        name: For messages.
+        axes: What the wrench is written in.
+        wrench: (6,) N, N m.
+        lines: (k, 2) first and last line of ranges; empty: all that no other part names.
+        motions: Kinds of move that cut.
+        program: File meant; empty for any.
+    """
+
+    name: str
+    axes: Axes
+    wrench: Array
+    lines: IntArray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
+    motions: tuple[Motion, ...] = FEEDING
+    program: str = ""
+
+    def __post_init__(self) -> None:
+        """Checks shapes and freezes."""
+        object.__setattr__(self, "wrench", frozen(self.wrench, (6,), "wrench"))
+        lines = frozen(self.lines, (None, 2), "lines", dtype=np.int64)
+        object.__setattr__(self, "lines", lines)
+
+    @property
+    def general(self) -> bool:
+        """It names no lines."""
+        return not len(self.lines)
+
+    @property
+    def by_place(self) -> bool:
+        """It names lines."""
+        return not self.general
+
+    def claims(self, path: CutPath) -> BoolArray:
+        """Returns (n,) the targets in the ranges that are reached by the kinds of move.
+
+        Raises:
+            ConfigurationError: A range without any cutting target.
+        """
+        cutting = path.feeding & np.isin(path.motion, self.motions)
+        if self.general:
+            return np.asarray(cutting)
+        out = np.zeros(len(path), dtype=np.bool_)
+        for first, last in self.lines.tolist():
+            inside = cutting & (path.line >= first) & (path.line <= last)
+            if not inside.any():
+                raise ConfigurationError(
+                    f"force {self.name!r}: no cutting target in lines {first} to {last} of "
+                    f"{path.name}.",
+                    hint="lines are those where the targets stand; see robotrue diff.",
+                )
+            out |= inside
+        return out
+
+    def values(self, path: CutPath, rows: IntArray) -> Array:
+        """Returns (k, 6) N, N m: the same everywhere."""
+        return np.tile(self.wrench, (len(rows), 1))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ForceTable:
+    """Wrenches by line, by target or by length of path.
+
+    Attributes:
+        name: For messages.
+        axes: What the wrenches are written in.
+        key: ``line`` and ``target`` (from 1, in file order) name targets; between ``path_mm`` the
+            wrench is interpolated, before the first and after the last there is none.
+        at: (k,) lines, target numbers or m of feeding path; growing for the last.
+        wrench: (k, 6) N, N m.
+        source: File it came from.
+        rows: (k,) lines in that file.
+        program: File of the targets; empty for any.
+    """
+
+    name: str
+    axes: Axes
+    key: Key
+    at: Array
+    wrench: Array
+    source: str
+    rows: IntArray
+    program: str = ""
+
+    def __post_init__(self) -> None:
+        """Checks shapes and freezes."""
+        n = len(self.at)
+        object.__setattr__(self, "at", frozen(self.at, (n,), "at"))
+        object.__setattr__(self, "wrench", frozen(self.wrench, (n, 6), "wrench"))
+        object.__setattr__(self, "rows", frozen(self.rows, (n,), "rows", dtype=np.int64))
+        if self.key == "path_mm":
+            late = np.flatnonzero(np.diff(self.at) <= 0.0)
+        else:
+            order = np.argsort(self.at, kind="stable")
+            late = order[1:][np.diff(self.at[order]) == 0.0] - 1
+        if len(late):
+            k = int(late[0]) + 1
+            value = self.at[k] / (MM if self.key == "path_mm" else 1.0)
+            raise FormatError(
+                f"{self.key} {value:g} stands here again or goes back.",
+                source=self.source,
+                line=int(self.rows[k]),
+                hint="one row for each, path_mm growing.",
+            )
+
+    @property
+    def general(self) -> bool:
+        """Never: it names its targets."""
+        return False
+
+    @property
+    def by_place(self) -> bool:
+        """Always."""
+        return True
+
+    def claims(self, path: CutPath) -> BoolArray:
+        """Returns (n,) the targets that rows of the table name.
+
+        Raises:
+            FormatError: A row that names no target, a joint move with a force, or a path that is
+                shorter than the table.
+        """
+        if self.key != "path_mm":
+            out = np.zeros(len(path), dtype=np.bool_)
+            out[self._named(path)[0]] = True
+            return out
+        longest = float(np.nanmax(path.along, initial=0.0))
+        if self.at[-1] > longest + _LONGER:
+            raise FormatError(
+                f"path_mm goes to {self.at[-1] / MM:.3f}, but the feeding moves of {path.name} are "
+                f"{longest / MM:.3f} mm long.",
+                source=self.source,
+                line=int(self.rows[-1]),
+                hint="path_mm counts straight moves, arcs and splines from the first target on.",
+            )
+        inside = (path.along >= self.at[0]) & (path.along <= self.at[-1] + _LONGER)
+        return np.asarray(path.feeding & inside)
+
+    def values(self, path: CutPath, rows: IntArray) -> Array:
+        """Returns (k, 6) N, N m."""
+        if self.key == "path_mm":
+            along = path.along[rows]
+            return np.stack([np.interp(along, self.at, f) for f in self.wrench.T], axis=1)
+        out = np.zeros((len(path), 6))
+        target, row = self._named(path)
+        out[target] = self.wrench[row]
+        return out[rows]
+
+    def _named(self, path: CutPath) -> tuple[IntArray, IntArray]:
+        """Targets that are named and feed, and the row of the table that names each."""
+        place = path.line if self.key == "line" else np.arange(1, len(path) + 1)
+        order = np.argsort(self.at, kind="stable")
+        found = np.searchsorted(self.at[order], place)
+        row = order[np.minimum(found, len(order) - 1)]
+        named = np.asarray(self.at[row] == place)
+        unknown = np.setdiff1d(np.arange(len(self.at)), row[named])
+        if len(unknown):
+            k = int(unknown[0])
+            raise self._fault(path, k, "there is no such target")
+        pushed = named & ~path.feeding & self.wrench[row].any(axis=1)
+        if pushed.any():
+            k = int(row[np.argmax(pushed)])
+            raise self._fault(path, k, "it is reached by a joint move, which cuts nothing")
+        target = np.flatnonzero(named & path.feeding)
+        return target, row[target]
+
+    def _fault(self, path: CutPath, row: int, why: str) -> FormatError:
+        return FormatError(
+            f"{self.key} {self.at[row]:g} of {path.name}: {why}.",
+            source=self.source,
+            line=int(self.rows[row]),
+            hint="name the targets of the program as it is given here, or leave the row out.",
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModelForce:
+    """A model of the process, such as one of milling, as a part of a description.
+
+    Attributes:
+        name: For messages.
+        model: What answers in base axes.
+        lines: As in :class:`ForceRule`.
+        program: File meant; empty for any.
+    """
+
+    name: str
+    model: ProcessForce
+    lines: IntArray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
+    program: str = ""
+
+    @property
+    def axes(self) -> Axes:
+        """Base axes, by contract."""
+        return "base"
+
+    @property
+    def general(self) -> bool:
+        """It names no lines."""
+        return not len(self.lines)
+
+    @property
+    def by_place(self) -> bool:
+        """It names lines."""
+        return not self.general
+
+    def claims(self, path: CutPath) -> BoolArray:
+        """Returns (n,) as a rule of the same lines."""
+        rule = ForceRule(
+            name=self.name, axes="base", wrench=np.zeros(6), lines=self.lines, program=self.program
+        )
+        return rule.claims(path)
+
+    def values(self, path: CutPath, rows: IntArray) -> Array:
+        """Returns (k, 6) N, N m in base axes."""
+        return np.asarray(self.model.wrench(path)[rows])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Use:
+    """Where a part of a description was used.
+
+    Attributes:
+        name: Of the part.
+        targets: How many.
+        first_line: Of the program.
+        last_line: Likewise.
+        force: (2,) N, smallest and largest.
+    """
+
+    name: str
+    targets: int
+    first_line: int
+    last_line: int
+    force: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DescribedForce:
+    """A whole description; a :class:`~robotrue.program.cut_path.ProcessForce`.
+
+    Attributes:
+        parts: Rules, tables, models.
+        cutter: (3,) from spindle to tip in the tool frame.
+    """
+
+    parts: tuple[Part, ...]
+    cutter: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+
+    def wrench(self, path: CutPath) -> Array:
+        """Returns (n, 6) N, N m on the tool, at the tool point, in base axes.
+
+        Raises:
+            ConfigurationError: Two parts that name the same target.
+            FormatError: A table that does not fit the program.
+        """
+        return self.applied(path)[0]
+
+    def applied(self, path: CutPath) -> tuple[Array, tuple[Use, ...]]:
+        """Returns :meth:`wrench` and where each part was used.
+
+        Raises:
+            ConfigurationError: As :meth:`wrench`.
+            FormatError: As :meth:`wrench`.
+        """
+        out, uses = np.zeros((len(path), 6)), []
+        owner = self._owners(path)
+        for k, part in enumerate(self.parts):
+            rows = np.flatnonzero(owner == k)
+            if not len(rows):
+                continue
+            out[rows] = in_base(part.values(path, rows), part.axes, path, rows)
+            size = np.linalg.norm(out[rows, :3], axis=1)
+            lines = path.line[rows]
+            uses.append(
+                Use(
+                    name=part.name,
+                    targets=len(rows),
+                    first_line=int(lines.min()),
+                    last_line=int(lines.max()),
+                    force=(float(size.min()), float(size.max())),
+                )
+            )
+        return out, tuple(uses)
+
+    def _owners(self, path: CutPath) -> IntArray:
+        """Number (n,) of the part that holds at each target, -1 for none."""
+        owner = np.full(len(path), -1)
+        order = sorted(range(len(self.parts)), key=lambda k: self.parts[k].general)
+        for k in order:
+            part = self.parts[k]
+            if part.program and part.program != path.name:
+                continue
+            mine = part.claims(path)
+            taken = owner >= 0
+            if part.general:  # what others name is theirs; two general parts collide
+                taken &= np.isin(owner, [j for j in order if self.parts[j].general])
+                mine &= (owner < 0) | taken
+            both = np.flatnonzero(mine & taken)
+            if len(both):
+                other = self.parts[int(owner[both[0]])].name
+                raise ConfigurationError(
+                    f"forces {other!r} and {part.name!r} both name line "
+                    f"{int(path.line[both[0]])} of {path.name}.",
+                    hint="give lines that do not overlap.",
+                )
+            owner[mine] = k
+        return owner
+
+
+def in_base(wrench: Array, axes: Axes, path: CutPath, rows: IntArray) -> Array:
+    """Returns wrenches (k, 6) N, N m turned into base axes; zero where the pose is not known.
+
+    Args:
+        wrench: (k, 6) in ``axes``.
+        axes: What it is written in.
+        path: The targets.
+        rows: (k,) which targets.
+    """
+    if axes == "base":
+        return np.asarray(wrench)
+    if axes == "tool":
+        turn = path.T_base_tool[rows, :3, :3]
+    else:
+        turn = path.path_frames()[rows]
+        axial = np.zeros_like(turn)
+        axial[:, :, 2] = path.tool_axis[rows]
+        turn = np.where(np.isnan(turn), axial, turn)
+    out = np.concatenate(
+        [(turn @ wrench[:, :3, None])[..., 0], (turn @ wrench[:, 3:, None])[..., 0]], axis=1
+    )
+    return np.asarray(np.where(np.isfinite(out).all(axis=1, keepdims=True), out, 0.0))
+
+
+def require_one_file(force: DescribedForce, paths: Sequence[CutPath]) -> None:
+    """Checks that parts which name lines or targets say of which file, where a job has several.
+
+    Raises:
+        ConfigurationError: One does not, or names a file that is not in the job.
+    """
+    cutting = [path.name for path in paths if path.feeding.any()]
+    for part in force.parts:
+        if part.program and part.program not in [path.name for path in paths]:
+            raise ConfigurationError(
+                f"force {part.name!r} is for {part.program}, the job has "
+                f"{', '.join(path.name for path in paths)}.",
+                hint='program = "the file\'s name", or leave it out.',
+            )
+        if part.by_place and not part.program and len(cutting) > 1:
+            raise ConfigurationError(
+                f"force {part.name!r} names places in a program, but {', '.join(cutting)} have "
+                "targets.",
+                hint=f'program = "{cutting[0]}".',
+            )

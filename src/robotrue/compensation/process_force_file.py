@@ -1,0 +1,296 @@
+"""Descriptions of a process force as files: TOML of rules, CSV of forces by place.
+
+The TOML file holds ``[[force]]`` tables::
+
+    [[force]]
+    axes = "path"                # base, tool, or path: feed, left of it, tool axis
+    force_N = [-40.0, 120.0, -60.0]
+    moment_Nm = [0.0, 0.0, 1.2]  # if it matters
+    lines = [[120, 480]]         # ranges; without it: everywhere no other table names
+    moves = ["line", "arc"]      # kinds that cut: line, arc, spline; all three if not given
+    program = "part.src"         # where a job has several files
+
+or, instead of ``force_N``, ``csv = "forces.csv"``, a file beside it with one column ``line``,
+``target`` or ``path_mm``, the columns ``fx_N, fy_N, fz_N`` and, if need be,
+``mx_Nm, my_Nm, mz_Nm``.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final, get_args
+
+import numpy as np
+
+from robotrue.cell.wording import line_of_key
+from robotrue.compensation.process_force import (
+    FEEDING,
+    Axes,
+    DescribedForce,
+    ForceRule,
+    ForceTable,
+    Key,
+    Part,
+)
+from robotrue.core.arrays import Array, IntArray
+from robotrue.core.files import read_bytes
+from robotrue.core.units import MM
+from robotrue.errors import ConfigurationError, FormatError, RobotrueError
+from robotrue.measurement.formats.sheet import Sheet, column_key, finite_number, read_sheet
+from robotrue.program.program import Motion
+
+MOVES: Final[Mapping[str, tuple[Motion, ...]]] = {
+    "line": (Motion.LIN,),
+    "arc": (Motion.ARC_VIA, Motion.ARC_END),
+    "spline": (Motion.SPLINE,),
+}
+KEYS: Final[tuple[Key, ...]] = get_args(Key)
+FORCES: Final = ("fx_N", "fy_N", "fz_N")
+MOMENTS: Final = ("mx_Nm", "my_Nm", "mz_Nm")
+ENTRIES: Final = ("name", "axes", "force_N", "moment_Nm", "lines", "moves", "program", "csv")
+LARGEST: Final = 1e5
+"""N or N m; more is another unit."""
+
+
+def read_force(path: str | Path, *, cutter: Array) -> DescribedForce:
+    """Returns the description in a file: TOML, or one CSV table in base axes.
+
+    Args:
+        path: The file; what does not end in ``.toml`` is a table.
+        cutter: (3,) from spindle to tip in the tool frame.
+
+    Raises:
+        ConfigurationError: An unknown key or a value that cannot be; with file and line.
+        FormatError: Not TOML, or a table that cannot be read.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".toml":
+        table = read_force_table(path, name=path.name, axes="base", program="")
+        return DescribedForce(parts=(table,), cutter=cutter)
+    data = read_bytes(path)
+    try:
+        text = data.decode("utf-8-sig")
+        stated = tomllib.loads(text)
+    except UnicodeDecodeError as cause:
+        line = data.count(b"\n", 0, cause.start) + 1
+        raise FormatError(
+            "not UTF-8.", source=path, line=line, hint="save the file as UTF-8."
+        ) from None
+    except (tomllib.TOMLDecodeError, RecursionError) as cause:
+        raise FormatError(
+            f"not TOML: {cause or 'nested too deeply'}.",
+            source=path,
+            hint="compare it with the example in the guide on process force.",
+        ) from None
+    return DescribedForce(parts=_parts(path, text, stated), cutter=cutter)
+
+
+def _parts(path: Path, text: str, stated: Mapping[str, Any]) -> tuple[Part, ...]:
+    for key in stated:
+        if key != "force":
+            raise _fault(path, text, (key,), f"unknown key {key}", "the tables are [[force]].")
+    tables = stated.get("force")
+    if not isinstance(tables, list) or not tables:
+        raise _fault(path, text, ("force",), "no [[force]] table", '[[force]] with axes = "path".')
+    out: list[Part] = []
+    for k, table in enumerate(tables):
+        if not isinstance(table, dict):
+            raise _fault(path, text, ("force",), "force is no table", "write [[force]].")
+        try:
+            out.append(_part(path, text, k, table))
+        except RobotrueError as cause:
+            if cause.source is not None:
+                raise
+            line = line_of_key(text, ("force", k))
+            raise ConfigurationError(
+                cause.message, source=path, line=line, hint=cause.hint
+            ) from None
+    return tuple(out)
+
+
+def _part(path: Path, text: str, k: int, table: Mapping[str, Any]) -> Part:
+    for key in table:
+        if key not in ENTRIES:
+            raise _fault(
+                path,
+                text,
+                ("force", k, key),
+                f"unknown key {key} in [[force]]",
+                f"known are {', '.join(ENTRIES)}.",
+            )
+
+    def word(key: str, default: str) -> str:
+        value = table.get(key, default)
+        if not isinstance(value, str):
+            raise _fault(path, text, ("force", k, key), f"{key} is {value!r}", "text in quotes.")
+        return value
+
+    axes = word("axes", "base")
+    if axes not in get_args(Axes):
+        raise _fault(path, text, ("force", k, "axes"), f"axes is {axes!r}", "base, tool or path.")
+    name, program = word("name", f"force {k + 1}"), word("program", "")
+    if "csv" in table:
+        beside = [key for key in ("force_N", "moment_Nm", "lines", "moves") if key in table]
+        if beside:
+            raise _fault(
+                path,
+                text,
+                ("force", k, beside[0]),
+                f"{beside[0]} stands beside csv",
+                "one of them: the table says where which force acts.",
+            )
+        return read_force_table(
+            path.parent / word("csv", ""),
+            name=table.get("name", word("csv", "")),
+            axes=_axes(axes),
+            program=program,
+        )
+    if "force_N" not in table:
+        raise _fault(path, text, ("force", k), "neither force_N nor csv", "force_N = [0, 0, 0].")
+    wrench = np.concatenate(
+        [
+            _three(path, text, k, "force_N", table["force_N"]),
+            _three(path, text, k, "moment_Nm", table.get("moment_Nm", [0.0, 0.0, 0.0])),
+        ]
+    )
+    return ForceRule(
+        name=name,
+        axes=_axes(axes),
+        wrench=wrench,
+        lines=_lines(path, text, k, table.get("lines")),
+        motions=_moves(path, text, k, table.get("moves")),
+        program=program,
+    )
+
+
+def _axes(name: str) -> Axes:
+    return "base" if name == "base" else "tool" if name == "tool" else "path"
+
+
+def _three(path: Path, text: str, k: int, key: str, value: object) -> Array:
+    numbers: list[Any] = value if isinstance(value, list) else []
+    good = all(type(v) in (int, float) and abs(v) <= LARGEST for v in numbers)
+    if not (good and len(numbers) == 3):
+        raise _fault(
+            path,
+            text,
+            ("force", k, key),
+            f"{key} is {value!r}, expected three numbers of at most {LARGEST:g}",
+            f"{key} = [120.0, -40.0, -60.0].",
+        )
+    return np.array(numbers, dtype=np.float64)
+
+
+def _lines(path: Path, text: str, k: int, value: object) -> IntArray:
+    """Ranges (r, 2) of lines; empty if none is stated."""
+    if value is None:
+        return np.empty((0, 2), dtype=np.int64)
+    ranges: list[Any] = value if isinstance(value, list) and value else [None]
+    for each in ranges:
+        good = isinstance(each, list) and len(each) == 2 and all(type(v) is int for v in each)
+        if not (good and 1 <= each[0] <= each[1] < 2**63):
+            raise _fault(
+                path,
+                text,
+                ("force", k, "lines"),
+                f"lines is {value!r}, expected ranges of whole numbers, first and last",
+                "lines = [[120, 480], [500, 500]].",
+            )
+    return np.array(ranges, dtype=np.int64)
+
+
+def _moves(path: Path, text: str, k: int, value: object) -> tuple[Motion, ...]:
+    if value is None:
+        return FEEDING
+    names: list[Any] = value if isinstance(value, list) and value else [value]
+    if not all(isinstance(name, str) and name in MOVES for name in names):
+        raise _fault(
+            path,
+            text,
+            ("force", k, "moves"),
+            f"moves is {value!r}, expected some of {', '.join(MOVES)}",
+            'moves = ["line", "arc"].',
+        )
+    return tuple(motion for name in names for motion in MOVES[name])
+
+
+def read_force_table(path: Path, *, name: str, axes: Axes, program: str) -> ForceTable:
+    """Returns a CSV, TSV or workbook of forces by line, target or length of path.
+
+    Args:
+        path: The file; its columns are in the head of this module.
+        name: For messages.
+        axes: What the forces are written in.
+        program: File of the targets; empty for any.
+
+    Raises:
+        FormatError: A missing or unknown column, a cell that is no such number; with its line.
+    """
+    sheet = read_sheet(path)
+    columns = {column_key(each): i for i, each in enumerate(sheet.header)}
+    known = {column_key(each): each for each in (*KEYS, *FORCES, *MOMENTS)}
+    strange = [sheet.header[i] for key, i in columns.items() if key not in known]
+    keys = [each for each in KEYS if column_key(each) in columns]
+    lacking = [each for each in FORCES if column_key(each) not in columns]
+    if any(column_key(each) in columns for each in MOMENTS):
+        lacking += [each for each in MOMENTS if column_key(each) not in columns]
+    if strange or lacking or len(keys) != 1:
+        what = f"unknown column {strange[0]!r}" if strange else f"no column {(lacking or [''])[0]}"
+        if not strange and not lacking:
+            what = "one column line, target or path_mm is needed, here "
+            what += f"are {' and '.join(keys)}" if keys else "is none"
+        raise FormatError(
+            f"{what}.",
+            source=sheet.source,
+            line=sheet.header_line,
+            hint="path_mm,fx_N,fy_N,fz_N",
+        )
+    at = _places(sheet, columns[column_key(keys[0])], keys[0])
+    wrench = np.zeros((len(sheet.cells), 6))
+    for k, each in enumerate((*FORCES, *MOMENTS)):
+        column = columns.get(column_key(each))
+        if column is None:
+            continue
+        for row, line in enumerate(sheet.lines):
+            wrench[row, k] = finite_number(sheet, row, column)
+            if abs(wrench[row, k]) > LARGEST:
+                raise FormatError(
+                    f"{each} is {wrench[row, k]:g}, expected at most {LARGEST:g}.",
+                    source=sheet.source,
+                    line=line,
+                    hint="forces are in N, moments in N m.",
+                )
+    return ForceTable(
+        name=name,
+        axes=axes,
+        key=keys[0],
+        at=at,
+        wrench=wrench,
+        source=sheet.source,
+        rows=np.array(sheet.lines, dtype=np.int64),
+        program=program,
+    )
+
+
+def _places(sheet: Sheet, column: int, key: Key) -> Array:
+    """Lines and target numbers, or m of path."""
+    out = np.array([finite_number(sheet, row, column) for row in range(len(sheet.cells))])
+    if key == "path_mm":
+        return out * MM
+    bad = np.flatnonzero((out != np.rint(out)) | (out < 1.0) | (out > 2.0**53))
+    if len(bad):
+        raise FormatError(
+            f"{key} is {sheet.cells[int(bad[0])][column]}, expected a whole number from 1.",
+            source=sheet.source,
+            line=sheet.lines[int(bad[0])],
+            hint="count lines and targets from 1.",
+        )
+    return out
+
+
+def _fault(
+    path: Path, text: str, where: tuple[str | int, ...], message: str, hint: str
+) -> ConfigurationError:
+    return ConfigurationError(f"{message}.", source=path, line=line_of_key(text, where), hint=hint)
