@@ -1,38 +1,5 @@
-"""Compiles kernels and keeps the machine code where the installation allows it."""
+"""The compiler of this room's kernels, which is that of all rooms."""
 
-from __future__ import annotations
+from robotrue.core.compiled import EXACT, SUMS, F, compiled
 
-from collections.abc import Callable
-from typing import Any, Final, TypeVar, cast
-
-from numba import njit
-
-F = TypeVar("F", bound=Callable[..., Any])
-
-EXACT: Final = frozenset({"contract"})
-"""Fused multiply-add only: sums keep their order, NaN keeps its meaning."""
-SUMS: Final = frozenset({"contract", "reassoc", "nsz"})
-"""Sums may also be reordered, so that they run in vector registers."""
-
-
-def compiled(flags: frozenset[str]) -> Callable[[F], F]:
-    """Returns a decorator that compiles a function to machine code at its first call.
-
-    The code is cached next to the source, or in the user's cache folder where the installation is
-    read-only; where neither can be written it is compiled anew in each process. A cached kernel
-    is renewed when its own file changes: kernels call only kernels of their own file, but for
-    ``lanes``, which calls ``arm_lanes``.
-    """
-
-    def decorate(function: F) -> F:
-        options: dict[str, Any] = {
-            "fastmath": set(flags),
-            "nogil": True,
-            "error_model": "numpy",
-        }
-        try:
-            return cast(F, njit(cache=True, **options)(function))
-        except RuntimeError:  # no place to cache to
-            return cast(F, njit(**options)(function))
-
-    return decorate
+__all__ = ["EXACT", "SUMS", "F", "compiled"]

@@ -1,0 +1,217 @@
+"""Displacement of the tool from its force, sample by sample, exact for a force that is a ramp.
+
+Between samples the force is taken as a straight line (first-order hold, ramp invariant): at 20 kHz
+that is 14 times closer to the linear response than holding each sample. One sample in gives one
+sample out, without delay; blocks of any length give the same numbers.
+
+With p the pole, T the time between samples and phi_1(x) = (e^x - 1) / x,
+phi_2(x) = (phi_1(x) - 1) / x, one oscillator moves by::
+
+    z(n+1) = e^(pT) z(n) + T (phi_1 - phi_2) v.f(n) + T phi_2 v.f(n+1)
+
+What is kept is w = z - T phi_2 v.f, which needs the last force only::
+
+    w(n+1) = e^(pT) w(n) + T [phi_1 - phi_2 + e^(pT) phi_2] v.f(n)
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.dynamics.frf import ComplexArray
+from robotrue.dynamics.oscillators import Oscillators
+from robotrue.dynamics.streaming_kernels import LANES, ROWS, run
+from robotrue.errors import ModelMismatchError, ShapeError
+
+_SERIES: Final = 0.5  # below this |pT| a series is used: the quotients would lose digits
+_TERMS: Final = 16
+FASTEST: Final = 0.5
+"""Part of the sampling rate that a mode may reach: above, the samples do not show it."""
+
+
+class ModalFilter:
+    """Oscillators in time: force in, displacement out, the state carried from call to call.
+
+    The force before the first sample is zero and rises to it within one sample; :meth:`settle`
+    starts from a standing force instead.
+
+    Attributes:
+        rate: Samples per second.
+    """
+
+    __slots__ = ("_add", "_coefficients", "_oscillators", "_state", "_through", "rate")
+
+    def __init__(self, oscillators: Oscillators, rate: float) -> None:
+        """Starts at rest.
+
+        Raises:
+            ShapeError: A rate that is not positive, or a mode at or above half of it.
+        """
+        if not (np.isfinite(rate) and rate > 0.0):
+            raise ShapeError(f"rate {rate:g} 1/s, expected more than zero.")
+        self.rate = float(rate)
+        self._take(oscillators)
+        self._state = np.zeros(2 * self._coefficients.shape[1] + 3)
+
+    @property
+    def oscillators(self) -> Oscillators:
+        """What is filtered with at present."""
+        return self._oscillators
+
+    def push(self, force: Array) -> Array:
+        """Returns the displacement (n, 3) m of the tool at each sample of its force (n, 3) N.
+
+        Raises:
+            ShapeError: Another shape, or a force that is not finite; the state is then as before.
+        """
+        if (
+            type(force) is not np.ndarray
+            or force.dtype != np.float64
+            or not force.flags.c_contiguous
+        ):
+            force = np.ascontiguousarray(force, dtype=np.float64)
+        if force.ndim != 2 or force.shape[1] != 3:
+            raise ShapeError(f"force has shape {force.shape}, expected (any, 3).")
+        out = np.empty(force.shape)
+        if not run(self._coefficients, self._through, self._state, force, out):
+            row = int(np.flatnonzero(~np.isfinite(force).all(axis=1))[0])
+            raise ShapeError(
+                f"force sample {row} is {force[row].tolist()} N, expected finite numbers; "
+                "nothing of this block was filtered.",
+                hint="drop the packet, mark the estimate invalid and go on with the next.",
+            )
+        return out
+
+    def settle(self, force: Array) -> None:
+        """Puts every oscillator where a force (3,) N that has stood for long leaves it."""
+        force = np.asarray(force, dtype=np.float64)
+        if force.shape != (3,) or not np.isfinite(force).all():
+            raise ShapeError(f"force {force}, expected 3 finite numbers.")
+        own = self._oscillators
+        self._keep(-(own.excite @ force) / own.poles, force)
+
+    def change(self, oscillators: Oscillators, carry: Array | None = None) -> None:
+        """Goes on with other modes from the next sample on; position and speed do not jump.
+
+        Args:
+            oscillators: The modes from here on.
+            carry: (k, k_before) real, normal coordinates after from normal coordinates before
+                (:meth:`robotrue.dynamics.pose_modes.PoseModes.carry`). None for the same modes
+                slightly moved: each keeps the displacement of the tool it had, as nearly as its
+                shape allows.
+
+        Raises:
+            ModelMismatchError: Without ``carry``, another number of modes.
+            ShapeError: A ``carry`` of another shape, or a mode at or above half the rate.
+        """
+        before = self._oscillators
+        state, force = self.state()
+        if carry is None:
+            if len(before) != len(oscillators):
+                raise ModelMismatchError(
+                    f"{len(oscillators)} modes after {len(before)}: which one goes on from which "
+                    "is not said.",
+                    hint="give carry, or filter with as many modes as before.",
+                )
+            carry = np.diag(_shape_ratio(before, oscillators))
+        elif np.shape(carry) != (len(oscillators), len(before)):
+            raise ShapeError(
+                f"carry has shape {np.shape(carry)}, expected {(len(oscillators), len(before))}."
+            )
+        position = state.imag / before.poles.imag
+        speed = (before.poles * state).imag / before.poles.imag
+        position, speed = carry @ position, carry @ speed
+        self._take(oscillators)
+        poles = oscillators.poles
+        # eta = Im z / omega_d and eta' = Im(p z) / omega_d, solved for z
+        self._keep(speed - poles.real * position + 1j * poles.imag * position, force)
+
+    def state(self) -> tuple[ComplexArray, Array]:
+        """Returns the oscillators (k,) and the force (3,) N at the last sample, to go on from."""
+        lanes, k = self._coefficients.shape[1], len(self._oscillators)
+        force = self._state[2 * lanes :].copy()
+        shifted = self._state[:k] + 1j * self._state[lanes : lanes + k]
+        return shifted + self._add @ force, force
+
+    def restore(self, state: ComplexArray, force: Array) -> None:
+        """Goes on from what :meth:`state` returned.
+
+        Raises:
+            ShapeError: The state of another number of oscillators.
+        """
+        if np.shape(state) != (len(self._oscillators),) or np.shape(force) != (3,):
+            raise ShapeError(
+                f"state has shapes {np.shape(state)} and {np.shape(force)}, expected "
+                f"({len(self._oscillators)},) and (3,)."
+            )
+        self._keep(np.asarray(state, dtype=np.complex128), np.asarray(force, dtype=np.float64))
+
+    def _take(self, oscillators: Oscillators) -> None:
+        fastest = np.abs(oscillators.poles).max(initial=0.0) / (2.0 * np.pi)
+        if fastest >= FASTEST * self.rate:
+            raise ShapeError(
+                f"a mode at {fastest:.0f} Hz, sampled {self.rate:g} times a second; the highest "
+                f"mode has to stay below {FASTEST * self.rate:g} Hz.",
+                hint="sample faster, or leave the mode to the residual.",
+            )
+        self._oscillators = oscillators
+        self._coefficients, self._through, self._add = _coefficients(oscillators, self.rate)
+
+    def _keep(self, state: ComplexArray, force: Array) -> None:
+        lanes, k = self._coefficients.shape[1], len(self._oscillators)
+        kept = np.zeros(2 * lanes + 3)
+        shifted = state - self._add @ force
+        kept[:k], kept[lanes : lanes + k], kept[2 * lanes :] = shifted.real, shifted.imag, force
+        self._state = kept
+
+
+def displacement(oscillators: Oscillators, force: Array, rate: float) -> Array:
+    """Returns the displacement (n, 3) m under a force (n, 3) N sampled ``rate`` times a second.
+
+    From rest; the force is zero before the first sample.
+
+    Raises:
+        ShapeError: As :class:`ModalFilter`.
+    """
+    return ModalFilter(oscillators, rate).push(force)
+
+
+def _coefficients(own: Oscillators, rate: float) -> tuple[Array, Array, ComplexArray]:
+    """Rows for the kernel, what passes at once (3, 3), and T phi_2 v (k, 3)."""
+    x = own.poles / rate
+    turn, one, two = np.exp(x), _phi(x, 1), _phi(x, 2)
+    add = (two / rate)[:, None] * own.excite
+    drive = ((one - two + turn * two) / rate)[:, None] * own.excite
+    k = len(own)
+    rows = np.zeros((ROWS, max(LANES, -(-k // LANES) * LANES)))
+    rows[0, :k], rows[1, :k] = turn.real, turn.imag
+    rows[2:5, :k], rows[5:8, :k] = drive.real.T, drive.imag.T
+    rows[8:11, :k], rows[11:14, :k] = 2.0 * own.respond.real.T, -2.0 * own.respond.imag.T
+    through = own.residual + 2.0 * (own.respond.T @ add).real
+    return rows, np.ascontiguousarray(through), add
+
+
+def _phi(x: ComplexArray, order: int) -> ComplexArray:
+    """phi_order(x) = sum_j x^j / (j + order)!, to rounding for every |x|."""
+    series = np.zeros_like(x)
+    for j in range(_TERMS, -1, -1):
+        series = 1.0 + series * x / (j + order + 1.0)
+    series /= float(order)  # order! for 1 and 2
+    direct = (np.exp(x) - 1.0) / x
+    if order == 2:
+        direct = (direct - 1.0) / x
+    return np.asarray(np.where(np.abs(x) < _SERIES, series, direct))
+
+
+def _shape_ratio(before: Oscillators, after: Oscillators) -> Array:
+    """(k,) by which normal coordinates change so that the tool stays, in least squares.
+
+    A normal coordinate moves the tool by -2 omega_d Im u, for real modes exactly.
+    """
+    old = -2.0 * before.poles.imag[:, None] * before.respond.imag
+    new = -2.0 * after.poles.imag[:, None] * after.respond.imag
+    size = np.einsum("ki,ki->k", new, new)
+    return np.where(size > 0.0, np.einsum("ki,ki->k", new, old) / np.maximum(size, 1e-300), 0.0)
