@@ -6,9 +6,7 @@ along the path without turning about the axis.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -17,6 +15,7 @@ from robotrue.core.arrays import Array, IntArray
 from robotrue.core.poses import pose
 from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector_from_matrix
 from robotrue.core.units import DEG, MM
+from robotrue.program.carried import carried_frames
 from robotrue.program.toolpath import Toolpath
 
 MOST_STATIONS: Final = 2000
@@ -76,7 +75,8 @@ def dense_path(path: Toolpath) -> DensePath:
     axis = _between(path.axis[first], path.axis[target], share)
     move = np.concatenate([[0.0], (steps + _TURN_LENGTH * tilt) / parts])
     along = np.cumsum(np.where(np.arange(len(target)) == 0, 0.0, move[target]))
-    return DensePath(position=position, frame=_carried(axis), along=along, target=target, at=at)
+    frame = carried_frames(axis, _perpendicular(axis[0]))
+    return DensePath(position=position, frame=frame, along=along, target=target, at=at)
 
 
 def _shares(parts: IntArray) -> Array:
@@ -98,41 +98,6 @@ def _between(first: Array, last: Array, share: Array) -> Array:
     aside /= np.where(length < 1e-12, 1.0, length)[:, None]
     turned = share * angle
     return np.asarray(np.cos(turned)[:, None] * first + np.sin(turned)[:, None] * aside)
-
-
-def _carried(axis: Array) -> Array:
-    """Frames (d, 3, 3) with z against the axis, carried along without turning about it."""
-    sides = np.empty_like(axis)
-    side = _perpendicular(axis[0])
-    moved = np.flatnonzero(np.any(axis[1:] != axis[:-1], axis=1)) + 1
-    ends = np.append(moved, len(axis))
-    sides[: ends[0]] = side
-    carried = tuple(side.tolist())
-    for k, end in pairwise(ends.tolist()):
-        carried = _carry(carried, axis[k - 1].tolist(), axis[k].tolist())
-        sides[k:end] = carried
-    z = -axis
-    return np.stack([sides, np.cross(z, sides), z], axis=-1)
-
-
-def _carry(
-    side: tuple[float, ...], before: list[float], after: list[float]
-) -> tuple[float, float, float]:
-    """The side vector after the smallest rotation from one axis to the next."""
-    # Plain floats: of a hundred thousand points each needs the one before.
-    (x, y, z), (a, b, c), (u, v, w) = side, before, after
-    cosine = a * u + b * v + c * w
-    if cosine > -1.0 + 1e-9:  # else any half turn will do, and the side stays
-        p, q, r = b * w - c * v, c * u - a * w, a * v - b * u
-        i, j, k = q * z - r * y, r * x - p * z, p * y - q * x
-        scale = 1.0 / (1.0 + cosine)
-        x += i + scale * (q * k - r * j)
-        y += j + scale * (r * i - p * k)
-        z += k + scale * (p * j - q * i)
-    off = x * u + y * v + z * w  # rounding
-    x, y, z = x - off * u, y - off * v, z - off * w
-    length = math.sqrt(x * x + y * y + z * z)
-    return x / length, y / length, z / length
 
 
 def _perpendicular(axis: Array) -> Array:

@@ -26,7 +26,6 @@ import numpy as np
 from robotrue.core.arrays import Array, IntArray, frozen
 from robotrue.core.poses import inverse as inverse_pose
 from robotrue.core.poses import pose
-from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.core.units import DEG
 from robotrue.errors import ReachError
 from robotrue.planning.dense_path import DensePath, as_driven, dense_path, stations_of
@@ -39,6 +38,7 @@ from robotrue.planning.spin import (
     singular_cost,
     singular_measures,
 )
+from robotrue.program.carried import about_z, to_z
 from robotrue.program.toolpath import Toolpath
 from robotrue.robot.inverse import (
     BRANCHES,
@@ -171,7 +171,7 @@ def _all_joints(
 ) -> Array:
     """Joints (m, 8, k, 6) of every branch at every spin (m, k) of the stations."""
     m, k = spin.shape
-    turn = _about_z(spin) @ _to_z(settings.cutter)
+    turn = about_z(spin) @ to_z(settings.cutter)
     rotation = dense.frame[stations][:, None] @ turn
     position = np.broadcast_to(dense.position[stations][:, None], (m, k, 3))
     T_base_tool = T_base_part @ pose(rotation, position)
@@ -195,7 +195,7 @@ def _posed(
     """Spins and joints of the targets, checked at every dense point."""
     at = dense.along[stations]
     spin = np.interp(dense.along[dense.at], at, way.spin)
-    rotation = dense.frame[dense.at] @ _about_z(spin) @ _to_z(settings.cutter)
+    rotation = dense.frame[dense.at] @ about_z(spin) @ to_z(settings.cutter)
     T_part_tool = as_driven(dense, pose(rotation, path.position))
     T_base_flange = T_base_part @ T_part_tool @ inverse_pose(robot.T_flange_tool)
     guess = np.stack([np.interp(dense.along, at, q) for q in way.joints.T], axis=1)
@@ -221,24 +221,6 @@ def _posed(
         limit_margin=float(room.min()),
         wrist_angle=float(wrist),
     )
-
-
-def _about_z(angle: Array) -> Array:
-    out = np.zeros((*np.shape(angle), 3, 3))
-    out[..., 0, 0] = out[..., 1, 1] = np.cos(angle)
-    out[..., 1, 0] = np.sin(angle)
-    out[..., 0, 1] = -out[..., 1, 0]
-    out[..., 2, 2] = 1.0
-    return out
-
-
-def _to_z(cutter: Array) -> Array:
-    """The smallest rotation (3, 3) that takes the cutter axis to z."""
-    across, cosine = np.cross(cutter, [0.0, 0.0, 1.0]), float(cutter[2])
-    sine = float(np.linalg.norm(across))
-    if sine < 1e-12:
-        return np.eye(3) if cosine > 0.0 else np.diag([1.0, -1.0, -1.0])
-    return matrix_from_rotation_vector(across / sine * np.arctan2(sine, cosine))
 
 
 def _narrow(path: Toolpath, target: int) -> ReachError:
@@ -276,7 +258,7 @@ def _no_way(
             line=line,
             hint="split the tool path there into two sides, or move the part.",
         )
-    rotation = dense.frame[index] @ _about_z(spins) @ _to_z(settings.cutter)
+    rotation = dense.frame[index] @ about_z(spins) @ to_z(settings.cutter)
     why = (
         f"Every solution has a joint within {settings.limit_margin / DEG:g} deg of its limit or "
         f"the arm within {settings.wrist_margin / DEG:g} deg of a singularity."

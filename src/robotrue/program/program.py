@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.words import WORDS, Maker
+from robotrue.program.orientation import OrientationRule
 
 
 class Motion(IntEnum):
@@ -139,6 +140,7 @@ class FrameTable:
             away from zero compensated.
         pulses_per_degree: (6,) drive pulses per degree of axes 1 to 6 (Yaskawa ALL.PRM), signed;
             without them axis targets written in pulses are not compensated.
+        orientation: What angles and tool axes of G-code, APT and CSV say of the tool frame.
     """
 
     T_base_frame: Array = field(default_factory=lambda: np.eye(4))
@@ -147,6 +149,7 @@ class FrameTable:
     tools: Mapping[str, Array] = field(default_factory=dict)
     external_axes_at_rest: bool = False
     pulses_per_degree: Array | None = None
+    orientation: OrientationRule = field(default_factory=OrientationRule)
 
 
 class Dialect(Protocol):
