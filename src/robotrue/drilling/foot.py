@@ -1,0 +1,153 @@
+"""The pressure foot: displacement sensors around the spindle, and the plane they see.
+
+A reading grows where the surface is farther along the spindle axis. With sensor i at
+(x_i, y_i) = r_i (cos theta_i, sin theta_i) and the surface's normal n in the spindle's frame,
+
+    d_i = h - (n_x x_i + n_y y_i) / n_z + fall_i.
+
+It is linear in (n_x / n_z, n_y / n_z, h): any number of sensors is one least-squares solution, and
+with three it is the exact inverse.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from robotrue.core.arrays import Array, frozen
+from robotrue.core.units import DEG, MM
+from robotrue.drilling.skin import FLAT, Skin
+from robotrue.errors import ConfigurationError
+
+FLATTEST = 1e-6  # smallest over largest singular value at which sensors still span a plane
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Foot:
+    """Sensors of a pressure foot, in the frame of the spindle.
+
+    Attributes:
+        radius: (k,) m from the spindle axis.
+        angle: (k,) rad about the spindle axis, from x towards y.
+        skin: What the sensors touch.
+        reading_sigma: m, scatter of one reading.
+        reading_range: (2,) m, lowest and highest reading (less its zero) a sensor can give;
+            infinite where it is not known.
+        max_tilt: rad, largest tilt the foot can follow.
+    """
+
+    radius: Array
+    angle: Array
+    skin: Skin = FLAT
+    reading_sigma: float = 2e-6
+    reading_range: Array = field(default_factory=lambda: np.array([-np.inf, np.inf]))
+    max_tilt: float = 8.0 * DEG
+
+    def __post_init__(self) -> None:
+        """Checks that the sensors span a plane, and freezes."""
+        object.__setattr__(self, "radius", frozen(self.radius, (None,), "radius"))
+        object.__setattr__(self, "angle", frozen(self.angle, (len(self.radius),), "angle"))
+        limits = np.asarray(self.reading_range, dtype=np.float64)
+        if limits.shape != (2,) or not limits[0] < limits[1]:
+            raise ConfigurationError(
+                f"the readings' range is {(limits / MM).tolist()} mm, expected lowest and highest."
+            )
+        limits.flags.writeable = False
+        object.__setattr__(self, "reading_range", limits)
+        if not self.reading_sigma > 0.0 or not self.max_tilt > 0.0:
+            raise ConfigurationError("reading_sigma and max_tilt of a foot are above 0.")
+        unknowns = 4 if self.skin.fitted else 3
+        if len(self.radius) < unknowns:
+            raise ConfigurationError(
+                f"{len(self.radius)} sensors for {unknowns} unknowns.",
+                hint="give at least three sensors, four where the curvature is to be found.",
+            )
+        spread = np.linalg.svd(self.design, compute_uv=False)
+        if not spread[-1] > FLATTEST * spread[0]:
+            raise ConfigurationError(
+                "the sensors lie on one line, or their places cannot tell tilt from curvature.",
+                hint="spread them around the spindle and, for the curvature, over two radii.",
+            )
+
+    @property
+    def seat(self) -> Array:
+        """(k, 2) m, places of the sensors."""
+        out: Array = self.radius[:, None] * np.stack(
+            [np.cos(self.angle), np.sin(self.angle)], axis=-1
+        )
+        return out
+
+    @property
+    def design(self) -> Array:
+        """(k, 3 or 4): readings from slopes (n_x/n_z, n_y/n_z), height over the radius, curvature.
+
+        Height and curvature are in units of the mean radius, so that columns compare.
+        """
+        scale = float(np.mean(self.radius))
+        columns = [-self.seat, np.full((len(self.radius), 1), scale)]
+        if self.skin.fitted:
+            columns.append(self.skin.shape(self.seat)[:, None] / scale)
+        return np.concatenate(columns, axis=1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plane:
+    """The plane under the foot, n of them.
+
+    Attributes:
+        normal: (n, 3) unit, in the spindle's frame, z > 0.
+        height: (n,) m along the spindle axis.
+        curvature: (n,) 1/m found from the readings; of the skin where that is known.
+        residual: (n, k) m, readings less those of the plane: zero with three sensors.
+        slope_covariance: (2, 2) of n_x/n_z and n_y/n_z from the readings' scatter alone.
+    """
+
+    normal: Array
+    height: Array
+    curvature: Array
+    residual: Array
+    slope_covariance: Array
+
+
+def readings(foot: Foot, normal: Array, height: Array) -> Array:
+    """Returns the readings (n, k) m of a foot on a plane with these normals.
+
+    Args:
+        foot: The sensors; a known curvature counts.
+        normal: (n, 3) unit, in the spindle's frame, z > 0.
+        height: (n,) m along the spindle axis.
+    """
+    normal = frozen(np.atleast_2d(normal), (None, 3), "normal")
+    slope = normal[:, :2] / normal[:, 2:]
+    fall = 0.0 if foot.skin.fitted else foot.skin.fall(foot.seat)
+    out: Array = np.reshape(height, (-1, 1)) - slope @ foot.seat.T + fall
+    return out
+
+
+def plane_under(foot: Foot, reading: Array) -> Plane:
+    """Returns the plane each set of readings lies on, by least squares.
+
+    Args:
+        foot: The sensors.
+        reading: (n, k) m, less their zero.
+
+    Raises:
+        ShapeError: Not one reading per sensor, or one that is not finite.
+    """
+    d = frozen(np.atleast_2d(reading), (None, len(foot.radius)), "readings")
+    fall = np.zeros(len(foot.radius)) if foot.skin.fitted else foot.skin.fall(foot.seat)
+    inverse = np.linalg.pinv(foot.design)
+    found = (d - fall) @ inverse.T
+    slope = found[:, :2]
+    normal = np.concatenate([slope, np.ones((len(d), 1))], axis=1)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    scale = float(np.mean(foot.radius))
+    known = 0.0 if foot.skin.kind == "plane" else 1.0 / foot.skin.radius
+    return Plane(
+        normal=normal,
+        height=found[:, 2] * scale,
+        curvature=found[:, 3] / scale if foot.skin.fitted else np.full(len(d), known),
+        residual=d - fall - found @ foot.design.T,
+        slope_covariance=foot.reading_sigma**2 * inverse[:2] @ inverse[:2].T,
+    )

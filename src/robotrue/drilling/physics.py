@@ -1,0 +1,135 @@
+"""The default correction: known causes with learned sizes, a smooth rest, one evidence.
+
+A Gaussian process whose covariance is the sum over the groups of ``physics_prior``. The sensors
+share its hyper-parameters and nothing else. With few clamps the groups carry it, with many the rest
+learns what they leave.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotrue.calibration.learners.marginal import Solved, solve
+from robotrue.calibration.learners.posterior import correlation
+from robotrue.calibration.learners.search import best
+from robotrue.core.arrays import Array, frozen
+from robotrue.drilling.physics_prior import SPREAD, WIDTHS, bounds, groups, start
+from robotrue.drilling.terms import Conditions
+
+_G = len(WIDTHS)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PhysicsCorrection:
+    """The learned error of every sensor.
+
+    Attributes:
+        causes: The n clamps it was learned from.
+        errors: (n, k) m, their reading errors.
+        theta: (15,) log hyper-parameters in the order of ``physics_prior``.
+    """
+
+    causes: Conditions
+    errors: Array
+    theta: Array
+
+    def __post_init__(self) -> None:
+        """Freezes."""
+        n = len(self.causes.a)
+        object.__setattr__(self, "errors", frozen(self.errors, (n, None), "errors"))
+        object.__setattr__(self, "theta", frozen(self.theta, (len(SPREAD),), "theta"))
+
+    def predict(self, c: Conditions) -> tuple[Array, Array]:
+        """Returns the expected error (m, k) m and its variance (m,) m^2 without the readings' own.
+
+        The sensors share the variance, for they share causes and hyper-parameters.
+        """
+        solved = _solved(self.theta, self.causes, self.errors)
+        across = _signal(self.theta, c, self.causes)
+        spread = solved.whitened(across.T)
+        own = _own(self.theta, c)
+        return across @ solved.alpha, np.maximum(own - np.sum(spread**2, axis=0), 0.0)
+
+    @property
+    def noise(self) -> float:
+        """Deviation (m) of one reading that no cause explains."""
+        return float(np.exp(self.theta[-1]))
+
+
+def fit_physics(causes: Conditions, errors: Array, reading_sigma: float) -> PhysicsCorrection:
+    """Returns the correction of largest evidence times prior.
+
+    Args:
+        causes: n clamps.
+        errors: (n, k) m, measured less theoretical readings.
+        reading_sigma: m, scatter of a reading: the prior mean of the noise.
+    """
+    mean = start(reading_sigma)
+
+    def log_posterior(theta: Array) -> tuple[float, Array]:
+        value, gradient = log_evidence(theta, causes, errors)
+        off = (theta - mean) / SPREAD
+        return value - 0.5 * float(off @ off), gradient - off / SPREAD
+
+    free = np.full(len(mean), np.nan)
+    theta = best(log_posterior, mean, bounds(reading_sigma), free, 0, np.random.RandomState(0))
+    return PhysicsCorrection(causes=causes, errors=errors, theta=theta)
+
+
+def log_evidence(theta: Array, causes: Conditions, errors: Array) -> tuple[float, Array]:
+    """Returns the log evidence of all sensors and its gradient (15,) by theta."""
+    fading = float(np.exp(theta[_G + 5]))
+    parts = [
+        np.exp(2.0 * width) * (g @ g.T)
+        for width, g in zip(theta[:_G], groups(causes, fading), strict=True)
+    ]
+    rest = _rest(theta, causes, causes)
+    noise = float(np.exp(2.0 * theta[-1]))
+    n = len(errors)
+    covariance = np.add.reduce(parts) + rest + noise * np.eye(n)
+    solved = solve(covariance, errors, np.empty((n, 0)))
+    half = 0.5 * solved.sensitivity()
+    gradient = np.empty(len(theta))
+    gradient[:_G] = [2.0 * np.sum(half * part) for part in parts]
+    weighted = half * rest
+    gradient[_G] = 2.0 * weighted.sum()
+    z = causes.table / np.exp(theta[_G + 1 : _G + 5])
+    gradient[_G + 1 : _G + 5] = 2.0 * (
+        weighted.sum(axis=0) @ z**2 - np.einsum("ij,ij->j", z, weighted @ z)
+    )
+    faded = (causes.force[:, None] + causes.force) / fading
+    gradient[_G + 5] = np.sum(half * parts[-1] * faded)
+    gradient[-1] = 2.0 * noise * np.trace(half)
+    return solved.log_evidence, gradient
+
+
+def _solved(theta: Array, causes: Conditions, errors: Array) -> Solved:
+    covariance = _signal(theta, causes, causes) + np.exp(2.0 * theta[-1]) * np.eye(len(errors))
+    return solve(covariance, errors, np.empty((len(errors), 0)))
+
+
+def _signal(theta: Array, c: Conditions, other: Conditions) -> Array:
+    """(m, n) covariance of what is not noise between two sets of clamps."""
+    fading = float(np.exp(theta[_G + 5]))
+    out = _rest(theta, c, other)
+    for width, g, h in zip(theta[:_G], groups(c, fading), groups(other, fading), strict=True):
+        out += np.exp(2.0 * width) * (g @ h.T)
+    return out
+
+
+def _own(theta: Array, c: Conditions) -> Array:
+    """(m,) variance of what is not noise."""
+    fading = float(np.exp(theta[_G + 5]))
+    out = np.full(len(c.a), np.exp(2.0 * theta[_G]))
+    for width, g in zip(theta[:_G], groups(c, fading), strict=True):
+        out += np.exp(2.0 * width) * np.sum(g**2, axis=1)
+    return out
+
+
+def _rest(theta: Array, c: Conditions, other: Conditions) -> Array:
+    """(m, n) covariance of the smooth rest."""
+    length = np.exp(theta[_G + 1 : _G + 5])
+    out: Array = np.exp(2.0 * theta[_G]) * correlation(c.table / length, other.table / length)
+    return out

@@ -1,0 +1,79 @@
+"""What the causes of a reading's error may amount to: the prior of the default correction.
+
+The error of each sensor is a sum of groups, each a few columns with independent normal coefficients
+of one deviation per group, a smooth rest, and noise:
+
+    1; a, b; F; z; F a, F b; F^2; a^2, a b, b^2; (1, t_a, t_b) exp(-F / F_0); rest; noise.
+
+t is the direction of the tilt. The foot is free when it meets the skin and turns towards it until
+the joint's friction stops it: it stays behind by an angle that the growing clamp force takes away,
+along the way it turned. That is the group with exp(-F / F_0); no polynomial has its edge at zero
+tilt.
+
+The deviations are learned by the evidence, from starts and with spreads that say what such feet
+do: offsets of tenths of a millimetre, a fifth of that per degree, nothing much from the height.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.core.units import MM, UM
+from robotrue.drilling.terms import Conditions
+
+GROUPS: Final = (
+    "offset",
+    "tilt",
+    "force",
+    "height",
+    "force x tilt",
+    "force^2",
+    "tilt^2",
+    "friction",
+)
+WIDTHS: Final = np.log(np.array([1.0, 0.1, 0.5, 0.02, 0.05, 0.2, 0.0025, 0.1]) * MM)
+"""Log deviation of each group's coefficients, m per unit of the column, where the search begins."""
+REST: Final = np.log(np.array([10.0 * UM, 4.0, 4.0, 1.0, 7.0]))
+"""Log amplitude (m) and lengths (deg, deg, kN, 100 mm) of the smooth rest."""
+FADING: Final = float(np.log(0.6))
+"""Log of F_0 in kN."""
+SPREAD: Final = np.array([1.0] * len(WIDTHS) + [1.0, 0.7, 0.7, 0.7, 1.0, 0.5, 0.7])
+"""Deviation of the log-normal prior of each of theta: widths, rest, F_0, noise."""
+STILL: Final = 0.02  # deg: a tilt seen smaller than this has no sure direction
+
+
+def groups(c: Conditions, fading: float) -> list[Array]:
+    """Returns the columns (n, .) of each group of :data:`GROUPS`.
+
+    Args:
+        c: Causes of n clamps.
+        fading: kN, clamp force that takes the friction's share down to 1/e.
+    """
+    a, b, force, one = c.a, c.b, c.force, np.ones_like(c.a)
+    size = np.sqrt(a**2 + b**2 + STILL**2)
+    fades = np.exp(-force / fading)
+    parts = (
+        [one],
+        [a, b],
+        [force],
+        [c.height],
+        [force * a, force * b],
+        [force**2],
+        [a * a, a * b, b * b],
+        [fades, fades * a / size, fades * b / size],
+    )
+    return [np.stack(part, axis=-1) for part in parts]
+
+
+def start(reading_sigma: float) -> Array:
+    """Returns theta (15,) where the search begins: its prior mean."""
+    return np.concatenate([WIDTHS, REST, [FADING, np.log(reading_sigma)]])
+
+
+def bounds(reading_sigma: float) -> Array:
+    """Returns the limits (15, 2) of theta: four deviations of the prior on either side."""
+    mean = start(reading_sigma)
+    return np.stack([mean - 4.0 * SPREAD, mean + 4.0 * SPREAD], axis=-1)
