@@ -1,0 +1,141 @@
+"""Linear corrections: the patent's regression (step 7), with interactions, and ridge polynomials."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotrue.core.arrays import Array, frozen
+from robotrue.drilling.terms import Conditions, Family, columns
+from robotrue.errors import ObservabilityError
+
+STRENGTHS = np.logspace(-8.0, 2.0, 41)
+"""Ridge strengths tried, in units of the columns' own scatter."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinearCorrection:
+    """Coefficients of each sensor's error.
+
+    Attributes:
+        family: Which terms.
+        coefficients: (p, k) m per unit of the term.
+        covariance: (p, p) of the coefficients over the square of a sensor's noise.
+        sigma: (k,) m, deviation of one reading that the terms do not explain.
+    """
+
+    family: Family
+    coefficients: Array
+    covariance: Array
+    sigma: Array
+
+    def __post_init__(self) -> None:
+        """Freezes."""
+        p, k = np.shape(self.coefficients)
+        for name, shape in (("coefficients", (p, k)), ("covariance", (p, p)), ("sigma", (k,))):
+            object.__setattr__(self, name, frozen(getattr(self, name), shape, name))
+
+    def predict(self, c: Conditions) -> tuple[Array, Array]:
+        """Returns the expected error (m, k) m and its variance (m, k) m^2, the noise left out."""
+        _, x = columns(self.family, c)
+        share = np.einsum("ij,jk,ik->i", x, self.covariance, x)
+        return x @ self.coefficients, share[:, None] * self.sigma**2
+
+
+def fit_linear(family: Family, causes: Conditions, errors: Array) -> LinearCorrection:
+    """Returns the least-squares fit of the patent's step 7, or a ridge for the polynomials.
+
+    Ridge acts on every term but the constant; its strength is the one of least error when each
+    clamp is predicted from the others.
+
+    Args:
+        family: Which terms.
+        causes: n clamps.
+        errors: (n, k) m, measured less theoretical readings.
+
+    Raises:
+        ObservabilityError: Fewer clamps than terms, or terms that the campaign cannot tell apart.
+    """
+    names, x = columns(family, causes)
+    n, p = x.shape
+    if family in ("quadratic", "cubic"):
+        return _ridge(family, x, errors)
+    if n <= p:
+        raise ObservabilityError(
+            f"{n} clamps for the {p} terms {', '.join(names)}.",
+            hint="clamp more often, or take a correction with fewer terms.",
+        )
+    left, spread, right = np.linalg.svd(x, full_matrices=False)
+    if not spread[-1] > 1e-10 * spread[0]:
+        weak = names[int(np.argmax(np.abs(right[-1])))]
+        raise ObservabilityError(
+            f"the campaign cannot tell the term {weak!r} from the others.",
+            hint="vary tilt, force and height independently.",
+        )
+    inverse = (right.T / spread) @ left.T
+    coefficients = inverse @ errors
+    rest = errors - x @ coefficients
+    return LinearCorrection(
+        family=family,
+        coefficients=coefficients,
+        covariance=inverse @ inverse.T,
+        sigma=np.sqrt(np.sum(rest**2, axis=0) / (n - p)),
+    )
+
+
+def _ridge(family: Family, x: Array, errors: Array) -> LinearCorrection:
+    n, p = x.shape
+    scale = np.concatenate([[1.0], np.maximum(np.sqrt(np.mean(x[:, 1:] ** 2, axis=0)), 1e-12)])
+    z = x / scale
+    held = np.diag(np.concatenate([[0.0], np.ones(p - 1)]))
+    chosen, lowest = None, np.inf
+    for strength in STRENGTHS * n:
+        inverse = np.linalg.inv(z.T @ z + strength * held)
+        hat = z @ inverse @ z.T
+        rest = (errors - hat @ errors) / (1.0 - np.diag(hat))[:, None]
+        loss = float(np.sum(rest**2))
+        if loss < lowest:
+            chosen, lowest = (inverse, rest), loss
+    if chosen is None:
+        raise ObservabilityError("the campaign holds no clamps.", hint="clamp at least 15 times.")
+    inverse, rest = chosen
+    coefficients = inverse @ z.T @ errors
+    return LinearCorrection(
+        family=family,
+        coefficients=coefficients / scale[:, None],
+        covariance=inverse / np.outer(scale, scale),
+        sigma=np.sqrt(np.mean(rest**2, axis=0)),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Significance:
+    """What a term of one sensor amounts to.
+
+    Attributes:
+        term: Its name.
+        coefficient: (k,) m per unit.
+        deviation: (k,) m per unit.
+        t: (k,) coefficient over deviation.
+    """
+
+    term: str
+    coefficient: Array
+    deviation: Array
+    t: Array
+
+
+def significance(fitted: LinearCorrection, causes: Conditions) -> tuple[Significance, ...]:
+    """Returns each term's coefficient, deviation and t, of a least-squares fit."""
+    names, _ = columns(fitted.family, causes)
+    deviation = np.sqrt(np.diag(fitted.covariance))[:, None] * fitted.sigma
+    return tuple(
+        Significance(
+            term=name,
+            coefficient=fitted.coefficients[i],
+            deviation=deviation[i],
+            t=fitted.coefficients[i] / deviation[i],
+        )
+        for i, name in enumerate(names)
+    )

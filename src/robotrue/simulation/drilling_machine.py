@@ -1,0 +1,190 @@
+"""A simulated pressure foot on a five-axis head: what makes readings wrong, by seed.
+
+Sizes are those of a foot whose readings are off by some 250 counts of 1 um without clamp force and by
+365 at 1 kN. Everything made with it is simulated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.core.units import DEG, MM, UM
+from robotrue.drilling.campaign import Campaign, Clamps
+from robotrue.drilling.foot import Foot, readings
+from robotrue.drilling.head import AxisOrder, normal_from_tilt
+from robotrue.drilling.terms import FORCE, HEIGHT
+
+RECENTRED: Final = ""
+"""The foot hangs in its own rest position before every clamp."""
+AS_LEFT: Final = "as left"
+"""The foot meets the skin as the clamp before left it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DrillingMachine:
+    """Truth of one machine.
+
+    Attributes:
+        foot: The sensors as drawn.
+        built: The sensors as they are.
+        order: Axis order of the head.
+        gain: (k,) what a sensor shows per metre.
+        offset: (k,) m, of the zero and of the foot at rest.
+        axis_zero: (2,) rad, zero errors of A and B.
+        axis_scale: (2,) their scale.
+        by_force: (k,) m per kN, and ``by_force_squared``.
+        by_force_squared: (k,) m per kN^2.
+        by_height: (k,) m per 100 mm.
+        yielding: (2,) share of the tilt the structure gives way by per kN.
+        by_force_tilt: (k, 2) m per kN and degree.
+        by_force_bend: (k, 3) m per kN and degree^2 in a^2, a b, b^2.
+        friction: rad, angle the foot's joint stays behind by without force.
+        fading: N, force that takes it down to 1/e.
+        noise: m, scatter of a reading.
+    """
+
+    foot: Foot
+    built: Foot
+    order: AxisOrder
+    gain: Array
+    offset: Array
+    axis_zero: Array
+    axis_scale: Array
+    by_force: Array
+    by_force_squared: Array
+    by_height: Array
+    yielding: Array
+    by_force_tilt: Array
+    by_force_bend: Array
+    friction: float
+    fading: float
+    noise: float
+
+
+def drilling_machine(
+    seed: int, *, nonlinear: bool = False, friction: bool = False, order: AxisOrder = "AB"
+) -> DrillingMachine:
+    """Returns the machine of a seed; the same with and without nonlinear terms and friction."""
+    random = np.random.default_rng(seed)
+    foot = Foot(radius=np.full(3, 60.0 * MM), angle=np.array([90.0, 210.0, 330.0]) * DEG)
+    seat = foot.seat + random.uniform(-0.25, 0.25, (3, 2)) * MM
+    built = replace(
+        foot,
+        radius=np.hypot(seat[:, 0], seat[:, 1]),
+        angle=np.arctan2(seat[:, 1], seat[:, 0]),
+    )
+    pattern = random.normal(size=3)
+    pattern -= pattern.mean()
+    pattern *= 0.35 * MM / np.abs(pattern).max()
+    rest = (
+        random.choice([-1.0, 1.0]) * random.uniform(0.15, 0.3) + random.normal(0.0, 0.1, 3)
+    ) * MM
+    machine = DrillingMachine(
+        foot=foot,
+        built=built,
+        order=order,
+        gain=1.0 + random.uniform(-0.006, 0.006, 3),
+        offset=rest + random.normal(0.0, 0.005, 3) * MM,
+        axis_zero=random.uniform(-0.10, 0.10, 2) * DEG,
+        axis_scale=1.0 + random.uniform(-0.01, 0.01, 2),
+        by_force=pattern,
+        by_force_squared=0.35 * pattern * random.uniform(0.5, 1.5, 3),
+        by_height=random.normal(0.0, 0.004, 3) * MM,
+        yielding=random.uniform(0.008, 0.020, 2),
+        by_force_tilt=random.normal(0.0, 0.020, (3, 2)) * MM,
+        by_force_bend=random.normal(0.0, 0.0025, (3, 3)) * MM,
+        friction=0.12 * DEG if friction else 0.0,
+        fading=60.0 * 9.81,
+        noise=2.0 * UM,
+    )
+    if nonlinear:
+        return machine
+    none = np.zeros(3)
+    return replace(
+        machine,
+        by_force_squared=none,
+        by_force_tilt=np.zeros((3, 2)),
+        by_force_bend=np.zeros((3, 3)),
+    )
+
+
+def clamp(
+    machine: DrillingMachine,
+    tilt: Array,
+    force: Array,
+    height: Array,
+    random: np.random.Generator,
+    *,
+    approach: str = RECENTRED,
+) -> Clamps:
+    """Returns the readings of clamps made one after the other (simulated).
+
+    Args:
+        machine: Its truth.
+        tilt: (n, 2) rad, by which the machine's own axes stand off the skin's normal.
+        force: (n,) N.
+        height: (n,) m.
+        random: Of the readings' scatter.
+        approach: :data:`RECENTRED` or :data:`AS_LEFT`.
+    """
+    load, z = force / FORCE, height / HEIGHT
+    true = tilt * machine.axis_scale * (1.0 - machine.yielding * load[:, None])
+    followed = _followed(machine, true + machine.axis_zero, force, approach)
+    angle = tilt / DEG
+    a, b = angle.T
+    bend = np.stack([a * a, a * b, b * b], axis=-1)
+    seen = readings(machine.built, normal_from_tilt(machine.order, followed), np.zeros(len(tilt)))
+    seen = seen * machine.gain + machine.offset
+    seen += load[:, None] * machine.by_force + load[:, None] ** 2 * machine.by_force_squared
+    seen += z[:, None] * machine.by_height
+    seen += load[:, None] * (angle @ machine.by_force_tilt.T + bend @ machine.by_force_bend.T)
+    seen += random.normal(0.0, machine.noise, seen.shape)
+    return Clamps(readings=seen, force=force, height=height, approach=(approach,) * len(seen))
+
+
+def _followed(machine: DrillingMachine, tilt: Array, force: Array, approach: str) -> Array:
+    """(n, 2) rad where friction lets the foot stop on its way to the skin's tilt."""
+    left = np.zeros(2)
+    out = np.empty_like(tilt)
+    behind = machine.friction * np.exp(-force / machine.fading)
+    for i, goal in enumerate(tilt):
+        way = goal - (left if approach == AS_LEFT else 0.0)
+        length = float(np.hypot(*way))
+        out[i] = goal - way * (min(1.0, behind[i] / length) if length > 0.0 else 0.0)
+        left = out[i]
+    return out
+
+
+def random_campaign(
+    machine: DrillingMachine,
+    count: int,
+    random: np.random.Generator,
+    *,
+    held_out: bool = False,
+    approach: str = RECENTRED,
+    largest: float = 4.0 * DEG,
+) -> Campaign:
+    """Returns a campaign of random tilts on five forces and three heights (simulated).
+
+    Args:
+        machine: Its truth.
+        count: Clamps.
+        random: Of tilts and scatter.
+        held_out: Forces and heights anywhere between, as production has them.
+        approach: How the foot is brought down.
+        largest: rad, tilt of each axis.
+    """
+    tilt = random.uniform(-largest, largest, (count, 2))
+    if held_out:
+        force = random.uniform(0.0, 1.0, count) * 100.0 * 9.81
+        height = random.uniform(-1.0, 1.0, count) * HEIGHT
+    else:
+        grid = np.array([(f, z) for f in (0, 25, 50, 75, 100) for z in (-1, 0, 1)], dtype=float)
+        chosen = grid[np.arange(count) % len(grid)]
+        force, height = chosen[:, 0] * 9.81, chosen[:, 1] * HEIGHT
+    clamps = clamp(machine, tilt, force, height, random, approach=approach)
+    return Campaign(clamps=clamps, tilt=tilt, order=machine.order)
