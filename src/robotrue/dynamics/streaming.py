@@ -23,11 +23,14 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.dynamics.frf import ComplexArray
 from robotrue.dynamics.oscillators import Oscillators
-from robotrue.dynamics.streaming_kernels import LANES, ROWS, run
+from robotrue.dynamics.streaming_kernels import DONE, LANES, NOT_FINITE, ROWS, TAIL, run
 from robotrue.errors import ModelMismatchError, ShapeError
 
 _SERIES: Final = 0.5  # below this |pT| a series is used: the quotients would lose digits
 _TERMS: Final = 16
+_FLOAT: Final = np.dtype(np.float64)
+STATE: Final = 14
+"""First of the two rows of the kernel's memory that are the state."""
 FASTEST: Final = 0.5
 """Part of the sampling rate that a mode may reach: above, the samples do not show it."""
 
@@ -42,7 +45,7 @@ class ModalFilter:
         rate: Samples per second.
     """
 
-    __slots__ = ("_add", "_coefficients", "_oscillators", "_state", "_through", "rate")
+    __slots__ = ("_add", "_lanes", "_memory", "_oscillators", "rate")
 
     def __init__(self, oscillators: Oscillators, rate: float) -> None:
         """Starts at rest.
@@ -54,34 +57,43 @@ class ModalFilter:
             raise ShapeError(f"rate {rate:g} 1/s, expected more than zero.")
         self.rate = float(rate)
         self._take(oscillators)
-        self._state = np.zeros(2 * self._coefficients.shape[1] + 3)
 
     @property
     def oscillators(self) -> Oscillators:
         """What is filtered with at present."""
         return self._oscillators
 
-    def push(self, force: Array) -> Array:
+    def push(self, force: Array, out: Array | None = None) -> Array:
         """Returns the displacement (n, 3) m of the tool at each sample of its force (n, 3) N.
+
+        Args:
+            force: (n, 3) N.
+            out: (n, 3) to write to and return, for whoever pushes sample by sample.
 
         Raises:
             ShapeError: Another shape, or a force that is not finite; the state is then as before.
         """
         if (
             type(force) is not np.ndarray
-            or force.dtype != np.float64
+            or force.dtype is not _FLOAT
             or not force.flags.c_contiguous
         ):
             force = np.ascontiguousarray(force, dtype=np.float64)
-        if force.ndim != 2 or force.shape[1] != 3:
+        if force.ndim != 2:
             raise ShapeError(f"force has shape {force.shape}, expected (any, 3).")
-        out = np.empty(force.shape)
-        if not run(self._coefficients, self._through, self._state, force, out):
+        if out is None:
+            out = np.empty((len(force), 3))
+        done = run(self._memory, force, out)
+        if done == NOT_FINITE:
             row = int(np.flatnonzero(~np.isfinite(force).all(axis=1))[0])
             raise ShapeError(
                 f"force sample {row} is {force[row].tolist()} N, expected finite numbers; "
                 "nothing of this block was filtered.",
                 hint="drop the packet, mark the estimate invalid and go on with the next.",
+            )
+        if done != DONE:
+            raise ShapeError(
+                f"force has shape {force.shape} and out {out.shape}, expected (any, 3) of both."
             )
         return out
 
@@ -131,9 +143,9 @@ class ModalFilter:
 
     def state(self) -> tuple[ComplexArray, Array]:
         """Returns the oscillators (k,) and the force (3,) N at the last sample, to go on from."""
-        lanes, k = self._coefficients.shape[1], len(self._oscillators)
-        force = self._state[2 * lanes :].copy()
-        shifted = self._state[:k] + 1j * self._state[lanes : lanes + k]
+        k, force = len(self._oscillators), self._memory[-3:].copy()
+        real, imaginary = self._memory[STATE * self._lanes : -TAIL].reshape(2, self._lanes)[:, :k]
+        shifted = real + 1j * imaginary
         return shifted + self._add @ force, force
 
     def restore(self, state: ComplexArray, force: Array) -> None:
@@ -158,14 +170,14 @@ class ModalFilter:
                 hint="sample faster, or leave the mode to the residual.",
             )
         self._oscillators = oscillators
-        self._coefficients, self._through, self._add = _coefficients(oscillators, self.rate)
+        self._memory, self._add = _memory(oscillators, self.rate)
+        self._lanes = (len(self._memory) - TAIL) // ROWS
 
     def _keep(self, state: ComplexArray, force: Array) -> None:
-        lanes, k = self._coefficients.shape[1], len(self._oscillators)
-        kept = np.zeros(2 * lanes + 3)
         shifted = state - self._add @ force
-        kept[:k], kept[lanes : lanes + k], kept[2 * lanes :] = shifted.real, shifted.imag, force
-        self._state = kept
+        rows = self._memory[:-TAIL].reshape(ROWS, self._lanes)
+        rows[STATE, : len(state)], rows[STATE + 1, : len(state)] = shifted.real, shifted.imag
+        self._memory[-3:] = force
 
 
 def displacement(oscillators: Oscillators, force: Array, rate: float) -> Array:
@@ -179,8 +191,8 @@ def displacement(oscillators: Oscillators, force: Array, rate: float) -> Array:
     return ModalFilter(oscillators, rate).push(force)
 
 
-def _coefficients(own: Oscillators, rate: float) -> tuple[Array, Array, ComplexArray]:
-    """Rows for the kernel, what passes at once (3, 3), and T phi_2 v (k, 3)."""
+def _memory(own: Oscillators, rate: float) -> tuple[Array, ComplexArray]:
+    """The kernel's memory at rest, and T phi_2 v (k, 3)."""
     x = own.poles / rate
     turn, one, two = np.exp(x), _phi(x, 1), _phi(x, 2)
     add = (two / rate)[:, None] * own.excite
@@ -191,7 +203,7 @@ def _coefficients(own: Oscillators, rate: float) -> tuple[Array, Array, ComplexA
     rows[2:5, :k], rows[5:8, :k] = drive.real.T, drive.imag.T
     rows[8:11, :k], rows[11:14, :k] = 2.0 * own.respond.real.T, -2.0 * own.respond.imag.T
     through = own.residual + 2.0 * (own.respond.T @ add).real
-    return rows, np.ascontiguousarray(through), add
+    return np.concatenate([rows.ravel(), through.ravel(), np.zeros(3)]), add
 
 
 def _phi(x: ComplexArray, order: int) -> ComplexArray:
