@@ -53,6 +53,50 @@ class Outcome:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Standing:
+    """Where the arm is between two targets: all that the next one depends on.
+
+    Attributes:
+        near: (6,) rad, joints chosen last.
+        joints: (6,) rad, joints driven to last.
+        sign: (6,) of the last motion of every joint.
+        branch: (4,) see :func:`robotrue.compensation.branches.choose_closed`.
+    """
+
+    near: Array
+    joints: Array
+    sign: Array
+    branch: IntArray
+
+    def copy(self) -> Standing:
+        """Returns the same in arrays of its own."""
+        return Standing(
+            near=np.array(self.near),
+            joints=np.array(self.joints),
+            sign=np.array(self.sign),
+            branch=np.array(self.branch),
+        )
+
+    def same(self, other: Standing) -> bool:
+        """Returns whether both are equal bit for bit."""
+        return all(
+            getattr(self, name).tobytes() == getattr(other, name).tobytes()
+            for name in ("near", "joints", "sign", "branch")
+        )
+
+
+def at_home(pack: Pack, settings: CompensationSettings) -> Standing:
+    """Returns where the arm is before the first target of a program."""
+    home = settings.home if len(settings.home) else pack.limits.mean(axis=1)
+    return Standing(
+        near=np.array(home),
+        joints=np.array(home),
+        sign=np.zeros(6),
+        branch=np.zeros(4, dtype=np.int64),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Part:
     """One chunk that has been solved.
 
@@ -94,17 +138,25 @@ def solve_chunks(
     load: Load,
     outcome: Outcome,
     search: Helper,
+    standing: Standing | None = None,
 ) -> Iterator[Part]:
-    """Yields each chunk after its targets were solved into ``outcome``."""
+    """Yields each chunk after its targets were solved into ``outcome``.
+
+    Args:
+        pack: The model.
+        program: The targets.
+        plan: Their treatment.
+        settings: Guards and tolerances.
+        load: One row or one per target.
+        outcome: Renewed in place.
+        search: For targets that nothing else reaches.
+        standing: Where the arm is before the first target, renewed in place; at home if not given.
+    """
     from robotrue.compensation.chunk import Arrival, solve_chunk  # compiles: only when needed
 
-    home = settings.home if len(settings.home) else pack.limits.mean(axis=1)
+    now = standing or at_home(pack, settings)
     arrival = Arrival(
-        near=np.array(home),
-        joints=np.array(home),
-        sign=np.zeros(6),
-        branch=np.zeros(4, dtype=np.int64),
-        space=space(),
+        near=now.near, joints=now.joints, sign=now.sign, branch=now.branch, space=space()
     )
     for start in range(0, len(program), CHUNK):
         rows = slice(start, min(start + CHUNK, len(program)))

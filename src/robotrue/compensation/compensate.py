@@ -13,22 +13,26 @@ import numpy as np
 
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.tables import rigid_tables
-from robotrue.compensation.chunks import Outcome, empty_outcome, solve_chunks
-from robotrue.compensation.pack import pack_tables
+from robotrue.compensation.chunks import Outcome, Standing, empty_outcome, solve_chunks
+from robotrue.compensation.pack import Pack, pack_tables
 from robotrue.compensation.plan import Plan, lay_out, new_words
 from robotrue.compensation.predicted import by_prediction, covariances
-from robotrue.compensation.result import Compensation, line_list
+from robotrue.compensation.result import Compensation
+from robotrue.compensation.row_notes import RowNote, row_note
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.status import Route, Status
-from robotrue.core.arrays import Array
+from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.poses import pose
 from robotrue.core.units import UM
 from robotrue.core.words import NO_WORD
 from robotrue.program.program import Program, Replacement
 from robotrue.robot.inverse_numeric import solve_global
 from robotrue.robot.model import RobotModel
+from robotrue.robot.statics import Load
 
 SAME_TOOL = 1e-9  # m and rad by which a program's tool may differ from the measured one
+_LEFT_ALONE, _UNSURE = 10, 99
+"""Places of the notes."""
 
 
 def compensate(
@@ -55,12 +59,7 @@ def compensate(
     settings = settings or CompensationSettings()
     load = settings.load_for(len(program))
     robot = model.robot.nominal()
-    measured = np.array(
-        [
-            np.allclose(t, robot.T_flange_tool, rtol=0.0, atol=SAME_TOOL)
-            for t in program.T_flange_tool
-        ]
-    )
+    measured = measured_tools(robot, program.T_flange_tool)
     tables = model.mean_tables(load)
     pack = pack_tables(tables or rigid_tables(robot), program.T_flange_tool, measured)
     plan = lay_out(robot, program, settings)
@@ -74,12 +73,62 @@ def compensate(
             )
         if settings.covariance:
             covariances(model, program, load, measured, outcome, part)
-    notes = list(plan.notes)
+    replacement, notes = replaced(robot, program, plan, settings, outcome)
+    sentences = [str(note) for note in notes]
     if not turn_known:
-        notes.append(
+        sentences.append(
             "the model knows no rotation error at some targets; their rotation was kept as nominal."
         )
-    return _result(robot, program, plan, settings, outcome, notes)
+    return Compensation(
+        replacement=replacement,
+        status=outcome.status,
+        predicted_error_before=outcome.before,
+        predicted_error_after=outcome.after,
+        shift=outcome.shift,
+        turn=outcome.turn,
+        joints=outcome.joints,
+        covariance=outcome.covariance,
+        singular_value=outcome.singular,
+        notes=tuple(sentences),
+    )
+
+
+def compensate_part(
+    model: ErrorModel | None,
+    robot: RobotModel,
+    pack: Pack,
+    measured: BoolArray,
+    program: Program,
+    settings: CompensationSettings,
+    load: Load,
+    standing: Standing,
+) -> tuple[Plan, Outcome]:
+    """Returns plan and outcome of some consecutive targets of a program; ``standing`` moves on.
+
+    Args:
+        model: For covariances; None where the settings do not ask for them.
+        robot: The nominal arm.
+        pack: Tables of the model, for the tools of the program.
+        measured: (t,) which of the tools is the measured one.
+        program: The targets.
+        settings: Guards and tolerances.
+        load: One row, or one per target of this part.
+        standing: Where the arm is before them, renewed in place.
+    """
+    plan = lay_out(robot, program, settings)
+    outcome = empty_outcome(program, plan, covariance=settings.covariance)
+    search = partial(_search, robot, program)
+    for part in solve_chunks(pack, program, plan, settings, load, outcome, search, standing):
+        if model is not None and settings.covariance:
+            covariances(model, program, load, measured, outcome, part)
+    return plan, outcome
+
+
+def measured_tools(robot: RobotModel, T_flange_tool: Array) -> BoolArray:
+    """Returns (t,) which tools are the one the model was measured with."""
+    return np.array(
+        [np.allclose(t, robot.T_flange_tool, rtol=0.0, atol=SAME_TOOL) for t in T_flange_tool]
+    )
 
 
 def _search(robot: RobotModel, program: Program, row: int, near: Array) -> Array | None:
@@ -91,15 +140,16 @@ def _search(robot: RobotModel, program: Program, row: int, near: Array) -> Array
     return found.joints[0] if found.converged[0] else None
 
 
-def _result(
+def replaced(
     robot: RobotModel,
     program: Program,
     plan: Plan,
     settings: CompensationSettings,
     outcome: Outcome,
-    notes: list[str],
-) -> Compensation:
+) -> tuple[Replacement, tuple[RowNote, ...]]:
+    """Returns what the writer is to put in place of the targets, and what is to be said of them."""
     n = len(program)
+    notes = list(plan.notes)
     changed = outcome.status == Status.COMPENSATED
     new = np.full_like(program.words, NO_WORD)
     worded = plan.worded[changed[plan.worded]]
@@ -112,42 +162,34 @@ def _result(
         axes = np.array(program.axes)
         axes[moved] = robot.controller.to_controller(outcome.joints[moved])
     notes.extend(_notes(program, settings, outcome))
-    return Compensation(
-        replacement=Replacement(
-            changed=changed,
-            position=outcome.position,
-            rotation=outcome.rotation.reshape(n, 3, 3),
-            axes=axes,
-            words=new,
-        ),
-        status=outcome.status,
-        predicted_error_before=outcome.before,
-        predicted_error_after=outcome.after,
-        shift=outcome.shift,
-        turn=outcome.turn,
-        joints=outcome.joints,
-        covariance=outcome.covariance,
-        singular_value=outcome.singular,
-        notes=tuple(notes),
+    replacement = Replacement(
+        changed=changed,
+        position=outcome.position,
+        rotation=outcome.rotation.reshape(n, 3, 3),
+        axes=axes,
+        words=new,
     )
+    return replacement, tuple(notes)
 
 
-def _notes(program: Program, settings: CompensationSettings, outcome: Outcome) -> list[str]:
-    """Returns one sentence for each status that means a target was left alone, and for doubts."""
+def _notes(program: Program, settings: CompensationSettings, outcome: Outcome) -> list[RowNote]:
+    """Returns one note for each status that means a target was left alone, and for doubts."""
     notes = []
     for status in Status:
         if status in (Status.COMPENSATED, Status.UNCHANGED_NO_ERROR, Status.UNCHANGED_AXIS_TARGET):
             continue
         rows = np.flatnonzero(outcome.status == status)
         if len(rows):
-            notes.append(f"{line_list(program, rows)}: unchanged, {status.explanation}.")
+            text = f"unchanged, {status.explanation}."
+            notes.append(row_note(program, rows, text, rank=_LEFT_ALONE + status))
     if len(outcome.covariance):
         sigma = np.sqrt(np.trace(outcome.covariance, axis1=1, axis2=2))
         rows = np.flatnonzero(sigma > settings.max_sigma)
         if len(rows):
-            notes.append(
-                f"{line_list(program, rows)}: outside what the calibration knows, predicted to "
-                f"{np.nanmax(sigma) / UM:.0f} um (1 sigma) where {settings.max_sigma / UM:.0f} um "
-                "is allowed; measure poses there."
+            text = (
+                "outside what the calibration knows, predicted to %.0f um (1 sigma) where "
+                f"{settings.max_sigma / UM:.0f} um is allowed; measure poses there."
             )
+            worst = float(np.nanmax(sigma) / UM)
+            notes.append(row_note(program, rows, text, worst=worst, rank=_UNSURE))
     return notes

@@ -16,7 +16,7 @@ import numpy as np
 
 from robotrue.calibration.tables import MeanTables
 from robotrue.compensation.memory import LANES
-from robotrue.core.arrays import Array
+from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.poses import inverse, pose
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.errors import ConfigurationError
@@ -89,7 +89,7 @@ class Pack(NamedTuple):
     length: float
 
 
-def pack_tables(tables: MeanTables, tools: Array, keep_tool_error: Array) -> Pack:
+def pack_tables(tables: MeanTables, tools: Array, keep_tool_error: BoolArray) -> Pack:
     """Returns the tables as the kernels read them.
 
     Args:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotrue.compensation.result import line_list
+from robotrue.compensation.row_notes import RowNote, row_note
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.status import Route, Status
 from robotrue.core.arrays import Array, BoolArray, IntArray
@@ -20,6 +20,8 @@ from robotrue.robot.opw import opw_geometry
 from robotrue.robot.words import branch_fits, configuration_words, on_turn, renewed
 
 CALLED = {"kuka": "S and T", "abb": "confdata", "fanuc": "CONFIG", "yaskawa": "RCONF"}
+MISCOUNTED, ASTRAY, CROSSED = 0, 1, 3
+"""Places of the notes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,7 +42,7 @@ class Plan:
     rows: IntArray
     joints: Array
     worded: IntArray
-    notes: tuple[str, ...]
+    notes: tuple[RowNote, ...]
 
 
 def lay_out(robot: RobotModel, program: Program, settings: CompensationSettings) -> Plan:
@@ -88,7 +90,7 @@ def lay_out(robot: RobotModel, program: Program, settings: CompensationSettings)
     )
 
 
-def _miscounted(robot: RobotModel, program: Program, rows: IntArray) -> tuple[str, ...]:
+def _miscounted(robot: RobotModel, program: Program, rows: IntArray) -> tuple[RowNote, ...]:
     """Returns a note if axis targets are not this arm's joints.
 
     Fanuc's J3 is the angle of the forearm to the horizontal; it stays while J2 turns.
@@ -97,10 +99,11 @@ def _miscounted(robot: RobotModel, program: Program, rows: IntArray) -> tuple[st
         return ()
     if not np.array_equal(robot.joint_map, np.eye(robot.dof)):
         return ()
-    return (
-        f"{line_list(program, rows)}: Fanuc counts J3 from the horizontal, {robot.name} counts it "
-        "from the arm before it; axis targets are not used. Describe the arm with joint_map.",
+    text = (
+        f"Fanuc counts J3 from the horizontal, {robot.name} counts it from the arm before it; "
+        "axis targets are not used. Describe the arm with joint_map."
     )
+    return (row_note(program, rows, text, rank=MISCOUNTED),)
 
 
 def _has_pose(program: Program) -> BoolArray:
@@ -136,7 +139,7 @@ def _tool_known(program: Program, rows: IntArray) -> BoolArray:
 
 def _by_words(
     robot: RobotModel, program: Program, route: IntArray
-) -> tuple[IntArray, Array, tuple[str, ...]]:
+) -> tuple[IntArray, Array, tuple[RowNote, ...]]:
     """Returns the targets whose words choose the nominal joints, and those joints (k, 6) rad.
 
     Joint moves, and the first target when it is a straight one: straight moves keep the branch.
@@ -161,12 +164,13 @@ def _by_words(
     joints = options[np.arange(len(rows)), np.argmax(fits, axis=1)]
     joints, turned = on_turn(robot, maker, joints, program.words[rows])
     astray = rows[reached.any(axis=1) & ~(found & turned)]
-    notes: tuple[str, ...] = ()
+    notes: tuple[RowNote, ...] = ()
     if len(astray):
-        notes = (
-            f"{line_list(program, astray)}: no solution has the {CALLED[maker]} written there; "
-            "the nearest to the target before was taken.",
+        text = (
+            f"no solution has the {CALLED[maker]} written there; "
+            "the nearest to the target before was taken."
         )
+        notes = (row_note(program, astray, text, rank=ASTRAY),)
     good = found & turned
     return rows[good], joints[good], notes
 
@@ -191,7 +195,7 @@ def _with_words(robot: RobotModel, program: Program, route: IntArray, chosen: In
 
 def new_words(
     robot: RobotModel, program: Program, rows: IntArray, joints: Array
-) -> tuple[IntArray, tuple[str, ...]]:
+) -> tuple[IntArray, tuple[RowNote, ...]]:
     """Returns the words (k, w) to print for compensated targets, and a note on those renewed.
 
     Args:
@@ -211,10 +215,10 @@ def new_words(
         before[doubtful[known]] = configuration_words(robot, maker, nominal[known])
     words = renewed(maker, written, before, after)
     crossed = rows[(words != NO_WORD).any(axis=1)]
-    notes: tuple[str, ...] = ()
+    notes: tuple[RowNote, ...] = ()
     if len(crossed):
-        notes = (
-            f"{line_list(program, crossed)}: the correction takes an axis across the edge of a "
-            f"word; {CALLED[maker]} were renewed.",
+        text = (
+            f"the correction takes an axis across the edge of a word; {CALLED[maker]} were renewed."
         )
+        notes = (row_note(program, crossed, text, rank=CROSSED),)
     return words, notes

@@ -92,15 +92,6 @@ def _sizes(vectors: Array, unit: float) -> dict[str, float] | None:
     return {"mean": float(length.mean()), "max": float(length.max())}
 
 
-def line_list(program: Program, rows: Array | IntArray, limit: int = 5) -> str:
-    """Returns ``"line 12"`` or ``"lines 12, 14, ... (9 in all)"`` for a note."""
-    lines = [str(int(program.line[r])) for r in rows[:limit]]
-    if len(rows) == 1:
-        return f"line {lines[0]}"
-    tail = f", ... ({len(rows)} in all)" if len(rows) > limit else ""
-    return "lines " + ", ".join(lines) + tail
-
-
 def unchanged(program: Program) -> Replacement:
     """Returns the replacement that rewrites nothing: the zero correction."""
     return Replacement(

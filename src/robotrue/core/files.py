@@ -6,7 +6,10 @@ import contextlib
 import hashlib
 import os
 import tempfile
+import uuid
+from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 from robotrue.errors import FormatError
 
@@ -19,18 +22,35 @@ def write_atomic(path: str | Path, data: bytes) -> None:
     Raises:
         FormatError: The folder cannot be written to, or the disk is full.
     """
+    with atomic_stream(path) as stream:
+        stream.write(data)
+
+
+@contextlib.contextmanager
+def atomic_stream(path: str | Path) -> Iterator[BinaryIO]:
+    """Gives a stream whose bytes stand at ``path`` once the block has ended without an error.
+
+    Where the system has files without a name, even a process that is killed leaves nothing behind.
+
+    Raises:
+        FormatError: The folder cannot be written to, or the disk is full.
+    """
     path = Path(path)
     temporary = None
     try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        handle, temporary = _unnamed(path) or tempfile.mkstemp(
+            dir=path.parent, prefix=f".{path.name}."
+        )
         with os.fdopen(handle, "wb") as stream:
-            stream.write(data)
+            yield stream
             stream.flush()
             os.fsync(stream.fileno())
+            if not temporary:
+                temporary = _named(stream.fileno(), path)
         os.chmod(temporary, _mode_for(path))
         os.replace(temporary, path)
     except BaseException as cause:  # also Ctrl-C: the neighbour file goes in any case
-        if temporary is not None:
+        if temporary:
             with contextlib.suppress(OSError):
                 os.unlink(temporary)
         if not isinstance(cause, OSError):
@@ -40,6 +60,28 @@ def write_atomic(path: str | Path, data: bytes) -> None:
             source=path,
             hint="check the folder, its permissions and the free space.",
         ) from cause
+
+
+def _unnamed(path: Path) -> tuple[int, str] | None:
+    """Returns a file without a name in the folder of ``path``, or None where there are none."""
+    flag = getattr(os, "O_TMPFILE", 0)
+    if not flag or not Path("/proc/self/fd").is_dir():
+        return None
+    try:
+        return os.open(path.parent, flag | os.O_WRONLY, 0o600), ""
+    except OSError:  # a file system without them
+        return None
+
+
+def _named(handle: int, path: Path) -> str:
+    """Returns the name just given to a file without one, beside ``path``."""
+    name = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
+    folder = os.open(path.parent, os.O_RDONLY)
+    try:  # only with a folder's handle does Python follow the link to the open file
+        os.link(f"/proc/self/fd/{handle}", name.name, dst_dir_fd=folder, follow_symlinks=True)
+    finally:
+        os.close(folder)
+    return str(name)
 
 
 def _mode_for(path: Path) -> int:
