@@ -15,7 +15,8 @@ from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.part import PartFrame
 from robotrue.cli.console import emit_json, say
-from robotrue.cli.inputs import check_output, parse_wrench
+from robotrue.cli.inputs import check_output
+from robotrue.cli.process_force import StatedForce, described, stated_forces, useless
 from robotrue.cli.registered import opened
 from robotrue.compensation.compensate import compensate
 from robotrue.compensation.result import unchanged
@@ -46,6 +47,8 @@ def run(
     axis_targets: bool,
     max_shift_mm: float,
     as_json: bool,
+    force: Path | None = None,
+    cutter: str | None = None,
 ) -> None:
     """Writes the compensated program and says what became of each target."""
     document = compensated(
@@ -57,6 +60,8 @@ def run(
         wrench=wrench,
         axis_targets=axis_targets,
         max_shift_mm=max_shift_mm,
+        force=force,
+        cutter=cutter,
     )
     if as_json:
         emit_json(document)
@@ -72,9 +77,12 @@ def compensated(
     wrench: str | None,
     axis_targets: bool,
     max_shift_mm: float,
+    force: Path | None = None,
+    cutter: str | None = None,
 ) -> dict[str, Any]:
     """Writes the compensated program; returns the counts as JSON values."""
-    check_output(output, [p for p in (model_path, program_path, registered) if p is not None])
+    read = (model_path, program_path, registered, force)
+    check_output(output, [p for p in read if p is not None])
     if not max_shift_mm > 0.0:
         raise ConfigurationError(
             f"--max-shift-mm is {max_shift_mm:g} mm, expected above 0.", hint="--max-shift-mm 10"
@@ -94,12 +102,16 @@ def compensated(
     outputs = _outputs(job, program_path, output)
     for program in job:
         require_compensable(program_path.with_name(program.name), program.data, used)
+    forces = stated_forces(described(cell, wrench, force, cutter), job)
     rewritten = [
-        _rewritten(model, cell, program, wrench, axis_targets, max_shift_mm) for program in job
+        _rewritten(model, cell, program, pushed, axis_targets, max_shift_mm)
+        for program, pushed in zip(job, forces, strict=True)
     ]
     documents = []
-    for program, target, (data, document) in zip(job, outputs, rewritten, strict=True):
-        for note in [*program.notes, *_frame_notes(program, frame)]:
+    for program, target, pushed, (data, document) in zip(
+        job, outputs, forces, rewritten, strict=True
+    ):
+        for note in [*program.notes, *_frame_notes(program, frame), *useless(pushed, model)]:
             say(f"note: {program.name}: {note}")
         write_atomic(target, data)
         if model is not None or frame is not None:
@@ -107,7 +119,7 @@ def compensated(
             write_identity(target, data, made)
             document = {**document, **_identity_document(made, frame, target)}
         documents.append({"output": str(target), **document})
-        _tell(program, target, document)
+        _tell(program, target, document, pushed)
     return documents[0] if len(documents) == 1 else _together(documents)
 
 
@@ -180,7 +192,7 @@ def _rewritten(
     model: ErrorModel | None,
     cell: Cell,
     program: Program,
-    wrench: str | None,
+    force: StatedForce,
     axis_targets: bool,
     max_shift_mm: float,
 ) -> tuple[bytes, Mapping[str, Any]]:
@@ -190,13 +202,14 @@ def _rewritten(
         return write_program(program, unchanged(program)), counts
     settings = CompensationSettings(
         load=cell.payload,
-        wrench=parse_wrench(wrench) if wrench else np.empty(0),
+        wrench=force.wrench,
         axis_targets=axis_targets,
         max_shift=max_shift_mm * MM,
         covariance=True,
     )
     result = compensate(model, program, settings=settings)
-    return write_program(program, result.replacement), result.summary()
+    summary = {**result.summary(), **({"force": force.document()} if force.uses else {})}
+    return write_program(program, result.replacement), summary
 
 
 def _outputs(job: Sequence[Program], source: Path, output: Path) -> list[Path]:
@@ -209,16 +222,17 @@ def _outputs(job: Sequence[Program], source: Path, output: Path) -> list[Path]:
 
 
 def frame_table(cell: Cell) -> FrameTable:
-    """Returns the frames a program falls back on."""
+    """Returns the frames a program falls back on, and those it names."""
     named = () if cell.part is None else cell.part.frames
-    return FrameTable(
+    return replace(
+        cell.controller,
         T_base_frame=cell.T_base_frame,
         T_flange_tool=cell.robot.T_flange_tool,
-        bases={frame.name: frame.T_base_part for frame in named},
+        bases={**cell.controller.bases, **{frame.name: frame.T_base_part for frame in named}},
     )
 
 
-def _tell(program: Program, target: Path, document: Mapping[str, Any]) -> None:
+def _tell(program: Program, target: Path, document: Mapping[str, Any], force: StatedForce) -> None:
     """Says on stderr what was done and which targets were left alone."""
     say(
         f"{program.name}: {document['compensated']} of {document['targets']} targets compensated, "
@@ -233,5 +247,7 @@ def _tell(program: Program, target: Path, document: Mapping[str, Any]) -> None:
     sigma = document.get("predicted_sigma_um")
     if sigma:
         say(f"expected scatter about the target (1 sigma, 3-D): {sigma['mean']:.0f} um")
+    for sentence in force.sentences():
+        say(sentence)
     for note in document["notes"]:
         say(f"note: {note}")

@@ -15,6 +15,7 @@ from robotrue.cell.config import read_cell
 from robotrue.cell.part import PartFrame
 from robotrue.cli.compensate import compensated
 from robotrue.cli.console import count, emit_json, emit_table, say
+from robotrue.cli.cutter import cutter_axis
 from robotrue.cli.inputs import check_output
 from robotrue.core.arrays import Array
 from robotrue.core.files import read_bytes, sha256, write_atomic
@@ -37,14 +38,7 @@ from robotrue.program.identity import ProgramIdentity, identity_path, write_iden
 from robotrue.program.toolpath import Toolpath, cut_length, duration
 from robotrue.store.model_file import read_model
 
-CUTTERS: Final = {
-    f"{sign}{axis}": value * np.eye(3)[k]
-    for sign, value in (("", 1.0), ("+", 1.0), ("-", -1.0))
-    for k, axis in enumerate("xyz")
-}
 HEAD: Final = "written by robotrue; drive it once slowly, without the spindle"
-ASIDE: Final = 60.0 * DEG
-"""A cutter axis further than this off the way from flange to tip must be stated."""
 
 
 def run(
@@ -81,7 +75,7 @@ def run(
             source=cell_path,
         )
     settings = MachiningSettings(
-        spin=SpinSettings(cutter=_cutter(cell, cutter)),
+        spin=SpinSettings(cutter=cutter_axis(cell, cutter)),
         lift=lift_mm * MM,
         home=np.empty(0) if home_deg is None else _home(home_deg),
     )
@@ -187,30 +181,6 @@ def _identity(cell: Cell, frame: PartFrame | None, path: Path) -> ProgramIdentit
         made_from=path.name,
         made_from_sha256=sha256(read_bytes(path)),
     )
-
-
-def _cutter(cell: Cell, text: str | None) -> Array:
-    """The way from spindle to tip in the tool frame, as stated or +z where that is plausible."""
-    if text is not None:
-        if text.lower() not in CUTTERS:
-            raise ConfigurationError(
-                f"--cutter {text!r}, expected x, y, z, -x, -y or -z.", hint="--cutter z"
-            )
-        return np.asarray(CUTTERS[text.lower()])
-    tip = cell.robot.T_flange_tool[:3, 3]
-    length = float(np.linalg.norm(tip))
-    axis = CUTTERS["z"]
-    along = float(cell.robot.T_flange_tool[:3, :3] @ axis @ tip) / max(length, 1e-9)
-    if length > 1e-3 and along < np.cos(ASIDE):
-        raise ConfigurationError(
-            "the z axis of [tool] points "
-            f"{np.degrees(np.arccos(np.clip(along, -1.0, 1.0))):.0f} deg away from the way from "
-            f"the flange to the tip (at most {ASIDE / DEG:.0f} deg are taken without asking): "
-            "which axis of the tool frame is the cutter's is not plain.",
-            source=cell.source or None,
-            hint="--cutter x (KUKA's own convention), or --cutter z to say that it is meant.",
-        )
-    return np.asarray(axis)
 
 
 def _home(text: str) -> Array:

@@ -98,6 +98,14 @@ def compensate(
         str | None,
         typer.Option(help="Process force on the tool, base axes: FX,FY,FZ[,MX,MY,MZ] in N, N m."),
     ] = None,
+    force: Annotated[
+        Path | None,
+        typer.Option(help="Process force along the path: TOML of rules, or CSV by line or path."),
+    ] = None,
+    cutter: Annotated[
+        str | None,
+        typer.Option(help="Axis of the tool from spindle to tip: x, y, z, -x, -y, -z; default z."),
+    ] = None,
     axis_targets: Annotated[
         bool, typer.Option(help="Compensate axis targets too (PTP {A1 ..}).")
     ] = False,
@@ -119,6 +127,8 @@ def compensate(
         axis_targets=axis_targets,
         max_shift_mm=max_shift_mm,
         as_json=json,
+        force=force,
+        cutter=cutter,
     )
 
 

@@ -10,7 +10,8 @@ The TOML file holds ``[[force]]`` tables::
     moves = ["line", "arc"]      # kinds that cut: line, arc, spline; all three if not given
     program = "part.src"         # where a job has several files
 
-or, instead of ``force_N``, ``csv = "forces.csv"``, a file beside it with one column ``line``,
+or, instead of ``force_N``, ``milling = { ... }``, a cut whose mean force a model of milling gives
+in path axes, or ``csv = "forces.csv"``, a file beside it with one column ``line``,
 ``target`` or ``path_mm``, the columns ``fx_N, fy_N, fz_N`` and, if need be,
 ``mx_Nm, my_Nm, mz_Nm``.
 """
@@ -18,9 +19,9 @@ or, instead of ``force_N``, ``csv = "forces.csv"``, a file beside it with one co
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Final, get_args
+from typing import Any, Final, TypeAlias, get_args
 
 import numpy as np
 
@@ -49,17 +50,21 @@ MOVES: Final[Mapping[str, tuple[Motion, ...]]] = {
 KEYS: Final[tuple[Key, ...]] = get_args(Key)
 FORCES: Final = ("fx_N", "fy_N", "fz_N")
 MOMENTS: Final = ("mx_Nm", "my_Nm", "mz_Nm")
-ENTRIES: Final = ("name", "axes", "force_N", "moment_Nm", "lines", "moves", "program", "csv")
+ENTRIES: Final = (
+    "name", "axes", "force_N", "moment_Nm", "lines", "moves", "program", "csv", "milling",
+)  # fmt: skip
+Milling: TypeAlias = Callable[[Mapping[str, Any]], Array]
+"""From the keys of ``milling`` to a wrench (6,) N, N m in path axes."""
 LARGEST: Final = 1e5
 """N or N m; more is another unit."""
 
 
-def read_force(path: str | Path, *, cutter: Array) -> DescribedForce:
+def read_force(path: str | Path, *, milling: Milling | None = None) -> DescribedForce:
     """Returns the description in a file: TOML, or one CSV table in base axes.
 
     Args:
         path: The file; what does not end in ``.toml`` is a table.
-        cutter: (3,) from spindle to tip in the tool frame.
+        milling: What makes a wrench of the keys of ``milling``.
 
     Raises:
         ConfigurationError: An unknown key or a value that cannot be; with file and line.
@@ -68,7 +73,7 @@ def read_force(path: str | Path, *, cutter: Array) -> DescribedForce:
     path = Path(path)
     if path.suffix.lower() != ".toml":
         table = read_force_table(path, name=path.name, axes="base", program="")
-        return DescribedForce(parts=(table,), cutter=cutter)
+        return DescribedForce(parts=(table,))
     data = read_bytes(path)
     try:
         text = data.decode("utf-8-sig")
@@ -84,10 +89,12 @@ def read_force(path: str | Path, *, cutter: Array) -> DescribedForce:
             source=path,
             hint="compare it with the example in the guide on process force.",
         ) from None
-    return DescribedForce(parts=_parts(path, text, stated), cutter=cutter)
+    return DescribedForce(parts=_parts(path, text, stated, milling))
 
 
-def _parts(path: Path, text: str, stated: Mapping[str, Any]) -> tuple[Part, ...]:
+def _parts(
+    path: Path, text: str, stated: Mapping[str, Any], milling: Milling | None
+) -> tuple[Part, ...]:
     for key in stated:
         if key != "force":
             raise _fault(path, text, (key,), f"unknown key {key}", "the tables are [[force]].")
@@ -99,7 +106,7 @@ def _parts(path: Path, text: str, stated: Mapping[str, Any]) -> tuple[Part, ...]
         if not isinstance(table, dict):
             raise _fault(path, text, ("force",), "force is no table", "write [[force]].")
         try:
-            out.append(_part(path, text, k, table))
+            out.append(_part(path, text, k, table, milling))
         except RobotrueError as cause:
             if cause.source is not None:
                 raise
@@ -110,51 +117,42 @@ def _parts(path: Path, text: str, stated: Mapping[str, Any]) -> tuple[Part, ...]
     return tuple(out)
 
 
-def _part(path: Path, text: str, k: int, table: Mapping[str, Any]) -> Part:
+def _part(path: Path, text: str, k: int, table: Mapping[str, Any], milling: Milling | None) -> Part:
     for key in table:
         if key not in ENTRIES:
-            raise _fault(
-                path,
-                text,
-                ("force", k, key),
-                f"unknown key {key} in [[force]]",
-                f"known are {', '.join(ENTRIES)}.",
-            )
-
-    def word(key: str, default: str) -> str:
-        value = table.get(key, default)
-        if not isinstance(value, str):
-            raise _fault(path, text, ("force", k, key), f"{key} is {value!r}", "text in quotes.")
-        return value
-
-    axes = word("axes", "base")
-    if axes not in get_args(Axes):
-        raise _fault(path, text, ("force", k, "axes"), f"axes is {axes!r}", "base, tool or path.")
-    name, program = word("name", f"force {k + 1}"), word("program", "")
-    if "csv" in table:
-        beside = [key for key in ("force_N", "moment_Nm", "lines", "moves") if key in table]
+            known = f"known are {', '.join(ENTRIES)}."
+            raise _fault(path, text, ("force", k, key), f"unknown key {key} in [[force]]", known)
+    sources = [key for key in ("force_N", "milling", "csv") if key in table]
+    if len(sources) != 1:
+        said = " and ".join(sources) if sources else "neither force_N nor milling nor csv"
+        hint = "one of force_N, milling and csv says how large the force is."
+        raise _fault(path, text, ("force", k), f"{said} in one [[force]]", hint)
+    source = sources[0]
+    axes = _word(path, text, k, table, "axes", "path" if source == "milling" else "base")
+    if axes not in get_args(Axes) or (source == "milling" and axes != "path"):
+        hint = "base, tool or path; path with milling."
+        raise _fault(path, text, ("force", k, "axes"), f"axes is {axes!r}", hint)
+    name = _word(path, text, k, table, "name", f"force {k + 1}")
+    program = _word(path, text, k, table, "program", "")
+    if source == "csv":
+        beside = [key for key in ("moment_Nm", "lines", "moves") if key in table]
         if beside:
-            raise _fault(
-                path,
-                text,
-                ("force", k, beside[0]),
-                f"{beside[0]} stands beside csv",
-                "one of them: the table says where which force acts.",
-            )
-        return read_force_table(
-            path.parent / word("csv", ""),
-            name=table.get("name", word("csv", "")),
-            axes=_axes(axes),
-            program=program,
-        )
-    if "force_N" not in table:
-        raise _fault(path, text, ("force", k), "neither force_N nor csv", "force_N = [0, 0, 0].")
-    wrench = np.concatenate(
-        [
-            _three(path, text, k, "force_N", table["force_N"]),
-            _three(path, text, k, "moment_Nm", table.get("moment_Nm", [0.0, 0.0, 0.0])),
-        ]
-    )
+            hint = "leave it out: the table says where which force acts."
+            where = ("force", k, beside[0])
+            raise _fault(path, text, where, f"{beside[0]} stands beside csv", hint)
+        file = _word(path, text, k, table, "csv", "")
+        name = name if "name" in table else file
+        return read_force_table(path.parent / file, name=name, axes=_axes(axes), program=program)
+    moment = _three(path, text, k, "moment_Nm", table.get("moment_Nm", [0.0, 0.0, 0.0]))
+    if source == "force_N":
+        force = _three(path, text, k, "force_N", table["force_N"])
+        wrench = np.concatenate([force, moment])
+    else:
+        cut = table["milling"]
+        if milling is None or not isinstance(cut, dict):
+            where = ("force", k, "milling")
+            raise _fault(path, text, where, "milling is no table", "milling = { kind = ... }.")
+        wrench = milling(cut) + np.concatenate([np.zeros(3), moment])
     return ForceRule(
         name=name,
         axes=_axes(axes),
@@ -163,6 +161,13 @@ def _part(path: Path, text: str, k: int, table: Mapping[str, Any]) -> Part:
         motions=_moves(path, text, k, table.get("moves")),
         program=program,
     )
+
+
+def _word(path: Path, text: str, k: int, table: Mapping[str, Any], key: str, default: str) -> str:
+    value = table.get(key, default)
+    if not isinstance(value, str):
+        raise _fault(path, text, ("force", k, key), f"{key} is {value!r}", "text in quotes.")
+    return value
 
 
 def _axes(name: str) -> Axes:

@@ -1,0 +1,170 @@
+"""The process force a command is given: for all targets alike, or from a file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robotrue.calibration.model import ErrorModel
+from robotrue.cell.cell import Cell
+from robotrue.cli.cutter import cutter_axis
+from robotrue.cli.inputs import parse_wrench
+from robotrue.compensation.process_force import DescribedForce, Use, require_one_file
+from robotrue.compensation.process_force_file import read_force
+from robotrue.core.arrays import Array
+from robotrue.core.units import MM
+from robotrue.errors import ConfigurationError
+from robotrue.program.cut_path import CutPath, cut_path
+from robotrue.program.program import Program
+from robotrue.robot.statics import NO_LOAD
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StatedForce:
+    """What one program of a job is pushed with.
+
+    Attributes:
+        wrench: (1, 6) or (n, 6) N, N m on the tool in base axes; empty if none was stated.
+        uses: Which part of a description holds where.
+    """
+
+    wrench: Array = field(default_factory=lambda: np.empty(0))
+    uses: tuple[Use, ...] = ()
+
+    def document(self) -> list[dict[str, Any]]:
+        """Returns JSON values: every part, its targets, lines and sizes."""
+        return [
+            {
+                "name": use.name,
+                "targets": use.targets,
+                "lines": [use.first_line, use.last_line],
+                "force_N": {"min": use.force[0], "max": use.force[1]},
+            }
+            for use in self.uses
+        ]
+
+    def sentences(self) -> list[str]:
+        """Returns one sentence for every part."""
+        return [
+            f"force {use.name!r}: {use.targets} targets in lines {use.first_line} to "
+            f"{use.last_line}, {_newtons(use.force)} N"
+            for use in self.uses
+        ]
+
+
+def useless(force: StatedForce, model: ErrorModel | None) -> list[str]:
+    """Returns a note if a force was stated and the model does not bend under any."""
+    if not force.wrench.any() or (model is not None and not _rigid(model)):
+        return []
+    return [
+        "the model knows no compliance: the process force changes nothing. Calibrate with "
+        "--method elastic, ripple or gp."
+    ]
+
+
+def _rigid(model: ErrorModel) -> bool:
+    tables = model.mean_tables(NO_LOAD)
+    return tables is not None and not tables.robot.error("compliance").any()
+
+
+def _newtons(size: tuple[float, float]) -> str:
+    low, high = (f"{value:.4g}" for value in size)
+    return high if low == high else f"{low} to {high}"
+
+
+def described(
+    cell: Cell, wrench: str | None, force: Path | None, cutter: str | None
+) -> Array | DescribedForce:
+    """Returns the force of the options: one wrench (6,), empty for none, or a description.
+
+    Raises:
+        ConfigurationError: Both are given, or one cannot be read.
+        FormatError: A file that cannot be read.
+    """
+    if force is None:
+        return parse_wrench(wrench) if wrench else np.empty(0)
+    if wrench:
+        raise ConfigurationError(
+            "--wrench and --force are both given.",
+            hint='a [[force]] with axes = "base" holds everywhere no other does.',
+        )
+    found = read_force(force, milling=milling_wrench)
+    if any(part.axes == "path" for part in found.parts):
+        found = replace(found, cutter=cutter_axis(cell, cutter))
+    return found
+
+
+def stated_forces(force: Array | DescribedForce, job: Sequence[Program]) -> list[StatedForce]:
+    """Returns the force on every program of a job.
+
+    Raises:
+        ConfigurationError: A description that does not fit the job.
+        FormatError: A table that does not fit its program.
+    """
+    if not isinstance(force, DescribedForce):
+        return [StatedForce(wrench=force) for _ in job]
+    paths: list[CutPath] = [cut_path(program, cutter=force.cutter) for program in job]
+    require_one_file(force, paths)
+    found = [force.applied(path) for path in paths]
+    if not any(uses for _, uses in found):
+        raise ConfigurationError(
+            "the force holds nowhere: no straight move, arc or spline to a known target.",
+            hint="joint moves carry no force.",
+        )
+    return [StatedForce(wrench=wrench, uses=uses) for wrench, uses in found]
+
+
+def milling_wrench(stated: Mapping[str, Any]) -> Array:
+    """Returns the mean force of milling (6,) N in path axes, from the keys of ``milling``.
+
+    Raises:
+        ConfigurationError: A missing or unknown key, or a cut that cannot be.
+    """
+    from robotrue.dynamics.cutter import Cut, Cutter, CuttingCoefficients
+    from robotrue.dynamics.milling_force import mean_force
+
+    scale = {
+        "diameter_mm": MM, "teeth": 1, "depth_mm": MM, "width_mm": MM, "feed_per_tooth_mm": MM,
+        "spindle_rpm": 1.0 / 60.0, "tangential_N_per_mm2": 1e6, "radial_N_per_mm2": 1e6,
+        "axial_N_per_mm2": 1e6, "tangential_edge_N_per_mm": 1e3, "radial_edge_N_per_mm": 1e3,
+        "axial_edge_N_per_mm": 1e3,
+    }  # fmt: skip
+    words = {"kind", "mode"}
+    optional = {key for key in scale if "_edge_" in key}
+    unknown = sorted(set(stated) - set(scale) - words)
+    missing = [key for key in (*sorted(words), *scale) if key not in stated and key not in optional]
+    if unknown or missing:
+        raise ConfigurationError(
+            f"milling: unknown key {unknown[0]}." if unknown else f"milling: no {missing[0]}.",
+            hint=f"the keys are {', '.join([*sorted(words), *scale])}.",
+        )
+    for key in scale:
+        value = stated.get(key, 0)
+        if type(value) not in (int, float) or not np.isfinite(value):
+            raise ConfigurationError(f"milling: {key} is {value!r}, expected a number.")
+    if type(stated["teeth"]) is not int:
+        raise ConfigurationError(
+            f"milling: teeth is {stated['teeth']!r}, expected a whole number.", hint="teeth = 3"
+        )
+    si = {key: stated.get(key, 0) * factor for key, factor in scale.items()}
+    cutter = Cutter(kind=str(stated["kind"]), diameter=si["diameter_mm"], teeth=stated["teeth"])
+    cut = Cut(
+        mode=str(stated["mode"]),
+        depth=si["depth_mm"],
+        width=si["width_mm"],
+        feed_per_tooth=si["feed_per_tooth_mm"],
+        spindle=si["spindle_rpm"],
+    )
+    coefficients = CuttingCoefficients(
+        tangential=si["tangential_N_per_mm2"],
+        radial=si["radial_N_per_mm2"],
+        axial=si["axial_N_per_mm2"],
+        tangential_edge=si["tangential_edge_N_per_mm"],
+        radial_edge=si["radial_edge_N_per_mm"],
+        axial_edge=si["axial_edge_N_per_mm"],
+    )
+    return np.concatenate([mean_force(cutter, cut, coefficients), np.zeros(3)])
