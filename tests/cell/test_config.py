@@ -159,7 +159,8 @@ BAD = {
     ),
     UR5 + "[spindle]\nx = 1\n": (
         "cell.toml:4: unknown key spindle; allowed are schema, robot, tool, payload, target, "
-        "tracker, repeatability, base, obstacle, registration, part. Try: remove the key."
+        "tracker, repeatability, base, obstacle, controller, registration, part. Try: remove the "
+        "key."
     ),
     UR5.replace("1", "2"): (
         "cell.toml:1: schema is 2, expected 1. "

@@ -17,6 +17,7 @@ from robotrue.measurement.tracker import (
     TrackerSpecification,
     point_covariance,
 )
+from robotrue.program.program import FrameTable
 from robotrue.robot.model import RobotModel
 from robotrue.robot.statics import NO_LOAD, Load
 
@@ -59,6 +60,8 @@ class Cell:
             registered.
         compliance_prior: (dof,) rad/(N m), one over the stated joint stiffness; NaN where nothing
             is stated. Default: NaN.
+        controller: Frames, tools, external axes and pulses that programs name and the controller
+            holds; the defaults in it say nothing here. Default: none.
         doubts: What the cell cannot model with what it was told, one sentence each.
         source: File it was read from; empty if made in code.
         digest: SHA-256 of that file.
@@ -80,6 +83,7 @@ class Cell:
     T_base_frame: Array = field(default_factory=lambda: np.eye(4))
     compliance_prior: Array = field(default_factory=lambda: np.empty(0))
     part: PartTable | None = None
+    controller: FrameTable = field(default_factory=FrameTable)
     doubts: tuple[str, ...] = ()
     source: str = ""
     digest: str = ""
@@ -126,6 +130,15 @@ class Cell:
         )
         if not 0.0 <= self.repeatability < np.inf:
             raise ShapeError(f"repeatability is {self.repeatability} m, expected 0 or more.")
+
+    @property
+    def says_of_controller(self) -> bool:
+        """Whether anything programs name is given."""
+        told = self.controller
+        return bool(
+            told.bases or told.tools or told.external or told.external_axes_at_rest
+            or told.fixed_tool or told.pulses_per_degree is not None
+        )  # fmt: skip
 
     @property
     def measured_robot(self) -> RobotModel:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +13,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from robotrue.cell.cell import DEFAULT_TARGET_SIGMA, Cell
+from robotrue.cell.controller import controller_of
 from robotrue.cell.obstacles import Box, HalfSpace, Obstacle, Sphere
 from robotrue.cell.part_tables import part_of
 from robotrue.cell.schema import (
@@ -37,6 +39,7 @@ from robotrue.robot.statics import Load
 
 _REACH: Final = (0.05, 20.0)
 """m; a DH table outside is in another unit."""
+_LISTED: Final = re.compile(r"controller\.(\w+)(?:\[(\d+)\])?")
 
 
 def read_cell(path: str | Path) -> Cell:
@@ -86,6 +89,9 @@ def parse_cell(data: bytes, path: str | Path) -> Cell:
 
 def _blamed(message: str, file: CellFile) -> tuple[str | int, ...]:
     """Returns the key a message is about, for its line."""
+    listed = _LISTED.match(message)
+    if listed:
+        return ("controller", listed[1], *((int(listed[2]) - 1,) if listed[2] else ()))
     for k, table in enumerate(file.obstacle):
         if f"obstacle {table.name or f'obstacle {k + 1}'!r}" in message:
             return ("obstacle", k)
@@ -160,6 +166,7 @@ def _cell(file: CellFile, path: str | Path, digest: str) -> Cell:
         if part is None or len(part.frames) > 1
         else part.frames[0].T_base_part,
         part=part,
+        controller=controller_of(file.controller, Path(path).parent),
         compliance_prior=prior,
         doubts=tuple(doubts),
         source=str(path),

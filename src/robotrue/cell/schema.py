@@ -14,6 +14,7 @@ Length = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Above0 = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 Angle180 = Annotated[float, Field(gt=0.0, le=180.0, allow_inf_nan=False)]
 Three = Annotated[list[Number], Field(min_length=3, max_length=3)]
+Four = Annotated[list[Number], Field(min_length=4, max_length=4)]
 Two = Annotated[list[Number], Field(min_length=2, max_length=2)]
 
 
@@ -127,6 +128,44 @@ class RepeatabilityTable(_Table):
     mm: Length = 0.06
 
 
+class NamedFrameTable(_Table):
+    """``[[controller.base]]`` and ``[[controller.tool]]``: one entry of the controller's tables."""
+
+    number: Annotated[int, Field(ge=0, le=1_000_000)] | None = None
+    name: str | None = None
+    xyz_mm: Three = [0.0, 0.0, 0.0]
+    abc_deg: Three | None = None
+    wpr_deg: Three | None = None
+    quaternion: Four | None = None
+
+
+class ExternalTable(_Table):
+    """``[[controller.external]]``: one axis that carries the robot or work frames."""
+
+    axis: Annotated[int, Field(ge=1, le=6)]
+    name: str = ""
+    along: Three | None = None
+    about: Three | None = None
+    through_mm: Three | None = None
+    at_mm: Number | None = None
+    at_deg: Number | None = None
+    carries: list[str] = []
+    pulses_per_mm: Number | None = None
+    pulses_per_degree: Number | None = None
+
+
+class ControllerTable(_Table):
+    """``[controller]``: what programs name and the controller holds."""
+
+    files: list[str] = []
+    pulses_per_degree: Annotated[list[Number], Field(min_length=6, max_length=6)] | None = None
+    external_axes_at_rest: bool = False
+    fixed_tool: Literal["tool_in_part", "part_in_tool"] | None = None
+    base: list[NamedFrameTable] = []
+    tool: list[NamedFrameTable] = []
+    external: list[ExternalTable] = []
+
+
 class CellFile(_Table):
     """The whole file."""
 
@@ -139,5 +178,6 @@ class CellFile(_Table):
     repeatability: RepeatabilityTable = RepeatabilityTable()
     base: PoseTable = PoseTable()
     obstacle: list[ObstacleTable] = []
+    controller: ControllerTable = ControllerTable()
     registration: RegistrationTable | None = None
     part: list[PartFrameTable] = []

@@ -57,6 +57,8 @@ def _message(
         "finite_number": "expected a finite number",
         "greater_than": f"expected above {facts.get('gt', 0):g}",
         "greater_than_equal": f"expected {facts.get('ge', 0):g} or more",
+        "less_than_equal": f"expected {facts.get('le', 0):g} or less",
+        "int_type": "expected a whole number",
         "list_type": "expected a list",
         "string_type": "expected text in quotation marks",
         "too_short": f"expected {facts.get('min_length')} values",
@@ -101,7 +103,8 @@ def line_of_key(text: str, where: Sequence[str | int]) -> int | None:
         where: The key's path, e.g. ("robot", "dh", 1, "d_mm").
     """
     names = [part for part in where if isinstance(part, str)]
-    place = where[1] if len(where) > 1 and isinstance(where[1], int) else None
+    depth_of_list = next((k for k, part in enumerate(where) if isinstance(part, int)), 0)
+    place = where[depth_of_list] if depth_of_list else None
     inside: list[str] = []
     count = -1  # of [[tables]] with the name that is looked for
     best: tuple[int, int] | None = None
@@ -110,7 +113,7 @@ def line_of_key(text: str, where: Sequence[str | int]) -> int | None:
         if header:
             inside = [part.strip().strip("\"'") for part in header[2].split(".")]
             here = inside
-            if header[1] == "[[" and here == names[:1]:
+            if header[1] == "[[" and here == names[:depth_of_list]:
                 count += 1
                 if place not in (None, count):
                     inside = here = []

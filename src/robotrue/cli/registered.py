@@ -21,7 +21,8 @@ def opened(path: Path, registered: Path | None = None) -> tuple[Cell, ErrorModel
 
     Args:
         path: Model file or cell; a registered cell brings the model it was registered with.
-        registered: Another registered cell, whose frames are wanted.
+        registered: Another cell whose frames are wanted: its part frames, if it is registered,
+            and what it says of the controller.
 
     Raises:
         ModelMismatchError: The frames were registered with another model, or it is not there.
@@ -32,9 +33,11 @@ def opened(path: Path, registered: Path | None = None) -> tuple[Cell, ErrorModel
             model = model_of_part(cell.part, path)
         return cell, model
     place = read_cell(registered)
+    if place.part is None and place.says_of_controller:
+        return replace(cell, controller=place.controller), model
     if place.part is None:
         raise ConfigurationError(
-            "the cell is not registered: it has no part frame.",
+            "the cell is not registered: it has no part frame, and says nothing of the controller.",
             source=registered,
             hint="robotrue register CELL|MODEL POINTS -o CELL_OUT.",
         )
@@ -46,7 +49,8 @@ def opened(path: Path, registered: Path | None = None) -> tuple[Cell, ErrorModel
         )
     used = identity_of(model or cell.robot)
     require_same_model(place.part.identity, used, what="the part frame", source=str(registered))
-    return replace(cell, part=place.part), model
+    controller = place.controller if place.says_of_controller else cell.controller
+    return replace(cell, part=place.part, controller=controller), model
 
 
 def model_of_part(part: PartTable, cell: Path) -> ErrorModel | None:

@@ -9,14 +9,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.words import WORDS, Maker
+from robotrue.program.external_axes import ExternalAxis
 from robotrue.program.orientation import OrientationRule
+
+FixedTool: TypeAlias = Literal["", "tool_in_part", "part_in_tool"]
 
 
 class Motion(IntEnum):
@@ -65,6 +68,10 @@ class Program:
         tool: (n,) index into ``T_flange_tool``.
         T_base_frame: (f, 4, 4) work frames in the robot base.
         T_flange_tool: (t, 4, 4) tools.
+        held: (n,) the robot carries the part and the tool stands in the cell; empty if it never
+            does. Such a target says where the *part* is to be: ``frame`` is the tool in the cell,
+            ``tool`` the part frame on the flange, and position and rotation are the part frame in
+            that tool, which is the inverse of what is printed.
         notes: What the reader wants the user to know, one sentence each, with line numbers.
         spans: Dialect's own table of byte positions; opaque to everyone else.
     """
@@ -84,6 +91,7 @@ class Program:
     tool: npt.NDArray[np.int64]
     T_base_frame: Array
     T_flange_tool: Array
+    held: npt.NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, np.bool_))
     notes: tuple[str, ...] = ()
     spans: Any = None
 
@@ -102,6 +110,8 @@ class Program:
             object.__setattr__(self, name, frozen(getattr(self, name), (n,), name, dtype=np.int64))
         words = frozen(self.words, (n, WORDS[self.words_of]), "words", dtype=np.int64)
         object.__setattr__(self, "words", words)
+        held = frozen(self.held, (n if len(self.held) else 0,), "held", dtype=np.bool_)
+        object.__setattr__(self, "held", held)
 
     def __len__(self) -> int:
         return len(self.position)
@@ -135,9 +145,13 @@ class FrameTable:
         T_flange_tool: Default tool (4, 4) when the program sets none.
         bases: Work frames by the controller's number or name.
         tools: Tools by the controller's number or name.
-        external_axes_at_rest: The external axes stand still in the whole program, and every frame
-            here is given with them where they stand; only then are targets with an external axis
-            away from zero compensated.
+        external: Axes that carry the robot or work frames, in the order from the floor up.
+        external_axes_at_rest: The external axes that are not described stand still in the whole
+            program, and every frame here is given with them where they stand; only then are
+            targets with such an axis away from zero compensated.
+        fixed_tool: What a KUKA target says while the robot carries the part (``#TCP``): the tool
+            ``tool_in_part`` or the ``part_in_tool``. Empty: not stated, and such targets are not
+            compensated.
         pulses_per_degree: (6,) drive pulses per degree of axes 1 to 6 (Yaskawa ALL.PRM), signed;
             without them axis targets written in pulses are not compensated.
         orientation: What angles and tool axes of G-code, APT and CSV say of the tool frame.
@@ -147,7 +161,9 @@ class FrameTable:
     T_flange_tool: Array = field(default_factory=lambda: np.eye(4))
     bases: Mapping[str, Array] = field(default_factory=dict)
     tools: Mapping[str, Array] = field(default_factory=dict)
+    external: tuple[ExternalAxis, ...] = ()
     external_axes_at_rest: bool = False
+    fixed_tool: FixedTool = ""
     pulses_per_degree: Array | None = None
     orientation: OrientationRule = field(default_factory=OrientationRule)
 

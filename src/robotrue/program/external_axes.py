@@ -1,0 +1,152 @@
+"""External axes in the chain: a robot on a rail, a part on a turntable or a linear table.
+
+A program names a work frame once, and external values with every target. Where an axis carries the
+robot, every frame that stands on the floor moves the other way, seen from the robot; where it
+carries a frame, that frame moves along. Each distinct pose becomes a work frame of its own, so that
+whoever reads the program knows nothing of external axes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
+from robotrue.core.poses import inverse, pose
+from robotrue.core.rotations import matrix_from_rotation_vector
+from robotrue.core.units import DEG, MM
+from robotrue.errors import ShapeError
+
+COUNT = 6
+"""External axes a target may have."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExternalAxis:
+    """One axis beside the arm's, as it stands in the robot base while all axes are ``at``.
+
+    Attributes:
+        number: 1 to 6: E1.. of KUKA, eax_a.. of ABB, the order of the values elsewhere.
+        name: What the controller calls it, e.g. ABB's mechanical unit; empty if nothing asks.
+        direction: (3,) unit vector in base: the way it moves, or the axis it turns about by the
+            right-hand rule, as its value grows.
+        point: (3,) m in base, on the axis of a turn; None of a linear axis.
+        at: m or rad, where it stood when the frames were given.
+        carries_robot: The robot stands on it. Linear axes only.
+        frames: Work frames that it carries, by number or name; ``base`` is the default one.
+        per_pulse: mm or deg per pulse, for jobs that print pulses; NaN is not known.
+    """
+
+    number: int
+    name: str = ""
+    direction: Array
+    point: Array | None = None
+    at: float = 0.0
+    carries_robot: bool = False
+    frames: tuple[str, ...] = ()
+    per_pulse: float = np.nan
+
+    def __post_init__(self) -> None:
+        """Normalises the direction.
+
+        Raises:
+            ShapeError: A number that is none, no direction, or a robot that turns.
+        """
+        if not 1 <= self.number <= COUNT:
+            raise ShapeError(f"external axis {self.number}, expected 1 to {COUNT}.")
+        direction: Array = frozen(self.direction, (3,), "direction")
+        length = float(np.linalg.norm(direction))
+        if not length > 0.0:
+            raise ShapeError(f"external axis {self.number} has no direction.")
+        if self.carries_robot and (self.point is not None or self.frames):
+            raise ShapeError(
+                f"external axis {self.number} carries the robot: it must be linear, and the frames "
+                "on the floor move by themselves.",
+                hint="describe the rail with its direction and nothing that it carries.",
+            )
+        object.__setattr__(self, "direction", frozen(direction / length, (3,), "direction"))
+        if self.point is not None:
+            object.__setattr__(self, "point", frozen(self.point, (3,), "point"))
+
+    @property
+    def unit(self) -> float:
+        """M or rad per printed mm or deg."""
+        return MM if self.point is None else DEG
+
+
+def motions(axis: ExternalAxis, values: Array) -> Array:
+    """Returns how the axis has moved what it carries (k, 4, 4), in base.
+
+    Args:
+        axis: The axis.
+        values: (k,) m or rad, what the program says.
+    """
+    step = (values - axis.at)[:, None] * axis.direction
+    if axis.point is None:
+        return pose(np.broadcast_to(np.eye(3), (len(values), 3, 3)), step)
+    rotation = matrix_from_rotation_vector(step)
+    return pose(rotation, axis.point - rotation @ axis.point)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Carried:
+    """Work frames of n targets with the external axes where each target has them.
+
+    Attributes:
+        frame: (n,) index into ``T_base_frame``.
+        T_base_frame: (f, 4, 4), those given first.
+        unknown: (n,) the place depends on an axis whose value the target does not say.
+    """
+
+    frame: IntArray
+    T_base_frame: Array
+    unknown: BoolArray
+
+
+def carried(
+    axes: Sequence[ExternalAxis],
+    T_base_frame: Array,
+    frame: IntArray,
+    values: Array,
+    riders: Array,
+    on_robot: BoolArray,
+) -> Carried:
+    """Returns the work frames as the external axes move them.
+
+    Args:
+        axes: Described axes, in the order from the floor up.
+        T_base_frame: (f, 4, 4) with every axis ``at``.
+        frame: (n,) index of each target.
+        values: (n, 6) external values as printed, mm or deg; NaN where none is.
+        riders: (f, a) which frames each of the ``axes`` carries.
+        on_robot: (f,) frames that move with the robot, its own root above all.
+    """
+    rails = np.array([axis.carries_robot for axis in axes], np.bool_)
+    moving = np.where(rails, ~on_robot[:, None], riders)  # (f, a)
+    need = moving[frame]
+    unit = np.array([axis.unit for axis in axes])
+    here = values[:, [axis.number - 1 for axis in axes]] * unit
+    unknown: BoolArray = np.asarray((need & np.isnan(here)).any(axis=1))
+    here = np.where(need, here, [axis.at for axis in axes])
+    away = (here != [axis.at for axis in axes]).any(axis=1) & ~unknown
+    rows = np.flatnonzero(away)
+    out = np.array(frame)
+    if not len(rows):
+        return Carried(frame=out, T_base_frame=T_base_frame, unknown=unknown)
+    key = np.column_stack([frame[rows], here[rows]])
+    begins = np.ones(len(rows), np.bool_)
+    begins[1:] = (key[1:] != key[:-1]).any(axis=1)
+    first = rows[begins]
+    out[rows] = len(T_base_frame) + np.cumsum(begins) - 1
+    T = np.broadcast_to(np.eye(4), (len(first), 4, 4))
+    for column, axis in enumerate(axes):  # T_base_robot, the robot as its rails have moved it
+        if axis.carries_robot:
+            T = T @ motions(axis, here[first, column])
+    T = inverse(T)
+    for column, axis in enumerate(axes):
+        if not axis.carries_robot:
+            T = T @ motions(axis, here[first, column])
+    moved = T @ T_base_frame[frame[first]]
+    return Carried(frame=out, T_base_frame=np.concatenate([T_base_frame, moved]), unknown=unknown)
