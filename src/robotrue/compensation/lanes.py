@@ -98,12 +98,8 @@ def _deviation(chain: Array, lane: Array, work: Array, size: int) -> None:
 
 
 @compiled(EXACT)
-def _normal_inverse(matrix: Array) -> None:
-    """Writes the inverse of J^T J by symmetric sweeps, its trace and its least pivot.
-
-    The trace is the squared norm of the inverse of J: no pivot needs choosing in a positive
-    definite matrix, so all lanes do the same.
-    """
+def _normal_matrix(matrix: Array) -> None:
+    """Writes the lower triangle of J^T J: row ``NORMAL + 6 i + j`` for j <= i."""
     for i in range(6):
         for j in range(i + 1):
             for n in range(L):
@@ -111,31 +107,101 @@ def _normal_inverse(matrix: Array) -> None:
                 for k in range(1, 6):
                     total += matrix[(6 * k + i) * L + n] * matrix[(6 * k + j) * L + n]
                 matrix[(NORMAL + 6 * i + j) * L + n] = total
-                matrix[(NORMAL + 6 * j + i) * L + n] = total
+
+
+@compiled(EXACT)
+def _factor(matrix: Array, root: Array) -> None:
+    """Replaces J^T J by its lower factor, below the diagonal; and writes the least pivot.
+
+    ``root`` (6 rows) gets the inverse of the factor's diagonal. No pivot needs choosing in a
+    positive definite matrix, so all lanes do the same; written out, so that they do it at once.
+    """
+    N, R = NORMAL * L, root
     for n in range(L):
-        matrix[PIVOT * L + n] = np.inf
-        matrix[TRACE * L + n] = 0.0
-    for k in range(6):
-        row = NORMAL + 6 * k
-        for n in range(L):
-            pivot = matrix[(row + k) * L + n]
-            least = matrix[PIVOT * L + n]
-            matrix[PIVOT * L + n] = pivot if not pivot >= least else least
-            matrix[(row + k) * L + n] = 1.0
-            scale = 1.0 / pivot
-            for j in range(6):
-                matrix[(row + j) * L + n] *= scale
-        for i in range(6):
-            if i != k:
-                at = NORMAL + 6 * i
-                for n in range(L):
-                    f = matrix[(at + k) * L + n]
-                    matrix[(at + k) * L + n] = 0.0
-                    for j in range(6):
-                        matrix[(at + j) * L + n] -= f * matrix[(row + j) * L + n]
-    for i in range(6):
-        for n in range(L):
-            matrix[TRACE * L + n] += matrix[(NORMAL + 7 * i) * L + n]
+        d0 = matrix[N + n]
+        r0 = 1.0 / math.sqrt(d0)
+        a1, a2, a3 = (
+            matrix[N + 6 * L + n] * r0, matrix[N + 12 * L + n] * r0, matrix[N + 18 * L + n] * r0,
+        )  # fmt: skip
+        a4, a5 = matrix[N + 24 * L + n] * r0, matrix[N + 30 * L + n] * r0
+        d1 = matrix[N + 7 * L + n] - a1 * a1
+        r1 = 1.0 / math.sqrt(d1)
+        b2 = (matrix[N + 13 * L + n] - a2 * a1) * r1
+        b3 = (matrix[N + 19 * L + n] - a3 * a1) * r1
+        b4 = (matrix[N + 25 * L + n] - a4 * a1) * r1
+        b5 = (matrix[N + 31 * L + n] - a5 * a1) * r1
+        d2 = matrix[N + 14 * L + n] - a2 * a2 - b2 * b2
+        r2 = 1.0 / math.sqrt(d2)
+        c3 = (matrix[N + 20 * L + n] - a3 * a2 - b3 * b2) * r2
+        c4 = (matrix[N + 26 * L + n] - a4 * a2 - b4 * b2) * r2
+        c5 = (matrix[N + 32 * L + n] - a5 * a2 - b5 * b2) * r2
+        d3 = matrix[N + 21 * L + n] - a3 * a3 - b3 * b3 - c3 * c3
+        r3 = 1.0 / math.sqrt(d3)
+        e4 = (matrix[N + 27 * L + n] - a4 * a3 - b4 * b3 - c4 * c3) * r3
+        e5 = (matrix[N + 33 * L + n] - a5 * a3 - b5 * b3 - c5 * c3) * r3
+        d4 = matrix[N + 28 * L + n] - a4 * a4 - b4 * b4 - c4 * c4 - e4 * e4
+        r4 = 1.0 / math.sqrt(d4)
+        f5 = (matrix[N + 34 * L + n] - a5 * a4 - b5 * b4 - c5 * c4 - e5 * e4) * r4
+        d5 = matrix[N + 35 * L + n] - a5 * a5 - b5 * b5 - c5 * c5 - e5 * e5 - f5 * f5
+        matrix[N + 6 * L + n], matrix[N + 12 * L + n], matrix[N + 18 * L + n] = a1, a2, a3
+        matrix[N + 24 * L + n], matrix[N + 30 * L + n] = a4, a5
+        matrix[N + 13 * L + n], matrix[N + 19 * L + n] = b2, b3
+        matrix[N + 25 * L + n], matrix[N + 31 * L + n] = b4, b5
+        matrix[N + 20 * L + n], matrix[N + 26 * L + n], matrix[N + 32 * L + n] = c3, c4, c5
+        matrix[N + 27 * L + n], matrix[N + 33 * L + n], matrix[N + 34 * L + n] = e4, e5, f5
+        R[n], R[L + n], R[2 * L + n], R[3 * L + n] = r0, r1, r2, r3
+        R[4 * L + n], R[5 * L + n] = r4, 1.0 / math.sqrt(d5)
+        least = d0
+        least = d1 if not d1 >= least else least
+        least = d2 if not d2 >= least else least
+        least = d3 if not d3 >= least else least
+        least = d4 if not d4 >= least else least
+        matrix[PIVOT * L + n] = d5 if not d5 >= least else least
+
+
+@compiled(EXACT)
+def _invert_factor(matrix: Array, root: Array) -> None:
+    """Replaces the factor by its inverse W, (J^T J)^-1 = W^T W, and writes the trace of that.
+
+    The trace is the squared norm of the inverse of J.
+    """
+    N, R = NORMAL * L, root
+    for n in range(L):
+        r0, r1, r2, r3 = R[n], R[L + n], R[2 * L + n], R[3 * L + n]
+        r4, r5 = R[4 * L + n], R[5 * L + n]
+        l21, l32, l43 = matrix[N + 13 * L + n], matrix[N + 20 * L + n], matrix[N + 27 * L + n]
+        l31, l42, l53 = matrix[N + 19 * L + n], matrix[N + 26 * L + n], matrix[N + 33 * L + n]
+        l41, l52 = matrix[N + 25 * L + n], matrix[N + 32 * L + n]
+        l51, l54 = matrix[N + 31 * L + n], matrix[N + 34 * L + n]
+        l20, l30 = matrix[N + 12 * L + n], matrix[N + 18 * L + n]
+        l40, l50 = matrix[N + 24 * L + n], matrix[N + 30 * L + n]
+        a1 = -r1 * (matrix[N + 6 * L + n] * r0)
+        a2 = -r2 * (l20 * r0 + l21 * a1)
+        a3 = -r3 * (l30 * r0 + l31 * a1 + l32 * a2)
+        a4 = -r4 * (l40 * r0 + l41 * a1 + l42 * a2 + l43 * a3)
+        a5 = -r5 * (l50 * r0 + l51 * a1 + l52 * a2 + l53 * a3 + l54 * a4)
+        b2 = -r2 * (l21 * r1)
+        b3 = -r3 * (l31 * r1 + l32 * b2)
+        b4 = -r4 * (l41 * r1 + l42 * b2 + l43 * b3)
+        b5 = -r5 * (l51 * r1 + l52 * b2 + l53 * b3 + l54 * b4)
+        c3 = -r3 * (l32 * r2)
+        c4 = -r4 * (l42 * r2 + l43 * c3)
+        c5 = -r5 * (l52 * r2 + l53 * c3 + l54 * c4)
+        e4 = -r4 * (l43 * r3)
+        e5 = -r5 * (l53 * r3 + l54 * e4)
+        f5 = -r5 * (l54 * r4)
+        matrix[N + n], matrix[N + 7 * L + n], matrix[N + 14 * L + n] = r0, r1, r2
+        matrix[N + 21 * L + n], matrix[N + 28 * L + n], matrix[N + 35 * L + n] = r3, r4, r5
+        matrix[N + 6 * L + n], matrix[N + 12 * L + n], matrix[N + 18 * L + n] = a1, a2, a3
+        matrix[N + 24 * L + n], matrix[N + 30 * L + n] = a4, a5
+        matrix[N + 13 * L + n], matrix[N + 19 * L + n] = b2, b3
+        matrix[N + 25 * L + n], matrix[N + 31 * L + n] = b4, b5
+        matrix[N + 20 * L + n], matrix[N + 26 * L + n], matrix[N + 32 * L + n] = c3, c4, c5
+        matrix[N + 27 * L + n], matrix[N + 33 * L + n], matrix[N + 34 * L + n] = e4, e5, f5
+        trace = r0 * r0 + r1 * r1 + r2 * r2 + r3 * r3 + r4 * r4 + r5 * r5
+        trace += a1 * a1 + a2 * a2 + a3 * a3 + a4 * a4 + a5 * a5
+        trace += b2 * b2 + b3 * b3 + b4 * b4 + b5 * b5
+        matrix[TRACE * L + n] = trace + c3 * c3 + c4 * c4 + c5 * c5 + e4 * e4 + e5 * e5 + f5 * f5
 
 
 @compiled(EXACT)
@@ -150,12 +216,31 @@ def _step(a: Arm, matrix: Array, work: Array) -> None:
             total = linear * scale + matrix[(18 + i) * L + n] * work[(ERROR + 3) * L + n]
             total += matrix[(24 + i) * L + n] * work[(ERROR + 4) * L + n]
             work[(PULL + i) * L + n] = total + matrix[(30 + i) * L + n] * work[(ERROR + 5) * L + n]
-    for i in range(6):
-        for n in range(L):
-            total = matrix[(NORMAL + 6 * i) * L + n] * work[PULL * L + n]
-            for k in range(1, 6):
-                total += matrix[(NORMAL + 6 * i + k) * L + n] * work[(PULL + k) * L + n]
-            work[(STEP + i) * L + n] = total
+    N, P, S = NORMAL * L, PULL * L, STEP * L
+    for n in range(L):
+        p0, p1, p2 = work[P + n], work[P + L + n], work[P + 2 * L + n]
+        p3, p4, p5 = work[P + 3 * L + n], work[P + 4 * L + n], work[P + 5 * L + n]
+        w0, w1, w2 = matrix[N + 30 * L + n], matrix[N + 31 * L + n], matrix[N + 32 * L + n]
+        w3, w4, w5 = matrix[N + 33 * L + n], matrix[N + 34 * L + n], matrix[N + 35 * L + n]
+        y = w0 * p0 + w1 * p1 + w2 * p2 + w3 * p3 + w4 * p4 + w5 * p5
+        x0, x1, x2, x3, x4, x5 = w0 * y, w1 * y, w2 * y, w3 * y, w4 * y, w5 * y
+        w0, w1, w2 = matrix[N + 24 * L + n], matrix[N + 25 * L + n], matrix[N + 26 * L + n]
+        w3, w4 = matrix[N + 27 * L + n], matrix[N + 28 * L + n]
+        y = w0 * p0 + w1 * p1 + w2 * p2 + w3 * p3 + w4 * p4
+        x0, x1, x2, x3, x4 = x0 + w0 * y, x1 + w1 * y, x2 + w2 * y, x3 + w3 * y, x4 + w4 * y
+        w0, w1 = matrix[N + 18 * L + n], matrix[N + 19 * L + n]
+        w2, w3 = matrix[N + 20 * L + n], matrix[N + 21 * L + n]
+        y = w0 * p0 + w1 * p1 + w2 * p2 + w3 * p3
+        x0, x1, x2, x3 = x0 + w0 * y, x1 + w1 * y, x2 + w2 * y, x3 + w3 * y
+        w0, w1, w2 = matrix[N + 12 * L + n], matrix[N + 13 * L + n], matrix[N + 14 * L + n]
+        y = w0 * p0 + w1 * p1 + w2 * p2
+        x0, x1, x2 = x0 + w0 * y, x1 + w1 * y, x2 + w2 * y
+        w0, w1 = matrix[N + 6 * L + n], matrix[N + 7 * L + n]
+        y = w0 * p0 + w1 * p1
+        x0, x1 = x0 + w0 * y, x1 + w1 * y
+        w0 = matrix[N + n]
+        work[S + n], work[S + L + n], work[S + 2 * L + n] = x0 + w0 * (w0 * p0), x1, x2
+        work[S + 3 * L + n], work[S + 4 * L + n], work[S + 5 * L + n] = x3, x4, x5
 
 
 @compiled(EXACT)
@@ -196,7 +281,9 @@ def correct(a: Arm, g: Aim, r: Asked, rows: IntArray, s: Space) -> None:
         _deviation(s.told, lane, work, TOLD_SHIFT)
         _deviation(s.real, lane, work, SHIFT)
         jacobian(a, s.real, s.matrix, s.spare)
-        _normal_inverse(s.matrix)
+        _normal_matrix(s.matrix)
+        _factor(s.matrix, s.spare)
+        _invert_factor(s.matrix, s.spare)
         left = _begin(g, r, rows, first, count, s)
         for _ in range(ROUNDS):
             if left == 0:
@@ -210,8 +297,7 @@ def correct(a: Arm, g: Aim, r: Asked, rows: IntArray, s: Space) -> None:
             evaluate(a, s, g.reuse)
             _deviation(s.real, lane, work, SHIFT)
             left = _review(g, r, rows, first, count, s)
-        for n in range(count):
-            _scatter(r, rows[first + n], s, n)
+        _scatter(r, rows, first, count, s.work, s.told)
 
 
 @compiled(EXACT)
@@ -289,14 +375,16 @@ def _review(g: Aim, r: Asked, rows: IntArray, first: int, count: int, s: Space) 
 
 
 @compiled(EXACT)
-def _scatter(r: Asked, i: int, s: Space, n: int) -> None:
-    """Writes joints and command of one lane."""
-    for k in range(6):
-        r.found[i, k] = s.work[(JOINTS + k) * L + n]
-    for j in range(3):
-        for k in range(3):
-            r.told[i, 3 * k + j] = s.told[(TOOL + 3 * j + k) * L + n]
-        r.told[i, 9 + j] = s.told[(TOOL + 9 + j) * L + n]
+def _scatter(r: Asked, rows: IntArray, first: int, count: int, work: Array, told: Array) -> None:
+    """Writes joints and command of the lanes: all at once, a call per lane costs more than it."""
+    for n in range(count):
+        i = rows[first + n]
+        for k in range(6):
+            r.found[i, k] = work[(JOINTS + k) * L + n]
+        for j in range(3):
+            for k in range(3):
+                r.told[i, 3 * k + j] = told[(TOOL + 3 * j + k) * L + n]
+            r.told[i, 9 + j] = told[(TOOL + 9 + j) * L + n]
 
 
 @compiled(EXACT)
@@ -316,9 +404,9 @@ def look(
                 s.work[(JOINTS + k) * L + n] = joints[first + min(n, count - 1), k]
         evaluate(a, s, 0.0)
         jacobian(a, s.real, s.matrix, s.spare)
+        _scatter(r, rows, first, count, s.work, s.told)
         for n in range(count):
             i = first + n
-            _scatter(r, rows[i], s, n)
             for j in range(3):
                 for k in range(3):
                     real[i, 3 * k + j] = s.real[(TOOL + 3 * j + k) * L + n]

@@ -20,7 +20,7 @@ ERROR, SHIFT, TURN, TOLD_SHIFT, TOLD_TURN = 18, 24, 25, 26, 27
 SMOOTH, SMOOTH_AT, STEP, PULL = 28, 31, 37, 43
 SUM = 49  # of the ripple: four rows
 WORK_ROWS = 53
-# Rows of ``matrix``: Jacobian by rows, then the normal matrix, then the least pivot and the trace.
+# Rows of ``matrix``: Jacobian by rows, the inverse factor of the normal matrix, pivot, trace.
 NORMAL, PIVOT, TRACE = 36, 72, 73
 MATRIX_ROWS = 74
 # Rows of a chain: frame i (x, y, z, origin) before the turn of joint i + 1; frame 6 is the tool.
