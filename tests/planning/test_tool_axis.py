@@ -13,12 +13,12 @@ from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ReachError, ShapeError
 from robotrue.planning.dense_path import dense_path
-from robotrue.planning.spin import Grid, SpinSettings, best_way, can_be_taken
 from robotrue.planning.tool_axis import resolve_spin
 from robotrue.program.toolpath import Toolpath
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import branch_of, branches_of, inverse_branches, require_opw
 from robotrue.robot.presets import preset
+from robotrue.robot.spin import Grid, SpinSettings, best_way, can_be_taken
 
 Z = SpinSettings(cutter=np.array([0.0, 0.0, 1.0]))
 TILTED = pose(matrix_from_abc(np.array([0.0, 60.0, 0.0]) * DEG), np.array([0.2, 0.0, 0.2]))

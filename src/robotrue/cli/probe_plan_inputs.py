@@ -21,7 +21,6 @@ from robotrue.errors import ConfigurationError, ModelMismatchError, ReachError
 from robotrue.measurement.formats.points import read_points
 from robotrue.planning.probing import Machining
 from robotrue.planning.probing_candidates import attitude_groups
-from robotrue.planning.spin import SpinSettings
 from robotrue.planning.tool_axis import resolve_spin
 from robotrue.program.formats import read_job
 from robotrue.program.formats.apt import looks_like_apt
@@ -30,6 +29,7 @@ from robotrue.program.formats.toolpaths import read_toolpath
 from robotrue.program.program import FrameTable, Program, Reason
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import inverse_batch
+from robotrue.robot.spin import SpinSettings
 from robotrue.store.model_file import ZIP, read_model
 
 MOST: Final = 300

@@ -29,13 +29,13 @@ from robotrue.planning.machining import (
     job_program,
     plan_machining,
 )
-from robotrue.planning.spin import SpinSettings
 from robotrue.planning.tool_axis import Posed
 from robotrue.program.contour import contour_of, keep_inside, side_direction
 from robotrue.program.formats.krl_machining import Speeds, require_name
 from robotrue.program.formats.toolpaths import read_toolpath
 from robotrue.program.identity import ProgramIdentity, identity_path, write_identity
 from robotrue.program.toolpath import Toolpath, cut_length, duration
+from robotrue.robot.spin import SpinSettings
 from robotrue.store.model_file import read_model
 
 HEAD: Final = "written by robotrue; drive it once slowly, without the spindle"

@@ -23,7 +23,6 @@ from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ReachError
 from robotrue.planning.lifts import Side, box_around, require_one_clamping, with_lifts
 from robotrue.planning.scene import Scene
-from robotrue.planning.spin import SHAPES, SpinSettings
 from robotrue.planning.tool_axis import Posed, resolve_spin
 from robotrue.planning.transit import blocked, scene_without_reflector, transit
 from robotrue.program.formats.krl_machining import SideMoves, Speeds, machining_program
@@ -31,6 +30,7 @@ from robotrue.program.toolpath import Toolpath
 from robotrue.robot.configuration import controller_axes
 from robotrue.robot.inverse import branch_of
 from robotrue.robot.model import RobotModel
+from robotrue.robot.spin import SHAPES, SpinSettings
 
 HOMES: Final = (
     np.array(

@@ -3,7 +3,7 @@
 A point with a tool axis fixes five of six degrees of freedom. The sixth, the spin of the tool frame
 about the axis, does not change the cut; it is chosen so that the arm stays away from its joint
 limits and singularities and moves smoothly, by dynamic programming over a grid of spins
-(:mod:`robotrue.planning.spin` states the cost). The grid is laid over stations along the path, not
+(:mod:`robotrue.robot.spin` states the cost). The grid is laid over stations along the path, not
 more than 20 mm or 5 deg of tool axis apart, straight moves between far points included; two finer
 grids around the first result follow; spins between stations are interpolated. Every point and every
 station is then checked once more as the controller will move: position straight, orientation by one
@@ -18,7 +18,7 @@ first one ends: split it there into two sides.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -29,15 +29,6 @@ from robotrue.core.poses import pose
 from robotrue.core.units import DEG
 from robotrue.errors import ReachError
 from robotrue.planning.dense_path import DensePath, as_driven, dense_path, stations_of
-from robotrue.planning.spin import (
-    Grid,
-    SpinSettings,
-    Way,
-    best_way,
-    can_be_taken,
-    singular_cost,
-    singular_measures,
-)
 from robotrue.program.carried import about_z, to_z
 from robotrue.program.toolpath import Toolpath
 from robotrue.robot.inverse import (
@@ -49,9 +40,15 @@ from robotrue.robot.inverse import (
 )
 from robotrue.robot.model import RobotModel
 from robotrue.robot.opw import OpwGeometry
+from robotrue.robot.spin import (
+    SpinSettings,
+    Way,
+    can_be_taken,
+    refined_way,
+    singular_cost,
+    singular_measures,
+)
 
-_WINDOW: Final = np.arange(-5.0, 6.0)
-_FINER: Final = 5.0
 _STEP: Final = 45.0 * DEG
 """rad a joint may turn between two stations of a straight move."""
 _TRIES: Final = 3
@@ -141,23 +138,13 @@ def _way(
     settings: SpinSettings,
     shape: int | None,
 ) -> Way:
-    """A way over the whole circle, then twice in a finer window around it."""
-    count = max(round(2.0 * np.pi / settings.step), 4)
+    """The way over all branches and spins of the stations."""
     length = np.diff(dense.along[stations], prepend=dense.along[stations[0]])
-    spin = np.tile(np.arange(count) * (2.0 * np.pi / count), (len(stations), 1))
-    step, way = 2.0 * np.pi / count, None
-    for finer in range(3):
-        joints = _all_joints(robot, geometry, T_base_part, dense, stations, spin, settings)
-        if way is not None:  # only the branch that was found
-            joints = joints[:, way.branch : way.branch + 1]
-        grid = Grid(joints=joints, spin=spin, length=length, circular=finer == 0)
-        found = best_way(robot, geometry, grid, settings, shape=shape if way is None else None)
-        if found.branch < 0:
-            return way or found
-        way = found if way is None else replace(found, branch=way.branch)
-        step /= _FINER
-        spin = way.spin[:, None] + step * _WINDOW
-    return way if way is not None else found
+
+    def stand(spin: Array) -> tuple[Array, None]:
+        return _all_joints(robot, geometry, T_base_part, dense, stations, spin, settings), None
+
+    return refined_way(robot, geometry, stand, length, settings, shape=shape)
 
 
 def _all_joints(

@@ -4,12 +4,13 @@ Stations along the path, at each a list of spins, in each of the arm's branches 
 with a spin. A way takes one spin per station and one branch throughout: a straight move cannot
 change the branch. It pays ::
 
-    sum over stations of  h (limits + singularities) + (travel * |dq|)^2 / h
+    sum over stations of  h (limits + singularities + extra) + (travel * |dq|)^2 / h
 
 with h the length of path between stations, ``limits`` = sum over joints of u^2 / (1 - u^2), u from
 -1 at one limit to 1 at the other, ``singularities`` = sum of (w0 / w)^2 over the sine of the wrist,
-the sine of the elbow and the wrist point's distance from axis 1. Turns of a joint follow from the
-station before (nearest), beginning in the middle of the limits; a way that would leave the limits
+the sine of the elbow and the wrist point's distance from axis 1, ``extra`` what the caller adds.
+Turns of a joint follow from the station before (nearest), beginning in the middle of the limits or
+where the caller says; a way that would leave the limits
 or come too near a singularity does not exist. Where the arm comes from somewhere, ways with its
 shoulder and elbow go before all others (the wrist may flip). Equal costs go to the lower branch and
 the earlier spin, so that equal input gives equal output.
@@ -17,8 +18,9 @@ the earlier spin, so that equal input gives equal output.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Final, TypeAlias
 
 import numpy as np
 
@@ -33,6 +35,11 @@ COMFORT: Final = np.array([np.sin(20.0 * DEG), np.sin(15.0 * DEG), 0.15])
 """w0 of wrist, elbow and shoulder; the last over the length of the stretched arm."""
 SHAPES: Final = 4
 """Combinations of shoulder and elbow; the branch number modulo this."""
+Stand: TypeAlias = Callable[[Array], tuple[Array, Array | None]]
+"""From spins (m, k) rad to joints (m, b, k, 6) rad and what standing there costs besides (m, b, k)
+per metre of path, or None."""
+_WINDOW: Final = np.arange(-5.0, 6.0)
+_FINER: Final = 5.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,12 +89,14 @@ class Grid:
         spin: (m, k) rad.
         length: (m,) m of path to each station from the one before; the first is not used.
         circular: The spins go once round, the first follows the last.
+        extra: (m, b, k) further cost per metre; infinite where the caller allows no standing.
     """
 
     joints: Array
     spin: Array
     length: Array
     circular: bool
+    extra: Array | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,6 +125,7 @@ def best_way(
     settings: SpinSettings,
     *,
     shape: int | None = None,
+    near: Array | None = None,
 ) -> Way:
     """Returns the cheapest way through a grid by the rule in the head of this module.
 
@@ -125,10 +135,13 @@ def best_way(
         grid: Of the stations, with all eight branches or with one.
         settings: Margins and weights.
         shape: Branch number of the posture the arm comes from; its shoulder and elbow go first.
+        near: (6,) rad the turns of the first station are nearest to; the middle of the limits.
     """
     stations, _, spins, _ = grid.joints.shape
     comfort = singular_cost(geometry, grid.joints, settings)
-    joints = _first_turn(robot, grid.joints[0])
+    if grid.extra is not None:
+        comfort = comfort + grid.extra
+    joints = _first_turn(robot, grid.joints[0], near)
     start = _limit_cost(robot, joints, settings) + comfort[0]
     cost = np.where(np.isfinite(start), start * grid.length[1:2].sum(), np.inf)
     before, allowed = _predecessors(grid, settings, spins)
@@ -167,6 +180,47 @@ def best_way(
     )
 
 
+def refined_way(
+    robot: RobotModel,
+    geometry: OpwGeometry,
+    stand: Stand,
+    length: Array,
+    settings: SpinSettings,
+    *,
+    shape: int | None = None,
+    near: Array | None = None,
+) -> Way:
+    """Returns the cheapest way over the whole circle, refined twice in a finer window around it.
+
+    Args:
+        robot: The nominal arm.
+        geometry: Of the arm.
+        stand: Joints and further cost at spins.
+        length: (m,) as in :class:`Grid`.
+        settings: Margins and weights.
+        shape: As in :func:`best_way`.
+        near: As in :func:`best_way`.
+    """
+    count = max(round(2.0 * np.pi / settings.step), 4)
+    step = 2.0 * np.pi / count
+    spin = np.tile(np.arange(count) * step, (len(length), 1))
+    way: Way | None = None
+    for finer in range(3):
+        joints, extra = stand(spin)
+        if way is not None:  # only the branch that was found
+            joints = joints[:, way.branch : way.branch + 1]
+            extra = None if extra is None else extra[:, way.branch : way.branch + 1]
+        grid = Grid(joints=joints, spin=spin, length=length, circular=finer == 0, extra=extra)
+        shaped = shape if way is None else None
+        found = best_way(robot, geometry, grid, settings, shape=shaped, near=near)
+        if found.branch < 0:
+            return way or found
+        way = found if way is None else replace(found, branch=way.branch)
+        step /= _FINER
+        spin = way.spin[:, None] + step * _WINDOW
+    return way or found
+
+
 def _trace(backs: list[IntArray], branch: int, last: int) -> IntArray:
     taken = [last]
     for back in reversed(backs):
@@ -187,9 +241,9 @@ def _predecessors(grid: Grid, settings: SpinSettings, spins: int) -> tuple[IntAr
     return before, allowed
 
 
-def _first_turn(robot: RobotModel, joints: Array) -> Array:
-    """Joints on the turn nearest to the middle of the limits."""
-    middle = robot.limits.mean(axis=1)
+def _first_turn(robot: RobotModel, joints: Array, near: Array | None = None) -> Array:
+    """Joints on the turn nearest to given ones, or to the middle of the limits."""
+    middle = robot.limits.mean(axis=1) if near is None else near
     return np.asarray(middle + wrap(joints - middle))
 
 
