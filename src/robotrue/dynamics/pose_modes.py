@@ -1,0 +1,176 @@
+"""Modes of the arm at any pose, from lumped masses and the stiffness of its joints.
+
+    M(q) eta'' + K eta = J(q)^T f,    M phi = phi / omega^2 K,    phi^T M phi = 1
+
+M comes from the links' masses, centres and inertias, J is the tool's Jacobian, both in the
+coordinates of the drives: with a parallel rod joint 2 moves the links beyond it without turning
+them, which is what ``joint_map`` of the robot model says. K is the stiffness of the joints.
+Damping is given mode by mode: no model of joints predicts it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array, frozen
+from robotrue.dynamics.arm_kernels import mass_and_jacobian
+from robotrue.dynamics.oscillators import Oscillators, real_modes
+from robotrue.errors import ModelMismatchError, ReachError, ShapeError
+from robotrue.robot.model import RobotModel
+
+LIMIT_SLACK: Final = 1e-6
+"""rad; how far beyond a joint limit a pose still counts as inside."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlexibleArm:
+    """An arm of stiff links and flexible joints.
+
+    Attributes:
+        robot: Kinematics, limits and tool; masses and centres of the links are its own.
+        link_inertia: (n, 3, 3) kg m^2 about each link's centre of mass, in its DH frame.
+        stiffness: (n,) N m/rad of the joints, on the side of the drives.
+        damping: (n,) part of critical, of the modes by rising frequency.
+        payload_mass: kg at the flange.
+        payload_com: (3,) m, its centre in the flange frame.
+        payload_inertia: (3, 3) kg m^2 about it, in flange axes.
+    """
+
+    robot: RobotModel
+    link_inertia: Array
+    stiffness: Array
+    damping: Array
+    payload_mass: float = 0.0
+    payload_com: Array = field(default_factory=lambda: np.zeros(3))
+    payload_inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    _bodies: Array = field(init=False, repr=False)
+    _table: Array = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Freezes, checks signs, packs the bodies for the kernel."""
+        n, set_ = self.robot.dof, object.__setattr__
+        shapes: dict[str, tuple[int, ...]] = {
+            "link_inertia": (n, 3, 3),
+            "stiffness": (n,),
+            "damping": (n,),
+            "payload_com": (3,),
+            "payload_inertia": (3, 3),
+        }
+        for name, shape in shapes.items():
+            set_(self, name, frozen(getattr(self, name), shape, name))
+        if not (self.stiffness > 0.0).all():
+            raise ShapeError(f"stiffness {self.stiffness} N m/rad, expected above zero.")
+        if not ((self.damping > 0.0) & (self.damping < 1.0)).all():
+            raise ShapeError(f"damping {self.damping}, expected above 0 and below 1 of critical.")
+        if not self.robot.link_mass.sum() + self.payload_mass > 0.0:
+            raise ModelMismatchError(
+                f"{self.robot.name} has no link masses: without masses there are no modes.",
+                hint="state link_mass, link_com and link_inertia, or fit modes to hammer tests.",
+            )
+        bodies = np.zeros((n + 1, 13))
+        bodies[:n, 0], bodies[:n, 1:4] = self.robot.link_mass, self.robot.link_com
+        bodies[:n, 4:] = self.link_inertia.reshape(n, 9)
+        bodies[n, 0], bodies[n, 1:4] = self.payload_mass, self.payload_com
+        bodies[n, 4:] = self.payload_inertia.ravel()
+        robot = self.robot
+        table = np.column_stack([robot.theta, robot.d, robot.a, robot.alpha])
+        set_(self, "_bodies", bodies)
+        set_(self, "_table", table)
+
+    def mass_and_jacobian(self, joints: Array) -> tuple[Array, Array]:
+        """Returns M (n, n) kg m^2 and the tool's Jacobian (6, n), in drive coordinates.
+
+        Args:
+            joints: (n,) rad.
+        """
+        n = self.robot.dof
+        mass, jacobian = np.empty((n, n)), np.empty((6, n))
+        mass_and_jacobian(
+            np.ascontiguousarray(joints, dtype=np.float64),
+            self._table,
+            self.robot.convention == "mdh",
+            self.robot.joint_map,
+            self._bodies,
+            self.robot.T_flange_tool,
+            mass,
+            jacobian,
+        )
+        return mass, jacobian
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseModes:
+    """Modes at one pose.
+
+    Attributes:
+        joints: (n,) rad.
+        frequency: (n,) Hz, undamped, rising.
+        damping: (n,) part of critical.
+        shape: (n, n) joint shapes by columns, kg^-1/2 m^-1 rad, mass-normalised.
+        jacobian: (6, n) of the tool, m/rad and rad/rad.
+        stiffness: (n,) N m/rad.
+    """
+
+    joints: Array
+    frequency: Array
+    damping: Array
+    shape: Array
+    jacobian: Array
+    stiffness: Array
+
+    def oscillators(self) -> Oscillators:
+        """Returns the modes as the tool feels them, forces and displacements in base axes."""
+        return real_modes(self.frequency, self.damping, (self.jacobian[:3] @ self.shape).T)
+
+    def carry(self, before: PoseModes) -> Array:
+        """Returns (n, n), normal coordinates here from those before: the joints stay in place.
+
+        For :meth:`robotrue.dynamics.streaming.ModalFilter.change`.
+        """
+        omega = 2.0 * np.pi * self.frequency[:, None]
+        return np.asarray((self.shape.T * self.stiffness) @ before.shape / omega**2)
+
+    @property
+    def static(self) -> Array:
+        """(6, 6) tool twist over wrench, m/N and so on: J K^-1 J^T, joints alone."""
+        return np.asarray((self.jacobian / self.stiffness) @ self.jacobian.T)
+
+
+def pose_modes(arm: FlexibleArm, joints: Array) -> PoseModes:
+    """Returns the modes at a pose (n,) rad.
+
+    Raises:
+        ReachError: A joint beyond its limit, or not finite: the model says nothing there.
+
+    Fails when: links or bearings give way more than the joints: frequencies come out too high.
+    """
+    q = np.asarray(joints, dtype=np.float64)
+    limits = arm.robot.limits
+    if q.shape != (arm.robot.dof,):
+        raise ShapeError(f"joints have shape {q.shape}, expected ({arm.robot.dof},).")
+    inside = (q >= limits[:, 0] - LIMIT_SLACK) & (q <= limits[:, 1] + LIMIT_SLACK)
+    if not inside.all():
+        i = int(np.flatnonzero(~inside)[0])
+        raise ReachError(
+            f"joint {i + 1} at {np.rad2deg(q[i]):.3f} deg, limits "
+            f"{np.rad2deg(limits[i, 0]):.1f} to {np.rad2deg(limits[i, 1]):.1f} deg: "
+            "no modes outside.",
+            hint="check units (rad) and the sense of the joint.",
+        )
+    mass, jacobian = arm.mass_and_jacobian(q)
+    soft = 1.0 / np.sqrt(arm.stiffness)
+    # K^-1/2 M K^-1/2 v = v / omega^2: symmetric, and the largest come out as the lowest modes.
+    period, vector = np.linalg.eigh(soft[:, None] * mass * soft)
+    omega = 1.0 / np.sqrt(period[::-1])
+    shape = soft[:, None] * vector[:, ::-1] * omega
+    return PoseModes(
+        joints=q,
+        frequency=omega / (2.0 * np.pi),
+        damping=arm.damping,
+        shape=shape,
+        jacobian=jacobian,
+        stiffness=arm.stiffness,
+    )
