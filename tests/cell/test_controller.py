@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +10,12 @@ import pytest
 
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
+from robotrue.cell.writer import cell_text
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
+from robotrue.program.program import FrameTable
+from robotrue.store.controller_document import controller_document, controller_from_document
 
 HEAD = 'schema = 1\n[robot]\npreset = "UR5"\n'
 EVERY = """
@@ -148,3 +152,28 @@ def test_a_file_that_holds_no_frames_is_refused(tmp_path: Path) -> None:
     (tmp_path / "part.src").write_text("DEF part()\nEND\n")
     with pytest.raises(ConfigurationError, match=r"part.src is no file of frames"):
         cell_of(tmp_path, '[controller]\nfiles = ["part.src"]\n')
+
+
+def test_written_and_read_back(tmp_path: Path) -> None:
+    cell = cell_of(tmp_path, EVERY)
+    text = cell_text(cell)
+    (tmp_path / "again.toml").write_text(text)
+    again = read_cell(tmp_path / "again.toml")
+    assert cell_text(again) == text
+    assert set(again.controller.bases) == {"3", "w_fix", "BASE"}
+    for key, matrix in cell.controller.bases.items():
+        np.testing.assert_allclose(again.controller.bases[key], matrix, atol=1e-14)
+    for one, other in zip(cell.controller.external, again.controller.external, strict=True):
+        np.testing.assert_allclose(other.direction, one.direction, atol=1e-12)
+        assert (other.number, other.name, other.frames) == (one.number, one.name, one.frames)
+        assert other.at == pytest.approx(one.at)
+        assert other.per_pulse == pytest.approx(one.per_pulse, nan_ok=True)
+
+
+def test_kept_in_a_document(tmp_path: Path) -> None:
+    told = cell_of(tmp_path, EVERY).controller
+    document = json.loads(json.dumps(controller_document(told)))
+    again = controller_from_document(document)
+    assert controller_document(again) == document
+    np.testing.assert_array_equal(again.tools["0"], told.tools["0"])
+    assert controller_document(controller_from_document({})) == controller_document(FrameTable())

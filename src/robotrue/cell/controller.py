@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from robotrue.cell.controller_text import ROBOT
 from robotrue.cell.schema import ControllerTable, ExternalTable, NamedFrameTable
 from robotrue.core.arrays import Array
 from robotrue.core.files import read_bytes
@@ -18,8 +19,6 @@ from robotrue.program.controller_files import ControllerFile, read_controller_fi
 from robotrue.program.external_axes import ExternalAxis
 from robotrue.program.program import FrameTable
 
-ROBOT = "robot"
-"""What a rail carries."""
 _TURNS = ("abc_deg", "wpr_deg", "quaternion")
 
 

@@ -7,6 +7,8 @@ from typing import Final
 import numpy as np
 
 from robotrue.cell.cell import DEFAULT_TARGET_SIGMA, Cell
+from robotrue.cell.controller_text import controller_text
+from robotrue.cell.toml_text import number, numbers
 from robotrue.core.arrays import Array
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM, UM
@@ -34,11 +36,11 @@ def cell_text(cell: Cell) -> str:
     lines += [
         "",
         "[payload]",
-        f"mass_kg = {_f(cell.payload.mass[0])}",
+        f"mass_kg = {number(cell.payload.mass[0])}",
         f"centre_of_mass_mm = {numbers(cell.payload.com[0] / MM)}",
         "",
         "[repeatability]",
-        f"mm = {_f(cell.repeatability / MM)}",
+        f"mm = {number(cell.repeatability / MM)}",
     ]
     if cell.target_sigma != DEFAULT_TARGET_SIGMA or not np.array_equal(
         cell.T_flange_target, cell.robot.T_flange_tool
@@ -47,17 +49,14 @@ def cell_text(cell: Cell) -> str:
             "",
             "[target]",
             f"xyz_mm = {numbers(cell.T_flange_target[:3, 3] / MM)}",
-            f"sigma_mm = {_f(cell.target_sigma / MM)}",
+            f"sigma_mm = {number(cell.target_sigma / MM)}",
         ]
     if not np.array_equal(cell.T_base_frame, np.eye(4)) and cell.part is None:
         lines += ["", "[base]", *_pose(cell.T_base_frame)]
     lines += ["", *_tracker(cell)]
+    if cell.says_of_controller:
+        lines += controller_text(cell.controller)
     return "\n".join(lines) + "\n"
-
-
-def numbers(values: Array) -> str:
-    """Returns a TOML list of floats to 1e-12: what a conversion of units adds is not written."""
-    return "[" + ", ".join(_f(v) for v in np.asarray(values).ravel()) + "]"
 
 
 def _pose(T: Array) -> list[str]:
@@ -82,7 +81,7 @@ def _robot(cell: Cell) -> list[str]:
     ):
         if known is None or not np.array_equal(values, known):
             rows = ", ".join(
-                numbers(row / unit) if values.ndim > 1 else _f(row / unit) for row in values
+                numbers(row / unit) if values.ndim > 1 else number(row / unit) for row in values
             )
             lines.append(f"{key} = [{rows}]")
     if base is None or not np.array_equal(robot.gravity, base.gravity):
@@ -114,15 +113,11 @@ def _dh(robot: RobotModel) -> list[str]:
             hint="register with the cell.toml of this robot instead of the model file's cell.",
         )
     rows = [
-        f"  {{theta_deg = {_f(t / DEG)}, alpha_deg = {_f(al / DEG)}, d_mm = {_f(d / MM)}, "
-        f"a_mm = {_f(a / MM)}}},"
+        f"  {{theta_deg = {number(t / DEG)}, alpha_deg = {number(al / DEG)}, d_mm = {number(d / MM)}, "
+        f"a_mm = {number(a / MM)}}},"
         for t, al, d, a in zip(robot.theta, robot.alpha, robot.d, robot.a, strict=True)
     ]
     return [f'convention = "{robot.convention}"', "dh = [", *rows, "]"]
-
-
-def _f(value: float) -> str:
-    return repr(round(float(value), 12) + 0.0)
 
 
 def _tracker(cell: Cell) -> list[str]:
@@ -134,7 +129,7 @@ def _tracker(cell: Cell) -> list[str]:
     if cell.tracker != DEFAULT_SPECIFICATION:
         sigma = (cell.tracker.range_bound, cell.tracker.range_bound_per_m)
         lines += [
-            f"sigma_um = {_f(sigma[0] / cell.tracker.divisor / UM)}",
-            f"sigma_um_per_m = {_f(sigma[1] / cell.tracker.divisor / UM)}",
+            f"sigma_um = {number(sigma[0] / cell.tracker.divisor / UM)}",
+            f"sigma_um_per_m = {number(sigma[1] / cell.tracker.divisor / UM)}",
         ]
     return lines

@@ -11,15 +11,19 @@ pulse ratios in ``ALL.PRM`` are not read.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from robotrue.core.arrays import Array
+from robotrue.core.files import read_bytes
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import FormatError
+from robotrue.program.program import FrameTable
 
 BESIDE: Final = {
     "krl": ("$config.dat",),
@@ -28,6 +32,8 @@ BESIDE: Final = {
 }
 """Names under which they lie beside a program of each dialect, in any case."""
 
+_SAME: Final = 1e-6
+"""m and rad; a frame that differs by less is the one printed with fewer digits."""
 _NUMBER: Final = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _KUKA: Final = re.compile(
     r"^[ \t]*(BASE|TOOL)_DATA[ \t]*\[[ \t]*(\d+)[ \t]*\][ \t]*=[ \t]*"
@@ -84,6 +90,44 @@ def read_controller_file(name: str, data: bytes) -> ControllerFile | None:
     if any(_CND.match(line) for line in text.split("\n")[:64]):
         return _yaskawa(name, text)
     return None
+
+
+def with_files_beside(path: Path, dialect: str, given: FrameTable) -> tuple[FrameTable, list[str]]:
+    """Returns the table with what files beside a program hold, and what to say of it.
+
+    What the cell says goes before what a file says.
+
+    Raises:
+        FormatError: A file that cannot be read.
+    """
+    bases, tools = dict(given.bases), dict(given.tools)
+    notes: list[str] = []
+    wanted = {name.lower() for name in BESIDE.get(dialect, ())}
+    folder = sorted(path.parent.iterdir()) if wanted and path.parent.is_dir() else []
+    for beside in folder:
+        if beside.name.lower() not in wanted or beside.name == path.name or not beside.is_file():
+            continue
+        found = read_controller_file(beside.name, read_bytes(beside))
+        if found is None:
+            continue
+        notes += found.notes
+        for side, have, new in (("base", bases, found.bases), ("tool", tools, found.tools)):
+            notes += _differing(side, beside.name, have, new)
+            have.update({key: matrix for key, matrix in new.items() if key not in have})
+    return replace(given, bases=bases, tools=tools), notes
+
+
+def _differing(
+    side: str, name: str, have: Mapping[str, Array], new: Mapping[str, Array]
+) -> list[str]:
+    out = []
+    for key, matrix in new.items():
+        if key in have and not np.allclose(have[key], matrix, rtol=0.0, atol=_SAME):
+            away = float(np.linalg.norm(have[key][:3, 3] - matrix[:3, 3])) / MM
+            out.append(
+                f"{side} {key} of the cell is used; that of {name} lies {away:.3f} mm from it."
+            )
+    return out
 
 
 def _kuka(name: str, text: str) -> ControllerFile:

@@ -22,6 +22,7 @@ from robotrue.errors import ArchiveError
 from robotrue.measurement.tracker import TrackerSpecification
 from robotrue.robot.model import RobotModel
 from robotrue.robot.statics import Load
+from robotrue.store.controller_document import controller_document, controller_from_document
 
 CELL_SCHEMA: Final = 1
 ZIP: Final = b"PK"
@@ -101,6 +102,7 @@ def cell_document(cell: Cell) -> dict[str, Any]:
         "payload_mass": float(cell.payload.mass[0]),
         "payload_com": cell.payload.com[0].tolist(),
         "compliance_prior": [float(c) if np.isfinite(c) else None for c in cell.compliance_prior],
+        "controller": controller_document(cell.controller),
         "doubts": list(cell.doubts),
         "source": Path(cell.source).name,
         "digest": cell.digest,
@@ -135,6 +137,7 @@ def cell_from_document(stated: Mapping[str, Any], robot: RobotModel) -> Cell:
             compliance_prior=np.array(
                 [np.nan if c is None else c for c in stated["compliance_prior"]]
             ),
+            controller=controller_from_document(stated.get("controller", {})),
             doubts=tuple(stated["doubts"]),
             source=stated["source"],
             digest=stated["digest"],

@@ -14,12 +14,16 @@ imported when it is first asked for.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Final, cast
 
 from robotrue.core.files import read_bytes
 from robotrue.errors import ConfigurationError, FormatError
+from robotrue.program.controller_files import with_files_beside
+from robotrue.program.formats.job_files import gathered, paths_of
 from robotrue.program.insertion import Inserter
 from robotrue.program.program import Dialect, FrameTable, Program, Replacement
 
@@ -114,26 +118,41 @@ def detect(data: bytes, name: str) -> Dialect:
     )
 
 
-def read_job(path: str | Path, frames: FrameTable | None = None) -> tuple[Program, ...]:
-    """Returns the programs of a job: the file named first, then companions that hold targets.
+def read_job(
+    path: str | Path | Sequence[str | Path], frames: FrameTable | None = None
+) -> tuple[Program, ...]:
+    """Returns the programs of a job: the files named first, then companions that hold targets.
+
+    Tools and work frames in files of the controller beside them (``$config.dat``, ``TOOL.CND``,
+    ``UFRAME.CND``, ``SYSFRAME.VA``) are known, too; those of ``frames`` go before them.
 
     Args:
-        path: A program file; its companions (KRL: the ``.dat`` of a ``.src``) lie beside it.
+        path: A program file, a folder of one job, or several files of it; companions (KRL: the
+            ``.dat`` of a ``.src``) lie beside them.
         frames: What the program names but does not hold; base and flange if not given.
 
     Raises:
-        FormatError: A file cannot be read, or is not in a registered dialect.
+        FormatError: A file cannot be read, is not in a registered dialect, or in another than the
+            first.
     """
-    path = Path(path)
-    data = read_bytes(path)
-    language = detect(data, path.name)
-    files = [(path.name, data)]
-    for name in language.companions(path.name):
-        beside = path.with_name(name)
-        if beside.is_file() and not any(beside.samefile(path.with_name(n)) for n, _ in files):
-            files.append((name, read_bytes(beside)))
-    programs = language.read_job(files, frames=frames or FrameTable())
-    return programs[:1] + tuple(program for program in programs[1:] if len(program))
+    every = (suffix for name in dialects() for suffix in dialect(name).suffixes)
+    paths = paths_of(path, every)
+    language = detect(read_bytes(paths[0]), paths[0].name)
+    job = gathered(paths, language)
+    for name, data in job.files[1 : job.given]:
+        other = detect(data, name)
+        if other.name != language.name:
+            raise FormatError(
+                f"{name} is a program in {other.name}, {paths[0].name} one in {language.name}.",
+                source=paths[0].with_name(name),
+                hint="give the files of one job.",
+            )
+    table, notes = with_files_beside(paths[0], language.name, frames or FrameTable())
+    programs = language.read_job(job.files, frames=table)
+    if notes:
+        programs = (replace(programs[0], notes=(*programs[0].notes, *notes)), *programs[1:])
+    named = programs[: job.given]
+    return named + tuple(program for program in programs[job.given :] if len(program))
 
 
 def read_program(path: str | Path, frames: FrameTable | None = None) -> Program:
