@@ -1,0 +1,245 @@
+"""Which moves are split into how many parts, and the targets that go into them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from robotrue.compensation.split_deviation import JobDeviation, JobMoves, measured, sampled
+from robotrue.compensation.split_shapes import along
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.poses import inverse, pose
+from robotrue.core.units import UM
+from robotrue.core.words import NO_WORD, WORDS
+from robotrue.errors import ConfigurationError
+from robotrue.program.insertion import Insertion, Obstacle, job_rows
+from robotrue.program.program import Motion, Program, Replacement
+from robotrue.robot.opw import opw_geometry
+from robotrue.robot.words import configuration_words
+
+LIMIT: Final = 100_000
+"""Targets put into a job, if no other limit is given."""
+_TRIED: Final = 8
+"""Parts from which on a deviation that does not fall is that of a step in the correction."""
+_ROUNDS: Final = 40
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SplitPlan:
+    """What to do with the k moves of a job.
+
+    Attributes:
+        parts: (k,) equal parts; 1 leaves the move whole.
+        size: (k,) m, deviation of the worst part.
+        over: (k,) the move is beyond the tolerance and stays whole.
+        stepped: (k,) of these: no number of parts would do, its correction has a step.
+        insertion: The targets to put in.
+        vias: One per program: the auxiliary points that move along their arcs.
+    """
+
+    parts: IntArray
+    size: Array
+    over: BoolArray
+    stepped: BoolArray
+    insertion: Insertion
+    vias: tuple[Replacement, ...]
+
+
+def plan_split(
+    job: JobMoves,
+    programs: Sequence[Program],
+    deviation: JobDeviation,
+    tolerance: float,
+    *,
+    limit: int = LIMIT,
+) -> SplitPlan:
+    """Returns the fewest equal parts of every move that keep it within a tolerance.
+
+    The deviation of a line falls with the square of the number of parts, that of an arc with its
+    cube; the number that this promises is tried on the compensated points of the parts, then one
+    less or more until the fewest is found.
+
+    Args:
+        job: The compensated job.
+        programs: Its programs.
+        deviation: Of its moves when kept whole.
+        tolerance: m.
+        limit: Targets that may be put in.
+
+    Raises:
+        ConfigurationError: The tolerance is no positive length, or needs more targets than allowed.
+
+    Fails when: an orientation is asked to be kept as well; the tolerance is one of position.
+    """
+    if not 0.0 < tolerance < np.inf:
+        raise ConfigurationError(
+            f"the tolerance of splitting is {tolerance / UM:g} um, expected above 0.",
+            hint="2 um, or what the process needs.",
+        )
+    over = np.asarray(deviation.size > tolerance)
+    free = job.moves.obstacle == Obstacle.NONE
+    free &= ~_unspoken(job, programs)
+    rows = np.flatnonzero(over & free)
+    parts = np.ones(len(over), dtype=np.int64)
+    size, stepped = np.array(deviation.size), np.zeros(len(over), dtype=np.bool_)
+    parts[rows], size[rows], stepped[rows] = _fewest(job, rows, size[rows], tolerance, limit)
+    cut = np.flatnonzero(parts > 1)
+    _require_few(job, parts, tolerance, limit)
+    insertion, vias = _targets(job, programs, cut, parts[cut])
+    return SplitPlan(
+        parts=parts,
+        size=size,
+        over=over & (parts == 1),
+        stepped=stepped,
+        insertion=insertion,
+        vias=vias,
+    )
+
+
+def _fewest(
+    job: JobMoves, rows: IntArray, whole: Array, tolerance: float, limit: int
+) -> tuple[IntArray, Array, BoolArray]:
+    """Returns the parts of moves (k,), their deviation, and which have a step in them."""
+    power = np.where(job.moves.via[rows] >= 0, 3.0, 2.0)
+    few, few_size = np.ones(len(rows), np.int64), np.array(whole)  # not enough
+    many, many_size = np.full(len(rows), limit + 2), np.full(len(rows), np.nan)  # enough
+    stepped = np.zeros(len(rows), dtype=np.bool_)
+    for _ in range(_ROUNDS):
+        open_ = np.flatnonzero((many - few > 1) & ~stepped)
+        if not len(open_):
+            break
+        known = np.isfinite(many_size[open_])
+        at = np.where(known, many[open_], few[open_])
+        there = np.where(known, many_size[open_], few_size[open_])
+        trial = np.ceil(at * (there / tolerance) ** (1.0 / power[open_])).astype(np.int64)
+        trial = np.clip(trial, few[open_] + 1, many[open_] - 1)
+        _require_few(job, trial, tolerance, 4 * limit, about=True)
+        found = measured(job, rows[open_], trial).size
+        good = found <= tolerance  # what could not be compensated is not
+        many[open_] = np.where(good, trial, many[open_])
+        many_size[open_] = np.where(good, found, many_size[open_])
+        few[open_] = np.where(good, few[open_], trial)
+        few_size[open_] = np.where(good, few_size[open_], found)
+        firm = ~good & (trial >= _TRIED) & ~(found < 0.5 * whole[open_])
+        stepped[open_] |= firm | np.isnan(found)
+    done = np.isfinite(many_size) & ~stepped
+    return np.where(done, many, 1), np.where(done, many_size, whole), stepped
+
+
+def _require_few(
+    job: JobMoves, parts: IntArray, tolerance: float, limit: int, *, about: bool = False
+) -> None:
+    arc = job.moves.via >= 0
+    each = np.where(arc, 2, 1) if len(parts) == len(arc) else 1
+    needed = int(((parts - 1) * each).sum())
+    if needed > limit:
+        raise ConfigurationError(
+            f"to keep every move within {tolerance / UM:g} um, {'about ' * about}{needed} targets "
+            f"would have to be put into {int((parts > 1).sum())} moves; at most "
+            f"{limit // (4 if about else 1)} are allowed.",
+            hint="a larger tolerance, or --split-limit.",
+        )
+
+
+def _targets(
+    job: JobMoves, programs: Sequence[Program], rows: IntArray, parts: IntArray
+) -> tuple[Insertion, tuple[Replacement, ...]]:
+    """Returns the targets of moves cut into parts, and the auxiliary points that move along."""
+    arc = job.moves.via[rows] >= 0
+    extra = np.where(arc, 2 * (parts - 1), parts - 1)
+    which = np.repeat(np.arange(len(rows)), extra)
+    step = np.arange(len(which)) - np.repeat(np.cumsum(extra) - extra, extra) + 1
+    pieces = np.where(arc, 2 * parts, parts)
+    shapes = job.shapes(rows)
+    position, rotation = along(shapes, which, step / pieces[which])
+    end = job.moves.end[rows[which]]
+    T = inverse(job.poses.frames[job.poses.frame[end]]) @ pose(rotation, position)
+    bow = np.flatnonzero(arc)
+    last_via = along(shapes, bow, (2 * parts[bow] - 1) / (2 * parts[bow]))
+    halfway = np.where(step % 2 == 1, int(Motion.ARC_VIA), int(Motion.ARC_END))
+    return Insertion(
+        move=rows[which],
+        motion=np.where(arc[which], halfway, int(Motion.LIN)),
+        position=T[:, :3, 3],
+        rotation=T[:, :3, :3],
+        words=_words(job, programs, rows, parts, which),
+    ), _vias(job, programs, job.moves.via[rows[bow]], *last_via)
+
+
+def _vias(
+    job: JobMoves, programs: Sequence[Program], rows: IntArray, position: Array, rotation: Array
+) -> tuple[Replacement, ...]:
+    out = []
+    T = inverse(job.poses.frames[job.poses.frame[rows]]) @ pose(rotation, position)
+    for program, first in zip(programs, job_rows(programs), strict=False):
+        mine = (rows >= first) & (rows < first + len(program))
+        at = rows[mine] - first
+        changed = np.zeros(len(program), dtype=np.bool_)
+        changed[at] = True
+        places, turns = np.array(program.position), np.array(program.rotation)
+        places[at], turns[at] = T[mine, :3, 3], T[mine, :3, :3]
+        out.append(
+            Replacement(
+                changed=changed,
+                position=places,
+                rotation=turns,
+                axes=program.axes,
+                words=np.full_like(program.words, NO_WORD),
+            )
+        )
+    return tuple(out)
+
+
+def _job_words(programs: Sequence[Program]) -> IntArray:
+    return np.concatenate([program.words for program in programs])
+
+
+def _turning(job: JobMoves, programs: Sequence[Program]) -> BoolArray:
+    """Which moves (k,) begin with other configuration words than they end with."""
+    words, moves = _job_words(programs), job.moves
+    out = np.zeros(len(moves), dtype=np.bool_)
+    if programs[0].words_of not in ("", "kuka"):  # KUKA reads S and T of joint moves alone
+        known = np.flatnonzero((moves.start >= 0) & (moves.end >= 0))
+        one, other = words[moves.start[known]], words[moves.end[known]]
+        both = (one != NO_WORD) & (other != NO_WORD)
+        out[known] = (both & (one != other)).any(axis=1)
+    return out
+
+
+def _speaks(job: JobMoves, programs: Sequence[Program]) -> bool:
+    robot = job.model.robot
+    return robot.maker == programs[0].words_of and opw_geometry(robot.nominal()) is not None
+
+
+def _unspoken(job: JobMoves, programs: Sequence[Program]) -> BoolArray:
+    """Which moves (k,) change words that cannot be told in between: of an arm not known."""
+    turning = _turning(job, programs)
+    return np.zeros_like(turning) if _speaks(job, programs) else turning
+
+
+def _words(
+    job: JobMoves,
+    programs: Sequence[Program],
+    rows: IntArray,
+    parts: IntArray,
+    which: IntArray,
+) -> IntArray:
+    """Returns the words (m, w) of the targets put in: those of the end, or of the joints there."""
+    maker = programs[0].words_of
+    out = np.full((len(which), WORDS[maker]), NO_WORD, dtype=np.int64)
+    mine = np.flatnonzero(_turning(job, programs)[rows])
+    if not len(mine):
+        return out
+    joints = []
+    for _, points in sampled(job, rows[mine], parts[mine], 2):
+        for base, count, arc in zip(points.base, points.count, points.circular, strict=True):
+            # Two steps to a part: an arc gets its middles, too, but for the last, which it has.
+            inside = slice(base + 1, base + count - 1) if arc else slice(base + 2, base + count, 2)
+            joints.append(points.joints[inside])
+    out[np.isin(which, mine)] = configuration_words(
+        job.model.robot.nominal(), maker, np.concatenate(joints)
+    )
+    return out

@@ -1,0 +1,144 @@
+"""Puts the targets of a plan into a job, reads it again, and finds every target in what was read.
+
+What is written is trusted only after it was read: the moves must be those planned, each part ending
+where it should, or the job is refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+import numpy as np
+
+from robotrue.compensation.split import SplitPlan
+from robotrue.compensation.split_deviation import JobMoves
+from robotrue.compensation.split_shapes import along, job_poses, loads
+from robotrue.core.arrays import Array, IntArray
+from robotrue.core.units import MM
+from robotrue.errors import FormatError
+from robotrue.program.formats import inserter, write_program
+from robotrue.program.insertion import Moves, job_rows
+from robotrue.program.program import Program
+
+Reread: TypeAlias = Callable[[Mapping[str, bytes]], tuple[Program, ...]]
+"""From the new bytes of files, by name, to the programs of the job, as they were read before."""
+_PRINTED: Final = 0.01 * MM
+"""m a target read again may lie from where it was to be: what printed decimals leave, and more."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SplitJob:
+    """A job with targets put in, not yet compensated.
+
+    Attributes:
+        programs: Read from the new bytes.
+        moves: Its moves: ``parts`` for each that was split.
+        origin: (n,) job row each job row was before, -1 for those put in.
+        wrench: (n, 6) N, N m, base, of every job row where the load changes along the job; else
+            empty.
+    """
+
+    programs: tuple[Program, ...]
+    moves: Moves
+    origin: IntArray
+    wrench: Array
+
+
+def split_job(
+    job: JobMoves, programs: Sequence[Program], plan: SplitPlan, reread: Reread
+) -> SplitJob:
+    """Returns the job with the targets of the plan put in.
+
+    Raises:
+        ConfigurationError: The dialect cannot put targets in.
+        FormatError: What was written does not read as the planned path.
+    """
+    language = inserter(programs[0].dialect)
+    bent = tuple(programs)
+    if any(each.changed.any() for each in plan.vias):
+        bent = reread(
+            {
+                program.name: write_program(program, via)
+                for program, via in zip(programs, plan.vias, strict=True)
+            }
+        )
+    written = language.insert(bent, language.moves(bent), plan.insertion)
+    names = [program.name for program in programs]
+    split = reread(dict(zip(names, written, strict=True)))
+    moves = language.moves(split)
+    if [program.name for program in split] != names or len(moves) != plan.parts.sum():
+        raise _unlike(programs[0], f"{len(moves)} moves were read, {plan.parts.sum()} expected")
+    origin, of_move, share = _origins(programs, split, moves, plan)
+    _require_planned(job, programs, split, origin, of_move, share)
+    wrench = np.empty((0, 6))
+    if len(job.load):
+        wrench = np.zeros((len(origin), 6))
+        wrench[origin >= 0] = job.load[origin[origin >= 0]]
+        new = np.flatnonzero(origin < 0)
+        rows, which = np.unique(of_move[new], return_inverse=True)
+        wrench[new] = loads(job.shapes(rows), which, share[new])
+    return SplitJob(programs=split, moves=moves, origin=origin, wrench=wrench)
+
+
+def _origins(
+    before: Sequence[Program], after: Sequence[Program], moves: Moves, plan: SplitPlan
+) -> tuple[IntArray, IntArray, Array]:
+    """Returns the old job row of every new one, and move and fraction of those put in.
+
+    The moves are in the order of the text, so that the parts of a move follow each other.
+    """
+    n = int(job_rows(after)[-1])
+    of_move, share = np.full(n, -1), np.full(n, np.nan)
+    which = np.repeat(np.arange(len(plan.parts)), plan.parts)
+    part = np.arange(len(which)) - np.repeat(np.cumsum(plan.parts) - plan.parts, plan.parts)
+    early = np.flatnonzero(part < plan.parts[which] - 1)
+    for points, late in ((moves.via, 0.5), (moves.end, 1.0)):
+        there = early[points[early] >= 0]
+        of_move[points[there]] = which[there]
+        share[points[there]] = (part[there] + late) / plan.parts[which[there]]
+    origin = np.full(n, -1)
+    old, new = job_rows(before), job_rows(after)
+    for k in range(len(before)):
+        mine = np.arange(new[k], new[k + 1])
+        kept = mine[of_move[mine] < 0]
+        if len(kept) != len(before[k]):
+            raise _unlike(
+                before[k], f"{len(kept)} of its {len(before[k])} targets were found again"
+            )
+        origin[kept] = np.arange(old[k], old[k + 1])
+    return origin, of_move, share
+
+
+def _require_planned(
+    job: JobMoves,
+    before: Sequence[Program],
+    after: Sequence[Program],
+    origin: IntArray,
+    of_move: IntArray,
+    share: Array,
+) -> None:
+    """Refuses a job whose targets are not where they were or were to be put."""
+    poses = job_poses(after)
+    wanted, turned = np.array(poses.position), np.array(poses.rotation)
+    kept, new = np.flatnonzero(origin >= 0), np.flatnonzero(origin < 0)
+    vias = np.isin(origin[kept], job.moves.via)
+    wanted[kept] = job.poses.position[origin[kept]]
+    wanted[kept[vias]] = poses.position[kept[vias]]  # these may have moved along their arcs
+    rows, which = np.unique(of_move[new], return_inverse=True)
+    if len(new):
+        wanted[new], turned[new] = along(job.shapes(rows), which, share[new])
+    off = np.linalg.norm(poses.position - wanted, axis=1)
+    off = np.maximum(off, np.abs(poses.rotation - turned).max(axis=(1, 2)) * MM / 1e-3)
+    bad = np.flatnonzero((off > _PRINTED) | (np.isnan(off) != np.isnan(wanted[:, 0])))
+    if len(bad):
+        raise _unlike(before[0], f"a target is {off[bad[0]] / MM:.4f} mm from where it should be")
+
+
+def _unlike(program: Program, what: str) -> FormatError:
+    return FormatError(
+        f"the split program does not read as the path it should: {what}; nothing is written.",
+        source=program.name,
+        hint="leave --split away for this program, and report it.",
+    )
