@@ -14,8 +14,9 @@ import numpy as np
 from robotrue.calibration.learners.marginal import Solved, solve
 from robotrue.calibration.learners.posterior import correlation
 from robotrue.calibration.learners.search import best
+from robotrue.calibration.learners.trust import inflation
 from robotrue.core.arrays import Array, frozen
-from robotrue.drilling.physics_prior import SPREAD, WIDTHS, bounds, groups, start
+from robotrue.drilling.physics_prior import SPREAD, WIDTHS, bounds, groups, held, start
 from robotrue.drilling.terms import Conditions
 
 _G = len(WIDTHS)
@@ -28,18 +29,23 @@ class PhysicsCorrection:
     Attributes:
         causes: The n clamps it was learned from.
         errors: (n, k) m, their reading errors.
-        theta: (15,) log hyper-parameters in the order of ``physics_prior``.
+        theta: (15,) log hyper-parameters in the order of ``physics_prior``; -inf: not there.
+        widening: Factor on the variance, for hyper-parameters are known no better than few clamps
+            tell.
     """
 
     causes: Conditions
     errors: Array
     theta: Array
+    widening: float = 1.0
 
     def __post_init__(self) -> None:
         """Freezes."""
         n = len(self.causes.a)
         object.__setattr__(self, "errors", frozen(self.errors, (n, None), "errors"))
-        object.__setattr__(self, "theta", frozen(self.theta, (len(SPREAD),), "theta"))
+        theta = np.array(self.theta, dtype=np.float64)
+        theta.flags.writeable = False
+        object.__setattr__(self, "theta", theta)
 
     def predict(self, c: Conditions) -> tuple[Array, Array]:
         """Returns the expected error (m, k) m and its variance (m,) m^2 without the readings' own.
@@ -50,7 +56,9 @@ class PhysicsCorrection:
         across = _signal(self.theta, c, self.causes)
         spread = solved.whitened(across.T)
         own = _own(self.theta, c)
-        return across @ solved.alpha, np.maximum(own - np.sum(spread**2, axis=0), 0.0)
+        variance = np.maximum(own - np.sum(spread**2, axis=0), 0.0)
+        noise = float(np.exp(2.0 * self.theta[-1]))
+        return across @ solved.alpha, variance + (self.widening - 1.0) * (variance + noise)
 
     @property
     def noise(self) -> float:
@@ -58,24 +66,36 @@ class PhysicsCorrection:
         return float(np.exp(self.theta[-1]))
 
 
-def fit_physics(causes: Conditions, errors: Array, reading_sigma: float) -> PhysicsCorrection:
+def fit_physics(
+    causes: Conditions, errors: Array, reading_sigma: float, *, rest_alone: bool = False
+) -> PhysicsCorrection:
     """Returns the correction of largest evidence times prior.
 
     Args:
         causes: n clamps.
         errors: (n, k) m, measured less theoretical readings.
         reading_sigma: m, scatter of a reading: the prior mean of the noise.
+        rest_alone: A plain Gaussian process: offset, smooth rest and noise only.
+
+    Raises:
+        ObservabilityError: Clamps too alike for the scatter of the readings.
     """
-    mean = start(reading_sigma)
+    mean = start(reading_sigma, rest_alone=rest_alone)
+    fixed = held(rest_alone=rest_alone)
+    free = np.isnan(fixed)
 
     def log_posterior(theta: Array) -> tuple[float, Array]:
         value, gradient = log_evidence(theta, causes, errors)
-        off = (theta - mean) / SPREAD
+        off = np.where(free, (theta - mean) / SPREAD, 0.0)
         return value - 0.5 * float(off @ off), gradient - off / SPREAD
 
-    free = np.full(len(mean), np.nan)
-    theta = best(log_posterior, mean, bounds(reading_sigma), free, 0, np.random.RandomState(0))
-    return PhysicsCorrection(causes=causes, errors=errors, theta=theta)
+    def left_out(theta: Array) -> tuple[Array, Array]:
+        return _solved(theta, causes, errors).left_out()
+
+    limits = bounds(mean)
+    theta = best(log_posterior, mean, limits, fixed, 0, np.random.RandomState(0))
+    widening = inflation(log_posterior, left_out, theta, limits, free)
+    return PhysicsCorrection(causes=causes, errors=errors, theta=theta, widening=widening)
 
 
 def log_evidence(theta: Array, causes: Conditions, errors: Array) -> tuple[float, Array]:

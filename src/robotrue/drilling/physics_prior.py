@@ -36,7 +36,9 @@ GROUPS: Final = (
 )
 WIDTHS: Final = np.log(np.array([1.0, 0.1, 0.5, 0.02, 0.05, 0.2, 0.0025, 0.1]) * MM)
 """Log deviation of each group's coefficients, m per unit of the column, where the search begins."""
-REST: Final = np.log(np.array([10.0 * UM, 4.0, 4.0, 1.0, 7.0]))
+REST_AMPLITUDE: Final = 10.0 * UM
+WIDE: Final = 0.2 * MM
+REST: Final = np.log(np.array([REST_AMPLITUDE, 4.0, 4.0, 1.0, 7.0]))
 """Log amplitude (m) and lengths (deg, deg, kN, 100 mm) of the smooth rest."""
 FADING: Final = float(np.log(0.6))
 """Log of F_0 in kN."""
@@ -68,12 +70,25 @@ def groups(c: Conditions, fading: float) -> list[Array]:
     return [np.stack(part, axis=-1) for part in parts]
 
 
-def start(reading_sigma: float) -> Array:
-    """Returns theta (15,) where the search begins: its prior mean."""
-    return np.concatenate([WIDTHS, REST, [FADING, np.log(reading_sigma)]])
+def start(reading_sigma: float, *, rest_alone: bool) -> Array:
+    """Returns theta (15,) where the search begins: its prior mean.
+
+    With ``rest_alone`` the smooth rest has to carry what the groups would: the groups but the
+    offset are none, the rest begins as wide as the error.
+    """
+    rest = REST + np.array([np.log(WIDE / REST_AMPLITUDE), 0.0, 0.0, 0.0, 0.0]) * rest_alone
+    return np.concatenate([WIDTHS, rest, [FADING, np.log(reading_sigma)]])
 
 
-def bounds(reading_sigma: float) -> Array:
+def held(*, rest_alone: bool) -> Array:
+    """Returns theta (15,): the values that are not learned, NaN where they are."""
+    out = np.full(len(SPREAD), np.nan)
+    if rest_alone:
+        out[1 : len(WIDTHS)] = -np.inf
+        out[-2] = FADING
+    return out
+
+
+def bounds(mean: Array) -> Array:
     """Returns the limits (15, 2) of theta: four deviations of the prior on either side."""
-    mean = start(reading_sigma)
     return np.stack([mean - 4.0 * SPREAD, mean + 4.0 * SPREAD], axis=-1)

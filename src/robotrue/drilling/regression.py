@@ -1,4 +1,4 @@
-"""Linear corrections: the patent's regression (step 7), with interactions, and ridge polynomials."""
+"""Linear corrections: the patent's regression, with interactions, and ridge polynomials."""
 
 from __future__ import annotations
 

@@ -1,0 +1,97 @@
+"""Which correction to trust: each is judged on forces and tilts it has not seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array, BoolArray
+from robotrue.drilling.campaign import Campaign
+from robotrue.drilling.correction import KINDS, Kind, fit_correction, residual_tilt
+from robotrue.drilling.foot import Foot
+from robotrue.drilling.terms import conditions
+from robotrue.errors import ObservabilityError
+
+LEVELS: Final = 5
+"""Blocks of force where the campaign does not keep to fewer levels."""
+SECTORS: Final = 4
+"""Blocks of tilt, by its direction."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """How a correction did on what it had not seen.
+
+    Attributes:
+        kind: Which correction.
+        residual: (m,) rad, tilt left at every held-out clamp, forces first, then tilts; empty
+            where it could not be learned.
+        reason: Why not, or "".
+    """
+
+    kind: Kind
+    residual: Array
+    reason: str = ""
+
+    @property
+    def mean(self) -> float:
+        """Mean tilt left, rad; infinite where it could not be learned."""
+        return float(np.mean(self.residual)) if len(self.residual) else float("inf")
+
+
+def held_out_blocks(foot: Foot, campaign: Campaign) -> list[BoolArray]:
+    """Returns the rows (n,) of each block to hold out: every force, then every sector of tilt."""
+    force = campaign.clamps.force
+    levels = np.unique(np.round(force, 0))
+    if len(levels) > LEVELS:
+        edges = np.quantile(force, np.linspace(0.0, 1.0, LEVELS + 1)[1:-1])
+        level = np.searchsorted(edges, force)
+    else:
+        level = np.searchsorted(levels, np.round(force, 0))
+    seen = conditions(foot, campaign.order, campaign.clamps)
+    turn = np.arctan2(seen.b - np.median(seen.b), seen.a - np.median(seen.a))
+    sector = np.floor((turn + np.pi) / (2.0 * np.pi) * SECTORS).astype(int) % SECTORS
+    blocks = [level == k for k in np.unique(level)] if len(np.unique(level)) > 1 else []
+    return blocks + [sector == k for k in np.unique(sector)]
+
+
+def tried(kind: Kind, foot: Foot, campaign: Campaign) -> Trial:
+    """Returns how a correction does on every block when it is learned from the others."""
+    left = []
+    for block in held_out_blocks(foot, campaign):
+        try:
+            learned = fit_correction(kind, foot, campaign.rows(np.flatnonzero(~block)))
+        except ObservabilityError as cause:
+            return Trial(kind=kind, residual=np.empty(0), reason=cause.message)
+        left.append(residual_tilt(foot, learned, campaign.rows(np.flatnonzero(block))))
+    return Trial(kind=kind, residual=np.concatenate(left))
+
+
+def chosen(trials: tuple[Trial, ...]) -> Kind:
+    """Returns the simplest correction that no richer one beats by more than chance.
+
+    From the simplest on, a richer one takes the place of the one held when its mean is lower by
+    more than the standard error of their difference, clamp by clamp.
+
+    Raises:
+        ObservabilityError: None could be learned.
+    """
+    able = [trial for trial in trials if len(trial.residual)]
+    if not able:
+        raise ObservabilityError(
+            f"no correction can be learned: {trials[0].reason}",
+            hint="clamp at least 15 times, with different tilts, forces and heights.",
+        )
+    held = able[0]
+    for trial in able[1:]:
+        gain = held.residual - trial.residual
+        if np.mean(gain) > np.std(gain) / np.sqrt(len(gain)):
+            held = trial
+    return held.kind
+
+
+def all_tried(foot: Foot, campaign: Campaign) -> tuple[Trial, ...]:
+    """Returns the trial of every kind, the simplest first."""
+    return tuple(tried(kind, foot, campaign) for kind in KINDS)

@@ -1,0 +1,162 @@
+"""Refinement in production (step 8): recursive least squares on what an outside reference measured.
+
+The foot cannot see its own zero: readings taken again after a move agree with the correction that
+made it, and learning from them drifts. Every record therefore names what measured the tilt that was
+left, and the foot's own sensors are no such thing.
+
+    d_i = x_i' beta_i + noise,  x = (1, a, b, F),  for both tilts,
+    P <- P / lambda after each record: what was learned long ago counts less.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array, frozen
+from robotrue.core.units import DEG
+from robotrue.errors import ConfigurationError, ShapeError
+
+TERMS: Final = 4
+FORGETTING: Final = 0.98
+START: Final = np.array([0.02, 0.005, 0.005, 0.02]) * DEG
+"""Deviation of each coefficient before the first record: rad, rad per deg, rad per kN."""
+WIDEST: Final = 4.0
+"""Variance never grows beyond this many times its start, however long nothing new is seen."""
+OWN: Final = (
+    "foot",
+    "self",
+    "own",
+    "sensors",
+    "reading",
+    "readings",
+    "pressure foot",
+    "re-reading",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Remaining:
+    """What one move left, as an outside reference measured it.
+
+    Attributes:
+        hole: Its number or name.
+        tilt: (2,) rad, true normal less spindle axis after the move, as (a, b).
+        cause: (3,) a and b in deg as the foot saw them before the move, clamp force in kN.
+        truth: What measured it: a mandrel plane, a hole gauge, a tracker.
+    """
+
+    hole: str
+    tilt: Array
+    cause: Array
+    truth: str
+
+    def __post_init__(self) -> None:
+        """Freezes, and refuses the foot as its own judge.
+
+        Raises:
+            ConfigurationError: No source of truth, or the foot's own sensors.
+        """
+        object.__setattr__(self, "tilt", frozen(self.tilt, (2,), "tilt"))
+        object.__setattr__(self, "cause", frozen(self.cause, (3,), "cause"))
+        name = " ".join(self.truth.split()).casefold()
+        if not name or name in OWN:
+            raise ConfigurationError(
+                f"hole {self.hole}: {self.truth!r} is not an outside reference; the foot cannot "
+                "see its own zero, and learning from its own readings drifts.",
+                hint="measure with a mandrel plane, a hole gauge or a tracker, and name it.",
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Refinement:
+    """What production has added to a correction.
+
+    Attributes:
+        coefficients: (4, 2) rad per unit of (1, a, b, F): tilt to be added to the corrected one.
+        covariance: (4, 4) of a column over the square of ``sigma``.
+        sigma: rad, deviation of one record about the truth.
+        forgetting: Weight of the past at each record, above 0 and up to 1.
+        records: How many were used.
+        truths: What measured them, each once.
+    """
+
+    coefficients: Array = field(default_factory=lambda: np.zeros((TERMS, 2)))
+    covariance: Array
+    sigma: float
+    forgetting: float = FORGETTING
+    records: int = 0
+    truths: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Checks and freezes."""
+        if not 0.0 < self.forgetting <= 1.0 or not self.sigma > 0.0:
+            raise ConfigurationError(
+                f"forgetting is {self.forgetting:g}, expected above 0 and up to 1; the deviation "
+                f"of a record {self.sigma / DEG:g} deg, expected above 0."
+            )
+        for name, shape in (("coefficients", (TERMS, 2)), ("covariance", (TERMS, TERMS))):
+            object.__setattr__(self, name, frozen(getattr(self, name), shape, name))
+
+    def tilt(self, cause: Array) -> tuple[Array, Array]:
+        """Returns the tilt (n, 2) rad to add and its variance (n,).
+
+        Args:
+            cause: (n, 3) a and b in deg as the foot sees them, clamp force in kN.
+        """
+        x = _row(cause)
+        share = np.einsum("ij,jk,ik->i", x, self.covariance, x)
+        return x @ self.coefficients, self.sigma**2 * share
+
+
+def refinement(sigma: float, *, forgetting: float = FORGETTING) -> Refinement:
+    """Returns a refinement that has seen nothing.
+
+    Args:
+        sigma: rad, deviation of one record: of the reference and of what the correction leaves.
+        forgetting: Weight of the past at each record.
+    """
+    return Refinement(covariance=np.diag((START / sigma) ** 2), sigma=sigma, forgetting=forgetting)
+
+
+def refined(state: Refinement, record: Remaining) -> Refinement:
+    """Returns the state after one more record.
+
+    The record's tilt is what remained *with* the state's own addition; their sum is what should
+    have been added.
+    """
+    x = _row(record.cause[None])[0]
+    prior = _forgotten(state)
+    gain = prior @ x / (1.0 + x @ prior @ x)
+    covariance = prior - np.outer(gain, x @ prior)
+    return replace(
+        state,
+        coefficients=state.coefficients + np.outer(gain, record.tilt),
+        covariance=0.5 * (covariance + covariance.T),
+        records=state.records + 1,
+        truths=tuple(sorted({*state.truths, record.truth})),
+    )
+
+
+def loosened(state: Refinement) -> Refinement:
+    """Returns the state with its constants unknown again: after an alarm of a shifted zero."""
+    covariance = np.array(state.covariance)
+    covariance[0, 0] += (0.1 * DEG / state.sigma) ** 2
+    return replace(state, covariance=covariance)
+
+
+def _forgotten(state: Refinement) -> Array:
+    """(4, 4) covariance before a record; forgetting stops where it would exceed the start."""
+    grown: Array = state.covariance / state.forgetting
+    limit = WIDEST * (START / state.sigma) ** 2
+    over = np.sqrt(np.minimum(1.0, np.maximum(limit, np.diag(state.covariance)) / np.diag(grown)))
+    return np.asarray(grown * np.outer(over, over))
+
+
+def _row(cause: Array) -> Array:
+    cause = np.atleast_2d(cause)
+    if cause.shape[1] != TERMS - 1:
+        raise ShapeError(f"causes have shape {cause.shape}, expected (n, 3).")
+    return np.concatenate([np.ones((len(cause), 1)), cause], axis=1)
