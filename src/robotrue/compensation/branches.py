@@ -1,4 +1,4 @@
-"""Kernels that choose the nominal joints of a target: closed form where the arm allows it.
+"""Kernels for the nominal joints of one target: closed form where the arm allows it.
 
 Source of the closed form: Brandstoetter, Angerer, Hofbaur 2014, eq. 1-16, with the parameters of
 :class:`robotrue.robot.opw.OpwGeometry`.
@@ -12,16 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from robotrue.compensation.compiled import EXACT, compiled
-from robotrue.compensation.status import Route
 from robotrue.core.arrays import Array, IntArray
 
 TURN = 2.0 * math.pi
 NEAR = 0.3  # rad: a step so small cannot lead to another branch
 OUTSIDE = 1e6  # rad^2 added to the distance of a solution beyond a joint limit
-
-
-SKIP, LINEAR = int(Route.SKIP), int(Route.LINEAR)
-GIVEN, PASS, AXES = int(Route.GIVEN), int(Route.PASS), int(Route.AXES)
 
 
 class Closed(NamedTuple):
@@ -34,44 +29,6 @@ class Closed(NamedTuple):
     uncoupling: Array  # (6, 6)
     coupled: bool
     limits: Array  # (6, 2) rad
-
-
-@compiled(EXACT)
-def choose_closed(
-    p: Closed, target: Array, route: IntArray, tool: IntArray, given: Array, near: Array,
-    branch: IntArray, out: Array,
-) -> None:  # fmt: skip
-    """Writes the nominal joints (n, 6) rad of the targets in order; NaN where there are none.
-
-    Args:
-        p: The arm.
-        target: (n, 12) in base.
-        route: (n,) :class:`Route`.
-        tool: (n,).
-        given: (n, 6) rad, joints where the route has them.
-        near: (6,) rad, where the arm is before; renewed.
-        branch: (4,) shoulder, elbow, flip of the target before (0 unknown), and 1 once the arm
-            has been anywhere; renewed.
-        out: (n, 6) rad, written.
-    """
-    theta, trial, hand = np.empty(6), np.empty(6), np.empty(12)
-    found = np.empty(6)
-    for r in range(len(route)):
-        if route[r] == SKIP:
-            continue
-        if route[r] == GIVEN or route[r] == PASS or route[r] == AXES:
-            for k in range(6):
-                found[k] = given[r, k]
-            branch[0] = 0
-        else:
-            settle = route[r] != LINEAR or branch[3] == 0
-            if not closed_joints(
-                p, tool[r], target[r], near, settle, branch, theta, trial, hand, found
-            ):
-                continue
-        branch[3] = 1
-        for k in range(6):
-            near[k] = out[r, k] = found[k]
 
 
 @compiled(EXACT)

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotrue.compensation.branches import Closed, choose_closed
+from robotrue.compensation.branch_lanes import choose_closed
+from robotrue.compensation.branches import Closed
 from robotrue.compensation.chunks import Helper, Outcome, Part
 from robotrue.compensation.iterated import Serial, choose_iterated
 from robotrue.compensation.lanes import correct
@@ -33,7 +34,7 @@ class Arrival:
         near: (6,) rad, while joints are chosen.
         joints: (6,) rad, while motions are followed.
         sign: (6,) of the last motion.
-        branch: (4,) see :func:`robotrue.compensation.branches.choose_closed`.
+        branch: (4,) see :func:`robotrue.compensation.branch_lanes.choose_closed`.
         space: Working memory.
     """
 

@@ -60,7 +60,7 @@ class Standing:
         near: (6,) rad, joints chosen last.
         joints: (6,) rad, joints driven to last.
         sign: (6,) of the last motion of every joint.
-        branch: (4,) see :func:`robotrue.compensation.branches.choose_closed`.
+        branch: (4,) see :func:`robotrue.compensation.branch_lanes.choose_closed`.
     """
 
     near: Array

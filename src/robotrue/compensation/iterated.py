@@ -32,7 +32,7 @@ def choose_iterated(
 ) -> int:  # fmt: skip
     """Writes the nominal joints (n, 6) rad of the targets from row ``first`` on.
 
-    Arguments as for :func:`robotrue.compensation.branches.choose_closed`.
+    Arguments as for :func:`robotrue.compensation.branch_lanes.choose_closed`.
 
     Returns:
         The number of rows, or the row that Newton did not reach from the target before: the

@@ -21,7 +21,8 @@ def compiled(flags: frozenset[str]) -> Callable[[F], F]:
     The code is cached next to the source, or in the user's cache folder where the installation is
     read-only; where neither can be written it is compiled anew in each process. A cached kernel
     is renewed when its own file changes: kernels call only kernels of their own file, but for
-    ``compensation.lanes``, which calls ``arm_lanes``.
+    ``compensation.lanes``, which calls ``arm_lanes``, and ``branch_lanes``, which calls
+    ``branches``.
     """
 
     def decorate(function: F) -> F:
