@@ -113,8 +113,8 @@ def _dh(robot: RobotModel) -> list[str]:
             hint="register with the cell.toml of this robot instead of the model file's cell.",
         )
     rows = [
-        f"  {{theta_deg = {number(t / DEG)}, alpha_deg = {number(al / DEG)}, d_mm = {number(d / MM)}, "
-        f"a_mm = {number(a / MM)}}},"
+        f"  {{theta_deg = {number(t / DEG)}, alpha_deg = {number(al / DEG)}, "
+        f"d_mm = {number(d / MM)}, a_mm = {number(a / MM)}}},"
         for t, al, d, a in zip(robot.theta, robot.alpha, robot.d, robot.a, strict=True)
     ]
     return [f'convention = "{robot.convention}"', "dh = [", *rows, "]"]

@@ -90,6 +90,25 @@ def motions(axis: ExternalAxis, values: Array) -> Array:
     return pose(rotation, axis.point - rotation @ axis.point)
 
 
+def plain_key(text: str) -> str:
+    """Returns a frame's number without leading zeros, or its name in lower case."""
+    text = text.strip().lower()
+    return str(int(text)) if text.isascii() and text.isdigit() else text
+
+
+def riders_of(axes: Sequence[ExternalAxis], *keys: str) -> tuple[bool, ...]:
+    """Returns which of the axes carry the work frame of these numbers and names."""
+    wanted = {plain_key(key) for key in keys}
+    return tuple(any(plain_key(name) in wanted for name in axis.frames) for axis in axes)
+
+
+def described(axes: Sequence[ExternalAxis]) -> BoolArray:
+    """Returns which of the six external values (6,) belong to an axis that is described."""
+    out = np.zeros(COUNT, np.bool_)
+    out[[axis.number - 1 for axis in axes]] = True
+    return out
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Carried:
     """Work frames of n targets with the external axes where each target has them.
@@ -123,6 +142,8 @@ def carried(
         riders: (f, a) which frames each of the ``axes`` carries.
         on_robot: (f,) frames that move with the robot, its own root above all.
     """
+    if not axes:
+        return Carried(frame=frame, T_base_frame=T_base_frame, unknown=np.zeros(len(frame), bool))
     rails = np.array([axis.carries_robot for axis in axes], np.bool_)
     moving = np.where(rails, ~on_robot[:, None], riders)  # (f, a)
     need = moving[frame]

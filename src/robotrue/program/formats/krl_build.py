@@ -11,6 +11,7 @@ from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import DEG, MM
 from robotrue.core.words import NO_WORD
 from robotrue.program.euler import matrices_from_abc
+from robotrue.program.external_axes import described
 from robotrue.program.formats.krl_flow import BASE, FOREIGN_BASE, ON_ROBOT, TOOL, differing
 from robotrue.program.formats.krl_modal import inherit, visits
 from robotrue.program.formats.krl_scan import INLINE_ARC, NOT_CONSTANT, STATEMENT, Scan
@@ -82,7 +83,8 @@ class Builder:
         reason, notes = self._frame_reasons(state, is_axis)
         reason[conflicts] = Reason.UNKNOWN_FRAME
         notes += _conflict_notes(name, line[conflicts])
-        notes += self._external_reasons(external, reason, name)
+        frame, bases, said = self._external(external, state[:, BASE], reason, name, is_axis)
+        notes += said
         reason[motion == Motion.UNUSED] = Reason.UNUSED
         reason[incomplete] = Reason.INCOMPLETE
         notes += _incomplete_notes(name, line, incomplete & ~mixed)
@@ -105,9 +107,9 @@ class Builder:
             words=np.where(words < 0, NO_WORD, words),
             words_of="kuka",
             line=line,
-            frame=state[:, BASE],
+            frame=frame,
             tool=state[:, TOOL],
-            T_base_frame=np.array(self.frames.matrices["base"]),
+            T_base_frame=bases,
             T_flange_tool=np.array(self.frames.matrices["tool"]),
             notes=tuple(dict.fromkeys(notes)),
             spans=_spans(found, agg, is_axis, partial, donor, (donor >= 0) & ~free),
@@ -208,9 +210,26 @@ class Builder:
             )
         return reason, notes
 
-    def _external_reasons(self, external: Array | None, reason: IntArray, name: str) -> list[str]:
-        if external is None:
-            return []
+    def _external(
+        self, external: Array | None, base: IntArray, reason: IntArray, name: str, axis: BoolArray
+    ) -> tuple[IntArray, Array, list[str]]:
+        """Returns work frames as external axes move them; flags targets where they are unknown."""
+        if external is None and not self.given.external:
+            return base, np.array(self.frames.matrices["base"]), []
+        values = np.full((len(base), 6), np.nan) if external is None else external
+        moved = self.frames.carried(base, values)
+        lost = moved.unknown & ~axis
+        reason[lost] = Reason.EXTERNAL_AXIS
+        notes = []
+        if lost.any():
+            notes.append(
+                f"{name}: {int(lost.sum())} targets leave out the value of an external axis that "
+                "carries the robot or their base; they are not compensated. Write it with each."
+            )
+        values = np.nan_to_num(values[:, ~described(self.given.external)])
+        return moved.frame, moved.T_base_frame, notes + self._undescribed(values, reason, name)
+
+    def _undescribed(self, external: Array, reason: IntArray, name: str) -> list[str]:
         away = (np.abs(external) > 0).any(axis=1)
         still = bool((external == external[:1]).all())
         if not away.any() or (self.given.external_axes_at_rest and still):
@@ -218,10 +237,12 @@ class Builder:
         reason[away] = Reason.EXTERNAL_AXIS
         column = int(np.flatnonzero((np.abs(external) > 0).any(axis=0))[0])
         low, high = external[:, column].min(), external[:, column].max()
+        column = int(np.flatnonzero(~described(self.given.external))[column])
         return [
             f"{name}: external axis E{column + 1} is {low:g} to {high:g} (mm or deg) and may carry "
-            f"the robot or the part; {int(away.sum())} targets are not compensated. If it stands "
-            "still and the frames hold there, say so in the frame table."
+            f"the robot or the part; {int(away.sum())} targets are not compensated. Describe it in "
+            "the cell ([[controller.external]]); if it stands still and the frames hold there, say "
+            "so in the frame table."
         ]
 
     def _foreign_notes(self, state: IntArray, reason: IntArray) -> list[str]:
@@ -328,7 +349,7 @@ def _columns(
     n = len(agg)
     values = np.full((n, 6), np.nan)
     any_external = bool((found.tok_component >= 12).any()) and n > 0
-    external = np.zeros((n if any_external else 1, 6))
+    external = np.full((n if any_external else 1, 6), np.nan)
     words = np.full((n, 2), -1, np.int64)
     pose, axis = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
     token, end = found.agg_token[agg], found.agg_token[agg + 1]

@@ -8,9 +8,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from robotrue.core.arrays import Array
+from robotrue.core.arrays import Array, IntArray
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
+from robotrue.program.external_axes import Carried, carried, plain_key, riders_of
 from robotrue.program.program import FrameTable
 
 _FDAT: Final = re.compile(r"(TOOL_NO|BASE_NO|IPO_FRAME)\s+(#?\w+)", re.IGNORECASE)
@@ -51,20 +52,43 @@ class Frames:
             "tool": [np.asarray(table.T_flange_tool, dtype=np.float64)],
         }
         self.cures: dict[tuple[str, int], str] = {}
-        self._index: dict[tuple[str, bytes], int] = {
-            (side, (matrices[0] + 0.0).tobytes()): 0 for side, matrices in self.matrices.items()
+        self._riders = {("base", 0): riders_of(table.external, "base")}
+        self._index: dict[tuple[str, bytes, tuple[bool, ...]], int] = {
+            (side, (matrices[0] + 0.0).tobytes(), self._riders.get((side, 0), ())): 0
+            for side, matrices in self.matrices.items()
         }
         self._unknown: dict[tuple[str, str], int] = {}
         self._data: dict[tuple[str, str], int] = {}
 
-    def known(self, side: str, matrix: Array) -> int:
-        """Returns the index of a frame, entering it if it is new."""
+    def known(self, side: str, matrix: Array, *keys: str) -> int:
+        """Returns the index of a frame, entering it if it is new.
+
+        Args:
+            side: ``base`` or ``tool``.
+            matrix: (4, 4).
+            keys: What the table calls it, where an external axis may carry it.
+        """
         matrix = matrix + 0.0  # -0.0 and 0.0 are one frame
-        key = (side, matrix.tobytes())
+        riders = riders_of(self.table.external, *keys) if side == "base" else ()
+        key = (side, matrix.tobytes(), riders)
         if key not in self._index:
-            self._index[key] = len(self.matrices[side])
+            index = self._index[key] = len(self.matrices[side])
+            self._riders[side, index] = riders
             self.matrices[side].append(matrix)
         return self._index[key]
+
+    def carried(self, frame: IntArray, external: Array) -> Carried:
+        """Returns the work frames of targets as external axes move them.
+
+        Args:
+            frame: (n,) index of each target.
+            external: (n, 6) as printed, mm or deg; NaN where none is written.
+        """
+        axes, matrices = self.table.external, np.array(self.matrices["base"])
+        none = (False,) * len(axes)
+        riders = np.array([self._riders.get(("base", k), none) for k in range(len(matrices))])
+        riders = riders.reshape(len(matrices), len(axes))
+        return carried(axes, matrices, frame, external, riders, np.zeros(len(matrices), np.bool_))
 
     def unknown(self, side: str, line: int, what: str, cure: str) -> int:
         """Returns the index of a frame that is not known; its sentence names the first line."""
@@ -96,7 +120,7 @@ class Frames:
             return self._data[side, number]
         matrix = _lookup(self._given(side), number)
         if matrix is not None:
-            return self.known(side, matrix)
+            return self.known(side, matrix, number)
         if number == "0":
             return self.known(side, np.eye(4))
         return self.unknown(
@@ -118,12 +142,29 @@ class Frames:
             return self.aggregate(side, line, variables[text.lower()])
         matrix = _lookup(self._given(side), text)
         if matrix is not None:
-            return self.known(side, matrix)
+            return self.known(side, matrix, text)
         return self.unknown(
             side,
             line,
             f"is {text[:40]!r}, which the program does not hold as numbers",
             f"write the {side} as numbers, or add it to the frame table by this name",
+        )
+
+    def carried_number(self, line: int, number: str | None) -> int:
+        """Returns the index of a numbered work frame that an external axis carries.
+
+        What the program or the controller keeps under this number is the frame on that axis, not
+        in the robot base; only the cell can say where it stands.
+        """
+        if number is not None and number.isdigit():
+            matrix = _lookup(self.table.bases, number)
+            if matrix is not None and any(riders_of(self.table.external, number)):
+                return self.known("base", matrix, number)
+        return self.unknown(
+            "base",
+            line,
+            f"number {number or '?'} follows an external axis",
+            "describe the axis and this base in the cell ([[controller.external]])",
         )
 
     def store(self, side: str, number: str, index: int) -> None:
@@ -144,6 +185,6 @@ class Frames:
 
 def _lookup(table: Mapping[str, Array], name: str) -> Array | None:
     for key, matrix in table.items():
-        if key.lower() == name.lower():
+        if plain_key(key) == plain_key(name):
             return np.asarray(matrix, dtype=np.float64)
     return None

@@ -223,10 +223,7 @@ class Walk:
         if what in ("tool", "base"):
             self._put(line, what, self.frames.number(what, line, match[2]))
         elif what == "ex_base":
-            index = self.frames.unknown(
-                "base", line, "follows an external axis (BAS #EX_BASE)", "program it at rest"
-            )
-            self._put(line, "base", index)
+            self._put(line, "base", self.frames.carried_number(line, match[2]))
         elif what in ("frames", "ptp_params", "cp_params"):
             self.flow.take_pending(line)
 
