@@ -29,6 +29,11 @@ KINDS: Final[tuple[Kind, ...]] = (
 class Correction(Protocol):
     """A learned error of readings."""
 
+    @property
+    def noise(self) -> Array:
+        """(k,) m, deviation of one reading that the correction does not explain."""
+        ...
+
     def predict(self, c: Conditions) -> tuple[Array, Array]:
         """Returns the expected error (m, k) m and its variance, (m,) or (m, k) m^2."""
         ...

@@ -61,9 +61,9 @@ class PhysicsCorrection:
         return across @ solved.alpha, variance + (self.widening - 1.0) * (variance + noise)
 
     @property
-    def noise(self) -> float:
-        """Deviation (m) of one reading that no cause explains."""
-        return float(np.exp(self.theta[-1]))
+    def noise(self) -> Array:
+        """(k,) m, deviation of one reading that no cause explains."""
+        return np.full(self.errors.shape[1], float(np.exp(self.theta[-1])))
 
 
 def fit_physics(

@@ -36,6 +36,11 @@ class LinearCorrection:
         for name, shape in (("coefficients", (p, k)), ("covariance", (p, p)), ("sigma", (k,))):
             object.__setattr__(self, name, frozen(getattr(self, name), shape, name))
 
+    @property
+    def noise(self) -> Array:
+        """(k,) m, deviation of one reading that the terms do not explain."""
+        return self.sigma
+
     def predict(self, c: Conditions) -> tuple[Array, Array]:
         """Returns the expected error (m, k) m and its variance (m, k) m^2, the noise left out."""
         _, x = columns(self.family, c)

@@ -1,0 +1,119 @@
+"""One move that squares the spindle, or the reasons why the machine is not told to move."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.core.units import DEG, MM
+from robotrue.drilling.campaign import Clamps
+from robotrue.drilling.head import HeadMove, normal_from_tilt, squaring_move
+from robotrue.drilling.model import NormalModel, Seen, seen
+from robotrue.errors import ImplausibleDataError
+
+MARGIN: Final = 0.1
+"""Share of the campaign's range by which force and tilt may lie outside it."""
+SURE: Final = 5.0
+"""Deviations of the plane's residual beyond which a sensor is at fault."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Adjustment:
+    """The move of one hole.
+
+    Attributes:
+        tilt: (2,) rad, of the surface in the spindle's frame, corrected.
+        covariance: (2, 2) rad^2.
+        move: What the five axes do.
+        notes: What the operator should know.
+    """
+
+    tilt: Array
+    covariance: Array
+    move: HeadMove
+    notes: tuple[str, ...]
+
+
+def adjustment(model: NormalModel, clamps: Clamps, axes: Array) -> Adjustment:
+    """Returns the one move of a clamp.
+
+    Args:
+        model: Learned from a campaign.
+        clamps: One clamp: readings less their zero, force, height.
+        axes: (2,) rad, A and B now, as the machine counts them.
+
+    Raises:
+        ImplausibleDataError: A reading that cannot be, a force or tilt the model knows nothing of:
+            the machine is not told to move on a guess.
+    """
+    _refuse_readings(model, clamps)
+    _refuse_force(model, clamps)
+    found = seen(model, clamps)
+    _refuse_plane(model, found)
+    move = squaring_move(model.head, axes, normal_from_tilt(model.head.order, found.tilt[0]))
+    return Adjustment(
+        tilt=found.tilt[0], covariance=found.covariance[0], move=move, notes=_notes(model, clamps)
+    )
+
+
+def _refuse_readings(model: NormalModel, clamps: Clamps) -> None:
+    """A sensor at the end of its range reads its stop, not the skin."""
+    low, high = model.foot.reading_range
+    for k, reading in enumerate(clamps.readings[0].tolist()):
+        if not low < reading < high:
+            raise ImplausibleDataError(
+                f"sensor {k + 1} reads {reading / MM:.4f} mm, at or beyond its stop ({low / MM:g} "
+                f"to {high / MM:g} mm): no skin under it, an edge, or a sensor that is stuck.",
+                hint="look at the foot, then clamp again.",
+            )
+
+
+def _refuse_force(model: NormalModel, clamps: Clamps) -> None:
+    force, (low, high) = float(clamps.force[0]), model.envelope.force
+    margin = MARGIN * (high - low) + 1e-9
+    if not low - margin <= force <= high + margin:
+        raise ImplausibleDataError(
+            f"clamp force is {force:g} N, the campaign covers {low:g} to {high:g} N.",
+            hint="clamp within it, or add clamps at this force to the campaign.",
+        )
+
+
+def _refuse_plane(model: NormalModel, found: Seen) -> None:
+    tilt = float(np.hypot(*found.tilt[0]))
+    limit = min(model.foot.max_tilt, model.envelope.tilt * (1.0 + MARGIN) + 0.1 * DEG)
+    if tilt > limit:
+        raise ImplausibleDataError(
+            f"the surface is {tilt / DEG:.3f} deg off the spindle; the foot and its campaign reach "
+            f"{limit / DEG:.3f} deg.",
+            hint="move the head nearer to the nominal normal and clamp again; an edge under one "
+            "sensor looks like this, too.",
+        )
+    residual = found.residual[0]
+    worst = int(np.argmax(np.abs(residual)))
+    allowed = SURE * float(np.maximum(model.correction.noise, model.foot.reading_sigma).max())
+    if abs(residual[worst]) > allowed:
+        raise ImplausibleDataError(
+            f"the readings lie on no plane: sensor {worst + 1} is {residual[worst] / MM:.4f} mm "
+            f"off, {allowed / MM:.4f} mm are allowed.",
+            hint="a sensor that is stuck or disturbed, an edge, or a skin more curved than stated.",
+        )
+
+
+def _notes(model: NormalModel, clamps: Clamps) -> tuple[str, ...]:
+    notes = []
+    known = model.envelope.approach
+    if clamps.approach[0] not in known:
+        notes.append(
+            f"the foot came down {clamps.approach[0] or 'in the usual way'!r}, the campaign knows "
+            f"{', '.join(repr(a or 'the usual way') for a in known)}: friction may leave a tenth "
+            "of a degree."
+        )
+    height, (low, high) = float(clamps.height[0]), model.envelope.height
+    if not low <= height <= high:
+        notes.append(
+            f"height is {height / MM:g} mm, the campaign covers {low / MM:g} to {high / MM:g} mm."
+        )
+    return tuple(notes)
