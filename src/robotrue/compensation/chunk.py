@@ -59,7 +59,7 @@ def solve_chunk(
     """Returns nominal joints and approach of the chunk; its results go into ``outcome``."""
     count = part.stop - part.start
     route, tool = np.array(plan.route[part]), np.array(program.tool[part])
-    frame, frames = np.array(program.frame[part]), _frames(program)
+    frame, frames = _frames(program, part)
     rotation, position = outcome.rotation[part], outcome.position[part]
     target = np.full((count, 12), np.nan)
     enter_base(frames, frame, route, rotation, position, target)
@@ -204,10 +204,12 @@ def _chain(links: Array, end: Array) -> Array:
     return np.array([*links, end]).ravel()
 
 
-def _frames(program: Program) -> Array:
-    """Returns the work frames in base (f, 12)."""
-    frames = np.array(program.T_base_frame)
-    return np.concatenate([frames[:, :3, :3].reshape(-1, 9), frames[:, :3, 3]], axis=1)
+def _frames(program: Program, part: slice) -> tuple[IntArray, Array]:
+    """Returns the frame of each target of a chunk (n,), and those frames in base (f, 12)."""
+    used, frame = np.unique(program.frame[part], return_inverse=True)
+    frames = program.T_base_frame[np.clip(used, 0, len(program.T_base_frame) - 1)]
+    rows = np.concatenate([frames[:, :3, :3].reshape(-1, 9), frames[:, :3, 3]], axis=1)
+    return frame.astype(np.int64).reshape(-1), np.ascontiguousarray(rows)
 
 
 def _share(column: Array, part: slice) -> Array:

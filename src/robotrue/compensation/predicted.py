@@ -100,7 +100,7 @@ def _write(
     outcome.turn[done] = turn[keep]
     posed = keep & (plan.route[rows] != Route.AXES)
     done = rows[posed]
-    frame = inverse(program.T_base_frame)[program.frame[done]] @ corrected.T_base_tool[posed]
+    frame = inverse(program.T_base_frame[program.frame[done]]) @ corrected.T_base_tool[posed]
     outcome.position[done] = frame[:, :3, 3]
     outcome.rotation[done] = frame[:, :3, :3].reshape(-1, 9)
 

@@ -9,6 +9,7 @@ import numpy as np
 from robotrue.core.arrays import BoolArray, IntArray
 from robotrue.core.units import DEG
 from robotrue.core.words import NO_WORD, WORDS
+from robotrue.program.external_axes import COUNT, Carried, described
 from robotrue.program.formats.fanuc_moves import Moves, moves
 from robotrue.program.formats.fanuc_records import CURRENT
 from robotrue.program.formats.fanuc_scan import FanucScan, scan
@@ -57,7 +58,7 @@ class _Builder:
         reason = self._frame_reasons(base, tool)
         motion = np.full(n, int(Motion.UNUSED), np.int64)
         motion[list(self.walk.motion)] = list(self.walk.motion.values())
-        self._external(reason)
+        moved = self._external(reason, base)
         reason[motion == Motion.UNUSED] = Reason.UNUSED
         untaught = np.asarray(np.isnan(found.value).any(axis=1))
         if untaught.any():
@@ -78,9 +79,9 @@ class _Builder:
             words=self._words(),
             words_of="fanuc",
             line=self.line,
-            frame=base,
+            frame=moved.frame,
             tool=tool,
-            T_base_frame=self.frames.stacked("base"),
+            T_base_frame=moved.T_base_frame,
             T_flange_tool=self.frames.stacked("tool"),
             notes=tuple(dict.fromkeys(self.notes + self.walk.notes)),
             spans=FanucSpans(tokens=tokens, config=found.config),
@@ -119,9 +120,30 @@ class _Builder:
             self.notes += [self.frames.lost[side, i] for i in np.unique(column[lost]).tolist()]
         return reason
 
-    def _external(self, reason: IntArray) -> None:
-        """Flags the positions with an external axis or another group away from zero."""
-        values = self.scan.external
+    def _external(self, reason: IntArray, base: IntArray) -> Carried:
+        """Returns the work frames as external axes move them; flags positions where none is known.
+
+        External axes count as they stand in the record: E1.. of group 1, then other groups.
+        """
+        values = np.full((len(base), COUNT), np.nan)
+        for row, axes in self.scan.external.items():
+            values[row, : len(axes)] = [value for _, _, value in axes[:COUNT]]
+        moved = self.frames.carried(base, values)
+        lost = moved.unknown & (self.scan.is_axis == 0)
+        if lost.any():
+            reason[lost] = Reason.EXTERNAL_AXIS
+            what = "positions without the value of an axis that carries the robot or their frame"
+            self._tell(lost, what, "write it with each")
+        self._undescribed(reason)
+        return moved
+
+    def _undescribed(self, reason: IntArray) -> None:
+        """Flags the positions with an external axis away from zero that is not described."""
+        told = described(self.given.external)
+        values = {
+            row: [each for k, each in enumerate(axes) if k >= COUNT or not told[k]]
+            for row, axes in self.scan.external.items()
+        }
         away = [row for row, axes in values.items() if any(value != 0.0 for _, _, value in axes)]
         still = len({tuple(axes) for axes in values.values()}) == 1
         known = all(value == value for axes in values.values() for _, _, value in axes)
@@ -130,7 +152,10 @@ class _Builder:
         reason[away] = Reason.EXTERNAL_AXIS
         rows = np.zeros(len(reason), np.bool_)
         rows[away] = True
-        cure = "if it stands still and the frames hold there, say so in the frame table"
+        cure = (
+            "describe it in the cell ([[controller.external]]); if it stands still and the frames "
+            "hold there, say so in the frame table"
+        )
         self._tell(rows, "positions with an external axis or another group away from zero", cure)
 
     def _tell(self, rows: BoolArray, what: str, cure: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
@@ -10,6 +11,7 @@ from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import DEG
 from robotrue.core.words import NO_WORD, WORDS
 from robotrue.errors import ShapeError
+from robotrue.program.external_axes import COUNT, Carried
 from robotrue.program.formats.jbi_moves import Moves, moves
 from robotrue.program.formats.jbi_scan import UNITS, Header, JbiScan, scan
 from robotrue.program.formats.jbi_write import JbiSpans
@@ -69,7 +71,7 @@ class _Builder:
         reason = self._reasons(kind, base[found.header], tool[found.header], doubtful)
         motion = np.full(n, int(Motion.UNUSED), np.int64)
         motion[list(self.walk.motion)] = list(self.walk.motion.values())
-        self._external(reason)
+        moved = self._external(reason, base[found.header], kind != UNITS["RECTAN"])
         reason[motion == Motion.UNUSED] = Reason.UNUSED
         reason[found.count != 6] = Reason.INCOMPLETE
         reason[list(self.walk.flags)] = list(self.walk.flags.values())
@@ -89,9 +91,9 @@ class _Builder:
             words=_words(found, rconf),
             words_of="yaskawa",
             line=found.line,
-            frame=base[found.header],
+            frame=moved.frame,
             tool=tool[found.header],
-            T_base_frame=self.frames.stacked("base"),
+            T_base_frame=moved.T_base_frame,
             T_flange_tool=self.frames.stacked("tool"),
             notes=tuple(dict.fromkeys(self.notes + self.walk.notes)),
             spans=JbiSpans(tokens=tokens, rconf=rconf, fields=tuple(found.rconf)),
@@ -121,9 +123,10 @@ class _Builder:
     def _base(self, header: Header, line: int, count: int) -> int:
         frames, postype = self.frames, header.postype
         if header.unit != UNITS["RECTAN"] or postype in ("ROBOT", "TOOL"):
-            return frames.root("base")
+            return frames.robot_root()
         if postype == "BASE":
-            if not self._rail or "BASE" in map(str.upper, self.given.bases):
+            railed = any(axis.carries_robot for axis in self.given.external)
+            if not self._rail or railed or "BASE" in map(str.upper, self.given.bases):
                 named = "BASE" in map(str.upper, self.given.bases)
                 return frames.number("base", "BASE", line) if named else frames.root("base")
             what, cure = "BASE is that of the base axis", "add base BASE to the frame table"
@@ -176,20 +179,52 @@ class _Builder:
             f"not compensated: {cure}."
         )
 
-    def _external(self, reason: IntArray) -> None:
-        """Flags the points whose move also positions a base or station axis away from zero."""
-        values = self.scan.external
-        used = [(row, key) for row, keys in self.walk.partners.items() for key in keys]
-        away = sorted({row for row, key in used if any(values.get(key, (np.nan,)))})
-        distinct = {(key[0], values.get(key, (np.nan,))) for _, key in used}
-        still = len(distinct) == len({kind for kind, _ in distinct})
-        known = all(key in values for _, key in used)
+    def _external(self, reason: IntArray, base: IntArray, is_axis: BoolArray) -> Carried:
+        """Returns the work frames as external axes move them; flags points where none is known.
+
+        External axes count as a move names them: those of its BC point, then those of its EC point.
+        """
+        values = np.full((len(base), COUNT), np.nan)
+        ratio = {axis.number: axis.per_pulse for axis in self.given.external}
+        for row, number, key, value in self._partners():
+            if number <= COUNT:
+                printed = 1.0 if key not in self.scan.pulses else ratio.get(number, np.nan)
+                values[row, number - 1] = value * printed
+        moved = self.frames.carried(base, values)
+        lost = moved.unknown & ~is_axis
+        if lost.any():
+            reason[lost] = Reason.EXTERNAL_AXIS
+            what = "points without the value of an axis that carries the robot or their frame"
+            self._tell(lost, what, "name its point in the move; for pulses state its ratio")
+        self._undescribed(reason)
+        return moved
+
+    def _partners(self) -> Iterator[tuple[int, int, tuple[str, int], float]]:
+        """Yields (row, number of the axis, point, value as printed) for all external values."""
+        for row, keys in self.walk.partners.items():
+            number = 0
+            for key in sorted(set(keys)):
+                for value in self.scan.external.get(key, (np.nan,)):
+                    number += 1
+                    yield row, number, key, value
+
+    def _undescribed(self, reason: IntArray) -> None:
+        """Flags the points whose move also positions an axis that is not described, off zero."""
+        told = {axis.number for axis in self.given.external}
+        used = [each for each in self._partners() if each[1] not in told]
+        away = sorted({row for row, _, _, value in used if value != 0.0})
+        found = {(key[0], number, value) for _, number, key, value in used}
+        still = len(found) == len({(kind, number) for kind, number, _ in found})
+        known = all(key in self.scan.external for _, _, key, _ in used)
         if not away or (self.given.external_axes_at_rest and still and known):
             return
         reason[away] = Reason.EXTERNAL_AXIS
         rows = np.zeros(len(reason), np.bool_)
         rows[away] = True
-        cure = "if it stands still and the frames hold there, say so in the frame table"
+        cure = (
+            "describe the axis in the cell ([[controller.external]]); if it stands still and the "
+            "frames hold there, say so in the frame table"
+        )
         self._tell(rows, "points moved to together with a base or station axis", cure)
 
     def _count_notes(self) -> None:

@@ -67,6 +67,7 @@ class JbiScan:
         counts: What ``///NPOS`` says, empty without it.
         found: How many of C, BC, EC, P, BP, EX there are.
         external: Values of BC, BP, EC and EX points by name.
+        pulses: Those of them that are printed in pulses: under ``///PULSE``, or as whole numbers.
         body: Instruction lines (one-based line, text), headers and comments left out.
         attributes: Header lines of ``//INST`` (line, name, value).
     """
@@ -84,6 +85,7 @@ class JbiScan:
     counts: tuple[int, ...]
     found: dict[str, int]
     external: dict[tuple[str, int], tuple[float, ...]]
+    pulses: set[tuple[str, int]]
     body: list[tuple[int, bytes]]
     attributes: list[tuple[int, str, str]]
 
@@ -115,6 +117,7 @@ class _Reader:
     index: dict[Header, int] = field(default_factory=dict)
     rconf: list[tuple[int, ...]] = field(default_factory=list)
     external: dict[tuple[str, int], tuple[float, ...]] = field(default_factory=dict)
+    pulses: set[tuple[str, int]] = field(default_factory=set)
     found: dict[str, int] = field(default_factory=dict)
     body: list[tuple[int, bytes]] = field(default_factory=list)
     attributes: list[tuple[int, str, str]] = field(default_factory=list)
@@ -155,6 +158,7 @@ class _Reader:
             counts=self.counts,
             found=self.found,
             external=self.external,
+            pulses=self.pulses,
             body=self.body,
             attributes=self.attributes,
         )
@@ -235,6 +239,8 @@ class _Reader:
         else:
             self.found[kind] = self.found.get(kind, 0) + 1
             self.external[kind, number] = numbers
+            if self.state.unit == UNITS["PULSE"] or b"." not in text:
+                self.pulses.add((kind, number))
 
     def _header_line(self, name: str, value: str) -> None:
         value = value.strip()

@@ -7,7 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array
+from robotrue.core.arrays import Array, IntArray
+from robotrue.program.external_axes import Carried, carried, plain_key, riders_of
 from robotrue.program.program import FrameTable
 
 _SIDES: Final = {"base": "work frame", "tool": "tool"}
@@ -39,12 +40,15 @@ class NumberedFrames:
             "tool": [np.asarray(table.T_flange_tool, dtype=np.float64)],
         }
         self.lost: dict[tuple[str, int], str] = {}
+        self._axes = table.external
+        self._riders = {0: riders_of(table.external, "base")}
+        self._on_robot: set[int] = set()
         self._index: dict[tuple[str, str], int] = {}
         self._changed: dict[tuple[str, str], str] = {}
 
     def change(self, side: str, number: str, line: int, by: str) -> None:
         """Notes that the program itself changes a numbered frame, so that it is not known."""
-        self._changed.setdefault((side, _plain(number)), f"is changed by {by} in line {line}")
+        self._changed.setdefault((side, plain_key(number)), f"is changed by {by} in line {line}")
 
     def default(self, side: str) -> int:
         """Returns the index of the table's default."""
@@ -54,16 +58,39 @@ class NumberedFrames:
         """Returns the index of the robot's root, or of the flange as a tool."""
         return self._enter(side, "root", np.eye(4))
 
+    def robot_root(self) -> int:
+        """Returns the index of the robot's root as a work frame that moves with the robot."""
+        index = self._enter("base", "robot", np.eye(4))
+        self._on_robot.add(index)
+        return index
+
+    def carried(self, frame: IntArray, external: Array) -> Carried:
+        """Returns the work frames of targets as external axes move them.
+
+        Args:
+            frame: (n,) index of each target.
+            external: (n, 6) as printed, mm or deg; NaN where none is written.
+        """
+        matrices = self.stacked("base")
+        none = (False,) * len(self._axes)
+        riders = np.array([self._riders.get(k, none) for k in range(len(matrices))])
+        riders = riders.reshape(len(matrices), len(self._axes))
+        on_robot = np.isin(np.arange(len(matrices)), list(self._on_robot))
+        return carried(self._axes, matrices, frame, external, riders, on_robot)
+
     def number(self, side: str, number: str, line: int) -> int:
         """Returns the index of a numbered frame; ``line`` is where it is first asked for."""
-        number = _plain(number)
+        number = plain_key(number)
         if (side, number) in self._changed:
             return self.unknown(
                 side, f"{number} {self._changed[side, number]}", line, "compensate without it"
             )
         for key, matrix in self._given[side].items():
-            if _plain(key) == number:
-                return self._enter(side, number, np.asarray(matrix, dtype=np.float64))
+            if plain_key(key) == number:
+                index = self._enter(side, number, np.asarray(matrix, dtype=np.float64))
+                if side == "base":
+                    self._riders[index] = riders_of(self._axes, number)
+                return index
         if number == "0" and self._zero:
             return self.root(side)
         return self.unknown(
@@ -94,9 +121,3 @@ class NumberedFrames:
             self._index[side, key] = len(self.matrices[side])
             self.matrices[side].append(matrix)
         return self._index[side, key]
-
-
-def _plain(number: str) -> str:
-    """Returns a number without leading zeros; a name in lower case."""
-    text = number.strip().lower()
-    return str(int(text)) if text.isascii() and text.isdigit() else text

@@ -10,6 +10,7 @@ from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.rotations import matrix_from_quat_wxyz
 from robotrue.core.units import DEG, MM
 from robotrue.core.words import NO_WORD
+from robotrue.program.external_axes import described
 from robotrue.program.formats.rapid_data import AXIS, NOTHING
 from robotrue.program.formats.rapid_frames import TOOL, WORK
 from robotrue.program.formats.rapid_walk import AXES_SHIFTED, SHIFTED, Walk
@@ -53,7 +54,7 @@ class _Builder:
     def program(self) -> Program:
         """Returns the finished program, its rows in file order."""
         state = self._settle()
-        self._external()
+        frame, bases = self._external(state[1])
         self._flagged()
         position, rotation, axes = self._si()
         self._pair_arcs()
@@ -71,9 +72,9 @@ class _Builder:
             words=self._words()[order],
             words_of="abb",
             line=self.line[order],
-            frame=state[1][order],
+            frame=frame[order],
             tool=state[0][order],
-            T_base_frame=np.array(frames.matrices[WORK]),
+            T_base_frame=bases,
             T_flange_tool=np.array(frames.matrices[TOOL]),
             notes=self.tell.notes(),
             spans=RapidSpans(numbers=self.numbers.rows(order), is_axis=self.is_axis[order]),
@@ -141,11 +142,23 @@ class _Builder:
         out[self.point[uses]] = True
         return out
 
-    def _external(self) -> None:
+    def _external(self, work: IntArray) -> tuple[IntArray, Array]:
+        """Returns work frames as external axes move them; flags targets where they are unknown."""
         external = self.numbers.value[:, 11:]
         with np.errstate(invalid="ignore"):
             there = np.abs(external) < _NOT_CONNECTED
-        there &= self.used[:, None]
+        moved = self.walk.frames.frames.carried(work, np.where(there, external, np.nan))
+        self._put(
+            moved.unknown & self.used & ~self.is_axis,
+            Reason.EXTERNAL_AXIS,
+            "an external axis that carries the robot or the work object has no value here; "
+            "such targets are not compensated",
+        )
+        there &= self.used[:, None] & ~described(self.given.external)
+        self._undescribed(external, there)
+        return moved.frame, moved.T_base_frame
+
+    def _undescribed(self, external: Array, there: BoolArray) -> None:
         away = (there & (external != 0.0)).any(axis=1)
         if not away.any():
             return
@@ -159,8 +172,9 @@ class _Builder:
         self.tell.rows(
             away,
             f"external axis {column + 1} is {low[column]:g} to {high[column]:g} (mm or deg) and "
-            f"may carry the robot or the part; {int(away.sum())} targets are not compensated. If "
-            "it stands still and the frames hold there, say so in the frame table",
+            f"may carry the robot or the part; {int(away.sum())} targets are not compensated. "
+            "Describe it in the cell ([[controller.external]]); if it stands still and the frames "
+            "hold there, say so in the frame table",
         )
 
     def _flagged(self) -> None:

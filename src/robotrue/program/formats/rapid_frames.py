@@ -28,14 +28,17 @@ TOOL: Final = "tool"
 WORK: Final = "base"
 KINDS: Final = {"tooldata": TOOL, "wobjdata": WORK}
 _FRAMES: Final = {TOOL: ("tframe",), WORK: ("uframe", "oframe")}
-_MEMBERS: Final = {TOOL: ("tframe", "robhold"), WORK: ("uframe", "oframe", "robhold", "ufprog")}
-_OTHER: Final = ("tload", "ufmec")
+_MEMBERS: Final = {
+    TOOL: ("tframe", "robhold"),
+    WORK: ("uframe", "oframe", "robhold", "ufprog", "ufmec"),
+}
+_OTHER: Final = ("tload",)
 """Members that say nothing of where the target is, given the others."""
 _PATH: Final = re.compile(r"\s*\.\s*(\w+)\s*(.*)$", re.DOTALL)
 
 
-Member: TypeAlias = Array | bool | None
-"""A frame (4, 4), a truth, or None where it is not known."""
+Member: TypeAlias = Array | bool | str | None
+"""A frame (4, 4), a truth, a mechanical unit, or None where it is not known."""
 
 
 @dataclass(slots=True)
@@ -115,6 +118,7 @@ class RapidFrames:
         if side == WORK and len(parts) == 5:
             new["robhold"] = _truth(parts[0])
             new["ufprog"] = _truth(parts[1])
+            new["ufmec"] = _text(parts[2])
             new["uframe"], new["oframe"] = _frame(parts[3]), _frame(parts[4])
         return new
 
@@ -153,7 +157,7 @@ class RapidFrames:
             ), False
         values = {member: variable.versions[member][each] for member, each in version.items()}
         if values.get("ufprog") is False:
-            return self._lost(side, name, variable, "moves with another mechanical unit"), False
+            return self._on_unit(name, variable, values), False
         held, total = values["robhold"], self._T_base_world if side == WORK else np.eye(4)
         if held is None or values.get("ufprog", True) is None:
             return self._lost(side, name, variable, "is not given as numbers"), False
@@ -164,12 +168,28 @@ class RapidFrames:
             total = total @ matrix
         return self.frames.known(side, total), held is (side == WORK)
 
+    def _on_unit(self, name: str, variable: _Variable, values: Mapping[str, Member]) -> int:
+        """Returns the index of a work object whose user frame a mechanical unit moves."""
+        unit, oframe = values["ufmec"], values["oframe"]
+        axes = [axis.name for axis in self._table.external if axis.frames]
+        given = _given(self._table.bases, unit.lower()) if isinstance(unit, str) else None
+        known = isinstance(unit, str) and unit.lower() in {each.lower() for each in axes}
+        if given is None or not known or not isinstance(oframe, np.ndarray):
+            return self.frames.unknown(
+                WORK, variable.line, f"{name!r} moves with another mechanical unit",
+                "describe the unit in the cell: [[controller.external]] and [[controller.base]] of "
+                "its name",
+            )  # fmt: skip
+        if values["robhold"] is not False:
+            return self._lost(WORK, name, variable, "is held by the robot and by a unit")
+        return self.frames.known(WORK, given @ oframe, str(unit))
+
     def _outside(self, side: str, name: str, line: int) -> int:
         if side == WORK and name in ("", "wobj0"):
             return self.frames.known(side, self._T_base_world)
         given = _given(self._table.tools if side == TOOL else self._table.bases, name)
         if given is not None:
-            return self.frames.known(side, given)
+            return self.frames.known(side, given, name)
         if name == "tool0":
             return self.frames.known(side, np.eye(4))
         what = {TOOL: "tooldata", WORK: "wobjdata"}[side]
@@ -186,7 +206,14 @@ class RapidFrames:
 
 
 def _member(member: str, value: bytes) -> Member:
+    if member == "ufmec":
+        return _text(value)
     return _truth(value) if member in ("robhold", "ufprog") else _frame(value)
+
+
+def _text(value: bytes) -> str | None:
+    found = re.fullmatch(rb'"([^"]*)"', _bare(value))
+    return found[1].decode("latin-1") if found else None
 
 
 def _truth(value: bytes) -> bool | None:
