@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array
+from robotrue.core.arrays import Array, IntArray
 
 _FLAT: Final = 1e-9
 """Sine between the chords of three points below which no circle goes through them."""
@@ -69,14 +69,14 @@ def _turned(from_centre: Array, outward: Array, ahead: Array) -> Array:
     return np.asarray(np.arctan2(y, x) % (2.0 * np.pi))
 
 
-def on_circles(circle: Circles, rows: Array, angle: Array) -> Array:
+def on_circles(circle: Circles, rows: IntArray, angle: Array) -> Array:
     """Returns points (n, 3) m of circles ``rows`` (n,) at angles (n,) rad from the first point."""
     cosine, sine = np.cos(angle)[:, None], np.sin(angle)[:, None]
     turned = cosine * circle.outward[rows] + sine * circle.ahead[rows]
     return np.asarray(circle.centre[rows] + circle.radius[rows, None] * turned)
 
 
-def from_circles(points: Array, circle: Circles, rows: Array) -> Array:
+def from_circles(points: Array, circle: Circles, rows: IntArray) -> Array:
     """Returns the distances (n,) m of points (n, 3) from circles ``rows`` (n,).
 
     With r the distance from the axis of the circle and z the height over its plane,

@@ -214,7 +214,7 @@ def _from_arcs(samples: Samples, row: IntArray, node: IntArray) -> Array:
     parts, which = np.unique(node, return_inverse=True)
     middle = parts + samples.steps // 2
     through = [samples.told[each] for each in (parts, middle, parts + samples.steps)]
-    return from_circles(samples.told[row], circles(*through), which)
+    return from_circles(samples.told[row], circles(*through), which.astype(np.int64))
 
 
 def _turned(samples: Samples, row: IntArray, node: IntArray) -> Array:

@@ -34,7 +34,9 @@ _MODULES: Final[dict[str, str]] = {
     "rapid": "robotrue.program.formats.rapid",
     "urscript": "robotrue.program.formats.urscript",
 }
-_INSERTERS: Final[dict[str, str]] = {}
+_INSERTERS: Final[dict[str, str]] = {
+    "krl": "robotrue.program.formats.krl_insert",
+}
 """Dialects that can put targets into a program."""
 _SURE: Final = 0.4
 

@@ -1,0 +1,274 @@
+"""Puts targets into KRL programs: LIN and CIRC with points in braces or stored beside.
+
+What is put in is a line of its own before the move, a copy of it with the numbers of the new target
+in braces, also where the move names a stored point: names, declarations in the ``.dat`` and array
+bounds stay as they are. Without an approximation word the copies get ``C_DIS``: a KUKA stops
+exactly at a point without one. How near it then passes is ``$APO.CDIS``, at most half of the way.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.core.rotations import abc_from_matrix
+from robotrue.core.units import DEG, MM
+from robotrue.program.formats.move_trail import (
+    UNKNOWN,
+    Statement,
+    Trail,
+    groups,
+    line_end,
+    pose_in,
+    put_in,
+    repeated,
+)
+from robotrue.program.formats.number_text import restyled
+from robotrue.program.insertion import Insertion, Moves, Obstacle, job_rows
+from robotrue.program.program import Program
+
+_LINE: Final = re.compile(rb"([^\r\n]*)(?:\r\n|\n|\r|\Z)")
+_CODE: Final = re.compile(rb'(?:[^;"]|"[^"]*"?)*+')
+_POINT: Final = rb"(\{[^{}]*\}|[A-Za-z_]\w*(?:\s*\[[^\]]*\])?)"
+_MOTION: Final = re.compile(rb"\s*S?(PTP|LIN|CIRC|SPL)(_REL)?(?!\w)\s*(?![=(\[.])", re.IGNORECASE)
+_OPERANDS: Final = {
+    1: re.compile(_POINT + rb"(?=\s|$)"),
+    2: re.compile(_POINT + rb"\s*,\s*" + _POINT + rb"(?=\s|$)"),
+}
+_TAIL: Final = re.compile(rb"(?:\s*C_\w+)*\s*(?:WITH\s.*)?$", re.IGNORECASE | re.DOTALL)
+_SMOOTH: Final = re.compile(rb"\bC_\w+", re.IGNORECASE)
+_STORED: Final = re.compile(
+    rb"\s*(?:(?:GLOBAL|DECL|CONST)\s+)*(?:\w+\s+)?([A-Za-z_]\w*\s*(?:\[[^\]]*\])?)\s*=\s*(\{[^{}]*\})",
+    re.IGNORECASE,
+)
+_WORD: Final = re.compile(rb"\s*(\$?\w+)")
+_CALL: Final = re.compile(rb"(?<![\w$])(?!BAS\b)[A-Za-z_]\w*\s*\(", re.IGNORECASE)
+_COMPONENT: Final = re.compile(rb"(?<![\w'])([A-Za-z]\w*)\s+([+-]?[\d.][\d.]*(?:\s*[eE][+-]?\d+)?)")
+_LOOPS: Final = {b"for": 1, b"while": 1, b"loop": 1, b"repeat": 1,
+                 b"endfor": -1, b"endwhile": -1, b"endloop": -1, b"until": -1}  # fmt: skip
+_TURNS: Final = frozenset(
+    b"if else endif switch case default endswitch goto return exit resume end endfct".split()
+)
+_QUIET: Final = frozenset(
+    b"decl bas wait halt int real bool char signal ext extfct import pulse continue interrupt "
+    b"global struc enum anin anout digin confirm".split()
+)
+_LEAST: Final = 4
+_POSE: Final = (b"X", b"Y", b"Z", b"A", b"B", b"C")
+
+
+class KrlInserter:
+    """See the module."""
+
+    def moves(self, job: Sequence[Program]) -> Moves:
+        """Returns the moves of a job, those of its first file first."""
+        trail, stored, first = Trail(), _stored(job), job_rows(job)
+        for file, program in enumerate(job):
+            _Reader(trail, stored, file, program, int(first[file])).read()
+        return trail.moves()
+
+    def insert(
+        self, job: Sequence[Program], moves: Moves, insertion: Insertion
+    ) -> tuple[bytes, ...]:
+        """Returns the bytes of every program with the targets put in.
+
+        Raises:
+            ShapeError: A move with an obstacle, or a value that cannot be written.
+        """
+        first, literals = job_rows(job), _Literals(job)
+        edits: list[list[tuple[int, int, bytes]]] = [[] for _ in job]
+        for group in groups(moves, insertion):
+            s, data = group.statement, job[group.statement.file].data
+            texts = []
+            for k, row in enumerate(group.rows):
+                via = s.via >= 0 and k % 2 == 0
+                model = int((moves.via if via else moves.end)[group.move])
+                texts.append(_aggregate(literals.of(model), *pose_in(insertion, row), bare=via))
+            lines = [_smoothed(each) + line_end(data) for each in repeated(data, s, texts)]
+            edits[s.file].append((s.begin, 0, b"".join(lines)))
+            end = int(moves.end[group.move])
+            literal = data[s.target : s.target_end]
+            if literal[:1] == b"{":  # what it left out it would inherit from the target put in
+                file = int(np.searchsorted(first, end, side="right")) - 1
+                row = end - int(first[file])
+                program = job[file]
+                whole = _completed(literal, program.position[row], program.rotation[row])
+                if whole != literal:
+                    edits[s.file].append((s.target, len(literal), whole))
+        return tuple(put_in(job, edits))
+
+
+class _Reader:
+    """Goes over the lines of one file."""
+
+    def __init__(
+        self, trail: Trail, stored: dict[bytes, list[int]], file: int, program: Program, first: int
+    ) -> None:
+        self.trail, self.stored, self.file, self.first = trail, stored, file, first
+        self.data, self.lines = program.data, program.line.tolist()
+        self.next, self.spline = 0, False
+
+    def read(self) -> None:
+        """Reads every line."""
+        self.trail.routine()
+        for number, match in enumerate(_LINE.finditer(self.data), 1):
+            found = _CODE.match(self.data, *match.span(1))
+            end = found.end() if found else match.end(1)
+            if end > match.start():
+                self._line(number, match.start(), end)
+
+    def _line(self, number: int, begin: int, end: int) -> None:
+        motion = _MOTION.match(self.data, begin, end)
+        if motion is not None:
+            self._motion(number, begin, end, motion)
+            return
+        word = _WORD.match(self.data, begin, end)
+        if word is None:
+            return
+        name = word[1].lower()
+        if name in _LOOPS:
+            self.trail.loop(_LOOPS[name])
+        elif name in (b"spline", b"endspline"):
+            self.spline = name == b"spline"
+            self.trail.lose()
+        elif name == b"trigger":
+            self.trail.tie()
+        elif name in (b"def", b"deffct", b"global", b"defdat") and b"(" in self.data[begin:end]:
+            self.trail.routine()
+        elif name in _TURNS or (name not in _QUIET and self._unclear(begin, end)):
+            self.trail.lose()
+
+    def _unclear(self, begin: int, end: int) -> bool:
+        """Whether a statement may move the robot: a call, or a label jumped to."""
+        text = self.data[begin:end].strip()
+        return text.endswith(b":") or _CALL.search(text) is not None
+
+    def _motion(self, number: int, begin: int, end: int, motion: re.Match[bytes]) -> None:
+        kind = motion[1].upper()
+        found = _OPERANDS[2 if kind == b"CIRC" else 1].match(self.data, motion.end(), end)
+        if found is None or motion[2]:
+            self._inline(number)
+            self.trail.lose()
+            return
+        inline = self._inline(number)
+        rows = [self._row(found[i + 1], inline) for i in range(len(found.groups()))]
+        via = rows[0] if len(rows) == 2 else UNKNOWN
+        tail = self.data[found.end() : end].rstrip()
+        if kind in (b"PTP", b"SPL"):
+            self.trail.arrive(rows[-1])
+            return
+        obstacle = Obstacle.NONE
+        if self.spline or not _TAIL.match(tail):
+            obstacle = Obstacle.FORM
+        spans = [found.span(i + 1) for i in range(len(rows))]
+        auxiliary = spans[0] if len(rows) == 2 else (UNKNOWN, UNKNOWN)
+        statement = Statement(self.file, begin, *auxiliary, *spans[-1], found.end() + len(tail))
+        self.trail.move(via, rows[-1], number, statement, obstacle)
+
+    def _inline(self, number: int) -> list[int]:
+        """Returns the job rows that stand in a line, in order."""
+        while self.next < len(self.lines) and self.lines[self.next] < number:
+            self.next += 1
+        out = []
+        while self.next < len(self.lines) and self.lines[self.next] == number:
+            out.append(self.first + self.next)
+            self.next += 1
+        return out
+
+    def _row(self, operand: bytes, inline: list[int]) -> int:
+        if operand[:1] == b"{":
+            return inline.pop(0) if inline else UNKNOWN
+        known = self.stored.get(_name(operand), [])
+        return known[0] if len(known) == 1 else UNKNOWN
+
+
+def _name(text: bytes) -> bytes:
+    return re.sub(rb"\s+", b"", text).lower()
+
+
+def _stored(job: Sequence[Program]) -> dict[bytes, list[int]]:
+    """Returns the job rows every stored point is given."""
+    out: dict[bytes, list[int]] = defaultdict(list)
+    first = job_rows(job)
+    for file, program in enumerate(job):
+        if b"=" not in program.data:
+            continue
+        for row, text in enumerate(_row_lines(program)):
+            match = _STORED.match(text)
+            if match:
+                out[_name(match[1])].append(int(first[file]) + row)
+    return out
+
+
+def _row_lines(program: Program) -> list[bytes]:
+    """Returns the line every target stands in."""
+    lines = [match[1] for match in _LINE.finditer(program.data)]
+    return [lines[number - 1] for number in program.line.tolist()]
+
+
+class _Literals:
+    """The braces of job rows, as they stand in the files."""
+
+    def __init__(self, job: Sequence[Program]) -> None:
+        self.job, self.first = job, job_rows(job)
+        self.lines: dict[int, list[bytes]] = {}
+
+    def of(self, row: int) -> bytes:
+        """Returns those of one row."""
+        file = int(np.searchsorted(self.first, row, side="right")) - 1
+        if file not in self.lines:
+            self.lines[file] = _row_lines(self.job[file])
+        own = row - int(self.first[file])
+        text = self.lines[file][own]
+        before = self.job[file].line[:own] == self.job[file].line[own]
+        found: list[bytes] = re.findall(rb"\{[^{}]*\}", text)
+        return found[int(before.sum())]
+
+
+def _aggregate(literal: bytes, position: Array, rotation: Array, *, bare: bool) -> bytes:
+    """Returns braces with the six numbers of a pose; ``bare``: angles only where they stood."""
+    printed = {name.upper(): value for name, value in _COMPONENT.findall(literal)}
+    near = None
+    if all(name in printed for name in _POSE[3:]):
+        near = np.array([float(printed[n].replace(b" ", b"")) for n in _POSE[3:]]) * DEG
+    values = [*(position / MM).tolist(), *(abc_from_matrix(rotation, near=near) / DEG).tolist()]
+    wanted = dict(zip(_POSE, values, strict=True))
+
+    def new(match: re.Match[bytes]) -> bytes:
+        name = match[1].upper()
+        if name not in wanted:
+            return match[0]
+        head = match[0][: match.start(2) - match.start()]
+        return head + restyled(match[2].replace(b" ", b""), wanted[name], least=_LEAST)
+
+    out = _COMPONENT.sub(new, literal)
+    angles = bare and not any(name in printed for name in _POSE[3:])
+    missing = [n for n in _POSE if n not in printed and not (angles and n in _POSE[3:])]
+    added = b"".join(b",%s %.*f" % (name, _LEAST, wanted[name]) for name in missing)
+    return out[:-1] + added + b"}"
+
+
+def _completed(literal: bytes, position: Array, rotation: Array) -> bytes:
+    """Returns braces with the numbers they leave out."""
+    printed = {name.upper() for name, _ in _COMPONENT.findall(literal)}
+    if printed.issuperset(_POSE):
+        return literal
+    values = [*(position / MM).tolist(), *(abc_from_matrix(rotation) / DEG).tolist()]
+    added = [
+        b",%s %.*f" % (name, _LEAST, value)
+        for name, value in zip(_POSE, values, strict=True)
+        if name not in printed
+    ]
+    return literal[:-1] + b"".join(added) + b"}"
+
+
+def _smoothed(line: bytes) -> bytes:
+    return line if _SMOOTH.search(line) else line + b" C_DIS"
+
+
+INSERTER: Final = KrlInserter()

@@ -1,0 +1,210 @@
+"""The trail of moves through the text of a program, for dialects that put targets into it.
+
+A dialect goes over its statements in the order of the text and says what it meets: a target moved
+to, a line or arc with the bytes of its statement, a place where it is not certain where the robot
+is, a loop. Where two moves follow each other with nothing uncertain between, the second begins
+where the first ends.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from robotrue.core.arrays import Array, IntArray
+from robotrue.errors import ShapeError
+from robotrue.program.formats.number_text import spliced
+from robotrue.program.insertion import Insertion, Moves, Obstacle
+from robotrue.program.program import Motion, Program
+
+UNKNOWN: Final = -1
+"""A target that is no certain row."""
+COLUMNS: Final = 8
+
+
+class Statement(NamedTuple):
+    """The bytes of a move.
+
+    Attributes:
+        file: Program of the job it stands in.
+        begin: First byte of the statement.
+        via: First byte and end of the auxiliary target, -1 where there is none.
+        via_end: See there.
+        target: First byte of the target.
+        target_end: Its end.
+        end: End of the statement.
+        other: A place of the dialect's own.
+    """
+
+    file: int
+    begin: int
+    via: int
+    via_end: int
+    target: int
+    target_end: int
+    end: int
+    other: int = -1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Statements:
+    """Statements of k moves as columns (k, 8)."""
+
+    table: IntArray
+
+    def __getitem__(self, move: int) -> Statement:
+        return Statement(*self.table[move].tolist())
+
+
+class Trail:
+    """Collects moves; see the module."""
+
+    def __init__(self) -> None:
+        self._here, self._depth, self._event = UNKNOWN, 0, False
+        self._moves = array("q")
+        self._statements = array("q")
+        self._used = array("q")
+
+    def lose(self) -> None:
+        """From here on it is not certain where the robot is."""
+        self._here, self._event = UNKNOWN, False
+
+    def loop(self, step: int) -> None:
+        """Enters (1) or leaves (-1) a loop."""
+        self._depth = max(0, self._depth + step)
+        self.lose()
+
+    def tie(self) -> None:
+        """Something is tied to the next move: a trigger that stands before it."""
+        self._event = True
+
+    def routine(self) -> None:
+        """A routine begins: no loop is open."""
+        self._depth = 0
+        self.lose()
+
+    def arrive(self, row: int) -> None:
+        """The robot moves to a target on a way of its own."""
+        self._here, self._event = row, False
+        self._used.append(row)
+
+    def move(
+        self, via: int, row: int, line: int, statement: Statement, obstacle: int = Obstacle.NONE
+    ) -> None:
+        """The robot moves straight, or on an arc over ``via``, to a target."""
+        if row < 0 or (statement.via >= 0 and via < 0):
+            obstacle = obstacle or Obstacle.COMPUTED
+        if self._depth:
+            obstacle = obstacle or Obstacle.LOOP
+        if self._here < 0:
+            obstacle = obstacle or Obstacle.START
+        if self._event:
+            obstacle = obstacle or Obstacle.EVENT
+        self._moves.extend((self._here, via, row, line, int(obstacle)))
+        self._statements.extend(statement)
+        if via >= 0:
+            self._used.append(via)
+        self.arrive(row)
+
+    def moves(self) -> Moves:
+        """Returns what was collected."""
+        table = np.frombuffer(self._moves, np.int64).reshape(-1, 5)
+        start, via, end, line, obstacle = table.T
+        used = np.frombuffer(self._used, np.int64)
+        times = np.bincount(used[used >= 0], minlength=1)
+        shared = (end >= 0) & (times[end] > 1) | (via >= 0) & (times[via] > 1)
+        statements = np.frombuffer(self._statements, np.int64).reshape(-1, COLUMNS)
+        return Moves(
+            start=start,
+            via=via,
+            end=end,
+            line=line,
+            obstacle=np.where(shared & (obstacle == Obstacle.NONE), int(Obstacle.SHARED), obstacle),
+            spans=Statements(table=statements),
+        )
+
+
+class Group(NamedTuple):
+    """The targets to be put into one move.
+
+    Attributes:
+        move: Which.
+        statement: Its bytes.
+        rows: Rows of the insertion, (straight) or pairs of them (arc).
+    """
+
+    move: int
+    statement: Statement
+    rows: range
+
+
+def groups(moves: Moves, insertion: Insertion) -> Iterator[Group]:
+    """Yields the moves that get targets, in order.
+
+    Raises:
+        ShapeError: A move that may not be split, or targets that do not suit it.
+    """
+    which, first = np.unique(insertion.move, return_index=True)
+    ends = [*first[1:].tolist(), len(insertion)]
+    for move, begin, end in zip(which.tolist(), first.tolist(), ends, strict=True):
+        if moves.obstacle[move]:
+            why = Obstacle(int(moves.obstacle[move])).explanation
+            raise ShapeError(f"the move of line {moves.line[move]} cannot be split: {why}.")
+        motions = insertion.motion[begin:end].tolist()
+        arc = moves.via[move] >= 0
+        pattern = [Motion.ARC_VIA, Motion.ARC_END] * (len(motions) // 2)
+        if motions != (pattern if arc else [Motion.LIN] * len(motions)):
+            raise ShapeError(f"the targets for the move of line {moves.line[move]} do not suit it.")
+        yield Group(move, moves.spans[move], range(begin, end))
+
+
+def repeated(data: bytes, statement: Statement, texts: Sequence[bytes]) -> list[bytes]:
+    """Returns the statement once for each target of ``texts``, or for each pair of an arc."""
+    s = statement
+    if s.via < 0:
+        head, tail = data[s.begin : s.target], data[s.target_end : s.end]
+        return [head + text + tail for text in texts]
+    parts = data[s.begin : s.via], data[s.via_end : s.target], data[s.target_end : s.end]
+    return [
+        parts[0] + via + parts[1] + end + parts[2]
+        for via, end in zip(texts[::2], texts[1::2], strict=True)
+    ]
+
+
+def put_in(
+    programs: Sequence[Program], edits: Sequence[list[tuple[int, int, bytes]]]
+) -> list[bytes]:
+    """Returns the bytes of every program with its stretches (first byte, bytes, text) replaced."""
+    out = []
+    for program, own in zip(programs, edits, strict=True):
+        starts, sizes, texts = zip(*own, strict=True) if own else ((), (), ())
+        out.append(spliced(program.data, starts, sizes, texts) if own else program.data)
+    return out
+
+
+def line_start(data: bytes, place: int) -> int:
+    """Returns the first byte of the line a byte stands in."""
+    return max(data.rfind(b"\n", 0, place), data.rfind(b"\r", 0, place)) + 1
+
+
+def line_end(data: bytes) -> bytes:
+    """Returns how the lines of a file end: as its first one does."""
+    at = min((i for i in (data.find(b"\n"), data.find(b"\r")) if i >= 0), default=-1)
+    if at < 0:
+        return b"\n"
+    return b"\r\n" if data[at : at + 2] == b"\r\n" else data[at : at + 1]
+
+
+def indentation(data: bytes, place: int) -> bytes:
+    """Returns the blanks a line begins with, up to a byte; nothing if other text stands there."""
+    text = data[line_start(data, place) : place]
+    return b"" if text.strip() else text
+
+
+def pose_in(insertion: Insertion, row: int) -> tuple[Array, Array]:
+    """Returns position (3,) m and rotation (3, 3) of one row."""
+    return insertion.position[row], insertion.rotation[row]
