@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import tomllib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
@@ -30,6 +29,7 @@ from robotrue.cell.wording import configuration_error, line_of_key
 from robotrue.core.arrays import Array
 from robotrue.core.files import read_bytes, sha256
 from robotrue.core.poses import pose, pose_from_xyz_abc
+from robotrue.core.toml_text import parse_toml
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError, ShapeError
 from robotrue.measurement.tracker import DEFAULT_SPECIFICATION, TrackerSpecification, one_sigma
@@ -59,19 +59,7 @@ def parse_cell(data: bytes, path: str | Path) -> Cell:
     Raises:
         ConfigurationError: As :func:`read_cell`.
     """
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as cause:
-        raise ConfigurationError(
-            f"byte 0x{data[cause.start]:02x} is not UTF-8.",
-            source=path,
-            line=data.count(b"\n", 0, cause.start) + 1,
-            hint="save the file as UTF-8.",
-        ) from None
-    try:
-        tables = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as cause:
-        raise _not_toml(path, text, cause) from None
+    tables, text = parse_toml(data, path, example="the reference of cell.toml")
     try:
         file = CellFile.model_validate(tables)
     except ValidationError as cause:
@@ -112,19 +100,6 @@ def _blamed(message: str, file: CellFile) -> tuple[str | int, ...]:
             keys = getattr(file, owner).model_fields_set
             return (owner, *(key for key in sorted(keys) if key.startswith(name)))[:2]
     return ("robot", "dh") if file.robot.dh else ("robot",)
-
-
-def _not_toml(path: str | Path, text: str, cause: tomllib.TOMLDecodeError) -> ConfigurationError:
-    words = str(cause)
-    head, _, place = words.partition(" (at ")
-    digits = "".join(c for c in place.partition("line ")[2].partition(",")[0] if c.isdigit())
-    line = int(digits) if digits else text.count("\n") + 1
-    return ConfigurationError(
-        f"not TOML: {head}.",
-        source=path,
-        line=line,
-        hint="compare the line with the example in the reference of cell.toml.",
-    )
 
 
 def _cell(file: CellFile, path: str | Path, digest: str) -> Cell:

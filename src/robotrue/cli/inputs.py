@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Sequence
 from dataclasses import fields
 from functools import partial
@@ -14,8 +13,8 @@ import numpy as np
 from robotrue.cell.cell import Cell, tracker_covariance
 from robotrue.cli.console import count, say
 from robotrue.core.arrays import Array
-from robotrue.core.files import read_bytes
-from robotrue.errors import ConfigurationError, FormatError, ModelMismatchError
+from robotrue.core.toml_text import read_toml
+from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.measurement.formats.mapping import ColumnMapping
 from robotrue.measurement.formats.registry import read_measurements
 from robotrue.measurement.measurement_set import MeasurementSet, concatenate
@@ -128,13 +127,10 @@ def read_mapping(path: Path) -> ColumnMapping:
     """Returns a column mapping written as TOML: the fields of ``ColumnMapping``, nothing else.
 
     Raises:
-        ConfigurationError: An unknown field or a value it cannot take.
-        FormatError: Not TOML.
+        ConfigurationError: Not TOML, an unknown field or a value it cannot take.
+        FormatError: The file cannot be read.
     """
-    try:
-        stated = tomllib.loads(read_bytes(path).decode("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as cause:
-        raise FormatError(f"not a TOML file: {cause}.", source=path) from cause
+    stated, _ = read_toml(path, example="the guide on importing a tracker file")
     known = {f.name for f in fields(ColumnMapping)}
     unknown = sorted(set(stated) - known)
     if unknown:

@@ -18,7 +18,6 @@ in path axes, or ``csv = "forces.csv"``, a file beside it with one column ``line
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final, TypeAlias, get_args
@@ -36,7 +35,7 @@ from robotrue.compensation.process_force import (
     Part,
 )
 from robotrue.core.arrays import Array, IntArray
-from robotrue.core.files import read_bytes
+from robotrue.core.toml_text import read_toml
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, FormatError, RobotrueError
 from robotrue.measurement.formats.sheet import Sheet, column_key, finite_number, read_sheet
@@ -67,28 +66,14 @@ def read_force(path: str | Path, *, milling: Milling | None = None) -> Described
         milling: What makes a wrench of the keys of ``milling``.
 
     Raises:
-        ConfigurationError: An unknown key or a value that cannot be; with file and line.
-        FormatError: Not TOML, or a table that cannot be read.
+        ConfigurationError: Not TOML, an unknown key or a value that cannot be; with file and line.
+        FormatError: A file that cannot be read, or a table that is not one.
     """
     path = Path(path)
     if path.suffix.lower() != ".toml":
         table = read_force_table(path, name=path.name, axes="base", program="")
         return DescribedForce(parts=(table,))
-    data = read_bytes(path)
-    try:
-        text = data.decode("utf-8-sig")
-        stated = tomllib.loads(text)
-    except UnicodeDecodeError as cause:
-        line = data.count(b"\n", 0, cause.start) + 1
-        raise FormatError(
-            "not UTF-8.", source=path, line=line, hint="save the file as UTF-8."
-        ) from None
-    except (tomllib.TOMLDecodeError, RecursionError) as cause:
-        raise FormatError(
-            f"not TOML: {cause or 'nested too deeply'}.",
-            source=path,
-            hint="compare it with the example in the guide on process force.",
-        ) from None
+    stated, text = read_toml(path, example="the guide on process force")
     return DescribedForce(parts=_parts(path, text, stated, milling))
 
 
