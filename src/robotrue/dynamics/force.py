@@ -2,22 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from robotrue.core.arrays import Array, frozen
-from robotrue.errors import ShapeError
+from robotrue.dynamics.frf import AXES
+from robotrue.errors import ImplausibleDataError, ShapeError
+
+MOST: Final = 50e3
+"""N; no robot mills with more. A record beyond it is in another unit."""
+_COUNTS: Final = 1000.0
+"""Whole numbers only, and some beyond this: counts of a converter."""
+_FLAT_RUN: Final = 4
+"""Samples in a row at the same extreme; twice that a sensor clipped."""
+_DISTINCT: Final = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ForceRecord:
-    """Force on the tool, sampled regularly.
+    """Force on the tool, sampled evenly.
 
     Attributes:
         start: s, time of the first sample on the recorder's clock.
         rate: Samples per second.
-        force: (n, 3) N along x, y, z, what acts **on the tool**.
+        force: (n, 3) N along x, y, z, what acts **on the tool**, in the axes of the frequency
+            response it is to meet.
         source: File or model it came from.
     """
 
@@ -39,3 +51,75 @@ class ForceRecord:
     def time(self) -> Array:
         """(n,) s on the recorder's clock."""
         return np.asarray(self.start + np.arange(len(self.force)) / self.rate)
+
+
+def check_force(
+    record: ForceRecord, line_of: Callable[[int], int] | None = None
+) -> tuple[str, ...]:
+    """Returns what is odd but harmless, one sentence each; a sensor that cannot be right raises.
+
+    Args:
+        record: As read.
+        line_of: Row to line of the file, for the message.
+
+    Raises:
+        ImplausibleDataError: Counts instead of newtons, clipped tops, a dead channel.
+
+    Fails when: a channel is dead but noisy, or clips outside the record's largest values.
+    """
+    force = record.force
+    remarks = []
+    if not force.any():
+        raise _refused(
+            record, 0, line_of, "all forces are zero: nobody was connected.", "the cable"
+        )
+    for axis, values in zip(AXES, force.T, strict=True):
+        if not values.any():
+            remarks.append(f"f{axis} is zero throughout: taken as a force that is not there")
+            continue
+        row = int(np.argmax(np.abs(values)))
+        top = float(values[row])
+        if abs(top) > MOST:
+            what = f"f{axis} reaches {top:.4g} N, expected at most {MOST:g}."
+            raise _refused(record, row, line_of, what, "the unit: counts, mN or mV are not N")
+        if abs(top) > _COUNTS and (values == np.rint(values)).all():
+            what = f"f{axis} holds whole numbers up to {top:g}: counts of a converter, not newtons."
+            raise _refused(record, row, line_of, what, "the sensor's counts per newton")
+        if len(values) > _DISTINCT and np.ptp(values) == 0.0:
+            what = f"f{axis} is {top:g} N on every sample: a sensor that is not connected."
+            raise _refused(record, 0, line_of, what, "cable and charge amplifier")
+        clipped = _clipped(values)
+        if clipped is not None:
+            what = f"f{axis} stays at exactly {values[clipped]:g} N, its extreme, again and again: "
+            raise _refused(
+                record, clipped, line_of, what + "the sensor is saturated.", "a larger range"
+            )
+    return tuple(remarks)
+
+
+def _clipped(values: Array) -> int | None:
+    """First sample of two or more flat tops, or None.
+
+    Zero is no top: between the teeth there is no force. Neither is the plateau of a signal of a
+    few values, like a step.
+    """
+    for extreme in (values.max(), values.min()):
+        if extreme == 0.0:
+            continue
+        at = np.concatenate([[False], values == extreme, [False]])
+        edge = np.flatnonzero(np.diff(at.astype(np.int8)))
+        long = (edge[1::2] - edge[::2]) >= _FLAT_RUN
+        if long.sum() >= 2 and len(np.unique(values[: 200 * _DISTINCT])) >= _DISTINCT:
+            return int(edge[::2][long][0])
+    return None
+
+
+def _refused(
+    record: ForceRecord, row: int, line_of: Callable[[int], int] | None, what: str, check: str
+) -> ImplausibleDataError:
+    return ImplausibleDataError(
+        what if line_of is not None else f"sample {row}: {what}",
+        source=record.source,
+        line=None if line_of is None else line_of(row),
+        hint=f"check {check}.",
+    )

@@ -8,14 +8,15 @@ tests with an accelerometer measure the accelerance; the forms differ by j omega
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from robotrue.core.arrays import Array, BoolArray, frozen
-from robotrue.errors import ConfigurationError, ShapeError
+from robotrue.errors import ConfigurationError, ImplausibleDataError, ShapeError
 
 ComplexArray: TypeAlias = npt.NDArray[np.complex128]
 """complex128 array; shape and unit are in the docstring of whoever names it."""
@@ -136,6 +137,34 @@ def in_form(response: ComplexArray, frequency: Array, have: str, want: str) -> C
         )
     factor = (2j * np.pi * frequency) ** power
     return np.asarray(response * factor.reshape(-1, *[1] * (response.ndim - 1)))
+
+
+def with_static(frf: FrequencyResponse, static: Mapping[str, float]) -> FrequencyResponse:
+    """Returns the response with the deflections of a static load test.
+
+    Args:
+        frf: As measured.
+        static: Pair of axes, response first, to m/N; measured pairs that are not named keep what
+            is known of them, or get the value of the first line of the band.
+
+    Raises:
+        ConfigurationError: A pair that was not measured dynamically.
+        ImplausibleDataError: A direct pair that yields against the force.
+    """
+    if not static:
+        return frf
+    first = int(np.searchsorted(frf.frequency, max(frf.valid[0], 1e-9)))
+    known = np.array(frf.response[first].real if frf.static is None else frf.static)
+    for pair, value in static.items():
+        frf.pair(pair[0], pair[1])
+        if pair[0] == pair[1] and not value > 0.0:
+            raise ImplausibleDataError(
+                f"static deflection {pair} of {value:.3g} m/N, expected above zero: the tool "
+                "yields the way it is pushed.",
+                source=frf.source,
+            )
+        known[frf.response_axes.index(pair[0]), frf.excitation_axes.index(pair[1])] = value
+    return replace(frf, static=known)
 
 
 def _check_axes(axes: tuple[str, ...], name: str) -> None:

@@ -23,6 +23,8 @@ from robotrue.errors import ArchiveError, ConfigurationError, ShapeError
 
 KIND: Final = "modal-model"
 SCHEMA: Final = 1
+_BLOCK: Final = 65536
+"""Frequencies at a time; bounds the memory of long records."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,14 +96,17 @@ class ModalModel:
                 "a modal model with a lower residual has no value at 0 Hz.",
                 hint="fit it with the static deflection of a load test.",
             )
-        poles, residues = self.poles[:, None, None], self.residues
-        out = np.empty((len(s), *self.upper.shape), dtype=np.complex128)
-        for i, si in enumerate(s):
-            out[i] = (residues / (si - poles) + residues.conj() / (si - poles.conj())).sum(axis=0)
-            out[i] += self.upper
+        r, e = self.upper.shape
+        poles = np.concatenate([self.poles, self.poles.conj()])
+        residues = np.concatenate([self.residues, self.residues.conj()]).reshape(-1, r * e)
+        out = np.empty((len(s), r * e), dtype=np.complex128)
+        for start in range(0, len(s), _BLOCK):
+            part = s[start : start + _BLOCK, None]
+            out[start : start + _BLOCK] = (1.0 / (part - poles)) @ residues
+            out[start : start + _BLOCK] += self.upper.ravel()
             if self.lower.any():
-                out[i] += self.lower / si**2
-        return out
+                out[start : start + _BLOCK] += self.lower.ravel() / part**2
+        return out.reshape(-1, r, e)
 
     @property
     def modal_static(self) -> Array:

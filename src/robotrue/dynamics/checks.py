@@ -1,0 +1,256 @@
+"""Whether a frequency response can be what it claims: physics that no structure gets round.
+
+A structure without motors takes energy in and gives none back. At the point that is pushed, the
+displacement never leads the force: Im G_ii <= 0 (e^{+j omega t}). An accelerance has it the other
+way, a mobility has Re >= 0 instead, and a pair of two different axes has no such law. Maxwell:
+G_ij = G_ji.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array, BoolArray
+from robotrue.dynamics.frf import ComplexArray, FrequencyResponse
+from robotrue.errors import ImplausibleDataError
+
+BLIND_BELOW: Final = 4.0
+"""Hz below which accelerometers of hammer tests see noise and not motion (3 to 5 by sensor)."""
+COHERENT: Final = 0.8
+"""Least coherence of a line to be trusted."""
+RECIPROCAL: Final = 0.1
+"""Part of the larger by which two reciprocal receptances may differ before it is said."""
+_SOFTEST: Final = 5e-4
+"""m/N at the low end of the band; more than that, 2 N/mm, is no robot."""
+_CLEAR: Final = 0.3
+_LEAST_LOSS: Final = 1e-3
+"""Mean |sin phase| below which a curve has no damping that a sign could be read from."""
+_WELL: Final = 400
+
+
+def check_response(frf: FrequencyResponse) -> None:
+    """Returns nothing; raises where the numbers cannot be receptances of these axes.
+
+    Raises:
+        ImplausibleDataError: An accelerance or mobility taken for a receptance, a flipped or
+            swapped axis, a wrong sign of time, another unit, a static value that does not fit.
+
+    Fails when: only cross pairs were measured, or without damping; no sign can then be read.
+    """
+    _check_swapped(frf)
+    for axis in frf.response_axes:
+        if axis + axis in frf.pairs:
+            _check_direct(frf, axis)
+    _check_cross_signs(frf)
+
+
+def response_remarks(frf: FrequencyResponse) -> tuple[str, ...]:
+    """Returns what whoever uses the response should know, one sentence each."""
+    said = []
+    low, high = frf.valid
+    if frf.static is None:
+        said.append(
+            f"nothing is known below {low:g} Hz: the static deflection is a guess from the lowest "
+            "lines until a static load test gives it"
+        )
+    out, into = frf.response_axes, frf.excitation_axes
+    absent = [a + b for a in out for b in into if a + b not in frf.pairs]
+    absent += [a + a for a in ("x", "y", "z") if a not in out and a in into]
+    if absent:
+        said.append(f"pairs that nobody measured count as zero: {', '.join(absent)}")
+    for pair, difference in reciprocity(frf).items():
+        if difference > RECIPROCAL:
+            said.append(
+                f"G{pair} and G{pair[::-1]} differ by {100.0 * difference:.0f} % (reciprocity): "
+                "sensor and hammer were not on the same point, or one axis is off"
+            )
+    poor = incoherent_share(frf)
+    if poor > 0.05:
+        said.append(
+            f"{100.0 * poor:.0f} % of the lines between {low:g} and {high:g} Hz have a coherence "
+            f"below {COHERENT}"
+        )
+    return tuple(said)
+
+
+def reciprocity(frf: FrequencyResponse) -> dict[str, float]:
+    """Returns, per pair of axes measured both ways, the rms difference over the rms of both."""
+    found = {}
+    band = in_band(frf)
+    for pair in frf.pairs:
+        if pair[0] < pair[1] and pair[::-1] in frf.pairs:
+            one, two = (frf.pair(p[0], p[1])[band] for p in (pair, pair[::-1]))
+            size = np.sqrt((np.abs(one) ** 2 + np.abs(two) ** 2).mean() / 2.0)
+            if size > 0.0:
+                found[pair] = float(np.sqrt((np.abs(one - two) ** 2).mean()) / size)
+    return found
+
+
+def coherent_band(frequency: Array, coherence: Array) -> tuple[float, float]:
+    """Returns the lowest and highest Hz between which coherence is mostly good.
+
+    Antiresonances have no coherence and do not end the band: the ends are where, seen from the
+    outside, the first run of lines with a median of at least ``COHERENT`` begins.
+
+    Args:
+        frequency: (m,) Hz.
+        coherence: (m,) 0..1.
+
+    Raises:
+        ImplausibleDataError: No such run.
+    """
+    width = max(3, len(frequency) // 100)
+    median = np.array(
+        [np.median(coherence[max(0, i - width) : i + width + 1]) for i in range(len(frequency))]
+    )
+    good = np.flatnonzero((median >= COHERENT) & (frequency > 0.0))
+    if not good.size:
+        raise ImplausibleDataError(
+            f"no band with a coherence of {COHERENT} or more; the best is {median.max():.2f}.",
+            hint="hit harder, with a softer tip, and average five hits.",
+        )
+    return float(frequency[good[0]]), float(frequency[good[-1]])
+
+
+def in_band(frf: FrequencyResponse) -> BoolArray:
+    """Returns (m,) true where the response is to be trusted."""
+    low, high = frf.valid
+    return np.asarray((frf.frequency >= low) & (frf.frequency <= high) & (frf.frequency > 0.0))
+
+
+def incoherent_share(frf: FrequencyResponse) -> float:
+    """Returns the part of the lines in the band, 0..1, whose coherence is poor in some pair."""
+    if frf.coherence is None:
+        return 0.0
+    inside = frf.coherence[in_band(frf)][:, frf.present]
+    return float((inside < COHERENT).any(axis=1).mean())
+
+
+def diverges_below(frequency: Array, direct: ComplexArray) -> bool:
+    """Returns whether a curve (m,) grows towards 0 Hz like integrated noise of an accelerometer."""
+    low = (frequency > 0.0) & (frequency <= 1.25 * BLIND_BELOW)
+    if low.sum() < 4 or not np.abs(direct[low]).all():
+        return False
+    slope = np.polyfit(np.log(frequency[low]), np.log(np.abs(direct[low])), 1)[0]
+    return bool(slope < -1.0)
+
+
+def _check_direct(frf: FrequencyResponse, axis: str) -> None:
+    band = in_band(frf)
+    frequency, values = frf.frequency[band], frf.pair(axis, axis)[band]
+    if not values.any():
+        raise ImplausibleDataError(
+            f"G{axis}{axis} is zero throughout.", source=frf.source, hint="export the curve again."
+        )
+    softest = float(np.median(np.abs(values[: max(3, len(values) // 50)])))
+    if frf.static is not None:
+        _check_static(frf, axis, softest)
+    loss, towards = _phase(frequency, values)
+    if loss is not None and loss < _CLEAR:
+        raise ImplausibleDataError(
+            f"G{axis}{axis}: {_diagnosis(axis, frequency, values, loss, towards)}",
+            source=frf.source,
+            hint="name the form in the column's unit, or correct the sign of the channel.",
+        )
+    if softest > _SOFTEST:
+        raise ImplausibleDataError(
+            f"G{axis}{axis} is {softest:.3g} m/N at {frequency[0]:g} Hz, {softest * 1e3:.3g} mm "
+            f"for every newton; expected at most {_SOFTEST:g} m/N.",
+            source=frf.source,
+            hint="another unit: um_per_N or mm_per_N, or an accelerance, m_per_s2_per_N.",
+        )
+
+
+def _check_static(frf: FrequencyResponse, axis: str, softest: float) -> None:
+    static = frf.static
+    if static is None or frf.frequency[frf.frequency > 0.0][0] > 20.0:
+        return
+    at_rest = float(static[frf.response_axes.index(axis), frf.excitation_axes.index(axis)])
+    if not 0.1 * softest < at_rest < 10.0 * softest:
+        raise ImplausibleDataError(
+            f"G{axis}{axis} is {at_rest:.3g} m/N at 0 Hz and {softest:.3g} m/N at the first lines: "
+            "the line at 0 Hz is no static deflection.",
+            source=frf.source,
+            hint="leave the line at 0 Hz out, or put the result of a static load test there.",
+        )
+
+
+def _phase(frequency: Array, values: ComplexArray) -> tuple[float | None, float]:
+    """Part of the loss that is loss (-1..1, None: no damping to read), and the same of Re.
+
+    On a logarithmic grid, each line weighing alike: the peaks do not decide alone.
+    """
+    some = np.geomspace(frequency[0], frequency[-1], _WELL)
+    at = np.unique(np.searchsorted(frequency, some).clip(max=len(frequency) - 1))
+    size = np.abs(values[at])
+    at, size = at[size > 0.0], size[size > 0.0]
+    sine, cosine = values[at].imag / size, values[at].real / size
+    towards = float(cosine.sum() / max(np.abs(cosine).sum(), 1e-300))
+    if np.abs(sine).mean() < _LEAST_LOSS:
+        return None, towards
+    return float(-sine.sum() / np.abs(sine).sum()), towards
+
+
+def _diagnosis(
+    axis: str, frequency: Array, values: ComplexArray, loss: float, towards: float
+) -> str:
+    trend = float(np.polyfit(np.log(frequency), np.log(np.abs(values) + 1e-300), 1)[0])
+    at_low = float(np.median(values[: max(3, len(values) // 50)].real))
+    if loss > -_CLEAR:
+        if towards > 0.6:
+            return "Re is positive at all frequencies: a mobility (m/s/N), not a receptance."
+        return (
+            "the imaginary part has no sign: response and excitation are of different axes, "
+            "or the axes are swapped."
+        )
+    if trend > 0.0:
+        return (
+            "Im is positive and the curve rises with frequency: an accelerance (m/s2/N), not a "
+            "receptance."
+        )
+    if at_low > 0.0:
+        return "Im is positive where Re is: the conjugate, written with e^(-j omega t)."
+    return (
+        "Im is positive: the tool would move against the force. "
+        f"The {axis} axis of sensor or hammer is flipped, or this is an accelerance (m/s2/N)."
+    )
+
+
+def _check_swapped(frf: FrequencyResponse) -> None:
+    """Two axes whose cross pairs behave like direct ones, and whose direct ones do not."""
+    band = in_band(frf)
+    frequency = frf.frequency[band]
+    for k, a in enumerate(frf.response_axes):
+        for b in frf.response_axes[k + 1 :]:
+            if not {a + a, b + b, a + b, b + a} <= set(frf.pairs):
+                continue
+            loss = {
+                p: _phase(frequency, frf.pair(p[0], p[1])[band])[0] or 0.0
+                for p in (a + a, b + b, a + b, b + a)
+            }
+            direct = min(loss[a + a], loss[b + b])
+            cross = min(abs(loss[a + b]), abs(loss[b + a]))
+            if direct < 0.5 and cross > 0.9 and max(abs(loss[a + a]), abs(loss[b + b])) < 0.9:
+                raise ImplausibleDataError(
+                    f"G{a}{b} and G{b}{a} behave like direct pairs, G{a}{a} and G{b}{b} do not: "
+                    f"the axes {a} and {b} of sensor or hammer are swapped.",
+                    source=frf.source,
+                    hint=f"exchange {a} and {b} of one of the two channels.",
+                )
+
+
+def _check_cross_signs(frf: FrequencyResponse) -> None:
+    band = in_band(frf)
+    for pair, difference in reciprocity(frf).items():
+        one, two = (frf.pair(p[0], p[1])[band] for p in (pair, pair[::-1]))
+        size = np.sqrt((np.abs(one) ** 2 + np.abs(two) ** 2).mean() / 2.0)
+        flipped = float(np.sqrt((np.abs(one + two) ** 2).mean()) / size)
+        if flipped < RECIPROCAL < difference:
+            raise ImplausibleDataError(
+                f"G{pair} is the negative of G{pair[::-1]}: one of the axes is flipped in one of "
+                "the two tests.",
+                source=frf.source,
+                hint="check the direction of hammer and sensor.",
+            )

@@ -1,0 +1,181 @@
+"""Long tables of numbers with named columns: fast where they are sound, exact about where not."""
+
+from __future__ import annotations
+
+import csv
+import io
+import itertools
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.core.files import read_bytes, sha256
+from robotrue.errors import FormatError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Columns:
+    """Named columns of finite numbers.
+
+    Attributes:
+        source: Path as given.
+        digest: SHA-256 of the file.
+        names: As written, stripped.
+        values: (n, k) in the units of the names.
+        first_line: Line of the first row; the rows follow without a gap.
+        header_line: Line of the names.
+    """
+
+    source: str
+    digest: str
+    names: tuple[str, ...]
+    values: Array
+    first_line: int
+    header_line: int
+
+    def column(self, name: str) -> Array:
+        """Returns (n,) of a column that is there."""
+        return np.asarray(self.values[:, self.names.index(name)])
+
+    def line(self, row: int) -> int:
+        """Returns the line of a row counted from 0."""
+        return self.first_line + row
+
+
+def read_columns(path: str | Path) -> Columns:
+    """Returns a CSV file of numbers; comma, semicolon or tab, ``#`` lines before the header.
+
+    Raises:
+        FormatError: Unreadable, no header, a name twice, a cell that is blank, no number or not
+            finite, rows of unequal length; with its line.
+    """
+    import pandas as pd
+
+    data = read_bytes(path)
+    text = _text(data, path)
+    lines = text.splitlines()
+    head = next((i for i, s in enumerate(lines) if s.strip() and not s.startswith("#")), None)
+    if head is None:
+        raise FormatError("the file is empty.", source=path, hint="export it again.")
+    mark = next((m for m in (";", "\t", ",") if m in lines[head]), ",")
+    names = _names(lines[head].split(mark), path, head + 1)
+    body = lines[head + 1 :]
+    while body and not body[-1].strip():
+        body.pop()
+    if not body:
+        raise FormatError(
+            "a header and no rows.", source=path, line=head + 1, hint="export it again."
+        )
+    decimal = "," if mark != "," and "," in body[0] else "."
+    try:
+        frame = pd.read_csv(
+            io.StringIO("\n".join(body)),
+            sep=mark,
+            header=None,
+            names=list(range(len(names))),
+            index_col=False,
+            dtype=np.float64,
+            decimal=decimal,
+            skip_blank_lines=False,
+            float_precision="round_trip",
+            on_bad_lines="error",
+        )
+        values = frame.to_numpy()
+    except (ValueError, pd.errors.ParserError, pd.errors.ParserWarning):
+        values = np.empty((0, 0))
+    if values.shape != (len(body), len(names)) or not np.isfinite(values).all():
+        raise _fault(body, names, mark, decimal, path, head + 2)
+    return Columns(
+        source=str(path),
+        digest=sha256(data),
+        names=names,
+        values=values,
+        first_line=head + 2,
+        header_line=head + 1,
+    )
+
+
+def table_bytes(names: list[str], values: Array) -> bytes:
+    """Returns a CSV of named columns; NaN becomes a blank cell."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerow(names)
+    rows = np.char.mod("%.9g", values)
+    rows[~np.isfinite(values)] = ""
+    for row in rows.tolist():
+        text.write(",".join(row))
+        text.write("\n")
+    return text.getvalue().encode()
+
+
+def _text(data: bytes, path: str | Path) -> str:
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return data.decode("utf-16", errors="replace")
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as cause:
+        raise FormatError(
+            f"byte 0x{data[cause.start]:02x} is not UTF-8: binary, or damaged.",
+            source=path,
+            line=data.count(b"\n", 0, cause.start) + 1,
+            hint="export as CSV in UTF-8.",
+        ) from None
+    if "\0" in text:
+        raise FormatError("holds zero bytes: a binary file.", source=path, hint="export as CSV.")
+    return text
+
+
+def _names(cells: list[str], path: str | Path, line: int) -> tuple[str, ...]:
+    names = tuple(cell.strip().strip('"') for cell in cells)
+    try:
+        [float(name) for name in names]
+    except ValueError:
+        pass
+    else:
+        raise FormatError(
+            f"the first line holds numbers ({names[0]}, ...), expected column names with units.",
+            source=path,
+            line=line,
+            hint="add a header line.",
+        )
+    for i, name in enumerate(names):
+        if not name or name in names[:i]:
+            raise FormatError(
+                f"column {i + 1} is called {name!r}: "
+                + ("without a name." if not name else "a name that was there before."),
+                source=path,
+                line=line,
+            )
+    return names
+
+
+def _fault(
+    body: list[str], names: tuple[str, ...], mark: str, decimal: str, path: str | Path, first: int
+) -> FormatError:
+    """Finds the first cell that is wrong; slow, and only on the way out."""
+    for number, line in zip(itertools.count(first), body, strict=False):
+        cells = line.split(mark)
+        if len(cells) != len(names):
+            last = number == first + len(body) - 1
+            return FormatError(
+                f"{len(cells)} cells, expected {len(names)}"
+                + (": the file ends in the middle of its last line." if last else "."),
+                source=path,
+                line=number,
+                hint="export the file again." if last else "look for a missing delimiter.",
+            )
+        for name, cell in zip(names, cells, strict=True):
+            plain = cell.strip().replace(",", ".") if decimal == "," else cell.strip()
+            try:
+                value = float(plain)
+            except ValueError:
+                value = np.nan
+            if not np.isfinite(value):
+                return FormatError(
+                    f"{name} is {plain or 'blank'}, expected a finite number.",
+                    source=path,
+                    line=number,
+                    hint="cut the record before it, or repair the sensor's cable and cut again.",
+                )
+    return FormatError("cannot be read as a table of numbers.", source=path, line=first)

@@ -1,0 +1,132 @@
+"""Frequency responses as CSV: ``f_Hz`` and ``Gxx_re_m_per_N, Gxx_im_m_per_N, ...``.
+
+The first letter of a pair is the response, the second the excitation. ``m_per_s_per_N`` is a
+mobility, ``m_per_s2_per_N`` an accelerance, ``um_per_N`` and ``mm_per_N`` receptances; one unit
+per file. ``Cxx`` is the coherence of a pair. A line at 0 Hz of a receptance is its static
+deflection.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.core.files import write_atomic
+from robotrue.core.units import MM, UM
+from robotrue.dynamics.formats.columns import Columns, read_columns, table_bytes
+from robotrue.dynamics.frf import AXES, ComplexArray, FrequencyResponse
+from robotrue.dynamics.frf_build import Pairs, assembled
+from robotrue.errors import FormatError
+
+UNITS: Final = {
+    "m_per_N": ("receptance", 1.0),
+    "mm_per_N": ("receptance", MM),
+    "um_per_N": ("receptance", UM),
+    "m_per_s_per_N": ("mobility", 1.0),
+    "m_per_s2_per_N": ("accelerance", 1.0),
+}
+"""Unit in a column's name to form and scale."""
+_PART: Final = re.compile(r"G([xyz])([xyz])_(re|im)(?:_(\w+))?")
+_COHERENCE: Final = re.compile(r"C([xyz])([xyz])")
+
+
+def read_frf_csv(path: str | Path) -> FrequencyResponse:
+    """Returns the response of a file.
+
+    Raises:
+        FormatError: A column that is not known or without its unit, half of a complex pair, a
+            cell that is no finite number, lines out of order; with its line.
+        ImplausibleDataError: Numbers that cannot be the form their name says (see
+            ``checks.check_response``).
+    """
+    table = read_columns(path)
+    parts, coherence, unit = _sorted(table, path)
+    if "f_Hz" not in table.names:
+        raise FormatError(
+            f"no column f_Hz; the file has {', '.join(table.names[:6])}.",
+            source=path,
+            line=table.header_line,
+            hint="a frequency in rad/s has to be divided by 2 pi.",
+        )
+    frequency = table.column("f_Hz")
+    falls = np.flatnonzero(np.diff(frequency) <= 0.0)
+    if falls.size or frequency[0] < 0.0:
+        row = int(falls[0]) + 1 if falls.size else 0
+        raise FormatError(
+            f"f_Hz is {frequency[row]:g} after {frequency[max(row - 1, 0)]:g}; it has to rise "
+            "from 0 or above.",
+            source=path,
+            line=table.line(row),
+            hint="sort the lines; leave negative frequencies out.",
+        )
+    form, scale = UNITS[unit]
+    pairs: dict[str, ComplexArray] = {
+        pair: np.asarray(scale * (table.column(re_) + 1j * table.column(im)), dtype=np.complex128)
+        for pair, (re_, im) in parts.items()
+    }
+    return assembled(
+        frequency, Pairs(form=form, response=pairs, coherence=coherence), source=str(path)
+    )
+
+
+def write_frf_csv(path: str | Path, frf: FrequencyResponse) -> None:
+    """Writes a response as receptance, whole or not at all.
+
+    Raises:
+        FormatError: The file cannot be written.
+    """
+    names, columns = ["f_Hz"], [frf.frequency]
+    for pair in frf.pairs:
+        values = frf.pair(pair[0], pair[1])
+        names += [f"G{pair}_re_m_per_N", f"G{pair}_im_m_per_N"]
+        columns += [values.real, values.imag]
+        if frf.coherence is not None:
+            i, j = frf.response_axes.index(pair[0]), frf.excitation_axes.index(pair[1])
+            names.append(f"C{pair}")
+            columns.append(frf.coherence[:, i, j])
+    write_atomic(path, table_bytes(names, np.column_stack(columns)))
+
+
+def _sorted(
+    table: Columns, path: str | Path
+) -> tuple[dict[str, tuple[str, str]], dict[str, Array], str]:
+    """Names of real and imaginary columns by pair, coherence by pair, the unit of all."""
+    halves: dict[str, dict[str, str]] = {}
+    coherence: dict[str, Array] = {}
+    units: dict[str, str] = {}
+
+    def refuse(message: str, hint: str) -> FormatError:
+        return FormatError(message, source=path, line=table.header_line, hint=hint)
+
+    for name in table.names:
+        part, plain = _PART.fullmatch(name), _COHERENCE.fullmatch(name)
+        if part is not None and part[4] is None:
+            raise refuse(
+                f"column {name!r} has no unit.",
+                f"call it {name}_m_per_N, or {name}_m_per_s2_per_N if it is an accelerance.",
+            )
+        if part is not None and part[4] in UNITS:
+            halves.setdefault(part[1] + part[2], {})[part[3]] = name
+            units.setdefault(part[4], name)
+        elif plain is not None:
+            coherence[plain[1] + plain[2]] = table.column(name)
+        elif name != "f_Hz":
+            raise refuse(
+                f"column {name!r} is not known; expected f_Hz, G??_re_UNIT, G??_im_UNIT and C?? "
+                f"with UNIT one of {', '.join(UNITS)}, ?? of {', '.join(AXES)}.",
+                "rename or remove the column.",
+            )
+    if not halves:
+        raise refuse("no column G??_re_m_per_N.", "export real and imaginary parts.")
+    if len(units) > 1:
+        raise refuse(f"two units: {', '.join(units.values())}.", "one unit per file.")
+    for pair, found in halves.items():
+        if set(found) != {"re", "im"}:
+            raise refuse(
+                f"G{pair} has only its {next(iter(found))} part.", "export both parts of it."
+            )
+    return {p: (h["re"], h["im"]) for p, h in halves.items()}, coherence, next(iter(units))

@@ -1,0 +1,244 @@
+"""Frequency responses in universal files, dataset 58, through pyuff (extra ``dynamics``).
+
+Function type 4 is a response, 6 a coherence. The form is the ordinate's specific data type: 8 a
+displacement, 11 a velocity, 12 an acceleration, over 13 or 9, a force. Directions 1, 2, 3 are x, y,
+z, negative ones the other way. Units are those of the axes' labels, else of dataset 164; a file
+with neither is refused.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.core.files import read_bytes, write_atomic
+from robotrue.core.units import MM, STANDARD_GRAVITY, UM
+from robotrue.dynamics.frf import AXES, ComplexArray, FrequencyResponse
+from robotrue.dynamics.frf_build import Pairs, assembled
+from robotrue.errors import FormatError, MissingExtraError
+
+_FORM: Final = {8: "receptance", 11: "mobility", 12: "accelerance"}
+_TYPE: Final = {form: kind for kind, form in _FORM.items()}
+_FORCE: Final = (9, 13)
+_RESPONSE, _COHERENCE = 4, 6
+_MOTION_UNITS: Final = {
+    "receptance": {"m": 1.0, "mm": MM, "um": UM, "µm": UM, "μm": UM},
+    "mobility": {"m/s": 1.0, "mm/s": MM},
+    "accelerance": {"m/s2": 1.0, "m/s^2": 1.0, "m/s²": 1.0, "mm/s2": MM, "mm/s^2": MM}
+    | dict.fromkeys(("g", "gn"), STANDARD_GRAVITY),
+}
+_FORCE_UNITS: Final = {"n": 1.0, "kn": 1e3, "mn": 1e-3}
+_LABELS: Final = {"receptance": "m", "mobility": "m/s", "accelerance": "m/s^2"}
+
+
+def read_uff(path: str | Path) -> FrequencyResponse:
+    """Returns all responses of a file as one.
+
+    Raises:
+        FormatError: Unreadable, no response in it, no unit, directions that are rotations,
+            different lines, a pair twice.
+        ImplausibleDataError: Numbers that cannot be what the file says they are.
+        MissingExtraError: pyuff is not installed.
+    """
+    sets = _sets(path)
+    lengths, forces = _system_of_units(sets)
+    response: dict[str, ComplexArray] = {}
+    coherence: dict[str, Array] = {}
+    forms: set[str] = set()
+    frequency: Array | None = None
+    for number, one in enumerate(sets, 1):
+        if int(one.get("type", 0)) != 58 or int(one["func_type"]) not in (_RESPONSE, _COHERENCE):
+            continue
+        pair, sign = _pair(one, number, path)
+        lines = np.asarray(one["x"], dtype=float)
+        if frequency is None:
+            frequency = lines
+        elif len(lines) != len(frequency) or not np.allclose(lines, frequency, rtol=1e-6):
+            raise FormatError(
+                f"set {number} ({pair}) has other lines than those before it.",
+                source=path,
+                hint="export all curves from one spectrum.",
+            )
+        values = np.asarray(one["data"])
+        if not np.isfinite(values).all():
+            where = int(np.argmin(np.isfinite(values)))
+            raise FormatError(
+                f"set {number} ({pair}) holds no number at {lines[where]:g} Hz.", source=path
+            )
+        into: Mapping[str, Any] = coherence if int(one["func_type"]) == _COHERENCE else response
+        if pair in into:
+            raise FormatError(
+                f"set {number} is {pair} for the second time.",
+                source=path,
+                hint="keep one driving point per file.",
+            )
+        if int(one["func_type"]) == _COHERENCE:
+            coherence[pair] = np.asarray(values.real, dtype=np.float64)
+            continue
+        form, scale = _form_and_scale(one, number, path, lengths, forces)
+        forms.add(form)
+        response[pair] = np.asarray(sign * scale * values, dtype=np.complex128)
+    if frequency is None or not response:
+        raise FormatError(
+            "no frequency response in it (dataset 58, function type 4).",
+            source=path,
+            hint="export frequency response functions.",
+        )
+    if len(forms) > 1:
+        raise FormatError(f"curves of {' and '.join(sorted(forms))}.", source=path)
+    coherence = {pair: values for pair, values in coherence.items() if pair in response}
+    pairs = Pairs(form=forms.pop(), response=response, coherence=coherence)
+    return assembled(frequency, pairs, source=str(path))
+
+
+def write_uff(path: str | Path, frf: FrequencyResponse) -> None:
+    """Writes the receptances (and coherences) as ASCII dataset 58, whole or not at all.
+
+    Raises:
+        FormatError: The file cannot be written.
+        MissingExtraError: pyuff is not installed.
+    """
+    import tempfile
+
+    pyuff = _pyuff()
+    with tempfile.TemporaryDirectory() as folder:
+        # pyuff writes by path and appends; the file is put in its place when it is complete.
+        beside = Path(folder) / "response.uff"
+        out = pyuff.UFF(str(beside))
+        for pair in frf.pairs:
+            i, j = frf.response_axes.index(pair[0]), frf.excitation_axes.index(pair[1])
+            out.write_sets(_set(frf, pair, frf.response[:, i, j], _RESPONSE), "add")
+            if frf.coherence is not None:
+                out.write_sets(_set(frf, pair, frf.coherence[:, i, j], _COHERENCE), "add")
+        write_atomic(path, read_bytes(beside))
+
+
+def _set(
+    frf: FrequencyResponse, pair: str, values: ComplexArray | Array, kind: int
+) -> dict[str, Any]:
+    step = np.diff(frf.frequency)
+    even = bool(np.allclose(step, step[0], rtol=1e-9))
+    numerator, label = (8, _LABELS["receptance"]) if kind == _RESPONSE else (0, "NONE")
+    return {
+        "type": 58,
+        "binary": 0,
+        "func_type": kind,
+        "ver_num": 0,
+        "load_case_id": 0,
+        "rsp_ent_name": "NONE",
+        "rsp_node": 1,
+        "rsp_dir": AXES.index(pair[0]) + 1,
+        "ref_ent_name": "NONE",
+        "ref_node": 1,
+        "ref_dir": AXES.index(pair[1]) + 1,
+        "id1": f"{'FRF' if kind == _RESPONSE else 'coherence'} {pair}",
+        "ord_data_type": 6 if kind == _RESPONSE else 4,
+        "num_pts": len(frf.frequency),
+        "abscissa_spacing": int(even),
+        "abscissa_min": float(frf.frequency[0]),
+        "abscissa_inc": float(step[0]) if even else 0.0,
+        "z_axis_value": 0.0,
+        "abscissa_spec_data_type": 18,
+        "abscissa_axis_units_lab": "Hz",
+        "ordinate_spec_data_type": numerator,
+        "ordinate_axis_units_lab": label,
+        "orddenom_spec_data_type": 13 if kind == _RESPONSE else 0,
+        "orddenom_axis_units_lab": "N" if kind == _RESPONSE else "NONE",
+        "z_axis_spec_data_type": 0,
+        "x": frf.frequency,
+        "data": values,
+    }
+
+
+def _pyuff() -> Any:
+    try:
+        import pyuff
+    except ImportError as cause:
+        raise MissingExtraError(
+            "universal files need pyuff.", hint="pip install 'robotrue[dynamics]'"
+        ) from cause
+    return pyuff
+
+
+def _sets(path: str | Path) -> list[dict[str, Any]]:
+    pyuff = _pyuff()
+    data = read_bytes(path)
+    if b"    -1" not in data[:400]:
+        raise FormatError(
+            "not a universal file: no delimiter -1 at its beginning.", source=path, hint="UFF58."
+        )
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            file = pyuff.UFF(str(path))
+            found = file.read_sets()
+    except Exception as cause:  # pyuff raises whatever its parsing meets
+        raise FormatError(
+            f"cannot be read as a universal file ({type(cause).__name__}: {cause}).",
+            source=path,
+            hint="export it again, as ASCII.",
+        ) from cause
+    return [found] if isinstance(found, dict) else list(found)
+
+
+def _pair(one: Mapping[str, Any], number: int, path: str | Path) -> tuple[str, float]:
+    axes, sign = "", 1.0
+    for what in ("rsp_dir", "ref_dir"):
+        direction = int(one[what])
+        if abs(direction) not in (1, 2, 3):
+            raise FormatError(
+                f"set {number}: direction {direction} of the "
+                f"{'response' if what == 'rsp_dir' else 'reference'}, expected 1 to 3 or -1 to -3.",
+                source=path,
+                hint="give the channel its direction before exporting.",
+            )
+        axes += AXES[abs(direction) - 1]
+        sign *= float(np.sign(direction))
+    return axes, sign
+
+
+def _form_and_scale(
+    one: Mapping[str, Any], number: int, path: str | Path, length: float | None, force: float | None
+) -> tuple[str, float]:
+    """Form of the curve and the factor to its SI unit."""
+    kinds = (int(one["ordinate_spec_data_type"]), int(one["orddenom_spec_data_type"]))
+    if kinds[0] not in _FORM or kinds[1] not in _FORCE:
+        raise FormatError(
+            f"set {number} is of data type {kinds[0]} over {kinds[1]}, expected 8, 11 or 12 over a "
+            "force (13).",
+            source=path,
+            hint="export it with the types of its channels.",
+        )
+    form = _FORM[kinds[0]]
+    above = _unit(one, "ordinate_axis_units_lab", _MOTION_UNITS[form])
+    below = _unit(one, "orddenom_axis_units_lab", _FORCE_UNITS)
+    above = length if above is None else above
+    below = force if below is None else below
+    if above is None or below is None:
+        raise FormatError(
+            f"set {number} has no unit: labels {one.get('ordinate_axis_units_lab')!r} over "
+            f"{one.get('orddenom_axis_units_lab')!r}, and no dataset 164.",
+            source=path,
+            hint="export with units, or as CSV with G??_re_m_per_s2_per_N.",
+        )
+    return form, above / below
+
+
+def _unit(one: Mapping[str, Any], key: str, known: Mapping[str, float]) -> float | None:
+    label = str(one.get(key) or "").strip()
+    if label in known:
+        return known[label]
+    return known.get(label.lower().replace(" ", ""))
+
+
+def _system_of_units(sets: list[dict[str, Any]]) -> tuple[float | None, float | None]:
+    """Length and force of the file in m and N (dataset 164 gives SI over file), or None."""
+    for one in sets:
+        if int(one.get("type", 0)) == 164:
+            return 1.0 / float(one["length"]), 1.0 / float(one["force"])
+    return None, None

@@ -1,0 +1,90 @@
+"""From single measured curves to one frequency response: form, band, static line, checks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.dynamics.checks import BLIND_BELOW, check_response
+from robotrue.dynamics.frf import AXES, ComplexArray, FrequencyResponse, in_form
+from robotrue.errors import FormatError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pairs:
+    """Curves by pair of axes, response first.
+
+    Attributes:
+        form: Receptance, mobility or accelerance, of all.
+        response: "xx" and so on to (m,), in the SI unit of the form.
+        coherence: The same pairs to (m,) 0..1; may be empty.
+    """
+
+    form: str
+    response: Mapping[str, ComplexArray]
+    coherence: Mapping[str, Array] = field(default_factory=dict)
+
+
+def assembled(
+    frequency: Array, pairs: Pairs, *, source: str, valid: tuple[float, float] | None = None
+) -> FrequencyResponse:
+    """Returns one response of all curves, as receptance, checked.
+
+    A line at 0 Hz of a receptance is its static deflection; of the other forms it is dropped. What
+    an accelerometer measured is trusted from 4 Hz on, anything else from its first line.
+
+    Args:
+        frequency: (m,) Hz.
+        pairs: The curves.
+        source: Of messages.
+        valid: Hz, band to trust, where somebody knows it.
+
+    Raises:
+        FormatError: Fewer than eight lines.
+        ImplausibleDataError: Numbers that cannot be the form they claim (``checks``).
+    """
+    moving = frequency > 0.0
+    lowest = float(frequency[moving][0]) if moving.any() else 0.0
+    if moving.sum() < 8:
+        raise FormatError(
+            f"{int(moving.sum())} lines above 0 Hz, expected eight or more.", source=source
+        )
+    present_axes = [{pair[k] for pair in pairs.response} for k in (0, 1)]
+    out, into = (tuple(a for a in AXES if a in found) for found in present_axes)
+    shape = (len(frequency), len(out), len(into))
+    raw = np.zeros(shape, dtype=np.complex128)
+    coherence = np.ones(shape) if pairs.coherence else None
+    present = np.zeros(shape[1:], dtype=np.bool_)
+    for pair, values in pairs.response.items():
+        i, j = out.index(pair[0]), into.index(pair[1])
+        raw[:, i, j], present[i, j] = values, True
+        if coherence is not None and pair in pairs.coherence:
+            coherence[:, i, j] = np.clip(pairs.coherence[pair], 0.0, 1.0)
+    static = None
+    if frequency[0] == 0.0:
+        if pairs.form == "receptance":
+            static = raw[0].real.copy()
+        else:
+            frequency, raw = frequency[1:], raw[1:]
+            coherence = None if coherence is None else coherence[1:]
+    response = in_form(raw, frequency, pairs.form, "receptance")
+    low = 0.0 if static is not None else lowest
+    if pairs.form != "receptance":
+        low = max(low, BLIND_BELOW)
+    found = FrequencyResponse(
+        frequency=frequency,
+        response=response,
+        response_axes=out,
+        excitation_axes=into,
+        present=present,
+        coherence=coherence,
+        valid=valid or (low, float(frequency[-1])),
+        measured_as=pairs.form,
+        static=static,
+        source=source,
+    )
+    check_response(found)
+    return found

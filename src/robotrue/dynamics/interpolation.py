@@ -1,0 +1,135 @@
+"""The receptance at any frequency: between the lines, below the band, above it.
+
+Between the lines a complex cubic, or the modes where they say it better. Below the band nothing
+was measured: there the value runs from the static deflection (of a load test, else that of the
+lowest lines) to the first line of the band, Re with f^2 and Im with f, as a grounded structure
+does. Above the band it is zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from robotrue.core.arrays import Array
+from robotrue.dynamics.checks import in_band
+from robotrue.dynamics.frf import ComplexArray, FrequencyResponse
+from robotrue.dynamics.modal import ModalModel
+from robotrue.errors import ObservabilityError
+
+COARSE: Final = 0.05
+"""Rms error of lines left out, over the rms of all, beyond which the grid is said to be coarse."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ResponseCurve:
+    """A receptance at any frequency.
+
+    Attributes:
+        frf: What was measured.
+        modes: What it is evaluated with between the lines, or None: a cubic.
+        left_out: Rms error at every other line when the cubic knows only the rest, over the rms
+            of all lines: what the grid leaves unsaid, at twice its spacing.
+        rebuilt: The same measure of the modes on all lines, or None.
+    """
+
+    frf: FrequencyResponse
+    modes: ModalModel | None
+    left_out: float
+    rebuilt: float | None
+
+    def at(self, frequency: Array) -> ComplexArray:
+        """Returns the receptance (n, r, e) m/N at frequencies (n,) Hz from 0 on, rising."""
+        frf = self.frf
+        low, high = frf.valid
+        _, r, e = frf.response.shape
+        out = np.zeros((len(frequency), r, e), dtype=np.complex128)
+        first, last = np.searchsorted(frequency, low), np.searchsorted(frequency, high, "right")
+        inside = slice(int(first), int(last))
+        out[inside] = self._between(frequency[inside])
+        edge = self._between(np.array([low]))[0] if low > 0.0 else None
+        if edge is not None:
+            part = (frequency[: int(first)] / low)[:, None, None]
+            rest = self.at_rest
+            out[: int(first)] = rest + (edge.real - rest) * part**2 + 1j * edge.imag * part
+        elif frequency[0] == 0.0:
+            out[0] = self.at_rest
+        out[:, ~frf.present] = 0.0
+        return out
+
+    @property
+    def at_rest(self) -> Array:
+        """(r, e) m/N at 0 Hz: of the static load test, else Re of the lowest lines."""
+        if self.frf.static is not None:
+            return self.frf.static
+        return np.asarray(self._between(np.array([self.frf.valid[0]]))[0].real)
+
+    def _between(self, frequency: Array) -> ComplexArray:
+        if self.modes is not None and (frequency > 0.0).all():
+            return self.modes.response(frequency)
+        lines, values = _known(self.frf)
+        return np.asarray(CubicSpline(lines, values, axis=0)(frequency), dtype=np.complex128)
+
+
+def response_curve(frf: FrequencyResponse, modes: ModalModel | None = None) -> ResponseCurve:
+    """Returns the receptance as a function of frequency.
+
+    Args:
+        frf: What was measured.
+        modes: Modes fitted to it; used where they rebuild the lines better than the lines
+            rebuild each other.
+
+    Raises:
+        ObservabilityError: Fewer than eight lines in the band.
+    """
+    left_out = held_out_error(frf)
+    rebuilt = None
+    if modes is not None:
+        rebuilt = rebuild_error(frf, modes)
+        if rebuilt > left_out:
+            modes = None
+    return ResponseCurve(frf=frf, modes=modes, left_out=left_out, rebuilt=rebuilt)
+
+
+def held_out_error(frf: FrequencyResponse) -> float:
+    """Returns the rms error of a cubic at every other line, over the rms of all lines.
+
+    Raises:
+        ObservabilityError: Fewer than eight lines in the band.
+    """
+    lines, values = _known(frf)
+    if len(lines) < 8:
+        raise ObservabilityError(
+            f"{len(lines)} lines between {frf.valid[0]:g} and {frf.valid[1]:g} Hz, eight are the "
+            "least.",
+            source=frf.source,
+            hint="a wider band, or a finer spectrum.",
+        )
+    kept = np.arange(0, len(lines), 2)
+    out = np.arange(1, kept[-1], 2)
+    guess = CubicSpline(lines[kept], values[kept], axis=0)(lines[out])
+    return _relative(guess - values[out], values)
+
+
+def rebuild_error(frf: FrequencyResponse, modes: ModalModel) -> float:
+    """Returns the rms difference of the modes from the lines of the band, over the lines' rms."""
+    band = in_band(frf)
+    values = frf.response[band]
+    return _relative(
+        (modes.response(frf.frequency[band]) - values)[:, frf.present], values[:, frf.present]
+    )
+
+
+def _relative(difference: ComplexArray, of: ComplexArray) -> float:
+    return float(np.sqrt((np.abs(difference) ** 2).mean() / max((np.abs(of) ** 2).mean(), 1e-300)))
+
+
+def _known(frf: FrequencyResponse) -> tuple[Array, ComplexArray]:
+    """Lines of the band, with that at 0 Hz where it is a static deflection."""
+    band = np.array(in_band(frf))
+    if frf.static is not None and frf.frequency[0] == 0.0 and frf.valid[0] == 0.0:
+        band[0] = True
+    return frf.frequency[band], frf.response[band]
