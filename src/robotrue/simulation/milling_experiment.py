@@ -1,0 +1,231 @@
+"""The virtual milling experiment: what a user would measure of a pass, and what is true.
+
+Passes of :mod:`robotrue.simulation.milling_arm` are cut with the force of
+:mod:`robotrue.simulation.milling_cut`. The truth is the displacement of the tool across the feed
+with the modes of each pose and joints that soften under load. The user has what the paper's user
+has: joints, a dynamometer, a laser against a straight-edge (cut less dry run), and a frequency
+response hammered at one pose, from an accelerometer, so constant below 4 Hz. No regeneration: with
+measured force, displacement follows from it whatever made it.
+
+Everything here is SIMULATED. The size of the errors is assumed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+import scipy.fft
+
+from robotrue.core.arrays import Array, IntArray
+from robotrue.core.units import DEG, UM
+from robotrue.dynamics.frf import ComplexArray
+from robotrue.dynamics.oscillators import joined
+from robotrue.dynamics.pose_modes import PoseModes, pose_modes
+from robotrue.dynamics.streaming import ModalFilter
+from robotrue.dynamics.windows import WindowSet, concatenated, peaks_per_turn
+from robotrue.simulation.milling_arm import (
+    FEED,
+    SHIFTS,
+    WINDOWS,
+    MillingArm,
+    milling_arm,
+    pass_joints,
+    window_edges,
+)
+from robotrue.simulation.milling_cut import (
+    RATE,
+    TURN,
+    Tooling,
+    pass_force,
+    read_force,
+    tooling,
+)
+
+LASER: Final = 0.3 * UM
+"""Of each sample."""
+REPEATABILITY: Final = 1.2 * UM
+"""Of the difference between cut and dry run; it changes slowly along the pass."""
+REPEATABILITY_LENGTH: Final = 0.06
+"""m of path, correlation length of it. Assumed."""
+JOINT_NOISE: Final = 3e-4 * DEG
+BLIND: Final = 4.0
+"""Hz; below, the accelerometer's response is taken as constant."""
+HAMMER_NOISE: Final = 0.02
+"""Part of the response, of each line and part."""
+HAMMER_STEP: Final = 0.5
+HAMMER_TOP: Final = 4000.0
+REFRESHES: Final = 4
+"""Times that the true modes are renewed in a window."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MillingExperiment:
+    """Passes of one seed.
+
+    Attributes:
+        seed: Of everything drawn.
+        arm: Truth and belief.
+        tools: Cutter and dynamometer.
+        windows: What the user has of all passes; pass 1 is the printed one.
+        static: (n,) m, true static part of the error, mean force times compliance.
+        along: (n,) m, middle of each window along its pass.
+        hammer_frequency: (m,) Hz.
+        hammer: (m, 3) m/N, y over x, y, z as hammered at the middle of pass 1.
+    """
+
+    seed: int
+    arm: MillingArm
+    tools: Tooling
+    windows: WindowSet
+    static: Array
+    along: Array
+    hammer_frequency: Array
+    hammer: ComplexArray
+
+
+def milling_experiment(
+    seed: int, passes: Sequence[int] = range(len(SHIFTS)), *, floor: float = 0.0
+) -> MillingExperiment:
+    """Returns a virtual experiment, the same for a seed on every machine.
+
+    Args:
+        seed: Draws arm, tools, and every pass.
+        passes: Which of the six passes are cut; 0 is the printed one.
+        floor: m, white noise added to the measured error of each window; the paper's figures
+            need about 2.5 um.
+    """
+    arm, tools = milling_arm(seed), tooling(seed)
+    frequency, hammer = _hammered(arm, seed)
+    parts = [_pass(arm, tools, frequency, hammer, seed, k, floor) for k in passes]
+    return MillingExperiment(
+        seed=seed,
+        arm=arm,
+        tools=tools,
+        windows=concatenated([windows for windows, _, _ in parts]),
+        static=np.concatenate([static for _, static, _ in parts]),
+        along=np.concatenate([along for _, _, along in parts]),
+        hammer_frequency=frequency,
+        hammer=hammer,
+    )
+
+
+def _pass(
+    arm: MillingArm,
+    tools: Tooling,
+    frequency: Array,
+    hammer: ComplexArray,
+    seed: int,
+    which: int,
+    floor: float,
+) -> tuple[WindowSet, Array, Array]:
+    """Windows, true static part (n,) and place along the pass (n,)."""
+    rng = np.random.default_rng([seed, 110 + which])
+    edges = window_edges()
+    marks = np.rint(edges / FEED * RATE).astype(np.int64)
+    joints = pass_joints(_refreshed(edges), SHIFTS[which])
+    force = pass_force(tools, int(marks[-1]), rng)
+    truth, static = _displacement(arm, joints, force, marks)
+    read = read_force(tools, force, rng)
+    seen = -truth + LASER * rng.standard_normal(len(truth))
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    repeated = _repeatability(middle, rng)
+    mean = pass_joints(middle, SHIFTS[which]) + JOINT_NOISE * rng.standard_normal((WINDOWS, 6))
+    noise = floor * rng.standard_normal(WINDOWS)
+    rows = []
+    for k, (a, b) in enumerate(pairwise(marks.tolist())):
+        measured = peaks_per_turn(seen[a:b], TURN).mean() + repeated[k] + noise[k]
+        bent = _predicted(frequency, hammer, read[a:b])
+        predicted = peaks_per_turn(-bent, TURN).mean()
+        peak = peaks_per_turn(np.abs(read[a:b, 1]), TURN).mean()
+        rows.append([*read[a:b].mean(axis=0), peak, predicted, measured])
+    table = np.array(rows)
+    windows = WindowSet(
+        passes=(f"{which + 1}",) * WINDOWS,
+        joints=mean,
+        force=table[:, :3],
+        force_peak=table[:, 3],
+        force_mean=table[:, 1],
+        predicted=table[:, 4],
+        measured=table[:, 5],
+        source=f"virtual milling experiment, seed {seed} (simulated)",
+    )
+    return windows, static, middle
+
+
+def _refreshed(edges: Array) -> Array:
+    """Places (n,) m at which the true modes are renewed: the middle of each part of a window."""
+    part = (np.arange(REFRESHES) + 0.5) / REFRESHES
+    return np.asarray((edges[:-1, None] + part * np.diff(edges)[:, None]).ravel())
+
+
+def _displacement(
+    arm: MillingArm, joints: Array, force: Array, marks: IntArray
+) -> tuple[Array, Array]:
+    """True displacement y (n,) m, and the static part of the error (windows,) m."""
+    out = np.empty(len(force))
+    static = np.zeros(WINDOWS)
+    stream, before = None, None
+    for k in range(WINDOWS):
+        cuts = np.rint(np.linspace(marks[k], marks[k + 1], REFRESHES + 1)).astype(np.int64)
+        for i, (a, b) in enumerate(pairwise(cuts.tolist())):
+            mean = force[a:b].mean(axis=0)
+            modes = _modes(arm, joints[REFRESHES * k + i], mean)
+            both = joined([modes.oscillators(), arm.tool])
+            if stream is None or before is None:
+                stream = ModalFilter(both, RATE)
+                stream.settle(mean)
+            else:
+                stream.change(both, _carry(modes, before, len(arm.tool)))
+            out[a:b] = stream.push(force[a:b])[:, 1]
+            static[k] -= both.static[1] @ mean / REFRESHES
+            before = modes
+    return out, static
+
+
+def _modes(arm: MillingArm, joints: Array, force: Array) -> PoseModes:
+    _, jacobian = arm.arm.mass_and_jacobian(joints)
+    return pose_modes(arm.loaded(jacobian[:3].T @ force), joints)
+
+
+def _carry(after: PoseModes, before: PoseModes, tool: int) -> Array:
+    out = np.eye(len(after.joints) + tool)
+    n = len(after.joints)
+    out[:n, :n] = after.carry(before)
+    return out
+
+
+def _hammered(arm: MillingArm, seed: int) -> tuple[Array, ComplexArray]:
+    """Lines (m,) Hz and response (m, 3) m/N of y to x, y, z at mid-path: no load, noisy lines."""
+    rng = np.random.default_rng([seed, 103])
+    edges = window_edges()
+    modes = pose_modes(arm.arm, pass_joints(np.array([0.5 * edges[-1]]))[0])
+    frequency = np.arange(BLIND, HAMMER_TOP + HAMMER_STEP, HAMMER_STEP)
+    true = joined([modes.oscillators(), arm.tool]).response(frequency)[:, 1]
+    noise = rng.standard_normal((2, *true.shape))
+    return frequency, np.asarray(true * (1.0 + HAMMER_NOISE * (noise[0] + 1j * noise[1])))
+
+
+def _predicted(frequency: Array, hammer: ComplexArray, force: Array) -> Array:
+    """Displacement y (n,) m of a window by eq. 1 as printed: F^-1[G F], circular."""
+    spectrum = scipy.fft.rfft(force, axis=0)
+    lines = scipy.fft.rfftfreq(len(force), 1.0 / RATE)
+    lowest = hammer[0].real
+    bent = np.zeros(len(lines), dtype=np.complex128)
+    for j in range(3):
+        response = np.interp(lines, frequency, hammer[:, j], right=0.0)
+        response[lines < BLIND] = lowest[j]
+        bent += response * spectrum[:, j]
+    return np.asarray(scipy.fft.irfft(bent, n=len(force)))
+
+
+def _repeatability(along: Array, rng: np.random.Generator) -> Array:
+    """A smooth random curve (n,) m over a pass, Gaussian process of squared exponentials."""
+    distance = (along[:, None] - along[None, :]) / REPEATABILITY_LENGTH
+    covariance = np.exp(-0.5 * distance**2)
+    value, vector = np.linalg.eigh(covariance)
+    root = vector * np.sqrt(np.maximum(value, 0.0))
+    return np.asarray(REPEATABILITY * (root @ rng.standard_normal(len(along))))
