@@ -97,7 +97,19 @@ def read_archive(path: str | Path) -> Archive:
         ArchiveError: Not an archive, damaged, or written by a newer robotrue.
         FormatError: The file cannot be read.
     """
-    data = read_bytes(path)
+    return archive_from(read_bytes(path), source=path)
+
+
+def archive_from(data: bytes, *, source: str | Path | None = None) -> Archive:
+    """Returns the archive in the content of a file, its hash checked.
+
+    Args:
+        data: What :func:`archive_bytes` returned.
+        source: The file, for messages.
+
+    Raises:
+        ArchiveError: Not an archive, damaged, or written by a newer robotrue.
+    """
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as bundle:
             head = json.loads(bundle.read("document.json"))
@@ -111,21 +123,21 @@ def read_archive(path: str | Path) -> Archive:
     except (zipfile.BadZipFile, KeyError, ValueError, OSError, EOFError) as cause:
         raise ArchiveError(
             f"not a robotrue model file, or damaged ({cause}).",
-            source=path,
+            source=source,
             hint="calibrate again, or fetch the file from its backup.",
         ) from cause
     if not isinstance(head, dict) or head.get("format") != FORMAT:
-        raise ArchiveError("a zip file, but not a robotrue archive.", source=path)
+        raise ArchiveError("a zip file, but not a robotrue archive.", source=source)
     if int(head.get("format_version", 0)) > FORMAT_VERSION:
         raise ArchiveError(
             f"archive format {head['format_version']}, this robotrue reads up to {FORMAT_VERSION}.",
-            source=path,
+            source=source,
             hint="update robotrue.",
         )
     stated = head.pop("content_sha256", None)
     if stated != _content_hash(head, arrays):
         raise ArchiveError(
-            "content does not match its own hash: the file was altered or damaged.", source=path
+            "content does not match its own hash: the file was altered or damaged.", source=source
         )
     return Archive(
         kind=str(head["kind"]),

@@ -1,0 +1,248 @@
+"""Compensation of programs too long to hold: block by block, by several workers, in file order.
+
+A block depends on the one before only through where the arm is (:class:`Standing`). A worker drives
+through a few hundred targets before its block to get there; the block is taken only if it began,
+bit for bit, where the block before it ended, and is done again from there otherwise. So the bytes
+are those of :func:`robotrue.compensation.compensate.compensate` on the whole file, whoever did
+which block.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, BinaryIO, Final
+
+import numpy as np
+
+from robotrue.calibration.model import ErrorModel
+from robotrue.compensation.chunks import Standing, at_home
+from robotrue.compensation.compensate import measured_tools
+from robotrue.compensation.pack import pack_tables
+from robotrue.compensation.settings import CompensationSettings
+from robotrue.compensation.stream_block import Done, Task, Work, drive_through
+from robotrue.compensation.stream_workers import Here, Processes, Workers
+from robotrue.compensation.tally import Tally, summed
+from robotrue.core.archive import archive_bytes
+from robotrue.core.arrays import Array
+from robotrue.core.files import atomic_stream
+from robotrue.errors import ConfigurationError, FormatError
+from robotrue.program.stream import Outline, Piece, judged
+from robotrue.robot.statics import NO_LOAD, Load
+
+ALONE: Final = 1_000_000
+"""Targets up to which one process is as quick as several."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Streamed:
+    """What came of a long program.
+
+    Attributes:
+        tally: Sums over its targets.
+        sha256: Of the bytes written.
+        blocks: How many there were.
+        again: How many of them had to be done again, since the arm came from elsewhere.
+        workers: How many worked at a time.
+        notes: What happened on the way.
+    """
+
+    tally: Tally
+    sha256: str
+    blocks: int
+    again: int
+    workers: int
+    notes: tuple[str, ...]
+
+    def summary(self) -> Mapping[str, Any]:
+        """Returns JSON values: those of a program held whole, and how it was done."""
+        return {
+            **self.tally.summary(),
+            "route": "blocks",
+            "blocks": self.blocks,
+            "blocks_done_again": self.again,
+            "workers": self.workers,
+        }
+
+
+def compensate_stream(
+    model: ErrorModel,
+    found: Outline,
+    source: str | Path,
+    target: str | Path,
+    *,
+    settings: CompensationSettings | None = None,
+    workers: int | None = None,
+    dask: str | None = None,
+) -> Streamed:
+    """Writes the compensated program to ``target`` and returns the sums over its targets.
+
+    The file is that of :func:`~robotrue.compensation.compensate.compensate` and
+    :func:`~robotrue.program.formats.write_program`, byte for byte; memory does not grow with it.
+
+    Args:
+        model: Error of the robot, with :meth:`~ErrorModel.mean_tables`.
+        found: Outline of the source.
+        source: The program.
+        target: File to write; whole or not there.
+        settings: As for a program held whole.
+        workers: Processes; None: as many as help. The caller's main module must be importable
+            without side effects where it is not one.
+        dask: Address of a Dask scheduler that has workers; takes the place of processes.
+
+    Raises:
+        ConfigurationError: No tables, a number of workers that is none, or workers that died.
+        FormatError: The source changed since it was outlined, or the target cannot be written.
+    """
+    settings = settings or CompensationSettings()
+    load = settings.load_for(found.targets)
+    work = _work(model, found, settings, load)
+    closed = bool(np.isfinite(work.pack.opw[0]))
+    count = worker_count(found.targets, workers) if closed else 1
+    digest, tallies, again = hashlib.sha256(), [], 0
+    with (
+        _workers(model, work, count, dask if closed else None) as staff,
+        Path(source).open("rb") as reading,
+        atomic_stream(target) as writing,
+    ):
+        for done, repeated in _in_order(staff, work, found, load, reading):
+            writing.write(done.data)
+            digest.update(done.data)
+            tallies.append(done.tally)
+            again += repeated
+        if os.fstat(reading.fileno()).st_size != found.size:
+            raise FormatError("the file changed while it was compensated.", source=source)
+        notes = [] if closed else ["an arm without a closed form is followed by one process."]
+        return Streamed(
+            tally=summed(tallies),
+            sha256=digest.hexdigest(),
+            blocks=len(found.blocks),
+            again=again,
+            workers=staff.count,
+            notes=(*notes, *staff.notes),
+        )
+
+
+def worker_count(targets: int, asked: int | None) -> int:
+    """Returns how many processes are to work: as asked, else as many as help.
+
+    Raises:
+        ConfigurationError: Fewer than one asked for.
+    """
+    if asked is not None:
+        if asked < 1:
+            raise ConfigurationError(f"--workers is {asked}, expected 1 or more.")
+        return asked
+    if targets <= ALONE:
+        return 1
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return max(1, min(cores or 1, 8, targets // (ALONE // 2)))
+
+
+def _workers(model: ErrorModel, work: Work, count: int, dask: str | None) -> Workers:
+    if dask is not None:
+        from robotrue.compensation.stream_dask import Dask
+
+        return Dask(work, dask)
+    return Processes(work, count) if count > 1 else Here(work, model)
+
+
+def _work(model: ErrorModel, found: Outline, settings: CompensationSettings, load: Load) -> Work:
+    tables = model.mean_tables(load)
+    if tables is None:
+        raise ConfigurationError(
+            "the model has no flat tables; programs are read whole with it.",
+            source=found.name,
+        )
+    robot = model.robot.nominal()
+    measured = measured_tools(robot, found.T_flange_tool)
+    plain = replace(settings, load=NO_LOAD, wrench=np.empty(0))
+    return Work(
+        judged=judged(found),
+        robot=robot,
+        pack=pack_tables(tables, found.T_flange_tool, measured),
+        measured=measured,
+        settings=plain,
+        archive=archive_bytes(model.to_archive()) if settings.covariance else b"",
+    )
+
+
+def _in_order(
+    staff: Workers, work: Work, found: Outline, load: Load, reading: BinaryIO
+) -> Iterator[tuple[Done, bool]]:
+    """Yields the blocks in file order, and whether each had to be done again."""
+    standing = at_home(work.pack, work.settings)
+    guess = standing
+    if staff.ahead > 1:
+        guess = _after_some(work, found, reading, standing)
+    handed_in = 0
+    for number in range(len(found.blocks)):
+        while handed_in < min(number + staff.ahead, len(found.blocks)):
+            exact = handed_in == number
+            come_from = standing if exact else guess
+            staff.submit(_task(found, load, reading, handed_in, come_from, exact=exact))
+            handed_in += 1
+        done = staff.result(number)
+        repeated = not done.start.same(standing)
+        if repeated:
+            staff.submit(_task(found, load, reading, number, standing, exact=True))
+            done = staff.result(number)
+        standing = guess = done.end
+        yield done, repeated
+
+
+def _task(
+    found: Outline,
+    load: Load,
+    reading: BinaryIO,
+    number: int,
+    standing: Standing,
+    *,
+    exact: bool,
+) -> Task:
+    block = found.blocks[number]
+    rows = slice(block.first, block.first + block.targets)
+    return Task(
+        number=number,
+        piece=block.piece,
+        data=_bytes(reading, block.piece, found.name),
+        lead=None if exact else block.lead,
+        lead_data=b"" if exact else _bytes(reading, block.lead, found.name),
+        mass=_share(load.mass, rows),
+        com=_share(load.com, rows),
+        wrench=_share(load.wrench, rows),
+        standing=standing,
+    )
+
+
+def _after_some(work: Work, found: Outline, reading: BinaryIO, home: Standing) -> Standing:
+    """Returns where the arm is soon after the program began: a guess for the first blocks."""
+    standing = home.copy()
+    piece = found.blocks[0].piece
+    if len(found.blocks) > 1:
+        lead = found.blocks[1].lead
+        end = _line_end(reading, min(piece.end, piece.start + (lead.end - lead.start)))
+        piece = replace(piece, end=end)
+    drive_through(work, piece, _bytes(reading, piece, found.name), standing)
+    return standing
+
+
+def _line_end(reading: BinaryIO, place: int) -> int:
+    reading.seek(place)
+    reading.readline()
+    return reading.tell()
+
+
+def _bytes(reading: BinaryIO, piece: Piece, name: str) -> bytes:
+    reading.seek(piece.start)
+    data = reading.read(piece.end - piece.start)
+    if len(data) != piece.end - piece.start:
+        raise FormatError("the file became shorter while it was read.", source=name)
+    return data
+
+
+def _share(column: Array, rows: slice) -> Array:
+    return column[rows] if len(column) > 1 else column

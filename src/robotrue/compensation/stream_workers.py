@@ -1,0 +1,184 @@
+"""Who compensates the blocks of a long program: this process, or several of this machine."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from functools import cache
+from multiprocessing import get_context
+from types import TracebackType
+from typing import Final, Protocol
+
+from robotrue.calibration.model import ErrorModel
+from robotrue.compensation.stream_block import Done, Task, Work, model_of, solve_block
+from robotrue.errors import ConfigurationError
+
+_THREADS: Final = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "NUMBA_NUM_THREADS",
+)
+
+
+class Workers(Protocol):
+    """Whoever takes tasks and gives back blocks.
+
+    Attributes:
+        count: How many blocks are worked on at a time.
+        ahead: How many tasks are worth handing in before the first is back.
+        notes: What happened that the user should know.
+    """
+
+    count: int
+    ahead: int
+    notes: list[str]
+
+    def submit(self, task: Task) -> None:
+        """Takes a task."""
+        ...
+
+    def result(self, number: int) -> Done:
+        """Returns a block when it is done.
+
+        Raises:
+            ConfigurationError: Whoever worked on it died twice.
+        """
+        ...
+
+    def __enter__(self) -> Workers: ...
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None: ...
+
+
+class Here:
+    """This process, one block at a time."""
+
+    def __init__(self, work: Work, model: ErrorModel | None) -> None:
+        self.count = self.ahead = 1
+        self.notes: list[str] = []
+        self._work, self._model = work, model
+        self._tasks: dict[int, Task] = {}
+
+    def submit(self, task: Task) -> None:
+        """Keeps the task until its block is asked for."""
+        self._tasks[task.number] = task
+
+    def result(self, number: int) -> Done:
+        """Compensates a block and returns it."""
+        return solve_block(self._work, self._model, self._tasks.pop(number))
+
+    def __enter__(self) -> Here:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._tasks.clear()
+
+
+class Processes:
+    """Processes of this machine, each started anew and with one thread."""
+
+    def __init__(self, work: Work, count: int) -> None:
+        self.count, self.ahead = count, count + 1
+        self.notes: list[str] = []
+        self._work = work
+        self._tasks: dict[int, Task] = {}
+        self._futures: dict[int, Future[Done]] = {}
+        self._retried: set[int] = set()
+        self._pool = self._started()
+
+    def _started(self) -> ProcessPoolExecutor:
+        return ProcessPoolExecutor(
+            max_workers=self.count,
+            mp_context=get_context("spawn"),
+            initializer=_begin,
+            initargs=(self._work,),
+        )
+
+    def submit(self, task: Task) -> None:
+        """Hands the task to a process."""
+        self._tasks[task.number] = task
+        self._hand_in(task)
+
+    def _hand_in(self, task: Task) -> None:
+        with contextlib.suppress(BrokenProcessPool), _single_threaded():
+            self._futures[task.number] = self._pool.submit(_solve, task)
+
+    def result(self, number: int) -> Done:
+        """Returns a block when it is done; if a process died on the way, it is done again, once.
+
+        Raises:
+            ConfigurationError: A process died twice.
+        """
+        while True:
+            try:
+                done = self._of(number)
+            except BrokenProcessPool as cause:
+                self._retry(number, cause)
+            else:
+                del self._tasks[number], self._futures[number]
+                return done
+
+    def _of(self, number: int) -> Done:
+        if number not in self._futures:  # handed in while the pool was breaking
+            raise BrokenProcessPool
+        return self._futures[number].result()
+
+    def _retry(self, number: int, cause: BaseException) -> None:
+        where = f"block {number + 1} (from line {self._tasks[number].piece.line + 1})"
+        if number in self._retried:
+            raise ConfigurationError(
+                f"a worker process died twice while {where} was waited for.",
+                source=self._work.judged.name,
+                hint="--workers 1; and see whether memory ran out.",
+            ) from cause
+        self._retried.add(number)
+        self.notes.append(f"a worker process died while {where} was waited for; it was done again.")
+        self._pool.shutdown(wait=True, cancel_futures=True)
+        self._pool = self._started()
+        self._futures.clear()
+        for task in self._tasks.values():
+            self._hand_in(task)
+
+    def __enter__(self) -> Processes:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._pool.shutdown(wait=True, cancel_futures=True)
+
+
+@contextlib.contextmanager
+def _single_threaded() -> Iterator[None]:
+    """Makes processes started meanwhile use one thread each."""
+    before = {name: os.environ.get(name) for name in _THREADS}
+    os.environ.update(dict.fromkeys(_THREADS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+@cache
+def _held() -> list[tuple[Work, ErrorModel | None]]:
+    """Returns what this worker process was begun with."""
+    return []
+
+
+def _begin(work: Work) -> None:
+    _held()[:] = [(work, model_of(work))]
+
+
+def _solve(task: Task) -> Done:
+    ((work, model),) = _held()
+    return solve_block(work, model, task)

@@ -1,0 +1,99 @@
+"""What a compensation is summed up to, also when it is made in parts.
+
+Counts, largest values and lines are those of the whole program; a mean is that of the whole to
+rounding, since a sum of sums is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from robotrue.compensation.chunks import Outcome
+from robotrue.compensation.row_notes import RowNote, merged
+from robotrue.compensation.status import Status
+from robotrue.core.arrays import Array, IntArray
+from robotrue.core.units import DEG, UM
+
+SIZES: Final = (
+    "predicted_error_before_um",
+    "predicted_error_after_um",
+    "correction_um",
+    "correction_deg",
+    "predicted_sigma_um",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tally:
+    """Sums over some targets.
+
+    Attributes:
+        status: (number of statuses,) targets of each :class:`Status`.
+        total: (5,) sums over the compensated targets, in the order and units of ``SIZES``.
+        largest: (5,) largest values.
+        sigma: Whether the last of them is known.
+        notes: What is to be said of targets.
+    """
+
+    status: IntArray
+    total: Array
+    largest: Array
+    sigma: bool
+    notes: tuple[RowNote, ...]
+
+    def summary(self) -> Mapping[str, Any]:
+        """Returns JSON values, as :meth:`robotrue.compensation.result.Compensation.summary`."""
+        done = int(self.status[Status.COMPENSATED])
+        count = int(self.status.sum())
+        out: dict[str, Any] = {
+            "targets": count,
+            "compensated": done,
+            "unchanged": count - done,
+            "status": {s.name.lower(): int(self.status[s]) for s in Status if self.status[s]},
+        }
+        for name, total, largest in zip(
+            SIZES, self.total.tolist(), self.largest.tolist(), strict=True
+        ):
+            if name != SIZES[-1] or self.sigma:
+                out[name] = {"mean": total / done, "max": largest} if done else None
+        return {**out, "notes": [str(note) for note in self.notes]}
+
+
+def tally(outcome: Outcome, notes: tuple[RowNote, ...]) -> Tally:
+    """Returns the sums over the targets of an outcome."""
+    done = outcome.status == Status.COMPENSATED
+    sizes = [
+        np.linalg.norm(outcome.before[done], axis=1) / UM,
+        np.linalg.norm(outcome.after[done], axis=1) / UM,
+        np.linalg.norm(outcome.shift[done], axis=1) / UM,
+        outcome.turn[done] / DEG,
+        np.zeros(0),
+    ]
+    known = len(outcome.covariance) > 0
+    if known:
+        sizes[-1] = np.sqrt(np.trace(outcome.covariance[done], axis1=1, axis2=2)) / UM
+    return Tally(
+        status=np.bincount(outcome.status, minlength=len(Status)).astype(np.int64),
+        total=np.array([size.sum() for size in sizes]),
+        largest=np.array([size.max(initial=0.0) for size in sizes]),
+        sigma=known,
+        notes=notes,
+    )
+
+
+def summed(parts: Iterable[Tally]) -> Tally:
+    """Returns the sums over all parts of a program, given in file order."""
+    status = np.zeros(len(Status), np.int64)
+    total, largest, sigma = np.zeros(len(SIZES)), np.zeros(len(SIZES)), False
+    notes: tuple[RowNote, ...] = ()
+    for part in parts:
+        status += part.status
+        total += part.total
+        largest = np.maximum(largest, part.largest)
+        sigma |= part.sigma
+        notes = merged([*notes, *part.notes])
+    return Tally(status=status, total=total, largest=largest, sigma=sigma, notes=notes)

@@ -1,0 +1,245 @@
+"""Long programs in blocks: the bytes and counts of the whole, whoever did which block."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import cases
+import numpy as np
+import pytest
+
+from robotrue.calibration.rigid_flexible import RigidFlexibleModel
+from robotrue.compensation.chunks import at_home
+from robotrue.compensation.compensate import compensate
+from robotrue.compensation.settings import CompensationSettings
+from robotrue.compensation.stream import Streamed, compensate_stream, worker_count
+from robotrue.compensation.stream_workers import Processes
+from robotrue.core.rotations import abc_from_matrix
+from robotrue.core.units import DEG, MM
+from robotrue.errors import ConfigurationError, FormatError
+from robotrue.program.formats import read_job, write_program
+from robotrue.program.program import FrameTable
+from robotrue.program.stream import Outline, outline
+from robotrue.robot.forward import forward
+from robotrue.robot.statics import Load
+
+COUNT = 3000
+BLOCK = 400
+
+
+def aggregate(T: np.ndarray) -> str:
+    x, y, z = T[:3, 3] / MM
+    a, b, c = abc_from_matrix(T[:3, :3]) / DEG
+    return f"{{X {x:.4f},Y {y:.4f},Z {z:.4f},A {a:.4f},B {b:.4f},C {c:.4f}}}"
+
+
+def text(count: int = COUNT) -> bytes:
+    """A path of the arm with frames, speeds, joint moves, an arc, and targets out of reach."""
+    robot = cases.kr160()
+    joints = cases.path_joints(count)
+    poses = forward(robot, joints)
+    lines = ["DEF part()", f"$TOOL={aggregate(robot.T_flange_tool)}", "$BASE=$NULLFRAME"]
+    for k, T in enumerate(poses):
+        here = aggregate(T)
+        if k % 50 == 0:
+            lines.append(f"$VEL.CP={0.01 + 1e-5 * k:.5f}")
+        if k == 1300:
+            lines.append("$BASE={X 0.5,Y 0,Z -0.25,A 0,B 0.1,C 0}")
+        if k % 701 == 3:
+            lines.append(f"PTP {here[:-1]},S 2,T 10}} C_PTP")
+        elif k % 1203 == 5:
+            lines.append("LIN {X 9000,Y 0,Z 0,A 0,B 0,C 0} ; out of reach")
+        elif k % 900 == 7:
+            lines.append(f"CIRC {here},{aggregate(poses[k + 1])}")
+        elif k == 11:
+            lines.append("PTP {A1 -10,A2 -80,A3 95,A4 5,A5 20,A6 0}")
+        else:
+            lines.append(f"LIN {here} C_DIS")
+    return "\r\n".join([*lines, "END", ""]).encode()
+
+
+@pytest.fixture(scope="module")
+def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("stream") / "part.src"
+    path.write_bytes(text())
+    return path
+
+
+def settings(**more: object) -> CompensationSettings:
+    return CompensationSettings(home=cases.path_joints(COUNT)[0], **more)  # type: ignore[arg-type]
+
+
+def whole(source: Path, model: object, how: CompensationSettings) -> tuple[bytes, dict]:
+    (program,) = read_job(source, FrameTable())
+    result = compensate(model, program, settings=how)
+    return write_program(program, result.replacement), dict(result.summary())
+
+
+def streamed(
+    source: Path, model: object, how: CompensationSettings, *, block: int = BLOCK, **options: object
+) -> tuple[bytes, Streamed]:
+    found = outline(source, FrameTable(), targets=block)
+    assert isinstance(found, Outline), found
+    target = source.with_name("out.src")
+    result = compensate_stream(model, found, source, target, settings=how, **options)
+    data = target.read_bytes()
+    target.unlink()
+    return data, result
+
+
+def require_equal_summaries(found: dict, expected: dict) -> None:
+    assert found["status"] == expected["status"]
+    assert found["notes"] == expected["notes"]
+    for name, value in expected.items():
+        if isinstance(value, dict) and "mean" in value:
+            assert found[name]["max"] == value["max"]
+            assert found[name]["mean"] == pytest.approx(value["mean"], rel=1e-12)
+        else:
+            assert found[name] == value
+
+
+@pytest.mark.parametrize("block", [BLOCK, 257])
+def test_blocks_give_the_bytes_of_the_whole(source: Path, block: int) -> None:
+    model, how = cases.rich_model(harmonics=8, centres=20), settings()
+    data, expected = whole(source, model, how)
+    assert data != source.read_bytes()
+    assert len(expected["status"]) > 2
+    found, result = streamed(source, model, how, block=block, workers=1)
+    assert found == data
+    assert result.again == 0
+    assert result.workers == 1
+    require_equal_summaries(dict(result.summary()), expected)
+
+
+def test_loads_go_with_their_targets(source: Path) -> None:
+    (program,) = read_job(source, FrameTable())
+    rng = np.random.default_rng(2)
+    wrench = rng.normal(size=(len(program), 6)) * [200.0, 200.0, 200.0, 5.0, 5.0, 5.0]
+    how = settings(load=Load(mass=np.array([30.0])), wrench=wrench)
+    model = cases.rigid_model()
+    assert streamed(source, model, how, workers=1)[0] == whole(source, model, how)[0]
+
+
+def test_an_arm_followed_step_by_step_stays_in_one_process(source: Path) -> None:
+    robot = cases.kr160()
+    bent = robot.__class__(
+        **{name: getattr(robot, name) for name in robot.__dataclass_fields__ if name != "alpha"},
+        alpha=robot.alpha + np.array([0.0, 0.0, 0.0, 0.01, 0.0, 0.0]),
+    )
+    model, how = cases.rigid_model(robot=bent), settings()
+    found, result = streamed(source, model, how, workers=3)
+    assert result.workers == 1
+    assert "closed form" in result.notes[0]
+    assert found == whole(source, model, how)[0]
+
+
+def test_covariances_are_summed_up_too(source: Path) -> None:
+    robot = cases.with_errors(cases.kr160(), 3)
+    size = len(robot.errors)
+    model = RigidFlexibleModel(
+        robot=robot.nominal(), errors=robot.errors, covariance=np.eye(size) * 1e-9,
+        repeatability=2e-5, white=1e-5,
+    )  # fmt: skip
+    how = settings(covariance=True, max_sigma=1.5e-4)
+    data, expected = whole(source, model, how)
+    found, result = streamed(source, model, how, workers=1)
+    assert found == data
+    summary = dict(result.summary())
+    for name in ("mean", "max"):
+        sigma = expected["predicted_sigma_um"][name]
+        assert summary["predicted_sigma_um"][name] == pytest.approx(sigma, rel=1e-12)
+    assert summary["notes"] == expected["notes"]
+    assert "outside what the calibration knows" in expected["notes"][-1]
+
+
+def test_processes_give_the_same_bytes_and_one_may_die(
+    source: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model, how = cases.rich_model(harmonics=8, centres=20), settings()
+    alone, _ = streamed(source, model, how, workers=1)
+    begun = Processes.submit
+
+    def kill_one(self: Processes, task: object) -> None:
+        begun(self, task)  # type: ignore[arg-type]
+        if task.number == 3:  # type: ignore[attr-defined]
+            os.kill(next(iter(self._pool._processes)), signal.SIGKILL)
+
+    monkeypatch.setattr(Processes, "submit", kill_one)
+    found, result = streamed(source, model, how, workers=2)
+    assert found == alone
+    assert result.workers == 2
+    assert "a worker process died" in result.notes[0]
+    assert result.again == 0
+
+
+@pytest.fixture
+def scheduler(request: pytest.FixtureRequest) -> Iterator[str]:
+    distributed = pytest.importorskip("distributed")
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=request.param, dashboard_address=None
+        ) as cluster,
+    ):
+        yield cluster.scheduler_address
+
+
+@pytest.mark.parametrize("scheduler", [False, True], indirect=True, ids=["threads", "processes"])
+def test_dask_gives_the_same_bytes(source: Path, scheduler: str) -> None:
+    model, how = cases.rich_model(harmonics=8, centres=20), settings()
+    alone, expected = streamed(source, model, how, workers=1)
+    found, result = streamed(source, model, how, dask=scheduler)
+    assert found == alone
+    assert (result.workers, result.again, result.notes) == (2, 0, ())
+    assert result.tally.summary() == expected.tally.summary()
+
+
+def test_no_scheduler_no_result(source: Path) -> None:
+    pytest.importorskip("distributed")
+    with pytest.raises(ConfigurationError, match="no Dask scheduler answers"):
+        streamed(source, cases.rigid_model(), settings(), dask="nonsense://127.0.0.1:9")
+    assert not source.with_name("out.src").exists()
+
+
+def test_a_wrong_guess_is_found_out(source: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from robotrue.compensation import stream
+
+    class Astray(stream.Here):
+        def __init__(self, work, model) -> None:
+            super().__init__(work, model)
+            self.ahead = 3
+
+    model, how = cases.rich_model(harmonics=8, centres=20), settings()
+    alone, _ = streamed(source, model, how, workers=1)
+    monkeypatch.setattr(stream, "Here", Astray)
+    found, result = streamed(source, model, how, workers=1)
+    assert (found, result.again) == (alone, 0)
+
+    def nowhere(work, found, reading, home):
+        wrong = at_home(work.pack, work.settings)
+        wrong.near[:] += [np.pi, 0.0, 0.0, 2.0 * np.pi, 0.0, -2.0 * np.pi]
+        return wrong
+
+    monkeypatch.setattr(stream, "_after_some", nowhere)
+    found, result = streamed(source, model, how, workers=1)
+    assert found == alone
+    assert result.again > 0
+
+
+def test_bad_requests(source: Path) -> None:
+    model, how = cases.rigid_model(), settings()
+    with pytest.raises(ConfigurationError, match="--workers is 0"):
+        streamed(source, model, how, workers=0)
+    with pytest.raises(ConfigurationError, match="no flat tables"):
+        streamed(source, cases.TableModel(tables=model.tables, flat=False), how)
+    found = outline(source, FrameTable(), targets=BLOCK)
+    assert isinstance(found, Outline)
+    other = source.with_name("shorter.src")
+    other.write_bytes(source.read_bytes()[:-2000])
+    with pytest.raises(FormatError, match="became shorter"):
+        compensate_stream(model, found, other, source.with_name("no.src"), settings=how, workers=1)
+    assert not source.with_name("no.src").exists()
+    assert worker_count(10_000, None) == 1
+    assert worker_count(10_000, 3) == 3
