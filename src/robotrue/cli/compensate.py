@@ -15,12 +15,15 @@ from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.part import PartFrame
 from robotrue.cli.console import emit_json, say
+from robotrue.cli.cutter import cutter_axis
+from robotrue.cli.free_spin import require_free, sentences, spun
 from robotrue.cli.inputs import check_output
 from robotrue.cli.process_force import StatedForce, described, stated_forces, useless
 from robotrue.cli.registered import opened
 from robotrue.compensation.compensate import compensate
 from robotrue.compensation.result import unchanged
 from robotrue.compensation.settings import CompensationSettings
+from robotrue.core.arrays import Array
 from robotrue.core.files import sha256, write_atomic
 from robotrue.core.identity import ModelIdentity
 from robotrue.core.rotations import abc_from_matrix
@@ -49,6 +52,7 @@ def run(
     as_json: bool,
     force: Path | None = None,
     cutter: str | None = None,
+    free_spin: bool = False,
 ) -> None:
     """Writes the compensated program and says what became of each target."""
     document = compensated(
@@ -62,6 +66,7 @@ def run(
         max_shift_mm=max_shift_mm,
         force=force,
         cutter=cutter,
+        free_spin=free_spin,
     )
     if as_json:
         emit_json(document)
@@ -79,6 +84,7 @@ def compensated(
     max_shift_mm: float,
     force: Path | None = None,
     cutter: str | None = None,
+    free_spin: bool = False,
 ) -> dict[str, Any]:
     """Writes the compensated program; returns the counts as JSON values."""
     read = (model_path, program_path, registered, force)
@@ -102,9 +108,13 @@ def compensated(
     outputs = _outputs(job, program_path, output)
     for program in job:
         require_compensable(program_path.with_name(program.name), program.data, used)
-    forces = stated_forces(described(cell, wrench, force, cutter), job)
+    stated = described(cell, wrench, force, cutter)
+    if free_spin:
+        require_free(model, stated)
+    forces = stated_forces(stated, job)
+    turned = cutter_axis(cell, cutter) if free_spin else None
     rewritten = [
-        _rewritten(model, cell, program, pushed, axis_targets, max_shift_mm)
+        _rewritten(model, cell, program, pushed, axis_targets, max_shift_mm, turned)
         for program, pushed in zip(job, forces, strict=True)
     ]
     documents = []
@@ -195,6 +205,7 @@ def _rewritten(
     force: StatedForce,
     axis_targets: bool,
     max_shift_mm: float,
+    turned: Array | None,
 ) -> tuple[bytes, Mapping[str, Any]]:
     if model is None:
         n = len(program)
@@ -207,8 +218,12 @@ def _rewritten(
         max_shift=max_shift_mm * MM,
         covariance=True,
     )
-    result = compensate(model, program, settings=settings)
-    summary = {**result.summary(), **({"force": force.document()} if force.uses else {})}
+    if turned is None:
+        result, won = compensate(model, program, settings=settings), {}
+    else:
+        result, spins = spun(model, program, settings, turned)
+        won = {"free_spin": spins}
+    summary = {**result.summary(), **({"force": force.document()} if force.uses else {}), **won}
     return write_program(program, result.replacement), summary
 
 
@@ -247,7 +262,7 @@ def _tell(program: Program, target: Path, document: Mapping[str, Any], force: St
     sigma = document.get("predicted_sigma_um")
     if sigma:
         say(f"expected scatter about the target (1 sigma, 3-D): {sigma['mean']:.0f} um")
-    for sentence in force.sentences():
+    for sentence in [*force.sentences(), *sentences(document.get("free_spin"))]:
         say(sentence)
     for note in document["notes"]:
         say(f"note: {note}")

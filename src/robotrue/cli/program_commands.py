@@ -106,6 +106,12 @@ def compensate(
         str | None,
         typer.Option(help="Axis of the tool from spindle to tip: x, y, z, -x, -y, -z; default z."),
     ] = None,
+    free_spin: Annotated[
+        bool,
+        typer.Option(
+            help="Choose the rotation about the axis of a rotating tool for stiffness and room."
+        ),
+    ] = False,
     axis_targets: Annotated[
         bool, typer.Option(help="Compensate axis targets too (PTP {A1 ..}).")
     ] = False,
@@ -129,6 +135,7 @@ def compensate(
         as_json=json,
         force=force,
         cutter=cutter,
+        free_spin=free_spin,
     )
 
 

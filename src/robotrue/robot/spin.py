@@ -142,7 +142,7 @@ def best_way(
     if grid.extra is not None:
         comfort = comfort + grid.extra
     joints = _first_turn(robot, grid.joints[0], near)
-    start = _limit_cost(robot, joints, settings) + comfort[0]
+    start = limit_cost(robot, joints, settings) + comfort[0]
     cost = np.where(np.isfinite(start), start * grid.length[1:2].sum(), np.inf)
     before, allowed = _predecessors(grid, settings, spins)
     backs: list[IntArray] = []
@@ -155,7 +155,7 @@ def best_way(
         options = previous + wrap(grid.joints[k][:, None] - previous)
         length = max(float(grid.length[k]), 1e-6)
         moved = ((options - previous) ** 2).sum(axis=-1) * settings.travel**2 / length
-        stay = _limit_cost(robot, options, settings) + comfort[k][:, None]
+        stay = limit_cost(robot, options, settings) + comfort[k][:, None]
         total = cost[:, before] + moved + length * stay
         total = np.where(allowed[k] & np.isfinite(total), total, np.inf)
         chosen = np.argmin(total, axis=1)
@@ -251,12 +251,15 @@ def can_be_taken(
     robot: RobotModel, geometry: OpwGeometry, joints: Array, settings: SpinSettings
 ) -> Array:
     """Returns the cost of standing at joints (..., 6) rad; infinite or NaN where it cannot be."""
-    stand = _limit_cost(robot, _first_turn(robot, joints), settings)
+    stand = limit_cost(robot, _first_turn(robot, joints), settings)
     return np.asarray(stand + singular_cost(geometry, joints, settings))
 
 
-def _limit_cost(robot: RobotModel, joints: Array, settings: SpinSettings) -> Array:
-    """Sum of u^2 / (1 - u^2) over the joints; infinite beyond the margin, NaN stays NaN."""
+def limit_cost(robot: RobotModel, joints: Array, settings: SpinSettings) -> Array:
+    """Returns the sum of u^2 / (1 - u^2) over the joints (...).
+
+    Infinite beyond the margin; NaN stays NaN.
+    """
     middle = robot.limits.mean(axis=1)
     half = 0.5 * np.diff(robot.limits, axis=1)[:, 0]
     apart = np.abs(joints - middle)

@@ -1,0 +1,323 @@
+"""The free rotation about the axis of a rotating tool, chosen for stiffness and room.
+
+A cutter that turns leaves the rotation of the tool frame about its axis open; CAM or the post wrote
+one. Here it is chosen anew, run by run (:mod:`robotrue.compensation.redundancy_path`), by the
+cheapest way through a grid of spins with two refinements (:mod:`robotrue.robot.spin` states the
+rule): distance from joint limits and singularities, joint travel, and on top
+``(deflection / settings.deflection)^2`` per metre, the deflection being what the process force
+bends the arm by across the feed. A spin is counted from the attitude that is written, so zero
+changes nothing. Each run keeps the arm's branch; a run that cannot be followed, or would gain less
+than a twentieth, stays as written. Between stations spins are interpolated, and every run is
+checked once more as the controller drives it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from robotrue.calibration.model import ErrorModel
+from robotrue.compensation.compensate import compensate
+from robotrue.compensation.redundancy_cost import across, bending, stiffness
+from robotrue.compensation.redundancy_path import DenseRun, Run, dense_run, runs_of
+from robotrue.compensation.redundancy_result import Respun, Standing
+from robotrue.compensation.settings import CompensationSettings
+from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
+from robotrue.core.poses import inverse as inverse_pose
+from robotrue.core.poses import pose
+from robotrue.core.rotations import matrix_from_rotation_vector, wrap
+from robotrue.core.units import DEG, UM
+from robotrue.core.words import NO_WORD
+from robotrue.errors import ConfigurationError
+from robotrue.program.cut_path import CutPath, cut_path
+from robotrue.program.program import Program
+from robotrue.robot.forward import forward
+from robotrue.robot.inverse import branches_of, inverse_branches, require_opw
+from robotrue.robot.model import RobotModel
+from robotrue.robot.opw import OpwGeometry
+from robotrue.robot.spin import SpinSettings, Way, limit_cost, refined_way, singular_cost
+from robotrue.robot.words import configuration_words, renewed
+
+GAIN: Final = 0.05
+"""Share of the cost that must be won, else a run stays as it is written."""
+_STEP: Final = 45.0 * DEG
+"""rad a joint may turn between two points of a straight move."""
+_TRIES: Final = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FreeSpinSettings:
+    """How the free rotation is chosen.
+
+    Attributes:
+        spin: Cutter axis, grid, margins, weight of joint travel.
+        deflection: m across the feed that cost as much as one joint at 0.7 of its range.
+        most: rad a spin may lie from the attitude that is written.
+    """
+
+    spin: SpinSettings
+    deflection: float = 50.0 * UM
+    most: float = np.pi
+
+    def __post_init__(self) -> None:
+        """Checks that both are above zero."""
+        for name in ("deflection", "most"):
+            if not getattr(self, name) > 0.0:
+                raise ConfigurationError(f"{name} is {getattr(self, name)}, expected above 0.")
+
+
+def choose_spins(
+    model: ErrorModel,
+    program: Program,
+    free: FreeSpinSettings,
+    *,
+    settings: CompensationSettings | None = None,
+) -> Respun:
+    """Returns the program with the rotation about the tool axis chosen anew.
+
+    Args:
+        model: Its compliance says what a force does; a model without leaves limits and
+            singularities to decide.
+        program: As read.
+        free: Cutter axis, grid, margins.
+        settings: Its wrench is the process force; it must not turn with the tool frame.
+
+    Raises:
+        ConfigurationError: The arm is not ortho-parallel, or carries the part.
+
+    Fails when: a program goes back to a point it keeps in a variable; that point has one attitude
+    for all moves that end there, and targets are taken in file order. Obstacles are not known here.
+    """
+    settings = settings or CompensationSettings()
+    robot = model.robot.nominal()
+    geometry = require_opw(robot)
+    if program.held.any():
+        raise ConfigurationError(
+            "the robot carries the part: its attitude is chosen by the program alone.",
+            source=program.name,
+            hint="leave the free spin off.",
+        )
+    base = compensate(model, program, settings=settings)
+    known = np.asarray(np.isfinite(base.joints).all(axis=1))
+    path = cut_path(program, cutter=free.spin.cutter)
+    load = settings.load_for(len(program))
+    wrench = np.broadcast_to(load.wrench, (len(program), 6))
+    tables = model.mean_tables(load)
+    compliance = np.zeros(6) if tables is None else tables.robot.error("compliance")
+    task = _Task(
+        robot=robot, geometry=geometry, compliance=compliance, program=program, path=path,
+        wrench=wrench, free=free, joints=base.joints,
+    )  # fmt: skip
+    spin, rotation = np.zeros(len(program)), np.array(program.rotation)
+    after = np.array(base.joints)
+    runs = runs_of(program, known)
+    notes, turned = [], 0
+    for run in runs:
+        found = run.fault or _spun(task, run)
+        if isinstance(found, str):
+            if found:
+                lines = program.line[run.rows[[0, -1]]]
+                notes.append(f"lines {lines[0]} to {lines[1]}: not turned, {found}.")
+            continue
+        turned += 1
+        free_rows = run.rows[1:] if run.fixed else run.rows
+        skip = len(run.rows) - len(free_rows)
+        spin[free_rows], after[run.rows] = found.spin[skip:], found.joints
+        turn = matrix_from_rotation_vector(found.spin[skip:, None] * free.spin.cutter)
+        rotation[free_rows] = program.rotation[free_rows] @ turn
+    moved = np.asarray(np.abs(wrap(spin)) > 1e-12)
+    return Respun(
+        program=replace(
+            program, rotation=rotation, words=_words(robot, program, moved, base.joints, after)
+        ),
+        spin=spin,
+        turned=moved,
+        before=_standing(task, base.joints),
+        after=_standing(task, after),
+        runs=(len(runs), turned),
+        notes=tuple(notes),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Task:
+    robot: RobotModel
+    geometry: OpwGeometry
+    compliance: Array
+    program: Program
+    path: CutPath
+    wrench: Array
+    free: FreeSpinSettings
+    joints: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Found:
+    """Spins (n,) rad and joints (n, 6) rad of a run."""
+
+    spin: Array
+    joints: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Scene:
+    """One run with everything that does not change while spins are tried."""
+
+    task: _Task
+    run: Run
+    robot: RobotModel
+    branch: int
+    rotation: Array
+    dense: DenseRun
+
+    def joints(self, at: IntArray, attitude: Array, reference: Array) -> Array:
+        """Joints (m, ..., 6) of the branch at dense points (m,), attitudes (m, ..., 3, 3)."""
+        shape = attitude.shape[1:-2]
+        place = self.dense.position[at].reshape(len(at), *(1,) * len(shape), 3)
+        T = pose(attitude, np.broadcast_to(place, (len(at), *shape, 3)))
+        T_base_flange = (T @ inverse_pose(self.robot.T_flange_tool)).reshape(-1, 4, 4)
+        found = inverse_branches(
+            self.robot, T_base_flange, reference=reference, geometry=self.task.geometry
+        )
+        return np.asarray(found[:, self.branch].reshape(len(at), *shape, 6))
+
+    def pushed(self, at: IntArray, joints: Array) -> Array:
+        """Cost per metre (m, ...) of the deflection at dense points with joints (m, ..., 6)."""
+        shape = joints.shape[1:-1]
+        rows = self.run.rows[self.dense.target[at]]
+        each = np.repeat(rows, int(np.prod(shape, dtype=np.int64)))
+        task = self.task
+        moved = bending(self.robot, task.compliance, joints.reshape(-1, 6), task.wrench[each])
+        size = np.linalg.norm(across(moved, task.path.feed_direction[each]), axis=1)
+        return np.asarray((size / task.free.deflection) ** 2).reshape(len(at), *shape)
+
+
+def _spun(task: _Task, run: Run) -> _Found | str:
+    """The run with new spins, or why it stays."""
+    program, spin = task.program, task.free.spin
+    branch = branches_of(task.robot, task.joints[run.rows], geometry=task.geometry)
+    posed = run.rows[1:] if run.fixed else run.rows
+    if (branch != branch[-1]).any():
+        return "the arm changes its branch among them"
+    robot = task.robot.with_tool(program.T_flange_tool[program.tool[posed[0]]])
+    T = np.array(task.path.T_base_tool[run.rows])
+    if run.fixed:
+        T[0] = forward(robot, task.joints[run.rows[:1]])[0]
+    scene = _Scene(
+        task=task,
+        run=run,
+        robot=robot,
+        branch=int(branch[-1]),
+        rotation=T[:, :3, :3],
+        dense=dense_run(T[:, :3, 3], T[:, :3, :3], program.motion[run.rows]),
+    )
+    spacing = spin.spacing
+    why = ""
+    for _ in range(_TRIES):
+        stations = scene.dense.stations(spacing)
+        way = _way(scene, stations)
+        if way.branch < 0:
+            return why or "a joint limit or a singularity is in the way of every spin"
+        found = _as_driven(scene, stations, way)
+        if found is not None:
+            return found if _gains(scene, found) else ""
+        why = "a joint limit or a singularity is too near between them"
+        spacing *= 0.5
+    return why
+
+
+def _way(scene: _Scene, stations: IntArray) -> Way:
+    """The cheapest way of spins over the stations."""
+    free, near = scene.task.free, scene.task.joints[scene.run.rows[0]]
+    attitude = scene.dense.attitudes(scene.rotation)[stations]
+    length = np.diff(scene.dense.along[stations], prepend=scene.dense.along[stations[0]])
+
+    def stand(spin: Array) -> tuple[Array, Array]:
+        turn = matrix_from_rotation_vector(spin[..., None] * free.spin.cutter)
+        joints = scene.joints(stations, attitude[:, None] @ turn, near)
+        extra = scene.pushed(stations, joints)
+        extra = np.where(np.abs(wrap(spin)) > free.most, np.inf, extra)
+        if scene.run.fixed:
+            extra[0] = np.where(np.abs(wrap(spin[0])) > 1e-9, np.inf, extra[0])
+        return joints[:, None], extra[:, None]
+
+    return refined_way(scene.robot, scene.task.geometry, stand, length, free.spin, near=near)
+
+
+def _as_driven(scene: _Scene, stations: IntArray, way: Way) -> _Found | None:
+    """Spins and joints of the targets if the arm follows all the way; None if it does not."""
+    dense, settings = scene.dense, scene.task.free.spin
+    at = dense.along[stations]
+    spin = np.interp(dense.along[dense.at], at, way.spin)
+    spin -= 2.0 * np.pi * np.rint(spin[0] / (2.0 * np.pi))
+    turned = scene.rotation @ matrix_from_rotation_vector(spin[:, None] * settings.cutter)
+    guess = np.stack([np.interp(dense.along, at, q) for q in way.joints.T], axis=1)
+    joints = scene.joints(np.arange(len(dense.along)), dense.attitudes(turned), guess)
+    room = _room(scene.robot, joints)
+    bad = ~np.isfinite(joints).all(axis=1)
+    bad |= ~np.isfinite(singular_cost(scene.task.geometry, joints, settings))
+    bad |= ~(room >= 0.5 * settings.limit_margin)
+    bad[1:] |= ~(np.abs(np.diff(joints, axis=0)).max(axis=1) <= _STEP)
+    return None if bad.any() else _Found(spin=spin, joints=joints[dense.at])
+
+
+def _gains(scene: _Scene, found: _Found) -> bool:
+    """Whether the new spins cost less than those written, by more than a twentieth."""
+    task, at = scene.task, scene.dense.at
+    length = np.diff(scene.dense.along[at], prepend=0.0)
+    cost = [
+        np.where(length > 0.0, length, 0.0)
+        @ np.nan_to_num(
+            limit_cost(scene.robot, joints, task.free.spin)
+            + singular_cost(task.geometry, joints, task.free.spin)
+            + scene.pushed(at, joints),
+            nan=np.inf,
+            posinf=1e300,
+        )
+        for joints in (task.joints[scene.run.rows], found.joints)
+    ]
+    return bool(cost[1] < (1.0 - GAIN) * cost[0])
+
+
+def _room(robot: RobotModel, joints: Array) -> Array:
+    """Distance (n,) rad to the nearest limit; below zero beyond it."""
+    return np.asarray(
+        np.minimum(joints - robot.limits[:, 0], robot.limits[:, 1] - joints).min(axis=1)
+    )
+
+
+def _standing(task: _Task, joints: Array) -> Standing:
+    """How the arm stands at every target, tool by tool."""
+    program, n = task.program, len(joints)
+    moved = np.full((n, 3), np.nan)
+    known = np.isfinite(joints).all(axis=1)
+    for tool in np.unique(program.tool[known]):
+        rows = np.flatnonzero(known & (program.tool == tool))
+        if 0 <= tool < len(program.T_flange_tool):
+            robot = task.robot.with_tool(program.T_flange_tool[tool])
+            moved[rows] = bending(robot, task.compliance, joints[rows], task.wrench[rows])
+    return Standing(
+        joints=frozen(joints, (n, 6), "joints", allow_nan=True),
+        room=_room(task.robot, joints),
+        wrist=np.arcsin(np.abs(np.sin(task.geometry.angles(joints)[:, 4]))),
+        across=np.linalg.norm(across(moved, task.path.feed_direction), axis=1),
+        stiffness=stiffness(task.wrench, moved),
+    )
+
+
+def _words(
+    robot: RobotModel, program: Program, moved: BoolArray, before: Array, after: Array
+) -> IntArray:
+    """Configuration words (n, w) of the new attitudes; those written where they stay true."""
+    out = np.array(program.words)
+    spoken = (program.words != NO_WORD).any(axis=1)
+    rows = np.flatnonzero(moved & spoken)
+    if robot.maker != program.words_of or not len(rows):
+        return out
+    maker, written = program.words_of, program.words[rows]
+    had, have = (configuration_words(robot, maker, joints[rows]) for joints in (before, after))
+    new = renewed(maker, written, had, have)
+    out[rows] = np.where(new == NO_WORD, written, new)
+    return out

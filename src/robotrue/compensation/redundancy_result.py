@@ -1,0 +1,122 @@
+"""What choosing the free rotation anew made of a program, and what it won."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from robotrue.compensation.result import Compensation
+from robotrue.compensation.status import Status
+from robotrue.core.arrays import Array, BoolArray
+from robotrue.core.units import DEG, UM
+from robotrue.core.words import NO_WORD
+from robotrue.program.program import Program
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Standing:
+    """How the arm stands at n targets; NaN where that is not known.
+
+    Attributes:
+        joints: (n, 6) rad, nominal.
+        room: (n,) rad to the nearest joint limit.
+        wrist: (n,) rad between axes 4 and 6.
+        across: (n,) m, what the process force bends the arm by across the feed.
+        stiffness: (n,) N/m along the force; NaN without force.
+    """
+
+    joints: Array
+    room: Array
+    wrist: Array
+    across: Array
+    stiffness: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Respun:
+    """A program with its free rotations chosen anew.
+
+    Attributes:
+        program: With new attitudes and configuration words; its bytes are those that were read.
+        spin: (n,) rad about the cutter axis, from the attitude written; 0 where it stays.
+        turned: (n,) targets with another attitude.
+        before: How the arm stands with the program as written.
+        after: With the new one.
+        runs: How many runs there are, and how many of them were turned.
+        notes: One sentence each.
+    """
+
+    program: Program
+    spin: Array
+    turned: BoolArray
+    before: Standing
+    after: Standing
+    runs: tuple[int, int]
+    notes: tuple[str, ...]
+
+    def summary(self) -> dict[str, Any]:
+        """Returns JSON values over the turned targets: what was won, as the model predicts it."""
+        at = self.turned
+        out: dict[str, Any] = {
+            "runs": self.runs[0],
+            "runs_turned": self.runs[1],
+            "targets_turned": int(at.sum()),
+            "largest_spin_deg": float(np.abs(self.spin).max(initial=0.0) / DEG),
+        }
+        for name, of, unit, worst in (
+            ("stiffness_N_per_um", "stiffness", 1.0 / UM, np.min),
+            ("deflection_across_feed_um", "across", UM, np.max),
+            ("limit_distance_deg", "room", DEG, np.min),
+            ("wrist_angle_deg", "wrist", DEG, np.min),
+        ):
+            pair = [np.asarray(getattr(each, of))[at] for each in (self.before, self.after)]
+            both = np.isfinite(pair[0]) & np.isfinite(pair[1])
+            if both.any():
+                out[name] = {
+                    when: {
+                        "mean": float(value[both].mean() / unit),
+                        "worst": float(worst(value[both]) / unit),
+                    }
+                    for when, value in zip(("before", "after"), pair, strict=True)
+                }
+        return out
+
+    def written(self, program: Program, result: Compensation) -> Compensation:
+        """Returns the compensation of the new program as one of the program that was read.
+
+        Targets that were turned and then not compensated keep their place and get their attitude.
+
+        Args:
+            program: As read.
+            result: Of compensating :attr:`program`.
+        """
+        new = result.replacement
+        moved = np.asarray(self.turned & ~new.changed)
+        words = np.where(
+            (new.words == NO_WORD) & (self.program.words != program.words),
+            self.program.words,
+            new.words,
+        )
+        rotation = np.array(new.rotation)
+        rotation[moved] = self.program.rotation[moved]
+        position = np.array(new.position)
+        position[moved] = program.position[moved]
+        said = {
+            each: int((result.status[moved] == each).sum())
+            for each in Status
+            if each != Status.UNCHANGED_NO_ERROR
+        }
+        notes = tuple(
+            f"{count} targets were turned and not compensated: {status.explanation}."
+            for status, count in said.items()
+            if count
+        )
+        return replace(
+            result,
+            replacement=replace(
+                new, changed=new.changed | moved, position=position, rotation=rotation, words=words
+            ),
+            notes=(*result.notes, *notes),
+        )
