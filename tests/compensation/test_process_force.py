@@ -111,6 +111,11 @@ class TestFeed:
         with pytest.raises(ShapeError, match="length 0"):
             cut_path(a_program(SQUARE), cutter=np.zeros(3))
 
+    def test_a_part_on_the_robot_is_refused(self) -> None:
+        program = replace(a_program(SQUARE), held=np.array([False, False, True, False, False]))
+        with pytest.raises(ConfigurationError, match=r"part\.src:13: the robot carries the part"):
+            cut_path(program, cutter=Z)
+
 
 class TestAxes:
     def test_base_axes(self) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
 from robotrue.core.poses import pose
 from robotrue.core.units import DEG
-from robotrue.errors import ShapeError
+from robotrue.errors import ConfigurationError, ShapeError
 from robotrue.program.program import Motion, Program
 
 CORNER: Final = 30.0 * DEG
@@ -105,7 +105,16 @@ def cut_path(program: Program, *, cutter: Array) -> CutPath:
 
     Raises:
         ShapeError: A cutter axis of length zero.
+        ConfigurationError: The robot carries the part: its poses are not those of the tool.
     """
+    if program.held.any():
+        raise ConfigurationError(
+            "the robot carries the part past a tool that stands: where that tool pushes the arm "
+            "is not worked out.",
+            source=program.name,
+            line=int(program.line[np.argmax(program.held)]),
+            hint="leave the process force out.",
+        )
     length = float(np.linalg.norm(cutter))
     if not length > 0.0:
         raise ShapeError("cutter has length 0, expected a direction in the tool frame.")
