@@ -14,6 +14,7 @@ import numpy as np
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.tables import rigid_tables
 from robotrue.compensation.chunks import Outcome, Standing, empty_outcome, solve_chunks
+from robotrue.compensation.held_load import at_part
 from robotrue.compensation.pack import Pack, pack_tables
 from robotrue.compensation.plan import Plan, lay_out, new_words
 from robotrue.compensation.predicted import by_prediction, covariances
@@ -57,7 +58,7 @@ def compensate(
     Fails when: the controller corrects absolute accuracy itself; the correction is then made twice.
     """
     settings = settings or CompensationSettings()
-    load = settings.load_for(len(program))
+    load = at_part(program, settings.load_for(len(program)))
     robot = model.robot.nominal()
     measured = measured_tools(robot, program.T_flange_tool)
     tables = model.mean_tables(load)

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from pathlib import PurePath
 from typing import Final
 
+from robotrue.program.held import as_printed
 from robotrue.program.program import FrameTable, Program, Replacement
 
 _HEAD: Final = re.compile(
@@ -77,7 +78,7 @@ class Krl:
         """
         from robotrue.program.formats.krl_write import write_krl
 
-        return write_krl(program, replacement)
+        return write_krl(*as_printed(program, replacement))
 
 
 DIALECT: Final = Krl()

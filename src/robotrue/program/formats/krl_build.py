@@ -17,9 +17,12 @@ from robotrue.program.formats.krl_modal import inherit, visits
 from robotrue.program.formats.krl_scan import INLINE_ARC, NOT_CONSTANT, STATEMENT, Scan
 from robotrue.program.formats.krl_walk import MOTION_OF, Walk
 from robotrue.program.formats.krl_write import KrlSpans
+from robotrue.program.held import turned_round
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 
 _SIDES: Final = (("base", BASE), ("tool", TOOL))
+_UNSURE: Final = 2
+"""Of ON_ROBOT: on the robot on one way here and not on another."""
 
 
 class Builder:
@@ -50,7 +53,7 @@ class Builder:
                 at = node if node >= 0 else int(np.flatnonzero(table[:, column] == mark)[0])
                 index = self.frames.unknown(side, ways.line[at], what, cure)
                 table[table[:, column] == mark, column] = index
-        table[:, ON_ROBOT] = table[:, ON_ROBOT] != 0
+        table[:, ON_ROBOT] = np.where(table[:, ON_ROBOT] < 0, _UNSURE, table[:, ON_ROBOT])
         calls = table[:, FOREIGN_BASE:]
         first = calls[calls > 0].min(initial=np.iinfo(np.int64).max)
         calls[calls < 0] = first
@@ -95,6 +98,10 @@ class Builder:
         free = ((motion == Motion.ARC_VIA) & ~is_axis)[partial][:, None] & (np.arange(6) >= 3)
         values[incomplete] = np.nan
         position, rotation, axes = _si(values, is_axis)
+        held = np.zeros(0, np.bool_)
+        if self.given.fixed_tool == "tool_in_part" and (state[:, ON_ROBOT] == 1).any():
+            held = (state[:, ON_ROBOT] == 1) & ~is_axis
+            position, rotation = turned_round(position, rotation, held)
         return Program(
             name=name,
             dialect="krl",
@@ -111,6 +118,7 @@ class Builder:
             tool=state[:, TOOL],
             T_base_frame=bases,
             T_flange_tool=np.array(self.frames.matrices["tool"]),
+            held=held,
             notes=tuple(dict.fromkeys(notes)),
             spans=_spans(found, agg, is_axis, partial, donor, (donor >= 0) & ~free),
         )
@@ -195,7 +203,8 @@ class Builder:
         cures = self.frames.cures
         reason = np.where(axis, int(Reason.JOINT_TARGET), int(Reason.NONE))
         on_robot = (state[:, ON_ROBOT] > 0) & ~axis
-        reason[on_robot] = Reason.TOOL_ON_FLOOR
+        refused = on_robot & ((state[:, ON_ROBOT] == _UNSURE) | (not self.given.fixed_tool))
+        reason[refused] = Reason.TOOL_ON_FLOOR
         notes: list[str] = []
         for side, column in _SIDES:
             lost = np.isin(state[:, column], [i for which, i in cures if which == side])
@@ -203,10 +212,17 @@ class Builder:
                 lost &= ~axis
             reason[lost] = Reason.UNKNOWN_FRAME
             notes += [cures[side, i] for i in np.unique(state[lost, column]).tolist()]
-        if on_robot.any():
+        if refused.any():
             notes.append(
-                f"{self.frames.name}: {int(on_robot.sum())} targets carry the workpiece on the "
-                "robot (#TCP); they are not compensated."
+                f"{self.frames.name}: {int(refused.sum())} targets carry the workpiece on the "
+                "robot (#TCP); they are not compensated. Say in the cell what they mean: "
+                "fixed_tool in [controller]."
+            )
+        if (on_robot & ~refused).any():
+            notes.append(
+                f"{self.frames.name}: {int((on_robot & ~refused).sum())} targets carry the "
+                "workpiece on the robot (#TCP); shifts and errors told of them are those of the "
+                "part's frame."
             )
         return reason, notes
 

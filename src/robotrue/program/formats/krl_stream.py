@@ -68,6 +68,8 @@ def outline(
         return Whole(why="points of a .dat are read whole")
     if frames.external:
         return Whole(why="external axes in the kinematic chain need every target at once")
+    if frames.fixed_tool:
+        return Whole(why="a part on the robot is read whole")
     survey = _Survey(path.name, targets)
     with path.open("rb") as stream:
         for data in _windows(stream):

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from pathlib import PurePath
 from typing import Final
 
+from robotrue.program.held import as_printed
 from robotrue.program.program import FrameTable, Program, Replacement
 
 _HEAD: Final = re.compile(
@@ -72,7 +73,7 @@ class Rapid:
         """
         from robotrue.program.formats.rapid_write import write_rapid
 
-        return write_rapid(program, replacement)
+        return write_rapid(*as_printed(program, replacement))
 
 
 DIALECT: Final = Rapid()

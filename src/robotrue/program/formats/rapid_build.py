@@ -18,6 +18,7 @@ from robotrue.program.formats.rapid_write import RapidSpans
 from robotrue.program.formats.stored_points import firsts
 from robotrue.program.formats.target_notes import TOLD, TargetNotes
 from robotrue.program.formats.text_lines import line_starts
+from robotrue.program.held import turned_round
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 
 _NOT_CONNECTED: Final = 8.9e9
@@ -57,6 +58,7 @@ class _Builder:
         frame, bases = self._external(state[1])
         self._flagged()
         position, rotation, axes = self._si()
+        position, rotation = turned_round(position, rotation, self.held)
         self._pair_arcs()
         self._spoken()
         frames, order = self.walk.frames.frames, self.order
@@ -76,6 +78,7 @@ class _Builder:
             tool=state[0][order],
             T_base_frame=bases,
             T_flange_tool=np.array(frames.matrices[TOOL]),
+            held=self.held[order] if self.held.any() else np.empty(0, np.bool_),
             notes=self.tell.notes(),
             spans=RapidSpans(numbers=self.numbers.rows(order), is_axis=self.is_axis[order]),
         )
@@ -94,6 +97,7 @@ class _Builder:
     def _settle(self) -> IntArray:
         """Returns tool and work frame (2, n) of every point; flags what cannot be relied on."""
         states, swapped = self._states()
+        self._hold(states, swapped)
         state = np.zeros((2, self.count), np.int64)
         state[:, self.used] = states[:, self.first[self.used]]
         for side, name in enumerate((TOOL, WORK)):
@@ -103,10 +107,10 @@ class _Builder:
             for each in np.unique(state[side][lost]).tolist():
                 self.tell.say(cures[each])
         self._put(
-            self._any(swapped) & ~self.is_axis,
+            self._any(np.asarray(swapped[0] != swapped[1])) & ~self.is_axis,
             Reason.TOOL_ON_FLOOR,
-            "the robot carries the workpiece, or the tool stands on the floor; "
-            "such targets are not compensated",
+            "the robot holds the workpiece and the tool, or neither of them (robhold); such "
+            "targets are not compensated",
         )
         shifted = [self.walk.course.versions(k, self.place) != 0 for k in (SHIFTED, AXES_SHIFTED)]
         self._put(
@@ -123,17 +127,35 @@ class _Builder:
         )
         return state
 
+    def _hold(self, states: IntArray, swapped: BoolArray) -> None:
+        """Exchanges tool and work frame, in place, where the robot holds the part."""
+        held: BoolArray = np.asarray(swapped.all(axis=0))
+        odd = swapped[0] != swapped[1]
+        states[:, held] = states[::-1, held]
+        states[swapped & odd] = 0
+        self.held = self._any(held) & ~self.is_axis
+        self._put(
+            self._any(held) & self._any(~held) & ~self.is_axis,
+            Reason.UNKNOWN_FRAME,
+            "this target is used with the part on the robot and with the tool on it",
+        )
+        if self.held.any():
+            self.tell.say(
+                f"{self.walk.name}: {int(self.held.sum())} targets carry the part to a tool that "
+                "stands in the cell; shifts and errors told of them are those of the part's frame."
+            )
+
     def _states(self) -> tuple[IntArray, BoolArray]:
-        """Returns tool and work frame (2, u) of every use, and which are swapped."""
+        """Returns tool and work frame (2, u) of every use, and which of them are swapped."""
         states = np.zeros((2, len(self.place)), np.int64)
-        swapped = np.zeros(len(self.place), np.bool_)
+        swapped = np.zeros((2, len(self.place)), np.bool_)
         for (tool, work), (number, offset) in self.walk.story.settings.items():
             rows = np.flatnonzero(self.setting == number)
             line = int(np.searchsorted(self.starts, offset, side="right")) - 1
             for side, (kind, name) in enumerate(((TOOL, tool), (WORK, work))):
                 index, on_robot = self.walk.frames.resolve(kind, name, self.place[rows], line)
                 states[side, rows] = index
-                swapped[rows] |= on_robot
+                swapped[side, rows] = on_robot
         return states, swapped
 
     def _any(self, uses: BoolArray) -> BoolArray:

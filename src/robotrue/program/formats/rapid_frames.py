@@ -127,6 +127,9 @@ class RapidFrames:
     ) -> tuple[IntArray, BoolArray]:
         """Returns the index of the matrix at each place, and where part and tool are swapped.
 
+        A swapped tool stands in the world: its index is one of the work frames. A swapped work
+        object is held by the robot: its index is one of the tools.
+
         Args:
             side: ``TOOL`` or ``WORK``.
             name: Lower case; empty when the instruction names none.
@@ -158,7 +161,10 @@ class RapidFrames:
         values = {member: variable.versions[member][each] for member, each in version.items()}
         if values.get("ufprog") is False:
             return self._on_unit(name, variable, values), False
-        held, total = values["robhold"], self._T_base_world if side == WORK else np.eye(4)
+        held = values["robhold"]
+        swapped = held is (side == WORK)
+        stands = swapped is (side == TOOL)
+        total = self._T_base_world if stands else np.eye(4)
         if held is None or values.get("ufprog", True) is None:
             return self._lost(side, name, variable, "is not given as numbers"), False
         for member in _FRAMES[side]:
@@ -166,7 +172,7 @@ class RapidFrames:
             if not isinstance(matrix, np.ndarray):
                 return self._lost(side, name, variable, "is not given as numbers"), False
             total = total @ matrix
-        return self.frames.known(side, total), held is (side == WORK)
+        return self.frames.known(WORK if stands else TOOL, total), swapped
 
     def _on_unit(self, name: str, variable: _Variable, values: Mapping[str, Member]) -> int:
         """Returns the index of a work object whose user frame a mechanical unit moves."""
