@@ -119,3 +119,18 @@ def test_the_description_is_not_written_over(cli, work: Path) -> None:
     got = cli("compensate", work / "model.rtm", work / "part.src", "-o", force, "--force", force)
     assert got.code != 0
     assert force.read_text().startswith("[[force]]")
+
+
+def test_the_difference_is_predicted_under_the_same_force(cli, work: Path) -> None:
+    force = described(work, '[[force]]\naxes = "path"\nforce_N = [0, 500, 0]\n')
+    compensated(cli, work, "held.src", "--force", force, "--cutter", "z")
+    sizes = []
+    for options in (("--force", force, "--cutter", "z"), ()):
+        got = cli("diff", work / "part.src", work / "held.src", "--model", work / "model.rtm",
+                  "--json", *options)  # fmt: skip
+        assert got.code == 0, got.err
+        sizes.append(got.document["files"][0]["predicted_error_after_um"]["max"])
+    assert sizes[1] - sizes[0] > 100.0  # what the force bends
+    got = cli("diff", work / "part.src", work / "held.src", "--json", "--force", force)
+    assert got.code != 0
+    assert "without --model" in got.fault["message"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,14 +16,17 @@ from robotrue.cell.cell import Cell
 from robotrue.cli.compensate import frame_table
 from robotrue.cli.console import emit_json, emit_table, say
 from robotrue.cli.inputs import check_output
+from robotrue.cli.process_force import StatedForce, described, stated_forces
 from robotrue.cli.registered import opened
 from robotrue.compensation.difference import Change, Difference, difference
+from robotrue.compensation.process_force import DescribedForce
 from robotrue.core.arrays import Array
 from robotrue.core.files import write_atomic
 from robotrue.core.units import DEG, MM, UM
-from robotrue.errors import ModelMismatchError
+from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.program.formats import read_job
 from robotrue.program.program import FrameTable
+from robotrue.robot.statics import Load
 from robotrue.validation.error_map import radius_95
 
 SHOWN: Final = 20
@@ -41,13 +45,21 @@ def run(
     registered: Path | None,
     output: Path | None,
     as_json: bool,
+    wrench: str | None = None,
+    force: Path | None = None,
+    cutter: str | None = None,
 ) -> None:
     """Compares two programs; writes every target as CSV on request."""
-    sources = [p for p in (first, second, model_path, registered) if p is not None]
+    sources = [p for p in (first, second, model_path, registered, force) if p is not None]
     if output is not None:
         check_output(output, sources)
     cell, model = (None, None) if model_path is None else opened(model_path, registered)
-    found = _differences(first, second, cell, model)
+    if cell is None and (wrench or force):
+        raise ConfigurationError(
+            "a process force without --model: errors are not predicted.", hint="--model MODEL"
+        )
+    stated = np.empty(0) if cell is None else described(cell, wrench, force, cutter)
+    found = _differences(first, second, cell, model, stated)
     rows = [row for name, one in found for row in _rows(name, one)]
     if output is not None:
         write_atomic(output, _csv(rows))
@@ -60,7 +72,11 @@ def run(
 
 
 def _differences(
-    first: Path, second: Path, cell: Cell | None, model: ErrorModel | None
+    first: Path,
+    second: Path,
+    cell: Cell | None,
+    model: ErrorModel | None,
+    force: Array | DescribedForce,
 ) -> list[tuple[str, Difference]]:
     frames = FrameTable() if cell is None else frame_table(cell)
     jobs = read_job(first, frames), read_job(second, frames)
@@ -72,8 +88,16 @@ def _differences(
         )
     if cell is None:
         return [(a.name, difference(a, b)) for a, b in zip(*jobs, strict=True)]
-    load = cell.payload
-    return [(a.name, difference(a, b, model=model, load=load)) for a, b in zip(*jobs, strict=True)]
+    forces = stated_forces(force, jobs[0])
+    return [
+        (a.name, difference(a, b, model=model, load=_load(cell.payload, pushed)))
+        for a, b, pushed in zip(*jobs, forces, strict=True)
+    ]
+
+
+def _load(payload: Load, force: StatedForce) -> Load:
+    wrench = np.atleast_2d(force.wrench) if force.wrench.size else payload.wrench
+    return replace(payload, wrench=wrench)
 
 
 def _rows(name: str, found: Difference) -> list[dict[str, Any]]:

@@ -150,6 +150,15 @@ def diff(
         ),
     ] = None,
     cell: Annotated[Path | None, typer.Option(help="Registered cell with the part frame.")] = None,
+    wrench: Annotated[
+        str | None, typer.Option(help="With --model: process force, as compensate takes it.")
+    ] = None,
+    force: Annotated[
+        Path | None, typer.Option(help="With --model: process force, as compensate takes it.")
+    ] = None,
+    cutter: Annotated[
+        str | None, typer.Option(help="Axis of the tool from spindle to tip, as for compensate.")
+    ] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Every target as CSV.")
     ] = None,
@@ -158,4 +167,14 @@ def diff(
     """Compare two programs target by target: shift, turn, predicted error before and after."""
     from robotrue.cli import diff as command
 
-    command.run(first, second, model_path=model, registered=cell, output=output, as_json=json)
+    command.run(
+        first,
+        second,
+        model_path=model,
+        registered=cell,
+        output=output,
+        as_json=json,
+        wrench=wrench,
+        force=force,
+        cutter=cutter,
+    )

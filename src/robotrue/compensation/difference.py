@@ -15,6 +15,7 @@ import numpy as np
 
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.compensation.compensate import compensate
+from robotrue.compensation.newton import load_rows
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
 from robotrue.core.poses import inverse, pose
@@ -120,7 +121,7 @@ def difference(
         first: As CAM made it.
         second: The same with other numbers; the same frames and tools.
         model: Error of the arm, for the predicted errors.
-        load: On the flange, one row.
+        load: Payload and wrench, one row or one per target.
 
     Raises:
         ModelMismatchError: The programs have another number of targets, or other motions.
@@ -215,8 +216,9 @@ def _errors(
             q = _joints(robot.with_tool(tool), T[rows], joints[rows])
             able = np.isfinite(q).all(axis=1)
             mine = rows[able]
+            here = load_rows(load, mine)
             seen = model.predict(
-                Query(joints=q[able], approach=approach[mine], T_flange_tool=other, load=load)
+                Query(joints=q[able], approach=approach[mine], T_flange_tool=other, load=here)
             )
             out[mine] = T[mine, :3, 3] - T_first[mine, :3, 3] + seen.error
             covariance[mine] = seen.covariance
