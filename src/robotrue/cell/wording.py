@@ -17,16 +17,22 @@ _HEADER: Final = re.compile(r"\s*(\[\[?)\s*([^\[\]]+?)\s*\]\]?\s*(?:#.*)?")
 
 
 def configuration_error(
-    cause: ValidationError, tables: Mapping[str, Any], *, path: str | Path, text: str
+    cause: ValidationError,
+    tables: Mapping[str, Any],
+    *,
+    path: str | Path,
+    text: str,
+    schema: type[BaseModel] = CellFile,
 ) -> ConfigurationError:
     """Returns the error for the first fault pydantic found; unknown keys come before the others.
 
-    A misspelt key is both unknown and missing; the first is what helps.
+    A misspelt key is both unknown and missing; the first is what helps. ``schema`` is what the
+    file was checked against.
     """
     faults = sorted(cause.errors(), key=lambda fault: fault["type"] != "extra_forbidden")
     fault = faults[0]
     where = tuple(fault["loc"])
-    message, hint = _message(fault["type"], where, fault.get("ctx") or {}, fault["input"])
+    message, hint = _message(schema, fault["type"], where, fault.get("ctx") or {}, fault["input"])
     if where == ("schema",) and fault["type"] == "literal_error":
         hint = "update robotrue, or write the file for schema 1."
     if fault["type"] == "missing" and where == ("schema",):
@@ -38,12 +44,16 @@ def configuration_error(
 
 
 def _message(
-    kind: str, where: Sequence[str | int], facts: Mapping[str, Any], value: Any
+    schema: type[BaseModel],
+    kind: str,
+    where: Sequence[str | int],
+    facts: Mapping[str, Any],
+    value: Any,
 ) -> tuple[str, str | None]:
     key = _dotted(where)
     shown = repr(value) if len(repr(value)) <= 60 else repr(value)[:57] + "..."
     if kind == "extra_forbidden":
-        known = _known_keys(where[:-1])
+        known = _known_keys(schema, where[:-1])
         near = [k for k in known if k.startswith(f"{where[-1]}_")] or difflib.get_close_matches(
             str(where[-1]), known, n=1, cutoff=0.5
         )
@@ -75,9 +85,9 @@ def _dotted(where: Sequence[str | int]) -> str:
     return out
 
 
-def _known_keys(where: Sequence[str | int]) -> list[str]:
+def _known_keys(schema: type[BaseModel], where: Sequence[str | int]) -> list[str]:
     """Returns the keys a table may have."""
-    model: type[BaseModel] = CellFile
+    model = schema
     for part in where:
         if isinstance(part, str):
             found = _table_type(model.model_fields[part].annotation)

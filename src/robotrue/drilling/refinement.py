@@ -21,8 +21,11 @@ from robotrue.errors import ConfigurationError, ShapeError
 
 TERMS: Final = 4
 FORGETTING: Final = 0.98
-START: Final = np.array([0.02, 0.005, 0.005, 0.02]) * DEG
-"""Deviation of each coefficient before the first record: rad, rad per deg, rad per kN."""
+START: Final = np.array([1.0, 0.25, 0.25, 1.0])
+"""Deviation of each coefficient before the first record over that of a record: per unit, per deg,
+per kN. Production drifts by no more than what the correction leaves, until an alarm."""
+SHIFT: Final = 0.1 * DEG
+"""rad, deviation of a shifted zero."""
 WIDEST: Final = 4.0
 """Variance never grows beyond this many times its start, however long nothing new is seen."""
 OWN: Final = (
@@ -101,13 +104,13 @@ class Refinement:
             object.__setattr__(self, name, frozen(getattr(self, name), shape, name))
 
     def tilt(self, cause: Array) -> tuple[Array, Array]:
-        """Returns the tilt (n, 2) rad to add and its variance (n,).
+        """Returns the tilt (n, 2) rad to add and its variance (n,); none before the first record.
 
         Args:
             cause: (n, 3) a and b in deg as the foot sees them, clamp force in kN.
         """
         x = _row(cause)
-        share = np.einsum("ij,jk,ik->i", x, self.covariance, x)
+        share = np.einsum("ij,jk,ik->i", x, self.covariance, x) * (self.records > 0)
         return x @ self.coefficients, self.sigma**2 * share
 
 
@@ -118,7 +121,7 @@ def refinement(sigma: float, *, forgetting: float = FORGETTING) -> Refinement:
         sigma: rad, deviation of one record: of the reference and of what the correction leaves.
         forgetting: Weight of the past at each record.
     """
-    return Refinement(covariance=np.diag((START / sigma) ** 2), sigma=sigma, forgetting=forgetting)
+    return Refinement(covariance=np.diag(START**2), sigma=sigma, forgetting=forgetting)
 
 
 def refined(state: Refinement, record: Remaining) -> Refinement:
@@ -143,14 +146,14 @@ def refined(state: Refinement, record: Remaining) -> Refinement:
 def loosened(state: Refinement) -> Refinement:
     """Returns the state with its constants unknown again: after an alarm of a shifted zero."""
     covariance = np.array(state.covariance)
-    covariance[0, 0] += (0.1 * DEG / state.sigma) ** 2
+    covariance[0, 0] += (SHIFT / state.sigma) ** 2
     return replace(state, covariance=covariance)
 
 
 def _forgotten(state: Refinement) -> Array:
     """(4, 4) covariance before a record; forgetting stops where it would exceed the start."""
     grown: Array = state.covariance / state.forgetting
-    limit = WIDEST * (START / state.sigma) ** 2
+    limit = WIDEST * START**2
     over = np.sqrt(np.minimum(1.0, np.maximum(limit, np.diag(state.covariance)) / np.diag(grown)))
     return np.asarray(grown * np.outer(over, over))
 

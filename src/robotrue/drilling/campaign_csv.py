@@ -1,0 +1,162 @@
+"""A campaign's record as CSV, TSV or workbook.
+
+Columns, in any order: ``a_deg, b_deg`` (true tilt), ``force_N``, ``z_mm``, and the readings of
+sensors 1 to k as ``d1_mm, d2_mm, ...`` (less their zero), as ``raw1_mm, ...`` or as
+``raw1_counts, ...``. The last two need the foot's zero. Optionally ``approach``: a label of how the
+foot came down; blank is the usual way.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.core.files import write_atomic
+from robotrue.core.units import DEG, MM
+from robotrue.drilling.campaign import Campaign, Clamps
+from robotrue.drilling.foot_file import FootSetup
+from robotrue.drilling.head import AxisOrder
+from robotrue.errors import ConfigurationError, FormatError
+from robotrue.measurement.formats.sheet import Sheet, column_key, finite_number, read_sheet
+
+TILT: Final = ("a_deg", "b_deg")
+CONDITIONS: Final = ("force_N", "z_mm")
+APPROACH: Final = "approach"
+STEEPEST: Final = 45.0
+"""deg; a tilt beyond it is in another unit or of another angle."""
+
+
+def read_campaign(path: str | Path, setup: FootSetup, order: AxisOrder) -> tuple[Campaign, str]:
+    """Returns the campaign in a file and the SHA-256 of the file.
+
+    Raises:
+        FormatError: A column that is missing or unknown, a cell that is not a finite number; with
+            file and line.
+        ConfigurationError: Raw readings without the foot's zero.
+    """
+    sheet = read_sheet(path)
+    readings, lines = _readings(sheet, setup), sheet.lines
+    tilt = _columns(sheet, TILT)
+    steep = np.flatnonzero(np.abs(tilt).max(axis=1) > STEEPEST)
+    if len(steep):
+        row = int(steep[0])
+        raise FormatError(
+            f"a tilt of {np.abs(tilt[row]).max():g} deg, up to {STEEPEST:g} deg is possible.",
+            source=sheet.source,
+            line=lines[row],
+            hint="a_deg and b_deg are the surface's tilt against the spindle, in degrees.",
+        )
+    force, height = _columns(sheet, CONDITIONS).T
+    clamps = Clamps(readings=readings, force=force, height=height * MM, approach=_approach(sheet))
+    campaign = Campaign(
+        clamps=clamps, tilt=tilt * DEG, order=order, source=sheet.source, lines=lines
+    )
+    return campaign, sheet.digest
+
+
+def write_campaign(path: str | Path, campaign: Campaign) -> None:
+    """Writes a campaign with readings less their zero, whole or not at all.
+
+    Raises:
+        FormatError: The file cannot be written.
+    """
+    buffer = io.StringIO()
+    out = csv.writer(buffer, lineterminator="\n")
+    clamps = campaign.clamps
+    sensors = [f"d{k + 1}_mm" for k in range(clamps.readings.shape[1])]
+    out.writerow([*TILT, *sensors, *CONDITIONS, APPROACH])
+    for i in range(len(campaign)):
+        out.writerow(
+            [
+                *(f"{v / DEG:.6f}" for v in campaign.tilt[i]),
+                *(f"{v / MM:.6f}" for v in clamps.readings[i]),
+                f"{clamps.force[i]:.3f}",
+                f"{clamps.height[i] / MM:.3f}",
+                clamps.approach[i],
+            ]
+        )
+    write_atomic(path, buffer.getvalue().encode())
+
+
+def zeroed(values: Array, setup: FootSetup, *, counts: bool) -> Array:
+    """Returns raw readings (n, k), mm or counts, as readings less their zero in m.
+
+    Raises:
+        ConfigurationError: The foot file has no zero, or no size of a count.
+    """
+    if setup.zero is None:
+        raise ConfigurationError(
+            "raw readings, and the foot has no zero.",
+            source=setup.source,
+            hint="put the readings on the mandrel or calibration plane into zero_mm or "
+            "zero_counts; a zero that is guessed is a tilt of every hole.",
+        )
+    if counts and setup.count is None:
+        raise ConfigurationError(
+            "readings in counts, and the foot does not say how long a count is.",
+            source=setup.source,
+            hint="count_um = 1.0",
+        )
+    size = (setup.count or 0.0) if counts else MM
+    return np.asarray(values * size - setup.zero)
+
+
+def _readings(sheet: Sheet, setup: FootSetup) -> Array:
+    sensors = len(setup.foot.radius)
+    have = {column_key(name) for name in sheet.header}
+    forms = {
+        form: tuple(form.format(k + 1) for k in range(sensors))
+        for form in ("d{}_mm", "raw{}_mm", "raw{}_counts")
+    }
+    present = [form for form, names in forms.items() if column_key(names[0]) in have]
+    if len(present) != 1:
+        said = "several forms of readings" if present else "no readings"
+        raise FormatError(
+            f"{said} among the columns {', '.join(sheet.header)}.",
+            source=sheet.source,
+            line=sheet.header_line,
+            hint=f"one of {', '.join(names[0] + ', ...' for names in forms.values())}.",
+        )
+    form = present[0]
+    known = {column_key(n) for n in (*forms[form], *TILT, *CONDITIONS, APPROACH)}
+    unknown = [name for name in sheet.header if column_key(name) not in known]
+    if unknown:
+        raise FormatError(
+            f"column {unknown[0]!r} is not known for a foot of {sensors} sensors.",
+            source=sheet.source,
+            line=sheet.header_line,
+            hint=f"{', '.join((*TILT, *forms[form], *CONDITIONS, APPROACH))}.",
+        )
+    values = _columns(sheet, forms[form])
+    if form == "d{}_mm":
+        return values * MM
+    return zeroed(values, setup, counts=form == "raw{}_counts")
+
+
+def _columns(sheet: Sheet, names: tuple[str, ...]) -> Array:
+    """(n, len(names)) numbers of the named columns."""
+    keys = [column_key(name) for name in sheet.header]
+    missing = [name for name in names if column_key(name) not in keys]
+    if missing:
+        raise FormatError(
+            f"column {missing[0]!r} is missing; there are {', '.join(sheet.header)}.",
+            source=sheet.source,
+            line=sheet.header_line,
+        )
+    places = [keys.index(column_key(name)) for name in names]
+    return np.array(
+        [[finite_number(sheet, row, place) for place in places] for row in range(len(sheet.cells))]
+    ).reshape(len(sheet.cells), len(names))
+
+
+def _approach(sheet: Sheet) -> tuple[str, ...]:
+    keys = [column_key(name) for name in sheet.header]
+    if APPROACH not in keys:
+        return ()
+    place = keys.index(APPROACH)
+    return tuple(row[place] for row in sheet.cells)

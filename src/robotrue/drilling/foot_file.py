@@ -1,0 +1,125 @@
+"""FOOT.toml: the sensors of a pressure foot, its zero, the skin and the head.
+
+::
+
+    [foot]
+    radius_mm = 60.0                  # or one per sensor
+    angles_deg = [90.0, 210.0, 330.0] # from x towards y of the spindle's frame
+    reading_sigma_um = 2.0
+    range_mm = [-5.0, 15.0]           # of a reading less its zero
+    count_um = 1.0                    # where readings are counts
+    zero_counts = [10231, 9977, 10102] # or zero_mm: on the mandrel, if readings are not less it
+
+    [head]
+    order = "AB"                      # the first carries the second
+    pivot_to_tip_mm = [0.0, 0.0, -350.0]
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from pydantic import ValidationError
+
+from robotrue.cell.wording import configuration_error, line_of_key
+from robotrue.core.arrays import Array
+from robotrue.core.toml_text import read_toml
+from robotrue.core.units import DEG, MM, UM
+from robotrue.drilling.foot import Foot
+from robotrue.drilling.foot_schema import FootFile, FootTable, SkinTable
+from robotrue.drilling.head import Head
+from robotrue.drilling.skin import FLAT, Skin
+from robotrue.errors import ConfigurationError, ShapeError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FootSetup:
+    """What a foot file says.
+
+    Attributes:
+        foot: The sensors.
+        head: The rotary axes; None where the file has no ``[head]``.
+        count: m per count; None where readings are lengths.
+        zero: (k,) m, readings on the mandrel; None where readings are given less it.
+        source: The file.
+    """
+
+    foot: Foot
+    head: Head | None
+    count: float | None
+    zero: Array | None
+    source: str
+
+
+def read_foot(path: str | Path) -> FootSetup:
+    """Returns what a foot file says.
+
+    Raises:
+        ConfigurationError: Not TOML, an unknown key, a value that cannot be; with file and line.
+        FormatError: The file cannot be read.
+    """
+    tables, text = read_toml(path, example="the guide on drilling")
+    try:
+        file = FootFile.model_validate(tables)
+    except ValidationError as cause:
+        raise configuration_error(cause, tables, path=path, text=text, schema=FootFile) from None
+    try:
+        return _setup(file, path)
+    except (ConfigurationError, ShapeError) as cause:
+        raise ConfigurationError(
+            cause.message, source=path, line=line_of_key(text, ("foot",)), hint=cause.hint
+        ) from cause
+
+
+def _setup(file: FootFile, path: str | Path) -> FootSetup:
+    table = file.foot
+    k = len(table.angles_deg)
+    radius = np.array(table.radius_mm, dtype=np.float64) * MM
+    if radius.ndim and len(radius) != k:
+        raise ConfigurationError(f"{len(radius)} radii for {k} angles.")
+    head = file.head
+    foot = Foot(
+        radius=np.broadcast_to(radius, (k,)),
+        angle=np.array(table.angles_deg) * DEG,
+        skin=_skin(file.skin),
+        reading_sigma=table.reading_sigma_um * UM,
+        reading_range=np.array(table.range_mm or [-np.inf, np.inf]) * MM,
+        max_tilt=table.max_tilt_deg * DEG,
+    )
+    return FootSetup(
+        foot=foot,
+        head=None
+        if head is None
+        else Head(
+            order=head.order,
+            p_pivot_tip=np.array(head.pivot_to_tip_mm) * MM,
+            sense=(float(head.sense[0]), float(head.sense[1])),
+        ),
+        count=None if table.count_um is None else table.count_um * UM,
+        zero=_zero(table, k),
+        source=str(path),
+    )
+
+
+def _skin(table: SkinTable | None) -> Skin:
+    if table is None:
+        return FLAT
+    radius = np.nan if table.radius_mm == "fitted" else float(table.radius_mm) * MM
+    return Skin(kind=table.shape, radius=radius, axis=table.axis_deg * DEG)
+
+
+def _zero(table: FootTable, sensors: int) -> Array | None:
+    if table.zero_mm is not None and table.zero_counts is not None:
+        raise ConfigurationError("the zero is given twice, in mm and in counts.")
+    if table.zero_counts is not None and table.count_um is None:
+        raise ConfigurationError(
+            "zero_counts without count_um: how long is a count?", hint="count_um = 1.0"
+        )
+    if table.zero_mm is None and table.zero_counts is None:
+        return None
+    zero = np.array(table.zero_mm if table.zero_counts is None else table.zero_counts)
+    if len(zero) != sensors:
+        raise ConfigurationError(f"{len(zero)} zero readings for {sensors} sensors.")
+    return zero * (MM if table.zero_counts is None else (table.count_um or 1.0) * UM)
