@@ -26,6 +26,8 @@ Reread: TypeAlias = Callable[[Mapping[str, bytes]], tuple[Program, ...]]
 """From the new bytes of files, by name, to the programs of the job, as they were read before."""
 _PRINTED: Final = 0.01 * MM
 """m a target read again may lie from where it was to be: what printed decimals leave, and more."""
+_TURNED: Final = 1e-4
+"""Of an element of its orientation, likewise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,10 +132,13 @@ def _require_planned(
     if len(new):
         wanted[new], turned[new] = along(job.shapes(rows), which, share[new])
     off = np.linalg.norm(poses.position - wanted, axis=1)
-    off = np.maximum(off, np.abs(poses.rotation - turned).max(axis=(1, 2)) * MM / 1e-3)
-    bad = np.flatnonzero((off > _PRINTED) | (np.isnan(off) != np.isnan(wanted[:, 0])))
-    if len(bad):
-        raise _unlike(before[0], f"a target is {off[bad[0]] / MM:.4f} mm from where it should be")
+    spun = np.abs(poses.rotation - turned).max(axis=(1, 2), initial=0.0)
+    bad = np.flatnonzero((off > _PRINTED) | (spun > _TURNED))
+    lost = np.flatnonzero(np.isnan(off) != np.isnan(wanted[:, 0]))
+    if len(bad) or len(lost):
+        at = int(bad[0] if len(bad) else lost[0])
+        what = f"a target is {off[at] / MM:.4f} mm and {spun[at]:.6f} rad from where it should be"
+        raise _unlike(before[0], what)
 
 
 def _unlike(program: Program, what: str) -> FormatError:

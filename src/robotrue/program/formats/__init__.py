@@ -36,6 +36,10 @@ _MODULES: Final[dict[str, str]] = {
 }
 _INSERTERS: Final[dict[str, str]] = {
     "krl": "robotrue.program.formats.krl_insert",
+    "fanuc_ls": "robotrue.program.formats.fanuc_insert",
+    "jbi": "robotrue.program.formats.jbi_insert",
+    "rapid": "robotrue.program.formats.rapid_insert",
+    "urscript": "robotrue.program.formats.urscript_insert",
 }
 """Dialects that can put targets into a program."""
 _SURE: Final = 0.4

@@ -77,9 +77,10 @@ def _configurations(
         found = read_config(program.data[first : first + size])
         for column in np.flatnonzero(new[row]).tolist() if found else ():
             begin, end = found[1][column] if found else (0, 0)
-            out.append((first + begin, end - begin, _word(column, int(words[row, column]))))
+            out.append((first + begin, end - begin, config_word(column, int(words[row, column]))))
     return out
 
 
-def _word(column: int, value: int) -> bytes:
+def config_word(column: int, value: int) -> bytes:
+    """Returns a word of CONFIG as it is printed: a letter, or a turn."""
     return (_LETTERS[column][value] if column < 3 else str(value)).encode()

@@ -162,17 +162,25 @@ def groups(moves: Moves, insertion: Insertion) -> Iterator[Group]:
         yield Group(move, moves.spans[move], range(begin, end))
 
 
-def repeated(data: bytes, statement: Statement, texts: Sequence[bytes]) -> list[bytes]:
-    """Returns the statement once for each target of ``texts``, or for each pair of an arc."""
+def repeated(
+    data: bytes, statement: Statement, texts: Sequence[bytes], tail: bytes | None = None
+) -> list[bytes]:
+    """Returns the statement once for each target of ``texts``, or for each pair of an arc.
+
+    Args:
+        data: The file.
+        statement: Of the move.
+        texts: New targets.
+        tail: What stands behind the target; as in the statement if not given.
+    """
     s = statement
+    tail = data[s.target_end : s.end] if tail is None else tail
     if s.via < 0:
-        head, tail = data[s.begin : s.target], data[s.target_end : s.end]
+        head = data[s.begin : s.target]
         return [head + text + tail for text in texts]
-    parts = data[s.begin : s.via], data[s.via_end : s.target], data[s.target_end : s.end]
-    return [
-        parts[0] + via + parts[1] + end + parts[2]
-        for via, end in zip(texts[::2], texts[1::2], strict=True)
-    ]
+    head, between = data[s.begin : s.via], data[s.via_end : s.target]
+    pairs = zip(texts[::2], texts[1::2], strict=True)
+    return [head + via + between + end + tail for via, end in pairs]
 
 
 def put_in(
@@ -203,6 +211,26 @@ def indentation(data: bytes, place: int) -> bytes:
     """Returns the blanks a line begins with, up to a byte; nothing if other text stands there."""
     text = data[line_start(data, place) : place]
     return b"" if text.strip() else text
+
+
+class Literals:
+    """Which job row a literal is, by the place of its first number.
+
+    Args:
+        starts: For each file, the first byte of the first number of its rows, -1 without.
+    """
+
+    def __init__(self, starts: Sequence[IntArray]) -> None:
+        self._first = np.concatenate([[0], np.cumsum([len(each) for each in starts])])
+        self._order = [np.argsort(each, kind="stable") for each in starts]
+        self._sorted = [each[order] for each, order in zip(starts, self._order, strict=True)]
+
+    def row(self, file: int, begin: int, end: int) -> int:
+        """Returns the job row whose numbers begin between two bytes, ``UNKNOWN`` if none does."""
+        at = int(np.searchsorted(self._sorted[file], begin))
+        if at < len(self._sorted[file]) and self._sorted[file][at] < end:
+            return int(self._first[file] + self._order[file][at])
+        return UNKNOWN
 
 
 def pose_in(insertion: Insertion, row: int) -> tuple[Array, Array]:

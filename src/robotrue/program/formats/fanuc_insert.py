@@ -1,0 +1,293 @@
+"""Puts targets into Fanuc LS programs: L, C and runs of A.
+
+New positions are numbered on from the last and stand behind it in ``/POS``; a copy of the move
+names each. The numbers of the lines behind and ``LINE_COUNT`` count on. ``FINE`` becomes ``CNT100``
+in the copies: at ``FINE`` the robot stops, at ``CNT100`` it keeps its speed, and where two parts of
+a line meet there is no corner to cut.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.words import NO_WORD
+from robotrue.errors import ShapeError
+from robotrue.program.formats.fanuc_scan import FanucScan, scan
+from robotrue.program.formats.fanuc_write import config_word, read_config
+from robotrue.program.formats.move_trail import (
+    UNKNOWN,
+    Group,
+    Statement,
+    Trail,
+    groups,
+    line_start,
+    put_in,
+)
+from robotrue.program.formats.numbered_insert import Run, Step, new_numbers, next_number, pair_of
+from robotrue.program.formats.text_lines import line_starts
+from robotrue.program.insertion import Insertion, Moves, Obstacle
+from robotrue.program.program import Program
+
+_STATEMENT: Final = re.compile(rb"\s*(?:(\d{0,6})\s*:)?([^;]*);[ \t]*(?:\r\n|\n|\r)?")
+_MOVE: Final = re.compile(rb"[ \t]*([JLCAS])[ \t]+(P|PR)\s*\[", re.DOTALL)
+_TARGET: Final = re.compile(rb"\bP\s*\[\s*(\d{1,6})\s*(?::[^\]]*)?\]")
+_TIMED: Final = re.compile(rb"\d\s*m?sec\b(?!\w)|\bR\[[^\]]*\]\s*m?sec", re.IGNORECASE)
+_PER_SECOND: Final = re.compile(rb"(?:mm|inch|cm|deg)\s*/\s*m?(?:sec|in)", re.IGNORECASE)
+_TIED: Final = re.compile(rb"\b(?:TA|TB|DB|DA|Skip|SKIP|POINT_LOGIC|PTH_PLN)\b|\bCALL\b")
+_FINE: Final = re.compile(rb"\bFINE\b")
+_QUIET: Final = re.compile(
+    rb"\s*(?:!|//|--|(?:DO|RO|GO|AO|SO|UO|F|M|R|SR|TIMER|UFRAME|UTOOL|\$[\w.]*)\s*\[[^\]]*\][\w.$]*\s*=|"
+    rb"\$[\w.\[\]]+\s*=|UFRAME_NUM|UTOOL_NUM|WAIT\b|PAYLOAD|MESSAGE|OVERRIDE|COL |UALM|TIMER|"
+    rb"(?:DO|RO)\[[^\]]*\]=PULSE|\s*$)"
+)
+_LOOPS: Final = ((re.compile(rb"\s*FOR\b"), 1), (re.compile(rb"\s*ENDFOR\b"), -1))
+_HEAD: Final = re.compile(rb"\A[ \t]*(\d+)[ \t]*:")
+_COUNT: Final = re.compile(rb"(LINE_COUNT\s*=\s*)(\d+)")
+_NAME: Final = re.compile(rb"\s*P\s*\[[^\]]*\]")
+_CLOSE: Final = re.compile(rb"\}\s*;[ \t]*(?:\r\n|\n|\r)?")
+_MOST: Final = 32_766
+"""Highest number of a position."""
+
+
+class FanucInserter:
+    """See the module."""
+
+    def moves(self, job: Sequence[Program]) -> Moves:
+        """Returns the moves of a program."""
+        trail = Trail()
+        for file, program in enumerate(job):
+            if file:
+                raise ShapeError("a Fanuc program is one file.")
+            _Reader(trail, program).read()
+        return trail.moves()
+
+    def insert(
+        self, job: Sequence[Program], moves: Moves, insertion: Insertion
+    ) -> tuple[bytes, ...]:
+        """Returns the bytes of the program with the targets put in.
+
+        Raises:
+            ShapeError: A move with an obstacle, a value that cannot be written, or no number left.
+        """
+        return tuple(
+            _Writer(program, moves, insertion).written() if not file else program.data
+            for file, program in enumerate(job)
+        )
+
+
+class _Reader:
+    """Goes over the statements of a program."""
+
+    def __init__(self, trail: Trail, program: Program) -> None:
+        self.trail, self.data, self.run = trail, program.data, Run(trail)
+        self.found = scan(program.data, name=program.name)
+        self.row = {number: row for row, number in enumerate(self.found.number.tolist())}
+        self.lines = line_starts(program.data)
+
+    def read(self) -> None:
+        """Reads every statement."""
+        at, end = self.found.statements
+        self.trail.routine()
+        match = _STATEMENT.match(self.data, at, end)
+        while match is not None:
+            self._statement(match)
+            at = match.end()
+            match = _STATEMENT.match(self.data, at, end)
+        self.run.close()
+
+    def _statement(self, match: re.Match[bytes]) -> None:
+        begin, end = match.span(2)
+        move = _MOVE.match(self.data, begin, end)
+        if move is not None:
+            self._move(match, move[1])
+            return
+        text = match[2]
+        for pattern, step in _LOOPS:
+            if pattern.match(text):
+                self.run.close()
+                self.trail.loop(step)
+                return
+        if not _QUIET.match(text):
+            self.run.close()
+            self.trail.lose()
+
+    def _move(self, match: re.Match[bytes], letter: bytes) -> None:
+        begin, end = match.span(2)
+        count = 2 if letter == b"C" else 1
+        targets = list(_TARGET.finditer(self.data, begin, end))[:count]
+        if len(targets) < count:
+            self.run.close()
+            self.trail.lose()
+            return
+        rows = [self.row.get(int(each[1]), UNKNOWN) for each in targets]
+        line = int(np.searchsorted(self.lines, targets[0].start(), side="right"))
+        obstacle = self._obstacle(self.data[targets[-1].end() : end])
+        first, last = targets[0], targets[-1]
+        start = line_start(self.data, first.start())
+        if letter == b"A":
+            step = Step(
+                row=rows[0],
+                line=line,
+                begin=start,
+                target=first.start(),
+                target_end=first.end(),
+                end=match.end(),
+                obstacle=obstacle,
+            )
+            self.run.add(step)
+            return
+        self.run.close()
+        if letter in (b"L", b"C"):
+            via = first.span() if letter == b"C" else (UNKNOWN, UNKNOWN)
+            s = Statement(0, start, *via, *last.span(), match.end())
+            auxiliary = rows[0] if letter == b"C" else UNKNOWN
+            self.trail.move(auxiliary, rows[-1], line, s, obstacle)
+        else:
+            self.trail.arrive(rows[0])
+
+    def _obstacle(self, tail: bytes) -> Obstacle:
+        if _TIMED.search(_PER_SECOND.sub(b"", tail)):
+            return Obstacle.TIMED
+        if _TIED.search(tail):
+            return Obstacle.EVENT
+        return Obstacle.NONE
+
+
+class _Writer:
+    """Puts targets into one program."""
+
+    def __init__(self, program: Program, moves: Moves, insertion: Insertion) -> None:
+        self.program, self.moves, self.insertion = program, moves, insertion
+        self.data = program.data
+        self.found: FanucScan = scan(program.data, name=program.name)
+        others = np.array(list(self.found.others), np.int64)
+        self.next = next_number(np.concatenate([self.found.number, others]))
+        self.records: list[bytes] = []
+
+    def written(self) -> bytes:
+        """Returns the bytes."""
+        if not len(self.insertion):
+            return self.data
+        edits: list[tuple[int, int, bytes]] = []
+        places: list[tuple[int, int]] = []  # where how many statements are put in
+        for group in groups(self.moves, self.insertion):
+            copies = self._numbered(self._copies(group), sum(n for _, n in places))
+            edits.append((group.statement.begin, 0, b"".join(copies)))
+            places.append((group.statement.begin, len(copies)))
+        edits += self._renumbered(places)
+        edits.append((self._behind(), 0, b"".join(self.records)))
+        count = _COUNT.search(self.data, 0, self.found.statements[0])
+        if count:
+            total = str(int(count[2]) + sum(n for _, n in places)).encode()
+            edits.append((count.start(2), len(count[2]), total))
+        return put_in([self.program], [edits])[0]
+
+    def _copies(self, group: Group) -> list[bytes]:
+        """Returns the statements put in, numbered from where they stand."""
+        s, moves, data = group.statement, self.moves, self.data
+        names = []
+        for k, row in enumerate(group.rows):
+            model = int((moves.via if s.via >= 0 and k % 2 == 0 else moves.end)[group.move])
+            names.append(self._position(model, row))
+        if s.via < 0:
+            head, tail = data[s.begin : s.target], data[s.target_end : s.end]
+            copies = [head + name + tail for name in names]
+        elif s.other < 0:
+            parts = (
+                data[s.begin : s.via],
+                data[s.via_end : s.target],
+                data[s.target_end : s.end],
+            )
+            pairs = zip(names[::2], names[1::2], strict=True)
+            copies = [parts[0] + a + parts[1] + b + parts[2] for a, b in pairs]
+        else:
+            match = _STATEMENT.match(data, s.other)
+            around = pair_of(data, s, match.end() if match else s.target_end)
+            copies = [around[k % 2][0] + n + around[k % 2][1] for k, n in enumerate(names)]
+        return [_FINE.sub(b"CNT100", copy) for copy in copies]
+
+    def _numbered(self, copies: list[bytes], more: int) -> list[bytes]:
+        """Returns the copies with line numbers that count on from that of the first."""
+        head = _HEAD.match(copies[0])
+        if head is None:
+            return copies
+        first = int(head[1]) + more
+        return [_HEAD.sub(_label(first + k, len(head[0])), text) for k, text in enumerate(copies)]
+
+    def _position(self, model: int, row: int) -> bytes:
+        """Adds a record like another and returns its name."""
+        number, self.next = self.next, self.next + 1
+        if number > _MOST:
+            raise ShapeError(f"P[{number}] is no position: numbers end at {_MOST}.")
+        data, found, tokens = self.data, self.found, self.program.spans.tokens
+        begin = line_start(data, int(found.place[model]))
+        close = _CLOSE.search(data, int(tokens.start[model, 5]))
+        end = close.end() if close else len(data)
+        head = _NAME.match(data, begin)
+        edits = [(begin, head.end() - begin if head else 0, b"P[%d]" % number)]
+        values = new_numbers(
+            self.program, model, self.insertion.position[row], self.insertion.rotation[row]
+        )
+        starts, sizes = tokens.start[model].tolist(), tokens.length[model].tolist()
+        edits += zip(starts, sizes, values, strict=True)
+        edits += self._config(model, self.insertion.words[row].tolist())
+        out: list[bytes] = []
+        cursor = begin
+        for first, size, text in sorted(edits):
+            out += data[cursor:first], text
+            cursor = first + size
+        self.records.append(b"".join([*out, data[cursor:end]]))
+        return b"P[%d]" % number
+
+    def _config(self, model: int, words: list[int]) -> list[tuple[int, int, bytes]]:
+        """Returns the letters and turns of CONFIG that are not those of the model."""
+        first, size = self.found.config[model].tolist()
+        known = read_config(self.data[first : first + size]) if first >= 0 else None
+        if known is None:
+            return []
+        return [
+            (first + begin, end - begin, config_word(column, word))
+            for column, (word, (begin, end)) in enumerate(zip(words, known[1], strict=True))
+            if word != NO_WORD
+        ]
+
+    def _renumbered(self, places: list[tuple[int, int]]) -> list[tuple[int, int, bytes]]:
+        """Returns the new numbers of the lines behind the first statement that is put in."""
+        at, end = self.found.statements
+        out, k, more = [], 0, 0
+        match = _STATEMENT.match(self.data, at, end)
+        while match is not None:
+            while k < len(places) and places[k][0] <= match.start(2):
+                more += places[k][1]
+                k += 1
+            if match[1] and more:
+                text = str(int(match[1]) + more).encode()
+                first, size = match.start(1), len(match[1])
+                blanks = 0
+                while blanks < len(text) - size and self.data[first - 1 : first] == b" ":
+                    first, size, blanks = first - 1, size + 1, blanks + 1
+                out.append((first, size, text))
+            at = match.end()
+            match = _STATEMENT.match(self.data, at, end)
+        return out
+
+    def _behind(self) -> int:
+        """Returns the first byte behind the last record."""
+        place = max(
+            int(self.program.spans.tokens.start[:, 5].max(initial=0)),
+            max(self.found.others.values(), default=0),
+        )
+        close = _CLOSE.search(self.data, place)
+        return close.end() if close else place
+
+
+def _label(number: int, width: int) -> bytes:
+    """Returns a line number with its colon, as wide as others if it can be."""
+    return str(number).encode().rjust(width - 1) + b":"
+
+
+INSERTER: Final = FanucInserter()

@@ -1,0 +1,119 @@
+"""What Yaskawa jobs and Fanuc programs have in common when targets are put into them.
+
+Both keep positions by number apart from the moves. An arc is either one statement with two
+positions, or two statements of a run (MOVC, A) with one each.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final
+
+from robotrue.core.arrays import Array, IntArray
+from robotrue.core.rotations import abc_from_matrix
+from robotrue.core.units import DEG, MM
+from robotrue.program.formats.move_trail import UNKNOWN, Statement, Trail
+from robotrue.program.formats.number_text import restyled
+from robotrue.program.insertion import Obstacle
+from robotrue.program.program import Program
+
+_LEAST: Final = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """One statement that moves to one position.
+
+    Attributes:
+        row: Of the position, ``UNKNOWN`` if it is none.
+        line: One-based.
+        begin: First byte of the statement.
+        target: First byte of the position's name.
+        target_end: Its end.
+        end: End of the statement.
+        obstacle: Why it cannot be repeated.
+    """
+
+    row: int
+    line: int
+    begin: int
+    target: int
+    target_end: int
+    end: int
+    obstacle: Obstacle = Obstacle.NONE
+
+
+@dataclass(slots=True)
+class Run:
+    """A run of moves along arcs: straight to the first, then two positions to an arc."""
+
+    trail: Trail
+    steps: list[Step] = field(default_factory=list)
+    there: bool = False
+
+    def turn(self) -> None:
+        """One arc ends at the last position and the next begins there."""
+        last = self.steps[-1:]
+        self.close()
+        self.steps, self.there = last, bool(last)
+
+    def add(self, step: Step) -> None:
+        """Goes on with the run."""
+        self.steps.append(step)
+
+    def close(self) -> None:
+        """Ends the run."""
+        for number, step in enumerate(self.steps):
+            if number == 0:
+                if not self.there:
+                    self._straight(step)
+            elif number % 2 == 0:
+                self._arc(self.steps[number - 1], step)
+        if len(self.steps) > 1 and len(self.steps) % 2 == 0:
+            self.trail.arrive(self.steps[-1].row)  # half an arc: how it runs is not documented
+            self.trail.lose()
+        self.steps, self.there = [], False
+
+    def _straight(self, step: Step) -> None:
+        s = Statement(0, step.begin, -1, -1, step.target, step.target_end, step.end)
+        # A copy would be one more point of the run and make other arcs of it.
+        self.trail.move(UNKNOWN, step.row, step.line, s, step.obstacle or Obstacle.FORM)
+
+    def _arc(self, via: Step, end: Step) -> None:
+        s = Statement(
+            0, via.begin, via.target, via.target_end, end.target, end.target_end, via.end, end.begin
+        )
+        obstacle = via.obstacle or end.obstacle
+        self.trail.move(via.row, end.row, end.line, s, obstacle)
+
+
+def pair_of(data: bytes, s: Statement, end: int) -> tuple[tuple[bytes, bytes], tuple[bytes, bytes]]:
+    """Returns what stands before and behind the position in both statements of an arc of a run.
+
+    Args:
+        data: The file.
+        s: Statement of the arc, with the begin of the second statement as ``other``.
+        end: End of the second statement.
+    """
+    return (
+        (data[s.begin : s.via], data[s.via_end : s.end]),
+        (data[s.other : s.target], data[s.target_end : end]),
+    )
+
+
+def new_numbers(program: Program, row: int, position: Array, rotation: Array) -> list[bytes]:
+    """Returns X Y Z in mm and the turns about X Y Z in deg, in the style of a row's numbers."""
+    tokens = program.spans.tokens
+    near = tokens.value[row, :2:-1] * DEG
+    abc = abc_from_matrix(rotation, near=near) / DEG
+    values = [*(position / MM).tolist(), *abc[::-1].tolist()]
+    out = []
+    for start, size, value in zip(tokens.start[row], tokens.length[row], values, strict=True):
+        token = program.data[int(start) : int(start + size)]
+        out.append(restyled(token, value, least=_LEAST))
+    return out
+
+
+def next_number(numbers: IntArray) -> int:
+    """Returns the number behind the largest."""
+    return int(numbers.max(initial=-1)) + 1
