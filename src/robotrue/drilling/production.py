@@ -1,0 +1,147 @@
+"""The life of a model in production: refined by outside references, frozen, watched, thawed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.core.units import DEG
+from robotrue.drilling.campaign import Campaign
+from robotrue.drilling.evaluate import evaluated
+from robotrue.drilling.model import Frozen, NormalModel, Seen, seen
+from robotrue.drilling.monitor import Watch, watch, watched
+from robotrue.drilling.refinement import Remaining, loosened, refined
+from robotrue.errors import ConfigurationError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """What one record did.
+
+    Attributes:
+        model: After it.
+        score: (2,) what was left over its predicted deviation, a and b.
+        alarm: Whether the watch tells a shift from noise; the watch then begins anew.
+        shift: (2,) rad, the shift it estimates; 0 without an alarm.
+        said: One sentence for the operator, or "".
+    """
+
+    model: NormalModel
+    score: Array
+    alarm: bool
+    shift: Array
+    said: str
+
+
+def recorded(model: NormalModel, found: Seen, record: Remaining, *, reference: float) -> Step:
+    """Returns the model after what one hole left.
+
+    A frozen model is watched and stays as it is; an alarm thaws it, so that the records that follow
+    refine it. One that is not frozen is refined, and after an alarm learns its zero anew.
+
+    Args:
+        model: Before the record.
+        found: What it made of this clamp, one row.
+        record: What remained, with what measured it.
+        reference: rad, deviation of the reference in each of a and b.
+    """
+    deviation = np.sqrt(np.diagonal(found.covariance[0]) + reference**2)
+    score = record.tilt / deviation
+    state = watched(model.monitor, score)
+    shift = state.shift * deviation
+    if state.alarm:
+        return _alarmed(model, state, score, shift, record)
+    if model.frozen is None:
+        model = replace(
+            model, refinement=refined(model.refinement, record), version=model.version + 1
+        )
+    return Step(
+        model=replace(model, monitor=state),
+        score=score,
+        alarm=False,
+        shift=np.zeros(2),
+        said="",
+    )
+
+
+def _alarmed(
+    model: NormalModel, state: Watch, score: Array, shift: Array, record: Remaining
+) -> Step:
+    a, b = (shift / DEG).tolist()
+    was = "" if model.frozen is None else f"version {model.frozen.version} is thawed; "
+    fresh = replace(watch(2), spread=state.spread, allowance=state.allowance, limit=state.limit)
+    changed = replace(
+        model,
+        refinement=refined(loosened(model.refinement), record),
+        monitor=fresh,
+        version=model.version + 1,
+        frozen=None,
+    )
+    said = (
+        f"hole {record.hole}: the tilt has shifted by about {a:+.3f} deg in a and {b:+.3f} deg in "
+        f"b: {was}check the zero on the mandrel. What follows refines the model."
+    )
+    return Step(model=changed, score=score, alarm=True, shift=shift, said=said)
+
+
+def frozen(model: NormalModel, test: Campaign, digest: str, *, allowed: float) -> NormalModel:
+    """Returns the model frozen, with what it was tested on.
+
+    Args:
+        model: To be frozen.
+        test: Clamps with known tilts that neither learning nor refining has seen.
+        digest: SHA-256 of the test's file.
+        allowed: rad, 95th percentile of the tilt left that is good enough.
+
+    Raises:
+        ConfigurationError: The test is the campaign the model was learned from, or the model is
+            not good enough.
+    """
+    if digest and digest == model.campaign:
+        raise ConfigurationError(
+            "the test is the campaign the model was learned from.",
+            source=test.source or None,
+            hint="clamp some twenty times more, with tilts and forces in between.",
+        )
+    result = evaluated(model, test)
+    if result.ours.p95 > allowed:
+        raise ConfigurationError(
+            f"95 % of the holes are within {result.ours.p95 / DEG:.4f} deg, {allowed / DEG:g} deg "
+            "are asked for: the model is not frozen.",
+            source=test.source or None,
+            hint="refine it, or add clamps to the campaign where the residuals are large.",
+        )
+    count = 1 if model.frozen is None else model.frozen.version + 1
+    return replace(
+        model,
+        frozen=Frozen(
+            version=count,
+            tested_on=digest,
+            clamps=result.clamps,
+            mean=result.ours.mean,
+            p95=result.ours.p95,
+            largest=result.ours.largest,
+        ),
+        version=model.version + 1,
+        monitor=watch(2),
+    )
+
+
+def clamp_and_record(
+    model: NormalModel, test: Campaign, row: int, left: Array, truth: str
+) -> tuple[Seen, Remaining]:
+    """Returns what a model made of one clamp of a campaign, and the record of what it left.
+
+    Args:
+        model: Before the record.
+        test: Clamps.
+        row: Which.
+        left: (2,) rad, as the reference measured it after the move.
+        truth: What measured it.
+    """
+    found = seen(model, test.clamps.rows(np.array([row])))
+    c = found.conditions
+    cause = np.array([c.a[0], c.b[0], c.force[0]])
+    return found, Remaining(hole=str(row + 1), tilt=left, cause=cause, truth=truth)
