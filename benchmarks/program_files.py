@@ -29,7 +29,7 @@ from robotrue.core.files import write_atomic
 from robotrue.core.poses import pose
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
-from robotrue.program.formats import krl_scan, krl_write, read_job, write_program
+from robotrue.program.formats import krl_tokens, number_kernels, read_job, write_program
 from robotrue.robot.forward import forward
 
 SEED = 3
@@ -76,9 +76,9 @@ def _reprinted(buf: Any, out: Any) -> Any:
     while i < n:
         c = buf[i]
         if (48 <= c <= 57 or c == 45) and i > 0 and buf[i - 1] == 32:
-            value, end = krl_scan._number(buf, i, n)
+            value, end = krl_tokens.read_number(buf, i, n)
             if end > i:
-                k = krl_write._number(out, k, value, 4, False, False)
+                k = number_kernels.put_number(out, k, value, 4, False, False)
                 i = end
                 continue
         out[k] = c

@@ -7,7 +7,7 @@ from typing import Any, Final
 import numba
 import numpy as np
 
-from robotrue.program.formats.krl_scan import read_number
+from robotrue.program.formats.krl_tokens import read_number
 
 CURRENT: Final = -1
 """UF or UT that is written ``F``: the number in force."""

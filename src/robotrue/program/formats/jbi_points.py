@@ -7,7 +7,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from robotrue.program.formats.krl_scan import read_number
+from robotrue.program.formats.krl_tokens import read_number
 
 
 @numba.njit(cache=True)

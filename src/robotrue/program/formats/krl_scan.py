@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from robotrue.core.arrays import Array
 from robotrue.errors import FormatError
+from robotrue.program.formats.krl_tokens import aggregate, blank, find, plain_number, word
 
 COMPONENTS: Final = (
     *("X", "Y", "Z", "A", "B", "C"),
@@ -62,8 +63,6 @@ _ERRORS: Final = {
     4: ("a component that stands twice in one aggregate.", "remove one of the two."),
     5: ("a based integer that is not closed.", "write it as 'B0110' or 'H1F'."),
 }
-_POW10: Final = np.array([10.0**k for k in range(23)])
-
 Ints = npt.NDArray[np.int32]
 Bytes = npt.NDArray[np.uint8]
 
@@ -107,8 +106,14 @@ class Scan:
         return self.data[self.line_start[line] : self.line_end[line]].decode("latin-1")
 
 
-def scan(data: bytes, *, name: str) -> Scan:
+def scan(data: bytes, *, name: str, repeats: bool = True) -> Scan:
     """Returns the columns of a KRL file.
+
+    Args:
+        data: The bytes.
+        name: Of the file, for messages.
+        repeats: Lines that differ in their numbers alone from the line before are read by a
+            shorter way, with the same result.
 
     Raises:
         FormatError: An unbalanced brace, or a number that cannot be read.
@@ -124,6 +129,7 @@ def scan(data: bytes, *, name: str) -> Scan:
     n_lines, n_agg, n_tok, error, place = _scan(
         np.frombuffer(data, np.uint8),
         first,
+        repeats,
         *_MOTION_KEYS,
         _TYPE_KEYS,
         _COMPONENT_KEYS,
@@ -194,196 +200,6 @@ def _room(buf: Any) -> Any:
 
 
 @numba.njit(cache=True)
-def _blank(buf: Any, i: Any, end: Any) -> Any:
-    """Returns the first place from ``i`` that is not a blank or tab."""
-    while i < end and (buf[i] == 32 or buf[i] == 9):
-        i += 1
-    return i
-
-
-@numba.njit(cache=True)
-def _word(buf: Any, i: Any, end: Any) -> Any:
-    """Returns (key, end) of the word at ``i``; key 0 if none, -1 if longer than ten letters."""
-    key, j = 0, i
-    while j < end:
-        c = buf[j]
-        if 97 <= c <= 122:
-            c = c - 32
-        if not (65 <= c <= 90 or 48 <= c <= 57 or c == 95):
-            break
-        key = key * 64 + c - 32
-        j += 1
-    if j - i > 10:
-        key = -1
-    return key, j
-
-
-@numba.njit(cache=True)
-def _find(keys: Any, key: Any) -> Any:
-    for k in range(keys.size):
-        if keys[k] == key:
-            return k
-    return -1
-
-
-@numba.njit(cache=True)
-def read_number(buf: Any, i: Any, end: Any) -> Any:
-    """Returns (value, end) of ``[+-]?digits[.digits][ E[+-]digits]`` at ``i``; end = i if none."""
-    j, negative = i, False
-    if j < end and (buf[j] == 43 or buf[j] == 45):
-        negative = buf[j] == 45
-        j += 1
-    mantissa, kept, digits, power = 0, 0, 0, 0
-    point = False
-    while j < end:
-        c = buf[j]
-        if 48 <= c <= 57:
-            digits += 1
-            if kept < 18:
-                mantissa = mantissa * 10 + (c - 48)
-                kept += mantissa > 0
-                power -= point
-            else:
-                power += not point
-        elif c == 46 and not point:
-            point = True
-        else:
-            break
-        j += 1
-    if digits == 0:
-        return 0.0, i
-    k = _blank(buf, j, end)
-    if k < end and (buf[k] == 69 or buf[k] == 101):
-        k += 1
-        down = False
-        if k < end and (buf[k] == 43 or buf[k] == 45):
-            down = buf[k] == 45
-            k += 1
-        exponent, first = 0, k
-        while k < end and 48 <= buf[k] <= 57:
-            exponent = min(exponent * 10 + (buf[k] - 48), 9999)
-            k += 1
-        if k > first:
-            j = k
-            power += -exponent if down else exponent
-    value = float(mantissa)
-    if -22 <= power < 0:
-        value /= _POW10[-power]
-    elif 0 <= power <= 22:
-        value *= _POW10[power]
-    else:
-        value *= 10.0**power
-    return (-value if negative else value), j
-
-
-@numba.njit(cache=True)
-def _based(buf: Any, i: Any, end: Any) -> Any:
-    """Returns (value, end) of ``'B0110'`` or ``'H1F'`` at ``i``; end = i if it is neither."""
-    if i + 3 >= end:
-        return 0.0, i
-    letter = buf[i + 1] & 223
-    if letter != 66 and letter != 72:
-        return 0.0, i
-    value, base, j = 0, (2 if letter == 66 else 16), i + 2
-    while j < end and buf[j] != 39:
-        c = buf[j]
-        digit = 99
-        if 48 <= c <= 57:
-            digit = c - 48
-        elif 65 <= (c & 223) <= 70:
-            digit = (c & 223) - 55
-        if digit >= base or value >= 2**40:
-            return 0.0, i
-        value = value * base + digit
-        j += 1
-    if j >= end or j == i + 2:
-        return 0.0, i
-    return float(value), j + 1
-
-
-@numba.njit(cache=True)
-def _skip_value(buf: Any, i: Any, end: Any) -> Any:
-    """Returns the ``,`` or ``}`` that ends an expression at ``i``, or ``end``."""
-    depth = 0
-    while i < end:
-        c = buf[i]
-        if c == 40 or c == 91 or c == 123:
-            depth += 1
-        elif depth > 0 and (c == 41 or c == 93 or c == 125):
-            depth -= 1
-        elif depth == 0 and (c == 44 or c == 125):
-            return i
-        i += 1
-    return end
-
-
-@numba.njit(cache=True)
-def _aggregate(
-    buf: Any,
-    i: Any,
-    end: Any,
-    type_keys: Any,
-    component_keys: Any,
-    n_tok: Any,
-    tok_component: Any,
-    tok_start: Any,
-    tok_length: Any,
-    tok_value: Any,
-) -> Any:
-    """Reads the braces opening at ``i``.
-
-    Returns (closing brace or -1 if it is no aggregate of components, tokens, flag, error, place).
-    """
-    j = _blank(buf, i + 1, end)
-    key, k = _word(buf, j, end)
-    after = _blank(buf, k, end)
-    if after < end and buf[after] == 58:
-        if _find(type_keys, key) < 0:
-            return -1, n_tok, 0, 0, 0
-        j = after + 1
-    flag, seen = 0, 0
-    while True:
-        j = _blank(buf, j, end)
-        key, k = _word(buf, j, end)
-        code = _find(component_keys, key)
-        if code < 0:
-            return -1, n_tok, 0, 0, 0
-        j = _blank(buf, k, end)
-        if j < end and buf[j] == 123:
-            return -1, n_tok, 0, 0, 0
-        if seen & (1 << code):
-            return -1, n_tok, 0, 4, j
-        seen |= 1 << code
-        start = j
-        if j < end and buf[j] == 39:
-            value, j = _based(buf, j, end)
-            if j == start:
-                return -1, n_tok, 0, 5, j
-        else:
-            value, j = read_number(buf, j, end)
-        if not np.isfinite(value):
-            return -1, n_tok, 0, 3, start
-        after = _blank(buf, j, end)
-        plain = j > start and after < end and (buf[after] == 44 or buf[after] == 125)
-        if plain:
-            tok_component[n_tok] = code
-            tok_start[n_tok] = start
-            tok_length[n_tok] = j - start
-            tok_value[n_tok] = value
-            n_tok += 1
-        else:
-            if j > start and j < end and (buf[j] == 46 or 48 <= buf[j] <= 57):
-                return -1, n_tok, 0, 3, start
-            flag = 1
-            after = _skip_value(buf, j, end)
-            if after >= end:
-                return -1, n_tok, 0, 1, i
-        if buf[after] == 125:
-            return after, n_tok, flag, 0, 0
-        j = after + 1
-
-
-@numba.njit(cache=True)
 def _line_ends(buf: Any, i: Any) -> Any:
     """Returns (end of code, end of line) of the line that starts at ``i``."""
     n = buf.size
@@ -398,9 +214,61 @@ def _line_ends(buf: Any, i: Any) -> Any:
 
 
 @numba.njit(cache=True)
+def _repeats(
+    buf: Any,
+    i: Any,
+    before: Any,
+    token: Any,
+    n_tok: Any,
+    tok_component: Any,
+    tok_start: Any,
+    tok_length: Any,
+    tok_value: Any,
+) -> Any:
+    """Reads the line at ``i`` if it differs in its numbers alone from the line at ``before``.
+
+    That one ends where this begins; its tokens are those from ``token`` to ``n_tok``. Blanks before
+    a number may differ in count. Returns the end of the line with its line feed, or ``i`` if it has
+    to be read in full. Nothing behind the line's own end is looked at.
+    """
+    j, a, new = i, before, n_tok
+    for t in range(token, n_tok):
+        start = tok_start[t]
+        text = start - 1
+        if buf[text] != 32 and buf[text] != 9:
+            return i
+        while buf[text - 1] == 32 or buf[text - 1] == 9:
+            text -= 1
+        while a < text:
+            if buf[a] != buf[j]:
+                return i
+            a += 1
+            j += 1
+        blank = j
+        while buf[j] == 32 or buf[j] == 9:
+            j += 1
+        if j == blank:
+            return i
+        value, end = plain_number(buf, j)
+        if end == j:
+            return i
+        tok_component[new], tok_start[new] = tok_component[t], j
+        tok_length[new], tok_value[new] = end - j, value
+        new += 1
+        j, a = end, start + tok_length[t]
+    while a < i:
+        if buf[a] != buf[j]:
+            return i
+        a += 1
+        j += 1
+    return j
+
+
+@numba.njit(cache=True)
 def _scan(
     buf: Any,
     i: Any,
+    repeats: Any,
     motion_keys: Any,
     motion_kinds: Any,
     type_keys: Any,
@@ -421,16 +289,39 @@ def _scan(
     """Fills the columns; returns (lines, aggregates, tokens, error, place of the error)."""
     n = buf.size
     n_line, n_agg, n_tok = 0, 0, 0
+    last = n - 2 if repeats else -1  # a line that begins here or before ends before the bytes do
+    while last >= 0 and buf[last] != 10 and buf[last] != 13:
+        last -= 1
+    model = -1  # first byte of the line before, if others may repeat it
     while i < n:
+        if model >= 0 and i <= last:
+            t = agg_token[n_agg - 1]
+            j = _repeats(
+                buf, i, model, t, n_tok, tok_component, tok_start, tok_length, tok_value
+            )  # fmt: skip
+            if j > i:
+                there = tok_start[n_tok - 1] + tok_length[n_tok - 1]
+                n_tok += n_tok - t
+                further = tok_start[n_tok - 1] + tok_length[n_tok - 1] - there
+                line_start[n_line], line_end[n_line] = i, line_end[n_line - 1] + further
+                line_kind[n_line] = line_kind[n_line - 1]
+                agg_line[n_agg], agg_open[n_agg] = n_line, agg_open[n_agg - 1] + i - model
+                agg_close[n_agg], agg_flag[n_agg] = agg_close[n_agg - 1] + further, 0
+                n_agg += 1
+                agg_token[n_agg] = n_tok
+                n_line += 1
+                model, i = i, j
+                continue
+        model, before = -1, n_agg
         end, stop = _line_ends(buf, i)
         line_start[n_line], line_end[n_line] = i, end
-        j = _blank(buf, i, end)
+        j = blank(buf, i, end)
         kind = 0 if j >= end or buf[j] == 38 else 1
         motion = 0
         if kind == 1:
-            key, k = _word(buf, j, end)
-            found = _find(motion_keys, key)
-            k = _blank(buf, k, end)
+            key, k = word(buf, j, end)
+            found = find(motion_keys, key)
+            k = blank(buf, k, end)
             if found >= 0 and k < end and buf[k] == 123:
                 motion = motion_kinds[found]
                 j = k
@@ -444,7 +335,7 @@ def _scan(
             elif string:
                 pass
             elif c == 123:
-                close, n_tok_new, flag, error, place = _aggregate(
+                close, n_tok_new, flag, error, place = aggregate(
                     buf,
                     j,
                     end,
@@ -470,12 +361,12 @@ def _scan(
                     agg_token[n_agg] = n_tok
                     j = close
                     if depth == 0 and wanted > 0:
-                        k = _blank(buf, close + 1, end)
+                        k = blank(buf, close + 1, end)
                         wanted -= 1
                         if wanted == 1 and (k >= end or buf[k] != 44):
                             wanted = -1
                         elif wanted == 1:
-                            k = _blank(buf, k + 1, end)
+                            k = blank(buf, k + 1, end)
                             if k >= end or buf[k] != 123:
                                 wanted = -1
                         elif k < end and (buf[k] & 223) != 67:  # C_DIS and its like
@@ -490,8 +381,13 @@ def _scan(
         if depth > 0:
             return n_line, n_agg, n_tok, 1, end
         line_kind[n_line] = motion if motion > 0 and wanted == 0 else kind
+        alone = line_kind[n_line] > 1 and n_agg == before + 1 and agg_flag[before] == 0
         n_line += 1
+        if alone and n_tok > agg_token[before]:
+            model = i
         i = stop + 1
         if stop < n and buf[stop] == 13 and i < n and buf[i] == 10:
             i += 1
+        if i > n or buf[i - 1] != 10:
+            model = -1
     return n_line, n_agg, n_tok, 0, 0
