@@ -14,7 +14,7 @@ imported when it is first asked for.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -125,7 +125,10 @@ def detect(data: bytes, name: str) -> Dialect:
 
 
 def read_job(
-    path: str | Path | Sequence[str | Path], frames: FrameTable | None = None
+    path: str | Path | Sequence[str | Path],
+    frames: FrameTable | None = None,
+    *,
+    instead: Mapping[str, bytes] | None = None,
 ) -> tuple[Program, ...]:
     """Returns the programs of a job: the files named first, then companions that hold targets.
 
@@ -136,6 +139,8 @@ def read_job(
         path: A program file, a folder of one job, or several files of it; companions (KRL: the
             ``.dat`` of a ``.src``) lie beside them.
         frames: What the program names but does not hold; base and flange if not given.
+        instead: Bytes to take for files of these names instead of what stands on the disk: a job
+            as it would read if they were written.
 
     Raises:
         FormatError: A file cannot be read, is not in a registered dialect, or in another than the
@@ -154,7 +159,8 @@ def read_job(
                 hint="give the files of one job.",
             )
     table, notes = with_files_beside(paths[0], language.name, frames or FrameTable())
-    programs = language.read_job(job.files, frames=table)
+    files = [(name, (instead or {}).get(name, data)) for name, data in job.files]
+    programs = language.read_job(files, frames=table)
     if notes:
         programs = (replace(programs[0], notes=(*programs[0].notes, *notes)), *programs[1:])
     named = programs[: job.given]
