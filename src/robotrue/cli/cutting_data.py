@@ -1,0 +1,91 @@
+"""Cutter, cut and coefficients as users write them: one table of keys with their units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+
+from robotrue.core.units import DEG, MM, UM
+from robotrue.dynamics.cutter import Cut, Cutter, CuttingCoefficients
+from robotrue.errors import ConfigurationError
+
+_WORDS: Final = ("kind", "mode")
+_TOOL: Final = {
+    "diameter_mm": MM, "teeth": 1, "helix_deg": DEG, "runout_um": UM, "runout_angle_deg": DEG,
+}  # fmt: skip
+_CUT: Final = {
+    "depth_mm": MM, "width_mm": MM, "feed_per_tooth_mm": MM, "spindle_rpm": 1.0 / 60.0,
+}  # fmt: skip
+_SHEAR: Final = ("tangential_N_per_mm2", "radial_N_per_mm2", "axial_N_per_mm2")
+_EDGE: Final = ("tangential_edge_N_per_mm", "radial_edge_N_per_mm", "axial_edge_N_per_mm")
+_SCALE: Final = _TOOL | _CUT | dict.fromkeys(_SHEAR, 1e6) | dict.fromkeys(_EDGE, 1e3)
+_OPTIONAL: Final = ("helix_deg", "runout_um", "runout_angle_deg", *_EDGE)
+
+
+def cutting_data(
+    stated: Mapping[str, Any], *, where: str, slots: bool = False
+) -> tuple[Cutter, Cut, CuttingCoefficients]:
+    """Returns cutter, cut and coefficients of a table of keys.
+
+    Args:
+        stated: ``kind``, ``mode`` and numbers; helix, runout and edge coefficients may be absent.
+        where: What the table is called, for messages.
+        slots: Tests that are to give the coefficients: feed and coefficients may be absent and
+            stand at one.
+
+    Raises:
+        ConfigurationError: A missing or unknown key, or a cut that cannot be.
+    """
+    free = (*_OPTIONAL, "feed_per_tooth_mm", *_SHEAR) if slots else _OPTIONAL
+    unknown = sorted(set(stated) - set(_SCALE) - set(_WORDS))
+    missing = [key for key in (*_WORDS, *_SCALE) if key not in stated and key not in free]
+    if unknown or missing:
+        raise ConfigurationError(
+            f"{where}: unknown key {unknown[0]}." if unknown else f"{where}: no {missing[0]}.",
+            hint=f"the keys are {', '.join([*_WORDS, *_SCALE])}.",
+        )
+    for key in _SCALE:
+        value = stated.get(key, 0)
+        if type(value) not in (int, float) or not np.isfinite(value):
+            raise ConfigurationError(f"{where}: {key} is {value!r}, expected a number.")
+    if type(stated["teeth"]) is not int:
+        raise ConfigurationError(
+            f"{where}: teeth is {stated['teeth']!r}, expected a whole number.", hint="teeth = 3"
+        )
+    absent = {"feed_per_tooth_mm": 1, _SHEAR[0]: 1} if slots else {}
+    si = {key: stated.get(key, absent.get(key, 0)) * factor for key, factor in _SCALE.items()}
+    cutter = Cutter(
+        kind=str(stated["kind"]),
+        diameter=si["diameter_mm"],
+        teeth=stated["teeth"],
+        helix=si["helix_deg"],
+        runout=si["runout_um"],
+        runout_angle=si["runout_angle_deg"],
+    )
+    cut = Cut(
+        mode=str(stated["mode"]),
+        depth=si["depth_mm"],
+        width=si["width_mm"],
+        feed_per_tooth=si["feed_per_tooth_mm"],
+        spindle=si["spindle_rpm"],
+    )
+    shear, edge = (si[key] for key in _SHEAR), (si[key] for key in _EDGE)
+    return cutter, cut, coefficients_of((*shear, *edge))
+
+
+def coefficients_of(values: tuple[float, ...]) -> CuttingCoefficients:
+    """Returns coefficients of six numbers, Pa and N/m, in the order of the keys."""
+    t, r, a, te, re, ae = values
+    return CuttingCoefficients(
+        tangential=t, radial=r, axial=a, tangential_edge=te, radial_edge=re, axial_edge=ae
+    )
+
+
+def coefficient_keys(coefficients: CuttingCoefficients) -> dict[str, float]:
+    """Returns the six keys with their values, N/mm2 and N/mm."""
+    k = coefficients
+    values = (k.tangential, k.radial, k.axial, k.tangential_edge, k.radial_edge, k.axial_edge)
+    keys = (*_SHEAR, *_EDGE)
+    return {key: value / _SCALE[key] for key, value in zip(keys, values, strict=True)}

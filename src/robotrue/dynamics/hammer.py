@@ -1,0 +1,353 @@
+"""From hits of a hammer to a frequency response: H1 over all good hits, with its coherence.
+
+::
+
+    H1 = S_xf / S_ff,    coherence = |S_xf|^2 / (S_xx S_ff)
+
+H1 takes the noise of the response out and leaves that of the force in. Source: Bendat and Piersol
+2010, Random Data, 4th ed., ch. 6; windows after Ewins 2000, Modal Testing, 2nd ed., ch. 3.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+import scipy.fft
+
+from robotrue.core.arrays import Array, frozen
+from robotrue.dynamics.checks import BLIND_BELOW, coherent_band
+from robotrue.dynamics.frf import ComplexArray, FrequencyResponse
+from robotrue.dynamics.frf_build import Pairs, assembled
+from robotrue.dynamics.modal import ModalModel
+from robotrue.errors import ImplausibleDataError, ModelMismatchError, ObservabilityError, ShapeError
+
+_TRIGGER: Final = 0.1
+"""Part of the hardest hit at which a hit begins."""
+_SECOND: Final = 0.05
+"""Part of its peak that the hammer may touch again before a hit counts as double."""
+_BEFORE: Final = 0.01
+"""Part of a segment that lies before the hit."""
+_PULSE: Final = 3.0
+"""Lengths of the pulse after which the force window closes."""
+_DECAYED: Final = 0.05
+"""Part of the largest motion that may be left at the end of a segment without a window."""
+_POWER: Final = 1e-2
+"""Part of the hammer's largest power below which it excites nothing (20 dB)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HammerRecord:
+    """Hits along one axis and what they moved, as recorded.
+
+    Attributes:
+        rate: Samples per second.
+        force: (n,) N of the hammer, positive along its axis.
+        excitation_axis: x, y or z.
+        motion: (n, r) in the SI unit of ``form``.
+        response_axes: r of x, y, z.
+        form: ``accelerance`` for an accelerometer, ``mobility`` for a velocity,
+            ``receptance`` for a displacement.
+        source: File.
+    """
+
+    rate: float
+    force: Array
+    excitation_axis: str
+    motion: Array
+    response_axes: tuple[str, ...]
+    form: str
+    source: str
+
+    def __post_init__(self) -> None:
+        """Freezes and checks."""
+        force = frozen(self.force, (None,), "force")
+        object.__setattr__(self, "force", force)
+        shape = (len(force), len(self.response_axes))
+        object.__setattr__(self, "motion", frozen(self.motion, shape, "motion"))
+        if not self.rate > 0.0:
+            raise ShapeError(f"rate {self.rate:g} 1/s, expected more than zero.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HammerResult:
+    """One axis of excitation, evaluated.
+
+    Attributes:
+        frequency: (m,) Hz from 0 on.
+        response: (m, r) in ``form``.
+        coherence: (m, r) or None: one hit is always coherent with itself.
+        record: What it came from.
+        hits: Samples at which the used hits begin.
+        left_out: Sample and reason of every hit that was not used.
+        valid: Hz, where the hammer had power and the response followed it.
+        added_damping: 1/s, what the exponential window adds to -Re of every pole.
+    """
+
+    frequency: Array
+    response: ComplexArray
+    coherence: Array | None
+    record: HammerRecord
+    hits: tuple[int, ...]
+    left_out: tuple[tuple[int, str], ...]
+    valid: tuple[float, float]
+    added_damping: float
+
+
+def evaluate_hits(
+    record: HammerRecord, *, duration: float | None = None, window: float | None = None
+) -> HammerResult:
+    """Returns H1 and coherence over all good hits of a record.
+
+    Args:
+        record: As recorded; any number of hits.
+        duration: s of a segment; default: up to the next hit, at most 4 s.
+        window: Part of its beginning that the exponential window has fallen to at the end of a
+            segment; default: none where the motion has decayed by itself, else 0.05.
+
+    Raises:
+        ImplausibleDataError: No hit, all of them double, a clipped hammer or sensor, a sensor that
+            does not move.
+    """
+    _check_sensors(record)
+    hits, left_out = find_hits(record)
+    count = _segment(record, [*hits, *(at for at, _ in left_out)], duration)
+    whole = [at for at in hits if at - _lead(count) + count <= len(record.force)]
+    left_out = left_out + tuple((at, "cut off") for at in hits if at not in whole)
+    if not whole:
+        raise ImplausibleDataError(
+            "no whole hit: " + ", ".join(f"sample {at}: {why}" for at, why in left_out) + ".",
+            source=record.source,
+            hint="hit once, let it ring, hit again; record two seconds after the last.",
+        )
+    forces, motions = _segments(record, whole, count)
+    rung = np.abs(motions[:, -count // 20 :]).max() / max(np.abs(motions).max(), 1e-300)
+    end = window if window is not None else (1.0 if rung < _DECAYED else 0.05)
+    if not 0.0 < end <= 1.0:
+        raise ShapeError(f"window of {end:g} at its end, expected above 0 and at most 1.")
+    decay = abs(np.log(end)) / (count / record.rate)
+    fade = np.exp(-decay * (np.arange(count) - _lead(count)) / record.rate)
+    spectra = scipy.fft.rfft(forces * fade, axis=1), scipy.fft.rfft(motions * fade[:, None], axis=1)
+    frequency = scipy.fft.rfftfreq(count, 1.0 / record.rate)
+    power = (np.abs(spectra[0]) ** 2).mean(axis=0)
+    cross = (spectra[1] * spectra[0].conj()[:, :, None]).mean(axis=0)
+    moved = (np.abs(spectra[1]) ** 2).mean(axis=0)
+    coherence = None
+    if len(whole) > 1:
+        coherence = np.abs(cross) ** 2 / np.maximum(moved * power[:, None], 1e-300)
+    return HammerResult(
+        frequency=frequency,
+        response=np.asarray(cross / np.maximum(power, 1e-300)[:, None], dtype=np.complex128),
+        coherence=coherence,
+        record=record,
+        hits=tuple(whole),
+        left_out=left_out,
+        valid=_band(record, frequency, power, coherence),
+        added_damping=float(decay),
+    )
+
+
+def combined(results: list[HammerResult]) -> FrequencyResponse:
+    """Returns one response of hits along one, two or three axes.
+
+    Raises:
+        ModelMismatchError: An axis twice, other sensors or other spectra.
+        ImplausibleDataError: Numbers that cannot be (``checks.check_response``).
+        ObservabilityError: No band in common.
+    """
+    first = results[0]
+    response: dict[str, ComplexArray] = {}
+    coherence: dict[str, Array] = {}
+    for one in results:
+        if one.record.form != first.record.form or not np.array_equal(
+            one.frequency, first.frequency
+        ):
+            raise ModelMismatchError(
+                "another sensor or another spectrum than in "
+                f"{first.record.source}: {one.record.form}, {len(one.frequency)} lines.",
+                source=one.record.source,
+                hint="state one duration for all records.",
+            )
+        for k, axis in enumerate(one.record.response_axes):
+            pair = axis + one.record.excitation_axis
+            if pair in response:
+                raise ModelMismatchError(
+                    f"{pair} is measured twice.",
+                    source=one.record.source,
+                    hint="one file per axis.",
+                )
+            response[pair] = one.response[:, k]
+            if one.coherence is not None:
+                coherence[pair] = one.coherence[:, k]
+    valid = max(r.valid[0] for r in results), min(r.valid[1] for r in results)
+    if not valid[0] < valid[1]:
+        raise ObservabilityError(
+            f"no band in common: from {valid[0]:g} to {valid[1]:g} Hz.",
+            hint="hit with the same tip along all axes.",
+        )
+    pairs = Pairs(form=first.record.form, response=response, coherence=coherence)
+    names = ", ".join(r.record.source for r in results)
+    return assembled(first.frequency[1:], _without_rest(pairs), source=names, valid=valid)
+
+
+def without_window(model: ModalModel, added_damping: float) -> ModalModel:
+    """Returns modes with the damping of the exponential window taken off again.
+
+    Args:
+        model: Fitted to a response that was measured with the window.
+        added_damping: 1/s, of the ``HammerResult``.
+
+    Raises:
+        ImplausibleDataError: A mode had no damping beyond the window's.
+    """
+    poles = model.poles + added_damping
+    if (poles.real >= 0.0).any():
+        k = int(np.argmax(poles.real))
+        raise ImplausibleDataError(
+            f"the mode at {model.frequency[k]:.4g} Hz decays more slowly than the window alone.",
+            source=model.source,
+            hint="longer segments and a weaker window.",
+        )
+    return replace(model, poles=poles)
+
+
+def find_hits(record: HammerRecord) -> tuple[list[int], tuple[tuple[int, str], ...]]:
+    """Returns the samples at which clean hits begin, and of the others sample and reason.
+
+    Raises:
+        ImplausibleDataError: No hit, or one against the hammer's axis.
+    """
+    force = record.force - np.median(record.force)
+    peak = float(force.max())
+    if -float(force.min()) > peak:
+        raise ImplausibleDataError(
+            f"the hammer pulls: {force.min():.3g} N is its largest force. Its sign is flipped.",
+            source=record.source,
+            hint="change the sign of the channel; positive is along the axis.",
+        )
+    noise = 1.4826 * float(np.median(np.abs(force)))
+    if not peak > 20.0 * noise or peak <= 0.0:
+        raise ImplausibleDataError(
+            f"no hit: the largest force is {peak:.3g} N, its noise {noise:.3g} N.",
+            source=record.source,
+            hint="check the hammer's cable and trigger.",
+        )
+    above = force > _TRIGGER * peak
+    starts = np.flatnonzero(above & ~np.concatenate([[False], above[:-1]]))
+    stops = np.flatnonzero(above & ~np.concatenate([above[1:], [False]])) + 1
+    hits: list[int] = []
+    left_out: list[tuple[int, str]] = []
+    quiet = max(3, int(stops[0] - starts[0])) * 40
+    k = 0
+    while k < len(starts):
+        last = k
+        while last + 1 < len(starts) and starts[last + 1] - stops[last] < quiet:
+            last += 1
+        top = float(force[starts[k] : stops[k]].max())
+        rest = force[stops[k] + 2 * (stops[k] - starts[k]) : stops[k] + quiet]
+        again = float(rest.max()) if rest.size else 0.0
+        if last > k or again > max(_SECOND * top, 8.0 * noise):
+            left_out.append((int(starts[k]), "double hit"))
+        else:
+            hits.append(int(starts[k]))
+        k = last + 1
+    return hits, tuple(left_out)
+
+
+def _lead(count: int) -> int:
+    return max(2, round(_BEFORE * count))
+
+
+def _segment(record: HammerRecord, hits: list[int], duration: float | None) -> int:
+    """Samples of a segment."""
+    if duration is not None:
+        count = round(duration * record.rate)
+    else:
+        starts = sorted(hits)
+        gaps = np.diff([*starts, len(record.force)])
+        count = int(min(gaps.min() / (1.0 + _BEFORE), 4.0 * record.rate))
+    if count < 64:
+        raise ImplausibleDataError(
+            f"segments of {count} samples, expected 64 or more.",
+            source=record.source,
+            hint="leave more time between the hits.",
+        )
+    return int(count - count % 2)
+
+
+def _segments(record: HammerRecord, hits: list[int], count: int) -> tuple[Array, Array]:
+    """Force (h, count) N and motion (h, count, r) of each hit; at rest before it, zero after it."""
+    lead = _lead(count)
+    forces, motions = np.zeros((len(hits), count)), []
+    for row, at in enumerate(hits):
+        before = slice(max(0, at - lead), max(1, at - 1))
+        force = record.force[max(0, at - lead) : at - lead + count]
+        force = force - np.median(record.force[before])
+        over = force > _SECOND * force.max()
+        pulse = int(np.flatnonzero(over)[-1]) - lead
+        open_ = min(count, lead + round(_PULSE * max(4, pulse)))
+        forces[row, lead - min(lead, at) :][:open_] = force[:open_]
+        motion = np.zeros((count, record.motion.shape[1]))
+        part = record.motion[max(0, at - lead) : at - lead + count]
+        motion[lead - min(lead, at) :][: len(part)] = part - record.motion[before].mean(axis=0)
+        motions.append(motion)
+    return forces, np.array(motions)
+
+
+def _band(
+    record: HammerRecord, frequency: Array, power: Array, coherence: Array | None
+) -> tuple[float, float]:
+    low = 2.0 * frequency[1]
+    if record.form != "receptance":
+        low = max(low, BLIND_BELOW)
+    strong = power >= _POWER * power[1:].max()
+    weak = np.flatnonzero(~strong & (frequency > low))
+    high = float(frequency[weak[0] - 1]) if weak.size else float(frequency[-1])
+    if coherence is not None:
+        ends = [coherent_band(frequency, column) for column in coherence.T]
+        # The best pair decides: cross pairs are small and their coherence with them.
+        low = max(low, min(e[0] for e in ends))
+        high = min(high, max(e[1] for e in ends))
+    if not low < high:
+        raise ObservabilityError(
+            f"the hits excite nothing between {low:g} and {high:g} Hz.",
+            source=record.source,
+            hint="a heavier hammer with a softer tip for a robot, a lighter one for the tool.",
+        )
+    return float(low), float(high)
+
+
+def _without_rest(pairs: Pairs) -> Pairs:
+    """The curves without their line at 0 Hz, which a hit says nothing about."""
+    return Pairs(
+        form=pairs.form,
+        response={pair: values[1:] for pair, values in pairs.response.items()},
+        coherence={pair: values[1:] for pair, values in pairs.coherence.items()},
+    )
+
+
+def _check_sensors(record: HammerRecord) -> None:
+    """Raises where a channel is clipped or dead."""
+    channels = [("hammer", record.force)]
+    channels += [
+        (f"sensor {a}", m) for a, m in zip(record.response_axes, record.motion.T, strict=True)
+    ]
+    for name, values in channels:
+        if np.ptp(values) == 0.0:
+            raise ImplausibleDataError(
+                f"{name} is {values[0]:g} on every sample: not connected.",
+                source=record.source,
+                hint="check the cable.",
+            )
+        for extreme in (values.max(), values.min()):
+            at = np.flatnonzero(values == extreme)
+            run = np.split(at, np.flatnonzero(np.diff(at) != 1) + 1)
+            longest = max(run, key=len)
+            if len(longest) >= 4 and abs(extreme) >= 0.5 * np.abs(values).max():
+                raise ImplausibleDataError(
+                    f"sample {longest[0]}: {name} stays at {extreme:g} for {len(longest)} samples: "
+                    "it is overloaded.",
+                    source=record.source,
+                    hint="a larger range, or hit more softly.",
+                )
