@@ -7,11 +7,15 @@ where it should, or the job is refused.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Final, TypeAlias
+from dataclasses import dataclass, replace
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
+from robotrue.calibration.model import ErrorModel
+from robotrue.compensation.compensate import compensate
+from robotrue.compensation.result import Compensation
+from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.split import SplitPlan
 from robotrue.compensation.split_deviation import JobMoves
 from robotrue.compensation.split_shapes import along, job_poses, loads
@@ -20,7 +24,8 @@ from robotrue.core.units import MM
 from robotrue.errors import FormatError
 from robotrue.program.formats import inserter, write_program
 from robotrue.program.insertion import Moves, job_rows
-from robotrue.program.program import Program
+from robotrue.program.program import Program, Replacement
+from robotrue.robot.statics import Load
 
 Reread: TypeAlias = Callable[[Mapping[str, bytes]], tuple[Program, ...]]
 """From the new bytes of files, by name, to the programs of the job, as they were read before."""
@@ -40,12 +45,15 @@ class SplitJob:
         origin: (n,) job row each job row was before, -1 for those put in.
         wrench: (n, 6) N, N m, base, of every job row where the load changes along the job; else
             empty.
+        order: For each program its rows in the order of the path: positions kept by number stand
+            behind the others in the file.
     """
 
     programs: tuple[Program, ...]
     moves: Moves
     origin: IntArray
     wrench: Array
+    order: tuple[IntArray, ...]
 
 
 def split_job(
@@ -81,7 +89,95 @@ def split_job(
         new = np.flatnonzero(origin < 0)
         rows, which = np.unique(of_move[new], return_inverse=True)
         wrench[new] = loads(job.shapes(rows), which, share[new])
-    return SplitJob(programs=split, moves=moves, origin=origin, wrench=wrench)
+    order = _orders(split, job.moves, job_rows(programs), origin, of_move, share)
+    return SplitJob(programs=split, moves=moves, origin=origin, wrench=wrench, order=order)
+
+
+def compensate_split(
+    model: ErrorModel, split: SplitJob, settings: Sequence[CompensationSettings]
+) -> tuple[list[Compensation], list[CompensationSettings]]:
+    """Returns the compensation of every program of a split job, and the settings it was made with.
+
+    Targets are taken in the order of the path, so that each branch goes on from the target before.
+
+    Args:
+        model: Error of the robot.
+        split: The job.
+        settings: Of the programs before; a load that changes along the path is carried over.
+    """
+    first, results, used = job_rows(split.programs), [], []
+    for k, (program, order) in enumerate(zip(split.programs, split.order, strict=True)):
+        wrench = split.wrench[first[k] : first[k + 1]]
+        mine = settings[k]
+        if len(wrench):
+            load = Load(mass=mine.load.mass, com=mine.load.com)
+            mine = replace(mine, load=load, wrench=wrench)
+            turned = replace(mine, wrench=wrench[order]) if len(order) else mine
+        else:
+            turned = mine
+        back = np.argsort(order)
+        results.append(_rows(compensate(model, _reordered(program, order), settings=turned), back))
+        used.append(mine)
+    return results, used
+
+
+def _reordered(program: Program, order: IntArray) -> Program:
+    names = ("position", "rotation", "axes", "motion", "reason", "words", "line", "frame", "tool")
+    columns: dict[str, Any] = {name: getattr(program, name)[order] for name in names}
+    if len(program.held):
+        columns["held"] = program.held[order]
+    return replace(program, spans=None, **columns)
+
+
+def _rows(result: Compensation, order: IntArray) -> Compensation:
+    names = (
+        "status",
+        "predicted_error_before",
+        "predicted_error_after",
+        "shift",
+        "turn",
+        "joints",
+        "singular_value",
+    )
+    columns: dict[str, Any] = {name: getattr(result, name)[order] for name in names}
+    if len(result.covariance):
+        columns["covariance"] = result.covariance[order]
+    written = result.replacement
+    new = Replacement(
+        changed=written.changed[order],
+        position=written.position[order],
+        rotation=written.rotation[order],
+        axes=written.axes[order],
+        words=written.words[order],
+    )
+    return replace(result, replacement=new, **columns)
+
+
+def _orders(
+    after: Sequence[Program],
+    moves: Moves,
+    old: IntArray,
+    origin: IntArray,
+    of_move: IntArray,
+    share: Array,
+) -> tuple[IntArray, ...]:
+    """Returns the rows of every program in the order of the path."""
+    new, out = job_rows(after), []
+    for k in range(len(after)):
+        rows = np.arange(new[k], new[k + 1])
+        mine = origin[rows]
+        # A target put in comes before the next of its file, or before its own move's if that is
+        # kept in the same file.
+        place = np.where(mine >= 0, mine, np.iinfo(np.int64).max)
+        place = np.minimum.accumulate(place[::-1])[::-1]
+        put = np.flatnonzero(mine < 0)
+        move = of_move[rows[put]]
+        for points in (moves.end[move], moves.via[move]):
+            here = (points >= old[k]) & (points < old[k + 1])
+            place[put[here]] = points[here]
+        late = np.where(mine >= 0, np.inf, share[rows])
+        out.append(np.lexsort((late, place)))
+    return tuple(out)
 
 
 def _origins(

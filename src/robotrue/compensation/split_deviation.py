@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -26,6 +26,7 @@ from robotrue.core.units import UM
 from robotrue.errors import ConfigurationError
 from robotrue.program.insertion import Moves
 from robotrue.program.program import Program
+from robotrue.robot.statics import Load
 
 RESOLUTION: Final = 0.1 * UM
 """Lines that are surely nearer than this are not looked at one by one."""
@@ -92,6 +93,12 @@ def job_moves(
         for program, each in zip(job, settings, strict=True)
     ]
     load = np.concatenate(wrenches)
+    first = settings[0].load
+    common = replace(
+        settings[0],
+        load=Load(mass=first.mass, com=first.com),
+        wrench=load[:1] if load[:1].any() else np.empty(0),
+    )
     if not len(load) or (load == load[0]).all():
         load = np.empty((0, 6))
     return JobMoves(
@@ -101,7 +108,7 @@ def job_moves(
         joints=np.concatenate([each.joints for each in results]),
         status=np.concatenate([each.status for each in results]),
         load=load,
-        settings=settings[0],
+        settings=common,
     )
 
 

@@ -1,0 +1,269 @@
+"""``robotrue compensate --deviation`` and ``--split``: what happens between the targets."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from robotrue.calibration.model import ErrorModel
+from robotrue.compensation.compensate import compensate
+from robotrue.compensation.result import Compensation
+from robotrue.compensation.settings import CompensationSettings
+from robotrue.compensation.split import LIMIT, SplitPlan, plan_split
+from robotrue.compensation.split_apply import Reread, compensate_split, split_job
+from robotrue.compensation.split_deviation import (
+    RESOLUTION,
+    JobDeviation,
+    JobMoves,
+    job_deviation,
+    job_moves,
+    measured,
+)
+from robotrue.compensation.status import Status
+from robotrue.core.arrays import Array, IntArray
+from robotrue.core.units import DEG, MM, UM
+from robotrue.errors import ConfigurationError
+from robotrue.program.formats import inserter
+from robotrue.program.insertion import Obstacle
+from robotrue.program.program import Program
+
+_WORST: Final = 10
+"""Moves the report names."""
+_LINES: Final = 5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SplitOptions:
+    """What was asked.
+
+    Attributes:
+        tolerance_um: Split moves that are further off; None leaves all whole.
+        limit: Targets that may be put in.
+        deviation: Report the deviation.
+    """
+
+    tolerance_um: float | None = None
+    limit: int = LIMIT
+    deviation: bool = False
+
+    def __bool__(self) -> bool:
+        """Whether anything was asked."""
+        return self.deviation or self.tolerance_um is not None
+
+    @property
+    def named(self) -> str:
+        """The option, for messages."""
+        return "--deviation" if self.tolerance_um is None else "--split"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Between:
+    """A job that was looked at between its targets, split where asked.
+
+    Attributes:
+        programs: To be written; those given where nothing is split.
+        results: Compensation of each.
+        document: JSON values.
+        sentences: For the user.
+    """
+
+    programs: tuple[Program, ...]
+    results: tuple[Compensation, ...]
+    document: dict[str, Any]
+    sentences: tuple[str, ...]
+
+
+def looked_between(
+    model: ErrorModel | None,
+    job: Sequence[Program],
+    settings: Sequence[CompensationSettings],
+    options: SplitOptions,
+    reread: Reread,
+) -> Between:
+    """Returns the compensated job with its moves kept or split.
+
+    Raises:
+        ConfigurationError: No model, a dialect without insertion, too many targets.
+        FormatError: The split job does not read as it should.
+    """
+    if model is None:
+        raise ConfigurationError(
+            f"{options.named} asks a calibrated model what the arm does between targets; here is "
+            "only a cell.",
+            hint="robotrue calibrate CELL MEASUREMENTS -o MODEL.",
+        )
+    moves = inserter(job[0].dialect).moves(job)
+    results = [compensate(model, p, settings=s) for p, s in zip(job, settings, strict=True)]
+    whole = job_moves(model, job, moves, results, settings)
+    tolerance = None if options.tolerance_um is None else options.tolerance_um * UM
+    deviation = job_deviation(whole, tolerance=tolerance)
+    document = _document(whole, deviation)
+    if tolerance is None:
+        document["worst"] = _worst(whole, deviation, None)
+        sentences = [*_said(whole, deviation), *_table(document["worst"])]
+        return Between(
+            programs=tuple(job),
+            results=tuple(results),
+            document=document,
+            sentences=tuple(sentences),
+        )
+    plan = plan_split(whole, job, deviation, tolerance, limit=options.limit)
+    programs = tuple(job)
+    document |= {
+        "tolerance_um": options.tolerance_um,
+        "split_moves": int((plan.parts > 1).sum()),
+        "inserted_targets": len(plan.insertion),
+        "left_whole": _left(whole, deviation, plan),
+        "worst": _worst(whole, deviation, plan),
+    }
+    reached = deviation
+    if len(plan.insertion):
+        split = split_job(whole, job, plan, reread)
+        results, used = compensate_split(model, split, settings)
+        programs = split.programs
+        after = job_moves(model, programs, split.moves, results, used)
+        reached = job_deviation(after, tolerance=tolerance)
+    document["split_um"] = _sizes(reached.size)
+    sentences = [*_said(whole, deviation), *_split_said(document)]
+    if options.deviation:
+        sentences += _table(document["worst"])
+    return Between(
+        programs=programs, results=tuple(results), document=document, sentences=tuple(sentences)
+    )
+
+
+def _sizes(size: Array) -> dict[str, float] | None:
+    known = size[np.isfinite(size)] / UM
+    return {"mean": float(known.mean()), "max": float(known.max())} if len(known) else None
+
+
+def _document(job: JobMoves, deviation: JobDeviation) -> dict[str, Any]:
+    arcs = int(job.moves.circular.sum())
+    turn = deviation.turn[np.isfinite(deviation.turn)]
+    return {
+        "lines": len(job.moves) - arcs,
+        "arcs": arcs,
+        "not_known": int(np.isnan(deviation.size).sum()),
+        "surely_below": {
+            "um": float(max(deviation.size[deviation.bounded].max(initial=0.0), RESOLUTION) / UM),
+            "moves": int(deviation.bounded.sum()),
+        },
+        "kept_um": _sizes(deviation.size),
+        "kept_turn_deg": float(turn.max() / DEG) if len(turn) else None,
+    }
+
+
+def _worst(job: JobMoves, deviation: JobDeviation, plan: SplitPlan | None) -> list[dict[str, Any]]:
+    """The moves that are furthest off: kept whole, and split as planned or into two."""
+    known = np.flatnonzero(np.isfinite(deviation.size) & ~deviation.bounded)
+    rows = known[np.argsort(-deviation.size[known], kind="stable")[:_WORST]]
+    rows = rows[deviation.size[rows] > 0.0]
+    if plan is None:
+        parts = np.full(len(rows), 2)
+        ordered = np.sort(rows)
+        halves = dict(zip(ordered.tolist(), measured(job, ordered, parts).size, strict=True))
+        split = np.array([halves[row] for row in rows.tolist()])
+    else:
+        parts, split = plan.parts[rows], plan.size[rows]
+    return [
+        {
+            "line": int(job.moves.line[row]),
+            "kind": "arc" if job.moves.via[row] >= 0 else "line",
+            "length_mm": float(deviation.length[row] / MM),
+            "kept_um": float(deviation.size[row] / UM),
+            "kept_turn_deg": float(deviation.turn[row] / DEG),
+            "at": float(deviation.at[row]),
+            "place_base_mm": (deviation.place[row] / MM).tolist(),
+            "parts": int(number),
+            "split_um": float(size / UM) if np.isfinite(size) else None,
+        }
+        for row, number, size in zip(rows.tolist(), parts.tolist(), split.tolist(), strict=True)
+    ]
+
+
+def _left(job: JobMoves, deviation: JobDeviation, plan: SplitPlan) -> list[dict[str, Any]]:
+    """The moves that stay whole although they may be beyond the tolerance, by reason."""
+    out: list[dict[str, Any]] = []
+
+    def tell(rows: IntArray, why: str) -> None:
+        if len(rows):
+            size = deviation.size[rows]
+            known = size[np.isfinite(size)]
+            out.append(
+                {
+                    "reason": why,
+                    "moves": len(rows),
+                    "lines": job.moves.line[rows[:_LINES]].tolist(),
+                    "kept_um": float(known.max() / UM) if len(known) else None,
+                }
+            )
+
+    obstacle, unknown = job.moves.obstacle, np.isnan(deviation.size)
+    for each in Obstacle:
+        if each:
+            tell(np.flatnonzero((plan.over | unknown) & (obstacle == each)), each.explanation)
+    rest = plan.over & (obstacle == Obstacle.NONE)
+    tell(
+        np.flatnonzero(rest & plan.stepped),
+        "its correction has a step, as where a joint turns back, that no number of parts removes",
+    )
+    tell(
+        np.flatnonzero(rest & ~plan.stepped),
+        "its configuration words change on the way, and those of this arm are not known",
+    )
+    blind = unknown & (obstacle == Obstacle.NONE)
+    for status in np.unique(deviation.status[blind]).tolist():
+        why = "it begins or ends at a target that is not compensated, or in another frame"
+        if status != Status.UNCHANGED_SOURCE:
+            why = f"on the way: {Status(status).explanation}"
+        tell(np.flatnonzero(blind & (deviation.status == status)), why)
+    return out
+
+
+def _said(job: JobMoves, deviation: JobDeviation) -> list[str]:
+    known = np.flatnonzero(np.isfinite(deviation.size))
+    if not len(known):
+        return ["between the targets: no line or arc whose two ends are compensated"]
+    worst = int(known[np.argmax(deviation.size[known])])
+    arcs = int(job.moves.circular[known].sum())
+    kind = "arc" if job.moves.via[worst] >= 0 else "line"
+    size = deviation.size[known] / UM
+    return [
+        f"between the targets of {len(known) - arcs} lines and {arcs} arcs, kept whole: "
+        f"{size.mean():.2f} um mean, {size.max():.2f} um max off the compensated path "
+        f"(the {kind} to line {job.moves.line[worst]})"
+    ]
+
+
+def _split_said(document: dict[str, Any]) -> list[str]:
+    out = [f"no move is split: all are within {document['tolerance_um']:g} um"]
+    if document["split_moves"]:
+        out = [
+            f"{document['split_moves']} moves split, {document['inserted_targets']} targets put "
+            f"in; then {document['split_um']['max']:.2f} um max"
+        ]
+    elif document["left_whole"]:
+        out = ["no move is split"]
+    for left in document["left_whole"]:
+        lines = ", ".join(map(str, left["lines"]))
+        more = f", ... ({left['moves']} in all)" if left["moves"] > len(left["lines"]) else ""
+        size = "" if left["kept_um"] is None else f" ({left['kept_um']:.2f} um)"
+        several = "s" if left["moves"] > 1 else ""
+        out.append(f"note: line{several} {lines}{more}: left whole{size}: {left['reason']}.")
+    return out
+
+
+def _table(worst: Sequence[dict[str, Any]]) -> list[str]:
+    if not worst:
+        return []
+    out = ["      line  kind   length_mm   kept_um  parts  split_um"]
+    for each in worst:
+        split = "-" if each["split_um"] is None else f"{each['split_um']:.2f}"
+        out.append(
+            f"{each['line']:10d}  {each['kind']:4s}  {each['length_mm']:10.3f}  "
+            f"{each['kept_um']:8.2f}  {each['parts']:5d}  {split:>8s}"
+        )
+    return out
