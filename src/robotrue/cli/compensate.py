@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from robotrue.cli.console import emit_json, say
 from robotrue.cli.cutter import cutter_axis
 from robotrue.cli.free_spin import require_free, sentences, spun
 from robotrue.cli.inputs import check_output
+from robotrue.cli.long_program import Staff, compensated_in_blocks, outlined
 from robotrue.cli.process_force import StatedForce, described, stated_forces, useless
 from robotrue.cli.registered import opened
 from robotrue.compensation.compensate import compensate
@@ -53,6 +55,8 @@ def run(
     force: Path | None = None,
     cutter: str | None = None,
     free_spin: bool = False,
+    workers: int | None = None,
+    dask: str | None = None,
 ) -> None:
     """Writes the compensated program and says what became of each target."""
     document = compensated(
@@ -67,6 +71,8 @@ def run(
         force=force,
         cutter=cutter,
         free_spin=free_spin,
+        workers=workers,
+        dask=dask,
     )
     if as_json:
         emit_json(document)
@@ -85,6 +91,8 @@ def compensated(
     force: Path | None = None,
     cutter: str | None = None,
     free_spin: bool = False,
+    workers: int | None = None,
+    dask: str | None = None,
 ) -> dict[str, Any]:
     """Writes the compensated program; returns the counts as JSON values."""
     read = (model_path, program_path, registered, force)
@@ -104,11 +112,17 @@ def compensated(
             hint="robotrue register CELL|MODEL POINTS -o CELL_OUT.",
         )
     used = identity_of(model or cell.robot)
-    job = read_job(program_path, frame_table(cell))
-    outputs = _outputs(job, program_path, output)
-    for program in job:
-        require_compensable(program_path.with_name(program.name), program.data, used)
     stated = described(cell, wrench, force, cutter)
+    table, staff = frame_table(cell), Staff(workers=workers, dask=dask)
+    asks = ((force is not None, "--force"), (free_spin, "--free-spin"), (model is None, "no model"))
+    why_whole = ", ".join(what for asked, what in asks if asked)
+    found = outlined(program_path, table, staff, why_whole=why_whole)
+    job = read_job(program_path, table) if found is None else found.companions
+    files = [(program.name, sha256(program.data)) for program in job]
+    files = files if found is None else [(found.name, found.sha256), *files]
+    outputs = _outputs([name for name, _ in files], program_path, output)
+    for name, digest in files:
+        require_compensable(program_path.with_name(name), digest, used)
     if free_spin:
         require_free(model, stated)
     forces = stated_forces(stated, job)
@@ -117,19 +131,25 @@ def compensated(
         _rewritten(model, cell, program, pushed, axis_targets, max_shift_mm, turned)
         for program, pushed in zip(job, forces, strict=True)
     ]
+    finished = partial(_finished, used=used, model=model, frame=frame)
     documents = []
+    if found is not None and model is not None:
+        pushed = StatedForce(wrench=np.asarray(stated))
+        in_use = found.T_base_frame[found.judged[found.judged[:, 2] == Reason.NONE, 0]]
+        _remark(found.name, [*_frame_notes(in_use, frame), *useless(pushed, model)])
+        settings = _settings(cell, pushed, axis_targets, max_shift_mm)
+        made = compensated_in_blocks(model, found, program_path, outputs[0], settings, staff)
+        documents.append(finished(files[0], outputs[0], *made, pushed))
     for program, target, pushed, (data, document) in zip(
-        job, outputs, forces, rewritten, strict=True
+        job, outputs[len(documents) :], forces, rewritten, strict=True
     ):
-        for note in [*program.notes, *_frame_notes(program, frame), *useless(pushed, model)]:
-            say(f"note: {program.name}: {note}")
+        in_use = program.T_base_frame[program.frame[program.reason == Reason.NONE]]
+        notes = [*program.notes, *_frame_notes(in_use, frame), *useless(pushed, model)]
+        _remark(program.name, notes)
         write_atomic(target, data)
-        if model is not None or frame is not None:
-            made = _identity(used, model, frame, program)
-            write_identity(target, data, made)
-            document = {**document, **_identity_document(made, frame, target)}
-        documents.append({"output": str(target), **document})
-        _tell(program, target, document, pushed)
+        document = {"route": "whole", **document}
+        source = (program.name, sha256(program.data))
+        documents.append(finished(source, target, sha256(data), document, pushed))
     return documents[0] if len(documents) == 1 else _together(documents)
 
 
@@ -147,18 +167,22 @@ def _together(documents: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     }
 
 
-def _frame_notes(program: Program, frame: PartFrame | None) -> list[str]:
-    """What to say of a program that does not run in the registered part frame."""
+def _remark(name: str, notes: Sequence[str]) -> None:
+    for note in notes:
+        say(f"note: {name}: {note}")
+
+
+def _frame_notes(in_use: Array, frame: PartFrame | None) -> list[str]:
+    """What to say of work frames (k, 4, 4) that are not the registered part frame."""
     if frame is None:
         return []
     notes = []
     if frame.verdict != "GO":
         notes.append(f"part frame {frame.name!r} is {frame.verdict}: do not cut before it is not.")
-    used = np.unique(program.frame[program.reason == Reason.NONE])
     own = [
-        float(np.linalg.norm(program.T_base_frame[k][:3, 3] - frame.T_base_part[:3, 3]))
-        for k in used.tolist()
-        if not np.allclose(program.T_base_frame[k], frame.T_base_part, rtol=0.0, atol=1e-7)
+        float(np.linalg.norm(T[:3, 3] - frame.T_base_part[:3, 3]))
+        for T in np.unique(in_use, axis=0)
+        if not np.allclose(T, frame.T_base_part, rtol=0.0, atol=1e-7)
     ]
     if own:
         notes.append(
@@ -168,16 +192,30 @@ def _frame_notes(program: Program, frame: PartFrame | None) -> list[str]:
     return notes
 
 
-def _identity(
-    used: ModelIdentity, model: ErrorModel | None, frame: PartFrame | None, program: Program
-) -> ProgramIdentity:
-    return ProgramIdentity(
-        model=used,
-        compensated=model is not None,
-        part="" if frame is None else frame.name,
-        made_from=program.name,
-        made_from_sha256=sha256(program.data),
-    )
+def _finished(
+    source: tuple[str, str],
+    target: Path,
+    digest: str,
+    document: Mapping[str, Any],
+    force: StatedForce,
+    *,
+    used: ModelIdentity,
+    model: ErrorModel | None,
+    frame: PartFrame | None,
+) -> dict[str, Any]:
+    """Writes the identity of a written program (by name and hash) and says what was done."""
+    if model is not None or frame is not None:
+        made = ProgramIdentity(
+            model=used,
+            compensated=model is not None,
+            part="" if frame is None else frame.name,
+            made_from=source[0],
+            made_from_sha256=source[1],
+        )
+        write_identity(target, digest, made)
+        document = {**document, **_identity_document(made, frame, target)}
+    _tell(source[0], target, document, force)
+    return {"output": str(target), **document}
 
 
 def _identity_document(
@@ -211,13 +249,7 @@ def _rewritten(
         n = len(program)
         counts = {"targets": n, "compensated": 0, "unchanged": n, "status": {}, "notes": []}
         return write_program(program, unchanged(program)), counts
-    settings = CompensationSettings(
-        load=cell.payload,
-        wrench=force.wrench,
-        axis_targets=axis_targets,
-        max_shift=max_shift_mm * MM,
-        covariance=True,
-    )
+    settings = _settings(cell, force, axis_targets, max_shift_mm)
     if turned is None:
         result, won = compensate(model, program, settings=settings), {}
     else:
@@ -227,10 +259,22 @@ def _rewritten(
     return write_program(program, result.replacement), summary
 
 
-def _outputs(job: Sequence[Program], source: Path, output: Path) -> list[Path]:
+def _settings(
+    cell: Cell, force: StatedForce, axis_targets: bool, max_shift_mm: float
+) -> CompensationSettings:
+    return CompensationSettings(
+        load=cell.payload,
+        wrench=force.wrench,
+        axis_targets=axis_targets,
+        max_shift=max_shift_mm * MM,
+        covariance=True,
+    )
+
+
+def _outputs(names: Sequence[str], source: Path, output: Path) -> list[Path]:
     """The output, and beside it one file per companion, each refused if it is a source."""
-    paths = [output] + [output.with_suffix(Path(p.name).suffix) for p in job[1:]]
-    originals = [source.with_name(program.name) for program in job]
+    paths = [output] + [output.with_suffix(Path(name).suffix) for name in names[1:]]
+    originals = [source.with_name(name) for name in names]
     for path in paths:
         check_output(path, [source, *originals])
     return paths
@@ -247,10 +291,10 @@ def frame_table(cell: Cell) -> FrameTable:
     )
 
 
-def _tell(program: Program, target: Path, document: Mapping[str, Any], force: StatedForce) -> None:
+def _tell(name: str, target: Path, document: Mapping[str, Any], force: StatedForce) -> None:
     """Says on stderr what was done and which targets were left alone."""
     say(
-        f"{program.name}: {document['compensated']} of {document['targets']} targets compensated, "
+        f"{name}: {document['compensated']} of {document['targets']} targets compensated, "
         f"written to {target}"
     )
     before, after = (document.get(f"predicted_error_{k}_um") for k in ("before", "after"))

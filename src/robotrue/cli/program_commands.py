@@ -118,6 +118,13 @@ def compensate(
     max_shift_mm: Annotated[
         float, typer.Option(help="Leave a target alone if it would move further than this.")
     ] = 10.0,
+    workers: Annotated[
+        int | None,
+        typer.Option(help="Processes for a long program; default: as many as help; 1: only this."),
+    ] = None,
+    dask: Annotated[
+        str | None, typer.Option(help="Dask scheduler whose workers do a long program, tcp://...")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Rewrite a program so that the robot lands where it says."""
@@ -136,6 +143,8 @@ def compensate(
         force=force,
         cutter=cutter,
         free_spin=free_spin,
+        workers=workers,
+        dask=dask,
     )
 
 

@@ -46,8 +46,13 @@ def identity_path(program: str | Path) -> Path:
     return path.with_name(path.name + SUFFIX)
 
 
-def write_identity(program: str | Path, data: bytes, identity: ProgramIdentity) -> None:
+def write_identity(program: str | Path, data: bytes | str, identity: ProgramIdentity) -> None:
     """Writes the identity beside a program of these bytes, whole or not at all.
+
+    Args:
+        program: The program file.
+        data: Its bytes, or their SHA-256 in hexadecimal.
+        identity: What it belongs to.
 
     Raises:
         FormatError: The file cannot be written.
@@ -56,7 +61,7 @@ def write_identity(program: str | Path, data: bytes, identity: ProgramIdentity) 
         "format": FORMAT,
         "format_version": VERSION,
         "program": Path(program).name,
-        "program_sha256": sha256(data),
+        "program_sha256": _digest(data),
         "model": identity.model.document(),
         "compensated": identity.compensated,
         "part": identity.part,
@@ -67,8 +72,16 @@ def write_identity(program: str | Path, data: bytes, identity: ProgramIdentity) 
     write_atomic(identity_path(program), text.encode())
 
 
-def read_identity(program: str | Path, data: bytes) -> ProgramIdentity | None:
+def _digest(data: bytes | str) -> str:
+    return data if isinstance(data, str) else sha256(data)
+
+
+def read_identity(program: str | Path, data: bytes | str) -> ProgramIdentity | None:
     """Returns the identity of a program of these bytes; None if nothing beside it speaks of them.
+
+    Args:
+        program: The program file.
+        data: Its bytes, or their SHA-256 in hexadecimal.
 
     Raises:
         FormatError: The file beside it is damaged or from a newer robotrue.
@@ -77,7 +90,7 @@ def read_identity(program: str | Path, data: bytes) -> ProgramIdentity | None:
     if not path.is_file():
         return None
     document = _document(path)
-    if document.get("program_sha256") != sha256(data):
+    if document.get("program_sha256") != _digest(data):
         return None
     return ProgramIdentity(
         model=identity_from(document.get("model") or {}),
@@ -106,8 +119,13 @@ def _document(path: Path) -> dict[str, Any]:
     return found
 
 
-def require_compensable(program: str | Path, data: bytes, model: ModelIdentity) -> None:
+def require_compensable(program: str | Path, data: bytes | str, model: ModelIdentity) -> None:
     """Passes if a program may be compensated by a model.
+
+    Args:
+        program: The program file.
+        data: Its bytes, or their SHA-256 in hexadecimal.
+        model: Whoever is to compensate it.
 
     Raises:
         ModelMismatchError: It is compensated already, or belongs to another model.
