@@ -13,6 +13,7 @@ from robotrue.core.words import NO_WORD
 from robotrue.program.euler import matrices_from_abc
 from robotrue.program.external_axes import described
 from robotrue.program.formats.krl_flow import BASE, FOREIGN_BASE, ON_ROBOT, TOOL, differing
+from robotrue.program.formats.krl_frames import UNSURE
 from robotrue.program.formats.krl_modal import inherit, visits
 from robotrue.program.formats.krl_scan import INLINE_ARC, NOT_CONSTANT, STATEMENT, Scan
 from robotrue.program.formats.krl_walk import MOTION_OF, Walk
@@ -21,8 +22,6 @@ from robotrue.program.held import turned_round
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 
 _SIDES: Final = (("base", BASE), ("tool", TOOL))
-_UNSURE: Final = 2
-"""Of ON_ROBOT: on the robot on one way here and not on another."""
 
 
 class Builder:
@@ -53,7 +52,7 @@ class Builder:
                 at = node if node >= 0 else int(np.flatnonzero(table[:, column] == mark)[0])
                 index = self.frames.unknown(side, ways.line[at], what, cure)
                 table[table[:, column] == mark, column] = index
-        table[:, ON_ROBOT] = np.where(table[:, ON_ROBOT] < 0, _UNSURE, table[:, ON_ROBOT])
+        table[:, ON_ROBOT] = np.where(table[:, ON_ROBOT] < 0, UNSURE, table[:, ON_ROBOT])
         calls = table[:, FOREIGN_BASE:]
         first = calls[calls > 0].min(initial=np.iinfo(np.int64).max)
         calls[calls < 0] = first
@@ -203,7 +202,7 @@ class Builder:
         cures = self.frames.cures
         reason = np.where(axis, int(Reason.JOINT_TARGET), int(Reason.NONE))
         on_robot = (state[:, ON_ROBOT] > 0) & ~axis
-        refused = on_robot & ((state[:, ON_ROBOT] == _UNSURE) | (not self.given.fixed_tool))
+        refused = on_robot & ((state[:, ON_ROBOT] == UNSURE) | (not self.given.fixed_tool))
         reason[refused] = Reason.TOOL_ON_FLOOR
         notes: list[str] = []
         for side, column in _SIDES:

@@ -16,6 +16,15 @@ from robotrue.program.program import FrameTable
 
 _FDAT: Final = re.compile(r"(TOOL_NO|BASE_NO|IPO_FRAME)\s+(#?\w+)", re.IGNORECASE)
 _DATA: Final = re.compile(r"(BASE|TOOL)_DATA\s*\[\s*(\w+)\s*\]$", re.IGNORECASE)
+_OF_FORM: Final = re.compile(
+    r"S(TOOL2?|BASE)\s*\(\s*(\w+)\s*(?:\.\s*(?:TOOL|BASE)_NO\s*)?\)$", re.IGNORECASE
+)
+"""What inline forms of KSS 8 write behind ``$TOOL =`` and ``$BASE =``."""
+_EXTERNAL: Final = re.compile(r"EK\s*\(", re.IGNORECASE)
+_EK_FORM: Final = re.compile(r"EK\s*\(\s*K_ROOT\s*\(\s*(\w+)\s*\.\s*BASE_NO\s*\)", re.IGNORECASE)
+_EK_DATA: Final = re.compile(r",\s*BASE_DATA\s*\[\s*(\w+)\s*\]\s*\)\s*$", re.IGNORECASE)
+_SIPO: Final = re.compile(r"SIPO_MODE\s*\(\s*(\w+)\s*\.\s*IPO_FRAME\s*\)", re.IGNORECASE)
+_SET: Final = re.compile(r"\$(BASE|TOOL|IPO_MODE)\s*=\s*", re.IGNORECASE)
 _IDENTITY: Final = ("$nullframe", "$world", "$robroot")
 
 
@@ -32,6 +41,37 @@ def read_fdat(text: str) -> Inline:
     found = {name.upper(): value for name, value in _FDAT.findall(text)}
     on_robot = found.get("IPO_FRAME", "#BASE").upper() != "#BASE"
     return Inline(found.get("TOOL_NO"), found.get("BASE_NO"), on_robot)
+
+
+UNSURE: Final = 2
+"""Of who holds the part: not known."""
+
+
+class Setting(NamedTuple):
+    """What a WITH clause says of ``$BASE``, ``$TOOL`` or ``$IPO_MODE``.
+
+    Attributes:
+        side: ``base``, ``tool`` or ``ipo_mode``.
+        text: The right side.
+        place: Where it begins.
+    """
+
+    side: str
+    text: str
+    place: int
+
+
+def with_settings(code: str) -> list[Setting]:
+    """Returns what a WITH clause sets of frames, up to the comma behind each."""
+    out = []
+    for match in _SET.finditer(code):
+        depth, end = 0, match.end()
+        while end < len(code) and (depth or code[end] != ","):
+            depth += (code[end] in "({[") - (code[end] in ")}]")
+            end += 1
+        text = re.sub(r"\s+C_\w+\s*$", "", code[match.end() : end])
+        out.append(Setting(match[1].lower(), text.strip(), match.end()))
+    return out
 
 
 class Frames:
@@ -133,6 +173,12 @@ class Frames:
     def expression(self, side: str, line: int, text: str, variables: Mapping[str, Array]) -> int:
         """Returns the index of what stands right of ``$BASE=`` or ``$TOOL=``, not an aggregate."""
         text = text.strip()
+        match = _OF_FORM.match(text)
+        if match and match[2].lower() in self.fdat and side == match[1][:4].lower():
+            inline = self.fdat[match[2].lower()]
+            return self.number(side, line, inline.tool if side == "tool" else inline.base)
+        if side == "base" and _EXTERNAL.match(text):
+            return self._external_base(line, text)
         match = _DATA.match(text)
         if match and match[1].lower() == side:
             return self.number(side, line, match[2])
@@ -149,6 +195,22 @@ class Frames:
             f"is {text[:40]!r}, which the program does not hold as numbers",
             f"write the {side} as numbers, or add it to the frame table by this name",
         )
+
+    def holder(self, text: str) -> int:
+        """Returns 0 for ``#BASE``, 1 for ``#TCP``, ``UNSURE`` for what is not known."""
+        text = text.strip().lower()
+        match = _SIPO.match(text)
+        if match:
+            inline = self.fdat.get(match[1])
+            return UNSURE if inline is None else int(inline.on_robot)
+        return {"#base": 0, "#tcp": 1}.get(text, UNSURE)
+
+    def _external_base(self, line: int, text: str) -> int:
+        """Returns the index of ``EK(..)``: a base on an external system of axes."""
+        form, data = _EK_FORM.match(text), _EK_DATA.search(text)
+        inline = self.fdat.get(form[1].lower()) if form else None
+        number = inline.base if inline else data[1] if data else None
+        return self.carried_number(line, number)
 
     def carried_number(self, line: int, number: str | None) -> int:
         """Returns the index of a numbered work frame that an external axis carries.

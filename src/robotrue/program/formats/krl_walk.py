@@ -14,7 +14,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.program.formats.krl_flow import BASE, ON_ROBOT, TOOL, Flow
-from robotrue.program.formats.krl_frames import Frames, read_fdat
+from robotrue.program.formats.krl_frames import Frames, read_fdat, with_settings
 from robotrue.program.formats.krl_scan import (
     INLINE_ARC,
     INLINE_LIN,
@@ -41,7 +41,7 @@ _DEFINE: Final = re.compile(
     re.IGNORECASE,
 )
 _BAS: Final = re.compile(r"\s*BAS\s*\(\s*#(\w+)\s*(?:,\s*(\w+)\s*)?", re.IGNORECASE)
-_WITH: Final = re.compile(r"(\$(?:BASE|TOOL|IPO_MODE)\s*=\s*)(\{[^}]*\}|[^,]+)", re.IGNORECASE)
+_WITH: Final = re.compile(r"\$(?:BASE|TOOL|IPO_MODE)\s*=", re.IGNORECASE)
 _MEMBER: Final = re.compile(r"(\w*)\s*(\[[^\]]*\])?\s*([{}])")
 _CALL: Final = re.compile(r"\s*(\w+)\s*\(")
 _CALLED: Final = re.compile(r"(\w+)\s*\(")
@@ -236,8 +236,7 @@ class Walk:
         if variable in ("$base", "$tool"):
             self._set_frame(file, line, variable[1:], path, rest)
         elif variable == "$ipo_mode":
-            on_robot = rest.strip().lower() != "#base"
-            self._set(line, ON_ROBOT, int(on_robot))
+            self._set(line, ON_ROBOT, self.frames.holder(rest))
         elif variable in ("base_data", "tool_data"):
             side = variable[:4]
             if index.isdigit() and not path:
@@ -325,23 +324,18 @@ class Walk:
 
     def _with(self, file: int, line: int, code: str) -> None:
         """Puts in force what a WITH clause sets for its motion or spline block."""
-        for match in _WITH.finditer(code):
-            name, rest = match[1].strip(" =\t").lower(), match[2].strip()
-            if name == "$ipo_mode":
-                on_robot = not rest.lower().startswith("#base")
-                self._set(line, ON_ROBOT, int(on_robot))
-            elif rest.startswith("{"):
+        for side, text, place in with_settings(code):
+            if side == "ipo_mode":
+                self._set(line, ON_ROBOT, self.frames.holder(text))
+            elif text.startswith("{"):
                 scan, start = self.scans[file], int(self.scans[file].line_start[line])
-                here = [
-                    a
-                    for a in range(int(self.first[file][line]), int(self.first[file][line + 1]))
-                    if int(scan.agg_open[a]) - start == match.start(2)
-                ]
+                aggs = range(int(self.first[file][line]), int(self.first[file][line + 1]))
+                here = [a for a in aggs if int(scan.agg_open[a]) - start == place]
                 values = self._values(file, here[0]) if here else np.full(6, np.nan)
-                self._put(line, name[1:], self.frames.aggregate(name[1:], line, values))
+                self._put(line, side, self.frames.aggregate(side, line, values))
             else:
-                index = self.frames.expression(name[1:], line, rest, self._variables)
-                self._put(line, name[1:], index)
+                index = self.frames.expression(side, line, text, self._variables)
+                self._put(line, side, index)
 
     def _put(self, line: int, side: str, index: int) -> None:
         self._set(line, _COLUMN[side], index)
