@@ -28,10 +28,15 @@ from robotrue.program.insertion import Inserter
 from robotrue.program.program import Dialect, FrameTable, Program, Replacement
 
 _MODULES: Final[dict[str, str]] = {
+    "apt": "robotrue.program.formats.apt_program",
+    "fanuc_gcode": "robotrue.program.formats.fanuc_gcode",
     "fanuc_ls": "robotrue.program.formats.fanuc_ls",
+    "heidenhain": "robotrue.program.formats.heidenhain",
     "jbi": "robotrue.program.formats.jbi",
     "krl": "robotrue.program.formats.krl",
     "rapid": "robotrue.program.formats.rapid",
+    "sinumerik": "robotrue.program.formats.sinumerik",
+    "toolpath_csv": "robotrue.program.formats.csv_program",
     "urscript": "robotrue.program.formats.urscript",
 }
 _INSERTERS: Final[dict[str, str]] = {

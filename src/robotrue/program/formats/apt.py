@@ -33,8 +33,9 @@ from robotrue.program.toolpath import Remark, Toolpath
 INCH: Final = 25.4 * MM
 CHORD: Final = 0.01 * MM
 """m by which points of an arc leave it where the file prints no tolerance."""
-_UNITS: Final = {"MM": MM, "MILLIMETERS": MM, "CM": 10.0 * MM, "INCHES": INCH, "INCH": INCH}
-_REFUSED: Final = {
+LENGTHS: Final = {"MM": MM, "MILLIMETERS": MM, "CM": 10.0 * MM, "INCHES": INCH, "INCH": INCH}
+"""m of each unit a file may state."""
+UNREAD_MOTIONS: Final = {
     "TRANS": "moves the coordinates",
     "ORIGIN": "moves the coordinates",
     "TRACUT": "moves the coordinates",
@@ -65,6 +66,7 @@ _REFUSED: Final = {
     "TLRGT": "is a motion along surfaces",
     "TLON": "is a motion along surfaces",
 }
+"""Words that move or bend the path in a way not read here, and how."""
 _OFF_ONLY: Final = {"CYCLE": "makes motions of its own", "CUTCOM": "moves the path sideways"}
 _KNOWN: Final = frozenset(
     "PARTNO PPRINT INSERT REMARK TPRINT MACHIN FINI END REWIND STOP OPSTOP COOLNT CUTTER TLDATA "
@@ -160,8 +162,8 @@ class _Reader:
             if head != "SELCTL":
                 self._tool(statement)
             self._keep(statement, known=True)
-        elif word in _REFUSED:
-            self._refuse(statement, f"{word} {_REFUSED[word]}")
+        elif word in UNREAD_MOTIONS:
+            self._refuse(statement, f"{word} {UNREAD_MOTIONS[word]}")
         elif word == "MODE" and "INCR" in statement.arguments:
             self._refuse(
                 statement, "MODE/INCR makes coordinates add up; only absolute ones are read"
@@ -291,11 +293,11 @@ class _Reader:
 
     def _units(self, statement: Statement) -> None:
         word = statement.arguments[0] if statement.arguments else ""
-        if word not in _UNITS:
+        if word not in LENGTHS:
             self._refuse(statement, f"UNITS/{word}, expected MM or INCHES")
-        if _UNITS[word] != self.unit and (self.points or self.here is not None):
+        if LENGTHS[word] != self.unit and (self.points or self.here is not None):
             self._refuse(statement, "UNITS/ after the first point")
-        self.unit, self.unit_line = _UNITS[word], statement.line
+        self.unit, self.unit_line = LENGTHS[word], statement.line
 
     def _multax(self, statement: Statement) -> None:
         word = statement.arguments[0] if statement.arguments else "ON"

@@ -1,0 +1,286 @@
+"""Reads APT and CL data with the bytes of its points."""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import IntArray
+from robotrue.core.units import MM
+from robotrue.errors import FormatError
+from robotrue.program.formats.apt import LENGTHS, UNREAD_MOTIONS
+from robotrue.program.formats.apt_frames import AxisSystems
+from robotrue.program.formats.apt_statements import Statement, is_number, statements, to_number
+from robotrue.program.formats.gcode_arcs import no_arcs
+from robotrue.program.formats.number_table import Numbers
+from robotrue.program.formats.number_text import WHOLE_NUMBER
+from robotrue.program.formats.path_words import PathWords, Turn, poses, tool_axes
+from robotrue.program.formats.shared_fate import share_fate
+from robotrue.program.formats.target_notes import TargetNotes
+from robotrue.program.formats.text_lines import line_starts, require_text
+from robotrue.program.program import FrameTable, Motion, Program, Reason
+
+_NUMBER: Final = re.compile(WHOLE_NUMBER)
+_ONE: Final = (b"", b"", b"", b",", b",", b",")
+_UP: Final = (0.0, 0.0, 1.0)
+_MODES: Final = {"CYCLE": "a cycle moves at every point", "CUTCOM": "moved sideways by CUTCOM/"}
+
+
+def read_apt_program(data: bytes, name: str, frames: FrameTable) -> Program:
+    """Returns the program of APT or CL data.
+
+    Raises:
+        FormatError: Not text, a statement that cannot be read, a continuation without an end, or
+            no point at all; with the line.
+    """
+    require_text(data, name)
+    reader = _Reader(data, name)
+    for statement in statements(data, name):
+        reader.take(statement)
+    return reader.program(frames)
+
+
+class _Reader:
+    def __init__(self, data: bytes, name: str) -> None:
+        self.data, self.name = data, name
+        self.starts: IntArray = line_starts(data)
+        self.unit, self.told_unit = MM, False
+        self.axis: tuple[float, float, float] = _UP
+        self.by_axis = False
+        self.systems = AxisSystems(name)
+        self.lost: str = ""
+        self.relative = False
+        self.modes: dict[str, str] = {}
+        self.arc = 0
+        self.tools: dict[str, int] = {}
+        self.tool = 0
+        self.line: list[int] = []
+        self.tokens: list[tuple[int, ...]] = []
+        self.values: list[tuple[float, ...]] = []
+        self.turn: list[int] = []
+        self.units: list[float] = []
+        self.reason: list[int] = []
+        self.of_tool: list[int] = []
+        self.groups: list[list[int]] = []
+        self.told: list[tuple[int, str]] = []
+
+    def take(self, statement: Statement) -> None:
+        """Takes one statement."""
+        if statement.comment:
+            self._system(statement)
+        head, arguments = statement.head, statement.arguments
+        word = head.partition(",")[0].partition(" ")[0]
+        if head == "GOTO":
+            self._goto(statement)
+        elif head == "GODLTA":
+            self._row(statement, [], Reason.RELATIVE, "GODLTA/ is a step")
+        elif head == "UNITS":
+            self._units(statement)
+        elif head == "TLAXIS":
+            self._tlaxis(arguments)
+        elif head == "CIRCLE":
+            self.arc = 1
+        elif head == "TLON,GOFWD":
+            self.arc = 1
+            self._row(statement, [], Reason.EXPRESSION, "an arc")
+        elif head == "MSYS":
+            self._axes(statement)
+        elif head in ("LOADTL", "TOOLNO"):
+            self.tool = self.tools.setdefault(
+                arguments[0] if arguments else "", len(self.tools) + 1
+            )
+        elif word in _MODES:
+            self.modes.pop(word, None)
+            if arguments[:1] not in (("OFF",), ("NOMORE",)):
+                self.modes[word] = _MODES[word]
+        elif word == "MODE" and "INCR" in arguments:
+            self.relative = True
+        elif word in UNREAD_MOTIONS:
+            self._lose(f"{word} in line {statement.line} {UNREAD_MOTIONS[word]}")
+
+    def _lose(self, why: str) -> None:
+        self.lost = self.lost or why
+
+    def _system(self, statement: Statement) -> None:
+        try:
+            self.systems.comment(statement.comment, statement.line, points=bool(self.line))
+        except FormatError as error:
+            self._lose(f"line {statement.line}: {error.message.rstrip('.')}")
+
+    def _axes(self, statement: Statement) -> None:
+        if not all(map(is_number, statement.arguments)):
+            self._lose(f"line {statement.line}: MSYS/ is not read")
+            return
+        try:
+            values = tuple(to_number(each) for each in statement.arguments)
+            self.systems.take(values, statement.line, points=bool(self.line))
+        except FormatError as error:
+            self._lose(f"line {statement.line}: {error.message.rstrip('.')}")
+
+    def _units(self, statement: Statement) -> None:
+        word = statement.arguments[0] if statement.arguments else ""
+        if word not in LENGTHS:
+            raise FormatError(
+                f"UNITS/{word}, expected MM or INCHES.",
+                source=self.name,
+                line=statement.line,
+                hint="post the path in one of them.",
+            )
+        self.unit, self.told_unit = LENGTHS[word], True
+
+    def _tlaxis(self, arguments: tuple[str, ...]) -> None:
+        if len(arguments) == 3 and all(map(is_number, arguments)):
+            i, j, k = (to_number(each) for each in arguments)
+            self.axis = (i, j, k)
+        else:
+            self._lose("TLAXIS/ is not three numbers")
+
+    def _goto(self, statement: Statement) -> None:
+        count = len(statement.arguments)
+        if count not in (3, 6) or not all(map(is_number, statement.arguments)):
+            self._row(statement, [], Reason.EXPRESSION, "GOTO/ with other than 3 or 6 numbers")
+            return
+        spans = self._spans(statement.line, count)
+        if spans is None:
+            self._row(statement, [], Reason.EXPRESSION, "a number of a form that is not rewritten")
+            return
+        reason, what = Reason.NONE, ""
+        if self.relative:
+            reason, what = Reason.RELATIVE, "MODE/INCR makes coordinates add up"
+        elif self.modes:
+            reason, what = Reason.EXPRESSION, next(iter(self.modes.values()))
+        self._row(statement, spans, reason, what)
+
+    def _spans(self, line: int, count: int) -> list[tuple[int, int, float]] | None:
+        """Returns (first byte, bytes, value) of the numbers of a statement, over its lines."""
+        found: list[tuple[int, int, float]] = []
+        at = self.data.index(b"/", int(self.starts[line - 1])) + 1
+        while len(found) < count and line <= len(self.starts):
+            last = int(self.starts[line]) if line < len(self.starts) else len(self.data)
+            end = self.data.find(b"$", at, last)
+            end = last if end < 0 else end
+            for cell in re.finditer(rb"[^,\r\n]+", self.data[at:end]):
+                token = cell[0].strip()
+                if not token:
+                    continue
+                if not _NUMBER.fullmatch(token):
+                    return None
+                lead = len(cell[0]) - len(cell[0].lstrip())
+                found.append((at + cell.start() + lead, len(token), float(token)))
+            at, line = last, line + 1
+        return found if len(found) == count else None
+
+    def _row(
+        self,
+        statement: Statement,
+        spans: list[tuple[int, int, float]],
+        reason: Reason,
+        what: str,
+    ) -> None:
+        if len(spans) == 6:
+            self.axis = (spans[3][2], spans[4][2], spans[5][2])
+            self.by_axis = True
+        if self.arc:
+            reason, what = Reason.EXPRESSION, what or "an arc"
+            if self.line:
+                self.groups.append([len(self.line) - 1, len(self.line)])
+            self.arc = 0
+        padded = [*spans, *[(-1, 0, np.nan)] * (6 - len(spans))]
+        self.tokens.append(tuple(n for each in padded for n in each[:2]))
+        values = [each[2] for each in padded]
+        if len(spans) < 6:
+            values[3:] = self.axis
+        if not spans:
+            values[:3] = [np.nan] * 3
+        if self.lost and reason == Reason.NONE:
+            reason, what = Reason.UNKNOWN_FRAME, ""
+        self.values.append(tuple(values))
+        self.line.append(statement.line)
+        self.turn.append(int(Turn.VECTOR if self.by_axis else Turn.FIXED))
+        self.units.append(self.unit)
+        self.reason.append(int(reason))
+        self.of_tool.append(self.tool)
+        if what:
+            self.told.append((int(self.starts[statement.line - 1]), what))
+
+    def program(self, frames: FrameTable) -> Program:
+        """Returns the program."""
+        n = len(self.line)
+        if not n:
+            raise FormatError(
+                "no GOTO/: the file has no point.", source=self.name, line=1,
+                hint="output CL data (APT source) from the CAM system.",
+            )  # fmt: skip
+        line = np.array(self.line)
+        notes = TargetNotes(self.name, line)
+        tokens = np.array(self.tokens, np.int64).reshape(n, 6, 2)
+        value, turn = np.array(self.values).reshape(n, 6), np.array(self.turn)
+        unit, reason = np.array(self.units), np.array(self.reason)
+        fixed = turn == Turn.FIXED
+        value[fixed, 3:] = tool_axes(value[fixed, 3:])
+        position, rotation, axes = poses(value, unit, turn, frames.orientation)
+        tool, tools = self._tools(frames, reason, notes)
+        self._close(frames, reason, position, rotation, notes)
+        share_fate(reason, self.groups)
+        self._tell(notes)
+        printed = np.where(tokens[:, :, 0] >= 0, value, np.nan)
+        at = np.where(tokens[:, 2, 0] >= 0, (tokens[:, :, 0] + tokens[:, :, 1]).max(axis=1), -1)
+        at[reason == Reason.RELATIVE] = -1
+        return Program(
+            name=self.name, dialect="apt", data=self.data, position=position, rotation=rotation,
+            axes=axes, motion=np.full(n, int(Motion.LIN)), reason=reason,
+            words=np.empty((n, 0), np.int64), words_of="", line=line,
+            frame=np.zeros(n, np.int64), tool=tool,
+            T_base_frame=np.asarray(frames.T_base_frame)[None], T_flange_tool=tools,
+            notes=notes.notes(),
+            spans=PathWords(
+                numbers=Numbers(start=tokens[:, :, 0], length=tokens[:, :, 1], value=printed),
+                value=value, unit=unit, turn=turn, skip=np.zeros(n, np.bool_), at=at,
+                barred=np.zeros((n, 6), np.bool_), names=(_ONE,) * 4, blank=False,
+                rule=frames.orientation, arcs=no_arcs(), marks=np.empty((n, 0, 2), np.int64),
+            ),
+        )  # fmt: skip
+
+    def _close(self, frames: FrameTable, reason, position, rotation, notes: TargetNotes) -> None:  # type: ignore[no-untyped-def]
+        """Closes rows whose pose is not known."""
+        unknown = ~np.isfinite(position).all(axis=1) & (reason == Reason.NONE)
+        turned = ~np.isfinite(rotation).all(axis=(1, 2)) & (reason == Reason.NONE)
+        reason[unknown | turned] = Reason.INCOMPLETE
+        if turned.any() and frames.orientation.spin is None:
+            notes.rows(turned, "only the tool axis is known: state [program] spin_deg in the cell")
+        elif turned.any():
+            notes.rows(turned, "a tool axis not of length 1")
+
+    def _tools(self, frames: FrameTable, reason: IntArray, notes: TargetNotes):  # type: ignore[no-untyped-def]
+        """The tool of the cell for a file with one; of several each must be in the table."""
+        used = np.array(self.of_tool)
+        names = {number: name for name, number in self.tools.items()}
+        given = {key.strip().upper(): matrix for key, matrix in frames.tools.items()}
+        tools = [np.asarray(frames.T_flange_tool, dtype=np.float64)]
+        index = np.zeros(len(used), np.int64)
+        several = len(np.unique(used)) > 1
+        for number in np.unique(used).tolist():
+            name = names.get(number, "").strip().upper()
+            if name in given:
+                index[used == number] = len(tools)
+                tools.append(np.asarray(given[name], dtype=np.float64))
+            elif several:
+                rows = (used == number) & (reason == Reason.NONE)
+                reason[rows] = Reason.UNKNOWN_FRAME
+                called = f"tool {name}" if name else "the tool before any LOADTL/"
+                notes.rows(rows, f"{called} is not in the frame table")
+        return index, np.array(tools)
+
+    def _tell(self, notes: TargetNotes) -> None:
+        if not self.told_unit:
+            notes.say(f"{self.name}:1: the file does not state UNITS/: millimetres were taken.")
+        if self.systems.own:
+            notes.say(
+                f"{self.name}:{self.systems.own}: the points stand in a machining axis system of "
+                "their own; that is the work frame."
+            )
+        if self.lost:
+            notes.say(f"{self.name}: {self.lost}; points behind it are not compensated.")
+        notes.each(self.told, self.starts)

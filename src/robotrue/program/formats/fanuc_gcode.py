@@ -1,0 +1,38 @@
+"""Fanuc G-code with five axes: tool point control by angles (G43.4) or by a tool axis (G43.5).
+
+What is read: X, Y, Z with A, B, C or I, J, K; G0 to G3 with I, J, K or R; work offsets. What is
+left out is kept from before, and inserted where it no longer holds.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+from robotrue.program.formats.path_dialect import PathDialect, is_other_language
+from robotrue.program.formats.sinumerik import MOVE
+from robotrue.program.program import FrameTable, Program
+
+_OWN: Final = re.compile(
+    rb"(?im)^%[ \t]*\r?$|^O\d{1,8}\b|G43\.[45]\b|^[ \t]*+(?:N\d++[ \t]*+)?\([^\r\n]*\)[ \t]*\r?$"
+    rb"|^[ \t]*+(?:N\d++[ \t]*+)?G(?:2[018]|49|80|54\.1|68\.2)\b|#\d|\bM98\b"
+)
+
+
+def _score(data: bytes) -> float:
+    if is_other_language(data):
+        return 0.0
+    own = min(len(_OWN.findall(data)), 2)
+    return 0.5 * bool(MOVE.search(data)) + 0.25 * own
+
+
+def _read(data: bytes, name: str, frames: FrameTable) -> Program:
+    from robotrue.program.formats.gcode_read import read_gcode
+    from robotrue.program.formats.gcode_vocabulary import FANUC
+
+    return read_gcode(data, name, FANUC, frames)
+
+
+DIALECT: Final = PathDialect(
+    name="fanuc_gcode", suffixes=(".nc", ".tap", ".cnc", ".ngc"), score=_score, reader=_read
+)

@@ -1,0 +1,117 @@
+"""What the blocks of a program say, collected from the compiled and from the slow reader."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array, IntArray
+from robotrue.program.formats.gcode_vocabulary import UNCERTAIN, Column, Group
+from robotrue.program.program import Reason
+
+ALL: Final = tuple(range(Column.R))
+POINT: Final = (0, 1, 2)
+ROTARY: Final = (3, 4, 5, 6, 7, 8)
+
+
+@dataclass(slots=True)
+class Findings:
+    """What the slow reader found, by block.
+
+    Attributes:
+        words: (block, column, first byte, bytes, value); NaN and -1 for one that is computed.
+        state: Settings by (block, group).
+        lost: Columns not known any more when a block ends, by block.
+        changes: Blocks that put the chosen tool in.
+        flags: Why the point of a block cannot be compensated.
+        silent: Blocks whose coordinates are no point to go to.
+        frames: (block, name, matrix or None) of work frames the program sets; None is not known.
+        names: Names of frames and tools, whose numbers are states.
+        told: (first byte, sentence about what stands there).
+        inch: Unit the head of the program states: None where it does not.
+    """
+
+    words: list[tuple[int, int, int, int, float]] = field(default_factory=list)
+    state: dict[tuple[int, int], int] = field(default_factory=dict)
+    lost: dict[int, tuple[int, ...]] = field(default_factory=dict)
+    changes: list[int] = field(default_factory=list)
+    flags: dict[int, Reason] = field(default_factory=dict)
+    silent: set[int] = field(default_factory=set)
+    frames: list[tuple[int, str, Array | None]] = field(default_factory=list)
+    names: list[str] = field(default_factory=list)
+    told: list[tuple[int, str]] = field(default_factory=list)
+    inch: bool | None = None
+
+    def name(self, text: str) -> int:
+        """Returns the number of a name."""
+        if text not in self.names:
+            self.names.append(text)
+        return self.names.index(text)
+
+    def set(self, block: int, group: Group, value: int) -> None:
+        """Sets a state from this block on."""
+        self.state[block, int(group)] = value
+
+    def barrier(self, block: int) -> None:
+        """Forgets everything: what runs between this block and the next is not read."""
+        for group in Group:
+            self.state.setdefault((block, int(group)), UNCERTAIN)
+        self.lost[block] = (*ALL, *range(Column.J1, Column.J6 + 1))
+
+    def forget(self, block: int, columns: tuple[int, ...] = ALL) -> None:
+        """Forgets columns when the block ends."""
+        self.lost[block] = (*self.lost.get(block, ()), *columns)
+
+    def flag(self, block: int, reason: Reason) -> None:
+        """Says why the point of a block cannot be compensated."""
+        self.flags.setdefault(block, reason)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Blocks:
+    """A whole file.
+
+    Attributes:
+        data: The bytes.
+        first: (l,) first byte of every block.
+        end: (l,) its end without comment and line end.
+        state: (l, groups) as set by each block, ``NO_STATE`` where it says nothing.
+        block: (t,) block of every word, rising.
+        column: (t,) :class:`Column`.
+        start: (t,) first byte of its number, -1 of one that is computed.
+        length: (t,) bytes.
+        value: (t,) NaN of one that is computed.
+        findings: What the slow reader found.
+    """
+
+    data: bytes
+    first: IntArray
+    end: IntArray
+    state: IntArray
+    block: IntArray
+    column: IntArray
+    start: IntArray
+    length: IntArray
+    value: Array
+    findings: Findings
+
+    def line(self, block: int) -> int:
+        """Returns the one-based line of a block."""
+        return block + 1
+
+
+def with_findings(
+    columns: tuple[IntArray, IntArray, IntArray, IntArray, Array], found: Findings
+) -> tuple[IntArray, IntArray, IntArray, IntArray, Array]:
+    """Returns block, column, start, length and value of all words, by block."""
+    if found.words:
+        more = list(zip(*found.words, strict=True))
+        columns = tuple(  # type: ignore[assignment]
+            np.concatenate([old, np.array(new, old.dtype)])
+            for old, new in zip(columns, more, strict=True)
+        )
+        order = np.argsort(columns[0], kind="stable")
+        columns = tuple(each[order] for each in columns)  # type: ignore[assignment]
+    return columns

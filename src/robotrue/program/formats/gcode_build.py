@@ -1,0 +1,339 @@
+"""Builds a program from the blocks of a G-code: rows, what they inherit, reasons, notes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.units import MM
+from robotrue.core.words import NO_WORD, WORDS
+from robotrue.program.formats.gcode_arc_rows import ArcRows, arc_rows
+from robotrue.program.formats.gcode_arcs import ACROSS
+from robotrue.program.formats.gcode_blocks import Blocks
+from robotrue.program.formats.gcode_frames import GcodeFrames
+from robotrue.program.formats.gcode_rows import Rows, Words, chosen
+from robotrue.program.formats.gcode_state import epochs, in_force, inherited
+from robotrue.program.formats.gcode_vocabulary import UNCERTAIN, Column, Drive, Group, Vocabulary
+from robotrue.program.formats.number_table import Numbers
+from robotrue.program.formats.path_words import PathWords, Turn, poses, tool_axes
+from robotrue.program.formats.shared_fate import share_fate
+from robotrue.program.formats.target_notes import TargetNotes
+from robotrue.program.orientation import OrientationRule
+from robotrue.program.program import FrameTable, Motion, Program, Reason
+
+INCH: Final = 25.4 * MM
+_TURNS: Final = (Column.A, Column.AX)
+
+
+def build(blocks: Blocks, name: str, vocabulary: Vocabulary, frames: FrameTable) -> Program:
+    """Returns the program of scanned blocks."""
+    return _Builder(blocks, name, vocabulary, frames).program()
+
+
+class _Builder:
+    def __init__(
+        self, blocks: Blocks, name: str, vocabulary: Vocabulary, frames: FrameTable
+    ) -> None:
+        self.blocks, self.name, self.vocabulary, self.given = blocks, name, vocabulary, frames
+        self.rule: OrientationRule = frames.orientation
+        self.force = in_force(blocks)
+        if blocks.findings.inch is not None:
+            self.force[:, Group.INCH] = int(blocks.findings.inch)
+        self.rows = self._rows()
+        self.words = Words(blocks, self.rows.block)
+        self.notes = TargetNotes(name, self.rows.block + 1)
+        self.frames = GcodeFrames(frames, name, blocks, vocabulary)
+
+    def _rows(self) -> Rows:
+        blocks, force = self.blocks, self.force
+        block = self._moving()
+        words = Words(blocks, block)
+        own = force[block]
+        point, there = words.numbers((0, 1, 2))
+        spoken = epochs(blocks, force, 0, block)
+        unit = np.where(own[:, Group.INCH] == 1, INCH, MM)
+        relative = (own[:, Group.RELATIVE] != 0) | (own[:, Group.MOTION] == Drive.CYCLE)
+        value = np.empty((len(block), 6))
+        for k in range(3):
+            column = np.where(relative, np.nan, point.value[:, k])
+            value[:, k] = inherited(column, there[:, k], epochs(blocks, force, k, block))
+        turn, numbers, found = self._turns(words, block, own)
+        value[:, 3:] = found
+        start, length, printed = (
+            np.concatenate([getattr(point, n), getattr(numbers, n)], axis=1)
+            for n in ("start", "length", "value")
+        )
+        joints, value = self._joints(words, turn, value)
+        axes = (turn == Turn.AXES)[:, None]
+        table = Numbers(
+            start=np.where(axes, joints.start, start),
+            length=np.where(axes, joints.length, length),
+            value=np.where(axes, joints.value, printed),
+        )
+        return Rows(
+            block=block, force=own, numbers=table, value=value, turn=turn, epoch=spoken, unit=unit
+        )
+
+    def _moving(self) -> IntArray:
+        """Returns the blocks that go somewhere."""
+        blocks, force = self.blocks, self.force
+        column, block = blocks.column, blocks.block
+        motion, tip = force[block, Group.MOTION], force[block, Group.TIP]
+        goes = (column < Column.I) | ((column >= Column.J1) & (column <= Column.J6))
+        arc = (column >= Column.I) & (column <= Column.R)
+        goes |= arc & np.isin(motion, (Drive.RIGHT, Drive.LEFT, Drive.THROUGH))
+        goes |= arc & (column <= Column.K) & (tip == 2)
+        moving = np.zeros(len(blocks.first), np.bool_)
+        moving[block[goes]] = True
+        moving[list(blocks.findings.silent)] = False
+        return np.flatnonzero(moving)
+
+    def _turns(
+        self, words: Words, block: IntArray, own: IntArray
+    ) -> tuple[IntArray, Numbers, Array]:
+        """Returns how each row tells its orientation, its three words and what they come to."""
+        angles, by_angle = words.numbers((3, 4, 5))
+        vector, by_vector = words.numbers((6, 7, 8))
+        if self.vocabulary.names[Turn.VECTOR][3] == b"I":
+            ijk, there = words.numbers((9, 10, 11))
+            mine = (own[:, Group.TIP] == 2) & (own[:, Group.MOTION] < Drive.RIGHT)
+            by_vector, vector = there & mine[:, None], chosen(mine, ijk, vector)
+        jointed = words.numbers(tuple(range(Column.J1, Column.J6 + 1)))[1].any(axis=1)
+        said = np.where(by_vector.any(axis=1), 2.0, np.where(by_angle.any(axis=1), 1.0, np.nan))
+        said[jointed] = np.nan
+        epoch = epochs(self.blocks, self.force, 3, block)
+        mode = inherited(said, np.isfinite(said), epoch)
+        turn = np.where(np.isnan(mode), int(Turn.ANGLES), np.nan_to_num(mode)).astype(np.int64)
+        turn[own[:, Group.TIP] == 2] = Turn.VECTOR
+        turned = np.maximum.accumulate(np.isfinite(said)) if len(said) else np.zeros(0, np.bool_)
+        off = own[:, Group.TIP] == 0
+        turn[off & ~turned] = Turn.FIXED
+        turn[jointed] = Turn.AXES
+        vectors = (turn == Turn.VECTOR) & by_vector.any(axis=1)
+        both = by_vector.any(axis=1) & by_angle.any(axis=1)
+        for row in np.flatnonzero(both).tolist():
+            self.blocks.findings.flag(int(block[row]), Reason.EXPRESSION)
+        found = np.full((len(block), 3), np.nan)
+        numbers = chosen(turn == Turn.VECTOR, vector, angles)
+        given = np.where((turn == Turn.VECTOR)[:, None], by_vector, by_angle)
+        values = np.where(vectors[:, None] & ~by_vector, 0.0, numbers.value)
+        given = given | vectors[:, None]
+        kinds = epoch * 4 + turn
+        for k in range(3):
+            found[:, k] = inherited(values[:, k], given[:, k], kinds)
+        found[turn == Turn.FIXED] = (0.0, 0.0, 1.0)
+        return turn, numbers, found
+
+    def _joints(self, words: Words, turn: IntArray, value: Array) -> tuple[Numbers, Array]:
+        """Axis targets: JT1 to JT6, or JT1 to JT3 with A, B, C for the wrist."""
+        joints, there = words.numbers(tuple(range(Column.J1, Column.J6 + 1)))
+        axes = turn == Turn.AXES
+        if not axes.any():
+            return joints, value
+        wrist, _ = words.numbers((3, 4, 5))
+        short = axes & ~there[:, 3:].any(axis=1)
+        tail = chosen(short, wrist, Numbers(
+            start=joints.start[:, 3:], length=joints.length[:, 3:], value=joints.value[:, 3:]
+        ))  # fmt: skip
+        start, length, printed = (
+            np.concatenate([getattr(joints, n)[:, :3], getattr(tail, n)], axis=1)
+            for n in ("start", "length", "value")
+        )
+        joints = Numbers(start=start, length=length, value=printed)
+        return joints, np.where(axes[:, None], printed, value)
+
+    def program(self) -> Program:
+        """Returns the program."""
+        rows, found = self.rows, self.blocks.findings
+        base, tool = self.frames.columns(rows.block, rows.force)
+        arcs = arc_rows(rows, self.words, base, absolute=bool(self.vocabulary.signs[3]))
+        reason = self._reasons(base, tool, arcs)
+        table = arcs.spread
+        value = table.rows_of(rows.value)
+        turn, unit = table.rows_of(rows.turn), table.rows_of(rows.unit)
+        numbers = arcs.numbers(rows.numbers)
+        arcs.fill(value)
+        position, rotation, axes = poses(value, unit, turn, self.rule)
+        arcs.turn_middles(rotation)
+        reason = table.rows_of(reason)
+        known = np.isfinite(value).all(axis=1)
+        known &= np.isfinite(rotation).all(axis=(1, 2)) | (turn == Turn.AXES)
+        open_ = (reason == Reason.NONE) | (reason == Reason.JOINT_TARGET)
+        reason[open_ & ~known] = Reason.INCOMPLETE
+        self._tell_unknown(rows, reason[table.place], open_[table.place] & ~known[table.place])
+        share_fate(reason, arcs.groups(reason))
+        words, marks = self._status(table.count, table.place)
+        self.notes.each(found.told, self.blocks.first)
+        return Program(
+            name=self.name, dialect=self.vocabulary.name, data=self.blocks.data,
+            position=position, rotation=rotation, axes=axes,
+            motion=arcs.motion(self._motion()), reason=reason,
+            words=words, words_of="kuka" if words.shape[1] else "",
+            line=table.rows_of(rows.block) + 1,
+            frame=table.rows_of(base), tool=table.rows_of(tool),
+            T_base_frame=self.frames.stacked("base"), T_flange_tool=self.frames.stacked("tool"),
+            notes=(*self.frames.notes, *self.notes.notes()),
+            spans=PathWords(
+                numbers=numbers, value=value, unit=unit, turn=turn, skip=arcs.skip,
+                at=arcs.behind(self._behind()), barred=self._barred(arcs),
+                names=self.vocabulary.names, blank=self._blank(), rule=self.rule,
+                arcs=arcs.plane, marks=marks,
+            ),
+        )  # fmt: skip
+
+    def _motion(self) -> IntArray:
+        rows = self.rows
+        axis_wise = (rows.force[:, Group.AXIS_WISE] == 1) | (rows.turn == Turn.AXES)
+        return np.where(axis_wise, int(Motion.PTP), int(Motion.LIN))
+
+    def _behind(self) -> IntArray:
+        """Returns the byte (m,) behind the last word of each row, -1 where none is a coordinate."""
+        point, _ = self.words.numbers(tuple(range(Column.I)))
+        arc, _ = self.words.numbers(tuple(range(Column.I, Column.R + 1)))
+        ends = [np.where(t.start >= 0, t.start + t.length, -1).max(axis=1) for t in (point, arc)]
+        out = np.where(ends[0] >= 0, np.maximum(*ends), ends[1])
+        out[(self.rows.turn == Turn.AXES) | self._closed()] = -1
+        return np.asarray(out)
+
+    def _closed(self) -> BoolArray:
+        """Returns the rows (m,) where an absolute coordinate would be another one."""
+        force, flags = self.rows.force, self.blocks.findings.flags
+        out = (force[:, Group.RELATIVE] != 0) | (force[:, Group.SHIFTED] != 0)
+        out |= ~np.isin(force[:, Group.MOTION], np.arange(Drive.OTHER))
+        moved = [block for block, why in flags.items() if why == Reason.UNKNOWN_FRAME]
+        return np.asarray(out | np.isin(self.rows.block, moved))
+
+    def _barred(self, arcs: ArcRows) -> BoolArray:
+        """Conversational arcs take no third axis and no turn, straight lines no tool axis."""
+        out = np.zeros((arcs.spread.count, 6), np.bool_)
+        if self.vocabulary.signs[3]:
+            there = self.words.numbers((Column.AX, Column.AY, Column.AZ))[1].any(axis=1)
+            out[:, 3:] = arcs.spread.rows_of((self.rows.turn == Turn.VECTOR) & ~there)[:, None]
+            out[arcs.ends, 3:] = True
+            third = ACROSS[arcs.spread.rows_of(self.rows.force[:, Group.PLANE])[arcs.ends], 2]
+            out[arcs.ends, third] = True
+        return out
+
+    def _blank(self) -> bool:
+        blocks = self.blocks
+        for row in self.rows.block[:50].tolist():
+            text = blocks.data[int(blocks.first[row]) : int(blocks.end[row])].strip()
+            if b" " in text:
+                return True
+        return not len(self.rows.block)
+
+    def _status(self, count: int, place: IntArray) -> tuple[IntArray, IntArray]:
+        """Returns STAT and TU (n, 2) and where they stand (n, 2, 2); no columns without any."""
+        numbers, given = self.words.numbers((Column.STAT, Column.TU))
+        if not given.any():
+            return np.empty((count, 0), np.int64), np.empty((count, 0, 2), np.int64)
+        whole = given & (numbers.value == np.rint(np.nan_to_num(numbers.value, nan=0.5)))
+        words = np.full((count, WORDS["kuka"]), NO_WORD, np.int64)
+        words[place] = np.where(whole, np.nan_to_num(numbers.value), NO_WORD)
+        marks = np.full((count, 2, 2), -1)
+        marks[place] = np.stack([numbers.start, numbers.length], axis=2)
+        return words, marks
+
+    def _reasons(self, base: IntArray, tool: IntArray, arcs: ArcRows) -> IntArray:
+        """Returns why the rows (m,) cannot be compensated, and tells."""
+        rows, force = self.rows, self.rows.force
+        reason = np.where(rows.turn == Turn.AXES, int(Reason.JOINT_TARGET), int(Reason.NONE))
+        axes = rows.turn == Turn.AXES
+
+        def give(which: BoolArray, why: Reason, what: str) -> None:
+            fresh = which & np.isin(reason, (Reason.NONE, Reason.JOINT_TARGET))
+            reason[fresh] = why
+            if what:
+                self.notes.rows(fresh, what)
+
+        flagged = self.blocks.findings.flags
+        for row, block in enumerate(rows.block.tolist()):
+            if block in flagged:
+                reason[row] = flagged[block]
+        external = np.maximum.accumulate(reason == Reason.EXTERNAL_AXIS)
+        if not self.given.external_axes_at_rest:
+            give(external, Reason.EXTERNAL_AXIS, "an axis beside the six of the arm has moved")
+        else:
+            reason[reason == Reason.EXTERNAL_AXIS] = Reason.NONE
+        uncertain = (force == UNCERTAIN).any(axis=1) & ~axes
+        give(
+            uncertain,
+            Reason.INCOMPLETE,
+            "what is in force is not certain: state it again behind calls, labels and jumps",
+        )
+        give(force[:, Group.RELATIVE] == 1, Reason.RELATIVE, "relative (G91)")
+        motion = force[:, Group.MOTION]
+        give(motion == Drive.CYCLE, Reason.EXPRESSION, "a cycle moves at every point")
+        give(motion == Drive.OTHER, Reason.EXPRESSION, "neither a straight line nor an arc")
+        give(
+            force[:, Group.SIDEWAYS] == 1,
+            Reason.EXPRESSION,
+            "the control moves the path sideways by the radius of the tool (G41, G42, RL, RR)",
+        )
+        lost_base, lost_tool = (
+            np.isin(index, self.frames.lost_of(side))
+            for side, index in (("base", base), ("tool", tool))
+        )
+        self.frames.tell(base[lost_base & ~axes], tool[lost_tool])
+        give((lost_base & ~axes) | lost_tool, Reason.UNKNOWN_FRAME, "")
+        give(
+            (force[:, Group.SHIFTED] == 1) & ~axes,
+            Reason.UNKNOWN_FRAME,
+            "the coordinates are moved, turned or scaled by the program",
+        )
+        if self.vocabulary.increments:
+            give(
+                self._increments(),
+                Reason.EXPRESSION,
+                "a number without a point counts increments on some controls",
+            )
+        self._turn_reasons(give)
+        give(arcs.bad, Reason.INCOMPLETE, "an arc whose circle cannot be told")
+        return reason
+
+    def _turn_reasons(self, give: Callable[[BoolArray, Reason, str], None]) -> None:
+        rows, force = self.rows, self.rows.force
+        off = (force[:, Group.TIP] == 0) & (rows.turn != Turn.AXES)
+        give(
+            off & (rows.turn != Turn.FIXED),
+            Reason.EXPRESSION,
+            "rotary words, but the control does not lead the tool point (TRAORI, G43.4, M128)",
+        )
+        angles = rows.turn == Turn.ANGLES
+        told = force[:, Group.ANGLES]
+        other = (told == 2) | ((told == 1) & (self.rule.angles == "kuka"))
+        give(angles & other, Reason.EXPRESSION, "angles of another order than the cell states")
+        if not self.rule.angles:
+            give(
+                angles,
+                Reason.INCOMPLETE,
+                "what the angles mean is data of the control: state [program] angles in the cell",
+            )
+        if self.rule.spin is None:
+            axis = (rows.turn == Turn.VECTOR) | (rows.turn == Turn.FIXED)
+            give(
+                axis,
+                Reason.INCOMPLETE,
+                "only the tool axis is known: state [program] spin_deg in the cell",
+            )
+        short = np.isfinite(rows.value[:, 3:]).all(axis=1)
+        short &= ~np.isfinite(tool_axes(rows.value[:, 3:])).all(axis=1)
+        give(short & (rows.turn == Turn.VECTOR), Reason.INCOMPLETE, "a tool axis not of length 1")
+
+    def _increments(self) -> BoolArray:
+        """Returns the rows with a number other than 0 that has no point."""
+        blocks, found = self.blocks, np.zeros(len(self.blocks.first), np.bool_)
+        text = np.frombuffer(blocks.data, np.uint8)
+        mine = np.flatnonzero((blocks.column <= Column.R) & (blocks.start >= 0))
+        points = np.concatenate([[0], np.cumsum(text == 46)])
+        bare = points[blocks.start[mine]] == points[blocks.start[mine] + blocks.length[mine]]
+        found[blocks.block[mine][bare & (blocks.value[mine] != 0.0)]] = True
+        return found[self.rows.block]
+
+    def _tell_unknown(self, rows: Rows, reason: IntArray, which: BoolArray) -> None:
+        self.notes.rows(
+            which, "a coordinate or angle that is left out was not said before: write it there"
+        )

@@ -1,0 +1,108 @@
+"""Work frames and tools of a G-code: zero offsets by name, tools by number."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array, IntArray
+from robotrue.program.formats.gcode_blocks import Blocks
+from robotrue.program.formats.gcode_kernels import NO_STATE
+from robotrue.program.formats.gcode_vocabulary import UNCERTAIN, Group, Vocabulary
+from robotrue.program.formats.numbered_frames import NumberedFrames
+from robotrue.program.program import FrameTable
+
+NAMED: Final = -10
+"""States from here down are names the slow reader met."""
+
+
+class GcodeFrames:
+    """Indices of frames and tools for rows, and what to say of those that are not known."""
+
+    def __init__(
+        self, table: FrameTable, name: str, blocks: Blocks, vocabulary: Vocabulary
+    ) -> None:
+        self._blocks, self._vocabulary, self._name = blocks, vocabulary, name
+        own = {
+            f"{named} of line {block + 1}": matrix
+            for block, named, matrix in blocks.findings.frames
+            if matrix is not None
+        }
+        self._table = replace(table, bases={**table.bases, **own})
+        self._known = NumberedFrames(
+            self._table, name, holder=vocabulary.holder, zero_is_root=False
+        )
+        self.notes: list[str] = []
+
+    def columns(self, block: IntArray, force: IntArray) -> tuple[IntArray, IntArray]:
+        """Returns frame and tool index (m,) of blocks (m,) with their state (m, groups)."""
+        return self._bases(block, force[:, Group.FRAME]), self._tools(block, force[:, Group.TOOL])
+
+    def stacked(self, side: str) -> Array:
+        """Returns the matrices."""
+        return self._known.stacked(side)
+
+    def lost_of(self, side: str) -> list[int]:
+        """Returns indices that are not known."""
+        return self._known.lost_of(side)
+
+    def tell(self, bases: IntArray, tools: IntArray) -> None:
+        """Adds why frames and tools that are used are not known."""
+        for side, used in (("base", bases), ("tool", tools)):
+            self.notes += [self._known.lost[side, index] for index in np.unique(used).tolist()]
+
+    def _bases(self, block: IntArray, setting: IntArray) -> IntArray:
+        """A zero offset is what the program made of it when it called it, or that of the cell."""
+        called = np.flatnonzero(self._blocks.state[:, Group.FRAME] != NO_STATE)
+        at = np.searchsorted(called, block, side="right") - 1
+        since = np.where(at >= 0, called[at] if len(called) else 0, -1)
+        made = np.array([each[0] for each in self._blocks.findings.frames], np.int64)
+        version = np.searchsorted(made, since)
+        pairs, inverse = np.unique(np.stack([setting, version]), axis=1, return_inverse=True)
+        index = [
+            self._base(int(number), int(step), int(block[np.argmax(inverse == k)]) + 1)
+            for k, (number, step) in enumerate(pairs.T.tolist())
+        ]
+        return np.array(index, np.int64)[inverse.ravel()] if len(block) else block
+
+    def _base(self, setting: int, version: int, line: int) -> int:
+        name = self._frame_name(setting)
+        for block, named, matrix in reversed(self._blocks.findings.frames[:version]):
+            if named == name:
+                if matrix is not None:
+                    return self._known.number("base", f"{name} of line {block + 1}", line)
+                what = f"{name} is set in line {block + 1} in a way that is not read"
+                return self._known.unknown("base", what, line, "write it as CTRANS(..):CROT(..)")
+        if setting == UNCERTAIN:
+            what = "is not certain behind a call, a label or a jump"
+            return self._known.unknown("base", what, line, "call it again there")
+        return self._known.number("base", name, line) if name else self._known.default("base")
+
+    def _frame_name(self, setting: int) -> str:
+        if setting <= NAMED:
+            return self._blocks.findings.names[NAMED - setting]
+        named = self._vocabulary.frames[setting] if setting >= 0 else ""
+        return "" if named == "G500" else named
+
+    def _tools(self, block: IntArray, setting: IntArray) -> IntArray:
+        numbers, first, inverse = np.unique(setting, return_index=True, return_inverse=True)
+        index = [
+            self._tool(int(number), int(block[at]) + 1)
+            for number, at in zip(numbers.tolist(), first.tolist(), strict=True)
+        ]
+        return np.array(index, np.int64)[inverse.ravel()] if len(block) else block
+
+    def _tool(self, setting: int, line: int) -> int:
+        if setting == 0:
+            return self._known.default("tool")
+        if setting == UNCERTAIN:
+            what = "is not certain behind a call, a label or a jump"
+            return self._known.unknown("tool", what, line, "call it again there")
+        name = self._blocks.findings.names[setting - 1]
+        short = name[1:]
+        given: Mapping[str, Array] = self._table.tools
+        keys = {key.strip().lower() for key in given}
+        return self._known.number("tool", short if short.lower() in keys else name, line)

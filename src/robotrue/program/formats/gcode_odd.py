@@ -1,0 +1,388 @@
+"""The slow reader of blocks of G-code that hold more than addresses with numbers.
+
+Keywords, assignments, comments in the middle, codes with an effect of their own. What is not known
+here may be a call of anything: behind it nothing is certain until the program says it again.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.core.poses import pose
+from robotrue.core.rotations import matrix_from_abc
+from robotrue.core.units import DEG, MM
+from robotrue.program.formats.gcode_blocks import Findings
+from robotrue.program.formats.gcode_vocabulary import UNCERTAIN, Drive, Group, Vocabulary
+from robotrue.program.formats.number_text import WHOLE_NUMBER
+from robotrue.program.program import Reason
+
+_ASSIGNED: Final = re.compile(rb"([A-Z_$][A-Z0-9_$]*+(?:\[[^\]]*\])?+)[ \t]*+=(?!=)[ \t]*+")
+_VALUE: Final = re.compile(rb"(" + WHOLE_NUMBER + rb")(?=[ \t]|$|[A-DF-Z_$])")
+_NUMBERED: Final = re.compile(
+    rb"([A-Z])[ \t]*+(" + WHOLE_NUMBER + rb")(?![=\[#_.\d])(?![ \t]*[=*/+-])"
+)
+_COMPUTED: Final = re.compile(rb"([A-Z])[ \t]*+[+-]?[#\[][^ \t]*+")
+_KEYWORD: Final = re.compile(rb"([A-Z_$][A-Z_$][A-Z0-9_$]*+)[ \t]*+(\((?:[^()]|\([^()]*\))*+\)?)?+")
+_LABEL: Final = re.compile(rb"(?:N\d+[ \t]*)?([A-Z_][A-Z0-9_]+):(?!=)")
+_FRAME: Final = re.compile(rb"\$P_UIFR\[(\d{1,2})\]$")
+_PART: Final = re.compile(rb"(CTRANS|CROT)\(([^()]*)\)")
+_NUMBER: Final = re.compile(WHOLE_NUMBER)
+
+_QUIET: Final = frozenset(
+    b"ORIVECT ORIWKS ORIAXES ORIVIRT1 ORIVIRT2 ORIPLANE STOPRE FFWON FFWOF SOFT BRISK DRIVE "
+    b"COMPCAD COMPCURV COMPON COMPSURF COMPOF UPATH SPATH SPCON SPCOF MSG FIFOCTRL STARTFIFO "
+    b"STOPFIFO CFC CFTCP CFIN FNORM FLIN FCUB FGROUP CYCLE832 CYCLE_HSC ADIS ADISPOS WALIMON "
+    b"WALIMOF DEF EXTERN PROC DISPLOF DISPLON SAVE SBLOF SBLON G290 WAITM SETM CLEARM ACC "
+    b"FGREF DYNNORM DYNPOS DYNROUGH DYNSEMIFIN DYNFINISH RTLION RTLIOF OSC OSSE OSOF OSS OST "
+    b"CUT2D CUT2DF CUT3DC CUT3DF NORM KONT WRTPR ORISON ORISOF OTOL CTOL RET BLSYNC DIAMOF "
+    b"DIAMON DIAM90 WORKPIECE GROUP_BEGIN GROUP_END GETD GET RELEASE AND OR LIMS DELAYFSTON "
+    b"DELAYFSTOF PRIO".split()
+)
+"""Keywords that say nothing of places."""
+_SHIFTS: Final = frozenset(
+    b"TRANS ATRANS ROT AROT ROTS AROTS CROTS RPL SCALE ASCALE MIRROR AMIRROR CYCLE800 TRANSMIT "
+    b"TRACYL TRAANG TOROT TOFRAME PAROT MEAFRAME ORIRESET G58 G59".split()
+)
+_CANCELS: Final = frozenset(b"TRANS ROT SCALE MIRROR CYCLE800 TOROTOF PAROTOF".split())
+_DRIVES: Final = {
+    b"CIP": Drive.THROUGH,
+    **dict.fromkeys((b"CT", b"INVCW", b"INVCCW", b"POLY", b"ASPLINE", b"BSPLINE", b"CSPLINE"),
+                    Drive.OTHER),
+}  # fmt: skip
+_OWN_MOVES: Final = (b"CYCLE", b"POCKET", b"HOLES", b"SLOT", b"LONGHOLE", b"MCALL")
+_SETS: Final = {
+    b"TRAORI": (Group.TIP, 1), b"TRAFOOF": (Group.TIP, 0), b"PTP": (Group.AXIS_WISE, 1),
+    b"PTPG0": (Group.AXIS_WISE, UNCERTAIN), b"CP": (Group.AXIS_WISE, 0),
+    b"ORIRPY": (Group.ANGLES, 1), b"ORIEULER": (Group.ANGLES, 2), b"ORIRPY2": (Group.ANGLES, 2),
+    b"ORIMKS": (Group.ANGLES, 2), b"CUT3D": (Group.SIDEWAYS, 1),
+}  # fmt: skip
+_MACHINE: Final = ("G53", "G153")
+_HOMES: Final = ("G28", "G30", "G74", "G75", "G27", "M6")
+_MOVES_COORDINATES: Final = frozenset(
+    ("G10", "G16", "G50", "G51", "G51.1", "G52", "G54.2", "G54.4", "G68", "G68.2", "G68.3", "G68.4",
+     "G92", "G92.1", "G53.1", "G58", "G59", "G5.2")
+)  # fmt: skip
+_CALLS: Final = ("G65", "G66", "G66.1", "M98", "M198", "M99")
+_QUIET_CODES: Final = ("G4", "G5", "G5.1", "G7.1", "G11", "G13")
+"""Codes whose further words are no coordinates."""
+
+
+class OddReader:
+    """Reads odd blocks into :class:`.gcode_blocks.Findings`."""
+
+    def __init__(self, vocabulary: Vocabulary, found: Findings) -> None:
+        self._words, self.found = vocabulary, found
+
+    def take(self, block: int, first: int, text: bytes) -> None:
+        """Takes a block without its comment; ``first`` is its first byte in the file."""
+        text = text.upper().rstrip()
+        lead = len(text) - len(text.lstrip())
+        if text[lead : lead + 1] in (b"%", b""):
+            return
+        if text[lead : lead + 1] == b"/":
+            self._skippable(block, first, text, lead)
+            return
+        label = _LABEL.match(text, lead)
+        if label:
+            self.found.barrier(block)
+            self.found.told.append((first, "jumps may lead here: what is in force is not certain"))
+            lead = label.end()
+        _Block(self, block, first, text, lead).read()
+
+    @property
+    def vocabulary(self) -> Vocabulary:
+        """The control."""
+        return self._words
+
+    def _skippable(self, block: int, first: int, text: bytes, lead: int) -> None:
+        """``/`` blocks run or not by a switch: what they set is not certain behind them."""
+        rest = lead + 1 + (text[lead + 1 : lead + 2].isdigit() and 1)
+        inner = Findings(names=self.found.names)
+        reader = OddReader(self._words, inner)
+        _Block(reader, block, first, text, rest).read()
+        self.found.words += inner.words
+        self.found.flag(block, Reason.INCOMPLETE)
+        self.found.told.append((first, "a block with / may be skipped"))
+        self.found.silent |= inner.silent
+        columns = tuple({word[1] for word in inner.words} | set(inner.lost.get(block, ())))
+        self.found.forget(block, columns)
+        for _, group in inner.state:
+            self.found.state[block, group] = UNCERTAIN
+
+
+class _Block:
+    def __init__(self, reader: OddReader, block: int, first: int, text: bytes, at: int) -> None:
+        self._out, self._vocabulary = reader.found, reader.vocabulary
+        self._block, self._first, self._text, self._at = block, first, text, at
+        self._address = {
+            name.encode(): column for name, column in reader.vocabulary.columns.items()
+        }
+        self._found: list[tuple[int, int, int, int, float]] = []
+        self._quiet = False
+        self._keyword = False
+
+    def read(self) -> None:
+        """Reads the block to its end."""
+        size = len(self._text)
+        while self._at < size:
+            if self._text[self._at] in b" \t\r\n":
+                self._at += 1
+                continue
+            if self._vocabulary.signs[1] and self._text[self._at] == self._vocabulary.signs[1]:
+                close = self._comment_end()
+                if close < 0:
+                    self._tell("a comment does not end")
+                    self._out.barrier(self._block)
+                    break
+                self._at = close + 1
+                continue
+            if not (self._assigned() or self._numbered() or self._computed() or self._named()):
+                self._tell(f"{self._shown()} is not understood")
+                self._out.barrier(self._block)
+                self._out.flag(self._block, Reason.EXPRESSION)
+                break
+        if self._quiet:
+            self._out.silent.add(self._block)
+        once = {word[1]: word for word in self._found}
+        if len(once) < len(self._found):
+            self._out.flag(self._block, Reason.EXPRESSION)
+            self._tell("an address stands twice in a block")
+        self._out.words += once.values()
+
+    def _comment_end(self) -> int:
+        """Returns the last byte of the comment here; people nest them, though controls do not."""
+        depth, (_, opens, closes, _) = 0, self._vocabulary.signs
+        for at in range(self._at, len(self._text)):
+            depth += (self._text[at] == opens) - (self._text[at] == closes)
+            if depth == 0:
+                return at
+        return self._text.rfind(bytes([closes]), self._at)
+
+    def _shown(self) -> str:
+        return repr(self._text[self._at : self._at + 40].decode("latin-1").strip())
+
+    def _tell(self, what: str) -> None:
+        self._out.told.append((self._first + self._at, what))
+
+    def _assigned(self) -> bool:
+        match = _ASSIGNED.match(self._text, self._at)
+        if match is None:
+            return False
+        name, value = match[1], _VALUE.match(self._text, match.end())
+        end = value.end() if value else self._computed_end(match.end())
+        self._give(name, match.end(), end, None if value is None else float(value[1]))
+        self._at = end
+        return True
+
+    def _computed_end(self, at: int) -> int:
+        """End of an expression: a blank outside brackets, and outside an operator's reach."""
+        depth = 0
+        while at < len(self._text):
+            c = self._text[at : at + 1]
+            depth += (c in (b"(", b"[")) - (c in (b")", b"]"))
+            if c in (b" ", b"\t") and depth <= 0:
+                rest = self._text[at:].lstrip()
+                if not (rest[:1] in b"+-*/" and rest[:1]) and self._text[at - 1] not in b"+-*/=":
+                    break
+            at += 1
+        return at
+
+    def _give(self, name: bytes, start: int, end: int, value: float | None) -> None:
+        column = self._address.get(name)
+        if column is not None:
+            if column >= 0:
+                self._word(column, start, end, value)
+            return
+        frame = _FRAME.match(name)
+        if frame:
+            number = int(frame[1])
+            named = f"G{53 + number}" if 1 <= number <= 4 else f"G{500 + number}"
+            matrix = _frame_of(self._text[start:end])
+            self._out.frames.append((self._block, named if number else "G500", matrix))
+        elif name.startswith(b"$P_") or name.startswith((b"$MC", b"$MN", b"$MA", b"$SC", b"$NT")):
+            if value is not None and name.startswith((b"$SC", b"$P_SIM")):
+                return
+            self._tell(f"{name.decode('latin-1')} is set")
+            self._out.set(self._block, Group.SHIFTED, UNCERTAIN)
+        elif re.fullmatch(rb"[A-Z]\d{0,2}", name) and not re.fullmatch(
+            rb"R\d+|F\d?|T\d?|H\d", name
+        ):
+            self._external(name, value)
+        elif name in (b"T", b"T1"):
+            text = self._text[start:end].strip(b'" ')
+            self._tool("T" + text.decode("latin-1"))
+        elif name in (b"AR", b"AP", b"RP", b"TURN", b"ANG", b"RND", b"CHF", b"CHR", b"THETA"):
+            self._tell(f"{name.decode()}= moves to a point of its own")
+            self._out.flag(self._block, Reason.EXPRESSION)
+            self._out.forget(self._block)
+
+    def _external(self, name: bytes, value: float | None) -> None:
+        if value != 0.0:
+            self._tell(f"{name.decode()} moves an axis beside the six of the arm")
+            self._out.flag(self._block, Reason.EXTERNAL_AXIS)
+
+    def _word(self, column: int, start: int, end: int, value: float | None) -> None:
+        if value is None:
+            self._out.flag(self._block, Reason.EXPRESSION)
+            self._tell("a coordinate is computed")
+            self._found.append((self._block, column, -1, 0, np.nan))
+            return
+        token = _NUMBER.match(self._text, start)
+        size = end - start if token is None else token.end() - start
+        self._found.append((self._block, column, self._first + start, size, value))
+
+    def _numbered(self) -> bool:
+        match = _NUMBERED.match(self._text, self._at)
+        if match is None:
+            return False
+        letter, value = match[1], float(match[2])
+        if letter in b"GM":
+            self._code(f"{letter.decode()}{value:g}")
+        elif letter == b"T":
+            self._tool(f"T{value:g}")
+        elif letter == b"D":
+            if value == 0.0:
+                self._tool("D0")
+        elif letter in self._address:
+            if self._address[letter] >= 0:
+                self._word(self._address[letter], match.start(2), match.end(2), value)
+        elif letter == b"L" and self._vocabulary.name == "sinumerik":
+            self._call(match[0].strip().decode("latin-1"))
+        elif letter not in b"PQLR" and not self._quiet:
+            self._external(letter, value)
+        self._at = match.end()
+        return True
+
+    def _code(self, code: str) -> None:
+        known = self._vocabulary.codes.get(code)
+        if known is not None:
+            if known[0] >= 0:
+                self._out.state[self._block, known[0]] = known[1]
+        elif code in _MACHINE:
+            self._machine()
+        elif code in _HOMES:
+            self._quiet |= code != "M6"
+            self._out.forget(self._block)
+            if code == "M6":
+                self._out.changes.append(self._block)
+        elif code in _QUIET_CODES:
+            self._quiet = True
+        elif code == "G54.1" and self._vocabulary.name == "fanuc_gcode":
+            match = re.search(rb"P(\d{1,3})", self._text)
+            named = self._out.name(f"G54.1 P{int(match[1])}" if match else "G54.1")
+            self._out.set(self._block, Group.FRAME, -10 - named)
+            self._quiet = True
+        elif code in _MOVES_COORDINATES:
+            self._quiet = True
+            self._tell(f"{code} moves or turns the coordinates")
+            self._out.set(self._block, Group.SHIFTED, 1)
+            self._out.forget(self._block)
+        elif code in _CALLS:
+            self._call(code)
+        else:
+            self._tell(f"{code} is not known here")
+            self._out.barrier(self._block)
+            self._out.flag(self._block, Reason.EXPRESSION)
+
+    def _call(self, what: str) -> None:
+        if what != "M99":
+            self._tell(f"{what} calls another program: what is in force behind it is not certain")
+        self._quiet = True
+        self._out.barrier(self._block)
+
+    def _machine(self) -> None:
+        self._tell("coordinates of the machine")
+        self._out.flag(self._block, Reason.UNKNOWN_FRAME)
+        self._out.forget(self._block)
+
+    def _tool(self, name: str) -> None:
+        self._out.set(self._block, Group.TOOL, self._out.name(name) + 1)
+
+    def _computed(self) -> bool:
+        """``X#101``, ``Z[#1+2]``; ``#100=5`` moves nothing."""
+        if self._text[self._at : self._at + 1] == b"#":
+            self._at = len(self._text)
+            self._quiet = True
+            return True
+        match = _COMPUTED.match(self._text, self._at)
+        if match is None:
+            return False
+        column = self._address.get(match[1])
+        if column is None or match[1] in b"GM":
+            self._call("a computed word")
+        elif column >= 0:
+            self._word(column, match.start(), match.end(), None)
+        self._at = match.end()
+        return True
+
+    def _named(self) -> bool:
+        match = _KEYWORD.match(self._text, self._at)
+        if match is None:
+            return False
+        word, arguments = match[1], match[2]
+        self._at = match.end()
+        if word in _SETS:
+            group, value = _SETS[word]
+            self._out.set(self._block, group, value)
+            if group == Group.TIP:
+                self._out.forget(self._block)
+        elif word in _DRIVES:
+            self._out.set(self._block, Group.MOTION, _DRIVES[word])
+        elif word == b"SUPA":
+            self._machine()
+        elif word in _SHIFTS or word in _CANCELS:
+            self._shift(word, arguments)
+        elif word.startswith(_OWN_MOVES) and word not in _QUIET:
+            self._tell(f"{word.decode('latin-1')} makes moves of its own")
+            self._quiet = True
+            self._out.forget(self._block)
+            self._at = len(self._text)
+        elif word in (b"DEF", b"EXTERN", b"PROC", b"MSG", b"FGROUP", b"WORKPIECE"):
+            self._quiet, self._at = True, len(self._text)
+        elif word not in _QUIET:
+            self._tell(f"{word.decode('latin-1')} may call or skip anything: what is in force "
+                       "behind it is not certain")  # fmt: skip
+            self._quiet, self._at = True, len(self._text)
+            self._out.barrier(self._block)
+        return True
+
+    def _shift(self, word: bytes, arguments: bytes | None) -> None:
+        rest = (arguments or b"").strip(b"() \t") + self._text[self._at :].strip()
+        on = bool(rest) or word not in _CANCELS
+        if on:
+            self._tell(f"{word.decode()} moves, turns or scales the coordinates")
+        self._out.set(self._block, Group.SHIFTED, int(on))
+        self._out.forget(self._block)
+        self._quiet, self._at = True, len(self._text)
+
+
+def _frame_of(text: bytes) -> Array | None:
+    """Returns CTRANS(..):CROT(..) as a matrix (4, 4); None if it is anything else."""
+    parts = text.replace(b" ", b"").split(b":")
+    out = np.eye(4)
+    for part in parts:
+        match = _PART.fullmatch(part)
+        values = None if match is None else _named_numbers(match[2])
+        if match is None or values is None:
+            return None
+        if match[1] == b"CTRANS":
+            step = pose(np.eye(3), values * MM)
+        else:
+            step = pose(matrix_from_abc(values[::-1] * DEG), np.zeros(3))
+        out = out @ step
+    return out
+
+
+def _named_numbers(text: bytes) -> Array | None:
+    """Returns x, y, z of ``X,1.0,Y,2.0,Z,3.0``."""
+    fields = text.split(b",")
+    out = np.zeros(3)
+    for name, value in zip(fields[::2], fields[1::2], strict=False):
+        if name not in (b"X", b"Y", b"Z") or not _NUMBER.fullmatch(value):
+            return None
+        out[b"XYZ".index(name)] = float(value)
+    return out if len(fields) % 2 == 0 else None

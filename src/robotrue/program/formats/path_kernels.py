@@ -1,0 +1,80 @@
+"""Compiled passes over the words of a path: decimals of tokens, words that are owed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+
+
+@numba.njit(cache=True)
+def decimals_of(buf: Any, start: Any, length: Any) -> Any:
+    """Returns the decimals of tokens (n, w); 0 where there is none or it has no point."""
+    out = np.zeros(start.shape, np.int64)
+    for i in range(start.shape[0]):
+        for k in range(start.shape[1]):
+            if start[i, k] < 0:
+                continue
+            end = start[i, k] + length[i, k]
+            for j in range(start[i, k], end):
+                if buf[j] == 46:
+                    out[i, k] = end - j - 1
+                elif (buf[j] | 32) == 101:
+                    out[i, k] = 15
+    return out
+
+
+@numba.njit(cache=True)
+def owed_words(
+    written: Any, said: Any, wanted: Any, kept: Any, decimals: Any, turn: Any, skip: Any, able: Any,
+    barred: Any, owed: Any, donor: Any,
+) -> None:  # fmt: skip
+    """Marks the words (n, 6) that have to be inserted, and the row whose style each takes.
+
+    A left-out word is owed when what the row inherits is further than half of its last digit from
+    what it shall say. Of a tool axis that is left out whole, all three are owed or none.
+
+    Args:
+        written: (n, 6) the row has the word.
+        said: (n, 6) its value when it is written.
+        wanted: (n, 6) what the row shall say, NaN where that is not known.
+        kept: (n, 6) what is inherited when nothing moves.
+        decimals: (n, 6) of written words.
+        turn: (n,) way of telling the orientation.
+        skip: (n,) nothing is inherited from the row.
+        able: (n,) words can be inserted.
+        barred: (n, 6) but not these.
+        owed: (n, 6) written here.
+        donor: (n, 6) written here, -1 without one.
+    """
+    state, digits = np.full(6, np.nan), np.full(6, 3, np.int64)
+    last, mode = np.full(6, -1, np.int64), -1
+    for i in range(len(turn)):
+        if skip[i] or not able[i]:
+            continue
+        if turn[i] != mode:
+            for c in range(3, 6):
+                state[c], last[c] = np.nan, -1
+            mode = turn[i]
+        vector = turn[i] == 2
+        some = written[i, 3] or written[i, 4] or written[i, 5]
+        for c in range(6):
+            donor[i, c] = last[c]
+            if written[i, c]:
+                state[c], digits[c], last[c] = said[i, c], decimals[i, c], i
+                continue
+            if c > 2 and turn[i] == 0:
+                continue
+            if vector and c > 2 and some:
+                state[c] = 0.0
+            if barred[i, c] or np.isnan(wanted[i, c]):
+                continue
+            have = kept[i, c] if np.isnan(state[c]) else state[c]
+            owed[i, c] = abs(wanted[i, c] - have) > 0.5 * 10.0 ** -digits[c]
+            if owed[i, c]:
+                state[c] = np.round(wanted[i, c] * 10.0 ** digits[c]) / 10.0 ** digits[c]
+        if vector and not some and (owed[i, 3] or owed[i, 4] or owed[i, 5]):
+            for c in range(3, 6):
+                owed[i, c] = True
+                state[c] = wanted[i, c]

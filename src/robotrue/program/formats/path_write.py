@@ -1,0 +1,233 @@
+"""Puts new points into the bytes of a path of words; every other byte is copied.
+
+A number is rewritten in its own style, only when it differs by more than half of its last digit. A
+word that was left out because it stayed the same is inserted where it does no longer: behind the
+last word of its block, in the style of the last one of its kind.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.units import DEG, MM
+from robotrue.core.words import NO_WORD
+from robotrue.errors import ShapeError
+from robotrue.program.formats.gcode_arcs import Centre, moved_words
+from robotrue.program.formats.number_table import Numbers, respelled
+from robotrue.program.formats.number_text import restyled, spliced
+from robotrue.program.formats.path_kernels import decimals_of, owed_words
+from robotrue.program.formats.path_words import PathWords, Turn, printed_angles
+from robotrue.program.formats.pose_write import (
+    SAME_ROTATION,
+    changed_rows,
+    moved,
+    require_printable,
+)
+from robotrue.program.program import Program, Replacement
+
+_MILLIMETRES: Final = (3, 3)
+_INCHES: Final = (4, 5)
+_VECTOR: Final = (5, 7)
+"""Decimals that can hold a correction, and those printed where there are fewer."""
+_ARC_NAMES: Final = (b"I", b"J", b"K")
+
+
+def write_path(program: Program, replacement: Replacement) -> bytes:
+    """Returns the file with the words of the changed rows replaced and nothing else touched.
+
+    Raises:
+        ShapeError: A changed row has a value that is not finite, or beyond 1e9 mm or deg.
+    """
+    words = program.spans
+    if not isinstance(words, PathWords):
+        raise ShapeError(f"{program.name} was not read as a path of words, but by another dialect.")
+    changed = changed_rows(program, replacement)
+    values, touched = _wanted(program, replacement, words, changed)
+    enough, least = _decimals(words)
+    marks = _marks(program, replacement, words, changed)
+    if not (touched.any() or marks):
+        return program.data
+    arcs = _arcs(program, words, values, touched)
+    others = [
+        *marks,
+        *_insertions(program.data, words, values, touched, enough, least),
+        *_arc_insertions(program.data, words, arcs),
+    ]
+    others.sort(key=lambda each: each[0])
+    numbers = [(words.numbers, values, touched, enough, least)]
+    if len(words.arcs):
+        size = arcs[0].shape
+        unit = np.where(_is_inch(words)[words.arcs.end], 0, 1)[:, None]
+        few = np.where(unit, _MILLIMETRES[0], _INCHES[0])
+        many = np.where(unit, _MILLIMETRES[1], _INCHES[1])
+        numbers.append(
+            (words.arcs.numbers, *arcs, np.broadcast_to(few, size), np.broadcast_to(many, size))
+        )
+    return _spelled(program.data, numbers, others)
+
+
+def _spelled(
+    data: bytes,
+    numbers: list[tuple[Numbers, Array, BoolArray, IntArray, IntArray]],
+    others: list[tuple[int, int, bytes]],
+) -> bytes:
+    """Returns the bytes with other stretches spliced in and all touched numbers rewritten."""
+    columns = [
+        np.concatenate([np.asarray(each).ravel() for each in column])[:, None]
+        for column in zip(
+            *((n.start, n.length, n.value, v, t, e, m) for n, v, t, e, m in numbers), strict=True
+        )
+    ]
+    start, length, value, wanted, touched, enough, least = columns
+    if others:
+        first, size, texts = zip(*others, strict=True)
+        growth = np.cumsum([0, *(len(t) - s for t, s in zip(texts, size, strict=True))])
+        start = np.where(
+            start < 0, start, start + growth[np.searchsorted(first, start, side="right")]
+        )
+        data = spliced(data, first, size, texts)
+    tokens = Numbers(start=start, length=length, value=value)
+    return respelled(data, tokens, wanted, touched, enough, least)
+
+
+def _wanted(
+    program: Program, replacement: Replacement, words: PathWords, changed: BoolArray
+) -> tuple[Array, BoolArray]:
+    """Returns what every word shall say (n, 6), as printed, and which of them move."""
+    values = np.array(words.value)
+    touched = np.zeros(values.shape, dtype=np.bool_)
+    place, turn, axes = moved(program, replacement)
+    point = changed & (words.turn != Turn.AXES)
+    touched[:, :3] = place & point[:, None]
+    printed = replacement.position / words.unit[:, None]
+    values[:, :3] = np.where(touched[:, :3], printed, values[:, :3])
+    rows = np.flatnonzero(turn & point & (words.turn == Turn.ANGLES))
+    values[rows, 3:] = printed_angles(replacement.rotation[rows], values[rows, 3:], words.rule)
+    touched[rows, 3:] = True
+    rows = np.flatnonzero(turn & point & (words.turn == Turn.VECTOR))
+    before = words.rule.axes_of(program.rotation[rows])
+    after = words.rule.axes_of(np.asarray(replacement.rotation[rows]))
+    with np.errstate(invalid="ignore"):
+        same = (np.abs(after - before) <= SAME_ROTATION).all(axis=1)  # the spin alone is no word
+    rows, after = rows[~same], after[~same]
+    values[rows, 3:], touched[rows, 3:] = after, True
+    rows = np.flatnonzero(changed & (words.turn == Turn.AXES))
+    touched[rows] = axes[rows]
+    values[rows] = np.where(axes[rows], replacement.axes[rows] / DEG, values[rows])
+    require_printable(program, values, touched, "mm, inches or deg")
+    return values, touched
+
+
+def _is_inch(words: PathWords) -> BoolArray:
+    return np.asarray(words.unit > 2.0 * MM)
+
+
+def _decimals(words: PathWords) -> tuple[IntArray, IntArray]:
+    """Decimals (n, 6) that can hold a correction, and those to print where there are fewer."""
+    out = []
+    for k in (0, 1):
+        each = np.full(words.value.shape, _MILLIMETRES[k], np.int64)
+        each[_is_inch(words), :3] = _INCHES[k]
+        each[words.turn == Turn.VECTOR, 3:] = _VECTOR[k]
+        each[words.turn == Turn.AXES] = _MILLIMETRES[k]
+        out.append(each)
+    return out[0], out[1]
+
+
+def _arcs(
+    program: Program, words: PathWords, values: Array, touched: BoolArray
+) -> tuple[Array, BoolArray]:
+    """Returns what centres and radii (k, 3) shall say, and which of them move."""
+    arcs = words.arcs
+    if not len(arcs):
+        return np.empty((0, 3)), np.empty((0, 3), np.bool_)
+    rows = np.stack([arcs.start, arcs.via, arcs.end])
+    stirred = np.asarray(touched[rows, :3].any(axis=(0, 2)))
+    new = np.where(
+        stirred[:, None], moved_words(arcs, words.value[:, :3], values[:, :3]), arcs.value
+    )
+    return new, np.broadcast_to(stirred[:, None], new.shape).copy()
+
+
+def _insertions(
+    data: bytes,
+    words: PathWords,
+    values: Array,
+    touched: BoolArray,
+    enough: IntArray,
+    least: IntArray,
+) -> list[tuple[int, int, bytes]]:
+    """Returns (byte, 0, words) of left-out words, those of one place together."""
+    shown = decimals_of(np.frombuffer(data, np.uint8), words.numbers.start, words.numbers.length)
+    shown = np.where(shown < enough, np.maximum(shown, least), shown)
+    scale = 10.0**shown
+    with np.errstate(invalid="ignore"):
+        near = np.abs(values - words.value) <= 0.5 / scale
+        said = np.where(touched & ~near, np.round(values * scale) / scale, words.value)
+    owed = np.zeros(values.shape, np.bool_)
+    donor = np.full(values.shape, -1, np.int64)
+    owed_words(
+        words.numbers.start >= 0, said, values, words.value, shown, words.turn, words.skip,
+        words.at >= 0, words.barred, owed, donor,
+    )  # fmt: skip
+    rows = np.flatnonzero(owed.any(axis=1))
+    gap = b" " if words.blank else b""
+    out: list[tuple[int, int, bytes]] = []
+    for row in rows.tolist():
+        names = words.names[int(words.turn[row])]
+        text = b""
+        for column in np.flatnonzero(owed[row]).tolist():
+            style = _style(data, words.numbers, int(donor[row, column]), column)
+            fine = len(style.partition(b".")[2]) >= enough[row, column]
+            more = 0 if fine else int(least[row, column])
+            number = restyled(style, float(values[row, column]), least=more)
+            text += gap + names[column] + number
+        out.append((int(words.at[row]), 0, text))
+    return out
+
+
+def _style(data: bytes, numbers: Numbers, row: int, column: int) -> bytes:
+    if row < 0:
+        return b"0.0000"
+    first = int(numbers.start[row, column])
+    return data[first : first + int(numbers.length[row, column])]
+
+
+def _arc_insertions(
+    data: bytes, words: PathWords, wanted: tuple[Array, BoolArray]
+) -> list[tuple[int, int, bytes]]:
+    """Returns (byte, 0, word) of components of a centre that were 0."""
+    arcs, (values, touched) = words.arcs, wanted
+    gap = b" " if words.blank else b""
+    out: list[tuple[int, int, bytes]] = []
+    left_out = touched & (arcs.numbers.start < 0) & (arcs.kind == Centre.FROM_START)[:, None]
+    fine = np.where(
+        _is_inch(words)[arcs.end], 0.5 * 10.0 ** -_INCHES[1], 0.5 * 10.0 ** -_MILLIMETRES[1]
+    )
+    for row, column in np.argwhere(left_out & (np.abs(values) > fine[:, None])).tolist():
+        with_it = np.flatnonzero(arcs.numbers.start[row] >= 0)
+        if not len(with_it):
+            continue
+        style = _style(data, arcs.numbers, row, int(with_it[0]))
+        least = _INCHES[1] if _is_inch(words)[arcs.end[row]] else _MILLIMETRES[1]
+        number = restyled(style, float(values[row, column]), least=least)
+        last = int((arcs.numbers.start[row] + arcs.numbers.length[row]).max())
+        out.append((last, 0, gap + _ARC_NAMES[column] + number))
+    return out
+
+
+def _marks(
+    program: Program, replacement: Replacement, words: PathWords, changed: BoolArray
+) -> list[tuple[int, int, bytes]]:
+    """Returns (first byte, bytes, text) of the configuration words that change."""
+    new = np.asarray(replacement.words, dtype=np.int64)
+    if not new.size:
+        return []
+    wanted = changed[:, None] & (new != NO_WORD) & (program.words != NO_WORD)
+    return [
+        (*words.marks[row, column].tolist(), b"%d" % new[row, column])
+        for row, column in np.argwhere(wanted & (new != program.words)).tolist()
+    ]

@@ -1,0 +1,41 @@
+"""Sinumerik: G-code of Siemens controls with five axes or a robot (TRAORI, Run MyRobot).
+
+What is read: X, Y, Z with A, B, C or a tool axis A3, B3, C3; G0 to G3, CIP; zero offsets; axis
+targets JT1 to JT6. What is left out is kept from before, and inserted where it no longer holds.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+from robotrue.program.formats.path_dialect import PathDialect, is_other_language
+from robotrue.program.program import FrameTable, Program
+
+_OWN: Final = re.compile(
+    rb"(?im)^[ \t]*+(?:N\d++[ \t]*+)?(?:TRAORI|TRAFOOF|STOPRE|CYCLE\d|ORI(?:WKS|RPY|VECT|AXES)"
+    rb"|\$P_UIFR|\$TC_|G64\d?\b|G[57]10\b|G500\b|CIP\b)|\b[ABC]3=|\b[XYZABC]=[-+.\d]|^%_N_|\bCR="
+)
+MOVE: Final = re.compile(
+    rb"(?im)^[ \t]*+(?:N\d++[ \t]*+)?(?:G\d++(?:\.\d)?[ \t]*+)*+[XYZ][ \t]*+=?[ \t]*+[-+]?+[\d.]"
+)
+"""A block that moves, in any G-code."""
+
+
+def _score(data: bytes) -> float:
+    if is_other_language(data):
+        return 0.0
+    own = min(len(_OWN.findall(data)), 2)
+    return 0.5 * bool(MOVE.search(data)) + 0.25 * own
+
+
+def _read(data: bytes, name: str, frames: FrameTable) -> Program:
+    from robotrue.program.formats.gcode_read import read_gcode
+    from robotrue.program.formats.gcode_vocabulary import SINUMERIK
+
+    return read_gcode(data, name, SINUMERIK, frames)
+
+
+DIALECT: Final = PathDialect(
+    name="sinumerik", suffixes=(".mpf", ".spf", ".arc"), score=_score, reader=_read
+)
