@@ -17,11 +17,25 @@ from typing import Annotated
 
 import typer
 
-from robotrue.cli import arm_commands, dynamics_commands, part_commands, program_commands
+from robotrue.cli import (
+    arm_commands,
+    drill_commands,
+    dynamics_commands,
+    part_commands,
+    program_commands,
+)
 from robotrue.cli.app import Json, app
 from robotrue.errors import RobotrueError
 
-__all__ = ["app", "arm_commands", "dynamics_commands", "part_commands", "program_commands", "run"]
+__all__ = [
+    "app",
+    "arm_commands",
+    "drill_commands",
+    "dynamics_commands",
+    "part_commands",
+    "program_commands",
+    "run",
+]
 
 INTERRUPTED = 130
 """What the command line library makes of Ctrl-C."""

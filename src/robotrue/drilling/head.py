@@ -24,7 +24,8 @@ class Head:
 
     Attributes:
         order: Which axis carries the other: the first named carries the second.
-        p_pivot_tip: (3,) m from the crossing of the axes to the tool tip, at a = b = 0.
+        p_pivot_tip: (3,) m from the crossing of the axes to the tool tip, at a = b = 0; NaN where
+            it is not known, and with it how X, Y and Z have to follow.
         sense: (2,) +1 or -1: what the machine counts positive against the right-hand rule.
     """
 
@@ -38,7 +39,9 @@ class Head:
             raise ConfigurationError(f"axis order {self.order!r}, expected 'AB' or 'BA'.")
         if set(np.abs(self.sense)) != {1.0} or len(self.sense) != 2:
             raise ConfigurationError(f"sense of the axes is {self.sense}, expected +1 or -1 each.")
-        object.__setattr__(self, "p_pivot_tip", frozen(self.p_pivot_tip, (3,), "p_pivot_tip"))
+        object.__setattr__(
+            self, "p_pivot_tip", frozen(self.p_pivot_tip, (3,), "p_pivot_tip", allow_nan=True)
+        )
 
 
 def rotation(order: AxisOrder, tilt: Array) -> Array:
@@ -84,7 +87,8 @@ class HeadMove:
     Attributes:
         axes: (2,) rad, A and B as the machine counts them, after the move.
         turn: (2,) rad, the change of A and B.
-        shift: (3,) m, the change of X, Y and Z that leaves the tip where it was.
+        shift: (3,) m, the change of X, Y and Z that leaves the tip where it was; NaN without
+            ``p_pivot_tip``.
     """
 
     axes: Array

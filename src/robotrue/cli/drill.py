@@ -1,0 +1,292 @@
+"""``robotrue drill fit``, ``evaluate`` and ``adjust``."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Final, get_args
+
+import numpy as np
+
+from robotrue.cli.console import emit_facts, emit_json, emit_table, say
+from robotrue.cli.inputs import check_output
+from robotrue.core.units import DEG, MM, UM
+from robotrue.drilling.adjust import Adjustment, adjustment
+from robotrue.drilling.campaign import Campaign, Clamps, reading_errors
+from robotrue.drilling.campaign_checks import check_campaign
+from robotrue.drilling.campaign_csv import read_campaign
+from robotrue.drilling.choose import Trial
+from robotrue.drilling.correction import Kind
+from robotrue.drilling.evaluate import Evaluation, Residuals, evaluated
+from robotrue.drilling.foot_file import FootSetup, read_foot
+from robotrue.drilling.head import Head
+from robotrue.drilling.model import NormalModel, fit_model
+from robotrue.drilling.model_archive import read_model, write_model
+from robotrue.drilling.regression import LinearCorrection, fit_linear, significance
+from robotrue.drilling.terms import conditions
+from robotrue.errors import ConfigurationError
+
+AUTO: Final = "auto"
+ENOUGH: Final = 16
+"""Clamps above which the eight terms with interactions are judged, not the patent's five."""
+CLEAR: Final = 3.0
+"""|t| from which a term is called significant."""
+
+
+def run_fit(foot: Path, campaign: Path, output: Path, *, kind: str, as_json: bool) -> None:
+    """Learns a model from a campaign and writes it."""
+    check_output(output, [foot, campaign])
+    wanted = _kind(kind)
+    setup = read_foot(foot)
+    head = setup.head or Head(p_pivot_tip=np.full(3, np.nan))
+    if setup.head is None:
+        say("note: no [head] in the foot file: A carries B, and X, Y, Z of a move are not known.")
+    data, digest = read_campaign(campaign, setup, head.order)
+    check_campaign(setup.foot, data)
+    model, trials = fit_model(setup.foot, head, data, kind=wanted, digest=digest)
+    write_model(output, model)
+    terms = _terms(model, data)
+    if as_json:
+        emit_json(_fit_document(model, trials, terms, output))
+        return
+    _show_trials(model, trials)
+    _show_terms(terms)
+    say(f"{model.kind} learned from {len(data)} clamps, written to {output}")
+
+
+def run_evaluate(model_path: Path, test: Path, *, foot: Path | None, as_json: bool) -> None:
+    """Says what one move leaves on clamps with known tilts."""
+    model = read_model(model_path)
+    data, _ = read_campaign(test, setup_of(model, model_path, foot), model.head.order)
+    check_campaign(model.foot, data)
+    result = evaluated(model, data)
+    if as_json:
+        emit_json(evaluation_document(result))
+        return
+    rows = [("uncorrected", result.uncorrected)]
+    rows += [("patent's regression", result.patent)] if result.patent is not None else []
+    rows.append((f"ours ({model.kind})", result.ours))
+    emit_table(
+        f"Tilt left after one move, {result.clamps} clamps",
+        ("", "mean deg", "p95 deg", "max deg"),
+        [(name, *(f"{v / DEG:.4f}" for v in (r.mean, r.p95, r.largest))) for name, r in rows],
+    )
+    say(f"{100.0 * result.covered:.0f} % of the true tilts lie in the model's 95 % regions")
+
+
+def run_adjust(
+    model_path: Path,
+    *,
+    reading: str,
+    force: float,
+    z_mm: float,
+    at: str | None,
+    approach: str,
+    as_json: bool,
+) -> None:
+    """Gives the one move of a clamp."""
+    model = read_model(model_path)
+    clamps = Clamps(
+        readings=numbers(reading, len(model.foot.radius), "--reading", "d1,d2,d3") * MM,
+        force=np.array([force]),
+        height=np.array([z_mm * MM]),
+        approach=(approach,),
+    )
+    axes = numbers(at or "0,0", 2, "--at", "A,B")[0] * DEG
+    found = adjustment(model, clamps, axes)
+    document = adjustment_document(found)
+    if as_json:
+        emit_json(document)
+        return
+    a, b = found.tilt / DEG
+    sigma = np.sqrt(np.diag(found.covariance)) / DEG
+    emit_facts(
+        "One move",
+        [
+            ("surface", f"a {a:+.4f} +- {sigma[0]:.4f} deg, b {b:+.4f} +- {sigma[1]:.4f} deg"),
+            ("A, B to", ", ".join(f"{v / DEG:.4f} deg" for v in found.move.axes)),
+            ("X, Y, Z by", ", ".join(f"{v / MM:+.4f} mm" for v in found.move.shift)),
+        ],
+    )
+    for note in document["notes"]:
+        say(f"note: {note}")
+
+
+def setup_of(model: NormalModel, path: Path, foot: Path | None) -> FootSetup:
+    """Returns the setup readings are read with: the foot file's zero, the model's sensors."""
+    if foot is None:
+        return FootSetup(foot=model.foot, head=model.head, count=None, zero=None, source=str(path))
+    stated = read_foot(foot)
+    same = len(stated.foot.radius) == len(model.foot.radius) and np.allclose(
+        stated.foot.seat, model.foot.seat, rtol=0.0, atol=1.0 * UM
+    )
+    if not same:
+        raise ConfigurationError(
+            f"the sensors of {foot.name} stand elsewhere than those the model was learned with.",
+            source=foot,
+            hint="pass the foot file of the campaign, or learn anew.",
+        )
+    return stated
+
+
+def numbers(text: str, count: int, option: str, form: str) -> Any:
+    """Returns (1, count) numbers of a comma separated option.
+
+    Raises:
+        ConfigurationError: Another number of them, or one that is not finite.
+    """
+    try:
+        values = np.array([[float(part) for part in text.split(",")]])
+    except ValueError:
+        values = np.empty((1, 0))
+    if values.shape[1] != count or not np.isfinite(values).all():
+        raise ConfigurationError(
+            f"{option} {text!r}, expected {count} numbers: {form}.", hint=f"{option} {form}"
+        )
+    return values
+
+
+def evaluation_document(result: Evaluation) -> dict[str, Any]:
+    """Returns an evaluation as JSON values."""
+    return {
+        "clamps": result.clamps,
+        "uncorrected": residuals_document(result.uncorrected),
+        "patent": None if result.patent is None else residuals_document(result.patent),
+        "ours": residuals_document(result.ours),
+        "covered_95": result.covered,
+    }
+
+
+def residuals_document(left: Residuals) -> dict[str, float]:
+    """Returns residual tilts in degrees."""
+    return {
+        "mean_deg": left.mean / DEG,
+        "p95_deg": left.p95 / DEG,
+        "max_deg": left.largest / DEG,
+    }
+
+
+def adjustment_document(found: Adjustment) -> dict[str, Any]:
+    """Returns a move in degrees and millimetres."""
+    sigma = np.sqrt(np.diag(found.covariance)) / DEG
+    move = found.move
+    notes = list(found.notes)
+    if not np.isfinite(move.shift).all():
+        notes.append(
+            "X, Y and Z are not known: the foot file of the fit had no [head] with pivot_to_tip_mm."
+        )
+    return {
+        "a_deg": found.tilt[0] / DEG,
+        "b_deg": found.tilt[1] / DEG,
+        "a_sigma_deg": sigma[0],
+        "b_sigma_deg": sigma[1],
+        "move": {
+            "A_deg": move.axes[0] / DEG,
+            "B_deg": move.axes[1] / DEG,
+            "dA_deg": move.turn[0] / DEG,
+            "dB_deg": move.turn[1] / DEG,
+            "dX_mm": move.shift[0] / MM,
+            "dY_mm": move.shift[1] / MM,
+            "dZ_mm": move.shift[2] / MM,
+        },
+        "notes": notes,
+    }
+
+
+def _kind(word: str) -> Kind | None:
+    if word == AUTO:
+        return None
+    known: tuple[Kind, ...] = get_args(Kind)
+    for kind in known:
+        if word == kind:
+            return kind
+    raise ConfigurationError(
+        f"--kind {word!r}, expected {AUTO}, {', '.join(known)}.", hint=f"--kind {AUTO}"
+    )
+
+
+def _terms(model: NormalModel, data: Campaign) -> list[dict[str, Any]]:
+    """Significance of each term of the interactions, or of the patent's where clamps are few."""
+    if model.patent is None:
+        return []
+    causes = conditions(model.foot, data.order, data.clamps)
+    fitted = model.patent
+    if len(data) > ENOUGH:
+        fitted = fit_linear("interactions", causes, reading_errors(model.foot, data))
+    if not isinstance(fitted, LinearCorrection):
+        return []
+    return [
+        {
+            "term": term.term,
+            "coefficient_um": (term.coefficient / UM).tolist(),
+            "deviation_um": (term.deviation / UM).tolist(),
+            "t": term.t.tolist(),
+            "significant": bool(np.max(np.abs(term.t)) > CLEAR),
+        }
+        for term in significance(fitted, causes)
+    ]
+
+
+def _fit_document(
+    model: NormalModel, trials: tuple[Trial, ...], terms: list[dict[str, Any]], output: Path
+) -> dict[str, Any]:
+    return {
+        "output": str(output),
+        "kind": model.kind,
+        "held_out_mean_deg": model.left / DEG,
+        "trials": [
+            {
+                "kind": trial.kind,
+                "held_out_mean_deg": trial.mean / DEG,
+                "held_out_p95_deg": float(np.percentile(trial.residual, 95.0)) / DEG
+                if len(trial.residual)
+                else None,
+                "reason": trial.reason,
+            }
+            for trial in trials
+        ],
+        "terms": terms,
+        "envelope": {
+            "force_N": model.envelope.force.tolist(),
+            "z_mm": (model.envelope.height / MM).tolist(),
+            "tilt_deg": model.envelope.tilt / DEG,
+            "approach": list(model.envelope.approach),
+        },
+        "campaign_sha256": model.campaign,
+        "version": model.version,
+        "frozen": None if model.frozen is None else asdict(model.frozen),
+    }
+
+
+def _show_trials(model: NormalModel, trials: tuple[Trial, ...]) -> None:
+    rows = []
+    for trial in trials:
+        known = len(trial.residual) > 0
+        rows.append(
+            (
+                trial.kind + (" (chosen)" if trial.kind == model.kind else ""),
+                f"{trial.mean / DEG:.4f}" if known else "-",
+                f"{np.percentile(trial.residual, 95.0) / DEG:.4f}" if known else trial.reason,
+            )
+        )
+    emit_table(
+        "Tilt left on forces and tilts held out", ("correction", "mean deg", "p95 deg"), rows
+    )
+
+
+def _show_terms(terms: list[dict[str, Any]]) -> None:
+    if not terms:
+        return
+    emit_table(
+        "Terms per sensor, um per unit (deg, kN, 100 mm)",
+        ("term", "coefficient", "t", ""),
+        [
+            (
+                term["term"],
+                " ".join(f"{v:9.1f}" for v in term["coefficient_um"]),
+                " ".join(f"{v:7.1f}" for v in term["t"]),
+                "" if term["significant"] else "not significant",
+            )
+            for term in terms
+        ],
+    )
