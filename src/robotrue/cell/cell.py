@@ -137,7 +137,7 @@ class Cell:
         told = self.controller
         return bool(
             told.bases or told.tools or told.external or told.external_axes_at_rest
-            or told.fixed_tool or told.pulses_per_degree is not None
+            or told.fixed_tool or told.pulses_per_degree is not None or told.orientation.stated
         )  # fmt: skip
 
     @property

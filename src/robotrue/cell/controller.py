@@ -17,6 +17,7 @@ from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.program.controller_files import ControllerFile, read_controller_file
 from robotrue.program.external_axes import ExternalAxis
+from robotrue.program.orientation import OrientationRule
 from robotrue.program.program import FrameTable
 
 _TURNS = ("abc_deg", "wpr_deg", "quaternion")
@@ -47,7 +48,16 @@ def controller_of(table: ControllerTable, folder: Path) -> FrameTable:
         external_axes_at_rest=table.external_axes_at_rest,
         fixed_tool=table.fixed_tool or "",
         pulses_per_degree=None if pulses is None else np.array(pulses),
+        orientation=_orientation(table),
     )
+
+
+def _orientation(table: ControllerTable) -> OrientationRule:
+    """What angles and tool axes of G-code, APT and CSV say of the tool frame."""
+    sign, axis = ("", *(table.cutter or "z"))[-2:]
+    cutter = np.eye(3)["xyz".index(axis)] * (-1.0 if sign == "-" else 1.0)
+    spin = None if table.spin_deg is None else table.spin_deg * DEG
+    return OrientationRule(angles=table.angles or "", cutter=cutter, spin=spin)
 
 
 def _file(path: Path) -> ControllerFile:

@@ -11,6 +11,7 @@ from robotrue.cell.toml_text import number, numbers
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.program.external_axes import ExternalAxis
+from robotrue.program.orientation import OrientationRule
 from robotrue.program.program import FrameTable
 
 ROBOT: Final = "robot"
@@ -26,6 +27,7 @@ def controller_text(told: FrameTable) -> list[str]:
         lines.append("external_axes_at_rest = true")
     if told.fixed_tool:
         lines.append(f'fixed_tool = "{told.fixed_tool}"')
+    lines += _orientation_text(told.orientation)
     for side, table in (("base", told.bases), ("tool", told.tools)):
         for key, matrix in table.items():
             plain = key.isascii() and key.isdigit()
@@ -35,6 +37,17 @@ def controller_text(told: FrameTable) -> list[str]:
             lines.append(f"abc_deg = {numbers(abc_from_matrix(matrix[:3, :3]) / DEG)}")
     for axis in told.external:
         lines += ["", "[[controller.external]]", *_axis_text(axis)]
+    return lines
+
+
+def _orientation_text(rule: OrientationRule) -> list[str]:
+    lines = [f'angles = "{rule.angles}"'] if rule.angles else []
+    axis = int(np.argmax(np.abs(rule.cutter)))
+    name = ("-" if rule.cutter[axis] < 0.0 else "") + "xyz"[axis]
+    if name != "z":
+        lines.append(f'cutter = "{name}"')
+    if rule.spin is not None:
+        lines.append(f"spin_deg = {number(rule.spin / DEG)}")
     return lines
 
 

@@ -161,6 +161,9 @@ class ControllerTable(_Table):
     pulses_per_degree: Annotated[list[Number], Field(min_length=6, max_length=6)] | None = None
     external_axes_at_rest: bool = False
     fixed_tool: Literal["tool_in_part", "part_in_tool"] | None = None
+    angles: Literal["rpy", "kuka"] | None = None
+    cutter: Literal["x", "y", "z", "-x", "-y", "-z"] | None = None
+    spin_deg: Number | None = None
     base: list[NamedFrameTable] = []
     tool: list[NamedFrameTable] = []
     external: list[ExternalTable] = []

@@ -2,7 +2,7 @@
 
 G-code prints angles whose meaning is data of the control, or a tool axis alone; APT and CSV paths
 print a tool axis or nothing. Neither is a pose of a robot's tool. The cell states what is missing
-(``[program]`` in cell.toml); what it does not state is not guessed.
+(``[controller]`` in cell.toml); what it does not state is not guessed.
 """
 
 from __future__ import annotations
@@ -55,6 +55,11 @@ class OrientationRule:
             raise ShapeError("cutter has length 0, expected a direction in the tool frame.")
         object.__setattr__(self, "cutter", frozen(cutter / length, (3,), "cutter"))
 
+    @property
+    def stated(self) -> bool:
+        """Whether anything but the default is stated."""
+        return bool(self.angles) or self.spin is not None or not self.cutter[2] == 1.0
+
     def rotations(self, axis: Array) -> Array:
         """Returns the tool frame (n, 3, 3) of tool axes (n, 3); NaN where the axis is.
 
@@ -67,7 +72,7 @@ class OrientationRule:
             return out
         found = np.ascontiguousarray(axis[known])
         side = np.array(carry((1.0, 0.0, 0.0), [0.0, 0.0, 1.0], found[0].tolist()))
-        turn = about_z(np.float64(self.spin)) @ to_z(self.cutter)
+        turn = about_z(np.array(self.spin)) @ to_z(self.cutter)
         out[known] = carried_frames(found, side) @ turn
         return out
 

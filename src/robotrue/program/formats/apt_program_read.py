@@ -249,7 +249,9 @@ class _Reader:
         turned = ~np.isfinite(rotation).all(axis=(1, 2)) & (reason == Reason.NONE)
         reason[unknown | turned] = Reason.INCOMPLETE
         if turned.any() and frames.orientation.spin is None:
-            notes.rows(turned, "only the tool axis is known: state [program] spin_deg in the cell")
+            notes.rows(
+                turned, "only the tool axis is known: state [controller] spin_deg in the cell"
+            )
         elif turned.any():
             notes.rows(turned, "a tool axis not of length 1")
 

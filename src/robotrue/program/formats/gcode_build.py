@@ -310,14 +310,14 @@ class _Builder:
             give(
                 angles,
                 Reason.INCOMPLETE,
-                "what the angles mean is data of the control: state [program] angles in the cell",
+                "what angles mean is data of the control: state [controller] angles in the cell",
             )
         if self.rule.spin is None:
             axis = (rows.turn == Turn.VECTOR) | (rows.turn == Turn.FIXED)
             give(
                 axis,
                 Reason.INCOMPLETE,
-                "only the tool axis is known: state [program] spin_deg in the cell",
+                "only the tool axis is known: state [controller] spin_deg in the cell",
             )
         short = np.isfinite(rows.value[:, 3:]).all(axis=1)
         short &= ~np.isfinite(tool_axes(rows.value[:, 3:])).all(axis=1)
