@@ -136,3 +136,68 @@ def test_the_companion_is_not_overwritten_either(cli, work: Path) -> None:
     got = cli("compensate", work / "model.rtm", work / "job.src", "-o", work / "job.dat")
     assert got.code == 1
     assert (work / "job.dat").read_text() == DAT
+
+
+def test_companions_of_one_suffix_keep_their_names(cli, work: Path, tmp_path: Path) -> None:
+    point = "{X 700,Y 0,Z 700,A 0,B 90,C 0}"
+    for name in ("one", "two"):
+        (work / f"{name}.dat").write_text(
+            f"DEFDAT {name} PUBLIC\nDECL GLOBAL POS P_{name}={point}\nENDDAT\n"
+        )
+    (work / "main.src").write_text("DEF main()\nPTP P_one\nLIN P_two\nEND\n")
+    out = tmp_path / "out"
+    out.mkdir()
+    files = [work / "main.src", work / "one.dat", work / "two.dat"]
+    got = cli("compensate", work / "model.rtm", *files, "-o", out / "job.src", "--json")
+    assert got.code == 0
+    names = [Path(each["output"]).name for each in got.document["files"]]
+    assert names == ["job.src", "one.dat", "two.dat"]
+    assert got.document["compensated"] == 2
+    assert (out / "one.dat").read_bytes() != (work / "one.dat").read_bytes()
+    assert (out / "job.src").read_bytes() == (work / "main.src").read_bytes()
+    beside = cli("compensate", work / "model.rtm", *files, "-o", work / "job.src")
+    assert beside.code == 1
+    assert "the output is one.dat, which is read here" in beside.err
+    assert "another folder after -o" in beside.err
+    assert not (work / "job.src").exists()
+
+
+def test_a_folder_is_a_job_and_a_folder_takes_it(cli, work: Path, tmp_path: Path) -> None:
+    source, out = tmp_path / "in", tmp_path / "out"
+    source.mkdir()
+    out.mkdir()
+    (source / "part.src").write_bytes((work / "part.src").read_bytes())
+    (source / "readme.txt").write_text("not a program\n")
+    got = cli("compensate", work / "model.rtm", source, "-o", out, "--json")
+    assert got.code == 0
+    assert got.document["output"] == str(out / "part.src")
+    alone = cli("compensate", work / "model.rtm", work / "part.src", "-o", work / "o.src", "--json")
+    assert (out / "part.src").read_bytes() == (work / "o.src").read_bytes()
+    assert got.document["compensated"] == alone.document["compensated"] == 3
+
+
+def test_frames_the_cell_names_reach_the_program(cli, work: Path) -> None:
+    text = "DEF part()\nBAS(#BASE,4)\nBAS(#TOOL,2)\nPTP {X 0,Y 0,Z 0,A 0,B 90,C 0}\nEND\n"
+    (work / "named.src").write_text(text)
+    command = ("compensate", work / "model.rtm", work / "named.src", "-o", work / "o.src", "--json")
+    silent = cli(*command)
+    assert silent.document["status"] == {"unchanged_source": 1}
+    assert "base number 4 stands in the controller" in silent.err
+    told = (
+        "[[controller.base]]\nnumber = 4\nxyz_mm = [700, 0, 700]\n[[controller.tool]]\nnumber = 2\n"
+    )
+    (work / "frames.toml").write_text((work / "cell.toml").read_text() + told)
+    known = cli(*command, "--cell", work / "frames.toml")
+    assert known.document["status"] == {"compensated": 1}
+    moved = cli(
+        "diff", work / "named.src", work / "o.src", "--model", work / "model.rtm",
+        "--cell", work / "frames.toml", "--json",
+    )  # fmt: skip
+    assert moved.document["files"][0]["moved"] == 1
+    (work / "$config.dat").write_text(
+        "DEFDAT $CONFIG\nBASE_DATA[4]={X 700.0,Y 0.0,Z 700.0,A 0.0,B 0.0,C 0.0}\n"
+        "TOOL_DATA[2]={X 0.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}\nENDDAT\n"
+    )
+    first = (work / "o.src").read_bytes()
+    assert cli(*command).document["status"] == {"compensated": 1}
+    assert (work / "o.src").read_bytes() == first

@@ -19,6 +19,7 @@ from robotrue.cli.console import emit_json, say
 from robotrue.cli.cutter import cutter_axis
 from robotrue.cli.free_spin import require_free, sentences, spun
 from robotrue.cli.inputs import check_output
+from robotrue.cli.job_outputs import job_outputs
 from robotrue.cli.long_program import Staff, compensated_in_blocks, outlined
 from robotrue.cli.process_force import StatedForce, described, stated_forces, useless
 from robotrue.cli.registered import opened
@@ -31,6 +32,7 @@ from robotrue.core.identity import ModelIdentity
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
+from robotrue.program.external_axes import ExternalAxis
 from robotrue.program.formats import read_job, write_program
 from robotrue.program.identity import (
     ProgramIdentity,
@@ -43,7 +45,7 @@ from robotrue.program.program import FrameTable, Program, Reason
 
 def run(
     model_path: Path,
-    program_path: Path,
+    program_path: Path | Sequence[Path],
     output: Path,
     *,
     registered: Path | None,
@@ -80,7 +82,7 @@ def run(
 
 def compensated(
     model_path: Path,
-    program_path: Path,
+    program_path: Path | Sequence[Path],
     output: Path,
     *,
     registered: Path | None,
@@ -95,8 +97,9 @@ def compensated(
     dask: str | None = None,
 ) -> dict[str, Any]:
     """Writes the compensated program; returns the counts as JSON values."""
-    read = (model_path, program_path, registered, force)
-    check_output(output, [p for p in read if p is not None])
+    programs = [program_path] if isinstance(program_path, Path) else list(program_path)
+    read = [p for p in (model_path, *programs, registered, force) if p is not None]
+    check_output(output, read, folder=True)
     if not max_shift_mm > 0.0:
         raise ConfigurationError(
             f"--max-shift-mm is {max_shift_mm:g} mm, expected above 0.", hint="--max-shift-mm 10"
@@ -116,13 +119,15 @@ def compensated(
     table, staff = frame_table(cell), Staff(workers=workers, dask=dask)
     asks = ((force is not None, "--force"), (free_spin, "--free-spin"), (model is None, "no model"))
     why_whole = ", ".join(what for asked, what in asks if asked)
-    found = outlined(program_path, table, staff, why_whole=why_whole)
-    job = read_job(program_path, table) if found is None else found.companions
+    alone = len(programs) == 1 and not programs[0].is_dir()
+    found = outlined(programs[0], table, staff, why_whole=why_whole) if alone else None
+    job = read_job(programs, table) if found is None else found.companions
     files = [(program.name, sha256(program.data)) for program in job]
     files = files if found is None else [(found.name, found.sha256), *files]
-    outputs = _outputs([name for name, _ in files], program_path, output)
+    folder = programs[0] if programs[0].is_dir() else programs[0].parent
+    outputs = job_outputs([name for name, _ in files], folder, output)
     for name, digest in files:
-        require_compensable(program_path.with_name(name), digest, used)
+        require_compensable(folder / name, digest, used)
     if free_spin:
         require_free(model, stated)
     forces = stated_forces(stated, job)
@@ -138,7 +143,7 @@ def compensated(
         in_use = found.T_base_frame[found.judged[found.judged[:, 2] == Reason.NONE, 0]]
         _remark(found.name, [*_frame_notes(in_use, frame), *useless(pushed, model)])
         settings = _settings(cell, pushed, axis_targets, max_shift_mm)
-        made = compensated_in_blocks(model, found, program_path, outputs[0], settings, staff)
+        made = compensated_in_blocks(model, found, programs[0], outputs[0], settings, staff)
         documents.append(finished(files[0], outputs[0], *made, pushed))
     for program, target, pushed, (data, document) in zip(
         job, outputs[len(documents) :], forces, rewritten, strict=True
@@ -179,14 +184,12 @@ def _frame_notes(in_use: Array, frame: PartFrame | None) -> list[str]:
     notes = []
     if frame.verdict != "GO":
         notes.append(f"part frame {frame.name!r} is {frame.verdict}: do not cut before it is not.")
-    own = [
-        float(np.linalg.norm(T[:3, 3] - frame.T_base_part[:3, 3]))
-        for T in np.unique(in_use, axis=0)
-        if not np.allclose(T, frame.T_base_part, rtol=0.0, atol=1e-7)
-    ]
-    if own:
+    away = in_use - frame.T_base_part
+    own = away[np.abs(away).max(axis=(1, 2), initial=0.0) > 1e-7]
+    if len(own):
+        far = float(np.linalg.norm(own[:, :3, 3], axis=1).max())
         notes.append(
-            f"sets a work frame of its own, {max(own) / MM:.3f} mm from part frame {frame.name!r}; "
+            f"sets a work frame of its own, {far / MM:.3f} mm from part frame {frame.name!r}; "
             "its own is used."
         )
     return notes
@@ -271,24 +274,26 @@ def _settings(
     )
 
 
-def _outputs(names: Sequence[str], source: Path, output: Path) -> list[Path]:
-    """The output, and beside it one file per companion, each refused if it is a source."""
-    paths = [output] + [output.with_suffix(Path(name).suffix) for name in names[1:]]
-    originals = [source.with_name(name) for name in names]
-    for path in paths:
-        check_output(path, [source, *originals])
-    return paths
-
-
 def frame_table(cell: Cell) -> FrameTable:
     """Returns the frames a program falls back on, and those it names."""
     named = () if cell.part is None else cell.part.frames
     return replace(
         cell.controller,
+        external=tuple(_carrying(axis, cell) for axis in cell.controller.external),
         T_base_frame=cell.T_base_frame,
         T_flange_tool=cell.robot.T_flange_tool,
         bases={**cell.controller.bases, **{frame.name: frame.T_base_part for frame in named}},
     )
+
+
+def _carrying(axis: ExternalAxis, cell: Cell) -> ExternalAxis:
+    """The axis, with the default work frame on it where that is a part frame it carries."""
+    carried = {name.lower() for name in axis.frames}
+    parts = () if cell.part is None else cell.part.frames
+    mine = [part.T_base_part for part in parts if part.name.lower() in carried]
+    if any(np.array_equal(T, cell.T_base_frame) for T in mine):
+        return replace(axis, frames=(*axis.frames, "base"))
+    return axis
 
 
 def _tell(name: str, target: Path, document: Mapping[str, Any], force: StatedForce) -> None:

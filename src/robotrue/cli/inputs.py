@@ -98,12 +98,19 @@ def _read(cell: Cell, path: Path, layout: ColumnMapping | None) -> MeasurementSe
     )
 
 
-def check_output(output: Path, sources: Sequence[Path]) -> None:
+def check_output(output: Path, sources: Sequence[Path], *, folder: bool = False) -> None:
     """Refuses, before any work is done, an output that cannot be or that is one of the sources.
+
+    Args:
+        output: File to be written.
+        sources: What is read.
+        folder: A folder that exists will do, too.
 
     Raises:
         ConfigurationError: No such folder, a folder itself, or a file that is read.
     """
+    if output.is_dir() and folder:
+        return
     if output.is_dir():
         raise ConfigurationError(
             "the output is a folder.", source=output, hint="a file name after -o."

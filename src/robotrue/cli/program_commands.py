@@ -86,10 +86,18 @@ def compensate(
             help="Model file, or a cell registered with one; another cell.toml changes nothing.",
         ),
     ],
-    program: Annotated[Path, typer.Argument(metavar="PROGRAM", help="Program to compensate.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Program to write.")],
+    program: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="PROGRAM...", help="Program to compensate; several files or a folder: one job."
+        ),
+    ],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Program to write; for a job a folder, too.")
+    ],
     cell: Annotated[
-        Path | None, typer.Option(help="Registered cell whose part frame the program runs in.")
+        Path | None,
+        typer.Option(help="Cell whose part frame the program runs in, or that knows its frames."),
     ] = None,
     part: Annotated[
         str | None, typer.Option(help="Which part or side, where the cell has several.")

@@ -10,7 +10,7 @@ so the blocks depend on the file alone. What cannot be read so is read whole.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Final, Protocol, cast
@@ -20,6 +20,7 @@ import numpy as np
 from robotrue.core.arrays import Array, IntArray, frozen
 from robotrue.core.files import read_bytes
 from robotrue.errors import FormatError
+from robotrue.program.controller_files import with_files_beside
 from robotrue.program.formats import detect
 from robotrue.program.program import FrameTable, Program
 
@@ -184,7 +185,9 @@ def outline(path: str | Path, frames: FrameTable, *, targets: int = BLOCK) -> Ou
     for other in beside:
         if other.is_file() and not any(other.samefile(one) for one in (path, *found)):
             found.append(other)
-    return _module(language.name).outline(path, tuple(found), frames, targets)
+    table, said = with_files_beside(path, language.name, frames)
+    out = _module(language.name).outline(path, tuple(found), table, targets)
+    return replace(out, notes=(*out.notes, *said)) if isinstance(out, Outline) and said else out
 
 
 def judged(found: Outline) -> Judged:

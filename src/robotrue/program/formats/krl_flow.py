@@ -42,7 +42,8 @@ _HARMLESS: Final = frozenset(
     strtobool b_not varstate get_sig_inf set_sys_data wait_for on_error_proceed err_raise msg
     msgnotify msgquit msgdialog msgstate set_kdo_values timer_limit spline spl lin ptp circ slin
     sptp scirc lin_rel ptp_rel circ_rel trigger interrupt when delay distance path prio onstart
-    anin anout pto ezero delete_backward_buffer svel_cp svel_joint stool stool2 sbase sipo_mode sload
+    anin anout pto ezero delete_backward_buffer svel_cp svel_joint stool stool2 sbase sipo_mode
+    sload
     sacc_cp sacc_joint sapo sapo_ptp sori_typ sjerk sgear_jerk use_cm_pro_values ek k_root k_type
     k_offs time_block""".split()
 )

@@ -1,0 +1,56 @@
+"""Where the files of a job are written: one name each, none of them a file that is read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from robotrue.cli.inputs import check_output
+from robotrue.errors import ConfigurationError
+
+
+def job_outputs(names: Sequence[str], folder: Path, output: Path) -> list[Path]:
+    """Returns the file that each file of a job is written to.
+
+    A folder takes all of them under their own names. A file is the first; companions of the first
+    one's name take its new name, others keep theirs beside it, since programs name them.
+
+    Args:
+        names: Of the files of the job, the program first.
+        folder: Where they were read.
+        output: A file, or a folder that exists.
+
+    Raises:
+        ConfigurationError: A file that is read, no folder, or one name for two files.
+    """
+    if output.is_dir():
+        paths = [output / name for name in names]
+    else:
+        paths = [output]
+        for name in map(Path, names[1:]):
+            alike = name.stem.lower() == Path(names[0]).stem.lower()
+            paths.append(output.with_name(output.stem + name.suffix if alike else name.name))
+    originals = [folder / name for name in names]
+    for path in paths:
+        _require_other(path, originals, several=len(names) > 1)
+    twice = [path for k, path in enumerate(paths) if path in paths[:k]]
+    if twice:
+        raise ConfigurationError(
+            f"two files of the job, {', '.join(names)}, would be written to {twice[0].name}.",
+            source=output,
+            hint="a folder after -o: every file keeps its name there.",
+        )
+    return paths
+
+
+def _require_other(path: Path, originals: Sequence[Path], *, several: bool) -> None:
+    try:
+        check_output(path, originals)
+    except ConfigurationError as cause:
+        if not several or not path.exists() or path.is_dir():
+            raise
+        raise ConfigurationError(
+            cause.message,
+            source=path,
+            hint="another folder after -o: every file of the job keeps its name there.",
+        ) from cause
