@@ -149,7 +149,7 @@ def groups(moves: Moves, insertion: Insertion) -> Iterator[Group]:
         ShapeError: A move that may not be split, or targets that do not suit it.
     """
     which, first = np.unique(insertion.move, return_index=True)
-    ends = [*first[1:].tolist(), len(insertion)]
+    ends = [*first[1:].tolist(), len(insertion)][: len(first)]
     for move, begin, end in zip(which.tolist(), first.tolist(), ends, strict=True):
         if moves.obstacle[move]:
             why = Obstacle(int(moves.obstacle[move])).explanation
