@@ -119,7 +119,7 @@ def text_of(name: str) -> str:
 def test_krl_copies_say_what_the_move_says_and_run_through():
     lines = text_of("krl").split("\r\n")
     assert sum(line.endswith("C_DIS") for line in lines) == 7
-    assert [line for line in lines if "; cut" in line][0].endswith("C_DIS ; cut")
+    assert next(line for line in lines if "; cut" in line).endswith("C_DIS ; cut")
     stop = next(i for i, line in enumerate(lines) if line.startswith("$VEL")) - 1
     assert not lines[stop].endswith("C_DIS")
     assert lines[stop - 1].startswith("  LIN {X")
@@ -208,7 +208,7 @@ OBSTACLES = [
     ("krl", "LIN {p}\r\nDRILL(3)\r\nLIN {q}\r\nLIN {p}", [0, Obstacle.START, 0]),
     ("krl", "TRIGGER WHEN DISTANCE=0 DELAY=0 DO $OUT[1]=TRUE\r\nLIN {p}\r\nLIN {q}",
      [Obstacle.EVENT, 0]),
-    ("krl", "CIRC {p},{q},CA 90.0", []),
+    ("krl", "LIN {p} #BASE\r\nLIN {q}", [Obstacle.FORM, 0]),
     ("krl", "IF x THEN\r\nLIN {p}\r\nENDIF\r\nLIN {q}", [Obstacle.START] * 2),
     ("rapid", "WHILE TRUE DO\nMoveL {p},v1,z1,t0;\nENDWHILE", [Obstacle.LOOP]),
     ("rapid", "TriggL {p},v1,trg,z1,t0;\nMoveL {q},v1,z1,t0;", [Obstacle.EVENT, 0]),
@@ -218,8 +218,10 @@ OBSTACLES = [
     ("rapid", "Drill 3;\nMoveL {p},v1,z1,t0;\nWaitTime 1;\nMoveL {q},v1,z1,t0;",
      [Obstacle.START, 0]),
     ("urscript", "  while True:\n    movel({p}, r=0.001)\n  end", [Obstacle.LOOP]),
-    ("urscript", "  x = {p}\n  x[2] = 0.3\n  movel(x)\n  movel({q})", [0, 0]),
-    ("urscript", "  movel({p}, 1, 1, 2)\n  drill()\n  movel({q})", [Obstacle.TIMED, Obstacle.START]),
+    ("urscript", "  x = {p}\n  x = {q}\n  movel(x)\n  movel({q})",
+     [Obstacle.COMPUTED, Obstacle.START]),
+    ("urscript", "  movel({p}, 1, 1, 2)\n  drill()\n  movel({q})",
+     [Obstacle.TIMED, Obstacle.START]),
 ]  # fmt: skip
 
 
@@ -233,25 +235,26 @@ def test_moves_that_are_not_split(name, moves, wanted):
         "urscript": tuple(f"p[0.{x}, 0.2, 0.3, 0.0, 0.0, 0.0]" for x in (1, 2)),
     }[name]
     body = moves.replace("{p}", given[0]).replace("{q}", given[1])
-    begin = {
-        "krl": f"DEF a()\r\nPTP {given[0].replace('3.0', '8.0')}\r\n{body}\r\nEND\r\n",
-        "rapid": "MODULE a\nPERS tooldata t0:=[TRUE,[[0,0,0],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];"
-        f"\nPROC main()\nMoveJ {given[0].replace('3.0', '8.0')},v1,z1,t0;\n{body}\nENDPROC\n"
+    high = given[0].replace("0.3" if name == "urscript" else "3.0", "0.8")
+    tool = "PERS tooldata t0:=[TRUE,[[0,0,0],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];"
+    text = {
+        "krl": f"DEF a()\r\nPTP {high}\r\n{body}\r\nEND\r\n",
+        "rapid": f"MODULE a\n{tool}\nPROC main()\nMoveJ {high},v1,z1,t0;\n{body}\nENDPROC\n"
         "ENDMODULE\n",
-        "urscript": f"def a():\n  movej(get_inverse_kin({given[0].replace('0.3', '0.8')}))\n{body}\n"
-        "end\n",
+        "urscript": f"def a():\n  movej(get_inverse_kin({high}))\n{body}\nend\n",
     }[name]
-    files = {"a.src" if name == "krl" else "a": begin.encode()}
+    files = {"a.src" if name == "krl" else "a": text.encode()}
     if name == "krl" and "XP3" in moves:
         files["a.dat"] = f"DEFDAT a\r\nDECL FRAME XP3={given[1]}\r\nENDDAT\r\n".encode()
     job = dialect(name).read_job(list(files.items()), frames=FrameTable())
-    found = inserter(name).moves(job)
-    if name == "urscript" and "x[2]" in moves:
-        assert (job[0].reason != 0).sum() == 1  # the reader refuses it: it is never compensated
-    else:
-        assert found.obstacle.tolist() == [int(each) for each in wanted] or "CA" in moves
-    if "CA" in moves:
-        assert (found.obstacle != 0).all()
+    assert inserter(name).moves(job).obstacle.tolist() == [int(each) for each in wanted]
+
+
+def test_an_arc_by_angle_stays_whole():
+    text = "DEF a()\r\nPTP {X 1,Y 0,Z 0,A 0,B 0,C 0}\r\nCIRC {X 2,Y 1,Z 0,A 0,B 0,C 0},"
+    text += "{X 3,Y 0,Z 0,A 0,B 0,C 0},CA 90.0\r\nLIN {X 9,Y 0,Z 0,A 0,B 0,C 0}\r\nEND\r\n"
+    job = dialect("krl").read_job([("a.src", text.encode())], frames=FrameTable())
+    assert (inserter("krl").moves(job).obstacle != 0).all()
 
 
 FANUC_AND_YASKAWA = [
