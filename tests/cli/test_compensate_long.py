@@ -1,0 +1,102 @@
+"""``robotrue compensate`` in blocks: the files and counts of the program held whole."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from robotrue.cli import long_program
+from robotrue.program.stream import outline
+
+
+def program(count: int) -> str:
+    head = "&ACCESS RVP\nDEF part()\n$BASE={X 0,Y 0,Z 0,A 0,B 0,C 0}\n"
+    head += "$TOOL={X 60,Y 40,Z 250,A 0,B 0,C 0}\nPTP {A1 0,A2 -80,A3 80,A4 0,A5 40,A6 0}\nLIN P9\n"
+    lines = []
+    for k in range(count):
+        x = 9800 if k % 100 == 77 else 1200 - k % 40
+        lines.append(f"LIN {{X {x:.3f},Y {200 - 1.5 * k:.3f},Z {900 + k % 7:.3f},A 0,B 120,C 0}}")
+    return head + "\n".join(lines) + "\nEND\n"
+
+
+@pytest.fixture
+def short_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(long_program, "LONG", 1)
+    monkeypatch.setattr(long_program, "outline", partial(outline, targets=60))
+
+
+@pytest.fixture
+def both(cli, work: Path, monkeypatch: pytest.MonkeyPatch):
+    """Compensates a program whole and in blocks with the same options; the two answers."""
+
+    def run(name: str, *options: str):
+        call = ("compensate", work / "model.rtm", work / name, "-o")
+        whole = cli(*call, work / "whole.src", *options, "--json")
+        assert whole.code == 0, whole.err
+        monkeypatch.setattr(long_program, "LONG", 1)
+        monkeypatch.setattr(long_program, "outline", partial(outline, targets=60))
+        blocks = cli(*call, work / "blocks.src", *options, "--json")
+        assert blocks.code == 0, blocks.err
+        return whole, blocks
+
+    return run
+
+
+def test_blocks_are_the_whole(both, work: Path) -> None:
+    (work / "long.src").write_text(program(250))
+    (work / "long.dat").write_text(
+        "DEFDAT long\nDECL FRAME P9={X 1200.0,Y 150.0,Z 950.0,A 0,B 120,C 0}\nENDDAT\n"
+    )
+    whole, blocks = both("long.src", "--wrench", "0,0,-300")
+    assert (work / "blocks.src").read_bytes() == (work / "whole.src").read_bytes()
+    assert (work / "blocks.dat").read_bytes() == (work / "whole.dat").read_bytes()
+    assert (work / "blocks.dat").read_bytes() != (work / "long.dat").read_bytes()
+    one, other = whole.document["files"][0], blocks.document["files"][0]
+    assert one["route"] == "whole"
+    assert (other["route"], other["blocks"], other["workers"]) == ("blocks", 5, 1)
+    for key in ("targets", "compensated", "unchanged", "status", "notes", "model"):
+        assert other[key] == one[key], key
+    for key in ("predicted_error_before_um", "correction_um", "predicted_sigma_um"):
+        assert other[key]["max"] == pytest.approx(one[key]["max"], rel=1e-12)
+        assert other[key]["mean"] == pytest.approx(one[key]["mean"], rel=1e-12)
+    assert one["status"]["unchanged_unreachable"] == 2
+    assert "lines 84, 184: unchanged, out of the robot's reach." in blocks.err
+
+
+def test_the_identity_is_written_and_asked_for(cli, work: Path, short_blocks: None) -> None:
+    (work / "long.src").write_text(program(150).replace("LIN P9\n", ""))
+    call = ("compensate", work / "model.rtm")
+    assert cli(*call, work / "long.src", "-o", work / "once.src").code == 0
+    again = cli(*call, work / "once.src", "-o", work / "twice.src")
+    assert again.code == 1
+    assert "compensated already" in again.err
+    assert not (work / "twice.src").exists()
+
+
+def test_what_is_held_whole_says_so(
+    cli, work: Path, short_blocks: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = program(150).replace("LIN P9\n", "LIN {X 1200,Y 0,Z 900,A 0,B 120,C 0} WITH $VEL.CP=1\n")
+    (work / "long.src").write_text(text)
+    call = ("compensate", work / "model.rtm", work / "long.src", "-o", work / "out.src", "--json")
+    got = cli(*call)
+    assert got.code == 0
+    assert got.document["route"] == "whole"
+    assert "held whole (line 6: a target that is stored or has clauses of its own)" in got.err
+    (work / "out.src").unlink()
+    monkeypatch.setattr(long_program, "_memory", lambda: 1000)
+    refused = cli(*call)
+    assert refused.code == 1
+    assert "this machine has" in refused.err
+    assert not (work / "out.src").exists()
+
+
+def test_requests_that_cannot_be(cli, work: Path) -> None:
+    (work / "long.src").write_text(program(20).replace("LIN P9\n", ""))
+    call = ("compensate", work / "model.rtm", work / "long.src", "-o", work / "out.src")
+    none = cli(*call, "--workers", "0")
+    assert none.code == 1
+    assert "--workers is 0, expected 1 or more" in none.err
+    assert not (work / "out.src").exists()
