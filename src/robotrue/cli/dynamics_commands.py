@@ -58,3 +58,90 @@ def predict(
         report=report,
         as_json=json,
     )
+
+
+@dynamics.command()
+def frf(
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE...", help="Hammer records (CSV), one per axis hit, or one response."
+        ),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Receptance to write: .csv or .uff."),
+    ] = None,
+    modes: Annotated[Path | None, typer.Option(help="Also write the fitted modes.")] = None,
+    duration_s: Annotated[
+        float | None, typer.Option(help="Length of a segment; default: up to the next hit.")
+    ] = None,
+    window: Annotated[
+        float | None,
+        typer.Option(help="Where the exponential window ends, 0..1; default: none if it decays."),
+    ] = None,
+    static_um_per_N: Annotated[
+        str | None,
+        typer.Option(
+            "--static-um-per-N", help="Static load test: xx=1.1,yy=0.9,yx=0.1 (response first)."
+        ),
+    ] = None,
+    report: Annotated[
+        Path | None, typer.Option(help="Also draw size, phase, coherence (PNG, SVG or PDF).")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Make a frequency response of hammer hits, or check one; fit its modes."""
+    from robotrue.cli.dynamics_frf import run
+
+    run(
+        files,
+        output,
+        modes_path=modes,
+        duration=duration_s,
+        window=window,
+        static=static_um_per_N,
+        report=report,
+        as_json=json,
+    )
+
+
+@dynamics.command()
+def force(
+    cut: Annotated[Path, typer.Argument(metavar="CUT", help="Cutter, cut and material (TOML).")],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="Force record (CSV); with --along a table for `compensate --force`; with "
+            "--slots the cutting data (TOML).",
+        ),
+    ] = None,
+    slots: Annotated[
+        Path | None,
+        typer.Option(help="Mean forces of slots at several feeds: gives the coefficients."),
+    ] = None,
+    along: Annotated[
+        Path | None, typer.Option(help="Depth and width along a path: path_mm,depth_mm,width_mm.")
+    ] = None,
+    measured: Annotated[
+        Path | None, typer.Option(help="A recorded force of the same cut, set beside the model.")
+    ] = None,
+    rate_hz: Annotated[float, typer.Option(help="Samples per second of the record.")] = 20000.0,
+    duration_s: Annotated[float, typer.Option(help="Length of the record.")] = 1.0,
+    json: Json = False,
+) -> None:
+    """Predict the force of milling, or find its coefficients in slotting tests."""
+    from robotrue.cli.dynamics_force import run
+
+    run(
+        cut,
+        output,
+        slots=slots,
+        along=along,
+        measured=measured,
+        rate=rate_hz,
+        duration=duration_s,
+        as_json=json,
+    )

@@ -113,7 +113,7 @@ def _document(curve: ResponseCurve, found: Prediction, output: Path) -> dict[str
         "pairs": list(frf.pairs),
         "valid_Hz": list(frf.valid),
         "measured_as": frf.measured_as,
-        "static_known": frf.static is not None,
+        "static_known": frf.static is not None and bool(np.isfinite(frf.static[frf.present]).all()),
         "between_lines": "lines" if curve.modes is None else "modes",
         "left_out_error": curve.left_out,
         "rebuild_error": curve.rebuilt,

@@ -16,7 +16,6 @@ from robotrue.cli.inputs import parse_wrench
 from robotrue.compensation.process_force import DescribedForce, Use, require_one_file
 from robotrue.compensation.process_force_file import read_force
 from robotrue.core.arrays import Array
-from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
 from robotrue.program.cut_path import CutPath, cut_path
 from robotrue.program.program import Program
@@ -124,47 +123,8 @@ def milling_wrench(stated: Mapping[str, Any]) -> Array:
     Raises:
         ConfigurationError: A missing or unknown key, or a cut that cannot be.
     """
-    from robotrue.dynamics.cutter import Cut, Cutter, CuttingCoefficients
+    from robotrue.cli.cutting_data import cutting_data
     from robotrue.dynamics.milling_force import mean_force
 
-    scale = {
-        "diameter_mm": MM, "teeth": 1, "depth_mm": MM, "width_mm": MM, "feed_per_tooth_mm": MM,
-        "spindle_rpm": 1.0 / 60.0, "tangential_N_per_mm2": 1e6, "radial_N_per_mm2": 1e6,
-        "axial_N_per_mm2": 1e6, "tangential_edge_N_per_mm": 1e3, "radial_edge_N_per_mm": 1e3,
-        "axial_edge_N_per_mm": 1e3,
-    }  # fmt: skip
-    words = {"kind", "mode"}
-    optional = {key for key in scale if "_edge_" in key}
-    unknown = sorted(set(stated) - set(scale) - words)
-    missing = [key for key in (*sorted(words), *scale) if key not in stated and key not in optional]
-    if unknown or missing:
-        raise ConfigurationError(
-            f"milling: unknown key {unknown[0]}." if unknown else f"milling: no {missing[0]}.",
-            hint=f"the keys are {', '.join([*sorted(words), *scale])}.",
-        )
-    for key in scale:
-        value = stated.get(key, 0)
-        if type(value) not in (int, float) or not np.isfinite(value):
-            raise ConfigurationError(f"milling: {key} is {value!r}, expected a number.")
-    if type(stated["teeth"]) is not int:
-        raise ConfigurationError(
-            f"milling: teeth is {stated['teeth']!r}, expected a whole number.", hint="teeth = 3"
-        )
-    si = {key: stated.get(key, 0) * factor for key, factor in scale.items()}
-    cutter = Cutter(kind=str(stated["kind"]), diameter=si["diameter_mm"], teeth=stated["teeth"])
-    cut = Cut(
-        mode=str(stated["mode"]),
-        depth=si["depth_mm"],
-        width=si["width_mm"],
-        feed_per_tooth=si["feed_per_tooth_mm"],
-        spindle=si["spindle_rpm"],
-    )
-    coefficients = CuttingCoefficients(
-        tangential=si["tangential_N_per_mm2"],
-        radial=si["radial_N_per_mm2"],
-        axial=si["axial_N_per_mm2"],
-        tangential_edge=si["tangential_edge_N_per_mm"],
-        radial_edge=si["radial_edge_N_per_mm"],
-        axial_edge=si["axial_edge_N_per_mm"],
-    )
+    cutter, cut, coefficients = cutting_data(stated, where="milling")
     return np.concatenate([mean_force(cutter, cut, coefficients), np.zeros(3)])

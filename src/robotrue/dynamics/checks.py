@@ -50,10 +50,11 @@ def response_remarks(frf: FrequencyResponse) -> tuple[str, ...]:
     """Returns what whoever uses the response should know, one sentence each."""
     said = []
     low, high = frf.valid
-    if frf.static is None:
+    if frf.static is None or np.isnan(frf.static[frf.present]).any():
+        guessed = "static deflection" if frf.static is None else "static deflection of some pairs"
         said.append(
-            f"nothing is known below {low:g} Hz: the static deflection is a guess from the lowest "
-            "lines until a static load test gives it"
+            f"nothing is known below {low:g} Hz: the {guessed} is a guess from the lowest lines "
+            "until a static load test gives it"
         )
     out, into = frf.response_axes, frf.excitation_axes
     absent = [a + b for a in out for b in into if a + b not in frf.pairs]
@@ -70,17 +71,22 @@ def response_remarks(frf: FrequencyResponse) -> tuple[str, ...]:
     if poor > 0.05:
         said.append(
             f"{100.0 * poor:.0f} % of the lines between {low:g} and {high:g} Hz have a coherence "
-            f"below {COHERENT}"
+            f"below {COHERENT} where the tool was hit"
         )
     return tuple(said)
 
 
 def reciprocity(frf: FrequencyResponse) -> dict[str, float]:
-    """Returns, per pair of axes measured both ways, the rms difference over the rms of both."""
+    """Returns, per pair of axes measured both ways, the rms difference over the rms of both.
+
+    Over the lines that are coherent both ways.
+    """
     found = {}
-    band = in_band(frf)
     for pair in frf.pairs:
         if pair[0] < pair[1] and pair[::-1] in frf.pairs:
+            band = in_band(frf) & _trusted(frf, pair) & _trusted(frf, pair[::-1])
+            if not band.any():
+                continue
             one, two = (frf.pair(p[0], p[1])[band] for p in (pair, pair[::-1]))
             size = np.sqrt((np.abs(one) ** 2 + np.abs(two) ** 2).mean() / 2.0)
             if size > 0.0:
@@ -121,11 +127,12 @@ def in_band(frf: FrequencyResponse) -> BoolArray:
 
 
 def incoherent_share(frf: FrequencyResponse) -> float:
-    """Returns the part of the lines in the band, 0..1, whose coherence is poor in some pair."""
-    if frf.coherence is None:
+    """Returns the part of the lines in the band, 0..1, whose coherence is poor in a direct pair."""
+    direct = [pair for pair in frf.pairs if pair[0] == pair[1]]
+    if frf.coherence is None or not direct:
         return 0.0
-    inside = frf.coherence[in_band(frf)][:, frf.present]
-    return float((inside < COHERENT).any(axis=1).mean())
+    good = np.all([_trusted(frf, pair) for pair in direct], axis=0)
+    return float(1.0 - good[in_band(frf)].mean())
 
 
 def diverges_below(frequency: Array, direct: ComplexArray) -> bool:
@@ -135,6 +142,14 @@ def diverges_below(frequency: Array, direct: ComplexArray) -> bool:
         return False
     slope = np.polyfit(np.log(frequency[low]), np.log(np.abs(direct[low])), 1)[0]
     return bool(slope < -1.0)
+
+
+def _trusted(frf: FrequencyResponse, pair: str) -> BoolArray:
+    """Lines (m,) of good coherence; all where it was not measured."""
+    if frf.coherence is None:
+        return np.ones(len(frf.frequency), dtype=np.bool_)
+    i, j = frf.response_axes.index(pair[0]), frf.excitation_axes.index(pair[1])
+    return np.asarray(frf.coherence[:, i, j] >= COHERENT)
 
 
 def _check_direct(frf: FrequencyResponse, axis: str) -> None:
@@ -168,7 +183,7 @@ def _check_static(frf: FrequencyResponse, axis: str, softest: float) -> None:
     if static is None or frf.frequency[frf.frequency > 0.0][0] > 20.0:
         return
     at_rest = float(static[frf.response_axes.index(axis), frf.excitation_axes.index(axis)])
-    if not 0.1 * softest < at_rest < 10.0 * softest:
+    if np.isfinite(at_rest) and not 0.1 * softest < at_rest < 10.0 * softest:
         raise ImplausibleDataError(
             f"G{axis}{axis} is {at_rest:.3g} m/N at 0 Hz and {softest:.3g} m/N at the first lines: "
             "the line at 0 Hz is no static deflection.",
@@ -242,8 +257,8 @@ def _check_swapped(frf: FrequencyResponse) -> None:
 
 
 def _check_cross_signs(frf: FrequencyResponse) -> None:
-    band = in_band(frf)
     for pair, difference in reciprocity(frf).items():
+        band = in_band(frf) & _trusted(frf, pair) & _trusted(frf, pair[::-1])
         one, two = (frf.pair(p[0], p[1])[band] for p in (pair, pair[::-1]))
         size = np.sqrt((np.abs(one) ** 2 + np.abs(two) ** 2).mean() / 2.0)
         flipped = float(np.sqrt((np.abs(one + two) ** 2).mean()) / size)

@@ -40,7 +40,7 @@ class FrequencyResponse:
         valid: Hz, lowest and highest frequency the numbers are to be trusted at.
         measured_as: Form it was measured in: receptance, mobility or accelerance. The latter two
             know nothing of the static deflection.
-        static: (r, e) m/N of a static load test, or None.
+        static: (r, e) m/N of a static load test, NaN for pairs it left out; or None.
         source: File or test it came from.
     """
 
@@ -82,7 +82,7 @@ class FrequencyResponse:
         if self.coherence is not None:
             set_(self, "coherence", frozen(self.coherence, (m, r, e), "coherence"))
         if self.static is not None:
-            set_(self, "static", frozen(self.static, (r, e), "static"))
+            set_(self, "static", frozen(self.static, (r, e), "static", allow_nan=True))
 
     def pair(self, response: str, excitation: str) -> ComplexArray:
         """Returns (m,) m/N of one pair of axes, response first.
@@ -144,8 +144,7 @@ def with_static(frf: FrequencyResponse, static: Mapping[str, float]) -> Frequenc
 
     Args:
         frf: As measured.
-        static: Pair of axes, response first, to m/N; measured pairs that are not named keep what
-            is known of them, or get the value of the first line of the band.
+        static: Pair of axes, response first, to m/N; others keep what is known of them.
 
     Raises:
         ConfigurationError: A pair that was not measured dynamically.
@@ -153,8 +152,7 @@ def with_static(frf: FrequencyResponse, static: Mapping[str, float]) -> Frequenc
     """
     if not static:
         return frf
-    first = int(np.searchsorted(frf.frequency, max(frf.valid[0], 1e-9)))
-    known = np.array(frf.response[first].real if frf.static is None else frf.static)
+    known = np.full(frf.present.shape, np.nan) if frf.static is None else np.array(frf.static)
     for pair, value in static.items():
         frf.pair(pair[0], pair[1])
         if pair[0] == pair[1] and not value > 0.0:
@@ -165,6 +163,18 @@ def with_static(frf: FrequencyResponse, static: Mapping[str, float]) -> Frequenc
             )
         known[frf.response_axes.index(pair[0]), frf.excitation_axes.index(pair[1])] = value
     return replace(frf, static=known)
+
+
+def trusted_lines(frf: FrequencyResponse) -> FrequencyResponse:
+    """Returns the response without the lines outside its band of validity."""
+    low, high = frf.valid
+    keep = (frf.frequency >= low) & (frf.frequency <= high)
+    return replace(
+        frf,
+        frequency=frf.frequency[keep],
+        response=frf.response[keep],
+        coherence=None if frf.coherence is None else frf.coherence[keep],
+    )
 
 
 def _check_axes(axes: tuple[str, ...], name: str) -> None:

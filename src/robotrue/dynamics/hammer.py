@@ -305,8 +305,10 @@ def _band(
     weak = np.flatnonzero(~strong & (frequency > low))
     high = float(frequency[weak[0] - 1]) if weak.size else float(frequency[-1])
     if coherence is not None:
-        ends = [coherent_band(frequency, column) for column in coherence.T]
-        # The best pair decides: cross pairs are small and their coherence with them.
+        # The axis that was hit decides: cross pairs are small and their coherence with them.
+        axes = record.response_axes
+        direct = [k for k, axis in enumerate(axes) if axis == record.excitation_axis]
+        ends = [coherent_band(frequency, coherence[:, k]) for k in direct or range(len(axes))]
         low = max(low, min(e[0] for e in ends))
         high = min(high, max(e[1] for e in ends))
     if not low < high:

@@ -63,9 +63,12 @@ class ResponseCurve:
     @property
     def at_rest(self) -> Array:
         """(r, e) m/N at 0 Hz: of the static load test, else Re of the lowest lines."""
-        if self.frf.static is not None:
-            return self.frf.static
-        return np.asarray(self._between(np.array([self.frf.valid[0]]))[0].real)
+        static = self.frf.static
+        if static is not None and np.isfinite(static).all():
+            return static
+        lowest = max(self.frf.valid[0], float(self.frf.frequency[self.frf.frequency > 0.0][0]))
+        guess = self._between(np.array([lowest]))[0].real
+        return np.asarray(guess if static is None else np.where(np.isnan(static), guess, static))
 
     def _between(self, frequency: Array) -> ComplexArray:
         if self.modes is not None and (frequency > 0.0).all():

@@ -36,7 +36,7 @@ class ModalModel:
         residues: (k, r, e) m/(N s).
         upper: (r, e) m/N, flexibility of the modes above the band.
         lower: (r, e) 1/kg, of what lies below the band; zero where nothing does.
-        static: (r, e) m/N of a static load test, or None.
+        static: (r, e) m/N of a static load test, NaN for pairs it left out; or None.
         response_axes: r of x, y, z.
         excitation_axes: e of x, y, z.
         valid: Hz, band of the response it was fitted to.
@@ -67,7 +67,7 @@ class ModalModel:
         set_(self, "upper", frozen(self.upper, (r, e), "upper"))
         set_(self, "lower", frozen(self.lower, (r, e), "lower"))
         if self.static is not None:
-            set_(self, "static", frozen(self.static, (r, e), "static"))
+            set_(self, "static", frozen(self.static, (r, e), "static", allow_nan=True))
 
     @property
     def frequency(self) -> Array:

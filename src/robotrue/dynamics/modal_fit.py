@@ -119,10 +119,12 @@ def measured_curves(frf: FrequencyResponse) -> Curves:
     if frf.coherence is not None:
         trust = frf.coherence[band][:, frf.present].clip(0.05, 0.999)
         weight *= np.sqrt(trust / (1.0 - trust)) / np.sqrt(0.999 / 0.001)
-    static = None if frf.static is None else frf.static[frf.present]
-    heavy = None
-    if static is not None:
-        heavy = np.sqrt(_STATIC_LINES) / np.maximum(np.abs(static), 0.02 * np.abs(static).max())
+    static = heavy = None
+    if frf.static is not None and np.isfinite(frf.static[frf.present]).any():
+        known = np.isfinite(frf.static[frf.present])
+        static = np.where(known, frf.static[frf.present], 0.0)
+        least = 0.02 * np.abs(static).max()
+        heavy = known * np.sqrt(_STATIC_LINES) / np.maximum(np.abs(static), least)
     return Curves(
         frequency=frf.frequency[band],
         values=values,

@@ -74,21 +74,29 @@ def read_frf_csv(path: str | Path) -> FrequencyResponse:
 
 
 def write_frf_csv(path: str | Path, frf: FrequencyResponse) -> None:
-    """Writes a response as receptance, whole or not at all.
+    """Writes a response as receptance, whole or not at all; its static deflection at 0 Hz.
+
+    The static deflection is left out where it is not known for every pair.
 
     Raises:
         FormatError: The file cannot be written.
     """
     names, columns = ["f_Hz"], [frf.frequency]
+    at_rest: list[float] = [0.0]
     for pair in frf.pairs:
-        values = frf.pair(pair[0], pair[1])
+        i, j = frf.response_axes.index(pair[0]), frf.excitation_axes.index(pair[1])
+        values = frf.response[:, i, j]
         names += [f"G{pair}_re_m_per_N", f"G{pair}_im_m_per_N"]
         columns += [values.real, values.imag]
+        at_rest += [np.nan if frf.static is None else float(frf.static[i, j]), 0.0]
         if frf.coherence is not None:
-            i, j = frf.response_axes.index(pair[0]), frf.excitation_axes.index(pair[1])
             names.append(f"C{pair}")
             columns.append(frf.coherence[:, i, j])
-    write_atomic(path, table_bytes(names, np.column_stack(columns)))
+            at_rest.append(1.0)
+    table = np.column_stack(columns)
+    if frf.frequency[0] > 0.0 and np.isfinite(at_rest).all():
+        table = np.vstack([at_rest, table])
+    write_atomic(path, table_bytes(names, table))
 
 
 def _sorted(
