@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from robotrue.core import rotations as ro
+from robotrue.program.euler import abc_from_matrices
 
 angle = st.floats(-7.0, 7.0)
 
@@ -54,6 +55,18 @@ def test_gimbal_lock_without_a_neighbour_still_gives_the_matrix(b: float) -> Non
     back = ro.abc_from_matrix(matrix)
     assert back[2] == 0.0
     np.testing.assert_allclose(ro.matrix_from_abc(back), matrix, atol=1e-12)
+
+
+@pytest.mark.parametrize("off", 10.0 ** np.arange(-12.0, -2.0))
+def test_near_the_lock_the_matrix_comes_back_to_rounding(off: float) -> None:
+    """A and C alone are known to rounding over cos B there; what they make together is not."""
+    rng = np.random.default_rng(4)
+    abc = rng.uniform(-3.0, 3.0, (500, 3))
+    abc[:, 1] = np.where(rng.random(500) < 0.5, 1.0, -1.0) * (np.pi / 2.0 - off)
+    matrix = ro.matrix_from_abc(abc) @ ro.matrix_from_abc(rng.normal(0.0, 1e-16, (500, 3)))
+    compiled = abc_from_matrices(matrix, abc + 0.01)
+    for back in (ro.abc_from_matrix(matrix), ro.abc_from_matrix(matrix, near=abc + 0.01), compiled):
+        np.testing.assert_allclose(ro.matrix_from_abc(back), matrix, rtol=0.0, atol=3e-12)
 
 
 @given(st.tuples(angle, angle, angle))

@@ -57,15 +57,18 @@ def abc_from_matrix(rotation: Array, *, near: Array | None = None) -> Array:
     a = np.where(locked, 0.0, np.arctan2(r[..., 1, 0], r[..., 0, 0]))
     c = np.where(locked, 0.0, np.arctan2(r[..., 2, 1], r[..., 2, 2]))
     sign = np.where(b > 0, 1.0, -1.0)
-    # At the lock R depends on A - sign * C alone.
-    difference = np.arctan2(-r[..., 0, 1], r[..., 1, 1])
+    # At the lock R depends on A - sign * C alone, and near it A and C are known to rounding over
+    # cos B each, their difference to rounding; what is amiss is split evenly.
+    difference = np.arctan2(sign * r[..., 1, 2] - r[..., 0, 1], r[..., 1, 1] + sign * r[..., 0, 2])
     if near is None:
-        a = np.where(locked, difference, a)
+        split = np.where(cos_b < 1e-3, wrap(difference - (a - sign * c)), 0.0)
+        share = np.where(locked, 1.0, 0.5)
+        a, c = a + share * split, c - sign * (1.0 - share) * split
         return np.stack([a, b, c], axis=-1)
     near = np.broadcast_to(np.asarray(near, dtype=np.float64), (*r.shape[:-2], 3))
-    split = wrap(difference - (near[..., 0] - sign * near[..., 2])) / 2.0
-    a = np.where(locked, near[..., 0] + split, a)
-    c = np.where(locked, near[..., 2] - sign * split, c)
+    a, c = np.where(locked, near[..., 0], a), np.where(locked, near[..., 2], c)
+    split = np.where(cos_b < 1e-3, wrap(difference - (a - sign * c)) / 2.0, 0.0)
+    a, c = a + split, c - sign * split
     first = np.stack([a, b, c], axis=-1)
     second = np.stack([a + np.pi, np.pi - b, c + np.pi], axis=-1)
     first = near + wrap(first - near)

@@ -49,14 +49,16 @@ def nearest_abc(r: Any, near_a: Any, near_b: Any, near_c: Any) -> Any:
     """Returns the (A, B, C) of a 3x3 matrix nearest to the given one, all in rad."""
     cos_b = math.hypot(r[0, 0], r[1, 0])
     b = math.atan2(-r[2, 0], cos_b)
-    if cos_b < 1e-12:
-        # At the lock R depends on A - sign * C alone; the turn is split evenly.
-        sign = 1.0 if b > 0 else -1.0
-        difference = math.atan2(-r[0, 1], r[1, 1])
-        split = _wrap(difference - (near_a - sign * near_c)) / 2.0
-        a, c = near_a + split, near_c - sign * split
-    else:
+    a, c = near_a, near_c
+    if cos_b >= 1e-12:
         a, c = math.atan2(r[1, 0], r[0, 0]), math.atan2(r[2, 1], r[2, 2])
+    if cos_b < 1e-3:
+        # At the lock R depends on A - sign * C alone, and near it A and C are known to rounding
+        # over cos B each, their difference to rounding; what is amiss is split evenly.
+        sign = 1.0 if b > 0 else -1.0
+        difference = math.atan2(sign * r[1, 2] - r[0, 1], r[1, 1] + sign * r[0, 2])
+        split = _wrap(difference - (a - sign * c)) / 2.0
+        a, c = a + split, c - sign * split
     a1, b1, c1 = _wrap(a - near_a), _wrap(b - near_b), _wrap(c - near_c)
     a2 = _wrap(a + math.pi - near_a)
     b2 = _wrap(math.pi - b - near_b)
