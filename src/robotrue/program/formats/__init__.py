@@ -156,7 +156,7 @@ def read_job(
     language = detect(read_bytes(paths[0]), paths[0].name)
     job = gathered(paths, language)
     for name, data in job.files[1 : job.given]:
-        other = detect(data, name)
+        other = language if name in job.named else detect(data, name)
         if other.name != language.name:
             raise FormatError(
                 f"{name} is a program in {other.name}, {paths[0].name} one in {language.name}.",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol, runtime_checkable
@@ -29,10 +29,12 @@ class JobFiles:
         folder: Where the files lie.
         given: How many were named by the user; they come first.
         files: Name and bytes.
+        named: Files that programs of the job name.
     """
 
     folder: Path
     given: int
+    named: frozenset[str]
     files: tuple[tuple[str, bytes], ...]
 
 
@@ -67,8 +69,25 @@ def paths_of(given: str | Path | Sequence[str | Path], suffixes: Iterable[str]) 
     return paths
 
 
-def gathered(paths: Sequence[Path], language: Dialect) -> JobFiles:
+def companion_paths(path: Path, language: Dialect) -> list[Path]:
+    """Returns the files that lie beside a program because of its name."""
+    found: list[Path] = []
+    for name in language.companions(path.name):
+        beside = path.with_name(name)
+        if beside.is_file() and not any(beside.samefile(one) for one in (path, *found)):
+            found.append(beside)
+    return found
+
+
+def gathered(
+    paths: Sequence[Path], language: Dialect, *, instead: Mapping[str, bytes] | None = None
+) -> JobFiles:
     """Returns the files of a job in the order they are read.
+
+    Args:
+        paths: The files named by the user.
+        language: Theirs.
+        instead: Bytes to take for files of these names; what stands on the disk is not read.
 
     Raises:
         FormatError: A file cannot be read.
@@ -79,18 +98,20 @@ def gathered(paths: Sequence[Path], language: Dialect) -> JobFiles:
     def take(path: Path) -> None:
         if path.is_file() and not any(path.samefile(other) for other in taken):
             taken.append(path)
-            files.append((path.name, read_bytes(path)))
+            given = (instead or {}).get(path.name)
+            files.append((path.name, read_bytes(path) if given is None else given))
 
     for path in paths:
         if not path.is_file():
             read_bytes(path)  # says what is wrong
         take(path)
-    given = len(files)
+    first = len(files)
     for path in paths:
-        for name in language.companions(path.name):
-            take(path.with_name(name))
+        for beside in companion_paths(path, language):
+            take(beside)
+    named: set[str] = set()
     if isinstance(language, NamesFiles):
-        for _, data in list(files):
-            for name in language.named_files(data):
-                take(paths[0].with_name(name))
-    return JobFiles(paths[0].parent, given, tuple(files))
+        named = {name for _, data in files for name in language.named_files(data)}
+        for name in sorted(named):
+            take(paths[0].with_name(name))
+    return JobFiles(paths[0].parent, first, frozenset(named), tuple(files))

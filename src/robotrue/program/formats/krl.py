@@ -26,6 +26,7 @@ _MOTION: Final = re.compile(
 )
 
 
+_CAMROB: Final = re.compile(rb'CR_PROCESS_FILE\s*\(\s*"([^"\r\n]+)"', re.IGNORECASE)
 _LOOKED_AT: Final = 1 << 18
 """Bytes that decide on the dialect."""
 
@@ -58,6 +59,11 @@ class Krl:
         other = "src" if path.suffix.lower() == ".dat" else "dat"
         return tuple(f"{path.stem}.{form}" for form in (other, other.upper(), other.capitalize()))
 
+    def named_files(self, data: bytes) -> tuple[str, ...]:
+        """Returns the CAMRob files that a program hands to ``CR_PROCESS_FILE``."""
+        names = [name.decode("latin-1") for name in _CAMROB.findall(data)]
+        return tuple(dict.fromkeys(name for name in names if not re.search(r"[/\\:]", name)))
+
     def read_job(
         self, files: Sequence[tuple[str, bytes]], *, frames: FrameTable
     ) -> tuple[Program, ...]:
@@ -76,8 +82,11 @@ class Krl:
         Raises:
             ShapeError: A changed row has a value that cannot be written.
         """
-        from robotrue.program.formats.krl_write import write_krl
+        from robotrue.program.formats.camrob import write_camrob
+        from robotrue.program.formats.krl_write import KrlSpans, write_krl
 
+        if not isinstance(program.spans, KrlSpans):
+            return write_camrob(program, replacement)
         return write_krl(*as_printed(program, replacement))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numba
 import numpy as np
@@ -22,6 +22,17 @@ from robotrue.program.held import turned_round
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 
 _SIDES: Final = (("base", BASE), ("tool", TOOL))
+
+
+class Settled(NamedTuple):
+    """Reasons (n,), work frames and tools (n,) of targets, the matrices, and notes."""
+
+    reason: IntArray
+    frame: IntArray
+    tool: IntArray
+    T_base_frame: Array
+    T_flange_tool: Array
+    notes: list[str]
 
 
 class Builder:
@@ -69,6 +80,29 @@ class Builder:
 
     def _state(self, line: Any) -> Any:
         return self._states[np.searchsorted(self._lines, line, side="right") - 1]
+
+    def alike(self, lines: IntArray, line: int) -> BoolArray:
+        """Returns in which lines (n,) of the main file the frames of another line are in force."""
+        return np.asarray((self._state(lines)[:, :3] == self._state(line)[:3]).all(axis=1))
+
+    def called(self, name: str, lines: IntArray, external: Array) -> Settled:
+        """Returns what holds for targets of a file that the main file calls.
+
+        Args:
+            name: Of that file.
+            lines: (n,) zero-based line of the call that goes through each target.
+            external: (n, 6) external axes as printed, NaN where none is.
+        """
+        axis = np.zeros(len(lines), np.bool_)
+        state = np.asarray(self._state(lines), dtype=np.int64).reshape(-1, 5)
+        reason, notes = self._frame_reasons(state, axis)
+        if self.given.fixed_tool == "tool_in_part":
+            reason[state[:, ON_ROBOT] > 0] = Reason.TOOL_ON_FLOOR
+        frame, bases, said = self._external(external, state[:, BASE], reason, name, axis)
+        notes += said + self._foreign_notes(state, reason)
+        return Settled(
+            reason, frame, state[:, TOOL], bases, np.array(self.frames.matrices["tool"]), notes
+        )
 
     def program(self, file: int) -> Program:
         """Returns the program of one file."""

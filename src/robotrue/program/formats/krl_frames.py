@@ -12,6 +12,7 @@ from robotrue.core.arrays import Array, IntArray
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.program.external_axes import Carried, carried, plain_key, riders_of
+from robotrue.program.formats.krl_scope import Scope
 from robotrue.program.program import FrameTable
 
 _FDAT: Final = re.compile(r"(TOOL_NO|BASE_NO|IPO_FRAME)\s+(#?\w+)", re.IGNORECASE)
@@ -80,12 +81,14 @@ class Frames:
     Attributes:
         matrices: ``base`` and ``tool`` matrices by index; 0 is the default, NaN is not known.
         cures: The sentence for each one that is not known.
-        fdat: Inline-form data by lower-case name.
+        scope: Which file a name belongs to.
+        fdat: Inline-form data by name in that scope.
     """
 
     def __init__(self, table: FrameTable, name: str) -> None:
         self.table = table
         self.name = name
+        self.scope = Scope()
         self.fdat: dict[str, Inline] = {}
         self.matrices: dict[str, list[Array]] = {
             "base": [np.asarray(table.T_base_frame, dtype=np.float64)],
@@ -174,8 +177,8 @@ class Frames:
         """Returns the index of what stands right of ``$BASE=`` or ``$TOOL=``, not an aggregate."""
         text = text.strip()
         match = _OF_FORM.match(text)
-        if match and match[2].lower() in self.fdat and side == match[1][:4].lower():
-            inline = self.fdat[match[2].lower()]
+        if match and self.scope.name(match[2]) in self.fdat and side == match[1][:4].lower():
+            inline = self.fdat[self.scope.name(match[2])]
             return self.number(side, line, inline.tool if side == "tool" else inline.base)
         if side == "base" and _EXTERNAL.match(text):
             return self._external_base(line, text)
@@ -184,8 +187,8 @@ class Frames:
             return self.number(side, line, match[2])
         if text.lower() in _IDENTITY:
             return self.known(side, np.eye(4))
-        if text.lower() in variables:
-            return self.aggregate(side, line, variables[text.lower()])
+        if self.scope.name(text) in variables:
+            return self.aggregate(side, line, variables[self.scope.name(text)])
         matrix = _lookup(self._given(side), text)
         if matrix is not None:
             return self.known(side, matrix, text)
@@ -201,14 +204,14 @@ class Frames:
         text = text.strip().lower()
         match = _SIPO.match(text)
         if match:
-            inline = self.fdat.get(match[1])
+            inline = self.fdat.get(self.scope.name(match[1]))
             return UNSURE if inline is None else int(inline.on_robot)
         return {"#base": 0, "#tcp": 1}.get(text, UNSURE)
 
     def _external_base(self, line: int, text: str) -> int:
         """Returns the index of ``EK(..)``: a base on an external system of axes."""
         form, data = _EK_FORM.match(text), _EK_DATA.search(text)
-        inline = self.fdat.get(form[1].lower()) if form else None
+        inline = self.fdat.get(self.scope.name(form[1])) if form else None
         number = inline.base if inline else data[1] if data else None
         return self.carried_number(line, number)
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Final
 
 from robotrue.errors import FormatError
 from robotrue.program.formats.krl_build import Builder
 from robotrue.program.formats.krl_frames import Frames
+from robotrue.program.formats.krl_job import is_job, read_parts
 from robotrue.program.formats.krl_scan import STATEMENT, Scan, scan
 from robotrue.program.formats.krl_walk import Walk
 from robotrue.program.program import FrameTable, Program
@@ -29,19 +30,37 @@ def read_krl(files: Sequence[tuple[str, bytes]], frames: FrameTable) -> tuple[Pr
     Raises:
         FormatError: A file is not KRL, is cut off, or has a number that cannot be read.
     """
+    if is_job(files):
+        return read_parts(files, frames, _build)
+    builder = _build(files, frames)
+    return tuple(builder.program(file) for file in range(len(files)))
+
+
+def _build(
+    files: Sequence[tuple[str, bytes]],
+    frames: FrameTable,
+    owners: Sequence[tuple[int, str]] = (),
+    beside: Collection[str] = (),
+) -> Builder:
+    """Returns the builder of the programs of one main file and its data files.
+
+    Args:
+        files: The main file and data files.
+        frames: What they name but do not hold.
+        owners: From which line of the main file on names are those of which file.
+        beside: Names of the CAMRob files there are.
+    """
     names = [name for name, _ in files]
     for name, data in files:
         _check_encoding(data, name)
     scans = [scan(data, name=name) for name, data in files]
     stores = [i for i, name in enumerate(names) if name.lower().endswith(".dat")]
     mains = [i for i in range(len(files)) if i not in stores]
-    if len(mains) > 1:
-        raise FormatError(
-            f"{len(mains)} programs ({', '.join(names[i] for i in mains)}) were given as one job.",
-            hint="give each .src with its own .dat; run the others as jobs of their own.",
-        )
-    table = Frames(frames, names[mains[0]] if mains else names[0])
-    walk = Walk(scans, names, table)
+    walk = Walk(scans, names, Frames(frames, names[mains[0]] if mains else names[0]))
+    walk.scope.owners = owners
+    walk.beside = {name.lower() for name in beside}
+    if len(stores) > 1:
+        walk.scope.share(files[i][1] for i in stores)
     for file in stores:
         walk.data_file(file)
     for file in mains:
@@ -49,8 +68,7 @@ def read_krl(files: Sequence[tuple[str, bytes]], frames: FrameTable) -> tuple[Pr
     main = mains[0] if mains else -1
     if not walk.story.has_def:
         _require_content(walk, main)
-    builder = Builder(walk, main, frames)
-    return tuple(builder.program(file) for file in range(len(files)))
+    return Builder(walk, main, frames)
 
 
 def _require_content(walk: Walk, main: int) -> None:

@@ -13,6 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from robotrue.core.arrays import Array
+from robotrue.program.formats.camrob import CALL
 from robotrue.program.formats.krl_flow import BASE, ON_ROBOT, TOOL, Flow
 from robotrue.program.formats.krl_frames import Frames, read_fdat, with_settings
 from robotrue.program.formats.krl_scan import (
@@ -67,6 +68,15 @@ class Definition(NamedTuple):
     path: str
 
 
+class Called(NamedTuple):
+    """A call of ``CR_PROCESS_FILE``: zero-based line, file, its first and last line (-1: all)."""
+
+    line: int
+    name: str
+    first: int
+    last: int
+
+
 @dataclass(slots=True)
 class Story:
     """What the walk collects.
@@ -81,6 +91,7 @@ class Story:
             -1 where it is not known what moved it.
         notes: Sentences for the user.
         has_def: The file has a DEF, DEFFCT or DEFDAT.
+        called_files: CAMRob files whose targets the robot moves through.
     """
 
     definitions: list[Definition]
@@ -91,6 +102,7 @@ class Story:
     sequence: list[tuple[int, int, bool]]
     notes: list[str]
     has_def: bool
+    called_files: list[Called]
 
 
 def _clean(text: str | None) -> str:
@@ -102,10 +114,12 @@ class Walk:
 
     def __init__(self, scans: list[Scan], names: list[str], frames: Frames) -> None:
         self.scans, self.names, self.frames = scans, names, frames
+        self.beside: set[str] = set()
+        self.scope = frames.scope
         self.flow = Flow()
         self._storing = False
         self.first = [np.searchsorted(s.agg_line, np.arange(len(s.line_kind) + 1)) for s in scans]
-        self.story = Story([], defaultdict(list), {}, [], {}, [], [], False)
+        self.story = Story([], defaultdict(list), {}, [], {}, [], [], False, [])
         self._current: dict[str, dict[tuple[str, str], Definition]] = defaultdict(dict)
         self._variables: dict[str, Array] = {}
         self._absent: set[str] = set()
@@ -113,6 +127,7 @@ class Walk:
     def data_file(self, file: int) -> None:
         """Reads declarations only."""
         self._storing = True
+        self.scope.enter(self.names[file])
         for line in np.flatnonzero(self.scans[file].line_kind == STATEMENT).tolist():
             code = self._code(file, line)
             match = _WORD.match(code)
@@ -126,6 +141,7 @@ class Walk:
     def main_file(self, file: int) -> None:
         """Reads every statement in program order."""
         for line in np.flatnonzero(self.scans[file].line_kind == STATEMENT).tolist():
+            self.scope.reach(line)
             self._statement(file, line, self._code(file, line))
 
     def _code(self, file: int, line: int) -> str:
@@ -167,12 +183,21 @@ class Walk:
     def _other(self, file: int, line: int, code: str) -> None:
         call, label = _CALL.match(code), _LABEL.match(code)
         if call and call[1].lower() == "cr_process_file":
-            self._note(line, file, "the targets stand in a CAMRob csv file; it is not read")
+            self._camrob(file, line)
         if label:
             self.flow.label(line, label[1].lower())
         if call or label:
             self._barrier(line)
         self._taint(line, code)
+
+    def _camrob(self, file: int, line: int) -> None:
+        match = CALL.search(self.scans[file].code(line))
+        if match and match[1].lower() in self.beside:
+            first, last = (int(match[2]), int(match[3])) if match[2] else (1, -1)
+            self.story.called_files.append(Called(line, match[1], first, last))
+        else:
+            name = match[1] if match else "a file named elsewhere"
+            self._note(line, file, f"the targets stand in {name}, which is not beside the program")
 
     def _called(self, line: int, word: str, code: str) -> None:
         if word in ("interrupt", "trigger"):
@@ -231,7 +256,7 @@ class Walk:
         match = _DEFINE.match(code)
         if not match:
             return
-        kind, variable = (match[1] or "").lower(), match[2].lower()
+        kind, variable = (match[1] or "").lower(), self.scope.name(match[2])
         index, path, rest = _clean(match[3]), _clean(match[4]).strip("."), code[match.end() :]
         if variable in ("$base", "$tool"):
             self._set_frame(file, line, variable[1:], path, rest)
@@ -318,7 +343,8 @@ class Walk:
         frames = self.frames
         inline = read_fdat(rest)
         if path or not rest.startswith("{"):
-            inline = frames.fdat.get(rest.strip().lower(), read_fdat("")) if not path else inline
+            named = self.scope.name(rest.strip())
+            inline = frames.fdat.get(named, read_fdat("")) if not path else inline
         if not self._storing:
             self.flow.pend(line, *frames.inline_frames(line, inline))
 
@@ -349,7 +375,7 @@ class Walk:
 
     def _taint(self, line: int, code: str) -> None:
         for name, _, path in _REFERENCE.findall(code):
-            self.story.tainted.setdefault((name.lower(), _clean(path).strip(".")), line)
+            self.story.tainted.setdefault((self.scope.name(name), _clean(path).strip(".")), line)
 
     def _motion(self, file: int, line: int, code: str, match: re.Match[str]) -> None:
         kind, relative = match[1].upper(), match[2] is not None
@@ -432,7 +458,11 @@ class Walk:
         match = _REFERENCE.match(code, at)
         if not match:
             return [], at
-        variable, index, path = match[1].lower(), _clean(match[2]), _clean(match[3]).strip(".")
+        variable, index, path = (
+            self.scope.name(match[1]),
+            _clean(match[2]),
+            _clean(match[3]).strip("."),
+        )
         stored = self._current.get(variable, {})
         if index and not re.fullmatch(r"\d+(,\d+)*", index):
             keys = [(d.file, d.agg) for (_, p), d in stored.items() if p == path]
