@@ -23,6 +23,13 @@ from robotrue.cli.job_outputs import job_outputs
 from robotrue.cli.long_program import Staff, compensated_in_blocks, outlined
 from robotrue.cli.process_force import StatedForce, described, stated_forces, useless
 from robotrue.cli.registered import opened
+from robotrue.cli.split import (
+    Between,
+    SplitOptions,
+    looked_between,
+    require_no_spin,
+    rereader,
+)
 from robotrue.compensation.compensate import compensate
 from robotrue.compensation.result import unchanged
 from robotrue.compensation.settings import CompensationSettings
@@ -59,6 +66,7 @@ def run(
     free_spin: bool = False,
     workers: int | None = None,
     dask: str | None = None,
+    split: SplitOptions | None = None,
 ) -> None:
     """Writes the compensated program and says what became of each target."""
     document = compensated(
@@ -75,6 +83,7 @@ def run(
         free_spin=free_spin,
         workers=workers,
         dask=dask,
+        split=split,
     )
     if as_json:
         emit_json(document)
@@ -95,6 +104,7 @@ def compensated(
     free_spin: bool = False,
     workers: int | None = None,
     dask: str | None = None,
+    split: SplitOptions | None = None,
 ) -> dict[str, Any]:
     """Writes the compensated program; returns the counts as JSON values."""
     programs = [program_path] if isinstance(program_path, Path) else list(program_path)
@@ -117,7 +127,8 @@ def compensated(
     used = identity_of(model or cell.robot)
     stated = described(cell, wrench, force, cutter)
     table, staff = frame_table(cell), Staff(workers=workers, dask=dask)
-    asks = ((force is not None, "--force"), (free_spin, "--free-spin"), (model is None, "no model"))
+    asks = [(force is not None, "--force"), (free_spin, "--free-spin"), (model is None, "no model")]
+    asks += [(True, split.named)] if split else []
     why_whole = ", ".join(what for asked, what in asks if asked)
     alone = len(programs) == 1 and not programs[0].is_dir()
     found = outlined(programs[0], table, staff, why_whole=why_whole) if alone else None
@@ -132,10 +143,17 @@ def compensated(
         require_free(model, stated)
     forces = stated_forces(stated, job)
     turned = cutter_axis(cell, cutter) if free_spin else None
-    rewritten = [
-        _rewritten(model, cell, program, pushed, axis_targets, max_shift_mm, turned)
-        for program, pushed in zip(job, forces, strict=True)
-    ]
+    between: Between | None = None
+    if split:
+        guards = [_settings(cell, pushed, axis_targets, max_shift_mm) for pushed in forces]
+        require_no_spin(split, free_spin)
+        between = looked_between(model, job, guards, split, rereader(programs, table))
+        rewritten = between.written([pushed.uses and pushed.document() for pushed in forces])
+    else:
+        rewritten = [
+            _rewritten(model, cell, program, pushed, axis_targets, max_shift_mm, turned)
+            for program, pushed in zip(job, forces, strict=True)
+        ]
     finished = partial(_finished, used=used, model=model, frame=frame)
     documents = []
     if found is not None and model is not None:
@@ -155,7 +173,8 @@ def compensated(
         document = {"route": "whole", **document}
         source = (program.name, sha256(program.data))
         documents.append(finished(source, target, sha256(data), document, pushed))
-    return documents[0] if len(documents) == 1 else _together(documents)
+    whole = documents[0] if len(documents) == 1 else _together(documents)
+    return whole if between is None else {**whole, "between_targets": between.told()}
 
 
 def _together(documents: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

@@ -133,10 +133,24 @@ def compensate(
     dask: Annotated[
         str | None, typer.Option(help="Dask scheduler whose workers do a long program, tcp://...")
     ] = None,
+    split: Annotated[
+        float | None,
+        typer.Option(
+            metavar="UM",
+            help="Put targets into lines and arcs that bow by more than UM micrometres.",
+        ),
+    ] = None,
+    split_limit: Annotated[
+        int, typer.Option(help="With --split: targets put in at most.")
+    ] = 100_000,
+    deviation: Annotated[
+        bool, typer.Option(help="Report how far lines and arcs are off between their targets.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Rewrite a program so that the robot lands where it says."""
     from robotrue.cli.compensate import run
+    from robotrue.cli.split import SplitOptions
 
     run(
         model,
@@ -151,6 +165,7 @@ def compensate(
         force=force,
         cutter=cutter,
         free_spin=free_spin,
+        split=SplitOptions(tolerance_um=split, limit=split_limit, deviation=deviation),
         workers=workers,
         dask=dask,
     )

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel
+from robotrue.cli.console import say
 from robotrue.compensation.compensate import compensate
 from robotrue.compensation.result import Compensation
 from robotrue.compensation.settings import CompensationSettings
@@ -26,9 +28,9 @@ from robotrue.compensation.status import Status
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError
-from robotrue.program.formats import inserter
+from robotrue.program.formats import inserter, read_job, write_program
 from robotrue.program.insertion import Obstacle
-from robotrue.program.program import Program
+from robotrue.program.program import FrameTable, Program
 
 _WORST: Final = 10
 """Moves the report names."""
@@ -74,6 +76,45 @@ class Between:
     results: tuple[Compensation, ...]
     document: dict[str, Any]
     sentences: tuple[str, ...]
+
+    def written(self, forces: Sequence[Any]) -> list[tuple[bytes, Mapping[str, Any]]]:
+        """Returns the bytes of every program and its counts, with what pushes it if anything."""
+        return [
+            (
+                write_program(program, result.replacement),
+                {**result.summary(), **({"force": force} if force else {})},
+            )
+            for program, result, force in zip(self.programs, self.results, forces, strict=True)
+        ]
+
+    def told(self) -> dict[str, Any]:
+        """Returns the document after the user was told."""
+        for sentence in self.sentences:
+            say(sentence)
+        return self.document
+
+
+def require_no_spin(options: SplitOptions, free_spin: bool) -> None:
+    """Refuses to look between targets whose spin is still to be chosen.
+
+    Raises:
+        ConfigurationError: Both are asked for.
+    """
+    if free_spin:
+        raise ConfigurationError(
+            f"{options.named} and --free-spin are both given: what lies between targets depends on "
+            "the spins that are chosen.",
+            hint="leave one of the two away.",
+        )
+
+
+def rereader(paths: Sequence[Path], frames: FrameTable) -> Reread:
+    """Returns what reads a job again, with other bytes for some of its files."""
+
+    def read(instead: Mapping[str, bytes]) -> tuple[Program, ...]:
+        return read_job(paths, frames, instead=instead)
+
+    return read
 
 
 def looked_between(

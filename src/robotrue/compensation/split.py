@@ -25,6 +25,7 @@ LIMIT: Final = 100_000
 _TRIED: Final = 8
 """Parts from which on a deviation that does not fall is that of a step in the correction."""
 _ROUNDS: Final = 40
+_ENDLESS: Final = 1 << 40
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +88,7 @@ def plan_split(
     size, stepped = np.array(deviation.size), np.zeros(len(over), dtype=np.bool_)
     parts[rows], size[rows], stepped[rows] = _fewest(job, rows, size[rows], tolerance, limit)
     cut = np.flatnonzero(parts > 1)
-    _require_few(job, parts, tolerance, limit)
+    _require_few(parts, np.where(job.moves.via >= 0, 2, 1), tolerance, limit)
     insertion, vias = _targets(job, programs, cut, parts[cut])
     return SplitPlan(
         parts=parts,
@@ -105,7 +106,7 @@ def _fewest(
     """Returns the parts of moves (k,), their deviation, and which have a step in them."""
     power = np.where(job.moves.via[rows] >= 0, 3.0, 2.0)
     few, few_size = np.ones(len(rows), np.int64), np.array(whole)  # not enough
-    many, many_size = np.full(len(rows), limit + 2), np.full(len(rows), np.nan)  # enough
+    many, many_size = np.full(len(rows), _ENDLESS), np.full(len(rows), np.nan)  # enough
     stepped = np.zeros(len(rows), dtype=np.bool_)
     for _ in range(_ROUNDS):
         open_ = np.flatnonzero((many - few > 1) & ~stepped)
@@ -116,7 +117,7 @@ def _fewest(
         there = np.where(known, many_size[open_], few_size[open_])
         trial = np.ceil(at * (there / tolerance) ** (1.0 / power[open_])).astype(np.int64)
         trial = np.clip(trial, few[open_] + 1, many[open_] - 1)
-        _require_few(job, trial, tolerance, 4 * limit, about=True)
+        _require_few(trial, np.where(power[open_] > 2.0, 2, 1), tolerance, limit, about=True)
         found = measured(job, rows[open_], trial).size
         good = found <= tolerance  # what could not be compensated is not
         many[open_] = np.where(good, trial, many[open_])
@@ -126,20 +127,27 @@ def _fewest(
         firm = ~good & (trial >= _TRIED) & ~(found < 0.5 * whole[open_])
         stepped[open_] |= firm | np.isnan(found)
     done = np.isfinite(many_size) & ~stepped
-    return np.where(done, many, 1), np.where(done, many_size, whole), stepped
+    return np.where(done, many, 1), np.where(done, many_size, whole), ~done
 
 
 def _require_few(
-    job: JobMoves, parts: IntArray, tolerance: float, limit: int, *, about: bool = False
+    parts: IntArray, each: IntArray, tolerance: float, limit: int, *, about: bool = False
 ) -> None:
-    arc = job.moves.via >= 0
-    each = np.where(arc, 2, 1) if len(parts) == len(arc) else 1
+    """Refuses parts that take more targets than allowed; four times as many while they are tried.
+
+    Args:
+        parts: Of the moves.
+        each: Targets every further part takes.
+        tolerance: m, for the message.
+        limit: How many are allowed.
+        about: The parts are those of a trial.
+    """
     needed = int(((parts - 1) * each).sum())
-    if needed > limit:
+    if needed > (4 * limit if about else limit):
         raise ConfigurationError(
             f"to keep every move within {tolerance / UM:g} um, {'about ' * about}{needed} targets "
-            f"would have to be put into {int((parts > 1).sum())} moves; at most "
-            f"{limit // (4 if about else 1)} are allowed.",
+            f"would have to be put into {int((parts > 1).sum())} moves; at most {limit} are "
+            "allowed.",
             hint="a larger tolerance, or --split-limit.",
         )
 

@@ -86,7 +86,7 @@ def split_job(
     if len(job.load):
         wrench = np.zeros((len(origin), 6))
         wrench[origin >= 0] = job.load[origin[origin >= 0]]
-        new = np.flatnonzero(origin < 0)
+        new = np.flatnonzero(of_move >= 0)  # and the auxiliary points that moved
         rows, which = np.unique(of_move[new], return_inverse=True)
         wrench[new] = loads(job.shapes(rows), which, share[new])
     order = _orders(split, job.moves, job_rows(programs), origin, of_move, share)
@@ -183,7 +183,7 @@ def _orders(
 def _origins(
     before: Sequence[Program], after: Sequence[Program], moves: Moves, plan: SplitPlan
 ) -> tuple[IntArray, IntArray, Array]:
-    """Returns the old job row of every new one, and move and fraction of those put in.
+    """Returns the old job row of every new one, and move and fraction of those not where they were.
 
     The moves are in the order of the text, so that the parts of a move follow each other.
     """
@@ -206,6 +206,9 @@ def _origins(
                 before[k], f"{len(kept)} of its {len(before[k])} targets were found again"
             )
         origin[kept] = np.arange(old[k], old[k + 1])
+    last = np.flatnonzero((part == plan.parts[which] - 1) & (part > 0) & (moves.via >= 0))
+    of_move[moves.via[last]] = which[last]
+    share[moves.via[last]] = (part[last] + 0.5) / plan.parts[which[last]]
     return origin, of_move, share
 
 
@@ -220,13 +223,13 @@ def _require_planned(
     """Refuses a job whose targets are not where they were or were to be put."""
     poses = job_poses(after)
     wanted, turned = np.array(poses.position), np.array(poses.rotation)
-    kept, new = np.flatnonzero(origin >= 0), np.flatnonzero(origin < 0)
-    vias = np.isin(origin[kept], job.moves.via)
+    kept, new = np.flatnonzero(of_move < 0), np.flatnonzero(of_move >= 0)
     wanted[kept] = job.poses.position[origin[kept]]
-    wanted[kept[vias]] = poses.position[kept[vias]]  # these may have moved along their arcs
     rows, which = np.unique(of_move[new], return_inverse=True)
     if len(new):
         wanted[new], turned[new] = along(job.shapes(rows), which, share[new])
+        vias = new[origin[new] >= 0]
+        turned[vias] = poses.rotation[vias]  # a controller may ignore it; it may stand nowhere
     off = np.linalg.norm(poses.position - wanted, axis=1)
     spun = np.abs(poses.rotation - turned).max(axis=(1, 2), initial=0.0)
     bad = np.flatnonzero((off > _PRINTED) | (spun > _TURNED))

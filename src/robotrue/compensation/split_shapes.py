@@ -25,6 +25,7 @@ _ON_THE_WAY: Final = 1e-3
 """rad a detour over the auxiliary orientation may add."""
 _AMBIGUOUS: Final = 2.8
 """rad of turn above which the auxiliary orientation says which way."""
+_TINY: Final = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -187,7 +188,8 @@ def loads(shapes: Shapes, move: IntArray, t: Array) -> Array:
 
     Between the targets force and moment turn the shortest way while their sizes change in
     proportion, so that a force along the tangent of an arc stays along it, and a constant one
-    constant; an arc is taken in two pieces.
+    constant; an arc is taken in two pieces. At a corner the force of the move before turns into
+    that of this one on the way.
     """
     if not len(shapes.load):
         return np.empty((0, 6))
@@ -223,5 +225,6 @@ def _turning(begin: Array, end: Array, t: Array) -> Array:
         sine = np.sin(angle)
         turned = (np.sin((1.0 - t) * angle) / sine)[:, None] * a
         turned += (np.sin(t * angle) / sine)[:, None] * b
-    plain = ~(sine > 1e-6) | (sizes[0] == 0.0) | (sizes[1] == 0.0)
+    # What has no size has no direction, and half a turn has no shortest way.
+    plain = ~(sine > _TINY) | (np.minimum(*sizes) <= _TINY * np.maximum(*sizes))
     return np.where(plain[:, None], straight, size[:, None] * np.where(plain[:, None], 0.0, turned))
