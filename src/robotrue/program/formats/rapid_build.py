@@ -229,8 +229,8 @@ class _Builder:
     def _si(self) -> tuple[Array, Array, Array]:
         """Returns position, rotation and axes in m and rad; flags what cannot be either."""
         values, is_axis = self.numbers.value, self.is_axis
-        length = np.linalg.norm(values[:, 3:7], axis=1)
-        with np.errstate(invalid="ignore"):
+        with np.errstate(invalid="ignore", over="ignore"):
+            length = np.linalg.norm(values[:, 3:7], axis=1)
             pose = ~is_axis & (length > 0.5) & (length < 2.0)
         pose &= np.isfinite(values[:, :3]).all(axis=1)
         position = np.where(pose[:, None], values[:, :3] * MM, np.nan)

@@ -233,7 +233,8 @@ def _frame(value: bytes) -> Array | None:
     if match is None:
         return None
     numbers = np.array([float(each) for each in numbers_of(match[0])])
-    length = float(np.linalg.norm(numbers[3:]))
+    with np.errstate(over="ignore"):
+        length = float(np.linalg.norm(numbers[3:]))
     if not (np.isfinite(numbers).all() and 0.5 < length < 2.0):
         return None
     out: Array = pose(matrix_from_quat_wxyz(numbers[3:]), numbers[:3] * MM)
