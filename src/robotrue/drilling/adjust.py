@@ -10,8 +10,9 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign import Clamps
+from robotrue.drilling.correction import Corrected
 from robotrue.drilling.head import HeadMove, normal_from_tilt, squaring_move
-from robotrue.drilling.model import NormalModel, Seen, seen
+from robotrue.drilling.model import NormalModel, seen
 from robotrue.errors import ImplausibleDataError
 
 MARGIN: Final = 0.1
@@ -81,7 +82,7 @@ def _refuse_force(model: NormalModel, clamps: Clamps) -> None:
         )
 
 
-def _refuse_plane(model: NormalModel, found: Seen) -> None:
+def _refuse_plane(model: NormalModel, found: Corrected) -> None:
     tilt = float(np.hypot(*found.tilt[0]))
     limit = min(model.foot.max_tilt, model.envelope.tilt * (1.0 + MARGIN) + 0.1 * DEG)
     if tilt > limit:

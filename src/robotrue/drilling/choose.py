@@ -9,7 +9,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.drilling.campaign import Campaign
-from robotrue.drilling.correction import KINDS, Kind, fit_correction, residual_tilt
+from robotrue.drilling.correction import KINDS, Kind, corrected, fit_correction, residual_tilt
 from robotrue.drilling.foot import Foot
 from robotrue.drilling.terms import conditions
 from robotrue.errors import ObservabilityError
@@ -18,6 +18,8 @@ LEVELS: Final = 5
 """Blocks of force where the campaign does not keep to fewer levels."""
 SECTORS: Final = 4
 """Blocks of tilt, by its direction."""
+FARTHEST: Final = 16.0
+"""Squared distance one held-out clamp may count: outliers alone do not widen all."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,11 +30,13 @@ class Trial:
         kind: Which correction.
         residual: (m,) rad, tilt left at every held-out clamp, forces first, then tilts; empty
             where it could not be learned.
+        distance: (j,) squared Mahalanobis distance of the truth where tilts were held out.
         reason: Why not, or "".
     """
 
     kind: Kind
     residual: Array
+    distance: Array
     reason: str = ""
 
     @property
@@ -40,9 +44,16 @@ class Trial:
         """Mean tilt left, rad; infinite where it could not be learned."""
         return float(np.mean(self.residual)) if len(self.residual) else float("inf")
 
+    @property
+    def stretch(self) -> float:
+        """Factor on the covariance that makes the mean distance that of a normal one: 1 to 4."""
+        if not len(self.distance):
+            return 1.0
+        return float(np.clip(np.mean(np.minimum(self.distance, FARTHEST)) / 2.0, 1.0, 4.0))
 
-def held_out_blocks(foot: Foot, campaign: Campaign) -> list[BoolArray]:
-    """Returns the rows (n,) of each block to hold out: every force, then every sector of tilt."""
+
+def held_out_blocks(foot: Foot, campaign: Campaign) -> tuple[list[BoolArray], list[BoolArray]]:
+    """Returns the rows (n,) of each block to hold out: every force, and every sector of tilt."""
     force = campaign.clamps.force
     levels = np.unique(np.round(force, 0))
     if len(levels) > LEVELS:
@@ -53,20 +64,33 @@ def held_out_blocks(foot: Foot, campaign: Campaign) -> list[BoolArray]:
     seen = conditions(foot, campaign.order, campaign.clamps)
     turn = np.arctan2(seen.b - np.median(seen.b), seen.a - np.median(seen.a))
     sector = np.floor((turn + np.pi) / (2.0 * np.pi) * SECTORS).astype(int) % SECTORS
-    blocks = [level == k for k in np.unique(level)] if len(np.unique(level)) > 1 else []
-    return blocks + [sector == k for k in np.unique(sector)]
+    forces = [level == k for k in np.unique(level)] if len(np.unique(level)) > 1 else []
+    return forces, [sector == k for k in np.unique(sector)]
 
 
 def tried(kind: Kind, foot: Foot, campaign: Campaign) -> Trial:
     """Returns how a correction does on every block when it is learned from the others."""
-    left = []
-    for block in held_out_blocks(foot, campaign):
+    forces, sectors = held_out_blocks(foot, campaign)
+    left, distance = [], []
+    for k, block in enumerate([*forces, *sectors]):
         try:
             learned = fit_correction(kind, foot, campaign.rows(np.flatnonzero(~block)))
         except ObservabilityError as cause:
-            return Trial(kind=kind, residual=np.empty(0), reason=cause.message)
-        left.append(residual_tilt(foot, learned, campaign.rows(np.flatnonzero(block))))
-    return Trial(kind=kind, residual=np.concatenate(left))
+            nothing = np.empty(0)
+            return Trial(kind=kind, residual=nothing, distance=nothing, reason=cause.message)
+        held = campaign.rows(np.flatnonzero(block))
+        left.append(residual_tilt(foot, learned, held))
+        if k >= len(forces):
+            found = corrected(foot, campaign.order, learned, held.clamps)
+            distance.append(squared_distance(found.tilt - held.tilt, found.covariance))
+    return Trial(kind=kind, residual=np.concatenate(left), distance=np.concatenate(distance))
+
+
+def squared_distance(off: Array, covariance: Array) -> Array:
+    """Returns the squared Mahalanobis distance (n,) of tilts off (n, 2) by (n, 2, 2)."""
+    solved = np.linalg.solve(covariance, off[..., None])[..., 0]
+    out: Array = np.einsum("ni,ni->n", off, solved)
+    return out
 
 
 def chosen(trials: tuple[Trial, ...]) -> Kind:

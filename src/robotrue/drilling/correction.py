@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final, Literal, Protocol, TypeAlias
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.drilling.campaign import Campaign, Clamps, reading_errors
 from robotrue.drilling.foot import Foot, plane_under
-from robotrue.drilling.head import AxisOrder, tilt_between
+from robotrue.drilling.head import AxisOrder, tilt_between, tilt_from_normal
 from robotrue.drilling.physics import fit_physics
 from robotrue.drilling.regression import fit_linear
 from robotrue.drilling.terms import Conditions, conditions
@@ -24,6 +25,8 @@ KINDS: Final[tuple[Kind, ...]] = (
     "physics",
 )
 """From the simplest to the richest."""
+_TO_TILT: Final = np.array([[0.0, -1.0], [1.0, 0.0]])
+"""Slopes to tilts, to first order: a turns against the slope in y, b with that in x."""
 
 
 class Correction(Protocol):
@@ -52,17 +55,47 @@ def fit_correction(kind: Kind, foot: Foot, campaign: Campaign) -> Correction:
     return fit_linear(kind, causes, errors)
 
 
-def corrected_normal(
-    foot: Foot, order: AxisOrder, correction: Correction | None, clamps: Clamps
-) -> Array:
-    """Returns the normals (n, 3) that the corrected readings show; uncorrected with ``None``."""
-    readings = np.asarray(clamps.readings)
-    if correction is not None:
-        readings = readings - correction.predict(conditions(foot, order, clamps))[0]
-    return plane_under(foot, readings).normal
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Corrected:
+    """What corrected readings show.
+
+    Attributes:
+        tilt: (n, 2) rad.
+        covariance: (n, 2, 2) rad^2, of the readings' scatter and of the correction.
+        residual: (n, k) m, corrected readings less those of a plane; zero with three sensors.
+        conditions: The causes.
+    """
+
+    tilt: Array
+    covariance: Array
+    residual: Array
+    conditions: Conditions
+
+
+def corrected(foot: Foot, order: AxisOrder, correction: Correction, clamps: Clamps) -> Corrected:
+    """Returns the tilt the corrected readings show, with its covariance.
+
+    Raises:
+        ShapeError: Not one reading per sensor.
+    """
+    c = conditions(foot, order, clamps)
+    mean, variance = correction.predict(c)
+    plane = plane_under(foot, clamps.readings - mean)
+    scatter = np.maximum(correction.noise, foot.reading_sigma) ** 2
+    each = (variance if variance.ndim == 2 else variance[:, None]) + scatter
+    slopes = _TO_TILT @ np.linalg.pinv(foot.design)[:2]
+    return Corrected(
+        tilt=tilt_from_normal(order, plane.normal),
+        covariance=np.einsum("ij,nj,kj->nik", slopes, each, slopes),
+        residual=plane.residual,
+        conditions=c,
+    )
 
 
 def residual_tilt(foot: Foot, correction: Correction | None, campaign: Campaign) -> Array:
-    """Returns the angle (n,) rad one move by the (corrected) readings leaves to the true normal."""
-    seen = corrected_normal(foot, campaign.order, correction, campaign.clamps)
-    return tilt_between(seen, campaign.normal)
+    """Returns the angle (n,) rad one move leaves to the true normal; uncorrected with ``None``."""
+    readings = np.asarray(campaign.clamps.readings)
+    if correction is not None:
+        causes = conditions(foot, campaign.order, campaign.clamps)
+        readings = readings - correction.predict(causes)[0]
+    return tilt_between(plane_under(foot, readings).normal, campaign.normal)

@@ -8,6 +8,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.drilling.campaign import Campaign
+from robotrue.drilling.choose import squared_distance
 from robotrue.drilling.correction import residual_tilt
 from robotrue.drilling.head import normal_from_tilt, tilt_between
 from robotrue.drilling.model import NormalModel, seen
@@ -64,8 +65,7 @@ def evaluated(model: NormalModel, test: Campaign) -> Evaluation:
     found = seen(model, test.clamps)
     left = tilt_between(normal_from_tilt(model.head.order, found.tilt), test.normal)
     before = residual_tilt(model.foot, None, test)
-    off = found.tilt - test.tilt
-    distance = np.einsum("ni,ni->n", off, np.linalg.solve(found.covariance, off[..., None])[..., 0])
+    distance = squared_distance(found.tilt - test.tilt, found.covariance)
     return Evaluation(
         clamps=len(test),
         uncorrected=residuals(before),

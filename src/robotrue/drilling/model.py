@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -11,12 +11,18 @@ from robotrue.core.arrays import Array, frozen
 from robotrue.core.units import DEG
 from robotrue.drilling.campaign import Campaign, Clamps
 from robotrue.drilling.choose import Trial, all_tried, chosen, tried
-from robotrue.drilling.correction import Correction, Kind, fit_correction
-from robotrue.drilling.foot import Foot, plane_under
-from robotrue.drilling.head import Head, tilt_from_normal
+from robotrue.drilling.correction import (
+    Corrected,
+    Correction,
+    Kind,
+    corrected,
+    fit_correction,
+)
+from robotrue.drilling.foot import Foot
+from robotrue.drilling.head import Head
 from robotrue.drilling.monitor import Watch, watch
 from robotrue.drilling.refinement import Refinement, refinement
-from robotrue.drilling.terms import Conditions, conditions
+from robotrue.drilling.terms import conditions
 from robotrue.errors import ConfigurationError, ObservabilityError
 
 SMALLEST: Final = 1e-3 * DEG
@@ -79,6 +85,7 @@ class NormalModel:
             campaign cannot determine it.
         envelope: What the campaign covered.
         left: rad, mean tilt left on held-out forces and tilts.
+        stretch: Factor on the correction's covariance that held-out tilts ask for, at least 1.
         campaign: SHA-256 of the campaign.
         refinement: What production has added.
         monitor: Watch on what was left.
@@ -93,6 +100,7 @@ class NormalModel:
     patent: Correction | None
     envelope: Envelope
     left: float
+    stretch: float
     campaign: str
     refinement: Refinement
     monitor: Watch = field(default_factory=lambda: watch(2))
@@ -100,49 +108,19 @@ class NormalModel:
     frozen: Frozen | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Seen:
-    """What a model makes of clamps.
-
-    Attributes:
-        tilt: (n, 2) rad, the corrected and refined tilt of the surface in the spindle's frame.
-        covariance: (n, 2, 2) rad^2: readings, correction and refinement.
-        residual: (n, k) m, corrected readings less those of a plane; zero with three sensors.
-        conditions: The causes.
-    """
-
-    tilt: Array
-    covariance: Array
-    residual: Array
-    conditions: Conditions
-
-
-def seen(model: NormalModel, clamps: Clamps) -> Seen:
-    """Returns the tilt every clamp stands for, with its uncertainty.
+def seen(model: NormalModel, clamps: Clamps) -> Corrected:
+    """Returns the tilt every clamp stands for, refined, with its uncertainty.
 
     Raises:
         ShapeError: Not one reading per sensor.
     """
-    foot, order = model.foot, model.head.order
-    c = conditions(foot, order, clamps)
-    mean, variance = model.correction.predict(c)
-    plane = plane_under(foot, clamps.readings - mean)
+    found = corrected(model.foot, model.head.order, model.correction, clamps)
+    c = found.conditions
     added, doubt = model.refinement.tilt(np.stack([c.a, c.b, c.force], axis=-1))
-    scatter = np.maximum(model.correction.noise, foot.reading_sigma)
-    each = np.broadcast_to(
-        (variance if variance.ndim == 2 else variance[:, None]) + scatter**2,
-        clamps.readings.shape,
-    )
-    slopes = np.linalg.pinv(foot.design)[:2]
-    covariance = np.einsum("ij,nj,kj->nik", slopes, each, slopes)
-    # To first order a turns against the slope in y and b with that in x.
-    to_tilt = np.array([[0.0, -1.0], [1.0, 0.0]])
-    covariance = to_tilt @ covariance @ to_tilt.T + doubt[:, None, None] * np.eye(2)
-    return Seen(
-        tilt=tilt_from_normal(order, plane.normal) + added,
-        covariance=covariance,
-        residual=plane.residual,
-        conditions=c,
+    return replace(
+        found,
+        tilt=found.tilt + added,
+        covariance=model.stretch * found.covariance + doubt[:, None, None] * np.eye(2),
     )
 
 
@@ -168,7 +146,7 @@ def fit_model(
         )
     trials = all_tried(foot, campaign) if kind is None else (tried(kind, foot, campaign),)
     best = chosen(trials)
-    left = next(trial for trial in trials if trial.kind == best).mean
+    trial = next(trial for trial in trials if trial.kind == best)
     clamps = campaign.clamps
     c = conditions(foot, campaign.order, clamps)
     model = NormalModel(
@@ -183,9 +161,10 @@ def fit_model(
             tilt=float(np.hypot(c.a, c.b).max()) * DEG,
             approach=tuple(sorted(set(clamps.approach))),
         ),
-        left=left,
+        left=trial.mean,
+        stretch=trial.stretch,
         campaign=digest,
-        refinement=refinement(max(left, SMALLEST)),
+        refinement=refinement(max(trial.mean, SMALLEST)),
     )
     return model, trials
 

@@ -71,6 +71,7 @@ def to_archive(model: NormalModel) -> Archive:
         "max_tilt": model.foot.max_tilt,
         "envelope": {"tilt": model.envelope.tilt, "approach": list(model.envelope.approach)},
         "left": model.left,
+        "stretch": model.stretch,
         "campaign_sha256": model.campaign,
         "refinement": {
             "sigma": refinement.sigma,
@@ -134,6 +135,7 @@ def from_archive(archive: Archive) -> NormalModel:
                 approach=tuple(d["envelope"]["approach"]),
             ),
             left=float(d["left"]),
+            stretch=float(d["stretch"]),
             campaign=str(d["campaign_sha256"]),
             refinement=Refinement(
                 coefficients=a("refinement_coefficients"),

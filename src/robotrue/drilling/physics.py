@@ -16,7 +16,15 @@ from robotrue.calibration.learners.posterior import correlation
 from robotrue.calibration.learners.search import best
 from robotrue.calibration.learners.trust import inflation
 from robotrue.core.arrays import Array, frozen
-from robotrue.drilling.physics_prior import SPREAD, WIDTHS, bounds, groups, held, start
+from robotrue.drilling.physics_prior import (
+    SPREAD,
+    WIDTHS,
+    bounds,
+    friction_by_rest,
+    groups,
+    held,
+    start,
+)
 from robotrue.drilling.terms import Conditions
 
 _G = len(WIDTHS)
@@ -29,7 +37,7 @@ class PhysicsCorrection:
     Attributes:
         causes: The n clamps it was learned from.
         errors: (n, k) m, their reading errors.
-        theta: (15,) log hyper-parameters in the order of ``physics_prior``; -inf: not there.
+        theta: (17,) log hyper-parameters in the order of ``physics_prior``; -inf: not there.
         widening: Factor on the variance, for hyper-parameters are known no better than few clamps
             tell.
     """
@@ -99,12 +107,10 @@ def fit_physics(
 
 
 def log_evidence(theta: Array, causes: Conditions, errors: Array) -> tuple[float, Array]:
-    """Returns the log evidence of all sensors and its gradient (15,) by theta."""
-    fading = float(np.exp(theta[_G + 5]))
-    parts = [
-        np.exp(2.0 * width) * (g @ g.T)
-        for width, g in zip(theta[:_G], groups(causes, fading), strict=True)
-    ]
+    """Returns the log evidence of all sensors and its gradient (17,) by theta."""
+    fading, place = _friction_of(theta)
+    columns = groups(causes, fading, place)
+    parts = [np.exp(2.0 * width) * (g @ g.T) for width, g in zip(theta[:_G], columns, strict=True)]
     rest = _rest(theta, causes, causes)
     noise = float(np.exp(2.0 * theta[-1]))
     n = len(errors)
@@ -121,6 +127,9 @@ def log_evidence(theta: Array, causes: Conditions, errors: Array) -> tuple[float
     )
     faded = (causes.force[:, None] + causes.force) / fading
     gradient[_G + 5] = np.sum(half * parts[-1] * faded)
+    moved = friction_by_rest(causes, fading, place)
+    turned = 2.0 * np.exp(2.0 * theta[_G - 1]) * (half @ columns[-1])
+    gradient[_G + 6 : _G + 8] = np.einsum("inj,nj->i", moved, turned)
     gradient[-1] = 2.0 * noise * np.trace(half)
     return solved.log_evidence, gradient
 
@@ -132,20 +141,24 @@ def _solved(theta: Array, causes: Conditions, errors: Array) -> Solved:
 
 def _signal(theta: Array, c: Conditions, other: Conditions) -> Array:
     """(m, n) covariance of what is not noise between two sets of clamps."""
-    fading = float(np.exp(theta[_G + 5]))
+    own, others = (groups(each, *_friction_of(theta)) for each in (c, other))
     out = _rest(theta, c, other)
-    for width, g, h in zip(theta[:_G], groups(c, fading), groups(other, fading), strict=True):
+    for width, g, h in zip(theta[:_G], own, others, strict=True):
         out += np.exp(2.0 * width) * (g @ h.T)
     return out
 
 
 def _own(theta: Array, c: Conditions) -> Array:
     """(m,) variance of what is not noise."""
-    fading = float(np.exp(theta[_G + 5]))
     out = np.full(len(c.a), np.exp(2.0 * theta[_G]))
-    for width, g in zip(theta[:_G], groups(c, fading), strict=True):
+    for width, g in zip(theta[:_G], groups(c, *_friction_of(theta)), strict=True):
         out += np.exp(2.0 * width) * np.sum(g**2, axis=1)
     return out
+
+
+def _friction_of(theta: Array) -> tuple[float, Array]:
+    """F_0 in kN and the rest position (2,) deg."""
+    return float(np.exp(theta[_G + 5])), theta[_G + 6 : _G + 8]
 
 
 def _rest(theta: Array, c: Conditions, other: Conditions) -> Array:

@@ -9,8 +9,9 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG
 from robotrue.drilling.campaign import Campaign
+from robotrue.drilling.correction import Corrected
 from robotrue.drilling.evaluate import evaluated
-from robotrue.drilling.model import Frozen, NormalModel, Seen, seen
+from robotrue.drilling.model import Frozen, NormalModel, seen
 from robotrue.drilling.monitor import Watch, watch, watched
 from robotrue.drilling.refinement import Remaining, loosened, refined
 from robotrue.errors import ConfigurationError
@@ -35,7 +36,7 @@ class Step:
     said: str
 
 
-def recorded(model: NormalModel, found: Seen, record: Remaining, *, reference: float) -> Step:
+def recorded(model: NormalModel, found: Corrected, record: Remaining, *, reference: float) -> Step:
     """Returns the model after what one hole left.
 
     A frozen model is watched and stays as it is; an alarm thaws it, so that the records that follow
@@ -131,7 +132,7 @@ def frozen(model: NormalModel, test: Campaign, digest: str, *, allowed: float) -
 
 def clamp_and_record(
     model: NormalModel, test: Campaign, row: int, left: Array, truth: str
-) -> tuple[Seen, Remaining]:
+) -> tuple[Corrected, Remaining]:
     """Returns what a model made of one clamp of a campaign, and the record of what it left.
 
     Args:
