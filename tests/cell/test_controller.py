@@ -10,6 +10,8 @@ import pytest
 
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
+from robotrue.cell.example import write_cell_example
+from robotrue.cell.part_tables import with_files
 from robotrue.cell.writer import cell_text
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
@@ -177,3 +179,22 @@ def test_kept_in_a_document(tmp_path: Path) -> None:
     assert controller_document(again) == document
     np.testing.assert_array_equal(again.tools["0"], told.tools["0"])
     assert controller_document(controller_from_document({})) == controller_document(FrameTable())
+
+
+def test_the_example_tells_every_key(tmp_path: Path) -> None:
+    text = write_cell_example()
+    shown = text[text.index("# [controller]") :].replace("\n# ", "\n")[2:]
+    shown = shown.replace('files = ["$config.dat"]', "files = []")
+    (tmp_path / "cell.toml").write_text(text[: text.index("# [controller]")] + shown)
+    told = read_cell(tmp_path / "cell.toml").controller
+    assert set(told.bases) == {"3"}
+    assert set(told.tools) == {"2"}
+    assert told.external[0].carries_robot
+    assert told.fixed_tool == "tool_in_part"
+
+
+def test_files_are_named_from_where_the_cell_is_written() -> None:
+    text = "[controller]\nfiles = [\n  '$config.dat', # frames\n  \"b/TOOL.CND\"]\n"
+    assert with_files(text, lambda name: "../" + name) == (
+        '[controller]\nfiles = [\n  "../$config.dat", # frames\n  "../b/TOOL.CND"]\n'
+    )

@@ -34,7 +34,8 @@ def rapid(T: np.ndarray) -> bytes:
         return "[[{:.6f},{:.6f},{:.6f}],[{}]]".format(*t[:3, 3] / MM, q)
 
     lines = [
-        f"MODULE part\nPERS tooldata spin:=[FALSE,{literal(SPINDLE)},[1,[0,0,1],[1,0,0,0],0,0,0]];\n"
+        f"MODULE part\nPERS tooldata spin:=[FALSE,{literal(SPINDLE)},"
+        "[1,[0,0,1],[1,0,0,0],0,0,0]];\n"
         f'PERS wobjdata w:=[TRUE,TRUE,"",{literal(PART)},[[0,0,0],[1,0,0,0]]];\nPROC m()\n'
     ]
     for k, t in enumerate(T):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from rapid_samples import FRAMES, REST, T_FIXTURE, module, move, read, target
@@ -9,7 +11,7 @@ from rapid_samples import FRAMES, REST, T_FIXTURE, module, move, read, target
 from robotrue.core.units import DEG
 from robotrue.core.words import NO_WORD
 from robotrue.errors import FormatError
-from robotrue.program.formats import detect, dialect
+from robotrue.program.formats import detect, dialect, read_job
 from robotrue.program.program import FrameTable, Motion, Reason
 
 EXPRESSION = Reason.EXPRESSION
@@ -315,3 +317,13 @@ def test_calls_by_name_and_traps_are_told() -> None:
     program = read(f"{FRAMES}PROC main()\n{move(target())}ENDPROC\n{trap}ENDMODULE")
     assert program.reason.tolist() == [0]
     assert any(": stop, which an interrupt or an error starts" in n for n in program.notes)
+
+
+def test_modules_with_motions_are_each_read_with_the_frames_of_all(tmp_path: Path) -> None:
+    ends = "ENDPROC\nENDMODULE\n"
+    (tmp_path / "main.mod").write_text(f"{FRAMES}PROC main()\n{move(target(1))}{ends}")
+    (tmp_path / "sub.mod").write_text(f"MODULE sub\nPROC s()\n{move(target(2))}{ends}")
+    job = read_job([tmp_path / "main.mod", tmp_path / "sub.mod"])
+    assert [program.reason.tolist() for program in job] == [[0], [0]]
+    for program in job:
+        np.testing.assert_allclose(program.T_base_frame[program.frame[0]], T_FIXTURE, atol=1e-8)

@@ -60,6 +60,24 @@ abc_deg = [0, 0, 0]
 # box_mm = [[800, -300, 0], [1400, 300, 400]]   # two opposite corners
 # sphere_mm = [1000, 0, 200, 150]               # centre and radius
 # below_mm = [[0, 0, -10], [0, 0, 1]]           # a plane: point, and normal out of the solid side
+
+# [controller]                       # what programs name and the controller holds
+# files = ["$config.dat"]            # saved by it: also TOOL.CND, UFRAME.CND, SYSFRAME.VA
+# pulses_per_degree = [1365, 1365, 1365, 910, 910, 455]   # Yaskawa jobs in pulses; may be negative
+# external_axes_at_rest = false      # those not described below stand still, frames hold there
+# fixed_tool = "tool_in_part"        # KUKA #TCP: what a target says; or "part_in_tool"
+# [[controller.base]]                # USER 3, UF 3, BASE_DATA[3], a work object: in the robot base
+# number = 3                         # or name = "w_fixture", or both
+# xyz_mm = [800, -100, 450]
+# abc_deg = [15, 0, 0]               # or wpr_deg (Fanuc W P R, Yaskawa Rx Ry Rz), or quaternion
+# [[controller.tool]]                # TOOL 2, UT 2, TOOL_DATA[2], tooldata: on the flange
+# number = 2
+# xyz_mm = [0, 0, 215.5]
+# [[controller.external]]            # an axis that carries the robot or work frames
+# axis = 1                           # E1, eax_a, the first external value of a target
+# along = [0, 1, 0]                  # or about = [0, 0, 1] and through_mm = [1500, 0, 400]
+# at_mm = 0                          # where it stood when the frames were given; at_deg if it turns
+# carries = ["robot"]                # or frames by number or name; "base" is the default one
 """
 
 

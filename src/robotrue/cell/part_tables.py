@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
@@ -22,6 +23,7 @@ _TABLE: Final = re.compile(
     r"^[ \t]*\[\[?[ \t]*(part|registration([ \t]*\.[ \t]*model)?)[ \t]*\]\]?", re.MULTILINE
 )
 _URDF: Final = re.compile(r"^([ \t]*urdf[ \t]*=[ \t]*)(\"[^\"\n]*\"|'[^'\n]*')", re.MULTILINE)
+_FILES: Final = re.compile(r"^([ \t]*files[ \t]*=[ \t]*\[)([^\]]*)(\])", re.MULTILINE)
 _ANY: Final = re.compile(r"^[ \t]*\[\[?[ \t]*[A-Za-z_][\w. \t-]*\]\]?[ \t]*(#.*)?$", re.MULTILINE)
 
 
@@ -132,6 +134,19 @@ def without_part(text: str) -> str:
 def with_part(text: str, part: PartTable) -> str:
     """Returns a cell.toml's text with these tables in place of any it had."""
     return without_part(text) + "\n" + part_text(part)
+
+
+def with_files(text: str, moved: Callable[[str], str]) -> str:
+    """Returns a cell.toml's text with other paths of the files of its controller."""
+
+    def all_moved(match: re.Match[str]) -> str:
+        quoted = re.sub(r"\"([^\"\n]*)\"|'([^'\n]*)'", one_moved, match[2])
+        return match[1] + quoted + match[3]
+
+    def one_moved(match: re.Match[str]) -> str:
+        return _quoted(moved(match[1] or match[2] or ""))
+
+    return _FILES.sub(all_moved, text, count=1)
 
 
 def with_urdf(text: str, path: str) -> str:

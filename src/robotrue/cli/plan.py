@@ -10,6 +10,7 @@ import numpy as np
 
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
+from robotrue.cli.compensate import frame_table
 from robotrue.cli.console import count, emit_json, emit_table, say
 from robotrue.cli.inputs import check_output
 from robotrue.core.arrays import Array
@@ -23,7 +24,7 @@ from robotrue.planning.plan import PlanSettings, PosePlan, plan_poses
 from robotrue.planning.sheet import plan_sheet
 from robotrue.program.formats import read_job
 from robotrue.program.formats.krl_measure import Trigger, measuring_program
-from robotrue.program.program import FrameTable, Program, Reason
+from robotrue.program.program import Program, Reason
 from robotrue.robot.configuration import controller_axes
 from robotrue.robot.inverse import inverse_batch
 from robotrue.robot.statics import Load
@@ -178,8 +179,7 @@ def _work_of(cell: Cell, path: Path) -> Postures:
     Raises:
         ReachError: The arm reaches none of them.
     """
-    frames = FrameTable(T_base_frame=cell.T_base_frame, T_flange_tool=cell.robot.T_flange_tool)
-    found = [_joints_of(cell, program) for program in read_job(path, frames)]
+    found = [_joints_of(cell, program) for program in read_job(path, frame_table(cell))]
     joints = np.concatenate(found)
     if not len(joints):
         raise ReachError(

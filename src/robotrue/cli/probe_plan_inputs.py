@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -12,6 +12,7 @@ import numpy as np
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
+from robotrue.cli.compensate import frame_table
 from robotrue.cli.console import say
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.files import read_bytes
@@ -26,7 +27,7 @@ from robotrue.program.formats import read_job
 from robotrue.program.formats.apt import looks_like_apt
 from robotrue.program.formats.toolpath_csv import looks_like_csv
 from robotrue.program.formats.toolpaths import read_toolpath
-from robotrue.program.program import FrameTable, Program, Reason
+from robotrue.program.program import Program, Reason
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import inverse_batch
 from robotrue.robot.spin import SpinSettings
@@ -217,7 +218,7 @@ def _toolpath(cell: Cell, path: Path, T_base_part: Array, tip_axis: Array) -> Pl
 
 
 def _program(cell: Cell, path: Path, T_base_part: Array, tip_axis: Array) -> Placed:
-    frames = FrameTable(T_base_frame=T_base_part, T_flange_tool=cell.robot.T_flange_tool)
+    frames = replace(frame_table(cell), T_base_frame=T_base_part)
     joints = np.concatenate([_program_joints(cell, program) for program in read_job(path, frames)])
     if not len(joints):
         raise ReachError(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import tomllib
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Final, Literal
 
@@ -13,7 +14,7 @@ import numpy as np
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import parse_cell
 from robotrue.cell.part import PartTable
-from robotrue.cell.part_tables import with_part, with_urdf
+from robotrue.cell.part_tables import with_files, with_part, with_urdf
 from robotrue.cell.writer import cell_text
 from robotrue.cli.console import emit_json, say
 from robotrue.cli.inputs import check_output
@@ -155,16 +156,21 @@ def _cell_bytes(cell: Cell, source: Path, table: PartTable, output: Path) -> byt
     else:
         text = read_bytes(source).decode("utf-8-sig")
         text = with_urdf(text, _moved_urdf(text, source, output))
+        text = with_files(text, partial(_moved, source=source, output=output))
     data = with_part(text, table).encode()
     parse_cell(data, output)
     return data
 
 
 def _moved_urdf(text: str, source: Path, output: Path) -> str:
-    urdf = tomllib.loads(text).get("robot", {}).get("urdf", "")
-    path = (source.parent / urdf).resolve()
-    if Path(urdf).is_absolute() or source.parent.resolve() == output.parent.resolve():
-        return str(urdf)
+    return _moved(tomllib.loads(text).get("robot", {}).get("urdf", ""), source, output)
+
+
+def _moved(name: str, source: Path, output: Path) -> str:
+    """A path that one cell file names, as another names it."""
+    path = (source.parent / name).resolve()
+    if Path(name).is_absolute() or source.parent.resolve() == output.parent.resolve():
+        return str(name)
     return Path(os.path.relpath(path, output.parent.resolve())).as_posix()
 
 

@@ -24,6 +24,7 @@ _BODY: Final = re.compile(
     rb"|^\s*ENDMODULE\b|^\s*(?:LOCAL\s+)?(?:PERS|VAR|CONST)\s+\w+\s+\w+\s*:=",
     re.IGNORECASE | re.MULTILINE,
 )
+_MOVES: Final = re.compile(rb"\bMove(?:L|J|C|AbsJ)\b", re.IGNORECASE)
 _LOOKED_AT: Final = 1 << 18
 """Bytes that decide on the dialect."""
 _BESIDE: Final = ("CalibData.mod", "CalibData.modx")
@@ -56,14 +57,20 @@ class Rapid:
     def read_job(
         self, files: Sequence[tuple[str, bytes]], *, frames: FrameTable
     ) -> tuple[Program, ...]:
-        """Returns one program per file: the targets of the first; the others give frames only.
+        """Returns one program per file; each with motions is read with the frames of all.
 
         Raises:
             FormatError: Not RAPID, or cut off, with the file and line.
         """
         from robotrue.program.formats.rapid_read import read_rapid
 
-        return read_rapid(files, frames)
+        first, *others = read_rapid(files, frames)
+        out = [first]
+        for k, program in enumerate(others, start=1):
+            again = _MOVES.search(files[k][1])
+            job = [files[k], *files[:k], *files[k + 1 :]]
+            out.append(read_rapid(job, frames)[0] if again else program)
+        return tuple(out)
 
     def write(self, program: Program, replacement: Replacement) -> bytes:
         """Returns the module with the numbers of the changed rows replaced.
