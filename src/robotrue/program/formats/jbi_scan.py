@@ -264,7 +264,7 @@ class _Reader:
 
     def _integers(self, name: str, value: str) -> tuple[int, ...]:
         parts = value.split(",")
-        if not all(re.fullmatch(r"\s*[+-]?[0-9]{1,9}\s*", part) for part in parts):
+        if not all(re.fullmatch(r"[ \t]*[+-]?[0-9]{1,9}[ \t]*", part) for part in parts):
             self._refuse(f"///{name} {value[:60]!r} is no list of whole numbers", "correct it")
         return tuple(int(part) for part in parts)
 
