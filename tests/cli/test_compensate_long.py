@@ -65,6 +65,29 @@ def test_blocks_are_the_whole(both, work: Path) -> None:
     assert "lines 84, 184: unchanged, out of the robot's reach." in blocks.err
 
 
+def test_arrays_in_the_dat(both, work: Path) -> None:
+    (work / "job.src").write_text(
+        "DEF job()\n$BASE={X 0,Y 0,Z 0,A 0,B 0,C 0}\n$TOOL={X 60,Y 40,Z 250,A 0,B 0,C 0}\n"
+        "FOR i=1 TO 150\nLIN p[i] C_DIS\nENDFOR\nLIN {X 1200,Y 0,Z 900,A 0,B 120,C 0}\nEND\n"
+    )
+    points = [
+        f"p[{k + 1}]={{X 1200.0,Y {200 - 2.0 * k:.1f},Z {900 + k % 7}.0,A 0,B 120,C 0}}\n"
+        for k in range(150)
+    ]
+    dat = "DEFDAT job PUBLIC\nDECL FRAME p[150]\n" + "".join(points) + "ENDDAT\n"
+    (work / "job.dat").write_text(dat)
+    whole, blocks = both("job.src")
+    for suffix in (".src", ".dat"):
+        new = (work / "blocks.src").with_suffix(suffix).read_bytes()
+        assert new == (work / "whole.src").with_suffix(suffix).read_bytes()
+        assert new != (work / "job.src").with_suffix(suffix).read_bytes()
+    one, other = whole.document["files"], blocks.document["files"]
+    assert [Path(f["output"]).suffix for f in other] == [".src", ".dat"]
+    assert [f["route"] for f in other] == ["whole", "blocks"]
+    assert [f["status"] for f in other] == [f["status"] for f in one]
+    assert other[1]["blocks"] == 3
+
+
 def test_the_identity_is_written_and_asked_for(cli, work: Path, short_blocks: None) -> None:
     (work / "long.src").write_text(program(150).replace("LIN P9\n", ""))
     call = ("compensate", work / "model.rtm")

@@ -141,7 +141,7 @@ def test_points_of_the_dat_are_read_beside(tmp_path: Path) -> None:
         ([*lines(50), f"p={{POS: {pose(3)[1:]}", "PTP p"], "stored or has clauses", -2),
         ([*lines(50), f"CIRC {AXES},{pose(1)}"], "an arc through axis", -1),
         ([*lines(50), f"LIN {pose(1)[:-1]},E1 5.0}}"], "external axes are away from zero", 0),
-        (["WAIT SEC 1"], "no motions", 0),
+        (["WAIT SEC 1"], "no targets", 0),
         ([f"LIN {pose(1)}", *["LIN {X 1}"] * 400], "without one that leaves nothing out", 1),
     ],
 )  # fmt: skip

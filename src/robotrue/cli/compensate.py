@@ -134,7 +134,8 @@ def compensated(
     found = outlined(programs[0], table, staff, why_whole=why_whole) if alone else None
     job = read_job(programs, table) if found is None else found.companions
     files = [(program.name, sha256(program.data)) for program in job]
-    files = files if found is None else [(found.name, found.sha256), *files]
+    if found is not None:
+        files.insert(found.place, (found.name, found.sha256))
     folder = programs[0] if programs[0].is_dir() else programs[0].parent
     outputs = job_outputs([name for name, _ in files], folder, output)
     for name, digest in files:
@@ -155,16 +156,16 @@ def compensated(
             for program, pushed in zip(job, forces, strict=True)
         ]
     finished = partial(_finished, used=used, model=model, frame=frame)
-    documents = []
-    if found is not None and model is not None:
-        pushed = StatedForce(wrench=np.asarray(stated))
+    documents, extra = [], {}
+    if found is not None and model is not None:  # the longest work first: nothing stands before it
+        pushed, long = StatedForce(wrench=np.asarray(stated)), outputs.pop(found.place)
         in_use = found.T_base_frame[found.judged[found.judged[:, 2] == Reason.NONE, 0]]
         _remark(found.name, [*_frame_notes(in_use, frame), *useless(pushed, model)])
         settings = _settings(cell, pushed, axis_targets, max_shift_mm)
-        made = compensated_in_blocks(model, found, programs[0], outputs[0], settings, staff)
-        documents.append(finished(files[0], outputs[0], *made, pushed))
+        made = compensated_in_blocks(model, found, folder / found.name, long, settings, staff)
+        extra = finished((found.name, found.sha256), long, *made, pushed)
     for program, target, pushed, (data, document) in zip(
-        job, outputs[len(documents) :], forces, rewritten, strict=True
+        job, outputs, forces, rewritten, strict=True
     ):
         in_use = program.T_base_frame[program.frame[program.reason == Reason.NONE]]
         notes = [*program.notes, *_frame_notes(in_use, frame), *useless(pushed, model)]
@@ -173,6 +174,8 @@ def compensated(
         document = {"route": "whole", **document}
         source = (program.name, sha256(program.data))
         documents.append(finished(source, target, sha256(data), document, pushed))
+    if found is not None:
+        documents.insert(found.place, extra)
     whole = documents[0] if len(documents) == 1 else _together(documents)
     return whole if between is None else {**whole, "between_targets": between.told()}
 

@@ -11,10 +11,9 @@ from typing import Any, Final
 from robotrue.calibration.model import ErrorModel
 from robotrue.cli.console import say
 from robotrue.compensation.settings import CompensationSettings
-from robotrue.core.files import read_bytes
 from robotrue.errors import ConfigurationError
 from robotrue.program.program import FrameTable
-from robotrue.program.stream import Outline, outline
+from robotrue.program.stream import Outline, longest, outline
 
 LONG: Final = 32 << 20
 """Bytes from which a program goes in blocks."""
@@ -53,7 +52,7 @@ def outlined(path: Path, frames: FrameTable, staff: Staff, *, why_whole: str) ->
         ConfigurationError: It must be held whole, and this machine has not the memory.
         FormatError: The file cannot be read, or is not in its dialect.
     """
-    size = path.stat().st_size if path.is_file() else len(read_bytes(path))
+    size = longest(path)[0].stat().st_size
     if size < LONG and not staff.named:
         return None
     if not why_whole:

@@ -9,8 +9,9 @@ so the blocks depend on the file alone. What cannot be read so is read whole.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Final, Protocol, cast
@@ -18,15 +19,17 @@ from typing import Final, Protocol, cast
 import numpy as np
 
 from robotrue.core.arrays import Array, IntArray, frozen
-from robotrue.core.files import read_bytes
 from robotrue.errors import FormatError
 from robotrue.program.controller_files import with_files_beside
 from robotrue.program.formats import detect
-from robotrue.program.program import FrameTable, Program
+from robotrue.program.formats.job_files import companion_paths, gathered
+from robotrue.program.program import Dialect, FrameTable, Program
 
 BLOCK: Final = 50_000
 """Targets of a block."""
 _LOOKED_AT: Final = 1 << 20
+_COUNT: Final = re.compile(r"\b\d+ targets")
+"""In a note on the skeleton: too few."""
 _MODULES: Final[Mapping[str, str]] = {"krl": "robotrue.program.formats.krl_stream"}
 
 
@@ -93,13 +96,15 @@ class Outline:
         size: Bytes.
         sha256: Of the bytes.
         targets: How many there are.
-        judged: (s, 4) frame, tool, reason of a pose and of an axis target.
+        judged: (s, 5) frame, tool, reason of a pose and of an axis target, and the motion, -1
+            where the target itself says it.
         T_base_frame: (f, 4, 4) as in :class:`Program`.
         T_flange_tool: (t, 4, 4).
         external_axes_at_rest: As in :class:`FrameTable`.
         blocks: In file order; together they are the file.
         notes: What the reader wants the user to know; without counts.
-        companions: The other files of the job, read whole.
+        companions: The other programs of the job, read whole, in its order.
+        place: How many of them come before this file.
     """
 
     name: str
@@ -114,6 +119,7 @@ class Outline:
     blocks: tuple[Block, ...]
     notes: tuple[str, ...]
     companions: tuple[Program, ...]
+    place: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,7 +129,7 @@ class Judged:
     Attributes:
         name: File name.
         dialect: Registered name of the dialect.
-        table: (s, 4) as in :class:`Outline`.
+        table: (s, 5) as in :class:`Outline`.
         T_base_frame: (f, 4, 4).
         T_flange_tool: (t, 4, 4).
         external_axes_at_rest: As in :class:`FrameTable`.
@@ -138,17 +144,51 @@ class Judged:
 
     def __post_init__(self) -> None:
         """Checks shapes and freezes."""
-        table = frozen(self.table, (None, 4), "table", dtype=np.int64)
+        table = frozen(self.table, (None, 5), "table", dtype=np.int64)
         object.__setattr__(self, "table", table)
+
+
+class Surveyed(Protocol):
+    """What a dialect finds in one pass over a long file.
+
+    Attributes:
+        size: Bytes.
+        targets: How many there are.
+    """
+
+    size: int
+    targets: int
+
+    @property
+    def sha256(self) -> str:
+        """Of the bytes."""
+        ...
+
+    @property
+    def skeleton(self) -> bytes:
+        """Text for the ordinary reader."""
+        ...
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """In file order; ``judgement`` counts the stretches."""
+        ...
+
+    def judge(self, skeleton: Program, others: Sequence[tuple[str, bytes]]) -> IntArray | Whole:
+        """Returns the judgement of every stretch (s, 5), or why there is none.
+
+        Args:
+            skeleton: As the ordinary reader reads it.
+            others: The other files of the job.
+        """
+        ...
 
 
 class Streamed(Protocol):
     """What the module of a dialect that can be read in blocks offers."""
 
-    def outline(
-        self, path: Path, companions: tuple[Path, ...], frames: FrameTable, targets: int
-    ) -> Outline | Whole:
-        """Returns the outline of a file, or why there is none.
+    def survey(self, path: Path, frames: FrameTable, targets: int) -> Surveyed | Whole:
+        """Returns what one pass over a file finds, or why it must be read whole.
 
         Raises:
             FormatError: The bytes are not in this dialect, with the line.
@@ -160,8 +200,25 @@ class Streamed(Protocol):
         ...
 
 
+def longest(path: Path) -> tuple[Path, Dialect]:
+    """Returns the longest of a program file and those beside it, and their dialect.
+
+    Raises:
+        FormatError: The file cannot be read, or is in no registered dialect.
+    """
+    try:
+        with path.open("rb") as stream:
+            language = detect(stream.read(_LOOKED_AT), path.name)
+    except OSError as cause:
+        raise FormatError(
+            f"cannot read: {cause.strerror}.", source=path, hint="check the path."
+        ) from cause
+    job = [path, *companion_paths(path, language)]
+    return max(job, key=lambda each: each.stat().st_size), language
+
+
 def outline(path: str | Path, frames: FrameTable, *, targets: int = BLOCK) -> Outline | Whole:
-    """Returns the outline of a program file with its companions, or why it must be read whole.
+    """Returns the outline of the longest file of a job, or why the job must be read whole.
 
     Args:
         path: A program file; its companions lie beside it.
@@ -169,25 +226,44 @@ def outline(path: str | Path, frames: FrameTable, *, targets: int = BLOCK) -> Ou
         targets: Targets of a block.
 
     Raises:
-        FormatError: The file cannot be read, or is not in its dialect.
+        FormatError: A file cannot be read, or is not in its dialect.
     """
     path = Path(path)
-    try:
-        with path.open("rb") as stream:
-            language = detect(stream.read(_LOOKED_AT), path.name)
-    except OSError:
-        read_bytes(path)  # says what is wrong
-        raise FormatError("cannot read.", source=path, hint="check the path.") from None
+    long, language = longest(path)
     if language.name not in _MODULES:
-        return Whole(why=f"programs in {language.name} are read whole")
-    beside = [path.with_name(name) for name in language.companions(path.name)]
-    found: list[Path] = []
-    for other in beside:
-        if other.is_file() and not any(other.samefile(one) for one in (path, *found)):
-            found.append(other)
-    table, said = with_files_beside(path, language.name, frames)
-    out = _module(language.name).outline(path, tuple(found), table, targets)
-    return replace(out, notes=(*out.notes, *said)) if isinstance(out, Outline) and said else out
+        return Whole(why=f"programs in {language.name} have no outline")
+    frames, beside = with_files_beside(path, language.name, frames)
+    found = _module(language.name).survey(long, frames, targets)
+    if isinstance(found, Whole):
+        return found
+    job = gathered([path], language, instead={long.name: found.skeleton})
+    programs = language.read_job(job.files, frames=frames)
+    place = [name for name, _ in job.files].index(long.name)
+    skeleton = programs[place]
+    others = [file for k, file in enumerate(job.files) if k != place]
+    table = found.judge(skeleton, others)
+    if isinstance(table, Whole):
+        return table
+    kept = [
+        program
+        for k, program in enumerate(programs)
+        if k != place and (k < job.given or len(program))
+    ]
+    return Outline(
+        name=long.name,
+        dialect=language.name,
+        size=found.size,
+        sha256=found.sha256,
+        targets=found.targets,
+        judged=table,
+        T_base_frame=skeleton.T_base_frame,
+        T_flange_tool=skeleton.T_flange_tool,
+        external_axes_at_rest=frames.external_axes_at_rest,
+        blocks=found.blocks,
+        notes=tuple(_COUNT.sub("targets", note) for note in (*skeleton.notes, *beside)),
+        companions=tuple(kept),
+        place=sum(any(one is each for each in programs[:place]) for one in kept),
+    )
 
 
 def judged(found: Outline) -> Judged:
