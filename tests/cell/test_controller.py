@@ -25,6 +25,9 @@ EVERY = """
 pulses_per_degree = [1365.3, 1365.3, -1365.3, 900, 900, 500]
 external_axes_at_rest = true
 fixed_tool = "tool_in_part"
+angles = "rpy"
+cutter = "-x"
+spin_deg = 30
 [[controller.base]]
 number = 3
 name = "w_fix"

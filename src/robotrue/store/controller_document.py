@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from robotrue.program.external_axes import ExternalAxis
+from robotrue.program.orientation import OrientationRule
 from robotrue.program.program import FrameTable
 
 
@@ -20,6 +21,11 @@ def controller_document(told: FrameTable) -> dict[str, Any]:
         "external": [_axis_document(axis) for axis in told.external],
         "external_axes_at_rest": told.external_axes_at_rest,
         "fixed_tool": told.fixed_tool,
+        "orientation": {
+            "angles": told.orientation.angles,
+            "cutter": told.orientation.cutter.tolist(),
+            "spin": told.orientation.spin,
+        },
         "pulses_per_degree": None if pulses is None else np.asarray(pulses).tolist(),
     }
 
@@ -39,6 +45,11 @@ def controller_from_document(stated: Mapping[str, Any]) -> FrameTable:
         external=tuple(_axis(each) for each in stated["external"]),
         external_axes_at_rest=bool(stated["external_axes_at_rest"]),
         fixed_tool=stated["fixed_tool"],
+        orientation=OrientationRule(
+            angles=stated["orientation"]["angles"],
+            cutter=np.array(stated["orientation"]["cutter"]),
+            spin=stated["orientation"]["spin"],
+        ),
         pulses_per_degree=None if pulses is None else np.array(pulses),
     )
 
