@@ -1,9 +1,10 @@
 """The receptance at any frequency: between the lines, below the band, above it.
 
 Between the lines a complex cubic, or the modes where they say it better. Below the band nothing
-was measured: there the value runs from the static deflection (of a load test, else that of the
-lowest lines) to the first line of the band, Re with f^2 and Im with f, as a grounded structure
-does. Above the band it is zero.
+was measured: there the value runs from the static deflection (of a load test, else of the modes or
+the lowest lines) to the first line of the band, Re with f^2 and Im with f, as that of a grounded
+structure does. Above the band it is what the modes say, or zero without modes: a curve that ends abruptly
+rings before its cause, and modes end gently.
 """
 
 from __future__ import annotations
@@ -43,35 +44,50 @@ class ResponseCurve:
 
     def at(self, frequency: Array) -> ComplexArray:
         """Returns the receptance (n, r, e) m/N at frequencies (n,) Hz from 0 on, rising."""
-        frf = self.frf
-        low, high = frf.valid
-        _, r, e = frf.response.shape
+        low, high = self.frf.valid
+        _, r, e = self.frf.response.shape
         out = np.zeros((len(frequency), r, e), dtype=np.complex128)
-        first, last = np.searchsorted(frequency, low), np.searchsorted(frequency, high, "right")
-        inside = slice(int(first), int(last))
+        above_rest = max(low, np.nextafter(0.0, 1.0))
+        first, last = (int(i) for i in np.searchsorted(frequency, [above_rest, high]))
+        last += last < len(frequency) and frequency[last] == high
+        inside = slice(first, len(frequency) if self.modes is not None else last)
         out[inside] = self._between(frequency[inside])
-        edge = self._between(np.array([low]))[0] if low > 0.0 else None
-        if edge is not None:
-            part = (frequency[: int(first)] / low)[:, None, None]
-            rest = self.at_rest
-            out[: int(first)] = rest + (edge.real - rest) * part**2 + 1j * edge.imag * part
-        elif frequency[0] == 0.0:
-            out[0] = self.at_rest
-        out[:, ~frf.present] = 0.0
+        out[:first] = self._below(frequency[:first])
+        out[:, ~self.frf.present] = 0.0
         return out
 
     @property
     def at_rest(self) -> Array:
-        """(r, e) m/N at 0 Hz: of the static load test, else Re of the lowest lines."""
+        """(r, e) m/N at 0 Hz: of the static load test, else of the modes or the lowest lines."""
         static = self.frf.static
         if static is not None and np.isfinite(static).all():
             return static
-        lowest = max(self.frf.valid[0], float(self.frf.frequency[self.frf.frequency > 0.0][0]))
-        guess = self._between(np.array([lowest]))[0].real
+        if self._has_rest and self.modes is not None:
+            guess = self.modes.modal_static
+        else:
+            lowest = float(self.frf.frequency[self.frf.frequency > 0.0][0])
+            guess = self._between(np.array([max(self.frf.valid[0], lowest)]))[0].real
         return np.asarray(guess if static is None else np.where(np.isnan(static), guess, static))
 
+    @property
+    def _has_rest(self) -> bool:
+        """Whether there are modes that have a value at 0 Hz."""
+        return self.modes is not None and not self.modes.lower.any()
+
+    def _below(self, frequency: Array) -> ComplexArray:
+        """Value (n, r, e) m/N below the band, at 0 Hz the static one."""
+        low, rest = self.frf.valid[0], self.at_rest
+        if not low > 0.0:
+            return np.tile(rest + 0j, (len(frequency), 1, 1))
+        part = (frequency / low)[:, None, None]
+        if self._has_rest and self.modes is not None:
+            gap = rest - self.modes.modal_static
+            return np.asarray(self.modes.response(frequency) + gap * (1.0 - part**2))
+        edge = self._between(np.array([low]))[0]
+        return np.asarray(rest + (edge.real - rest) * part**2 + 1j * edge.imag * part)
+
     def _between(self, frequency: Array) -> ComplexArray:
-        if self.modes is not None and (frequency > 0.0).all():
+        if self.modes is not None:
             return self.modes.response(frequency)
         lines, values = _known(self.frf)
         return np.asarray(CubicSpline(lines, values, axis=0)(frequency), dtype=np.complex128)

@@ -29,7 +29,7 @@ _WINDOW: Final = 9
 _GRID: Final = 300
 _NEAR: Final = 4.0
 """Half widths about a pole within which every line takes part in the polishing."""
-_STATIC_LINES: Final = 10.0
+_STATIC_LINES: Final = 1000.0
 """Lines that a static deflection weighs."""
 _STEPS: Final = 30
 _SPLITS: Final = 2

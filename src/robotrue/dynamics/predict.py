@@ -174,7 +174,8 @@ def _remarks(
     if above > _ABOVE:
         said.append(
             f"{100.0 * above:.0f} % of the force's mean square lies above "
-            f"{curve.frf.valid[1]:g} Hz, where the response counts as zero"
+            f"{curve.frf.valid[1]:g} Hz, where the response is "
+            + ("zero" if curve.modes is None else "that of the modes below")
         )
     return tuple(said)
 

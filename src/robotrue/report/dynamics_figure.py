@@ -76,34 +76,41 @@ def _response(
     curve: ResponseCurve | None,
 ) -> None:
     low, high = frf.valid
+    first = float(frf.frequency[frf.frequency > 0.0][0])
+    ends = max(0.5 * low, first), min(1.3 * high, float(frf.frequency[-1]))
+    shown = (frf.frequency >= ends[0]) & (frf.frequency <= ends[1])
     for pair in frf.pairs:
-        values = frf.pair(pair[0], pair[1])
+        i, j = frf.response_axes.index(pair[0]), frf.excitation_axes.index(pair[1])
+        lines, values = frf.frequency[shown], frf.response[shown, i, j]
         direct = pair[0] == pair[1]
-        style = {"color": _COLOURS[pair[0]], "lw": 1.2 if direct else 0.7}
         look = "-" if direct else ":"
-        moving = (frf.frequency > 0.0) & (np.abs(values) > 0.0)
-        size.loglog(frf.frequency[moving], np.abs(values[moving]) / UM, look, label=pair, **style)
+        width = 1.2 if direct else 0.7
+        size.loglog(lines, np.abs(values) / UM, look, label=pair, color=_COLOURS[pair[0]], lw=width)
         if phase is not None and direct:
-            angle = np.degrees(np.unwrap(np.angle(values[moving])))
-            phase.semilogx(frf.frequency[moving], angle, look, **style)
-        if coherence is not None and frf.coherence is not None:
-            i, j = frf.response_axes.index(pair[0]), frf.excitation_axes.index(pair[1])
-            coherence.semilogx(frf.frequency[moving], frf.coherence[moving, i, j], look, **style)
+            phase.semilogx(
+                lines, np.degrees(np.angle(values)), ".", color=_COLOURS[pair[0]], ms=1.5
+            )
+        if coherence is not None and frf.coherence is not None and direct:
+            coherence.semilogx(lines, frf.coherence[shown, i, j], color=_COLOURS[pair[0]], lw=0.8)
     if curve is not None and curve.modes is not None:
-        grid = np.geomspace(max(low, frf.frequency[frf.frequency > 0.0][0]), high, 2000)
-        for pair in frf.pairs:
+        grid = np.geomspace(max(low, first), high, 2000)
+        for k, pair in enumerate(frf.pairs):
             i, j = frf.response_axes.index(pair[0]), frf.excitation_axes.index(pair[1])
             between = np.abs(curve.at(grid)[:, i, j]) / UM
-            size.loglog(grid, between, color="#222222", lw=0.5, zorder=0)
+            label = "modes" if k == 0 else None
+            size.loglog(grid, between, color="#222222", lw=0.5, label=label)
     for ax in (size, phase, coherence):
         if ax is not None:
-            if low > 0.0:
-                ax.axvspan(ax.get_xlim()[0], low, color="#999999", alpha=0.25, lw=0)
+            ax.set_xlim(*ends)
+            for outside in ((ends[0], low), (high, ends[1])):
+                if outside[0] < outside[1]:
+                    ax.axvspan(*outside, color="#999999", alpha=0.25, lw=0)
             ax.grid(True, which="major", lw=0.4)
     size.set_ylabel("um/N")
-    size.legend(loc="lower left", ncols=3, fontsize="small")
+    size.legend(loc="lower left", ncols=4, fontsize="small")
     if phase is not None:
         phase.set_ylabel("phase, deg")
+        phase.set_yticks([-180, -90, 0, 90, 180])
     if coherence is not None:
         coherence.set_ylabel("coherence")
         coherence.set_ylim(0.0, 1.05)
