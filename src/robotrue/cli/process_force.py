@@ -106,6 +106,13 @@ def stated_forces(force: Array | DescribedForce, job: Sequence[Program]) -> list
     """
     if not isinstance(force, DescribedForce):
         return [StatedForce(wrench=force) for _ in job]
+    carrying = [program.name for program in job if program.held.any()]
+    if carrying:
+        raise ConfigurationError(
+            "the robot carries the part to the tool: a force along the path is not known there.",
+            source=carrying[0],
+            hint="--wrench, what the tool does to the part, in base axes.",
+        )
     paths: list[CutPath] = [cut_path(program, cutter=force.cutter) for program in job]
     require_one_file(force, paths)
     found = [force.applied(path) for path in paths]

@@ -31,6 +31,7 @@ BESIDE: Final = {
     "fanuc_ls": ("SYSFRAME.VA",),
 }
 """Names under which they lie beside a program of each dialect, in any case."""
+HELD: Final = frozenset(name.lower() for names in BESIDE.values() for name in names)
 
 _SAME: Final = 1e-6
 """m and rad; a frame that differs by less is the one printed with fewer digits."""

@@ -9,6 +9,7 @@ from typing import Protocol, runtime_checkable
 
 from robotrue.core.files import read_bytes
 from robotrue.errors import FormatError
+from robotrue.program.controller_files import HELD
 from robotrue.program.program import Dialect
 
 
@@ -51,7 +52,11 @@ def paths_of(given: str | Path | Sequence[str | Path], suffixes: Iterable[str]) 
     paths = [Path(given)] if isinstance(given, str | Path) else [Path(each) for each in given]
     if len(paths) == 1 and paths[0].is_dir():
         wanted = set(suffixes)
-        found = [each for each in sorted(paths[0].iterdir()) if each.suffix.lower() in wanted]
+        found = [
+            each
+            for each in sorted(paths[0].iterdir())
+            if each.suffix.lower() in wanted and each.name.lower() not in HELD
+        ]
         if not found:
             raise FormatError(
                 f"no program in this folder; files end in {', '.join(sorted(wanted))}.",
