@@ -134,6 +134,11 @@ def log_evidence(theta: Array, causes: Conditions, errors: Array) -> tuple[float
     return solved.log_evidence, gradient
 
 
+def prior_covariance(theta: Array, c: Conditions) -> Array:
+    """Returns the covariance (n, n) m^2 of the errors at causes before any is measured."""
+    return _signal(theta, c, c)
+
+
 def _solved(theta: Array, causes: Conditions, errors: Array) -> Solved:
     covariance = _signal(theta, causes, causes) + np.exp(2.0 * theta[-1]) * np.eye(len(errors))
     return solve(covariance, errors, np.empty((len(errors), 0)))
