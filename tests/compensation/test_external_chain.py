@@ -19,7 +19,7 @@ from robotrue.program.external_axes import ExternalAxis
 from robotrue.program.formats import dialect
 from robotrue.program.program import FrameTable, Program, Reason
 from robotrue.robot.forward import forward
-from robotrue.robot.inverse import inverse_batch
+from robotrue.robot.inverse import inverse_batch, inverse_branches
 
 COUNT = 40
 RAIL = ExternalAxis(number=1, direction=np.array([0.0, 1.0, 0.0]), at=0.2, carries_robot=True)
@@ -183,3 +183,20 @@ def test_pulses_of_a_rail_need_their_ratio() -> None:
     np.testing.assert_allclose(
         program.T_base_frame[program.frame], frames_in_base(False), atol=1e-9
     )
+
+
+def test_a_program_begins_on_the_branch_another_file_leaves_the_arm_on() -> None:
+    model = cases.rigid_model()
+    T = forward(model.robot, JOINTS)
+    flange = model.robot.with_tool(np.eye(4))
+    other = inverse_branches(flange, T[:1] @ inverse(cases.TOOL))[0]
+    other = other[np.isfinite(other).all(axis=1)]
+    other = other[np.abs(other - JOINTS[0]).max(axis=1) > 0.5]
+    controller = model.robot.controller
+    assert controller is not None
+    for joints in other[:2]:
+        start = controller.to_controller(joints[None])[0]
+        program = replace(cases.program_of(T[:1]), start=start)
+        result = compensate(model, program)
+        np.testing.assert_allclose(result.joints[0], joints, atol=0.02)
+    assert len(other) >= 2

@@ -194,3 +194,14 @@ def test_files_of_other_languages_and_folders_are_refused(tmp_path: Path) -> Non
     made(away, part_src=CALLER)
     with pytest.raises(FormatError, match="2 files in 2 folders"):
         read_job([tmp_path / "part.src", away / "part.src"])
+
+
+def test_a_camrob_path_begins_where_the_program_takes_the_arm(tmp_path: Path) -> None:
+    made(tmp_path, part_src=CALLER, path_csv=CAMROB)
+    path = of(read_job(tmp_path / "part.src"), "path.csv")
+    np.testing.assert_allclose(path.start / DEG, [10, -70, 100, 5, 60, -20])
+    posed = CALLER.replace("PTP {A1 10,A2 -70,A3 100,A4 5,A5 60,A6 -20}", f"PTP {{{P}}}")
+    made(tmp_path, part_src=posed)
+    path = of(read_job(tmp_path / "part.src"), "path.csv")
+    assert not len(path.start)
+    assert any("no axis target stands before its call" in note for note in path.notes)

@@ -7,6 +7,7 @@ the controller must be told. Arcs stay arcs and lines stay lines: targets move, 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -60,6 +61,8 @@ def compensate(
     settings = settings or CompensationSettings()
     load = at_part(program, settings.load_for(len(program)))
     robot = model.robot.nominal()
+    if len(program.start) == robot.dof and robot.controller is not None and not len(settings.home):
+        settings = replace(settings, home=robot.controller.to_model(program.start[None])[0])
     measured = measured_tools(robot, program.T_flange_tool)
     tables = model.mean_tables(load)
     pack = pack_tables(tables or rigid_tables(robot), program.T_flange_tool, measured)

@@ -72,6 +72,8 @@ class Program:
             does. Such a target says where the *part* is to be: ``frame`` is the tool in the cell,
             ``tool`` the part frame on the flange, and position and rotation are the part frame in
             that tool, which is the inverse of what is printed.
+        start: (dof,) rad, the controller's axis values before the first target, where another file
+            of the job says them; empty if not known.
         notes: What the reader wants the user to know, one sentence each, with line numbers.
         spans: Dialect's own table of byte positions; opaque to everyone else.
     """
@@ -92,6 +94,7 @@ class Program:
     T_base_frame: Array
     T_flange_tool: Array
     held: npt.NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, np.bool_))
+    start: Array = field(default_factory=lambda: np.empty(0))
     notes: tuple[str, ...] = ()
     spans: Any = None
 
@@ -110,6 +113,7 @@ class Program:
             object.__setattr__(self, name, frozen(getattr(self, name), (n,), name, dtype=np.int64))
         words = frozen(self.words, (n, WORDS[self.words_of]), "words", dtype=np.int64)
         object.__setattr__(self, "words", words)
+        object.__setattr__(self, "start", frozen(self.start, (None,), "start"))
         held = frozen(self.held, (n if len(self.held) else 0,), "held", dtype=np.bool_)
         object.__setattr__(self, "held", held)
 

@@ -104,6 +104,7 @@ def camrob_program(
     tool: IntArray,
     T_base_frame: Array,
     T_flange_tool: Array,
+    start: Array,
     notes: list[str],
 ) -> Program:
     """Returns the program of a file whose frames and reasons are known."""
@@ -128,6 +129,7 @@ def camrob_program(
         tool=tool,
         T_base_frame=T_base_frame,
         T_flange_tool=T_flange_tool,
+        start=start,
         notes=tuple(notes),
         spans=tokens,
     )

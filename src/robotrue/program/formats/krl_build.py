@@ -85,6 +85,19 @@ class Builder:
         """Returns in which lines (n,) of the main file the frames of another line are in force."""
         return np.asarray((self._state(lines)[:, :3] == self._state(line)[:3]).all(axis=1))
 
+    def axes_before(self, line: int) -> Array:
+        """Returns the axis values (6,) rad last moved to before a line; empty if not by them."""
+        found = self.scans[max(self.main, 0)]
+        at = np.flatnonzero(found.line_kind[found.agg_line] > STATEMENT)
+        inline = [(int(found.agg_line[a]), int(a), False) for a in at.tolist()]
+        moved = [each for each in (*inline, *self.story.sequence) if each[0] < line]
+        last = max(moved, key=lambda each: each[:2], default=(0, -1, False))[1]
+        if last < 0:
+            return np.empty(0)
+        values, _, _, is_pose, is_axis = _columns(found, np.array([last]))
+        axes: Array = values[0] * DEG
+        return axes if is_axis[0] and not is_pose[0] and np.isfinite(axes).all() else np.empty(0)
+
     def called(self, name: str, lines: IntArray, external: Array) -> Settled:
         """Returns what holds for targets of a file that the main file calls.
 

@@ -87,9 +87,16 @@ def _camrob(name: str, data: bytes, builder: Builder) -> Program:
     notes = list(settled.notes) if used.any() else [f"{name}: no program of the job calls it."]
     if conflict.any():
         notes.append(f"{name}: it is called in more than one base or tool; not compensated.")
+    start = builder.axes_before(calls[0].line) if calls else np.empty(0)
+    if used.any() and not len(start):
+        notes.append(
+            f"{name}: no axis target stands before its call; the solution nearest to the middle of "
+            "the joint limits is taken for its first target."
+        )
     return camrob_program(
         name, data, tokens, line, reason=reason, frame=settled.frame, tool=settled.tool,
-        T_base_frame=settled.T_base_frame, T_flange_tool=settled.T_flange_tool, notes=notes,
+        T_base_frame=settled.T_base_frame, T_flange_tool=settled.T_flange_tool, start=start,
+        notes=notes,
     )  # fmt: skip
 
 
