@@ -12,7 +12,13 @@ from robotrue.core.units import MM
 from robotrue.errors import FormatError
 from robotrue.program.formats.apt import LENGTHS, UNREAD_MOTIONS
 from robotrue.program.formats.apt_frames import AxisSystems
-from robotrue.program.formats.apt_statements import Statement, is_number, statements, to_number
+from robotrue.program.formats.apt_statements import (
+    LARGEST,
+    Statement,
+    is_number,
+    statements,
+    to_number,
+)
 from robotrue.program.formats.gcode_arcs import no_arcs
 from robotrue.program.formats.number_table import Numbers
 from robotrue.program.formats.number_text import WHOLE_NUMBER
@@ -165,7 +171,7 @@ class _Reader:
                 token = cell[0].strip()
                 if not token:
                     continue
-                if not _NUMBER.fullmatch(token):
+                if not _NUMBER.fullmatch(token) or not abs(float(token)) <= LARGEST:
                     return None
                 lead = len(cell[0]) - len(cell[0].lstrip())
                 found.append((at + cell.start() + lead, len(token), float(token)))

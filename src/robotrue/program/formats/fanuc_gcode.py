@@ -10,7 +10,7 @@ import re
 from typing import Final
 
 from robotrue.program.formats.path_dialect import PathDialect, is_other_language
-from robotrue.program.formats.sinumerik import MOVE
+from robotrue.program.formats.sinumerik import moves_score
 from robotrue.program.program import FrameTable, Program
 
 _OWN: Final = re.compile(
@@ -22,8 +22,7 @@ _OWN: Final = re.compile(
 def _score(data: bytes) -> float:
     if is_other_language(data):
         return 0.0
-    own = min(len(_OWN.findall(data)), 2)
-    return 0.5 * bool(MOVE.search(data)) + 0.25 * own
+    return moves_score(data) + 0.25 * min(len(_OWN.findall(data)), 2)
 
 
 def _read(data: bytes, name: str, frames: FrameTable) -> Program:

@@ -18,6 +18,7 @@ from robotrue.program.formats.gcode_rows import Rows, Words, chosen
 from robotrue.program.formats.gcode_state import epochs, in_force, inherited
 from robotrue.program.formats.gcode_vocabulary import UNCERTAIN, Column, Drive, Group, Vocabulary
 from robotrue.program.formats.number_table import Numbers
+from robotrue.program.formats.path_kernels import with_point
 from robotrue.program.formats.path_words import PathWords, Turn, poses, tool_axes
 from robotrue.program.formats.shared_fate import share_fate
 from robotrue.program.formats.target_notes import TargetNotes
@@ -190,11 +191,15 @@ class _Builder:
         return np.where(axis_wise, int(Motion.PTP), int(Motion.LIN))
 
     def _behind(self) -> IntArray:
-        """Returns the byte (m,) behind the last word of each row, -1 where none is a coordinate."""
+        """Returns the byte (m,) behind the last word of each row, -1 where none may be inserted."""
         point, _ = self.words.numbers(tuple(range(Column.I)))
         arc, _ = self.words.numbers(tuple(range(Column.I, Column.R + 1)))
         ends = [np.where(t.start >= 0, t.start + t.length, -1).max(axis=1) for t in (point, arc)]
         out = np.where(ends[0] >= 0, np.maximum(*ends), ends[1])
+        for row in np.flatnonzero(out < 0).tolist():  # all it says is computed
+            block = self.rows.block[row]
+            first, end = int(self.blocks.first[block]), int(self.blocks.end[block])
+            out[row] = first + len(self.blocks.data[first:end].rstrip())
         out[(self.rows.turn == Turn.AXES) | self._closed()] = -1
         return np.asarray(out)
 
@@ -326,10 +331,9 @@ class _Builder:
     def _increments(self) -> BoolArray:
         """Returns the rows with a number other than 0 that has no point."""
         blocks, found = self.blocks, np.zeros(len(self.blocks.first), np.bool_)
-        text = np.frombuffer(blocks.data, np.uint8)
         mine = np.flatnonzero((blocks.column <= Column.R) & (blocks.start >= 0))
-        points = np.concatenate([[0], np.cumsum(text == 46)])
-        bare = points[blocks.start[mine]] == points[blocks.start[mine] + blocks.length[mine]]
+        text = np.frombuffer(blocks.data, np.uint8)
+        bare = ~with_point(text, blocks.start[mine], blocks.length[mine])
         found[blocks.block[mine][bare & (blocks.value[mine] != 0.0)]] = True
         return found[self.rows.block]
 

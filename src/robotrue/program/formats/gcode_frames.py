@@ -61,12 +61,11 @@ class GcodeFrames:
         since = np.where(at >= 0, called[at] if len(called) else 0, -1)
         made = np.array([each[0] for each in self._blocks.findings.frames], np.int64)
         version = np.searchsorted(made, since)
-        pairs, inverse = np.unique(np.stack([setting, version]), axis=1, return_inverse=True)
+        first, run = _runs(setting * (len(made) + 1) + version)
         index = [
-            self._base(int(number), int(step), int(block[np.argmax(inverse == k)]) + 1)
-            for k, (number, step) in enumerate(pairs.T.tolist())
+            self._base(int(setting[k]), int(version[k]), int(block[k]) + 1) for k in first.tolist()
         ]
-        return np.array(index, np.int64)[inverse.ravel()] if len(block) else block
+        return np.array(index, np.int64)[run]
 
     def _base(self, setting: int, version: int, line: int) -> int:
         name = self._frame_name(setting)
@@ -88,12 +87,9 @@ class GcodeFrames:
         return "" if named == "G500" else named
 
     def _tools(self, block: IntArray, setting: IntArray) -> IntArray:
-        numbers, first, inverse = np.unique(setting, return_index=True, return_inverse=True)
-        index = [
-            self._tool(int(number), int(block[at]) + 1)
-            for number, at in zip(numbers.tolist(), first.tolist(), strict=True)
-        ]
-        return np.array(index, np.int64)[inverse.ravel()] if len(block) else block
+        first, run = _runs(setting)
+        index = [self._tool(int(setting[k]), int(block[k]) + 1) for k in first.tolist()]
+        return np.array(index, np.int64)[run]
 
     def _tool(self, setting: int, line: int) -> int:
         if setting == 0:
@@ -106,3 +102,9 @@ class GcodeFrames:
         given: Mapping[str, Array] = self._table.tools
         keys = {key.strip().lower() for key in given}
         return self._known.number("tool", short if short.lower() in keys else name, line)
+
+
+def _runs(column: IntArray) -> tuple[IntArray, IntArray]:
+    """Returns where each run of equal values begins, and the run (n,) of every row."""
+    fresh = np.diff(column, prepend=column[:1] - 1) != 0
+    return np.flatnonzero(fresh), np.cumsum(fresh) - 1

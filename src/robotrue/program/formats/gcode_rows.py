@@ -41,10 +41,13 @@ class Words:
         self._blocks, self._count = blocks, len(rows)
         self._row = np.full(len(blocks.first), -1)
         self._row[rows] = np.arange(len(rows))
+        self._present = set(np.flatnonzero(np.bincount(blocks.column, minlength=1)).tolist())
 
     def numbers(self, columns: tuple[int, ...]) -> tuple[Numbers, BoolArray]:
         """Returns the numbers (m, w) of some columns, and which of them stand there."""
         shape = (self._count, len(columns))
+        if self._present.isdisjoint(columns):
+            return _nothing(shape), np.zeros(shape, np.bool_)
         start, length = np.full(shape, -1), np.zeros(shape, np.int64)
         value, given = np.full(shape, np.nan), np.zeros(shape, np.bool_)
         blocks = self._blocks
@@ -57,8 +60,18 @@ class Words:
         return Numbers(start=start, length=length, value=value), given
 
 
+def _nothing(shape: tuple[int, int]) -> Numbers:
+    return Numbers(
+        start=np.broadcast_to(np.int64(-1), shape),
+        length=np.broadcast_to(np.int64(0), shape),
+        value=np.broadcast_to(np.nan, shape),
+    )
+
+
 def chosen(mine: BoolArray, one: Numbers, other: Numbers) -> Numbers:
     """Returns rows of one table where ``mine``, else of the other."""
+    if not mine.any():
+        return other
     pick = mine[:, None]
     return Numbers(
         start=np.where(pick, one.start, other.start),

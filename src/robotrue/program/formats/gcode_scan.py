@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Final
 
 import numpy as np
 
 from robotrue.program.formats.gcode_blocks import Blocks, Findings, with_findings
 from robotrue.program.formats.gcode_kernels import NO_STATE, ODD, count_letters, read_blocks
-from robotrue.program.formats.gcode_vocabulary import Group, Vocabulary
+from robotrue.program.formats.gcode_vocabulary import (
+    Group,
+    Vocabulary,
+    code_tables,
+    column_table,
+)
 from robotrue.program.formats.text_lines import line_starts, require_text
 
+_LARGEST: Final = 1e8
+"""Of any number in a block; 100 km."""
 Take = Callable[[int, int, bytes], None]
 """Takes an odd block: its number, its first byte, its text without the comment."""
 
@@ -38,7 +46,7 @@ def scan_blocks(
     block, column = np.empty(room, np.int64), np.empty(room, np.int64)
     start, length, value = np.empty(room, np.int64), np.empty(room, np.int64), np.empty(room)
     size = read_blocks(
-        text, first, last, vocabulary.column_table(), *vocabulary.code_tables(),
+        text, first, last, column_table(vocabulary), *code_tables(vocabulary),
         np.array(vocabulary.signs), status, end, state, block, column, start, length, value,
     )  # fmt: skip
     columns = tuple(each[:size] for each in (block, column, start, length, value))
@@ -52,6 +60,7 @@ def scan_blocks(
     for (row, group), setting in found.state.items():
         state[row, group] = setting
     block, column, start, length, value = with_findings(columns, found)  # type: ignore[arg-type]
+    value = np.where(np.abs(value) < _LARGEST, value, np.nan)
     return Blocks(
         data=data, first=first, end=end, state=state.astype(np.int64), block=block, column=column,
         start=start, length=length, value=value, findings=found,

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -76,11 +77,9 @@ class Column(IntEnum):
 
 
 WIDTH: Final = 24
-STARTS: Final = {Group.MOTION: UNCERTAIN}
-"""What is in force before anything is said; 0 for the rest."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Vocabulary:
     """One control.
 
@@ -104,23 +103,27 @@ class Vocabulary:
     increments: bool
     holder: Mapping[str, str]
 
-    def column_table(self) -> IntArray:
-        """Returns the columns by letter and second index, for the compiled reader."""
-        out = np.full((26, INDICES), -1)
-        for address, column in self.columns.items():
-            tail = address[1:]
-            if len(tail) < 2 and ((address[0].isalpha() and not tail.isalpha()) or tail in "XYZ"):
-                index = 0 if not tail else 1 + int(tail) if tail.isdigit() else ord(tail) - 77
-                out[ord(address[0]) - 65, index] = column
-        return out
 
-    def code_tables(self) -> tuple[IntArray, IntArray]:
-        """Returns group and value (2, CODES) of G and M codes, for the compiled reader."""
-        group, setting = np.full((2, CODES), -1), np.zeros((2, CODES), np.int64)
-        for code, (kind, value) in self.codes.items():
-            row, number = "GM".index(code[0]), round(10.0 * float(code[1:]))
-            group[row, number], setting[row, number] = kind, value
-        return group, setting
+@cache
+def column_table(vocabulary: Vocabulary) -> IntArray:
+    """Returns the columns by letter and second index, for the compiled reader."""
+    out = np.full((26, INDICES), -1)
+    for address, column in vocabulary.columns.items():
+        tail = address[1:]
+        if len(tail) < 2 and ((address[0].isalpha() and not tail.isalpha()) or tail in "XYZ"):
+            index = 0 if not tail else 1 + int(tail) if tail.isdigit() else ord(tail) - 77
+            out[ord(address[0]) - 65, index] = column
+    return out
+
+
+@cache
+def code_tables(vocabulary: Vocabulary) -> tuple[IntArray, IntArray]:
+    """Returns group and value (2, CODES) of G and M codes, for the compiled reader."""
+    group, setting = np.full((2, CODES), -1), np.zeros((2, CODES), np.int64)
+    for code, (kind, value) in vocabulary.codes.items():
+        row, number = "GM".index(code[0]), round(10.0 * float(code[1:]))
+        group[row, number], setting[row, number] = kind, value
+    return group, setting
 
 
 def _each(

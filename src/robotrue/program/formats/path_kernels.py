@@ -26,6 +26,16 @@ def decimals_of(buf: Any, start: Any, length: Any) -> Any:
 
 
 @numba.njit(cache=True)
+def with_point(buf: Any, start: Any, length: Any) -> Any:
+    """Returns which tokens (t,) have a decimal point."""
+    out = np.zeros(len(start), np.bool_)
+    for t in range(len(start)):
+        for j in range(start[t], start[t] + length[t]):
+            out[t] |= buf[j] == 46
+    return out
+
+
+@numba.njit(cache=True)
 def owed_words(
     written: Any, said: Any, wanted: Any, kept: Any, decimals: Any, turn: Any, skip: Any, able: Any,
     barred: Any, owed: Any, donor: Any,

@@ -32,6 +32,8 @@ _MILLIMETRES: Final = (3, 3)
 _INCHES: Final = (4, 5)
 _VECTOR: Final = (5, 7)
 """Decimals that can hold a correction, and those printed where there are fewer."""
+_UNSEEN: Final = b"0.0000"
+"""Style of a word that stood nowhere before."""
 _ARC_NAMES: Final = (b"I", b"J", b"K")
 
 
@@ -173,25 +175,32 @@ def _insertions(
         words.numbers.start >= 0, said, values, words.value, shown, words.turn, words.skip,
         words.at >= 0, words.barred, owed, donor,
     )  # fmt: skip
-    rows = np.flatnonzero(owed.any(axis=1))
+    rows, columns = np.nonzero(owed)
     gap = b" " if words.blank else b""
     out: list[tuple[int, int, bytes]] = []
-    for row in rows.tolist():
-        names = words.names[int(words.turn[row])]
-        text = b""
-        for column in np.flatnonzero(owed[row]).tolist():
-            style = _style(data, words.numbers, int(donor[row, column]), column)
-            fine = len(style.partition(b".")[2]) >= enough[row, column]
-            more = 0 if fine else int(least[row, column])
-            number = restyled(style, float(values[row, column]), least=more)
-            text += gap + names[column] + number
-        out.append((int(words.at[row]), 0, text))
+    styles = donor[rows, columns]
+    starts = np.where(styles >= 0, words.numbers.start[styles, columns], -1)
+    ends = starts + words.numbers.length[styles, columns]
+    for column, first, end, place, turn, value, few, many in zip(
+        *(
+            each.tolist()
+            for each in (
+                columns, starts, ends, words.at[rows], words.turn[rows],
+                values[rows, columns], enough[rows, columns], least[rows, columns],
+            )
+        ),
+        strict=True,
+    ):  # fmt: skip
+        style = data[first:end] if first >= 0 else _UNSEEN
+        fine = len(style.partition(b".")[2]) >= few
+        text = gap + words.names[turn][column] + restyled(style, value, least=0 if fine else many)
+        if out and out[-1][0] == place:
+            text = out.pop()[2] + text
+        out.append((place, 0, text))
     return out
 
 
 def _style(data: bytes, numbers: Numbers, row: int, column: int) -> bytes:
-    if row < 0:
-        return b"0.0000"
     first = int(numbers.start[row, column])
     return data[first : first + int(numbers.length[row, column])]
 

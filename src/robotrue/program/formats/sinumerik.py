@@ -15,6 +15,7 @@ from robotrue.program.program import FrameTable, Program
 _OWN: Final = re.compile(
     rb"(?im)^[ \t]*+(?:N\d++[ \t]*+)?(?:TRAORI|TRAFOOF|STOPRE|CYCLE\d|ORI(?:WKS|RPY|VECT|AXES)"
     rb"|\$P_UIFR|\$TC_|G64\d?\b|G[57]10\b|G500\b|CIP\b)|\b[ABC]3=|\b[XYZABC]=[-+.\d]|^%_N_|\bCR="
+    rb"|^[^;\r\n(]*;[ \t]*[A-Z]"
 )
 MOVE: Final = re.compile(
     rb"(?im)^[ \t]*+(?:N\d++[ \t]*+)?(?:G\d++(?:\.\d)?[ \t]*+)*+[XYZ][ \t]*+=?[ \t]*+[-+]?+[\d.]"
@@ -22,11 +23,15 @@ MOVE: Final = re.compile(
 """A block that moves, in any G-code."""
 
 
+def moves_score(data: bytes) -> float:
+    """Returns what the moves of any G-code count: more than others have, from three on enough."""
+    return 0.15 * min(len(MOVE.findall(data)), 3)
+
+
 def _score(data: bytes) -> float:
     if is_other_language(data):
         return 0.0
-    own = min(len(_OWN.findall(data)), 2)
-    return 0.5 * bool(MOVE.search(data)) + 0.25 * own
+    return moves_score(data) + 0.25 * min(len(_OWN.findall(data)), 2)
 
 
 def _read(data: bytes, name: str, frames: FrameTable) -> Program:

@@ -98,7 +98,9 @@ def _rows(data: bytes, source: str) -> list[tuple[int, list[str]]]:
         if line.strip() and not line.lstrip().startswith("#")
     ]
     if len(lines) < 2:
-        raise FormatError("no row with a point.", source=source, hint="export the path again.")
+        raise FormatError(
+            "no row with a point.", source=source, line=1, hint="export the path again."
+        )
     mark = ";" if ";" in lines[0][1] else ","
     return [
         (number, [cell.strip() for cell in next(csv.reader([line], delimiter=mark))])

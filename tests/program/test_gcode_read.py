@@ -1,0 +1,266 @@
+"""G-code of Sinumerik and Fanuc controls: what blocks say, and what is not compensated."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from path_samples import FANUC, RULE, SINUMERIK, TABLE, read
+
+from robotrue.core.rotations import matrix_from_abc
+from robotrue.core.units import DEG, MM
+from robotrue.errors import FormatError
+from robotrue.program.orientation import OrientationRule
+from robotrue.program.program import FrameTable, Motion, Program, Reason
+
+
+def sinumerik(text: str, table: FrameTable = TABLE) -> Program:
+    return read("sinumerik", f"G90 G17 G71\nG54\nTRAORI\n{text}\n".encode(), table)
+
+
+def fanuc(text: str, table: FrameTable = TABLE) -> Program:
+    return read("fanuc_gcode", f"%\nG90 G17 G21\nG54 G43.4 H1\n{text}\n%\n".encode(), table)
+
+
+def reasons(program: Program) -> list[Reason]:
+    return [Reason(each) for each in program.reason.tolist()]
+
+
+FIRST = "G1 X1.0 Y2.0 Z3.0 A=10.0 B=20.0 C=30.0"
+
+
+def test_words_left_out_are_those_before() -> None:
+    program = read("sinumerik", SINUMERIK)
+    assert program.line[:4].tolist() == [6, 7, 8, 9]
+    expected = [[10, -0.7694, 5], [10, -0.7694, -1.25], [10, 1.2911, -1.25], [20.5, 1.2911, -1.25]]
+    np.testing.assert_allclose(program.position[:4] / MM, expected)
+    assert (program.reason[:4] == Reason.NONE).all()
+    np.testing.assert_allclose(program.spans.value[3, 3:], [178.5, -30.25, 0.0])
+
+
+def test_angles_are_what_the_cell_says() -> None:
+    rotation = sinumerik(FIRST).rotation[0]
+    np.testing.assert_allclose(rotation, matrix_from_abc(np.array([30.0, 20.0, 10.0]) * DEG))
+    kuka = FrameTable(bases=TABLE.bases, orientation=OrientationRule(angles="kuka"))
+    rotation = sinumerik(FIRST, kuka).rotation[0]
+    np.testing.assert_allclose(rotation, matrix_from_abc(np.array([10.0, 20.0, 30.0]) * DEG))
+    silent = sinumerik(FIRST, FrameTable(bases=TABLE.bases))
+    assert reasons(silent) == [Reason.INCOMPLETE]
+    assert any("[controller] angles" in note for note in silent.notes)
+    for word, angles in (("ORIEULER", "rpy"), ("ORIRPY", "kuka"), ("ORIMKS", "rpy")):
+        table = FrameTable(bases=TABLE.bases, orientation=OrientationRule(angles=angles))
+        assert reasons(sinumerik(f"{word}\n{FIRST}", table)) == [Reason.EXPRESSION]
+    assert reasons(sinumerik(f"ORIRPY\n{FIRST}")) == [Reason.NONE]
+
+
+def test_a_tool_axis_takes_the_spin_the_cell_says() -> None:
+    program = sinumerik("G1 X1.0 Y2.0 Z3.0 A3=0 B3=0.6 C3=0.8\nX2.0\nX3.0 A3=0.6 B3=0 C3=0.8")
+    assert reasons(program) == [Reason.NONE] * 3
+    axis = RULE.axes_of(program.rotation)
+    np.testing.assert_allclose(axis, [[0, 0.6, 0.8], [0, 0.6, 0.8], [0.6, 0, 0.8]], atol=1e-15)
+    silent = FrameTable(bases=TABLE.bases, orientation=OrientationRule(angles="rpy"))
+    told = sinumerik("G1 X1.0 Y2.0 Z3.0 A3=0 B3=0.6 C3=0.8", silent)
+    assert reasons(told) == [Reason.INCOMPLETE]
+    assert any("spin_deg" in note for note in told.notes)
+    assert reasons(sinumerik("G1 X1.0 Y2.0 Z3.0 A3=0 B3=0.6 C3=0.9")) == [Reason.INCOMPLETE]
+
+
+def test_spin_is_counted_from_the_work_frame() -> None:
+    upright = OrientationRule(spin=0.0).rotations(np.array([[0.0, 0.0, 1.0]]))[0]
+    np.testing.assert_allclose(upright, np.diag([1.0, -1.0, -1.0]), atol=1e-15)
+    turned = OrientationRule(spin=90.0 * DEG).rotations(np.array([[0.0, 0.0, 1.0]]))[0]
+    np.testing.assert_allclose(turned[:, 0], [0.0, -1.0, 0.0], atol=1e-15)
+    along_x = OrientationRule(spin=0.0, cutter=np.array([1.0, 0, 0])).rotations(np.eye(3)[2:])[0]
+    np.testing.assert_allclose(along_x[:, 0], [0.0, 0.0, -1.0], atol=1e-15)
+
+
+def test_three_axes_keep_one_orientation() -> None:
+    plain = b"G90 G17 G71\nG54\nG1 X1.0 Y2.0 Z3.0\nX2.0\n"
+    program = read("sinumerik", plain)
+    assert reasons(program) == [Reason.NONE] * 2
+    np.testing.assert_allclose(RULE.axes_of(program.rotation), [[0, 0, 1.0]] * 2, atol=1e-15)
+    rotary = read("sinumerik", plain + b"G1 X1.0 C=30.0\nX3.0\n")
+    assert reasons(rotary)[2:] == [Reason.EXPRESSION] * 2
+    off = sinumerik(f"{FIRST}\nTRAFOOF\nG1 X1.0 Y1.0 Z1.0")
+    assert reasons(off) == [Reason.NONE, Reason.EXPRESSION]
+
+
+def test_fanuc_tool_point_by_angles_and_by_axis() -> None:
+    program = read("fanuc_gcode", FANUC)
+    line = dict(zip(program.line.tolist(), reasons(program), strict=True))
+    assert [line[k] for k in (7, 8, 9, 10, 15, 17, 19, 20)] == [Reason.NONE] * 8
+    assert line[14] == Reason.EXPRESSION  # X#100
+    assert line[16] == Reason.INCOMPLETE  # a block with /
+    assert line[22] == Reason.UNKNOWN_FRAME  # G68
+    assert line[26] == Reason.INCOMPLETE  # behind a call
+    axes = RULE.axes_of(program.rotation[np.isin(program.line, (19, 20))])
+    np.testing.assert_allclose(axes, [[0.1, 0, 0.994987]] * 2, atol=1e-6)
+
+
+def test_inches() -> None:
+    text = "G1 X1.0 Y2.0 Z3.0 A=10.0 B=20.0 C=30.0"
+    for code in ("G70", "G700"):
+        np.testing.assert_allclose(
+            sinumerik(f"{code}\n{text}").position[0], [0.0254, 0.0508, 0.0762]
+        )
+    program = fanuc("G20\nX1. Y2. Z3. A1. B2. C3.\nG21\nX4.")
+    np.testing.assert_allclose(program.position[0], [0.0254, 0.0508, 0.0762])
+    assert reasons(program)[1] == Reason.INCOMPLETE  # nothing is kept over a change of unit
+
+
+def test_arcs_have_their_middle() -> None:
+    program = fanuc(
+        "G0 X0. Y0. Z1. A0. B0. C0.\nG2 X10. Y0. I5. J0.\nG3 X20. R5.\nG3 I5.\nG2 X30. R-5.5"
+    )
+    assert program.motion[1::2].tolist() == [Motion.ARC_VIA] * 4
+    assert program.motion[2::2].tolist() == [Motion.ARC_END] * 4
+    middles = program.position[1::2] / MM
+    lift = -(np.sqrt(5.5**2 - 25.0) + 5.5)
+    expected = [[5, 5, 1], [15, -5, 1], [30, 0, 1], [25, -lift, 1]]
+    np.testing.assert_allclose(middles, expected, atol=1e-9)
+    side = fanuc("G18 G0 X0. Y7. Z0. A0. B0. C0.\nG2 X10. Z0. I5. K0.")
+    assert abs(side.position[1, 1] / MM - 7.0) < 1e-9
+    np.testing.assert_allclose(side.position[1] / MM, [5, 7, -5], atol=1e-9)  # from +Y
+    helix = fanuc("G0 X0. Y0. Z0. A0. B0. C0.\nG3 X10. Y0. Z4. I5. J0.")
+    np.testing.assert_allclose(helix.position[1] / MM, [5, -5, 2], atol=1e-9)
+
+
+def test_arcs_through_a_point() -> None:
+    program = sinumerik(f"{FIRST}\nCIP X10.0 Y2.0 Z3.0 I1=5.0 J1=7.0 K1=3.5")
+    assert program.motion.tolist() == [Motion.LIN, Motion.ARC_VIA, Motion.ARC_END]
+    np.testing.assert_allclose(program.position[1] / MM, [5, 7, 3.5])
+
+
+@pytest.mark.parametrize(
+    "arc", ["G2 X10.0 Y2.0 I=4.0 J=0.5", "G2 X10.0 Y2.0", "G2 X10.0 Y2.0 I=1 CR=5", "CIP X1 Y1 I1=3",
+            "G2 X10.0 Y2.0 K=2.0 I=1.0", "G2 X10.0 Y2.0 CR=1.0", "G2 X11.0 Y2.0 CR=R1"],
+)  # fmt: skip
+def test_an_arc_that_cannot_be_told_holds_its_start_back(arc: str) -> None:
+    program = sinumerik(f"{FIRST}\n{arc}\nG1 X20.0 Y1.0 Z1.0")
+    assert program.motion[2] == Motion.ARC_END
+    assert all(each != Reason.NONE for each in reasons(program)[:3])
+    assert reasons(program)[3] == Reason.NONE
+
+
+def test_zero_offsets_come_from_the_cell() -> None:
+    table = FrameTable(
+        bases={"G54": np.diag([1.0, 1, 1, 1]), "G505": np.eye(4)},
+        orientation=RULE,
+        tools=TABLE.tools,
+    )
+    text = f"{FIRST}\nG505\n{FIRST}\nG55\n{FIRST}\nG500\n{FIRST}"
+    program = sinumerik(text, table)
+    assert reasons(program) == [Reason.NONE, Reason.NONE, Reason.UNKNOWN_FRAME, Reason.NONE]
+    assert program.frame[3] == 0
+    assert any("G55" in note.upper() for note in program.notes)
+    more = FrameTable(bases={"G54.1 P3": np.eye(4)}, orientation=RULE)
+    assert reasons(fanuc("G54.1 P3\nG1 X1. Y1. Z1. A0. B0. C0.", more)) == [Reason.NONE]
+
+
+def test_zero_offsets_the_program_sets() -> None:
+    text = "$P_UIFR[1]=CTRANS(X,100.0,Y,0.0,Z,50.0):CROT(X,0.0,Y,0.0,Z,90.0)\nG54\n" + FIRST
+    program = sinumerik(f"{text}\n$P_UIFR[1]=CTRANS(X,R1)\n{FIRST}\nG54\n{FIRST}")
+    assert reasons(program) == [Reason.NONE, Reason.NONE, Reason.UNKNOWN_FRAME]
+    frame = program.T_base_frame[program.frame[0]]
+    np.testing.assert_allclose(frame[:3, 3], [0.1, 0.0, 0.05])
+    np.testing.assert_allclose(frame[:3, 0], [0, 1, 0], atol=1e-15)
+    assert program.frame[1] == program.frame[0]  # what is set counts from the next call on
+
+
+def test_tools_come_from_the_cell() -> None:
+    table = FrameTable(bases=TABLE.bases, orientation=RULE, tools={"1": np.eye(4), "T7": np.eye(4)})
+    program = sinumerik(f"{FIRST}\nT1 D1\n{FIRST}\nT7\n{FIRST}\nT2\n{FIRST}\nD0\n{FIRST}", table)
+    assert reasons(program) == [Reason.NONE] * 3 + [Reason.UNKNOWN_FRAME] * 2
+    chosen = fanuc("G1 X1. Y1. Z1. A0. B0. C0.\nT2\nX2.\nT1\nM6\nG1 X1. Y1. Z1. A0. B0. C0.", table)
+    assert reasons(chosen) == [Reason.NONE] * 3  # T chooses, M6 changes
+    assert chosen.tool[0] == chosen.tool[1] == 0
+    assert chosen.tool[2] != 0
+
+
+@pytest.mark.parametrize(
+    ("before", "behind", "reason"),
+    [
+        ("G91", "", Reason.RELATIVE),
+        ("TRANS X10", "TRANS", Reason.UNKNOWN_FRAME),
+        ("ROT Z30", "ROT", Reason.UNKNOWN_FRAME),
+        ("AMIRROR X0", "MIRROR", Reason.UNKNOWN_FRAME),
+        ("CYCLE800(1,2)", "CYCLE800()", Reason.UNKNOWN_FRAME),
+        ("G41", "G40", Reason.EXPRESSION),
+        ("BSPLINE", "G1", Reason.EXPRESSION),
+        ("L100", "G90 G17 G71 G40 G54 T1 TRAORI CP ORIRPY G1", Reason.INCOMPLETE),
+        ("IF R1>5 GOTOF A1", "", Reason.INCOMPLETE),
+        ("HOME(1)", "", Reason.INCOMPLETE),
+        ("AGAIN:", "", Reason.INCOMPLETE),
+    ],
+)
+def test_what_moves_the_coordinates_or_the_path(before: str, behind: str, reason: Reason) -> None:
+    program = sinumerik(f"{FIRST}\n{before}\n{FIRST[3:]}")
+    assert reasons(program) == [Reason.NONE, reason]
+    assert any(":5" in note or ":6" in note for note in program.notes)
+    if behind and before != "L100":
+        assert reasons(sinumerik(f"{FIRST}\n{before}\n{behind}\n{FIRST}"))[1] == Reason.NONE
+
+
+@pytest.mark.parametrize(
+    ("block", "reason"),
+    [
+        ("G53 X1. Y1. Z1.", Reason.UNKNOWN_FRAME),
+        ("G68 X0. Y0. R30.\nX1. Y1. Z1. A0. B0. C0.", Reason.UNKNOWN_FRAME),
+        ("G92 X0. Y0. Z0.\nX1. Y1. Z1. A0. B0. C0.", Reason.UNKNOWN_FRAME),
+        ("G52 X5.\nX1. Y1. Z1. A0. B0. C0.", Reason.UNKNOWN_FRAME),
+        ("X#1 Y2. Z3.", Reason.EXPRESSION),
+        ("X[#1+2.] Y2. Z3.", Reason.EXPRESSION),
+        ("G81 X1. Y1. Z-5. R2.", Reason.EXPRESSION),
+        ("G33 X1. Y1. Z1.", Reason.EXPRESSION),
+        ("X10 Y1. Z1.", Reason.EXPRESSION),
+        ("X10. U5.", Reason.EXTERNAL_AXIS),
+        ("G65 P9000\nX1. Y1. Z1.", Reason.INCOMPLETE),
+        ("M98 P9000\nX1. Y1. Z1.", Reason.INCOMPLETE),
+        ("IF[#1EQ2]GOTO10\nX1. Y1. Z1.", Reason.INCOMPLETE),
+        ("/X10.", Reason.INCOMPLETE),
+    ],
+)
+def test_fanuc_words_that_are_not_followed(block: str, reason: Reason) -> None:
+    program = fanuc(f"G1 X1. Y2. Z3. A0. B0. C0.\n{block}")
+    assert reasons(program) == [Reason.NONE, reason]
+    assert any(":5" in note or ":6" in note for note in program.notes)
+
+
+def test_nothing_is_kept_over_what_moves_the_tool() -> None:
+    for block in ("G28 Z0.", "M6", "G53 Z100.", "G81 X1. Y1. Z-5. R2.\nG80 G1"):
+        program = fanuc(f"G1 X1. Y2. Z3. A0. B0. C0.\n{block}\nX5.")
+        assert reasons(program)[-1] == Reason.INCOMPLETE
+    dwell = fanuc("G1 X1. Y2. Z3. A0. B0. C0.\nG4 X2.0\nX5.")
+    assert reasons(dwell) == [Reason.NONE] * 2
+
+
+def test_an_external_axis_stays_where_it_went() -> None:
+    text = f"{FIRST}\nX2.0 E1=100.0\n{FIRST}"
+    assert reasons(sinumerik(text)) == [Reason.NONE, Reason.EXTERNAL_AXIS, Reason.EXTERNAL_AXIS]
+    at_rest = FrameTable(bases=TABLE.bases, orientation=RULE, external_axes_at_rest=True)
+    assert reasons(sinumerik(text, at_rest)) == [Reason.NONE] * 3
+
+
+def test_axis_targets_and_status() -> None:
+    text = "TRAFOOF\nG1 JT1=10.0 JT2=-70.0 JT3=100.0 JT4=5.0 JT5=60.0 JT6=-20.0\n"
+    text += "G1 JT1=10.0 JT2=-70.0 JT3=100.0 A=5.0 B=60.0 C=-20.0\nTRAORI\n"
+    program = sinumerik(f"{text}PTP G1 X1.0 Y1.0 Z1.0 A=1.0 B=2.0 C=3.0 STAT=2 TU=17\nCP\n{FIRST}")
+    assert reasons(program) == [Reason.JOINT_TARGET] * 2 + [Reason.NONE] * 2
+    assert program.motion.tolist() == [Motion.PTP, Motion.PTP, Motion.PTP, Motion.LIN]
+    np.testing.assert_allclose(program.axes[0] / DEG, [10, -70, 100, 5, 60, -20])
+    np.testing.assert_allclose(program.axes[1], program.axes[0])
+    assert program.words_of == "kuka"
+    assert program.words[2].tolist() == [2, 17]
+
+
+def test_comments_and_block_numbers() -> None:
+    program = sinumerik(f'N9990 {FIRST} ; X9\nN10 X2.0;Y9\n; X7 Y7\nMSG("X1 (Y2)")\nN20 X3.0')
+    np.testing.assert_allclose(program.position[:, 0] / MM, [1, 2, 3])
+    program = fanuc("N9990 X1. Y2. Z3. A0. B0. C0. (X9.)\n(X5. (Y5.) Z5.)\nN10 X2.;\nX3.(A)Y4.")
+    np.testing.assert_allclose(program.position[:, :2] / MM, [[1, 2], [2, 2], [3, 4]])
+
+
+def test_refused() -> None:
+    for data, line in ((b"\xff\xfeG\x001\x00", 1), (b"G1 X1\n\0", 2), (b"M30\n", 1)):
+        with pytest.raises(FormatError) as refused:
+            read("sinumerik", data)
+        assert refused.value.line == line

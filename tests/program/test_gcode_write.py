@@ -1,0 +1,189 @@
+"""Words of G-code rewritten and inserted, byte by byte."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from path_samples import RULE, SAMPLES, TABLE, moved, read
+
+from robotrue.core.rotations import matrix_from_abc
+from robotrue.core.units import DEG, MM
+from robotrue.errors import ShapeError
+from robotrue.program.formats import dialect
+from robotrue.program.program import Motion, Program, Reason, Replacement
+
+STILL = np.eye(3)
+
+
+def sinumerik(text: str) -> Program:
+    return read("sinumerik", f"G90 G17 G71\nG54\nTRAORI\n{text}\n".encode())
+
+
+def fanuc(text: str) -> Program:
+    return read("fanuc_gcode", f"%\nG90 G17 G21\nG54 G43.4 H1\n{text}\n%\n".encode())
+
+
+def written(program: Program, shift: list[list[float]], turn: np.ndarray = STILL) -> list[str]:
+    """Lines behind the head after shifts in um."""
+    change = moved(program, np.array(shift) * 1e-6, turn)
+    out = dialect(program.dialect).write(program, change).decode().split("\n")
+    return out[3:-1]
+
+
+def test_numbers_keep_their_style() -> None:
+    program = fanuc("G1 X-.7694 Y10. Z+5.25 A0. B0. C0.")
+    assert written(program, [[200, 23, -150]]) == ["G1 X-.5694 Y10.023 Z+5.100 A0. B0. C0.", "%"]
+    program = sinumerik("G1 X10 Y=.5 Z-0.0004 A=0 B=0 C=0")
+    assert written(program, [[400, 20, 1]]) == ["G1 X10.400 Y=.520 Z0.0006 A=0 B=0 C=0"]
+
+
+def test_a_number_that_says_it_already_stays() -> None:
+    program = sinumerik("G1 X-0.000 Y2.000 Z3.000 A=0.000 B=-0.000 C=0.000")
+    assert written(program, [[0.4, -0.4, 0.4]]) == [
+        "G1 X-0.000 Y2.000 Z3.000 A=0.000 B=-0.000 C=0.000"
+    ]
+
+
+def test_words_are_inserted_where_one_was_left_out() -> None:
+    program = fanuc("N1 X1.000 Y2.000 Z3.000 A0. B0. C0.\nN2 Y4.000 (NOTE)\nN3Y5.000F100.\nX2.000")
+    shifts = [[0, 0, 0], [0, 0, 20], [0, 0, 20], [0, 10, 20]]
+    assert written(program, shifts) == [
+        "N1 X1.000 Y2.000 Z3.000 A0. B0. C0.",
+        "N2 Y4.000 Z3.020 (NOTE)",
+        "N3Y5.000F100.",
+        "X2.000 Y5.010",
+        "%",
+    ]
+
+
+def test_a_block_that_is_left_alone_says_what_it_kept() -> None:
+    program = fanuc("X1.0 Y2.0 Z3.0 A0. B0. C0.\nX#1\nX5.0 Y2.0")
+    assert program.reason.tolist() == [Reason.NONE, Reason.EXPRESSION, Reason.NONE]
+    assert written(program, [[100, 100, 100]] * 3) == [
+        "X1.100 Y2.100 Z3.100 A0. B0. C0.",
+        "X#1 Y2.0 Z3.0",
+        "X5.100 Y2.100 Z3.100",
+        "%",
+    ]
+
+
+def test_nothing_is_inserted_where_it_would_say_another_thing() -> None:
+    text = "X1.0 Y2.0 Z3.0 A0. B0. C0.\n{}\nG90 G1 X5.0 Y2.0 Z3.0"
+    for block in ("G91 X1.0", "G53 X1.0", "G81 X1.0 R2.0", "G68 X0. Y0. R3.\nX1.0\nG69"):
+        lines = written(fanuc(text.format(block)), [[100, 100, 100]] * 3)
+        assert block.split("\n") == lines[1 : 1 + len(block.split("\n"))]
+
+
+def test_turned_angles_and_axes() -> None:
+    turn = matrix_from_abc(np.array([0.0, 0.0, 0.1]) * DEG)
+    program = sinumerik("G1 X1.0 Y2.0 Z3.0 A=180.000 B=0.000 C=0.000\nX2.0")
+    assert written(program, [[0, 0, 0]] * 2, turn) == [
+        "G1 X1.0 Y2.0 Z3.0 A=180.100 B=0.000 C=0.000",
+        "X2.0",
+    ]
+    program = sinumerik("G1 X1.0 Y2.0 Z3.0 A3=0.0 B3=0.0 C3=1.0\nX2.0")
+    spun = matrix_from_abc(np.array([0.3, 0.0, 0.0]) * DEG)  # about the cutter: no word says it
+    assert written(program, [[0, 0, 0]] * 2, spun)[0] == "G1 X1.0 Y2.0 Z3.0 A3=0.0 B3=0.0 C3=1.0"
+    (first, second) = written(program, [[0, 0, 0]] * 2, turn)
+    assert first.startswith("G1 X1.0 Y2.0 Z3.0 A3=-0.0005969 B3=-0.0016401 C3=0.99999")
+    assert second == "X2.0"
+
+
+def test_a_tool_axis_is_inserted_whole() -> None:
+    program = sinumerik("G1 X1.0 Y2.0 Z3.0 A3=0.00000 B3=0.00000 C3=1.00000\nX2.0")
+    change = moved(program, np.zeros((2, 3)), STILL)
+    rotation = np.array(program.rotation)
+    rotation[1] = rotation[1] @ matrix_from_abc(np.array([0.0, 0.0, 0.1]) * DEG)
+    change = Replacement(
+        changed=change.changed, position=change.position, rotation=rotation, axes=change.axes,
+        words=change.words,
+    )  # fmt: skip
+    out = dialect("sinumerik").write(program, change)
+    assert out.split(b"\n")[4] == b"X2.0 A3=-0.00060 B3=-0.00164 C3=1.00000"
+    again = read("sinumerik", out)
+    miss = RULE.axes_of(again.rotation) - RULE.axes_of(rotation)
+    assert np.abs(miss).max() < 0.51e-5
+
+
+def test_three_axes_print_no_turn() -> None:
+    program = read("fanuc_gcode", b"%\nG90 G21\nG54\nG1 X1.0 Y2.0 Z3.0\n%\n")
+    assert program.reason.tolist() == [Reason.NONE]
+    turn = matrix_from_abc(np.array([0.0, 0.1, 0.1]) * DEG)
+    assert written(program, [[10, 0, 0]], turn)[0] == "G1 X1.010 Y2.0 Z3.0"
+
+
+def test_a_shifted_arc_keeps_its_shape() -> None:
+    program = fanuc("G0 X0. Y0. Z1. A0. B0. C0.\nG2 X10. Y0. I5. J0.\nG3 X20. R5.\nG3 I5.")
+    lines = written(program, [[100, 50, 20]] * 7)
+    assert lines[:4] == [
+        "G0 X0.100 Y0.050 Z1.020 A0. B0. C0.",
+        "G2 X10.100 Y0.050 I5. J0.",
+        "G3 X20.100 R5.",
+        "G3 I5.",
+    ]
+
+
+def test_a_bent_arc_goes_through_its_middle() -> None:
+    program = fanuc("G0 X0. Y0. Z1. A0. B0. C0.\nG2 X10.0000 Y0.0000 I5.0000")
+    shift = [[0, 0, 0], [0, 100, 0], [0, 0, 0]]
+    assert written(program, shift)[1] == "G2 X10.0000 Y0.0000 I5.0000 J0.0990"
+    again = read(
+        "fanuc_gcode",
+        dialect("fanuc_gcode").write(program, moved(program, np.array(shift) * 1e-6, STILL)),
+    )
+    np.testing.assert_allclose(again.position[1] / MM, [5.0, 5.1, 1.0], atol=1e-4)
+
+
+def test_an_arc_whose_end_rises_is_a_helix() -> None:
+    program = fanuc("G0 X0. Y0. Z1.000 A0. B0. C0.\nG2 X10.000 Y0.000 I5.000 J0.\nG1 X11.000")
+    shift = [[0, 0, 0], [0, 0, 0], [0, 0, 30], [0, 0, 30]]
+    assert written(program, shift)[1:3] == ["G2 X10.000 Y0.000 I5.000 J0. Z1.030", "G1 X11.000"]
+
+
+def test_a_relative_arc_moves_with_its_start() -> None:
+    program = fanuc("G0 X0.000 Y0.000 Z1. A0. B0. C0.\nG91 G2 X10.0 Y0.0 I5.0 J0.0")
+    assert program.reason.tolist() == [Reason.NONE, Reason.RELATIVE, Reason.RELATIVE]
+    assert written(program, [[10, 0, 0]] * 3)[1] == "G91 G2 X10.0 Y0.0 I5.0 J0.0"
+
+
+def test_status_and_axis_values() -> None:
+    text = "PTP G1 X1.0 Y1.0 Z1.0 A=1.0 B=2.0 C=3.0 STAT=2 TU=17\n"
+    program = sinumerik(
+        text + "TRAFOOF\nG1 JT1=10.0 JT2=-70.0 JT3=100.0 JT4=5.0 JT5=60.0 JT6=-20.0"
+    )
+    change = moved(program, np.zeros(3), STILL, 0.1 * DEG)
+    words = np.array(change.words)
+    words[0] = (6, 19)
+    change = Replacement(
+        changed=change.changed, position=change.position, rotation=change.rotation,
+        axes=change.axes, words=words,
+    )  # fmt: skip
+    lines = dialect("sinumerik").write(program, change).decode().split("\n")
+    assert lines[3] == "PTP G1 X1.0 Y1.0 Z1.0 A=1.0 B=2.0 C=3.0 STAT=6 TU=19"
+    assert lines[5] == "G1 JT1=10.100 JT2=-69.900 JT3=100.100 JT4=5.100 JT5=60.100 JT6=-19.900"
+
+
+@pytest.mark.parametrize("name", sorted(SAMPLES))
+def test_what_cannot_be_printed_is_refused(name: str) -> None:
+    program = read(name, SAMPLES[name])
+    with pytest.raises(ShapeError, match="expected finite numbers"):
+        dialect(name).write(program, moved(program, np.full(3, np.nan), STILL))
+    other = read(
+        "apt" if name != "apt" else "sinumerik", SAMPLES["apt" if name != "apt" else "sinumerik"]
+    )
+    with pytest.raises(ShapeError):
+        dialect(name).write(program, moved(other, np.zeros(3), STILL))
+
+
+def test_content_names_the_dialect() -> None:
+    from robotrue.program.formats import detect, dialects
+
+    for name, data in SAMPLES.items():
+        scores = {each: dialect(each).detect(data) for each in dialects()}
+        assert max(scores, key=lambda each: scores[each]) == name
+        assert detect(data, "noname").name == name
+    bare = b"N10 G1 X1.0 Y2.0 Z3.0\nN20 X2.0\nN30 Y2.0\n"
+    assert detect(bare, "noname").name in ("sinumerik", "fanuc_gcode")
+    assert detect(b"hello\n", "a.mpf").name == "sinumerik"
+    assert TABLE.orientation.stated
+    assert Motion.LIN == 1

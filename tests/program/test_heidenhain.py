@@ -1,0 +1,137 @@
+"""Conversational programs: what blocks say, what is not compensated, what is written."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from path_samples import HEIDENHAIN, RULE, TABLE, moved, read
+
+from robotrue.core.rotations import matrix_from_abc
+from robotrue.core.units import DEG, MM
+from robotrue.errors import FormatError
+from robotrue.program.formats import dialect
+from robotrue.program.orientation import OrientationRule
+from robotrue.program.program import FrameTable, Motion, Program, Reason
+
+HEAD = "0 BEGIN PGM A MM\n1 TOOL CALL 1 Z S100\n2 M128\n"
+FIRST = "L X+1.0 Y+2.0 Z+3.0 A+0.0 B+0.0 C+0.0"
+
+
+def of(text: str, table: FrameTable = TABLE, head: str = HEAD) -> Program:
+    lines = "".join(f"{k} {line}\n" for k, line in enumerate(text.split("\n"), 3))
+    return read("heidenhain", f"{head}{lines}99 END PGM A MM\n".encode(), table)
+
+
+def reasons(program: Program) -> list[Reason]:
+    return [Reason(each) for each in program.reason.tolist()]
+
+
+def written(
+    program: Program, shift: list[list[float]], turn: np.ndarray | None = None
+) -> list[str]:
+    change = moved(program, np.array(shift) * 1e-6, np.eye(3) if turn is None else turn)
+    return dialect("heidenhain").write(program, change).decode().split("\n")[3:-2]
+
+
+def test_lines_and_what_they_leave_out() -> None:
+    program = read("heidenhain", HEIDENHAIN)
+    line = dict(zip(program.line.tolist(), reasons(program), strict=True))
+    assert [line[k] for k in (7, 8, 9, 10, 11, 13, 14, 17, 18)] == [Reason.NONE] * 9
+    assert line[15] == Reason.RELATIVE
+    assert line[16] == Reason.EXPRESSION
+    assert line[20] == Reason.EXPRESSION  # A+0 behind M129
+    np.testing.assert_allclose(program.position[2] / MM, [20.5, -5.5, -1.25])
+
+
+def test_tool_axes_and_angles() -> None:
+    program = of(f"{FIRST}\nLN X+1 Y+2 Z+3 NX+0 NY+0 NZ+1 TX+0.0 TY+0.6 TZ+0.8\nL X+2.0")
+    assert reasons(program) == [Reason.NONE] * 3
+    np.testing.assert_allclose(RULE.axes_of(program.rotation)[1:], [[0, 0.6, 0.8]] * 2, atol=1e-12)
+    silent = FrameTable(tools=TABLE.tools, orientation=OrientationRule())
+    assert reasons(of(FIRST, silent)) == [Reason.INCOMPLETE]
+    tcpm = of(FIRST, head="0 BEGIN PGM A MM\n1 TOOL CALL 1 Z\n2 FUNCTION TCPM F TCP AXIS POS\n")
+    assert reasons(tcpm) == [Reason.NONE]
+    off = of(f"{FIRST}\nFUNCTION RESET TCPM\nL X+1.0 Y+1.0 Z+1.0")
+    assert reasons(off) == [Reason.NONE, Reason.EXPRESSION]
+
+
+def test_inches_of_the_head() -> None:
+    program = of(FIRST, head="0 BEGIN PGM A INCH\n1 TOOL CALL 1 Z\n2 M128\n")
+    np.testing.assert_allclose(program.position[0], [0.0254, 0.0508, 0.0762])
+
+
+def test_an_arc_stands_in_two_blocks() -> None:
+    program = of(f"{FIRST}\nCC X+6.0 Y+2.0\nC X+11.0 Y+2.0 DR+\nCR X+21.0 Y+2.0 R+5.0 DR-")
+    assert program.motion.tolist() == [Motion.LIN, Motion.ARC_VIA, Motion.ARC_END] + [
+        Motion.ARC_VIA, Motion.ARC_END,
+    ]  # fmt: skip
+    np.testing.assert_allclose(program.position[[1, 3]] / MM, [[6, -3, 3], [16, 7, 3]], atol=1e-9)
+    assert written(program, [[100, 50, 0]] * 5) == [
+        "3 L X+1.100 Y+2.050 Z+3.0 A+0.0 B+0.0 C+0.0",
+        "4 CC X+6.100 Y+2.050",
+        "5 C X+11.100 Y+2.050 DR+",
+        "6 CR X+21.100 Y+2.050 R+5.0 DR-",
+    ]
+
+
+def test_a_pole_of_two_arcs_is_left_alone() -> None:
+    program = of(f"{FIRST}\nCC X+6.0 Y+2.0\nC X+11.0 Y+2.0 DR+\nC X+1.0 Y+2.0 DR+\nL X+9.0 Y+9.0")
+    assert all(each != Reason.NONE for each in reasons(program)[:5])
+    assert reasons(program)[5] == Reason.NONE
+
+
+def test_conversational_blocks_take_no_words_they_do_not_know() -> None:
+    text = f"{FIRST}\nLN X+1.0 Y+2.0 Z+3.0 TX+0.00000 TY+0.60000 TZ+0.80000\nL X+2.0"
+    program = of(f"{text}\nCC X+7.0 Y+2.0\nC X+12.0 Y+2.0 DR+\nL X+13.0")
+    turn = matrix_from_abc(np.array([0.0, 0.2, 0.1]) * DEG)
+    lines = written(program, [[0, 0, 0]] * 4 + [[0, 0, 20]] * 2, turn)
+    assert "TX" in lines[1]
+    assert lines[2] == "5 L X+2.0"  # no tool axis in L
+    assert lines[4] == "7 C X+12.0 Y+2.0 DR+"  # no third axis in C
+    assert lines[5] == "8 L X+13.0 Z+3.020"
+
+
+@pytest.mark.parametrize(
+    ("block", "reason"),
+    [
+        ("L IX+1.0", Reason.RELATIVE),
+        ("L X+Q1 Y+2.0 Z+3.0", Reason.EXPRESSION),
+        ("L X+1.0 RL", Reason.EXPRESSION),
+        ("LP PR+10 PA+20", Reason.EXPRESSION),
+        ("CT X+1.0 Y+1.0", Reason.EXPRESSION),
+        ("CP IPA+360 IZ+2.0 DR+", Reason.EXPRESSION),
+        ("L X+1.0 M91", Reason.UNKNOWN_FRAME),
+        ("L X+1.0 U+5.0", Reason.EXTERNAL_AXIS),
+        ("CYCL DEF 7.0\nCYCL DEF 7.1 X+5\nL X+1.0 Y+1.0 Z+1.0", Reason.UNKNOWN_FRAME),
+        ("CYCL DEF 10.0\nCYCL DEF 10.1 ROT+30\nL X+1.0 Y+1.0 Z+1.0", Reason.UNKNOWN_FRAME),
+        ("PLANE SPATIAL SPA+10 SPB+0 SPC+0 STAY\nL X+1.0 Y+1.0 Z+1.0", Reason.UNKNOWN_FRAME),
+        ("TRANS DATUM AXIS X+10\nL X+1.0 Y+1.0 Z+1.0", Reason.UNKNOWN_FRAME),
+        ("TOOL CALL 2 Z\nL X+1.0 Y+1.0 Z+1.0 A+0 B+0 C+0", Reason.UNKNOWN_FRAME),
+        ("LBL 1\nL X+1.0 Y+1.0 Z+1.0 A+0 B+0 C+0", Reason.INCOMPLETE),
+        ("CALL PGM B\nL X+1.0 Y+1.0 Z+1.0 A+0 B+0 C+0", Reason.INCOMPLETE),
+        ("FN 9: IF +Q1 EQU +1 GOTO LBL 5\nL X+1.0 Y+1.0 Z+1.0 A+0", Reason.INCOMPLETE),
+        ("APPR LT X+1 Y+1 LEN10\nL X+1.0", Reason.INCOMPLETE),
+    ],
+)
+def test_what_is_not_compensated(block: str, reason: Reason) -> None:
+    program = of(f"{FIRST}\n{block}")
+    assert reasons(program)[0] == Reason.NONE
+    assert reasons(program)[-1] == reason
+    assert any("part.nc:" in note for note in program.notes)
+
+
+def test_shifts_that_are_taken_back() -> None:
+    shift = "CYCL DEF 7.0 DATUM SHIFT\nCYCL DEF 7.1 X+5\nCYCL DEF 7.2 Y+0"
+    back = "CYCL DEF 7.0 DATUM SHIFT\nCYCL DEF 7.1 X+0\nCYCL DEF 7.2 Y+0"
+    assert reasons(of(f"{shift}\n{FIRST}\n{back}\n{FIRST}")) == [Reason.UNKNOWN_FRAME, Reason.NONE]
+    assert reasons(of(f"PLANE RESET STAY\n{FIRST}")) == [Reason.NONE]
+
+
+def test_refused() -> None:
+    for data, line, what in (
+        (b"0 L X+1\n", 1, "BEGIN PGM"),
+        (b"0 BEGIN PGM A MM\n1 L X+1\n", 2, "cut off"),
+    ):
+        with pytest.raises(FormatError, match=what) as refused:
+            read("heidenhain", data)
+        assert refused.value.line == line
