@@ -101,7 +101,9 @@ def test_the_identity_is_written_and_asked_for(cli, work: Path, short_blocks: No
 def test_what_is_held_whole_says_so(
     cli, work: Path, short_blocks: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    text = program(150).replace("LIN P9\n", "LIN {X 1200,Y 0,Z 900,A 0,B 120,C 0} WITH $VEL.CP=1\n")
+    text = program(150).replace(
+        "LIN P9\n", "LIN {X 1200,Y 0,Z 900,A 0,B 120,C 0} WITH $TOOL=$NULLFRAME\n"
+    )
     (work / "long.src").write_text(text)
     call = ("compensate", work / "model.rtm", work / "long.src", "-o", work / "out.src", "--json")
     got = cli(*call)

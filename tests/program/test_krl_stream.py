@@ -31,7 +31,9 @@ def lines(count: int, start: int = 0) -> list[str]:
         if k % 17 == 5:
             out += ["", f";FOLD LIN P{k} {pose(k)}"]
         if k % 23 == 7:
-            out.append(f"CIRC {pose(k)},{pose(k + 1)}")
+            out.append(f"CIRC {pose(k)},{pose(k + 1)}{', CA 90 C_DIS' if k % 2 else ''}")
+        elif k % 31 == 8:
+            out.append(f"SLIN {pose(k)} C_SPL WITH $VEL.CP=0.2, $ORI_TYPE=#VAR ; fast")
         elif k % 29 == 9:
             out.append(f"PTP {pose(k)[:-1]},S 2,T 35}} C_PTP")
         else:
@@ -137,7 +139,7 @@ def test_points_of_the_dat_are_read_beside(tmp_path: Path) -> None:
     ("body", "why", "line"),
     [
         ([*lines(50), "LIN {X 1}", "$BASE=$WORLD", "LIN {X 2}"], "leaves components out", -1),
-        ([*lines(50), f"LIN {pose(3)} WITH $VEL.CP=0.2"], "stored or has clauses", -1),
+        ([*lines(50), f"LIN {pose(3)} WITH $BASE=$WORLD"], "stored or has clauses", -1),
         ([*lines(50), f"p={{POS: {pose(3)[1:]}", "PTP p"], "stored or has clauses", -2),
         ([*lines(50), f"CIRC {AXES},{pose(1)}"], "an arc through axis", -1),
         ([*lines(50), f"LIN {pose(1)[:-1]},E1 5.0}}"], "external axes are away from zero", 0),

@@ -8,13 +8,23 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 import numba
 import numpy as np
 
 from robotrue.core.arrays import IntArray
-from robotrue.program.formats.krl_scan import AXIS, INLINE_ARC, NOT_CONSTANT, STATEMENT, Scan
+from robotrue.program.formats.krl_scan import (
+    AXIS,
+    INLINE_ARC,
+    INLINE_LIN,
+    INLINE_PTP,
+    INLINE_SPLINE,
+    NOT_CONSTANT,
+    STATEMENT,
+    Scan,
+)
 from robotrue.program.formats.krl_survey import (
     FULL,
     MIXED,
@@ -37,6 +47,36 @@ _IDLE: Final = re.compile(
 """Statements that neither move the robot nor touch frames, points or the way of the program."""
 
 
+_SETTING: Final = (
+    rb"\$(?:VEL|ACC|APO|ORI_TYPE|CIRC_TYPE|GEAR_JERK|JERK)(?:_\w+)?(?:\s*\[\s*\d+\s*\])?(?:\.\w+)?"
+    rb"\s*=\s*(?:[+-]?\d+(?:\.\d*)?|[+-]?\.\d+|#\w+)\s*"
+)
+_CLAUSED: Final = re.compile(
+    rb"\s*S?(?P<how>PTP|LIN|SPL|CIRC)\s*\{[^{}]*\}\s*(?P<end>,\s*\{[^{}]*\}\s*(?:,\s*CA\s*[-+\d.]+\s*)?)?"
+    rb"(?:C_\w+\s*)*(?:WITH\s+" + _SETTING + rb"(?:,\s*" + _SETTING + rb")*)?",
+    re.IGNORECASE,
+)
+"""A motion that the scanner leaves to the reader for clauses that change no frame."""
+_HOW: Final = {b"PTP": INLINE_PTP, b"LIN": INLINE_LIN, b"SPL": INLINE_SPLINE, b"CIRC": INLINE_ARC}
+
+
+def with_clauses(found: Scan) -> Scan:
+    """Returns the scan with motions that have an angle or speeds of their own as plain ones."""
+    told = found.line_kind[found.agg_line] == STATEMENT
+    lines, count = np.unique(found.agg_line[told], return_counts=True)
+    if not len(lines):
+        return found
+    kind = np.array(found.line_kind)
+    for line, aggregates in zip(lines.tolist(), count.tolist(), strict=True):
+        code = _CLAUSED.fullmatch(
+            found.data, int(found.line_start[line]), int(found.line_end[line])
+        )
+        arc = code is not None and code["how"].upper() == b"CIRC"
+        if code and aggregates == 1 + arc and arc == (code["end"] is not None):
+            kind[line] = _HOW[code["how"].upper()]
+    return replace(found, line_kind=kind)
+
+
 class MotionSurvey(Survey):
     """One pass over a ``.src``."""
 
@@ -44,6 +84,9 @@ class MotionSurvey(Survey):
         super().__init__(name, targets)
         self._event = self._full = -1  # line of the last statement, of the last full motion
         self._second = b""
+
+    def _scanned(self, data: bytes) -> Scan:
+        return with_clauses(super()._scanned(data))
 
     def _sorted(self, found: Scan) -> tuple[IntArray, IntArray, bool, bool]:
         rows, kind, away, still = _motions(

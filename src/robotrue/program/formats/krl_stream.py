@@ -12,7 +12,7 @@ import numpy as np
 from robotrue.core.arrays import BoolArray
 from robotrue.program.formats.krl_build import Builder
 from robotrue.program.formats.krl_frames import Frames
-from robotrue.program.formats.krl_motion_survey import MotionSurvey
+from robotrue.program.formats.krl_motion_survey import MotionSurvey, with_clauses
 from robotrue.program.formats.krl_point_survey import PointSurvey, as_motions
 from robotrue.program.formats.krl_scan import scan
 from robotrue.program.formats.krl_walk import Walk
@@ -65,8 +65,7 @@ def read_piece(data: bytes, piece: Piece, judged: Judged) -> Program:
     """
     given = FrameTable(external_axes_at_rest=judged.external_axes_at_rest)
     lines = scan(data, name=judged.name)
-    if judged.name.lower().endswith(".dat"):
-        lines = as_motions(lines)
+    lines = as_motions(lines) if judged.name.lower().endswith(".dat") else with_clauses(lines)
     walk = Walk([lines], [judged.name], Frames(given, judged.name))
     found = Builder(walk, 0, given).program(0)
     line = found.line + piece.line
