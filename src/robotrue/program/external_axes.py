@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
-from robotrue.core.poses import inverse, pose
 from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ShapeError
@@ -74,20 +73,6 @@ class ExternalAxis:
     def unit(self) -> float:
         """M or rad per printed mm or deg."""
         return MM if self.point is None else DEG
-
-
-def motions(axis: ExternalAxis, values: Array) -> Array:
-    """Returns how the axis has moved what it carries (k, 4, 4), in base.
-
-    Args:
-        axis: The axis.
-        values: (k,) m or rad, what the program says.
-    """
-    step = (values - axis.at)[:, None] * axis.direction
-    if axis.point is None:
-        return pose(np.broadcast_to(np.eye(3), (len(values), 3, 3)), step)
-    rotation = matrix_from_rotation_vector(step)
-    return pose(rotation, axis.point - rotation @ axis.point)
 
 
 def plain_key(text: str) -> str:
@@ -156,18 +141,29 @@ def carried(
     out = np.array(frame)
     if not len(rows):
         return Carried(frame=out, T_base_frame=T_base_frame, unknown=unknown)
-    key = np.column_stack([frame[rows], here[rows]])
     begins = np.ones(len(rows), np.bool_)
-    begins[1:] = (key[1:] != key[:-1]).any(axis=1)
+    begins[1:] = np.diff(frame[rows]) != 0
+    for column in here[rows].T:
+        begins[1:] |= np.diff(column) != 0.0
     first = rows[begins]
     out[rows] = len(T_base_frame) + np.cumsum(begins) - 1
-    T = np.broadcast_to(np.eye(4), (len(first), 4, 4))
-    for column, axis in enumerate(axes):  # T_base_robot, the robot as its rails have moved it
-        if axis.carries_robot:
-            T = T @ motions(axis, here[first, column])
-    T = inverse(T)
-    for column, axis in enumerate(axes):
-        if not axis.carries_robot:
-            T = T @ motions(axis, here[first, column])
-    moved = T @ T_base_frame[frame[first]]
-    return Carried(frame=out, T_base_frame=np.concatenate([T_base_frame, moved]), unknown=unknown)
+    T = T_base_frame[frame[first]]
+    for column in reversed(range(len(axes))):  # the axis nearest to the part moves it first
+        if not rails[column]:
+            _move(T, axes[column], here[first, column])
+    for column in np.flatnonzero(rails).tolist():  # seen from a robot that went the other way
+        _move(T, axes[column], 2.0 * axes[column].at - here[first, column])
+    every = np.concatenate([T_base_frame, T])
+    every.flags.writeable = False
+    return Carried(frame=out, T_base_frame=every, unknown=unknown)
+
+
+def _move(T: Array, axis: ExternalAxis, values: Array) -> None:
+    """Moves frames (k, 4, 4) in place as the axis moves what it carries, values (k,) m or rad."""
+    step = (values - axis.at)[:, None] * axis.direction
+    if axis.point is None:
+        T[:, :3, 3] += step
+    else:
+        T[:, :3, 3] -= axis.point
+        T[:, :3] = matrix_from_rotation_vector(step) @ T[:, :3]
+        T[:, :3, 3] += axis.point
