@@ -11,11 +11,12 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 from collections.abc import Sequence
+from pathlib import PurePath
 from typing import Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array
+from robotrue.core.arrays import Array, IntArray
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.program.formats.move_trail import (
@@ -69,7 +70,8 @@ class KrlInserter:
         """Returns the moves of a job, those of its first file first."""
         trail, stored, first = Trail(), _stored(job), job_rows(job)
         for file, program in enumerate(job):
-            _Reader(trail, stored, file, program, int(first[file])).read()
+            own = _of_stem(job, first, PurePath(program.name).stem)
+            _Reader(trail, stored, file, program, int(first[file]), own).read()
         return trail.moves()
 
     def insert(
@@ -107,11 +109,17 @@ class _Reader:
     """Goes over the lines of one file."""
 
     def __init__(
-        self, trail: Trail, stored: dict[bytes, list[int]], file: int, program: Program, first: int
+        self,
+        trail: Trail,
+        stored: dict[bytes, list[int]],
+        file: int,
+        program: Program,
+        first: int,
+        own: set[int],
     ) -> None:
         self.trail, self.stored, self.file, self.first = trail, stored, file, first
         self.data, self.lines = program.data, program.line.tolist()
-        self.next, self.spline = 0, False
+        self.next, self.spline, self.own = 0, False, own
 
     def read(self) -> None:
         """Reads every line."""
@@ -184,7 +192,18 @@ class _Reader:
         if operand[:1] == b"{":
             return inline.pop(0) if inline else UNKNOWN
         known = self.stored.get(_name(operand), [])
+        own = [row for row in known if row in self.own]  # a name is first that of its own program
+        known = own or known
         return known[0] if len(known) == 1 else UNKNOWN
+
+
+def _of_stem(job: Sequence[Program], first: IntArray, stem: str) -> set[int]:
+    """Returns the job rows of the files of one name, whatever their suffix."""
+    out: set[int] = set()
+    for file, program in enumerate(job):
+        if PurePath(program.name).stem.lower() == stem.lower():
+            out.update(range(int(first[file]), int(first[file + 1])))
+    return out
 
 
 def _name(text: bytes) -> bytes:
