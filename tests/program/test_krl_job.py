@@ -56,6 +56,14 @@ def test_a_camrob_file_in_the_frames_of_its_call(tmp_path: Path) -> None:
     assert not any("csv" in note for program in job for note in program.notes)
 
 
+def test_a_folder_with_a_camrob_file_is_one_job(tmp_path: Path) -> None:
+    made(tmp_path, part_src=CALLER, path_csv=CAMROB)
+    (tmp_path / "$config.dat").write_text("DEFDAT $CONFIG\nENDDAT\n")
+    job = read_job(tmp_path)
+    assert [program.name for program in job] == ["part.src", "path.csv"]
+    assert {program.dialect for program in job} == {"krl"}
+
+
 def test_a_camrob_file_is_written_number_by_number(tmp_path: Path) -> None:
     made(tmp_path, part_src=CALLER, path_csv=CAMROB)
     path = of(read_job(tmp_path / "part.src"), "path.csv")

@@ -23,7 +23,7 @@ from typing import Final, cast
 from robotrue.core.files import read_bytes
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.program.controller_files import with_files_beside
-from robotrue.program.formats.job_files import gathered, paths_of
+from robotrue.program.formats.job_files import gathered, named_last, paths_of
 from robotrue.program.insertion import Inserter
 from robotrue.program.program import Dialect, FrameTable, Program, Replacement
 
@@ -151,8 +151,8 @@ def read_job(
         FormatError: A file cannot be read, is not in a registered dialect, or in another than the
             first.
     """
-    every = (suffix for name in dialects() for suffix in dialect(name).suffixes)
-    paths = paths_of(path, every)
+    every = [dialect(name) for name in dialects()]
+    paths = named_last(paths_of(path, {s for each in every for s in each.suffixes}), every)
     language = detect(read_bytes(paths[0]), paths[0].name)
     job = gathered(paths, language)
     for name, data in job.files[1 : job.given]:

@@ -130,6 +130,7 @@ class _Builder:
             values[row, : len(axes)] = [value for _, _, value in axes[:COUNT]]
         moved = self.frames.carried(base, values)
         lost = moved.unknown & (self.scan.is_axis == 0)
+        lost &= np.isin(np.arange(len(base)), list(self.walk.motion))
         if lost.any():
             reason[lost] = Reason.EXTERNAL_AXIS
             what = "positions without the value of an axis that carries the robot or their frame"

@@ -191,7 +191,7 @@ class _Builder:
                 printed = 1.0 if key not in self.scan.pulses else ratio.get(number, np.nan)
                 values[row, number - 1] = value * printed
         moved = self.frames.carried(base, values)
-        lost = moved.unknown & ~is_axis
+        lost = moved.unknown & ~is_axis & np.isin(np.arange(len(base)), list(self.walk.motion))
         if lost.any():
             reason[lost] = Reason.EXTERNAL_AXIS
             what = "points without the value of an axis that carries the robot or their frame"

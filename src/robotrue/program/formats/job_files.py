@@ -74,6 +74,20 @@ def paths_of(given: str | Path | Sequence[str | Path], suffixes: Iterable[str]) 
     return paths
 
 
+def named_last(paths: Sequence[Path], languages: Iterable[Dialect]) -> list[Path]:
+    """Returns the files with those behind the others that another of them names.
+
+    Raises:
+        FormatError: A file cannot be read.
+    """
+    named: set[str] = set()
+    for language in languages if len(paths) > 1 else ():
+        if isinstance(language, NamesFiles):
+            mine = [path for path in paths if path.suffix.lower() in language.suffixes]
+            named |= {name for path in mine for name in language.named_files(read_bytes(path))}
+    return sorted(paths, key=lambda path: path.name in named)
+
+
 def companion_paths(path: Path, language: Dialect) -> list[Path]:
     """Returns the files that lie beside a program because of its name."""
     found: list[Path] = []
