@@ -19,7 +19,7 @@ from robotrue.drilling.head import Head
 from robotrue.drilling.model import NormalModel, fit_model, seen
 from robotrue.drilling.model_archive import read_model, write_model
 from robotrue.drilling.monitor import watch, watched
-from robotrue.drilling.production import clamp_and_record, frozen, recorded
+from robotrue.drilling.production import frozen, record_of, recorded
 from robotrue.drilling.refinement import Remaining
 from robotrue.errors import (
     ArchiveError,
@@ -229,9 +229,7 @@ def run_holes(
         off = holes.tilt[i] - found.tilt[0]
         left[i] = np.hypot(*off) / DEG
         gauge = 0.005 * DEG
-        _, record = clamp_and_record(
-            model, holes, i, off + random.normal(0.0, gauge, 2), "hole gauge"
-        )
+        record = record_of(str(i), found, off + random.normal(0.0, gauge, 2), "hole gauge")
         step = recorded(model, found, record, reference=gauge)
         model = step.model
         if step.alarm:

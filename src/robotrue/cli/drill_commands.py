@@ -79,3 +79,77 @@ def adjust(
     from robotrue.cli.drill import run_adjust
 
     run_adjust(model, reading=reading, force=force, z_mm=z, at=at, approach=approach, as_json=json)
+
+
+@drill.command()
+def plan(
+    foot: FootFile,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Execution sheet (CSV) to write.")],
+    clamps: Annotated[int, typer.Option(help="How many; 15 at least.")] = 60,
+    forces_N: Annotated[
+        str, typer.Option("--forces-N", help="Clamp forces in N.")
+    ] = "0,250,500,750,1000",
+    z_mm: Annotated[str, typer.Option(help="Heights in mm.")] = "-100,0,100",
+    tilt_deg: Annotated[float, typer.Option(help="Largest tilt in deg.")] = 4.0,
+    by: Annotated[str, typer.Option(help="information or chance.")] = "information",
+    seed: Annotated[int, typer.Option(help="Of tilts and order.")] = 0,
+    json: Json = False,
+) -> None:
+    """Plan a campaign: which tilts, forces and heights to clamp at, in which order."""
+    from robotrue.cli.drill_production import run_plan
+
+    run_plan(
+        foot,
+        output,
+        clamps=clamps,
+        forces_N=forces_N,
+        z_mm=z_mm,
+        tilt_deg=tilt_deg,
+        by=by,
+        seed=seed,
+        as_json=json,
+    )
+
+
+@drill.command()
+def refine(
+    model: DrillModel,
+    records: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RECORDS",
+            help="Holes with left_a_deg, left_b_deg as a reference measured them.",
+        ),
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Model file to write.")],
+    truth: Annotated[
+        str, typer.Option(help="What measured what was left: a mandrel plane, a hole gauge, ...")
+    ],
+    sigma_deg: Annotated[
+        float, typer.Option(help="Standard deviation of that reference in deg.")
+    ] = 0.005,
+    freeze: Annotated[
+        Path | None, typer.Option(help="Then freeze the model, if it does well on these clamps.")
+    ] = None,
+    allowed_deg: Annotated[
+        float, typer.Option(help="With --freeze: 95 % of the tilts left must be within.")
+    ] = 0.1,
+    foot: Annotated[
+        Path | None, typer.Option(help="Foot file, where the readings are not less their zero.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Take what an outside reference measured into a model; watch it; freeze it."""
+    from robotrue.cli.drill_production import run_refine
+
+    run_refine(
+        model,
+        records,
+        output,
+        truth=truth,
+        sigma_deg=sigma_deg,
+        freeze=freeze,
+        allowed_deg=allowed_deg,
+        foot=foot,
+        as_json=json,
+    )

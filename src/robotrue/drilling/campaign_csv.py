@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import csv
 import io
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -21,12 +22,15 @@ from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign import Campaign, Clamps
 from robotrue.drilling.foot_file import FootSetup
 from robotrue.drilling.head import AxisOrder
+from robotrue.drilling.plan import CampaignPlan
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.measurement.formats.sheet import Sheet, column_key, finite_number, read_sheet
 
 TILT: Final = ("a_deg", "b_deg")
 CONDITIONS: Final = ("force_N", "z_mm")
 APPROACH: Final = "approach"
+LEFT: Final = ("left_a_deg", "left_b_deg")
+HOLE: Final = "hole"
 STEEPEST: Final = 45.0
 """deg; a tilt beyond it is in another unit or of another angle."""
 
@@ -40,8 +44,8 @@ def read_campaign(path: str | Path, setup: FootSetup, order: AxisOrder) -> tuple
         ConfigurationError: Raw readings without the foot's zero.
     """
     sheet = read_sheet(path)
-    readings, lines = _readings(sheet, setup), sheet.lines
-    tilt = _columns(sheet, TILT)
+    clamps = _clamps(sheet, setup, TILT)
+    lines, tilt = sheet.lines, _columns(sheet, TILT)
     steep = np.flatnonzero(np.abs(tilt).max(axis=1) > STEEPEST)
     if len(steep):
         row = int(steep[0])
@@ -51,12 +55,49 @@ def read_campaign(path: str | Path, setup: FootSetup, order: AxisOrder) -> tuple
             line=lines[row],
             hint="a_deg and b_deg are the surface's tilt against the spindle, in degrees.",
         )
-    force, height = _columns(sheet, CONDITIONS).T
-    clamps = Clamps(readings=readings, force=force, height=height * MM, approach=_approach(sheet))
     campaign = Campaign(
         clamps=clamps, tilt=tilt * DEG, order=order, source=sheet.source, lines=lines
     )
     return campaign, sheet.digest
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProductionRecord:
+    """Holes of production and what a reference measured after each move.
+
+    Attributes:
+        clamps: The n clamps.
+        left: (n, 2) rad, tilt that remained.
+        hole: n names.
+        lines: (n,) of the file.
+    """
+
+    clamps: Clamps
+    left: Array
+    hole: tuple[str, ...]
+    lines: tuple[int, ...]
+
+
+def read_production(path: str | Path, setup: FootSetup) -> ProductionRecord:
+    """Returns the holes in a file.
+
+    Its columns are those of a campaign with ``left_a_deg, left_b_deg`` in place of the true tilt
+    and, if need be, ``hole``.
+
+    Raises:
+        FormatError: As :func:`read_campaign`.
+        ConfigurationError: As :func:`read_campaign`.
+    """
+    sheet = read_sheet(path)
+    clamps = _clamps(sheet, setup, (*LEFT, HOLE))
+    keys = [column_key(name) for name in sheet.header]
+    if HOLE in keys:
+        hole = tuple(row[keys.index(HOLE)] for row in sheet.cells)
+    else:
+        hole = tuple(str(i + 1) for i in range(len(sheet.cells)))
+    return ProductionRecord(
+        clamps=clamps, left=_columns(sheet, LEFT) * DEG, hole=hole, lines=sheet.lines
+    )
 
 
 def write_campaign(path: str | Path, campaign: Campaign) -> None:
@@ -78,6 +119,29 @@ def write_campaign(path: str | Path, campaign: Campaign) -> None:
                 f"{clamps.force[i]:.3f}",
                 f"{clamps.height[i] / MM:.3f}",
                 clamps.approach[i],
+            ]
+        )
+    write_atomic(path, buffer.getvalue().encode())
+
+
+def write_sheet(path: str | Path, plan: CampaignPlan, sensors: int) -> None:
+    """Writes a planned campaign with empty readings, to be filled in on the machine.
+
+    Raises:
+        FormatError: The file cannot be written.
+    """
+    buffer = io.StringIO()
+    out = csv.writer(buffer, lineterminator="\n")
+    names = [f"d{k + 1}_mm" for k in range(sensors)]
+    out.writerow([*TILT, *names, *CONDITIONS, APPROACH])
+    for i in range(len(plan)):
+        out.writerow(
+            [
+                *(f"{v / DEG:.4f}" for v in plan.tilt[i]),
+                *[""] * sensors,
+                f"{plan.force[i]:g}",
+                f"{plan.height[i] / MM:g}",
+                "",
             ]
         )
     write_atomic(path, buffer.getvalue().encode())
@@ -106,7 +170,14 @@ def zeroed(values: Array, setup: FootSetup, *, counts: bool) -> Array:
     return np.asarray(values * size - setup.zero)
 
 
-def _readings(sheet: Sheet, setup: FootSetup) -> Array:
+def _clamps(sheet: Sheet, setup: FootSetup, beside: tuple[str, ...]) -> Clamps:
+    """The readings and conditions of every row; ``beside`` are the other columns known."""
+    readings = _readings(sheet, setup, beside)
+    force, height = _columns(sheet, CONDITIONS).T
+    return Clamps(readings=readings, force=force, height=height * MM, approach=_approach(sheet))
+
+
+def _readings(sheet: Sheet, setup: FootSetup, beside: tuple[str, ...]) -> Array:
     sensors = len(setup.foot.radius)
     have = {column_key(name) for name in sheet.header}
     forms = {
@@ -123,14 +194,14 @@ def _readings(sheet: Sheet, setup: FootSetup) -> Array:
             hint=f"one of {', '.join(names[0] + ', ...' for names in forms.values())}.",
         )
     form = present[0]
-    known = {column_key(n) for n in (*forms[form], *TILT, *CONDITIONS, APPROACH)}
+    known = {column_key(n) for n in (*forms[form], *beside, *CONDITIONS, APPROACH)}
     unknown = [name for name in sheet.header if column_key(name) not in known]
     if unknown:
         raise FormatError(
             f"column {unknown[0]!r} is not known for a foot of {sensors} sensors.",
             source=sheet.source,
             line=sheet.header_line,
-            hint=f"{', '.join((*TILT, *forms[form], *CONDITIONS, APPROACH))}.",
+            hint=f"{', '.join((*beside, *forms[form], *CONDITIONS, APPROACH))}.",
         )
     values = _columns(sheet, forms[form])
     if form == "d{}_mm":

@@ -11,7 +11,7 @@ from robotrue.core.units import DEG
 from robotrue.drilling.campaign import Campaign
 from robotrue.drilling.correction import Corrected
 from robotrue.drilling.evaluate import evaluated
-from robotrue.drilling.model import Frozen, NormalModel, seen
+from robotrue.drilling.model import Frozen, NormalModel
 from robotrue.drilling.monitor import Watch, watch, watched
 from robotrue.drilling.refinement import Remaining, loosened, refined
 from robotrue.errors import ConfigurationError
@@ -130,19 +130,18 @@ def frozen(model: NormalModel, test: Campaign, digest: str, *, allowed: float) -
     )
 
 
-def clamp_and_record(
-    model: NormalModel, test: Campaign, row: int, left: Array, truth: str
-) -> tuple[Corrected, Remaining]:
-    """Returns what a model made of one clamp of a campaign, and the record of what it left.
+def record_of(hole: str, found: Corrected, left: Array, truth: str) -> Remaining:
+    """Returns the record of what one move left.
 
     Args:
-        model: Before the record.
-        test: Clamps.
-        row: Which.
+        hole: Its number or name.
+        found: What the model made of the clamp, one row.
         left: (2,) rad, as the reference measured it after the move.
         truth: What measured it.
+
+    Raises:
+        ConfigurationError: No outside reference.
     """
-    found = seen(model, test.clamps.rows(np.array([row])))
     c = found.conditions
     cause = np.array([c.a[0], c.b[0], c.force[0]])
-    return found, Remaining(hole=str(row + 1), tilt=left, cause=cause, truth=truth)
+    return Remaining(hole=hole, tilt=left, cause=cause, truth=truth)

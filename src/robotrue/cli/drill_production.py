@@ -1,0 +1,152 @@
+"""``robotrue drill plan`` and ``refine``: the sheet of a campaign, the life of its model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+
+from robotrue.cli.console import count, emit_json, say
+from robotrue.cli.drill import residuals_document, setup_of
+from robotrue.cli.inputs import check_output
+from robotrue.core.units import DEG, MM
+from robotrue.drilling.campaign_csv import read_campaign, read_production, write_sheet
+from robotrue.drilling.evaluate import Residuals
+from robotrue.drilling.foot_file import read_foot
+from robotrue.drilling.model import NormalModel, seen
+from robotrue.drilling.model_archive import read_model, write_model
+from robotrue.drilling.plan import By, planned_campaign
+from robotrue.drilling.production import frozen, record_of, recorded
+from robotrue.errors import ConfigurationError
+
+
+def run_plan(
+    foot: Path,
+    output: Path,
+    *,
+    clamps: int,
+    forces_N: str,
+    z_mm: str,
+    tilt_deg: float,
+    by: str,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Writes the execution sheet of a campaign."""
+    check_output(output, [foot])
+    setup = read_foot(foot)
+    known: tuple[By, ...] = get_args(By)
+    if by not in known:
+        raise ConfigurationError(
+            f"--by {by!r}, expected {' or '.join(known)}.", hint=f"--by {known[-1]}"
+        )
+    if tilt_deg * DEG > setup.foot.max_tilt:
+        raise ConfigurationError(
+            f"--tilt-deg {tilt_deg:g}, the foot follows up to {setup.foot.max_tilt / DEG:g} deg.",
+            hint="a smaller tilt, or max_tilt_deg of the foot.",
+        )
+    plan = planned_campaign(
+        clamps,
+        forces=_list(forces_N, "--forces-N"),
+        heights=_list(z_mm, "--z-mm") * MM,
+        largest=tilt_deg * DEG,
+        seed=seed,
+        by="chance" if by == "chance" else "information",
+    )
+    write_sheet(output, plan, len(setup.foot.radius))
+    if as_json:
+        emit_json({"output": str(output), "clamps": len(plan), "by": by, "seed": seed})
+        return
+    say(f"{count(len(plan), 'clamp')} planned by {by}, written to {output}")
+    say(
+        "Turn the head to a_deg, b_deg off the calibration plane, bring the foot down out of its "
+        "rest position every time, clamp, and fill in the readings less their zero."
+    )
+
+
+def run_refine(
+    model_path: Path,
+    records: Path,
+    output: Path,
+    *,
+    truth: str,
+    sigma_deg: float,
+    freeze: Path | None,
+    allowed_deg: float,
+    foot: Path | None,
+    as_json: bool,
+) -> None:
+    """Takes what a reference measured after holes into a model, and freezes it on request."""
+    check_output(output, [p for p in (model_path, records, freeze, foot) if p is not None])
+    if not sigma_deg > 0.0 or not allowed_deg > 0.0:
+        raise ConfigurationError("--sigma-deg and --allowed-deg are above 0 deg.")
+    model = read_model(model_path)
+    setup = setup_of(model, model_path, foot)
+    holes = read_production(records, setup)
+    before, alarms = model, []
+    for i, name in enumerate(holes.hole):
+        found = seen(model, holes.clamps.rows(np.array([i])))
+        record = record_of(name, found, holes.left[i], truth)
+        step = recorded(model, found, record, reference=sigma_deg * DEG)
+        model = step.model
+        if step.alarm:
+            alarms.append({"hole": name, "shift_deg": (step.shift / DEG).tolist()})
+            say(f"ALARM: {step.said}")
+    if freeze is not None:
+        test, digest = read_campaign(freeze, setup, model.head.order)
+        model = frozen(model, test, digest, allowed=allowed_deg * DEG)
+    write_model(output, model)
+    if as_json:
+        emit_json(_document(output, before, model, len(holes.hole), alarms))
+        return
+    say(f"{count(len(holes.hole), 'record')} of {truth}, {count(len(alarms), 'alarm')}")
+    say(_said(model) + f", written to {output}")
+
+
+def _document(
+    output: Path, before: NormalModel, after: NormalModel, records: int, alarms: list[Any]
+) -> dict[str, Any]:
+    kept = after.frozen
+    return {
+        "output": str(output),
+        "records": records,
+        "alarms": alarms,
+        "version_before": before.version,
+        "version": after.version,
+        "refinement": {
+            "records": after.refinement.records,
+            "truths": list(after.refinement.truths),
+            "constant_deg": (after.refinement.coefficients[0] / DEG).tolist(),
+        },
+        "frozen": None
+        if kept is None
+        else {
+            "version": kept.version,
+            "tested_on_sha256": kept.tested_on,
+            "clamps": kept.clamps,
+            **residuals_document(Residuals(mean=kept.mean, p95=kept.p95, largest=kept.largest)),
+        },
+    }
+
+
+def _said(model: NormalModel) -> str:
+    if model.frozen is None:
+        return f"version {model.version}, refined by {count(model.refinement.records, 'record')}"
+    kept = model.frozen
+    return (
+        f"frozen as {kept.version}: {kept.clamps} clamps within {kept.p95 / DEG:.4f} deg (95 %), "
+        f"{kept.largest / DEG:.4f} deg at most"
+    )
+
+
+def _list(text: str, option: str) -> Any:
+    try:
+        values = np.array([float(part) for part in text.split(",")])
+    except ValueError:
+        values = np.array([np.nan])
+    if not np.isfinite(values).all():
+        raise ConfigurationError(
+            f"{option} {text!r}, expected numbers with commas between.", hint=f"{option} 0,250,500"
+        )
+    return values
