@@ -89,7 +89,8 @@ def identify_coefficients(cutter: Cutter, tests: Sequence[CuttingTest]) -> Ident
     Fails when: the tool is dull or rings: the mean then holds more than cutting.
     """
     _check_feeds(tests)
-    _check_axes(tests)
+    if cutter.kind == "flat":
+        _check_axes(tests)
     design = np.concatenate([_design(cutter, test.cut) for test in tests])
     measured = np.concatenate([test.force for test in tests])
     scaled = design * _SIZE
@@ -170,7 +171,10 @@ def _check_feeds(tests: Sequence[CuttingTest]) -> None:
 
 
 def _check_axes(tests: Sequence[CuttingTest]) -> None:
-    """Slopes of the mean force of slots: along the feed down, to its left up, and steeper."""
+    """Slopes of the mean force of slots: along the feed down, to its left up, and steeper.
+
+    A flat end mill's only: on a ball the axial force has a part along the feed, of either sign.
+    """
     slots = [test for test in tests if test.cut.mode == "slot"]
     groups = {test.cut.depth for test in slots}
     if len(slots) < 3 or len(groups) != 1:

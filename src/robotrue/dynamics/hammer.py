@@ -18,7 +18,7 @@ import scipy.fft
 
 from robotrue.core.arrays import Array, frozen
 from robotrue.dynamics.checks import BLIND_BELOW, coherent_band
-from robotrue.dynamics.frf import ComplexArray, FrequencyResponse
+from robotrue.dynamics.frf import FORMS, ComplexArray, FrequencyResponse
 from robotrue.dynamics.frf_build import Pairs, assembled
 from robotrue.dynamics.modal import ModalModel
 from robotrue.errors import ImplausibleDataError, ModelMismatchError, ObservabilityError, ShapeError
@@ -31,8 +31,10 @@ _BEFORE: Final = 0.01
 """Part of a segment that lies before the hit."""
 _PULSE: Final = 3.0
 """Lengths of the pulse after which the force window closes."""
-_DECAYED: Final = 0.05
-"""Part of the largest motion that may be left at the end of a segment without a window."""
+_DECAYED: Final = 0.08
+"""Part of its beginning that the motion may be at the end of a segment without a window."""
+_STRONG: Final = 0.05
+"""Part of the largest power of the displacement at which a line shows a mode ringing."""
 _POWER: Final = 1e-2
 """Part of the hammer's largest power below which it excites nothing (20 dB)."""
 
@@ -122,7 +124,7 @@ def evaluate_hits(
             hint="hit once, let it ring, hit again; record two seconds after the last.",
         )
     forces, motions = _segments(record, whole, count)
-    rung = np.abs(motions[:, -count // 20 :]).max() / max(np.abs(motions).max(), 1e-300)
+    rung = _left_at_end(motions, record)
     end = window if window is not None else (1.0 if rung < _DECAYED else 0.05)
     if not 0.0 < end <= 1.0:
         raise ShapeError(f"window of {end:g} at its end, expected above 0 and at most 1.")
@@ -293,6 +295,26 @@ def _segments(record: HammerRecord, hits: list[int], count: int) -> tuple[Array,
         motion[lead - min(lead, at) :][: len(part)] = part - record.motion[before].mean(axis=0)
         motions.append(motion)
     return forces, np.array(motions)
+
+
+def _left_at_end(motions: Array, record: HammerRecord) -> float:
+    """Rms displacement of the last quarter of the segments over that of the first.
+
+    Of the displacement: in an acceleration the slow modes, which ring longest, are hardly seen.
+    """
+    quarter = motions.shape[1] // 4
+    frequency = scipy.fft.rfftfreq(quarter, 1.0 / record.rate)
+    seen = frequency >= BLIND_BELOW
+    factor = (2.0 * np.pi * frequency[seen]) ** -FORMS[record.form]
+    taper = np.hanning(quarter)[:, None]
+    power = [
+        ((np.abs(scipy.fft.rfft(part * taper, axis=1)[:, seen]) * factor[:, None]) ** 2).sum(
+            axis=(0, 2)
+        )
+        for part in (motions[:, :quarter], motions[:, -quarter:])
+    ]
+    strong = power[0] >= _STRONG * power[0].max()  # elsewhere noise would pass for ringing
+    return float(np.sqrt(power[1][strong].sum() / max(power[0][strong].sum(), 1e-300)))
 
 
 def _band(

@@ -3,8 +3,8 @@
 Between the lines a complex cubic, or the modes where they say it better. Below the band nothing
 was measured: there the value runs from the static deflection (of a load test, else of the modes or
 the lowest lines) to the first line of the band, Re with f^2 and Im with f, as that of a grounded
-structure does. Above the band it is what the modes say, or zero without modes: a curve that ends abruptly
-rings before its cause, and modes end gently.
+structure does. Above the band it is what the modes say, or zero without modes: a curve that ends
+abruptly rings before its cause, and modes end gently.
 """
 
 from __future__ import annotations

@@ -79,7 +79,6 @@ def read_columns(path: str | Path) -> Columns:
             dtype=np.float64,
             decimal=decimal,
             skip_blank_lines=False,
-            float_precision="round_trip",
             on_bad_lines="error",
         )
         values = frame.to_numpy()
