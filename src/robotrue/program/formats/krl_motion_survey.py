@@ -28,12 +28,12 @@ from robotrue.program.formats.krl_scan import (
 from robotrue.program.formats.krl_survey import (
     FULL,
     MIXED,
-    MOST_STRETCHES,
     NOTHING,
     ODD,
     PARTIAL,
-    Survey,
+    KrlSurvey,
 )
+from robotrue.program.formats.long_survey import MOST_STRETCHES
 from robotrue.program.program import Program
 from robotrue.program.stream import Whole
 
@@ -77,7 +77,7 @@ def with_clauses(found: Scan) -> Scan:
     return replace(found, line_kind=kind)
 
 
-class MotionSurvey(Survey):
+class MotionSurvey(KrlSurvey):
     """One pass over a ``.src``."""
 
     def __init__(self, name: str, targets: int) -> None:

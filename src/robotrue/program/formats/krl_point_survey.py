@@ -26,7 +26,8 @@ from robotrue.program.formats.krl_scan import (
     STATEMENT,
     Scan,
 )
-from robotrue.program.formats.krl_survey import FULL, MOST_STRETCHES, NOTHING, Survey
+from robotrue.program.formats.krl_survey import FULL, NOTHING, KrlSurvey
+from robotrue.program.formats.long_survey import MOST_STRETCHES
 from robotrue.program.program import Motion, Program
 from robotrue.program.stream import Whole
 
@@ -46,7 +47,7 @@ class Shape:
         self.numbers = np.array([-1, -1, 0], np.int64)  # length or -1, index, is an axis target
 
 
-class PointSurvey(Survey):
+class PointSurvey(KrlSurvey):
     """One pass over a ``.dat``."""
 
     def __init__(self, name: str, targets: int) -> None:

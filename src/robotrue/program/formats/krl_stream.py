@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import BinaryIO, Final
 
 import numpy as np
 
@@ -16,11 +14,9 @@ from robotrue.program.formats.krl_motion_survey import MotionSurvey, with_clause
 from robotrue.program.formats.krl_point_survey import PointSurvey, as_motions
 from robotrue.program.formats.krl_scan import scan
 from robotrue.program.formats.krl_walk import Walk
+from robotrue.program.formats.long_survey import WINDOW
 from robotrue.program.program import FrameTable, Program, Reason
 from robotrue.program.stream import Judged, Piece, Surveyed, Whole
-
-WINDOW: Final = 1 << 23
-"""Bytes scanned at a time."""
 
 
 def survey(path: Path, frames: FrameTable, targets: int) -> Surveyed | Whole:
@@ -36,26 +32,8 @@ def survey(path: Path, frames: FrameTable, targets: int) -> Surveyed | Whole:
     points = path.suffix.lower() == ".dat"
     found: PointSurvey | MotionSurvey
     found = PointSurvey(path.name, targets) if points else MotionSurvey(path.name, targets)
-    with path.open("rb") as stream:
-        for data in _windows(stream):
-            refused = found.take(data)
-            if refused is not None:
-                return refused
-    refused = found.close() or found.external_at_rest(frames.external_axes_at_rest)
+    refused = found.run(path, WINDOW) or found.external_at_rest(frames.external_axes_at_rest)
     return found if refused is None else refused
-
-
-def _windows(stream: BinaryIO) -> Iterator[bytes]:
-    """Yields the bytes in windows of whole lines."""
-    rest = b""
-    while chunk := stream.read(WINDOW):
-        data = rest + chunk
-        cut = data.rfind(b"\n") + 1
-        if cut:
-            yield data[:cut]
-        rest = data[cut:]
-    if rest:
-        yield rest
 
 
 def read_piece(data: bytes, piece: Piece, judged: Judged) -> Program:
