@@ -46,7 +46,7 @@ LN2_LOW = float.fromhex("0x1.a39ef35793c76p-33")
 ROUND = 6755399441055744.0  # 1.5 * 2**52: adding it leaves the nearest integer in the low bits
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def sincos_rows(angle: Array, out: Array) -> None:
     """Writes the sines of six rows, then their cosines, to ``out`` (12 rows); |error| < 2e-16.
 
@@ -80,7 +80,7 @@ def sincos_rows(angle: Array, out: Array) -> None:
         out[L6 + n] = -cosine if (quarter > 0.5 or quarter < -1.5) else cosine
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def _walk(c: Array, trig: Array, chain: Array) -> None:
     """Walks C_0 Rz C_1 ... Rz C_6; ``c`` (84,) constants, ``trig`` sines and cosines of theta."""
     for k in range(3):
@@ -106,7 +106,7 @@ def _walk(c: Array, trig: Array, chain: Array) -> None:
                 chain[b + (21 + k) * L + n] = p + x * c9 + y * c10 + z * c11
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def _joint_torque(
     com: Array, mass_out: Array, gravity: Array, lane: Array, trig: Array, told: Array, work: Array
 ) -> None:
@@ -158,7 +158,7 @@ def _joint_torque(
             work[(TORQUE + i) * L + n] = z0 * t0 + z1 * t1 + z2 * t2
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def _mix(matrix: Array, back: bool, rows: Array, at: int, out: Array) -> None:
     """Writes matrix @ six rows from row ``at`` on, or the transposed matrix @ rows."""
     for i in range(6):
@@ -170,7 +170,7 @@ def _mix(matrix: Array, back: bool, rows: Array, at: int, out: Array) -> None:
                 out[i * L + n] += factor * rows[(at + k) * L + n]
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def _ripple(harmonics: Array, ripple: Array, trig: Array, work: Array, angle: Array) -> None:
     """Adds A_k sin(N_k q) + B_k cos(N_k q) to the six rows of ``angle``.
 
@@ -208,7 +208,7 @@ def _ripple(harmonics: Array, ripple: Array, trig: Array, work: Array, angle: Ar
             )
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def _waves(harmonics: Array, ripple: Array, work: Array, waves: Array, angle: Array) -> None:
     """Adds A_k sin(N_k q) + B_k cos(N_k q) to the six rows of ``angle``, any N_k.
 
@@ -225,7 +225,7 @@ def _waves(harmonics: Array, ripple: Array, work: Array, waves: Array, angle: Ar
                 angle[i * L + n] += a * trig[i * L + n] + b * trig[L6 + i * L + n]
 
 
-@compiled(SUMS)
+@compiled(SUMS, borrows=True)
 def _smooth(table: Array, feature: Array, bump: Array, work: Array, n: int) -> None:
     """Writes sum_m w_m exp(-|s - C_m|^2 / 2), the smooth residual (3,) m of lane ``n``.
 
@@ -260,7 +260,7 @@ def _smooth(table: Array, feature: Array, bump: Array, work: Array, n: int) -> N
     work[(SMOOTH + 2) * L + n] = z
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def _exp(bump: Array) -> None:
     """Replaces LANES values between -700 and 0 by their exponentials; |error| < 1e-14."""
     for m in range(L):
@@ -285,7 +285,7 @@ def _exp(bump: Array) -> None:
         bits[m] += bits[L + m] << 52  # times 2**power: the low bits of shifted hold it
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def evaluate(a: Arm, s: Space, reuse: float) -> None:
     """Writes both chains at the joints of all lanes, smooth residual included.
 
@@ -357,7 +357,7 @@ def evaluate(a: Arm, s: Space, reuse: float) -> None:
             s.real[(TOOL + 9) * L + n] += work[SMOOTH * L + n]
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def jacobian(a: Arm, real: Array, matrix: Array, spare: Array) -> None:
     """Writes dx/dq (6, 6) of the actual tool, linear rows divided by ``length``."""
     scale = 1.0 / a.length

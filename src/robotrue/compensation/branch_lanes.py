@@ -118,7 +118,7 @@ def _accept(
     return count
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def _abreast(
     p: Closed, tool: int, target: Array, first: int, count: int, branch: IntArray, work: Array
 ) -> None:
@@ -133,7 +133,7 @@ def _abreast(
             work[(ANGLE + i) * L + n] = sign * (work[(ANGLE + i) * L + n] - offset)
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def _hands(end: Array, tool: int, target: Array, first: int, count: int, work: Array) -> None:
     """Writes the wrist flange in base (12 rows); lanes left over repeat the last."""
     e0, e1, e2, e3, e4, e5 = (
@@ -152,7 +152,7 @@ def _hands(end: Array, tool: int, target: Array, first: int, count: int, work: A
             work[(HAND + 9 + i) * L + n] = target[r, 9 + i] + a * e9 + b * e10 + c * e11
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def _arms(g: Array, shoulder: float, elbow: float, work: Array) -> None:
     """Writes sine and cosine of theta 1, 2, 3 and 2 + 3 (the last in the rows of 4)."""
     a1, a2, b = g[0], g[1], g[2]
@@ -187,7 +187,7 @@ def _arms(g: Array, shoulder: float, elbow: float, work: Array) -> None:
         work[GOOD * L + n] = 1.0 if good else 0.0
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def _wrists(flip: float, work: Array) -> None:
     """Writes sine and cosine of theta 4, 5 and 6, all times the sine of theta 5 but for 5 itself.
 
@@ -211,7 +211,7 @@ def _wrists(flip: float, work: Array) -> None:
         work[GOOD * L + n] = work[GOOD * L + n] if sine5 > STRETCHED else 0.0
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def _arc_tangents(work: Array) -> None:
     """Writes atan2(sine, cosine) of six rows; |error| < 4e-16 rad.
 

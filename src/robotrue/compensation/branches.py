@@ -31,7 +31,7 @@ class Closed(NamedTuple):
     limits: Array  # (6, 2) rad
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def place(pose: Array, row: int, pose_in: Array, out: Array) -> None:
     """Writes the product of a pose (12,) and row ``row`` of poses (k, 12)."""
     for i in range(3):
@@ -41,7 +41,7 @@ def place(pose: Array, row: int, pose_in: Array, out: Array) -> None:
         out[9 + i] = pose[9 + i] + a * pose_in[row, 9] + b * pose_in[row, 10] + c * pose_in[row, 11]
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def closed_branch(
     g: Array, hand: Array, shoulder: int, elbow: int, flip: int, turn4: float, out: Array
 ) -> bool:
@@ -98,7 +98,7 @@ def closed_branch(
     return True
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def _to_joints(p: Closed, theta: Array, near: Array, settle: bool, out: Array) -> float:
     """Writes q (6,) rad at the turn nearest to ``near``; returns its squared distance, rad^2.
 
@@ -125,7 +125,7 @@ def _to_joints(p: Closed, theta: Array, near: Array, settle: bool, out: Array) -
     return distance
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def closed_joints(
     p: Closed, tool: int, target: Array, near: Array, settle: bool, branch: IntArray,
     theta: Array, trial: Array, hand: Array, out: Array,
@@ -170,7 +170,7 @@ def closed_joints(
     return best < np.inf
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def mix(matrix: Array, vector: Array) -> None:
     """Replaces a vector (6,) by matrix @ vector."""
     v0, v1, v2, v3, v4, v5 = vector[0], vector[1], vector[2], vector[3], vector[4], vector[5]

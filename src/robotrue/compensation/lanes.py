@@ -54,7 +54,7 @@ STRAGGLER = -1  # not a status: to be solved one by one
 WEAK = 1e-3  # smallest singular value at which the normal equations keep ten digits
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def _deviation(chain: Array, lane: Array, work: Array, size: int) -> None:
     """Writes tool minus target: (6 rows) m, sine of the rotation vector; and both lengths.
 
@@ -97,7 +97,7 @@ def _deviation(chain: Array, lane: Array, work: Array, size: int) -> None:
         work[(size + 1) * L + n] = turn if trace >= 1.0 else np.inf
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def _normal_matrix(matrix: Array) -> None:
     """Writes the lower triangle of J^T J: row ``NORMAL + 6 i + j`` for j <= i."""
     for i in range(6):
@@ -109,7 +109,7 @@ def _normal_matrix(matrix: Array) -> None:
                 matrix[(NORMAL + 6 * i + j) * L + n] = total
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def _factor(matrix: Array, root: Array) -> None:
     """Replaces J^T J by its lower factor, below the diagonal; and writes the least pivot.
 
@@ -159,7 +159,7 @@ def _factor(matrix: Array, root: Array) -> None:
         matrix[PIVOT * L + n] = d5 if not d5 >= least else least
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def _invert_factor(matrix: Array, root: Array) -> None:
     """Replaces the factor by its inverse W, (J^T J)^-1 = W^T W, and writes the trace of that.
 
@@ -204,7 +204,7 @@ def _invert_factor(matrix: Array, root: Array) -> None:
         matrix[TRACE * L + n] = trace + c3 * c3 + c4 * c4 + c5 * c5 + e4 * e4 + e5 * e5 + f5 * f5
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def _step(a: Arm, matrix: Array, work: Array) -> None:
     """Writes the chord step (6 rows) rad: (J^T J)^-1 J^T error."""
     scale = 1.0 / a.length
@@ -243,7 +243,7 @@ def _step(a: Arm, matrix: Array, work: Array) -> None:
         work[S + 3 * L + n], work[S + 4 * L + n], work[S + 5 * L + n] = x3, x4, x5
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def _gather(a: Arm, r: Asked, rows: IntArray, first: int, lane: Array, work: Array) -> int:
     """Fills the lanes with rows[first:]; lanes left over repeat the last. Returns how many."""
     count = min(L, len(rows) - first)
@@ -270,7 +270,7 @@ def _gather(a: Arm, r: Asked, rows: IntArray, first: int, lane: Array, work: Arr
     return count
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def correct(a: Arm, g: Aim, r: Asked, rows: IntArray, s: Space) -> None:
     """Inverts the arm for the rows given, all with one tool; writes into ``r``."""
     work, lane = s.work, s.lane
@@ -300,7 +300,7 @@ def correct(a: Arm, g: Aim, r: Asked, rows: IntArray, s: Space) -> None:
         _scatter(r, rows, first, count, s.work, s.told)
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def _take_axes(r: Asked, rows: IntArray, first: int, count: int, told: Array, lane: Array) -> None:
     """Makes the nominal pose the target where axes were given."""
     for n in range(count):
@@ -314,7 +314,7 @@ def _take_axes(r: Asked, rows: IntArray, first: int, count: int, told: Array, la
                 r.target[i, 9 + j] = told[(TOOL + 9 + j) * L + n]
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def _wrist_sine(told: Array, n: int) -> float:
     """Returns the sine between axes 4 and 6 of the nominal arm."""
     a, b = (36 + 6) * L + n, (60 + 6) * L + n
@@ -324,7 +324,7 @@ def _wrist_sine(told: Array, n: int) -> float:
     return math.sqrt(x * x + y * y + z * z)
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def _begin(g: Aim, r: Asked, rows: IntArray, first: int, count: int, s: Space) -> int:
     """Writes error and posture at the nominal joints; returns how many lanes need a step."""
     work, told, left = s.work, s.told, 0
@@ -356,7 +356,7 @@ def _begin(g: Aim, r: Asked, rows: IntArray, first: int, count: int, s: Space) -
     return left
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def _review(g: Aim, r: Asked, rows: IntArray, first: int, count: int, s: Space) -> int:
     """Closes the lanes that have arrived; returns how many have not."""
     left = 0
@@ -374,7 +374,7 @@ def _review(g: Aim, r: Asked, rows: IntArray, first: int, count: int, s: Space) 
     return left
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def _scatter(r: Asked, rows: IntArray, first: int, count: int, work: Array, told: Array) -> None:
     """Writes joints and command of the lanes: all at once, a call per lane costs more than it."""
     for n in range(count):
@@ -387,7 +387,7 @@ def _scatter(r: Asked, rows: IntArray, first: int, count: int, work: Array, told
             r.told[i, 9 + j] = told[(TOOL + 9 + j) * L + n]
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def look(
     a: Arm, r: Asked, rows: IntArray, joints: Array, s: Space, real: Array, matrix: Array,
     wrist: Array,

@@ -17,7 +17,7 @@ STEP = int(Status.UNCHANGED_STEP)
 STILL = 1e-7  # rad of joint motion that has no direction
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def enter_base(
     frames: Array, frame: IntArray, route: IntArray, rotation: Array, position: Array, out: Array
 ) -> None:
@@ -37,7 +37,7 @@ def enter_base(
             )
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def follow(
     nominal: Array, route: IntArray, been: bool, follow_approach: bool, max_joint_step: float,
     joints: Array, sign: Array, approach: Array, jump: BoolArray,
@@ -72,7 +72,7 @@ def follow(
         been = True
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def command(
     limits: Array, bounds: Array, frames: Array, frame: IntArray, route: IntArray, rows: IntArray,
     jump: BoolArray, code: IntArray, target: Array, nominal: Array, found: Array, told: Array,
@@ -132,7 +132,7 @@ def command(
             _into_frame(frames, frame[r], told, r, rotation, position)
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def _distance(told: Array, target: Array, r: int) -> tuple[float, float]:
     """Returns m and rad between two poses."""
     shift = turn = trace = 0.0
@@ -152,7 +152,7 @@ def _distance(told: Array, target: Array, r: int) -> tuple[float, float]:
     return math.sqrt(shift), turn
 
 
-@compiled(EXACT)
+@compiled(EXACT, borrows=True)
 def _into_frame(
     frames: Array, f: int, pose: Array, r: int, rotation: Array, position: Array
 ) -> None:

@@ -11,11 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from robotrue.core.arrays import Array
+from robotrue.core.compiled import PLAIN, compiled
 from robotrue.errors import FormatError
 from robotrue.program.formats.krl_tokens import aggregate, blank, find, plain_number, word
 
@@ -63,6 +63,9 @@ _ERRORS: Final = {
     4: ("a component that stands twice in one aggregate.", "remove one of the two."),
     5: ("a based integer that is not closed.", "write it as 'B0110' or 'H1F'."),
 }
+_PIECE: Final = 1 << 18
+"""Bytes counted at a time: what is compared then stays in the nearer caches."""
+
 Ints = npt.NDArray[np.int32]
 Bytes = npt.NDArray[np.uint8]
 
@@ -118,7 +121,7 @@ def scan(data: bytes, *, name: str, repeats: bool = True) -> Scan:
     Raises:
         FormatError: An unbalanced brace, or a number that cannot be read.
     """
-    lines, braces, tokens = _room(np.frombuffer(data, np.uint8))
+    lines, braces, tokens = _room(data)
     line_start, line_end = np.empty(lines, np.int32), np.empty(lines, np.int32)
     line_kind = np.empty(lines, np.uint8)
     agg_line, agg_open, agg_close = (np.empty(braces, np.int32) for _ in range(3))
@@ -188,18 +191,17 @@ _TYPE_KEYS: Final = np.array([_key(word) for word in _TYPES], np.int64)
 _COMPONENT_KEYS: Final = np.array([_key(word) for word in COMPONENTS], np.int64)
 
 
-@numba.njit(cache=True)
-def _room(buf: Any) -> Any:
+def _room(data: bytes) -> tuple[int, int, int]:
     """Returns upper bounds for lines, aggregates and tokens."""
-    ends, braces, commas = 0, 0, 0
-    for i in range(buf.size):
-        ends += (buf[i] == 10) + (buf[i] == 13)
-        braces += buf[i] == 123
-        commas += buf[i] == 44
-    return ends + 1, braces, braces + commas
+    counts = np.zeros(4, np.int64)
+    for at in range(0, len(data), _PIECE):
+        text = np.frombuffer(data, np.uint8, min(_PIECE, len(data) - at), at)
+        counts += [np.count_nonzero(text == ord(sign)) for sign in "\n\r{,"]
+    feeds, returns, braces, commas = counts.tolist()
+    return feeds + returns + 1, braces, braces + commas
 
 
-@numba.njit(cache=True)
+@compiled(PLAIN, borrows=True)
 def _line_ends(buf: Any, i: Any) -> Any:
     """Returns (end of code, end of line) of the line that starts at ``i``."""
     n = buf.size
@@ -213,7 +215,7 @@ def _line_ends(buf: Any, i: Any) -> Any:
     return (j if code < 0 else code), j
 
 
-@numba.njit(cache=True)
+@compiled(PLAIN, borrows=True, inline=True)
 def _repeats(
     buf: Any,
     i: Any,
@@ -233,38 +235,38 @@ def _repeats(
     """
     j, a, new = i, before, n_tok
     for t in range(token, n_tok):
-        start = tok_start[t]
+        start = tok_start[np.uint64(t)]
         text = start - 1
-        if buf[text] != 32 and buf[text] != 9:
+        if buf[np.uint64(text)] != 32 and buf[np.uint64(text)] != 9:
             return i
-        while buf[text - 1] == 32 or buf[text - 1] == 9:
+        while buf[np.uint64(text - 1)] == 32 or buf[np.uint64(text - 1)] == 9:
             text -= 1
         while a < text:
-            if buf[a] != buf[j]:
+            if buf[np.uint64(a)] != buf[np.uint64(j)]:
                 return i
             a += 1
             j += 1
         blank = j
-        while buf[j] == 32 or buf[j] == 9:
+        while buf[np.uint64(j)] == 32 or buf[np.uint64(j)] == 9:
             j += 1
         if j == blank:
             return i
         value, end = plain_number(buf, j)
         if end == j:
             return i
-        tok_component[new], tok_start[new] = tok_component[t], j
-        tok_length[new], tok_value[new] = end - j, value
+        tok_component[np.uint64(new)], tok_start[np.uint64(new)] = tok_component[np.uint64(t)], j
+        tok_length[np.uint64(new)], tok_value[np.uint64(new)] = end - j, value
         new += 1
-        j, a = end, start + tok_length[t]
+        j, a = end, start + tok_length[np.uint64(t)]
     while a < i:
-        if buf[a] != buf[j]:
+        if buf[np.uint64(a)] != buf[np.uint64(j)]:
             return i
         a += 1
         j += 1
     return j
 
 
-@numba.njit(cache=True)
+@compiled(PLAIN, borrows=True)
 def _scan(
     buf: Any,
     i: Any,

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-import numba
 import numpy as np
+
+from robotrue.core.compiled import PLAIN, compiled
 
 _POW10: Final = np.array([10.0**k for k in range(23)])
 
 
-@numba.njit(cache=True)
+@compiled(PLAIN, borrows=True)
 def blank(buf: Any, i: Any, end: Any) -> Any:
     """Returns the first place from ``i`` that is not a blank or tab."""
     while i < end and (buf[i] == 32 or buf[i] == 9):
@@ -18,7 +19,7 @@ def blank(buf: Any, i: Any, end: Any) -> Any:
     return i
 
 
-@numba.njit(cache=True)
+@compiled(PLAIN, borrows=True)
 def word(buf: Any, i: Any, end: Any) -> Any:
     """Returns (key, end) of the word at ``i``; key 0 if none, -1 if longer than ten letters."""
     key, j = 0, i
@@ -35,7 +36,7 @@ def word(buf: Any, i: Any, end: Any) -> Any:
     return key, j
 
 
-@numba.njit(cache=True)
+@compiled(PLAIN, borrows=True)
 def find(keys: Any, key: Any) -> Any:
     """Returns the place of a key, -1 if it is not there."""
     for k in range(keys.size):
@@ -44,7 +45,7 @@ def find(keys: Any, key: Any) -> Any:
     return -1
 
 
-@numba.njit(cache=True)
+@compiled(PLAIN, borrows=True)
 def read_number(buf: Any, i: Any, end: Any) -> Any:
     """Returns (value, end) of ``[+-]?digits[.digits][ E[+-]digits]`` at ``i``; end = i if none."""
     j, negative = i, False
@@ -94,7 +95,7 @@ def read_number(buf: Any, i: Any, end: Any) -> Any:
     return (-value if negative else value), j
 
 
-@numba.njit(cache=True)
+@compiled(PLAIN, borrows=True)
 def _based(buf: Any, i: Any, end: Any) -> Any:
     """Returns (value, end) of ``'B0110'`` or ``'H1F'`` at ``i``; end = i if it is neither."""
     if i + 3 >= end:
@@ -119,7 +120,7 @@ def _based(buf: Any, i: Any, end: Any) -> Any:
     return float(value), j + 1
 
 
-@numba.njit(cache=True)
+@compiled(PLAIN, borrows=True)
 def _skip_value(buf: Any, i: Any, end: Any) -> Any:
     """Returns the ``,`` or ``}`` that ends an expression at ``i``, or ``end``."""
     depth = 0
@@ -135,7 +136,7 @@ def _skip_value(buf: Any, i: Any, end: Any) -> Any:
     return end
 
 
-@numba.njit(cache=True)
+@compiled(PLAIN, borrows=True)
 def aggregate(
     buf: Any,
     i: Any,
@@ -201,34 +202,34 @@ def aggregate(
         j = after + 1
 
 
-@numba.njit(cache=True)
+@compiled(PLAIN, borrows=True, inline=True)
 def plain_number(buf: Any, i: Any) -> Any:
     """Returns (value, end) of ``-?digits[.digits]`` of at most 18 digits; end = i for all else.
 
     What it reads it reads as :func:`read_number` does; a line end must follow somewhere.
     """
-    j = i + (buf[i] == 45)
+    j = i + (buf[np.uint64(i)] == 45)
     first = j
-    digit = np.uint8(buf[j] - np.uint8(48))
+    digit = np.int64(buf[np.uint64(j)]) - 48
     mantissa = np.int64(0)
-    while digit < 10:
-        mantissa = mantissa * 10 + np.int64(digit)
+    while 0 <= digit <= 9:
+        mantissa = mantissa * 10 + digit
         j += 1
-        digit = np.uint8(buf[j] - np.uint8(48))
+        digit = np.int64(buf[np.uint64(j)]) - 48
     if j == first or j - first > 18:
         return 0.0, i
     value = 0.0
-    if buf[j] == 46:
+    if buf[np.uint64(j)] == 46:
         j += 1
         point = j
-        digit = np.uint8(buf[j] - np.uint8(48))
-        while digit < 10:
-            mantissa = mantissa * 10 + np.int64(digit)
+        digit = np.int64(buf[np.uint64(j)]) - 48
+        while 0 <= digit <= 9:
+            mantissa = mantissa * 10 + digit
             j += 1
-            digit = np.uint8(buf[j] - np.uint8(48))
+            digit = np.int64(buf[np.uint64(j)]) - 48
         if j - first > 19:
             return 0.0, i
-        value = float(mantissa) / _POW10[j - point]
+        value = float(mantissa) / _POW10[np.uint64(j - point)]
     else:
         value = float(mantissa)
-    return (-value if buf[i] == 45 else value), j
+    return (-value if buf[np.uint64(i)] == 45 else value), j

@@ -10,20 +10,27 @@ number standing after two or more blanks keeps its column. S and T keep their ba
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass
 from typing import Any, Final
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.compiled import PLAIN, compiled
 from robotrue.core.units import DEG, MM
 from robotrue.core.words import NO_WORD
 from robotrue.errors import ShapeError
 from robotrue.program.euler import nearest_abc
 from robotrue.program.formats.krl_scan import Bytes, Ints
-from robotrue.program.formats.number_kernels import copy_bytes, place, put_number, put_whole
+from robotrue.program.formats.number_kernels import (
+    SLACK,
+    copy_bytes,
+    place,
+    put_number,
+    put_whole,
+)
 from robotrue.program.program import Program, Replacement
 
 _SAME_POSITION: Final = 1e-11
@@ -37,6 +44,8 @@ _INHERITED: Final = 0.5e-4
 """mm or deg; a component is inserted when what it would inherit is further off than this."""
 _LARGEST: Final = 1e9
 _HALF_DIGIT: Final = np.array([0.5 * 10.0**-k for k in range(16)])
+_ROWS: Final = 1 << 12
+"""Targets written at a time: what they need stays in the nearer caches."""
 _WIDEST: Final = 28
 """Bytes one rewritten number can take: sign, ten digits, point, fifteen decimals, padding apart."""
 
@@ -86,54 +95,88 @@ def write_krl(program: Program, replacement: Replacement) -> bytes:
     changed = np.asarray(replacement.changed, dtype=np.bool_)
     if changed.shape != (len(program),):
         raise ShapeError(f"changed has shape {changed.shape}, expected ({len(program)},).")
-    values, touched = _new_values(program, replacement, spans, changed)
-    status, turn = np.where(changed[:, None], replacement.words, NO_WORD).astype(np.int64).T
-    row, component, value = _insertions(spans, values)
-    if not (touched.any() or len(row) or (status >= 0).any() or (turn >= 0).any()):
+    if not changed.any():
         return program.data
-    room = len(program.data) + _WIDEST * (int(touched.sum()) + 2 * len(row))
-    room += 64 * int(np.count_nonzero((status >= 0) | (turn >= 0)))
-    out = np.empty(room, np.uint8)
+    # What a target leaves out hangs on targets before it: such a program is one piece.
+    step = _ROWS if not len(spans.partial) else max(len(program), 1)
+    out, source = io.BytesIO(), np.frombuffer(program.data, np.uint8)
+    begin = 0
+    for first in range(0, len(program), step):
+        rows = slice(first, min(first + step, len(program)))
+        last = rows.stop == len(program)
+        end = len(program.data) if last else int(spans.start[spans.token[rows.stop]])
+        _write_rows(program, replacement, spans, changed, rows, source[begin:end], begin, out)
+        begin = end
+    return out.getvalue()
+
+
+def _write_rows(
+    program: Program,
+    replacement: Replacement,
+    spans: KrlSpans,
+    changed: BoolArray,
+    rows: slice,
+    source: Bytes,
+    begin: int,
+    out: io.BytesIO,
+) -> None:
+    """Writes the bytes ``source``, which begin at ``begin`` and hold the rows, to ``out``."""
+    values, touched = _new_values(program, replacement, spans, changed, rows)
+    words = np.where(changed[rows, None], replacement.words[rows], NO_WORD)
+    row, component, value = _insertions(spans, values)
+    if not (touched.any() or len(row) or (words >= 0).any()):
+        out.write(source)
+        return
+    room = len(source) + _WIDEST * (int(touched.sum()) + 2 * len(row)) + SLACK
+    room += 64 * int(np.count_nonzero((words >= 0).any(axis=1)))
+    text = np.empty(room, np.uint8)
     size = _splice(
-        np.frombuffer(program.data, np.uint8),
-        spans.token,
-        spans.tokens,
+        source,
+        begin,
+        spans.token[rows],
+        spans.tokens[rows],
         spans.component,
         spans.start,
         spans.length,
         spans.value,
         values,
         touched,
-        status,
-        turn,
+        words.astype(np.int64),
         row,
         component,
         value,
-        out,
+        text,
+        np.empty(96, np.uint8),
     )
-    return out[:size].tobytes()
+    out.write(text[:size])
 
 
 def _new_values(
-    program: Program, replacement: Replacement, spans: KrlSpans, changed: BoolArray
+    program: Program,
+    replacement: Replacement,
+    spans: KrlSpans,
+    changed: BoolArray,
+    rows: slice,
 ) -> tuple[Array, BoolArray]:
-    """Returns what every row shall say, (n, 6) in mm and deg, and which of it may differ."""
-    values = printed_values(spans)
+    """Returns what every row shall say, (m, 6) in mm and deg, and which of it may differ."""
+    values = printed_values(spans, rows)
     touched = np.zeros(values.shape, dtype=np.bool_)
+    is_axis, mine = spans.is_axis[rows], changed[rows]
     _new_poses(
-        changed & ~spans.is_axis,
-        program.position,
-        np.ascontiguousarray(replacement.position, dtype=np.float64),
-        program.rotation,
-        np.ascontiguousarray(replacement.rotation, dtype=np.float64),
+        mine & ~is_axis,
+        program.position[rows],
+        np.ascontiguousarray(replacement.position[rows], dtype=np.float64),
+        program.rotation[rows],
+        np.ascontiguousarray(replacement.rotation[rows], dtype=np.float64),
         values,
         touched,
     )
-    axis = np.flatnonzero(changed & spans.is_axis)
+    axis = np.flatnonzero(mine & is_axis)
     if len(axis):
-        move = np.abs(replacement.axes[axis] - program.axes[axis]) > _SAME_ROTATION
-        move |= ~np.isfinite(replacement.axes[axis])
-        values[axis] = np.where(move, replacement.axes[axis] / DEG, values[axis])
+        new, old = replacement.axes[rows][axis], program.axes[rows][axis]
+        move = np.abs(new - old) > _SAME_ROTATION
+        move |= ~np.isfinite(new)
+        values[axis] = np.where(move, new / DEG, values[axis])
         touched[axis] = move
     bad = touched & ~(np.abs(values) < _LARGEST)
     if bad.any():
@@ -142,13 +185,13 @@ def _new_values(
             f"the new target is {values[at].tolist()} (mm, deg), expected finite numbers "
             "below 1e9.",
             source=program.name,
-            line=int(program.line[at]),
+            line=int(program.line[rows][at]),
             hint="leave this row unchanged.",
         )
     return values, touched
 
 
-@numba.njit(cache=True)
+@compiled(PLAIN)
 def _new_poses(
     rows: Any, position: Any, moved: Any, rotation: Any, turned: Any, values: Any, touched: Any
 ) -> None:
@@ -171,10 +214,14 @@ def _new_poses(
             touched[row, 3:] = True
 
 
-def printed_values(spans: KrlSpans) -> Array:
-    """Returns X..C or A1..A6 of every row as the controller has them, (n, 6) in mm and deg."""
-    values = np.full((len(spans.token), 6), np.nan)
-    _gather(spans.token, spans.tokens, spans.component, spans.value, values)
+def printed_values(spans: KrlSpans, rows: slice = slice(None)) -> Array:
+    """Returns X..C or A1..A6 of rows as the controller has them, (m, 6) in mm and deg.
+
+    ``rows`` must be all rows if some leave components out.
+    """
+    token = spans.token[rows]
+    values = np.full((len(token), 6), np.nan)
+    _gather(token, spans.tokens[rows], spans.component, spans.value, values)
     for row, donor in zip(spans.partial.tolist(), spans.donor, strict=True):
         c = np.flatnonzero(donor >= 0)
         values[row, c] = values[donor[c], c]
@@ -201,7 +248,7 @@ def _insertions(spans: KrlSpans, values: Array) -> tuple[IntArray, IntArray, Arr
     return row_at, column + 6 * spans.is_axis[row_at], values[row_at, column]
 
 
-@numba.njit(cache=True)
+@compiled(PLAIN)
 def _gather(token: Any, tokens: Any, component: Any, value: Any, values: Any) -> None:
     for row in range(token.size):
         for t in range(token[row], token[row] + tokens[row]):
@@ -209,9 +256,17 @@ def _gather(token: Any, tokens: Any, component: Any, value: Any, values: Any) ->
                 values[row, component[t] % 6] = value[t]
 
 
-@numba.njit(cache=True)
+@compiled(PLAIN, borrows=True, inline=True)
 def _style(buf: Any, start: Any, end: Any) -> Any:
     """Returns (decimals to write, has a plus, has no digit before the point)."""
+    sign = buf[np.uint64(start)]
+    first = start + (sign == 43 or sign == 45)
+    point = end - 1
+    while point >= first and 48 <= buf[np.uint64(point)] <= 57:
+        point -= 1
+    if point >= first and buf[np.uint64(point)] == 46:
+        decimals = end - 1 - point
+        return min(decimals if decimals >= 3 else 4, 15), sign == 43, point == first
     decimals, point, exponent = 0, -1, False
     for i in range(start, end):
         if buf[i] == 46:
@@ -225,11 +280,10 @@ def _style(buf: Any, start: Any, end: Any) -> Any:
         decimals = 6
     elif decimals < 3:
         decimals = 4
-    first = start + (buf[start] == 43 or buf[start] == 45)
-    return min(decimals, 15), buf[start] == 43, point == first
+    return min(decimals, 15), sign == 43, point == first
 
 
-@numba.njit(cache=True)
+@compiled(PLAIN)
 def _integer(out: Any, k: Any, value: Any, buf: Any, start: Any, end: Any) -> Any:
     """Writes S or T in the base and at least the digits of the bytes it replaces."""
     if buf[start] != 39:
@@ -249,7 +303,7 @@ def _integer(out: Any, k: Any, value: Any, buf: Any, start: Any, end: Any) -> An
     return k + 3 + size
 
 
-@numba.njit(cache=True)
+@compiled(PLAIN)
 def _insert(out: Any, k: Any, component: Any, value: Any, decimals: Any) -> Any:
     """Writes ``,NAME value`` for a left-out component."""
     out[k] = 44
@@ -266,9 +320,10 @@ def _insert(out: Any, k: Any, component: Any, value: Any, decimals: Any) -> Any:
     return put_number(out, k + 2, value, decimals, False, False)
 
 
-@numba.njit(cache=True)
+@compiled(PLAIN, borrows=True)
 def _splice(
     buf: Any,
+    begin: Any,
     token: Any,
     tokens: Any,
     component: Any,
@@ -277,37 +332,45 @@ def _splice(
     old: Any,
     values: Any,
     touched: Any,
-    status: Any,
-    turn: Any,
+    words: Any,
     add_row: Any,
     add_component: Any,
     add_value: Any,
     out: Any,
+    scratch: Any,
 ) -> Any:
-    """Copies ``buf`` to ``out`` with the new numbers; returns the bytes written."""
-    scratch = np.empty(96, np.uint8)
+    """Copies ``buf`` to ``out`` with the new numbers; returns the bytes written.
+
+    ``begin`` is where ``buf`` begins in the file, ``scratch`` (96,) work space.
+    """
     cursor, k, add = 0, 0, 0
     for row in range(token.size):
         inserting = add < add_row.size and add_row[add] == row
         most = 0
         for t in range(token[row], token[row] + tokens[row]):
-            first, last, code, size = start[t], start[t] + length[t], component[t], 0
-            if code < 12 and (touched[row, code % 6] or inserting):
+            code, size = np.int64(component[t]), 0
+            first = start[t] - begin
+            last = first + length[t]
+            column = code if code < 6 else code - 6
+            if code < 12 and (touched[row, column] or inserting):
                 decimals, plus, bare = _style(buf, first, last)
                 most = max(most, decimals)
-                new = values[row, code % 6]
-                if touched[row, code % 6] and abs(new - old[t]) > _HALF_DIGIT[decimals]:
+                new = values[row, column]
+                if touched[row, column] and abs(new - old[t]) > _HALF_DIGIT[decimals]:
+                    if first - 2 < cursor or buf[first - 1] != 32 or buf[first - 2] != 32:
+                        k = copy_bytes(out, k, buf, cursor, first)
+                        k = put_number(out, k, new, decimals, plus, bare)
+                        cursor = last
+                        continue
                     size = put_number(scratch, 0, new, decimals, plus, bare)
-            elif code == 18 and status[row] >= 0 and status[row] != old[t]:
-                size = _integer(scratch, 0, status[row], buf, first, last)
-            elif code == 19 and turn[row] >= 0 and turn[row] != old[t]:
-                size = _integer(scratch, 0, turn[row], buf, first, last)
+            elif 18 <= code and words[row, code - 18] >= 0 and words[row, code - 18] != old[t]:
+                size = _integer(scratch, 0, words[row, code - 18], buf, first, last)
             if size > 0:
                 k = place(out, k, buf, cursor, first, last, scratch, size)
                 cursor = last
         if inserting:
             t = token[row] + tokens[row] - 1
-            last = start[t] + length[t]
+            last = start[t] + length[t] - begin
             k = copy_bytes(out, k, buf, cursor, last)
             cursor = last
             while add < add_row.size and add_row[add] == row:

@@ -4,55 +4,100 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-import numba
 import numpy as np
 
+from robotrue.core.compiled import PLAIN, compiled
+
 _HALF_DIGIT: Final = np.array([0.5 * 10.0**-k for k in range(16)])
+_TENS: Final = np.array([10**k for k in range(19)])
+_PAIRS: Final = np.frombuffer(b"".join(b"%02d" % k for k in range(100)), np.uint8)
+_TEN: Final = np.uint64(10)
+_HUNDRED: Final = np.uint64(100)
+_ROUND: Final = 2.0**52
+"""Adding and taking it off again leaves the nearest integer, the even one of two."""
+SLACK: Final = 4
+"""Bytes behind a number that its printing may write."""
 _POWER: Final = np.array([10.0**k for k in range(23)])
 SLOW_DECIMALS: Final = 13
 """From here on a number is left to the slow way, which rounds exactly."""
 
 
-@numba.njit(cache=True)
+@compiled(PLAIN, borrows=True)
 def put_whole(out: Any, k: Any, whole: Any) -> Any:
     """Writes a non-negative integer at ``k``; returns its end."""
-    size, rest = 1, whole // 10
-    while rest > 0:
+    size = 1
+    while size < 19 and whole >= _TENS[size]:
         size += 1
-        rest //= 10
-    for i in range(size):
-        out[k + size - 1 - i] = 48 + whole % 10
-        whole //= 10
+    _put_digits(out, k, np.uint64(whole), size)
     return k + size
 
 
-@numba.njit(cache=True)
+@compiled(PLAIN, borrows=True)
+def _put_digits(out: Any, k: Any, rest: Any, size: Any) -> None:
+    """Writes the last ``size`` digits of an unsigned integer from ``k`` on, two at a time."""
+    end = k + size
+    while end > k + 1:
+        above = rest // _HUNDRED
+        two = 2 * np.int64(rest - above * _HUNDRED)
+        out[end - 2], out[end - 1] = _PAIRS[two], _PAIRS[two + 1]
+        rest, end = above, end - 2
+    if end > k:
+        out[k] = 48 + np.int64(rest % _TEN)
+
+
+@compiled(PLAIN, borrows=True, inline=True)
+def _four(value: Any) -> Any:
+    """Returns the four digits of 0 to 9999 as bytes, the first one lowest."""
+    high = (value * 5243) >> 19
+    low = value - 100 * high
+    a, c = (high * 103) >> 10, (low * 103) >> 10
+    return (a | (high - 10 * a) << 8 | c << 16 | (low - 10 * c) << 24) + 0x30303030
+
+
+@compiled(PLAIN, borrows=True, inline=True)
+def _put_four(out: Any, k: Any, digits: Any) -> None:
+    out[k] = digits & 255
+    out[k + 1] = digits >> 8 & 255
+    out[k + 2] = digits >> 16 & 255
+    out[k + 3] = digits >> 24 & 255
+
+
+@compiled(PLAIN, borrows=True, inline=True)
 def put_number(out: Any, k: Any, value: Any, decimals: Any, plus: Any, bare: Any) -> Any:
-    """Writes ``value`` with ``decimals`` at ``k``; returns its end."""
-    scale = 1
-    for _ in range(decimals):
-        scale *= 10
+    """Writes ``value`` with ``decimals`` at ``k``; returns its end.
+
+    Up to ``SLACK`` bytes behind that may be written, too: whole groups of digits need no branches.
+    """
+    scale = _TENS[decimals]
     magnitude = abs(value)
-    whole = int(np.floor(magnitude))
-    fraction = int(np.rint((magnitude - whole) * scale))
+    whole = np.int64(magnitude)
+    fraction = np.int64(((magnitude - whole) * scale + _ROUND) - _ROUND)
     if fraction >= scale:
         whole, fraction = whole + 1, fraction - scale
-    if value < 0 and (whole > 0 or fraction > 0):
-        out[k] = 45
-        k += 1
-    elif plus:
-        out[k] = 43
-        k += 1
-    if whole > 0 or not bare:
+    negative = value < 0 and (whole > 0 or fraction > 0)
+    out[k] = 45 if negative else 43
+    k += negative or plus
+    if whole >= 10000:
         k = put_whole(out, k, whole)
+    else:
+        size = 1 + (whole > 9) + (whole > 99) + (whole > 999) - (bare and whole == 0)
+        _put_four(out, k, _four(whole) >> 8 * (4 - size))
+        k += size
     out[k] = 46
-    for i in range(decimals):
-        out[k + decimals - i] = 48 + fraction % 10
-        fraction //= 10
-    return k + 1 + decimals
+    k += 1
+    if decimals <= 4:
+        _put_four(out, k, _four(fraction * _TENS[4 - decimals]))
+    elif decimals <= 8:
+        fraction *= _TENS[8 - decimals]
+        above = fraction // 10000
+        _put_four(out, k, _four(above))
+        _put_four(out, k + 4, _four(fraction - 10000 * above))
+    else:
+        _put_digits(out, k, np.uint64(fraction), decimals)
+    return k + decimals
 
 
-@numba.njit(cache=True)
+@compiled(PLAIN, borrows=True)
 def copy_bytes(out: Any, k: Any, buf: Any, start: Any, end: Any) -> Any:
     """Copies ``buf[start:end]`` to ``k``; returns its end."""
     for i in range(start, end):
@@ -61,7 +106,7 @@ def copy_bytes(out: Any, k: Any, buf: Any, start: Any, end: Any) -> Any:
     return k
 
 
-@numba.njit(cache=True)
+@compiled(PLAIN, borrows=True)
 def place(
     out: Any, k: Any, buf: Any, cursor: Any, start: Any, end: Any, text: Any, size: Any
 ) -> Any:
@@ -79,7 +124,7 @@ def place(
     return copy_bytes(out, k, text, 0, size)
 
 
-@numba.njit(cache=True)
+@compiled(PLAIN, borrows=True)
 def is_plain(buf: Any, start: Any, end: Any) -> Any:
     """Returns whether a token is digits with at most one point and a sign, and not too long."""
     point = -1
@@ -91,7 +136,7 @@ def is_plain(buf: Any, start: Any, end: Any) -> Any:
     return point >= 0 and start < end and end - point <= SLOW_DECIMALS
 
 
-@numba.njit(cache=True)
+@compiled(PLAIN)
 def respell(
     buf: Any,
     start: Any,
@@ -136,7 +181,7 @@ def respell(
     return copy_bytes(out, k, buf, cursor, buf.size)
 
 
-@numba.njit(cache=True)
+@compiled(PLAIN)
 def plain_tokens(buf: Any, start: Any, length: Any) -> Any:
     """Returns which tokens (t,) are plain."""
     out = np.empty(start.size, np.bool_)
@@ -145,7 +190,7 @@ def plain_tokens(buf: Any, start: Any, length: Any) -> Any:
     return out
 
 
-@numba.njit(cache=True)
+@compiled(PLAIN, borrows=True)
 def literal_numbers(
     buf: Any,
     first: Any,
@@ -187,7 +232,7 @@ def literal_numbers(
                 value[row, column] = _exact(buf, begun, i)
 
 
-@numba.njit(cache=True)
+@compiled(PLAIN, borrows=True)
 def _exact(buf: Any, start: Any, end: Any) -> Any:
     """Returns a number that one product or quotient rounds to the last bit, NaN for others."""
     whole, digits, decimals, power, mark = 0, 0, 0, 0, end
