@@ -125,7 +125,7 @@ def _write_rows(
     words = np.where(changed[rows, None], replacement.words[rows], NO_WORD)
     row, component, value = _insertions(spans, values)
     if not (touched.any() or len(row) or (words >= 0).any()):
-        out.write(source)
+        out.write(source.data)
         return
     room = len(source) + _WIDEST * (int(touched.sum()) + 2 * len(row)) + SLACK
     room += 64 * int(np.count_nonzero((words >= 0).any(axis=1)))
@@ -148,7 +148,7 @@ def _write_rows(
         text,
         np.empty(96, np.uint8),
     )
-    out.write(text[:size])
+    out.write(text[:size].data)
 
 
 def _new_values(
