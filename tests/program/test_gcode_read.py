@@ -131,8 +131,11 @@ def test_arcs_through_a_point() -> None:
 
 
 @pytest.mark.parametrize(
-    "arc", ["G2 X10.0 Y2.0 I=4.0 J=0.5", "G2 X10.0 Y2.0", "G2 X10.0 Y2.0 I=1 CR=5", "CIP X1 Y1 I1=3",
-            "G2 X10.0 Y2.0 K=2.0 I=1.0", "G2 X10.0 Y2.0 CR=1.0", "G2 X11.0 Y2.0 CR=R1"],
+    "arc",
+    [
+        "G2 X10.0 Y2.0 I=4.0 J=0.5", "G2 X10.0 Y2.0", "G2 X10.0 Y2.0 I=1 CR=5", "CIP X1 Y1 I1=3",
+        "G2 X10.0 Y2.0 K=2.0 I=1.0", "G2 X10.0 Y2.0 CR=1.0", "G2 X11.0 Y2.0 CR=R1",
+    ],
 )  # fmt: skip
 def test_an_arc_that_cannot_be_told_holds_its_start_back(arc: str) -> None:
     program = sinumerik(f"{FIRST}\n{arc}\nG1 X20.0 Y1.0 Z1.0")

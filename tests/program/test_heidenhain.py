@@ -62,9 +62,8 @@ def test_inches_of_the_head() -> None:
 
 def test_an_arc_stands_in_two_blocks() -> None:
     program = of(f"{FIRST}\nCC X+6.0 Y+2.0\nC X+11.0 Y+2.0 DR+\nCR X+21.0 Y+2.0 R+5.0 DR-")
-    assert program.motion.tolist() == [Motion.LIN, Motion.ARC_VIA, Motion.ARC_END] + [
-        Motion.ARC_VIA, Motion.ARC_END,
-    ]  # fmt: skip
+    arc = [Motion.ARC_VIA, Motion.ARC_END]
+    assert program.motion.tolist() == [Motion.LIN, *arc, *arc]
     np.testing.assert_allclose(program.position[[1, 3]] / MM, [[6, -3, 3], [16, 7, 3]], atol=1e-9)
     assert written(program, [[100, 50, 0]] * 5) == [
         "3 L X+1.100 Y+2.050 Z+3.0 A+0.0 B+0.0 C+0.0",

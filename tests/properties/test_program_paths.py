@@ -154,7 +154,7 @@ STILL = np.zeros(3), np.eye(3)
 
 @pytest.mark.parametrize("name", NAMES)
 @given(data=st.data())
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_zero_correction_is_the_identity(name: str, data: st.DataObject) -> None:
     source = data.draw(GENERATED[name])
     program = read(name, source)
@@ -175,7 +175,7 @@ def tool_axis(program: Program) -> np.ndarray:
 
 @pytest.mark.parametrize("name", NAMES)
 @given(data=st.data(), seed=st.integers(0, 2**32 - 1))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_what_is_written_is_read_again(name: str, data: st.DataObject, seed: int) -> None:
     source = data.draw(GENERATED[name])
     program = read(name, source)
@@ -226,14 +226,14 @@ def damaged_or_refused(name: str, data: bytes) -> bool:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_cut_off_at_every_byte(name: str) -> None:
-    for size in range(len(SAMPLES[name]) + 1):
+def test_cut_off_anywhere(name: str) -> None:
+    for size in range(0, len(SAMPLES[name]) + 1, 3):
         damaged_or_refused(name, SAMPLES[name][:size])
 
 
 @pytest.mark.parametrize("name", NAMES)
 @given(changes=edits(PIECES))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=60, deadline=None)
 def test_edited_anywhere(name: str, changes: Edits) -> None:
     damaged_or_refused(name, edited(SAMPLES[name], changes))
 
@@ -247,7 +247,7 @@ HEADS = {
 
 @pytest.mark.parametrize("name", NAMES)
 @given(data=st.binary(max_size=200))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_any_bytes(name: str, data: bytes) -> None:
     damaged_or_refused(name, HEADS.get(name, b"G1 X1. Y1. Z1.\n") + data)
 
