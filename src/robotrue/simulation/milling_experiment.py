@@ -48,9 +48,11 @@ from robotrue.simulation.milling_cut import (
 LASER: Final = 0.3 * UM
 """Of each sample."""
 REPEATABILITY: Final = 1.2 * UM
-"""Of the difference between cut and dry run; it changes slowly along the pass."""
-REPEATABILITY_LENGTH: Final = 0.06
-"""m of path, correlation length of it. Assumed."""
+"""Of the difference between cut and dry run, slow and fast part together."""
+REPEATABILITY_FAST: Final = 0.4 * UM
+"""The part that changes from window to window. Assumed."""
+REPEATABILITY_LENGTH: Final = 0.025
+"""m of path, correlation length of the slow part, five windows. Assumed."""
 JOINT_NOISE: Final = 3e-4 * DEG
 BLIND: Final = 4.0
 """Hz; below, the accelerometer's response is taken as constant."""
@@ -223,9 +225,10 @@ def _predicted(frequency: Array, hammer: ComplexArray, force: Array) -> Array:
 
 
 def _repeatability(along: Array, rng: np.random.Generator) -> Array:
-    """A smooth random curve (n,) m over a pass, Gaussian process of squared exponentials."""
+    """A random curve (n,) m over a pass: a process of squared exponentials and white noise."""
     distance = (along[:, None] - along[None, :]) / REPEATABILITY_LENGTH
-    covariance = np.exp(-0.5 * distance**2)
-    value, vector = np.linalg.eigh(covariance)
-    root = vector * np.sqrt(np.maximum(value, 0.0))
-    return np.asarray(REPEATABILITY * (root @ rng.standard_normal(len(along))))
+    value, vector = np.linalg.eigh(np.exp(-0.5 * distance**2))
+    root = (vector * np.sqrt(np.maximum(value, 0.0))) @ vector.T  # the same on every machine
+    slow = np.sqrt(REPEATABILITY**2 - REPEATABILITY_FAST**2)
+    drawn = rng.standard_normal((2, len(along)))
+    return np.asarray(slow * (root @ drawn[0]) + REPEATABILITY_FAST * drawn[1])

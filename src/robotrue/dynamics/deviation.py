@@ -1,0 +1,298 @@
+"""The learned deviation of the dynamic error: compliant joints, and what is left of it.
+
+    e - e_w = sum_i alpha_i x_i - g . F + b + c (e_w - mean e_w) + rest
+
+x_i is the bending of joint i under the mean force, with the stiffness the data sheet states;
+alpha_i is near one. g takes back the static part that e_w has from a single pose, b and c are
+offset and gain of e_w. The factors have Gaussian priors and are solved in closed form,
+``(X^T C^-1 X + S^-1)^-1 (X^T C^-1 y + S^-1 m)``, with the covariance C of
+:mod:`robotrue.dynamics.deviation_kernel`, whose sizes are learned by evidence. Where a pose or
+force is unlike all those learned from, the residual process is left out and physics stand alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from enum import IntEnum
+from typing import Any, Final
+
+import numpy as np
+
+from robotrue.calibration.archive import robot_arrays, robot_document, robot_from
+from robotrue.core.archive import Archive
+from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.core.units import UM
+from robotrue.dynamics.deviation_kernel import (
+    NAMES,
+    WindowRows,
+    covariance,
+    learned,
+    shared,
+    solved,
+    variance,
+)
+from robotrue.dynamics.deviation_physics import CompliantArm, PhysicsTerms, physics_terms
+from robotrue.dynamics.window_checks import check_for_fit
+from robotrue.dynamics.windows import WindowSet
+from robotrue.errors import ArchiveError, ConfigurationError
+
+KIND: Final = "dynamic-deviation"
+SCHEMA: Final = 1
+NEAR: Final = 0.5
+"""Correlation with the nearest window learned from, below which a pose is one nobody has seen."""
+FORCE_ROOM: Final = 0.5
+"""How far, over its range, a force may lie outside what was learned from."""
+
+
+class Standing(IntEnum):
+    """How far a window's estimate is to be trusted."""
+
+    INSIDE = 0
+    EXTRAPOLATED = 1
+    INVALID = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeviationSettings:
+    """Prior standard deviations.
+
+    Attributes:
+        compliance: Of the factor on each joint's stated compliance, about one.
+        force: m/N, of g.
+        offset: m, of b.
+        gain: Of c.
+        force_zero: N, of the dynamometer's zero from pass to pass, each axis.
+    """
+
+    compliance: float = 0.25
+    force: float = 1.0 * UM
+    offset: float = 3.0 * UM
+    gain: float = 0.2
+    force_zero: float = 0.4
+
+    def __post_init__(self) -> None:
+        """Checks signs."""
+        for name, value in asdict(self).items():
+            if not (np.isfinite(value) and value >= 0.0):
+                raise ConfigurationError(f"prior {name} is {value}, expected zero or more.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeviationPrediction:
+    """Error of each window, and how far to trust it.
+
+    Attributes:
+        error: (n,) m, e_w plus deviation; NaN where invalid.
+        deviation: (n,) m.
+        sd: (n,) m, of a measurement of that window.
+        physics: (n,) m, the part of the deviation without residual process.
+        standing: (n,) :class:`Standing`.
+    """
+
+    error: Array
+    deviation: Array
+    sd: Array
+    physics: Array
+    standing: IntArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeviationModel:
+    """A fitted deviation: windows learned from, and the sizes of what they share.
+
+    Attributes:
+        arm: The compliant arm as stated.
+        settings: Priors.
+        windows: Learned from.
+        theta: (5,) logarithms, see ``deviation_kernel.NAMES``.
+        factors: (q,) posterior mean: alpha per joint, g, b, c.
+        factors_sd: (q,) their posterior standard deviations.
+    """
+
+    arm: CompliantArm
+    settings: DeviationSettings
+    windows: WindowSet
+    theta: Array
+    factors: Array
+    factors_sd: Array
+
+    def __post_init__(self) -> None:
+        """Freezes."""
+        q = self.arm.robot.dof + 5
+        for name, size in (("theta", len(NAMES)), ("factors", q), ("factors_sd", q)):
+            object.__setattr__(self, name, frozen(getattr(self, name), (size,), name))
+
+    @property
+    def sizes(self) -> dict[str, float]:
+        """What was learned by evidence, SI."""
+        return dict(zip(NAMES, np.exp(self.theta).tolist(), strict=True))
+
+    def predict(self, windows: WindowSet) -> DeviationPrediction:
+        """Returns error, deviation and standard deviation of windows.
+
+        Windows of a pass that was learned from (same name) share what changes along it.
+
+        Raises:
+            ModelMismatchError: Windows of another arm.
+        """
+        terms = physics_terms(self.arm, windows)
+        old_terms = physics_terms(self.arm, self.windows)
+        names = {name: k for k, name in enumerate(self.windows.pass_names)}
+        for name in windows.pass_names:
+            names.setdefault(name, len(names))
+        mean, spread = _priors(self.arm, self.settings)
+        gain_at = float(self.windows.predicted.mean())
+        old = _rows(self.settings, self.windows, old_terms, names, gain_at)
+        new = _rows(self.settings, windows, terms, names, gain_at)
+        prior = spread**2
+        known = solved(old, self.windows.deviation - old.basis @ mean, self.theta, prior)
+        cross = covariance(new, old, self.theta, prior)
+        standing = self._standing(windows, terms, new, old)
+        far = standing != Standing.INSIDE
+        cross[far] -= shared(new, old, self.theta)[far]
+        deviation = new.basis @ mean + cross @ known.alpha[:, 0]
+        half = known.whitened(cross.T)
+        left = variance(new, self.theta, prior) - np.einsum("ij,ij->j", half, half)
+        sd = np.sqrt(np.maximum(left, 0.0) + np.exp(2.0 * self.theta[4]))
+        invalid = standing == Standing.INVALID
+        deviation[invalid] = sd[invalid] = np.nan
+        return DeviationPrediction(
+            error=windows.predicted + deviation,
+            deviation=deviation,
+            sd=sd,
+            physics=np.where(invalid, np.nan, new.basis @ self.factors),
+            standing=standing,
+        )
+
+    def _standing(
+        self, windows: WindowSet, terms: PhysicsTerms, new: WindowRows, old: WindowRows
+    ) -> IntArray:
+        nearest = shared(new, old, self.theta).max(axis=1) / np.exp(2.0 * self.theta[0])
+        low, high = self.windows.force.min(axis=0), self.windows.force.max(axis=0)
+        room = FORCE_ROOM * (high - low) + 0.1 * np.abs(self.windows.force).max()
+        strange = ((windows.force < low - room) | (windows.force > high + room)).any(axis=1)
+        out = np.where((nearest < NEAR) | strange, Standing.EXTRAPOLATED, Standing.INSIDE)
+        return np.asarray(np.where(terms.outside, Standing.INVALID, out), dtype=np.int64)
+
+    def to_archive(self) -> Archive:
+        """Returns the model as document and arrays (SI)."""
+        w = self.windows
+        document: dict[str, Any] = {
+            "robot": robot_document(self.arm.robot),
+            "settings": asdict(self.settings),
+            "passes": list(w.passes),
+            "source": w.source,
+        }
+        stiff = np.isfinite(self.arm.stiffness)
+        arrays = {
+            **robot_arrays(self.arm.robot),
+            "compliance": np.where(stiff, 1.0 / self.arm.stiffness, 0.0),
+            "direction": self.arm.direction,
+            "joints": w.joints,
+            "force": w.force,
+            "force_peak": w.force_peak,
+            "force_mean": w.force_mean,
+            "predicted": w.predicted,
+            "measured": w.measured,
+            "theta": self.theta,
+            "factors": self.factors,
+            "factors_sd": self.factors_sd,
+        }
+        return Archive(kind=KIND, schema=SCHEMA, document=document, arrays=arrays)
+
+
+def fit_deviation(
+    windows: WindowSet, arm: CompliantArm, settings: DeviationSettings | None = None
+) -> DeviationModel:
+    """Returns the deviation learned from measured windows.
+
+    Args:
+        windows: Measured; one pass will do, several poses are better.
+        arm: As stated by the data sheet.
+        settings: Priors; default those of :class:`DeviationSettings`.
+
+    Raises:
+        ObservabilityError: Too few windows.
+        ImplausibleDataError: Columns that do not vary, or cannot be what they claim.
+        ModelMismatchError: Windows of another arm, or outside its limits.
+
+    Fails when: something other than joints gives way and depends on the pose: it is learned as
+    residual where windows are, and unknown elsewhere.
+    """
+    settings = DeviationSettings() if settings is None else settings
+    terms = physics_terms(arm, windows)
+    check_for_fit(windows, terms.outside)
+    names = {name: k for k, name in enumerate(windows.pass_names)}
+    rows = _rows(settings, windows, terms, names, float(windows.predicted.mean()))
+    mean, spread = _priors(arm, settings)
+    values = windows.deviation - rows.basis @ mean
+    theta = learned(rows, values, spread**2)
+    known = solved(rows, values, theta, spread**2)
+    factors = mean + spread**2 * (rows.basis.T @ known.alpha[:, 0])
+    half = known.whitened(rows.basis * spread**2)
+    left = np.maximum(spread**2 - np.einsum("ij,ij->j", half, half), 0.0)
+    return DeviationModel(
+        arm=arm,
+        settings=settings,
+        windows=windows,
+        theta=theta,
+        factors=factors,
+        factors_sd=np.sqrt(left),
+    )
+
+
+def deviation_from_archive(archive: Archive) -> DeviationModel:
+    """Returns the model of an archive.
+
+    Raises:
+        ArchiveError: Another kind, or written by a newer robotrue.
+    """
+    if archive.kind != KIND or archive.schema > SCHEMA:
+        raise ArchiveError(
+            f"archive of kind {archive.kind!r}, schema {archive.schema}; expected {KIND!r}, "
+            f"schema up to {SCHEMA}.",
+            hint="a deviation model is what `robotrue dynamics fit` writes.",
+        )
+    fields = ("joints", "force", "force_peak", "force_mean", "predicted", "measured")
+    with np.errstate(divide="ignore"):
+        stiffness = 1.0 / archive.array("compliance")
+    return DeviationModel(
+        arm=CompliantArm(
+            robot=robot_from(archive), stiffness=stiffness, direction=archive.array("direction")
+        ),
+        settings=DeviationSettings(**archive.document["settings"]),
+        windows=WindowSet(
+            passes=tuple(archive.document["passes"]),
+            source=str(archive.document["source"]),
+            **{name: archive.array(name) for name in fields},
+        ),
+        theta=archive.array("theta"),
+        factors=archive.array("factors"),
+        factors_sd=archive.array("factors_sd"),
+    )
+
+
+def _priors(arm: CompliantArm, settings: DeviationSettings) -> tuple[Array, Array]:
+    """Mean and standard deviation (q,) of alpha, g, b, c."""
+    n = arm.robot.dof
+    mean = np.concatenate([np.ones(n), np.zeros(5)])
+    spread = [settings.compliance] * n + [settings.force] * 3 + [settings.offset, settings.gain]
+    return mean, np.array(spread)
+
+
+def _rows(
+    settings: DeviationSettings,
+    windows: WindowSet,
+    terms: PhysicsTerms,
+    names: dict[str, int],
+    gain_at: float,
+) -> WindowRows:
+    one = np.ones((len(windows), 1))
+    centred = (windows.predicted - gain_at)[:, None]
+    return WindowRows(
+        basis=np.concatenate([terms.by_joint, -windows.force, one, centred], axis=1),
+        joints=windows.joints,
+        place=terms.place,
+        member=np.array([names[name] for name in windows.passes], dtype=np.int64),
+        drift=terms.compliance * settings.force_zero,
+    )

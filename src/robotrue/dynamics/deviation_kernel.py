@@ -1,0 +1,139 @@
+"""What windows have in common besides the bending of the stated arm, and how much, by evidence.
+
+    cov = X S X^T                                      factors on the joints, offset, scale
+        + a1^2 exp(-|dq|^2 / 2 l1^2)                   what depends on the pose, in every pass
+        + [same pass] a2^2 exp(-|dp|^2 / 2 l2^2)       what changes along one pass only
+        + [same pass] d^2 C C^T                        zero of the dynamometer in that pass
+        + w^2                                          from window to window
+
+Neighbouring windows share their error; taking it as white makes the factors of a single pass look
+known when they are not, and carries them wrongly to other poses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from robotrue.calibration.learners.marginal import Solved, solve
+from robotrue.calibration.learners.search import best
+from robotrue.core.arrays import Array, IntArray
+from robotrue.core.units import MM, UM
+
+NAMES: Final = ("pose_m", "pose_length_rad", "pass_m", "pass_length_m", "white_m")
+"""a1, l1, a2, l2, w."""
+CENTRE: Final = np.log([0.5 * UM, 0.3, 1.0 * UM, 30 * MM, 0.5 * UM])
+SPREAD: Final = np.array([1.0, 0.7, 1.0, 1.0, 1.0])
+"""Weak log-normal prior of the five."""
+BOUNDS: Final = np.log(
+    [
+        [0.01 * UM, 50 * UM],
+        [0.03, 3.0],
+        [0.01 * UM, 50 * UM],
+        [2 * MM, 1.0],
+        [0.02 * UM, 50 * UM],
+    ]
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WindowRows:
+    """Windows as the covariance sees them.
+
+    Attributes:
+        basis: (n, q) columns X.
+        joints: (n, dof) rad.
+        place: (n, 3) m.
+        member: (n,) number of the pass.
+        drift: (n, 3) m, C times the unsureness d of the dynamometer's zero.
+    """
+
+    basis: Array
+    joints: Array
+    place: Array
+    member: IntArray
+    drift: Array
+
+
+def shared(one: WindowRows, two: WindowRows, theta: Array) -> Array:
+    """Returns the pose part of the covariance between windows (n, m)."""
+    amplitude, length = np.exp(theta[0]), np.exp(theta[1])
+    return np.asarray(amplitude**2 * np.exp(-0.5 * _squared(one.joints, two.joints) / length**2))
+
+
+def covariance(one: WindowRows, two: WindowRows, theta: Array, prior: Array) -> Array:
+    """Returns the covariance between windows (n, m) m^2, white noise left out.
+
+    Args:
+        one: n windows.
+        two: m windows.
+        theta: (5,) logarithms of :data:`NAMES`.
+        prior: (q,) variance of each factor.
+    """
+    same = one.member[:, None] == two.member
+    along = np.exp(2.0 * theta[2] - 0.5 * _squared(one.place, two.place) / np.exp(2.0 * theta[3]))
+    out = (one.basis * prior) @ two.basis.T + shared(one, two, theta)
+    out += same * (along + one.drift @ two.drift.T)
+    return np.asarray(out)
+
+
+def variance(rows: WindowRows, theta: Array, prior: Array) -> Array:
+    """Returns the diagonal of :func:`covariance` of windows with themselves (n,)."""
+    drift = np.einsum("ij,ij->i", rows.drift, rows.drift)
+    level = np.exp(2.0 * theta[0]) + np.exp(2.0 * theta[2])
+    return np.asarray(rows.basis**2 @ prior + drift + level)
+
+
+def solved(rows: WindowRows, values: Array, theta: Array, prior: Array) -> Solved:
+    """Returns values (n,) solved against their covariance, white noise included.
+
+    Raises:
+        ObservabilityError: Windows that coincide and carry no noise.
+    """
+    total = covariance(rows, rows, theta, prior)
+    total.flat[:: len(total) + 1] += np.exp(2.0 * theta[4])
+    return solve(total, values[:, None], np.zeros((len(values), 0)))
+
+
+def learned(rows: WindowRows, values: Array, prior: Array) -> Array:
+    """Returns theta (5,) of largest evidence under the weak prior.
+
+    Raises:
+        ObservabilityError: Windows that coincide and carry no noise.
+    """
+    fixed = (rows.basis * prior) @ rows.basis.T
+    same = rows.member[:, None] == rows.member
+    fixed += same * (rows.drift @ rows.drift.T)
+    turn, way = _squared(rows.joints, rows.joints), _squared(rows.place, rows.place)
+    nothing = np.zeros((len(values), 0))
+
+    def log_posterior(theta: Array) -> tuple[float, Array]:
+        a1, l1, a2, l2, white = np.exp(2.0 * theta)
+        pose = a1 * np.exp(-0.5 * turn / l1)
+        along = same * (a2 * np.exp(-0.5 * way / l2))
+        total = fixed + pose + along
+        total.flat[:: len(total) + 1] += white
+        found = solve(total, values[:, None], nothing)
+        weight = found.sensitivity()
+        gradient = np.array(
+            [
+                np.vdot(weight, pose),
+                0.5 * np.vdot(weight, pose * turn) / l1,
+                np.vdot(weight, along),
+                0.5 * np.vdot(weight, along * way) / l2,
+                white * np.trace(weight),
+            ]
+        )
+        off = (theta - CENTRE) / SPREAD
+        return found.log_evidence - 0.5 * float(off @ off), gradient - off / SPREAD
+
+    held = np.full(len(CENTRE), np.nan)
+    return best(log_posterior, CENTRE, BOUNDS, held, 0, np.random.RandomState(0))
+
+
+def _squared(one: Array, two: Array) -> Array:
+    product = one @ two.T
+    size = np.einsum("ij,ij->i", one, one)[:, None] + np.einsum("ij,ij->i", two, two)
+    return np.asarray(np.maximum(size - 2.0 * product, 0.0))

@@ -1,0 +1,98 @@
+"""What joints that give way do to the error of a window, one term for each joint.
+
+Under the mean force F the tool moves along u by ``sum_i (u.J_i) (J^T F)_i / K_i``. With the
+stiffnesses a data sheet states these are the regressors of the deviation; what is learned are
+factors near one on each. J carries the coupling of a parallel rod.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotrue.core.arrays import Array, BoolArray, frozen
+from robotrue.dynamics.windows import WindowSet
+from robotrue.errors import ConfigurationError, ModelMismatchError
+from robotrue.robot.forward import drive_jacobian, walk
+from robotrue.robot.model import RobotModel
+
+LIMIT_SLACK = 1e-3
+"""rad; measured joints may lie this far beyond a limit."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CompliantArm:
+    """What the user knows of the arm.
+
+    Attributes:
+        robot: Kinematics and tool.
+        stiffness: (n,) N m/rad, as stated; inf for a joint taken as stiff.
+        direction: (3,) unit vector in base along which the error counts positive.
+    """
+
+    robot: RobotModel
+    stiffness: Array
+    direction: Array
+
+    def __post_init__(self) -> None:
+        """Freezes and checks."""
+        stiffness = np.asarray(self.stiffness, dtype=np.float64)
+        if stiffness.shape != (self.robot.dof,) or not (stiffness > 0.0).all():
+            raise ConfigurationError(
+                f"stiffness {stiffness} N m/rad, expected {self.robot.dof} numbers above zero.",
+                hint="stiffness of each joint from the data sheet, to a factor of 1.5.",
+            )
+        if not np.isfinite(stiffness).any():
+            raise ConfigurationError(
+                "no joint of the arm has a stiffness: nothing would bend.",
+                hint="state [robot] stiffness in the cell file.",
+            )
+        stiffness = stiffness.copy()
+        stiffness.flags.writeable = False
+        direction = frozen(self.direction, (3,), "direction")
+        if abs(float(np.linalg.norm(direction)) - 1.0) > 1e-6:
+            raise ConfigurationError(f"direction {direction} of the error is not a unit vector.")
+        object.__setattr__(self, "stiffness", stiffness)
+        object.__setattr__(self, "direction", direction)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PhysicsTerms:
+    """The compliant arm at n windows.
+
+    Attributes:
+        by_joint: (n, dof) m, error of each joint's bending under the mean force.
+        compliance: (n, 3) m/N, error over force along base x, y, z.
+        place: (n, 3) m, tool point.
+        outside: (n,) a joint is beyond its limits.
+    """
+
+    by_joint: Array
+    compliance: Array
+    place: Array
+    outside: BoolArray
+
+
+def physics_terms(arm: CompliantArm, windows: WindowSet) -> PhysicsTerms:
+    """Returns the bending of the stated arm in each window.
+
+    Raises:
+        ModelMismatchError: Windows of another number of joints.
+    """
+    robot = arm.robot
+    if windows.joints.shape[1] != robot.dof:
+        raise ModelMismatchError(
+            f"windows with {windows.joints.shape[1]} joints, {robot.name} has {robot.dof}."
+        )
+    state = walk(robot.nominal(), windows.joints)
+    jacobian = drive_jacobian(robot.nominal(), state)[:, :3]
+    torque = np.einsum("nij,ni->nj", jacobian, windows.force)
+    lever = np.einsum("i,nij->nj", arm.direction, jacobian) / arm.stiffness
+    low, high = robot.limits[:, 0] - LIMIT_SLACK, robot.limits[:, 1] + LIMIT_SLACK
+    return PhysicsTerms(
+        by_joint=lever * torque,
+        compliance=np.einsum("nj,nij->ni", lever, jacobian),
+        place=state.position,
+        outside=np.asarray(((windows.joints < low) | (windows.joints > high)).any(axis=1)),
+    )

@@ -1,0 +1,110 @@
+"""The paper's features: eight columns, standardised, turned into principal components.
+
+Source: Jin, Sun, Tang, Li 2022, eq. 3-6: divisor N - 1, eigenvalues from large to small, as many
+components as carry 95 % of the variance. Eight columns of one pass are two numbers for the place on
+its line, peak and mean force: four components carry all of it. Over several passes the rule drops
+directions of the pose.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array, frozen
+from robotrue.dynamics.windows import WindowSet
+from robotrue.errors import ImplausibleDataError, ShapeError
+
+SHARE: Final = 0.95
+COLUMNS: Final = (
+    "j1_deg", "j2_deg", "j3_deg", "j4_deg", "j5_deg", "j6_deg", "f_peak_N", "f_mean_N",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Components:
+    """Standardisation and principal components of m columns.
+
+    Attributes:
+        mean: (m,) of each column.
+        deviation: (m,) its standard deviation, divisor N - 1.
+        eigenvalues: (m,) of the correlation matrix, falling.
+        loadings: (m, m), components by columns; the entry of largest size is positive.
+        count: Components kept.
+    """
+
+    mean: Array
+    deviation: Array
+    eigenvalues: Array
+    loadings: Array
+    count: int
+
+    def __post_init__(self) -> None:
+        """Freezes."""
+        m = len(self.mean)
+        for name, shape in (
+            ("mean", (m,)),
+            ("deviation", (m,)),
+            ("eigenvalues", (m,)),
+            ("loadings", (m, m)),
+        ):
+            object.__setattr__(self, name, frozen(getattr(self, name), shape, name))
+
+    @property
+    def share(self) -> Array:
+        """(m,) part of the variance that each component carries (eq. 6)."""
+        return np.asarray(self.eigenvalues / self.eigenvalues.sum())
+
+    def scores(self, columns: Array) -> Array:
+        """Returns the kept components (n, count) of columns (n, m): eq. 4 and 5."""
+        standard = (np.asarray(columns) - self.mean) / self.deviation
+        return np.asarray(standard @ self.loadings[:, : self.count])
+
+
+def paper_columns(windows: WindowSet) -> Array:
+    """Returns the paper's columns (n, dof + 2): joints in rad, peak and mean force in N.
+
+    Standardisation takes the units out: degrees or radians make no difference.
+    """
+    return np.column_stack([windows.joints, windows.force_peak, windows.force_mean])
+
+
+def components_of(columns: Array, *, share: float = SHARE) -> Components:
+    """Returns the principal components of columns (n, m).
+
+    Raises:
+        ShapeError: Fewer than two rows.
+        ImplausibleDataError: A column that does not vary has no standard deviation to divide by.
+    """
+    values = np.asarray(columns, dtype=np.float64)
+    if values.ndim != 2 or len(values) < 2:
+        raise ShapeError(f"columns have shape {values.shape}, expected two rows or more.")
+    mean, deviation = values.mean(axis=0), values.std(axis=0, ddof=1)
+    flat = np.flatnonzero(deviation <= 1e-12 * np.maximum(np.abs(mean), 1e-300))
+    if flat.size:
+        k = int(flat[0])
+        name = COLUMNS[k] if values.shape[1] == len(COLUMNS) else f"column {k + 1}"
+        raise ImplausibleDataError(
+            f"{name} does not vary over {len(values)} windows; it cannot be standardised.",
+            hint="leave the column out, or check its sensor.",
+        )
+    standard = (values - mean) / deviation
+    value, vector = np.linalg.eigh(standard.T @ standard / (len(values) - 1))
+    value, vector = value[::-1], vector[:, ::-1]
+    largest = np.abs(vector).argmax(axis=0)
+    vector = vector * np.sign(vector[largest, np.arange(len(value))])
+    return Components(
+        mean=mean,
+        deviation=deviation,
+        eigenvalues=np.maximum(value, 0.0),
+        loadings=vector,
+        count=kept(value, share),
+    )
+
+
+def kept(eigenvalues: Array, share: float = SHARE) -> int:
+    """Returns how many of the eigenvalues, from the largest, carry a share of their sum."""
+    carried = np.cumsum(eigenvalues) / np.sum(eigenvalues)
+    return int(np.searchsorted(carried, share - 1e-12) + 1)

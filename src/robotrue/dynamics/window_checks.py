@@ -1,0 +1,116 @@
+"""Windows that cannot be what they claim: constant columns, other units, too few, unmeasured."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array, BoolArray
+from robotrue.core.units import DEG, UM
+from robotrue.dynamics.windows import WindowSet
+from robotrue.errors import ImplausibleDataError, ModelMismatchError, ObservabilityError
+
+FEWEST: Final = 12
+"""Windows below which nothing is learned."""
+LARGEST_ERROR: Final = 5e-3
+LARGEST_FORCE: Final = 2e4
+SMALLEST_TURN: Final = 0.01 * DEG
+_RADIANS: Final = 0.12
+"""rad; joints that never exceed this in degrees would be all within 7 deg of zero."""
+
+
+def check_for_fit(windows: WindowSet, outside: BoolArray) -> None:
+    """Passes if windows can be learned from.
+
+    Args:
+        windows: To learn from.
+        outside: (n,) of them beyond the joint limits.
+
+    Raises:
+        ObservabilityError: Too few windows, or nobody measured.
+        ModelMismatchError: A joint beyond its limits: another arm, or other units.
+        ImplausibleDataError: A column that does not vary, or of another unit.
+    """
+    n, source = len(windows), windows.source or None
+    if n < FEWEST:
+        raise ObservabilityError(
+            f"{n} windows, {FEWEST} are the least to learn a deviation from.",
+            source=source,
+            hint="shorter windows, or another pass.",
+        )
+    unmeasured = np.flatnonzero(~np.isfinite(windows.measured))
+    if unmeasured.size:
+        raise ObservabilityError(
+            f"window {int(unmeasured[0]) + 1} has no measured error; "
+            f"{unmeasured.size} of {n} have none.",
+            source=source,
+            hint="leave them out of the fit.",
+        )
+    check_units(windows)
+    if outside.any():
+        k = int(np.flatnonzero(outside)[0])
+        shown = ", ".join(f"{v:.1f}" for v in windows.joints[k] / DEG)
+        raise ModelMismatchError(
+            f"window {k + 1} at joints {shown} deg, beyond the limits of the arm.",
+            source=source,
+            hint="check the robot, the sense of its joints and their unit.",
+        )
+    columns: dict[str, Array] = {
+        "measured_um": windows.measured,
+        "predicted_um": windows.predicted,
+        "f_peak_N": windows.force_peak,
+        "f_mean_N": windows.force_mean,
+    }
+    for name, values in columns.items():
+        if np.ptp(values) <= 1e-9 * max(float(np.abs(values).max()), 1e-300):
+            raise ImplausibleDataError(
+                f"column {name} does not vary: {values[0]:.6g} (SI) in all {n} windows.",
+                source=source,
+                hint="a sensor that is not connected, or a column that was filled in.",
+            )
+    if np.ptp(windows.joints, axis=0).max() < SMALLEST_TURN:
+        raise ImplausibleDataError(
+            "no joint moves by 0.01 deg over all windows: the arm stood still.", source=source
+        )
+
+
+def check_units(windows: WindowSet) -> None:
+    """Passes if sizes are those of a milling arm.
+
+    Raises:
+        ImplausibleDataError: Joints in radians, errors in mm or m, force in counts or kN.
+    """
+    source = windows.source or None
+
+    def wrong(what: str, hint: str) -> ImplausibleDataError:
+        return ImplausibleDataError(what, source=source, hint=hint)
+
+    largest = float(np.abs(windows.joints).max(initial=0.0))
+    if 0.0 < largest < _RADIANS:
+        raise wrong(
+            f"all joints lie within {largest / DEG:.2f} deg of zero.",
+            "joints in degrees; these look like radians.",
+        )
+    for name, values in (("predicted_um", windows.predicted), ("measured_um", windows.measured)):
+        known = np.abs(values[np.isfinite(values)])
+        if known.size and known.max() > LARGEST_ERROR:
+            raise wrong(
+                f"{name} of up to {known.max() / UM:.0f} um.", "errors in um; are these nm?"
+            )
+        if known.size and 0.0 < known.max() < 0.1 * UM:
+            raise wrong(
+                f"{name} of no more than {known.max() / UM:.4f} um.",
+                "errors in um; these look like mm or m.",
+            )
+    size = np.linalg.norm(windows.force, axis=1)
+    if size.size and size.max() > LARGEST_FORCE:
+        raise wrong(f"a mean force of {size.max():.0f} N.", "forces in N; these look like counts.")
+    mean, peak = np.abs(windows.force_mean), windows.force_peak
+    odd = np.flatnonzero(peak < mean)
+    if odd.size:
+        k = int(odd[0])
+        raise wrong(
+            f"window {k + 1}: f_peak_N {peak[k]:.3f} is below the size of f_mean_N {mean[k]:.3f}.",
+            "f_peak_N is the largest force of a turn, either way, along the same direction.",
+        )
