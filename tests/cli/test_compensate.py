@@ -201,3 +201,18 @@ def test_frames_the_cell_names_reach_the_program(cli, work: Path) -> None:
     first = (work / "o.src").read_bytes()
     assert cli(*command).document["status"] == {"compensated": 1}
     assert (work / "o.src").read_bytes() == first
+
+
+def test_a_file_that_the_program_names_keeps_its_name(cli, work: Path, tmp_path: Path) -> None:
+    call = 'CR_PROCESS_FILE("path.csv",1,-1,"OK")'
+    (work / "path.src").write_text(
+        f"DEF path()\nPTP {{A1 0,A2 -80,A3 80,A4 0,A5 40,A6 0}}\n{call}\nEND\n"
+    )
+    (work / "path.csv").write_text("1;1100.0;200.0;900.0;0.0;120.0;0.0;1;200.0\n")
+    out = tmp_path / "out"
+    out.mkdir()
+    got = cli("compensate", work / "model.rtm", work / "path.src", "-o", out / "new.src", "--json")
+    assert [Path(each["output"]).name for each in got.document["files"]] == ["new.src", "path.csv"]
+    assert got.document["files"][1]["compensated"] == 1
+    assert (out / "path.csv").read_text().startswith("1;1")
+    assert (out / "path.csv").read_text() != (work / "path.csv").read_text()

@@ -137,7 +137,8 @@ def compensated(
     if found is not None:
         files.insert(found.place, (found.name, found.sha256))
     folder = programs[0] if programs[0].is_dir() else programs[0].parent
-    outputs = job_outputs([name for name, _ in files], folder, output)
+    language = job[0].dialect if found is None else found.dialect
+    outputs = job_outputs([name for name, _ in files], folder, output, language)
     for name, digest in files:
         require_compensable(folder / name, digest, used)
     if free_spin:

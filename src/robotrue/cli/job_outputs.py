@@ -7,18 +7,20 @@ from pathlib import Path
 
 from robotrue.cli.inputs import check_output
 from robotrue.errors import ConfigurationError
+from robotrue.program.formats import dialect
 
 
-def job_outputs(names: Sequence[str], folder: Path, output: Path) -> list[Path]:
+def job_outputs(names: Sequence[str], folder: Path, output: Path, language: str) -> list[Path]:
     """Returns the file that each file of a job is written to.
 
-    A folder takes all of them under their own names. A file is the first; companions of the first
-    one's name take its new name, others keep theirs beside it, since programs name them.
+    A folder takes all of them under their own names. A file is the first; a companion that belongs
+    to it by its name takes its new name, others keep theirs beside it, since programs name them.
 
     Args:
         names: Of the files of the job, the program first.
         folder: Where they were read.
         output: A file, or a folder that exists.
+        language: Name of their dialect.
 
     Raises:
         ConfigurationError: A file that is read, no folder, or one name for two files.
@@ -27,8 +29,9 @@ def job_outputs(names: Sequence[str], folder: Path, output: Path) -> list[Path]:
         paths = [output / name for name in names]
     else:
         paths = [output]
+        beside = {each.lower() for each in dialect(language).companions(names[0])}
         for name in map(Path, names[1:]):
-            alike = name.stem.lower() == Path(names[0]).stem.lower()
+            alike = name.stem.lower() == Path(names[0]).stem.lower() and name.name.lower() in beside
             paths.append(output.with_name(output.stem + name.suffix if alike else name.name))
     originals = [folder / name for name in names]
     for path in paths:
