@@ -27,10 +27,10 @@ def predict(
     ],
     force: Annotated[Path, typer.Option(help="Recorded force on the tool: CSV, TDMS or MAT.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="CSV of the error to write.")],
-    static_um_per_N: Annotated[
+    static_um_per_n: Annotated[
         str | None,
         typer.Option(
-            "--static-um-per-N", help="Static load test: xx=1.1,yy=0.9,yx=0.1 (response first)."
+            "--static-um-per-n", help="Static load test: xx=1.1,yy=0.9,yx=0.1 (response first)."
         ),
     ] = None,
     between: Annotated[
@@ -52,7 +52,7 @@ def predict(
         frf,
         force,
         output,
-        static=static_um_per_N,
+        static=static_um_per_n,
         between=between,
         padding=padding_s,
         report=report,
@@ -80,10 +80,10 @@ def frf(
         float | None,
         typer.Option(help="Where the exponential window ends, 0..1; default: none if it decays."),
     ] = None,
-    static_um_per_N: Annotated[
+    static_um_per_n: Annotated[
         str | None,
         typer.Option(
-            "--static-um-per-N", help="Static load test: xx=1.1,yy=0.9,yx=0.1 (response first)."
+            "--static-um-per-n", help="Static load test: xx=1.1,yy=0.9,yx=0.1 (response first)."
         ),
     ] = None,
     report: Annotated[
@@ -100,7 +100,7 @@ def frf(
         modes_path=modes,
         duration=duration_s,
         window=window,
-        static=static_um_per_N,
+        static=static_um_per_n,
         report=report,
         as_json=json,
     )

@@ -95,7 +95,7 @@ def parse_static(text: str | None) -> dict[str, float]:
         if len(pair) != 2 or not set(pair) <= set(AXES) or not np.isfinite(value) or pair in found:
             raise ConfigurationError(
                 f"static deflection {item.strip()!r}, expected pair=um/N.",
-                hint="--static-um-per-N xx=1.1,yy=0.9",
+                hint="--static-um-per-n xx=1.1,yy=0.9",
             )
         found[pair] = value * UM
     return found

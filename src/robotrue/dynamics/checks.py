@@ -8,6 +8,7 @@ G_ij = G_ji.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -27,11 +28,13 @@ _SOFTEST: Final = 5e-4
 _CLEAR: Final = 0.3
 _PURE: Final = 0.9
 """Part of a curve, weighed by phase, that has one sign where it has that sign by law."""
+_TURNED: Final = 0.1
+"""Mean |sin phase| beyond which a curve is more than noise about a stiffness."""
 _OUTGOING: Final = 0.05
 """Two axes of sound structures have 0.01 to 0.7, even with 10 % noise; swapped ones minus that."""
 _LEAST_LOSS: Final = 1e-3
 """Mean |sin phase| below which a curve has no damping that a sign could be read from."""
-_WELL: Final = 400
+_GRID_LINES: Final = 400
 
 
 def check_response(frf: FrequencyResponse) -> None:
@@ -166,10 +169,10 @@ def _check_direct(frf: FrequencyResponse, axis: str) -> None:
     softest = float(np.median(np.abs(values[: max(3, len(values) // 50)])))
     if frf.static is not None:
         _check_static(frf, axis, softest)
-    loss, towards = _phase(frequency, values)
-    if loss is not None and loss < _CLEAR:
+    phase = _phase(frequency, values)
+    if phase.is_mobility or (phase.loss is not None and phase.loss < _CLEAR):
         raise ImplausibleDataError(
-            f"G{axis}{axis}: {_diagnosis(axis, frequency, values, loss, towards)}",
+            f"G{axis}{axis}: {_diagnosis(axis, frequency, values, phase)}",
             source=frf.source,
             hint="name the form in the column's unit, or correct the sign of the channel.",
         )
@@ -196,29 +199,48 @@ def _check_static(frf: FrequencyResponse, axis: str, softest: float) -> None:
         )
 
 
-def _phase(frequency: Array, values: ComplexArray) -> tuple[float | None, float]:
-    """Part of the loss that is loss (-1..1, None: no damping to read), and the same of Re.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Phase:
+    """Signs of a curve on a logarithmic grid, each line weighing alike: peaks do not decide alone.
 
-    On a logarithmic grid, each line weighing alike: the peaks do not decide alone.
+    Attributes:
+        loss: Part of -Im that is above zero less that below, -1..1; None: no damping to read.
+        towards: The same of Re.
+        turned: Mean |sin| of the phase.
     """
+
+    loss: float | None
+    towards: float
+    turned: float
+
+    @property
+    def is_mobility(self) -> bool:
+        """Re never below zero, where Im has both signs."""
+        return (
+            self.loss is not None
+            and self.towards > _PURE
+            and abs(self.loss) < _PURE
+            and self.turned > _TURNED
+        )
+
+
+def _phase(frequency: Array, values: ComplexArray) -> _Phase:
     at = _grid(frequency)
     size = np.abs(values[at])
     at, size = at[size > 0.0], size[size > 0.0]
     sine, cosine = values[at].imag / size, values[at].real / size
+    turned = float(np.abs(sine).mean()) if at.size else 0.0
     towards = float(cosine.sum() / max(np.abs(cosine).sum(), 1e-300))
-    if not at.size or np.abs(sine).mean() < _LEAST_LOSS:
-        return None, towards
-    return float(-sine.sum() / np.abs(sine).sum()), towards
+    loss = None if turned < _LEAST_LOSS else float(-sine.sum() / np.abs(sine).sum())
+    return _Phase(loss=loss, towards=towards, turned=turned)
 
 
-def _diagnosis(
-    axis: str, frequency: Array, values: ComplexArray, loss: float, towards: float
-) -> str:
+def _diagnosis(axis: str, frequency: Array, values: ComplexArray, phase: _Phase) -> str:
     trend = float(np.polyfit(np.log(frequency), np.log(np.abs(values) + 1e-300), 1)[0])
     at_low = float(np.median(values[: max(3, len(values) // 50)].real))
-    if towards > _PURE and loss > -_PURE:
+    if phase.is_mobility:
         return "Re is positive at all frequencies: a mobility (m/s/N), not a receptance."
-    if loss > -_CLEAR:
+    if (phase.loss or 0.0) > -_CLEAR:
         return (
             "the imaginary part has no sign: response and excitation are of different axes, "
             "or the axes are swapped."
@@ -249,7 +271,7 @@ def _check_swapped(frf: FrequencyResponse) -> None:
             if not {a + a, b + b, a + b, b + a} <= set(frf.pairs):
                 continue
             curves = [frf.pair(p, q)[band] for p, q in ((a, a), (b, b), (a, b), (b, a))]
-            one, two = (_phase(frf.frequency[band], curve)[0] or 0.0 for curve in curves[:2])
+            one, two = (_phase(frf.frequency[band], curve).loss or 0.0 for curve in curves[:2])
             if one * two < 0.0 and min(abs(one), abs(two)) > _PURE:
                 continue
             if _determinant(frf.frequency[band], curves) < -_OUTGOING:
@@ -277,7 +299,7 @@ def _determinant(frequency: Array, curves: list[ComplexArray]) -> float:
 
 def _grid(frequency: Array) -> IntArray:
     """Rows of an even grid of the logarithm of frequency."""
-    some = np.geomspace(frequency[0], frequency[-1], _WELL)
+    some = np.geomspace(frequency[0], frequency[-1], _GRID_LINES)
     rows = np.searchsorted(frequency, some).clip(max=len(frequency) - 1)
     return np.asarray(np.unique(rows), dtype=np.int64)
 

@@ -175,6 +175,6 @@ def _fault(
                     f"{name} is {plain or 'blank'}, expected a finite number.",
                     source=path,
                     line=number,
-                    hint="cut the record before it, or repair the sensor's cable and cut again.",
+                    hint="correct that cell, or cut the record off before it.",
                 )
     return FormatError("cannot be read as a table of numbers.", source=path, line=first)
