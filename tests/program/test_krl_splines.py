@@ -75,6 +75,9 @@ def test_a_base_on_an_external_system(tmp_path) -> None:
         ),
         ("BAS(#EX_BASE,7)", True),
         ("BAS(#EX_BASE,8)", False),
+        ("FDAT_ACT={TOOL_NO 3,BASE_NO 7,IPO_FRAME #BASE}\nBAS(#CP_PARAMS,1)", True),
+        ("BAS(#BASE,7)", False),
+        ("$BASE=BASE_DATA[7]", False),
     ],
 )
 def test_ways_to_name_an_external_system(text: str, known: bool) -> None:

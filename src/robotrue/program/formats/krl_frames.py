@@ -152,8 +152,12 @@ class Frames:
             )
         return self.known(side, pose_from_xyz_abc(values[:3] * MM, values[3:] * DEG))
 
-    def number(self, side: str, line: int, number: str | None) -> int:
-        """Returns the index of a numbered frame: set in the program, in the table, or 0."""
+    def number(self, side: str, line: int, number: str | None, *, coupled: bool = False) -> int:
+        """Returns the index of a numbered frame: set in the program, in the table, or 0.
+
+        ``coupled`` says that a base on an external axis would be followed; a plain ``BASE_DATA``
+        is then the frame on that axis, taken as if it stood in the world.
+        """
         if number is None or not number.isdigit():
             return self.unknown(
                 side, line, f"number {number or '?'} is computed", "write the number out"
@@ -162,6 +166,14 @@ class Frames:
         if (side, number) in self._data:
             return self._data[side, number]
         matrix = _lookup(self._given(side), number)
+        rides = side == "base" and any(riders_of(self.table.external, number))
+        if rides and not coupled:
+            return self.unknown(
+                side,
+                line,
+                f"number {number} is on an external axis and is taken as if it stood still",
+                "take it with BAS(#EX_BASE,..) or EK(..)",
+            )
         if matrix is not None:
             return self.known(side, matrix, number)
         if number == "0":
@@ -239,7 +251,7 @@ class Frames:
     def inline_frames(self, line: int, inline: Inline) -> tuple[int, int, bool]:
         """Returns (base, tool, on robot) an inline form's numbers stand for."""
         return (
-            self.number("base", line, inline.base),
+            self.number("base", line, inline.base, coupled=True),
             self.number("tool", line, inline.tool),
             inline.on_robot,
         )
