@@ -14,7 +14,9 @@ from robotrue.dynamics.frf import with_static
 from robotrue.dynamics.interpolation import response_curve
 from robotrue.dynamics.milling_force import force_over_time
 from robotrue.dynamics.modal_fit import fit_modes
+from robotrue.dynamics.oscillators import oscillators_of
 from robotrue.dynamics.predict import out_of_band, predict_error, prediction_columns
+from robotrue.dynamics.streaming import displacement
 from robotrue.errors import ConfigurationError, ModelMismatchError
 
 RATE = 2000.0
@@ -145,6 +147,23 @@ def test_measured_lines_predict_like_the_truth():
     assert np.abs(lines.error[:, 0] - want).max() > 0.5 * UM
     assert any("lines are coarse" in remark for remark in lines.remarks)
     assert not any("lines are coarse" in remark for remark in modes.remarks)
+
+
+def test_whole_record_and_stream_agree():
+    """Fitted modes, once by the whole spectrum and once sample by sample."""
+    truth = robot_with_tool()
+    frf = with_static(measured(truth, step=1.0), {"xx": float(truth.modal_static[0, 0])})
+    modes = fit_modes(frf)
+    rng = np.random.default_rng(3)
+    t = np.arange(40000) / 20e3
+    waves = np.sin(2 * np.pi * np.outer(t, [60.0, 120.0, 480.0]) + rng.uniform(0, 6, 3))
+    force = ForceRecord(
+        start=0.0, rate=20e3, force=np.sin(np.pi * t / 2.0)[:, None] ** 2 * waves * 60.0, source=""
+    )
+    whole = predict_error(response_curve(frf, modes), force).error
+    stream = displacement(oscillators_of(modes), force.force, 20e3)
+    assert np.abs(whole).max() > 5.0 * UM
+    np.testing.assert_allclose(stream, whole, atol=0.05 * UM)
 
 
 def test_what_is_not_known_is_said():

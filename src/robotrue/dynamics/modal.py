@@ -114,6 +114,13 @@ class ModalModel:
         pole = self.poles[:, None, None]
         return np.asarray(-2.0 * (self.residues / pole).real.sum(axis=0) + self.upper)
 
+    @property
+    def at_rest(self) -> Array:
+        """(r, e) m/N at 0 Hz: of the static load test, of the modes for pairs it left out."""
+        if self.static is None:
+            return self.modal_static
+        return np.asarray(np.where(np.isnan(self.static), self.modal_static, self.static))
+
     def to_archive(self) -> Archive:
         """Returns the model as document and arrays (SI)."""
         arrays = {

@@ -139,10 +139,7 @@ def oscillators_of(model: ModalModel) -> Oscillators:
             respond.append(left[:, j] * size[j])
             excite.append(right[j])
     residual = np.zeros((3, 3))
-    upper = model.upper
-    if model.static is not None:
-        upper = upper + model.static - model.modal_static
-    residual[np.ix_(rows, columns)] = upper
+    residual[np.ix_(rows, columns)] = model.upper + model.at_rest - model.modal_static
     return Oscillators(
         poles=np.array(poles).reshape(-1),
         excite=np.array(excite).reshape(-1, 3),
