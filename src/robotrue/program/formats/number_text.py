@@ -21,7 +21,7 @@ _PLAIN: Final = re.compile(rb"-?\d+\.(\d+)")
 _PARTS: Final = re.compile(rb"([+-]?)(\d*)(\.?)(\d*)(?:([eE])([+-]?)(\d+))?")
 _FINE: Final = 6
 """Least decimals of a number with an exponent: the style of ``1E3`` holds no correction."""
-_LARGEST: Final = 1e9
+LARGEST: Final = 1e9
 
 
 def restyled(token: bytes, value: float, *, least: int = 0) -> bytes:
@@ -37,7 +37,7 @@ def restyled(token: bytes, value: float, *, least: int = 0) -> bytes:
     Raises:
         ShapeError: The token is not a number, or the value is not finite or not below 1e9.
     """
-    if not abs(value) < _LARGEST:
+    if not abs(value) < LARGEST:
         raise ShapeError(f"{value} cannot be printed, expected a finite number below 1e9.")
     plain = _PLAIN.fullmatch(token)
     if plain:  # nearly all there are

@@ -12,6 +12,7 @@ from robotrue.core.poses import pose
 from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.program.formats.course import DIFFERS
 from robotrue.program.formats.krl_frames import Frames
+from robotrue.program.formats.number_text import LARGEST
 from robotrue.program.formats.stored_points import firsts
 from robotrue.program.formats.target_notes import TargetNotes
 from robotrue.program.formats.text_lines import line_starts
@@ -42,6 +43,7 @@ class _Builder:
         self.kind = np.array(story.kind, np.int64)
         self.is_axis = self.kind == JOINTS
         self.numbers = walk.table.numbers().rows(np.array(story.row, np.int64))
+        self.bounded = (np.abs(self.numbers.value) < LARGEST).all(axis=1)
         self.point, self.place, self.how, self.setting = (
             np.array(column, np.int64)
             for column in (uses.point, uses.place, uses.motion, uses.setting)
@@ -62,8 +64,9 @@ class _Builder:
         """Returns the finished program, its rows in file order."""
         state = self._settle()
         self._flagged()
-        axes = np.where(self.is_axis[:, None], self.numbers.value, np.nan)
-        values = np.where(self.is_axis[:, None], np.nan, self.numbers.value)
+        known = np.where(self.bounded[:, None], self.numbers.value, np.nan)
+        axes = np.where(self.is_axis[:, None], known, np.nan)
+        values = np.where(self.is_axis[:, None], np.nan, known)
         rows = np.argsort(self.offset, kind="stable")
         held = (self.kind == FRAME) | ~self.used & self._flags(tools_and_frames=True)
         rows = rows[~held[rows]]
@@ -131,7 +134,7 @@ class _Builder:
         if point == BASE:
             return 0
         values = self.numbers.value[point] if point >= 0 else np.full(6, np.nan)
-        if point < 0 or self.uncertain[point] or not np.isfinite(values).all():
+        if point < 0 or self.uncertain[point] or not self.bounded[point]:
             line = self.walk.story.asked.get((side, number), 0)
             at = int(np.searchsorted(self.starts, line, side="right")) - 1
             what = f"of line {at + 1} is computed, or given several values"
@@ -156,8 +159,7 @@ class _Builder:
         flagged = np.zeros(self.count, np.bool_)
         flagged[list(story.flags)] = True
         self.reason[~self.used & ~flagged] = Reason.UNUSED
-        lost = np.isnan(self.numbers.value).any(axis=1)
-        self._put(lost & (self.reason != Reason.UNUSED), Reason.INCOMPLETE, "incomplete")
+        self._put(~self.bounded & (self.reason != Reason.UNUSED), Reason.INCOMPLETE, "incomplete")
         for via, last in story.arcs:
             worst = int(self.reason[via] or self.reason[last])
             for point in (via, last):
