@@ -70,7 +70,7 @@ def test_frames_by_number() -> None:
     said = "\n".join(program.notes)
     assert "work frame 4 stands in the controller (UFRAME), not in the program" in said
     assert "test.ls:30: tool 5 stands in the controller (UTOOL)" in said
-    assert "add tool 5 to the frame table" in said
+    assert "add tool 5 to the cell" in said
 
 
 @pytest.mark.parametrize(

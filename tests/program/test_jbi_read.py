@@ -92,7 +92,7 @@ def test_frames_that_are_not_known() -> None:
     assert program.reason.tolist() == [unknown, unknown, Reason.RELATIVE, unknown, Reason.NONE]
     said = "\n".join(program.notes)
     assert "test.jbi:9: work frame 7 stands in the controller (UFRAME.CND)" in said
-    assert "add base 7 to the frame table" in said
+    assert "add base 7 to the cell" in said
     assert "test.jbi:12: tool 0 stands in the controller (TOOL.CND)" in said
     assert "test.jbi:15: 1 points in tool coordinates" in said
     assert "MTOOL is not one robotrue knows" in said

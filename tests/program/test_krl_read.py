@@ -253,7 +253,7 @@ def test_with_clause_holds_for_its_motion_only() -> None:
     ("line", "cure"),
     [
         ("BAS(#BASE,5)", "part.src:2: the base number 5 stands in the controller .* add base 5 to"),
-        ("$TOOL=TOOL_DATA[9]", "part.src:2: the tool number 9 .* add tool 9 to the frame table"),
+        ("$TOOL=TOOL_DATA[9]", "part.src:2: the tool number 9 .* add tool 9 to the cell"),
         ("BAS(#TOOL,n)", "the tool number n is computed"),
         ("$BASE.X=5", "the base is changed by a single component"),
         ("$BASE={X 5}", "the base leaves components out"),

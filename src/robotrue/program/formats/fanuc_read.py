@@ -155,7 +155,7 @@ class _Builder:
         rows[away] = True
         cure = (
             "describe it in the cell ([[controller.external]]); if it stands still and the frames "
-            "hold there, say so in the frame table"
+            "hold there, say so there (external_axes_at_rest)"
         )
         self._tell(rows, "positions with an external axis or another group away from zero", cure)
 

@@ -24,7 +24,7 @@ _COUNTED: Final = ("C", "BC", "EC", "P", "BP", "EX")
 """Order of ``///NPOS``."""
 _HOLDER: Final = {"base": "UFRAME.CND", "tool": "TOOL.CND"}
 _PULSES_HINT: Final = (
-    "state the pulses per degree of axes S, L, U, R, B, T in the frame table (pulses_per_degree; "
+    "state the pulses per degree of axes S, L, U, R, B, T in the cell (pulses_per_degree in [controller]; "
     "ALL.PRM has them)"
 )
 
@@ -129,7 +129,10 @@ class _Builder:
             if not self._rail or railed or "BASE" in map(str.upper, self.given.bases):
                 named = "BASE" in map(str.upper, self.given.bases)
                 return frames.number("base", "BASE", line) if named else frames.root("base")
-            what, cure = "BASE is that of the base axis", "add base BASE to the frame table"
+            what, cure = (
+                "BASE is that of the base axis",
+                "describe the rail in the cell, or add base BASE to it",
+            )
             return frames.unknown("base", what, line, cure)
         if postype == "USER":
             return self._user(header.user, line, count)
@@ -223,7 +226,7 @@ class _Builder:
         rows[away] = True
         cure = (
             "describe the axis in the cell ([[controller.external]]); if it stands still and the "
-            "frames hold there, say so in the frame table"
+            "frames hold there, say so there (external_axes_at_rest)"
         )
         self._tell(rows, "points moved to together with a base or station axis", cure)
 

@@ -304,7 +304,7 @@ class Builder:
             f"{name}: external axis E{column + 1} is {low:g} to {high:g} (mm or deg) and may carry "
             f"the robot or the part; {int(away.sum())} targets are not compensated. Describe it in "
             "the cell ([[controller.external]]); if it stands still and the frames hold there, say "
-            "so in the frame table."
+            "so there (external_axes_at_rest)."
         ]
 
     def _foreign_notes(self, state: IntArray, reason: IntArray) -> list[str]:

@@ -182,7 +182,7 @@ class Frames:
             side,
             line,
             f"number {number} stands in the controller ($config.dat), not in the program",
-            f"add {side} {number} to the frame table",
+            f"add {side} {number} to the cell ([[controller.{side}]])",
         )
 
     def expression(self, side: str, line: int, text: str, variables: Mapping[str, Array]) -> int:
@@ -208,7 +208,7 @@ class Frames:
             side,
             line,
             f"is {text[:40]!r}, which the program does not hold as numbers",
-            f"write the {side} as numbers, or add it to the frame table by this name",
+            f"write the {side} as numbers, or add it to the cell by this name",
         )
 
     def holder(self, text: str) -> int:

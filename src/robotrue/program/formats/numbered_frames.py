@@ -97,7 +97,7 @@ class NumberedFrames:
             side,
             f"{number} stands in the controller ({self._holder[side]}), not in the program",
             line,
-            f"add {side} {number} to the frame table",
+            f"add {side} {number} to the cell ([[controller.{side}]])",
         )
 
     def unknown(self, side: str, what: str, line: int, cure: str) -> int:

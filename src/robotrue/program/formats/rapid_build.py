@@ -196,7 +196,7 @@ class _Builder:
             f"external axis {column + 1} is {low[column]:g} to {high[column]:g} (mm or deg) and "
             f"may carry the robot or the part; {int(away.sum())} targets are not compensated. "
             "Describe it in the cell ([[controller.external]]); if it stands still and the frames "
-            "hold there, say so in the frame table",
+            "hold there, say so there (external_axes_at_rest)",
         )
 
     def _flagged(self) -> None:

@@ -202,7 +202,7 @@ class RapidFrames:
         shown = repr(name) if re.fullmatch(r"\w+", name) else "of this instruction"
         return self.frames.unknown(
             side, line, f"{shown} is not in this module",
-            f"copy its {what} into the module, or add it to the frame table",
+            f"copy its {what} into the module, or add it to the cell by this name",
         )  # fmt: skip
 
     def _lost(self, side: str, name: str, variable: _Variable, why: str) -> int:
