@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= demo-out
 
-.PHONY: demo test check bench clean
+.PHONY: demo test check bench fuzz fuzz-guided clean
 
 demo: $(VENV)/.runtime
 	$(BIN)/robotrue demo --out $(OUT)
@@ -14,6 +14,15 @@ test: $(VENV)/.development
 
 bench: $(VENV)/.development
 	$(BIN)/python benchmarks/run.py
+
+# Whole and damaged programs by the thousand, per dialect; hours. DIALECTS=krl,rapid for some of them.
+fuzz: $(VENV)/.development
+	$(BIN)/python tests/fuzz/run.py --dialects "$(DIALECTS)" --keep fuzz-out
+
+# Coverage-guided, one dialect: make fuzz-guided DIALECTS=krl SECONDS=600
+fuzz-guided: $(VENV)/.development
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[fuzz]"
+	$(BIN)/python tests/fuzz/guided.py $(DIALECTS) $(or $(SECONDS),600) fuzz-out/corpus/$(DIALECTS)
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
@@ -28,4 +37,4 @@ $(VENV)/.development: $(VENV)/bin/python pyproject.toml constraints.txt
 	@touch $@
 
 clean:
-	rm -rf $(VENV) $(OUT) docs/_build .mypy_cache .ruff_cache .pytest_cache
+	rm -rf $(VENV) $(OUT) fuzz-out docs/_build .mypy_cache .ruff_cache .pytest_cache

@@ -1,0 +1,76 @@
+"""Every dialect on programs written and damaged by a seed; ``make fuzz`` runs many more."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "fuzz"))
+
+from languages import LANGUAGES, frames_of
+from laws import read, require_identity, require_undone, survives
+from mutated import damaged
+from written import Pen
+
+WHOLE, DAMAGED = 25, 100
+
+
+@pytest.mark.parametrize("name", sorted(LANGUAGES))
+def test_zero_is_the_identity_and_a_correction_can_be_undone(name: str) -> None:
+    targets = 0
+    for k in range(WHOLE):
+        job = LANGUAGES[name].writer(Pen.of([11, k]))
+        require_identity(name, job.files, read(name, job.files, job.frames))
+        targets += require_undone(name, job, np.random.default_rng([11, k]))
+    assert targets > 2 * WHOLE
+
+
+@pytest.mark.parametrize("name", sorted(LANGUAGES))
+def test_damaged_programs_are_read_or_refused(name: str) -> None:
+    language, rng = LANGUAGES[name], np.random.default_rng(12)
+    others = [each.sample for each in LANGUAGES.values()]
+    number_read = 0
+    for k in range(DAMAGED):
+        files = list(language.writer(Pen.of([12, k])).files)
+        which = int(rng.integers(len(files)))
+        file, data = files[which]
+        other = others[int(rng.integers(len(others)))]
+        files[which] = file, damaged(rng, data, language.pieces, other)
+        number_read += survives(name, tuple(files), frames_of(name), k, 20.0)
+    assert 0 < number_read < DAMAGED
+
+
+FOUND = {
+    "a quaternion beyond the range of doubles": (
+        "rapid",
+        "part.mod",
+        b"MODULE m\nPROC p()\nMoveL [[0,3,3],[1E308,0,0,0],[1,2,0,2],[9E9,9E9,9E9,9E9,9E9,9E9]],"
+        b"v1,z1,tool0;\nENDPROC\nENDMODULE\n",
+    ),
+    "a work object beyond the range of doubles": (
+        "rapid",
+        "part.mod",
+        b'MODULE m\nPERS wobjdata w:=[FALSE,TRUE,"",[[8,0,0],[1E308,0,0,0]],[[0,0,0],[1,0,0,0]]];\n'
+        b"ENDMODULE\n",
+    ),
+    "a rotation vector beyond the range of doubles": (
+        "urscript",
+        "part.script",
+        b"def p():\nset_tcp(p[0,0,0,1E308,4,9])\nmovel(p[3,6,0,1E308,4,9])\nend\n",
+    ),
+    "a control character behind a number": (
+        "jbi",
+        "part.jbi",
+        b"/JOB\n//POS\n///RCONF 0\x1c,0,0,0,0,0\n//INST\nNOP\nEND\n",
+    ),
+}
+"""Damaged programs that once were neither read nor refused."""
+
+
+@pytest.mark.parametrize("what", FOUND)
+def test_once_found(what: str) -> None:
+    name, file, data = FOUND[what]
+    survives(name, ((file, data),), frames_of(name), 0, 20.0)
