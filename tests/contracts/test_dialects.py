@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,10 @@ import pytest
 from robotrue.core.words import NO_WORD
 from robotrue.errors import FormatError
 from robotrue.program.formats import detect, dialect, dialects, read_job, write_program
-from robotrue.program.program import FrameTable, Program, Replacement
+from robotrue.program.program import FrameTable, Motion, Program, Replacement
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "program"))
+from path_samples import SAMPLES, TABLE
 
 SUFFIXES = tuple(suffix for name in dialects() for suffix in dialect(name).suffixes)
 
@@ -89,3 +93,20 @@ def test_other_languages_are_not_taken_for_one_of_these(data_dir: Path) -> None:
     assert others
     for path in others:
         assert max(dialect(name).detect(path.read_bytes()) for name in dialects()) < 0.4
+
+
+@pytest.mark.parametrize("name", sorted(SAMPLES))
+def test_paths_of_words_are_told_from_all_others_and_kept(name: str, tmp_path: Path) -> None:
+    data = SAMPLES[name]
+    scores = {each: dialect(each).detect(data) for each in dialects()}
+    assert all(0.0 <= score <= 1.0 for score in scores.values())
+    assert scores.pop(name) > max(scores.values())
+    (tmp_path / "part").write_bytes(data)
+    (program,) = read_job(tmp_path / "part", TABLE)
+    assert program.dialect == detect(data, "noname").name == name
+    assert write_program(program, shifted(program, 0.0)) == data
+    (tmp_path / "part").write_bytes(write_program(program, shifted(program, 3e-4)))
+    (again,) = read_job(tmp_path / "part", TABLE)
+    use = (program.reason == 0) & (program.motion != Motion.ARC_VIA)
+    assert use.any()
+    np.testing.assert_allclose(again.position[use], program.position[use] + 3e-4, atol=0.51e-6)
