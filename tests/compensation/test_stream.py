@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import cases
 import numpy as np
 import pytest
+from test_rapid_urscript_programs import rapid, urscript
 
 from robotrue.calibration.rigid_flexible import RigidFlexibleModel
 from robotrue.compensation.chunks import at_home
@@ -24,6 +25,7 @@ from robotrue.program.formats import read_job, write_program
 from robotrue.program.program import FrameTable
 from robotrue.program.stream import Outline, outline
 from robotrue.robot.forward import forward
+from robotrue.robot.presets import preset
 from robotrue.robot.statics import Load
 
 COUNT = 3000
@@ -111,6 +113,21 @@ def test_blocks_give_the_bytes_of_the_whole(source: Path, block: int) -> None:
     assert found == data
     assert result.again == 0
     assert result.workers == 1
+    require_equal_summaries(dict(result.summary()), expected)
+
+
+@pytest.mark.parametrize(("make", "arm"), [(rapid, "IRB120"), (urscript, "UR10")])
+def test_other_languages(tmp_path: Path, make: Callable[..., bytes], arm: str) -> None:
+    robot = preset(arm).with_tool(cases.TOOL)
+    middle = {"IRB120": [5, 10, -15, 20, 50, 85], "UR10": [15, -80, 90, -100, -80, 20]}[arm]
+    joints = np.array(middle) * DEG + np.linspace(0, 0.4, 600)[:, None]
+    path = tmp_path / ("part.mod" if make is rapid else "part.script")
+    path.write_bytes(make(robot, joints))
+    model, how = cases.rich_model(robot=robot, harmonics=8, centres=20), CompensationSettings()
+    data, expected = whole(path, model, how)
+    found, result = streamed(path, model, how, block=90, workers=1)
+    assert found == data != path.read_bytes()
+    assert result.blocks == 7
     require_equal_summaries(dict(result.summary()), expected)
 
 

@@ -12,7 +12,7 @@ from robotrue.compensation.memory import space
 from robotrue.compensation.pack import Pack
 from robotrue.compensation.plan import Plan
 from robotrue.compensation.settings import CompensationSettings
-from robotrue.core.arrays import Array, IntArray
+from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.program.program import Program
 from robotrue.robot.statics import Load
 
@@ -61,12 +61,14 @@ class Standing:
         joints: (6,) rad, joints driven to last.
         sign: (6,) of the last motion of every joint.
         branch: (4,) see :func:`robotrue.compensation.branch_lanes.choose_closed`.
+        begun: (1,) whether there was a target before, reached or not.
     """
 
     near: Array
     joints: Array
     sign: Array
     branch: IntArray
+    begun: BoolArray
 
     def copy(self) -> Standing:
         """Returns the same in arrays of its own."""
@@ -75,13 +77,14 @@ class Standing:
             joints=np.array(self.joints),
             sign=np.array(self.sign),
             branch=np.array(self.branch),
+            begun=np.array(self.begun),
         )
 
     def same(self, other: Standing) -> bool:
         """Returns whether both are equal bit for bit."""
         return all(
             getattr(self, name).tobytes() == getattr(other, name).tobytes()
-            for name in ("near", "joints", "sign", "branch")
+            for name in ("near", "joints", "sign", "branch", "begun")
         )
 
 
@@ -93,6 +96,7 @@ def at_home(pack: Pack, settings: CompensationSettings) -> Standing:
         joints=np.array(home),
         sign=np.zeros(6),
         branch=np.zeros(4, dtype=np.int64),
+        begun=np.zeros(1, dtype=np.bool_),
     )
 
 

@@ -119,7 +119,8 @@ def compensate_part(
         load: One row, or one per target of this part.
         standing: Where the arm is before them, renewed in place.
     """
-    plan = lay_out(robot, program, settings)
+    plan = lay_out(robot, program, settings, begun=bool(standing.begun[0]))
+    standing.begun[0] |= (plan.route != Route.SKIP).any()
     outcome = empty_outcome(program, plan, covariance=settings.covariance)
     search = partial(_search, robot, program)
     for part in solve_chunks(pack, program, plan, settings, load, outcome, search, standing):

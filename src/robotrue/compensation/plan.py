@@ -45,13 +45,16 @@ class Plan:
     notes: tuple[RowNote, ...]
 
 
-def lay_out(robot: RobotModel, program: Program, settings: CompensationSettings) -> Plan:
+def lay_out(
+    robot: RobotModel, program: Program, settings: CompensationSettings, *, begun: bool = False
+) -> Plan:
     """Returns the plan for a program.
 
     Args:
         robot: The nominal arm.
         program: The targets.
         settings: Whether axis targets count.
+        begun: These targets are not the first of their program.
 
     Raises:
         ModelMismatchError: Axis targets of an arm with another number of joints.
@@ -76,7 +79,7 @@ def lay_out(robot: RobotModel, program: Program, settings: CompensationSettings)
             status[joints_known] = Status.UNCHANGED_AXIS_TARGET
     route[blocked] = Route.SKIP
     status[blocked] = Status.UNCHANGED_SOURCE
-    worded, chosen, notes = _by_words(robot, program, route)
+    worded, chosen, notes = _by_words(robot, program, route, begun)
     route[worded] = Route.GIVEN
     rows = np.concatenate([joints_known, worded])
     order = np.argsort(rows, kind="stable")
@@ -138,7 +141,7 @@ def _tool_known(program: Program, rows: IntArray) -> BoolArray:
 
 
 def _by_words(
-    robot: RobotModel, program: Program, route: IntArray
+    robot: RobotModel, program: Program, route: IntArray, under_way: bool
 ) -> tuple[IntArray, Array, tuple[RowNote, ...]]:
     """Returns the targets whose words choose the nominal joints, and those joints (k, 6) rad.
 
@@ -148,7 +151,7 @@ def _by_words(
     spoken = (program.words != NO_WORD).any(axis=1)
     asked = np.asarray((route == Route.FREE) & spoken)
     begun = np.flatnonzero(route != Route.SKIP)
-    if len(begun) and maker != "kuka":  # KUKA reads S and T of joint moves alone
+    if len(begun) and maker != "kuka" and not under_way:  # KUKA reads S and T of joint moves alone
         asked[begun[0]] |= bool(spoken[begun[0]] and route[begun[0]] == Route.LINEAR)
     rows = np.flatnonzero(asked)
     nothing = np.empty(0, dtype=np.int64), np.empty((0, 6)), ()

@@ -16,9 +16,8 @@ from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.tally import Tally, tally
 from robotrue.core.archive import archive_from
 from robotrue.core.arrays import Array, BoolArray
-from robotrue.program.formats import write_program
 from robotrue.program.program import Reason
-from robotrue.program.stream import Judged, Piece, read_piece
+from robotrue.program.stream import Judged, Piece, read_piece, write_piece
 from robotrue.robot.model import RobotModel
 from robotrue.robot.statics import Load
 
@@ -116,7 +115,7 @@ def solve_block(work: Work, model: ErrorModel | None, task: Task) -> Done:
         notes = (row_note(program, lacking, text, rank=_INCOMPLETE), *notes)
     return Done(
         number=task.number,
-        data=write_program(program, replacement),
+        data=write_piece(program, replacement),
         start=start,
         end=standing,
         tally=tally(outcome, notes),

@@ -23,14 +23,18 @@ from robotrue.errors import FormatError
 from robotrue.program.controller_files import with_files_beside
 from robotrue.program.formats import detect
 from robotrue.program.formats.job_files import companion_paths, gathered
-from robotrue.program.program import Dialect, FrameTable, Program
+from robotrue.program.program import Dialect, FrameTable, Program, Replacement
 
 BLOCK: Final = 50_000
 """Targets of a block."""
 _LOOKED_AT: Final = 1 << 20
 _COUNT: Final = re.compile(r"\b\d+ targets")
 """In a note on the skeleton: too few."""
-_MODULES: Final[Mapping[str, str]] = {"krl": "robotrue.program.formats.krl_stream"}
+_MODULES: Final[Mapping[str, str]] = {
+    "krl": "robotrue.program.formats.krl_stream",
+    "rapid": "robotrue.program.formats.rapid_stream",
+    "urscript": "robotrue.program.formats.urscript_stream",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -199,6 +203,10 @@ class Streamed(Protocol):
         """Returns the targets of a piece, as they stand in the program of the whole file."""
         ...
 
+    def write_piece(self, program: Program, replacement: Replacement) -> bytes:
+        """Returns the bytes of a piece with the changed numbers replaced."""
+        ...
+
 
 def longest(path: Path) -> tuple[Path, Dialect]:
     """Returns the longest of a program file and those beside it, and their dialect.
@@ -290,6 +298,15 @@ def read_piece(data: bytes, piece: Piece, by: Judged) -> Program:
         FormatError: The bytes are not those the outline was made of.
     """
     return _module(by.dialect).read_piece(data, piece, by)
+
+
+def write_piece(program: Program, replacement: Replacement) -> bytes:
+    """Returns the bytes of a piece with the changed numbers replaced and nothing else touched.
+
+    Raises:
+        ShapeError: A changed row has a value that cannot be written.
+    """
+    return _module(program.dialect).write_piece(program, replacement)
 
 
 def _module(name: str) -> Streamed:

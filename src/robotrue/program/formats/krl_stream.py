@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from robotrue.core.arrays import BoolArray
+from robotrue.program.formats import dialect
 from robotrue.program.formats.krl_build import Builder
 from robotrue.program.formats.krl_frames import Frames
 from robotrue.program.formats.krl_motion_survey import MotionSurvey, with_clauses
@@ -15,7 +16,7 @@ from robotrue.program.formats.krl_point_survey import PointSurvey, as_motions
 from robotrue.program.formats.krl_scan import scan
 from robotrue.program.formats.krl_walk import Walk
 from robotrue.program.formats.long_survey import WINDOW
-from robotrue.program.program import FrameTable, Program, Reason
+from robotrue.program.program import FrameTable, Program, Reason, Replacement
 from robotrue.program.stream import Judged, Piece, Surveyed, Whole
 
 
@@ -62,3 +63,8 @@ def read_piece(data: bytes, piece: Piece, judged: Judged) -> Program:
         T_flange_tool=judged.T_flange_tool,
         notes=(),
     )
+
+
+def write_piece(program: Program, replacement: Replacement) -> bytes:
+    """Returns the bytes of a piece with the changed numbers replaced."""
+    return dialect("krl").write(program, replacement)

@@ -1,0 +1,149 @@
+"""Long RAPID modules and UR scripts read in blocks: the targets and bytes of the whole."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robotrue.program.formats import long_survey, read_job, write_program
+from robotrue.program.program import FrameTable, Program, Reason, Replacement
+from robotrue.program.stream import Outline, Whole, judged, outline, read_piece, write_piece
+
+
+def target(k: int) -> str:
+    return (
+        f"[[{800 + k % 97:.3f},{-50 + 0.25 * k:.3f},{500 - k % 31:.3f}],"
+        f"[0.5,{'-' if k % 2 else ''}0.5,0.5,0.5],[0,-1,{k % 3},0],[9E9,9E+09,9E9,9E9,9E9,0]]"
+    )
+
+
+def moves(count: int, tail: str = "tool1\\WObj:=wobj1", first: int = 0) -> list[str]:
+    out = []
+    for k in range(first, first + count):
+        if k % 13 == 4:
+            out += ["", f"    ! side {k}; MoveL {target(k)}"]
+        if k % 19 == 6:
+            out.append(f"  MoveC {target(k)}, {target(k + 1)}, v100, z10, {tail};")
+        elif k % 11 == 2:
+            out.append(f"  movej {target(k)},[100,500,5000,1000],fine,{tail}; ! joint")
+        else:
+            out.append(f"    MoveL {target(k)},v100\\V:=50,z1,{tail};")
+    return out
+
+
+RAPID = [
+    "%%%", "  VERSION:1", "  LANGUAGE:ENGLISH", "%%%", "MODULE m",
+    "PERS tooldata tool1:=[TRUE,[[0,0,200],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];",
+    'PERS wobjdata wobj1:=[FALSE,TRUE,"",[[500,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];',
+    "PROC main()", "  ConfL\\Off;",
+    "MoveAbsJ [[0,10,-20,0,40,5],[9E9,9E9,9E9,9E9,9E9,9E9]]\\NoEOffs,v50,fine,tool1;",
+    *moves(60), "SetDO spindle, 1;", *moves(40, first=60),
+    *moves(50, "Tool1", 100), *moves(30, "tool1 \\WObj:=wobj1", 150), "IF go THEN",
+    "  wobj1.oframe.trans.x:=7;", *moves(20, first=180), "ENDIF", *moves(50, first=200),
+    *moves(30, "tool9\\WObj:=wobj1", 250), "ENDPROC", "ENDMODULE",
+]  # fmt: skip
+
+
+def script() -> list[str]:
+    def pose(k: int) -> str:
+        place = f"{0.4 + k * 1e-4:.6f}, {-0.1 + k % 7 * 1e-3:.6f},0.30000"
+        return f"p[{place},0.0,3.141593,{k * 1e-3:.4f}]"
+
+    out = [
+        "def p():",
+        "  set_tcp(p[0,0,0.2,0,0,0])",
+        "  plane = p[0.5,0,0.1,0,0,0.3]",
+        "  movej([0.0,-1.57,1.57,-1.2,-1.57,0],a=1.4,v=1)",
+    ]
+    for k in range(300):
+        if k == 90:
+            out += ["  # next tool", "  set_tcp(p[0,0,0.25,0,0,0.1])"]
+        if k == 180:
+            out += ["  while go:", "    set_tcp(frame)"]
+        if k == 220:
+            out += ["  end", "  set_tcp(p[0,0,0.25,0,0,0.1])"]
+        if 40 < k < 60:
+            out.append(f"  movel(pose_trans(plane,{pose(k)}),a=1.2,v=0.05)")
+        elif k % 17 == 5:
+            out.append(f"  movec({pose(k)},{pose(k + 1)},a=1.2,v=0.05,r=0.001)")
+        else:
+            out.append(
+                f"  move{'lp'[k % 2]}({pose(k)},a=1.2,v=0.05,r=0.001)" + " # x" * (k % 5 == 0)
+            )
+    return [*out, "end"]
+
+
+def rewritten(program: Program, write) -> bytes:
+    change = Replacement(
+        changed=program.reason == Reason.NONE,
+        position=program.position + np.array([1.25e-4, -2.5e-4, 0.0]),
+        rotation=program.rotation,
+        axes=program.axes,
+        words=np.full_like(program.words, -1),
+    )
+    return write(program, change)
+
+
+def require_same(path: Path, targets: int = 25) -> Outline:
+    found = outline(path, FrameTable(), targets=targets)
+    assert isinstance(found, Outline), found
+    (whole,) = read_job(path, FrameTable())
+    by = judged(found)
+    parts = [read_piece(whole.data[b.piece.start : b.piece.end], b.piece, by) for b in found.blocks]
+    assert [len(p) for p in parts] == [b.targets for b in found.blocks]
+    for name in ("position", "rotation", "axes", "motion", "reason", "words", "line"):
+        joined = np.concatenate([getattr(p, name) for p in parts])
+        np.testing.assert_array_equal(joined, getattr(whole, name), err_msg=name)
+    for index, table in (("frame", "T_base_frame"), ("tool", "T_flange_tool")):
+        joined = np.concatenate([getattr(p, table)[getattr(p, index)] for p in parts])
+        np.testing.assert_array_equal(joined, getattr(whole, table)[getattr(whole, index)])
+    written = b"".join(rewritten(part, write_piece) for part in parts)
+    assert written == rewritten(whole, write_program)
+    assert written != whole.data
+    return found
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+@pytest.mark.parametrize(("name", "lines"), [("m.mod", RAPID), ("p.script", script())])
+def test_blocks_are_the_whole(tmp_path: Path, name: str, lines: list[str], end: str) -> None:
+    path = tmp_path / name
+    path.write_bytes(end.join([*lines, ""]).encode())
+    found = require_same(path)
+    assert len(found.blocks) > 10
+    assert len(found.judged) > 4
+    assert set(found.judged[:, 2].tolist()) >= {Reason.NONE, Reason.UNKNOWN_FRAME}
+
+
+def test_windows_do_not_show(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "m.mod"
+    path.write_bytes("\r\n".join([*RAPID, ""]).encode())
+    one = outline(path, FrameTable(), targets=25)
+    run = long_survey.Survey.run
+    monkeypatch.setattr(long_survey.Survey, "run", lambda self, path: run(self, path, 700))
+    other = require_same(path)
+    assert isinstance(one, Outline)
+    assert [b.piece.start for b in one.blocks] == [b.piece.start for b in other.blocks]
+
+
+@pytest.mark.parametrize(
+    ("name", "line", "why"),
+    [
+        ("m.mod", f"  MoveL Offs({target(1)},0,0,1),v100,fine,tool1;", "line 8: a target"),
+        ("m.mod", f"  MoveL {target(1)[:-2]}5]],v100,fine,tool1;", "line 8: a target"),
+        ("m.mod", f"  MoveL {target(1)},v100,fine,tool1; MoveL {target(2)},v1,fine,tool1;", "line"),
+        ("p.script", "  movel(pose_trans(p[0,0,1,0,0,0],q))", "line 3: a target"),
+    ],
+)
+def test_what_must_be_read_whole_says_why(tmp_path: Path, name: str, line: str, why: str) -> None:
+    lines = RAPID if name == "m.mod" else script()
+    at = 7 if name == "m.mod" else 2
+    path = tmp_path / name
+    path.write_text("\n".join([*lines[:at], line, *lines[at:], ""]))
+    found = outline(path, FrameTable(), targets=25)
+    if isinstance(found, Outline):  # refused by the reader, too
+        require_same(path)
+    else:
+        assert isinstance(found, Whole)
+        assert why in str(found)
