@@ -10,6 +10,7 @@ import numpy as np
 
 from robotrue.cli.console import emit_facts, emit_json, emit_table, say
 from robotrue.cli.inputs import check_output
+from robotrue.core.files import write_atomic
 from robotrue.core.units import DEG, MM, UM
 from robotrue.drilling.adjust import Adjustment, adjustment
 from robotrue.drilling.campaign import Campaign, Clamps, reading_errors
@@ -290,3 +291,35 @@ def _show_terms(terms: list[dict[str, Any]]) -> None:
             for term in terms
         ],
     )
+
+
+def run_report(
+    model_path: Path,
+    test: Path,
+    output: Path,
+    *,
+    foot: Path | None,
+    limit_deg: float,
+    simulated: bool,
+    as_json: bool,
+) -> None:
+    """Writes the report page of a model on clamps with known tilts, and its JSON twin."""
+    from robotrue.report.drilling import drilling_content
+    from robotrue.report.json import report_json
+    from robotrue.report.page import report_html
+
+    twin = output.with_suffix(".json")
+    check_output(output, [p for p in (model_path, test, foot) if p is not None])
+    model = read_model(model_path)
+    data, digest = read_campaign(test, setup_of(model, model_path, foot), model.head.order)
+    check_campaign(model.foot, data)
+    result = evaluated(model, data)
+    content = drilling_content(
+        model, data, result, digest=digest, limit=limit_deg * DEG, simulated=simulated
+    )
+    write_atomic(output, report_html(content).encode())
+    write_atomic(twin, report_json(content).encode())
+    if as_json:
+        emit_json({"output": str(output), "json": str(twin), **evaluation_document(result)})
+        return
+    say(f"{content.verdict.text} Report written to {output} and {twin.name}")

@@ -153,3 +153,31 @@ def refine(
         foot=foot,
         as_json=json,
     )
+
+
+@drill.command()
+def report(
+    model: DrillModel,
+    test: Annotated[Path, typer.Argument(metavar="TEST", help="Clamps the fit has not seen.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Report page (HTML) to write.")],
+    limit_deg: Annotated[float, typer.Option(help="95 % of the holes are to be within.")] = 0.1,
+    simulated: Annotated[
+        bool, typer.Option("--simulated", help="Say on the page that the test is simulated.")
+    ] = False,
+    foot: Annotated[
+        Path | None, typer.Option(help="Foot file, where the readings are not less their zero.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Write the report of a model: what one move leaves, and what it was tested on."""
+    from robotrue.cli.drill import run_report
+
+    run_report(
+        model,
+        test,
+        output,
+        foot=foot,
+        limit_deg=limit_deg,
+        simulated=simulated,
+        as_json=json,
+    )

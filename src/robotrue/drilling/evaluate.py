@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotrue.core.arrays import Array
-from robotrue.drilling.campaign import Campaign
+from robotrue.drilling.campaign import Campaign, tilt_seen
 from robotrue.drilling.choose import squared_distance
 from robotrue.drilling.correction import residual_tilt
 from robotrue.drilling.head import normal_from_tilt, tilt_between
@@ -36,8 +36,8 @@ class Evaluation:
         uncorrected: Of the readings as they are.
         patent: Of the patent's regression; None where the campaign could not determine it.
         ours: Of the model.
-        left: (n,) rad, of the model at every clamp.
-        before: (n,) rad, uncorrected.
+        left: (n, 2) rad, true tilt less that of the model at every clamp.
+        before: (n, 2) rad, true tilt less that of the readings as they are.
         covered: Share of clamps whose true tilt lies in the model's 95 % region.
     """
 
@@ -65,6 +65,7 @@ def evaluated(model: NormalModel, test: Campaign) -> Evaluation:
     found = seen(model, test.clamps)
     left = tilt_between(normal_from_tilt(model.head.order, found.tilt), test.normal)
     before = residual_tilt(model.foot, None, test)
+    raw = tilt_seen(model.foot, model.head.order, test.clamps.readings)
     distance = squared_distance(found.tilt - test.tilt, found.covariance)
     return Evaluation(
         clamps=len(test),
@@ -73,8 +74,8 @@ def evaluated(model: NormalModel, test: Campaign) -> Evaluation:
         if model.patent is None
         else residuals(residual_tilt(model.foot, model.patent, test)),
         ours=residuals(left),
-        left=left,
-        before=before,
+        left=test.tilt - found.tilt,
+        before=test.tilt - raw,
         covered=float(np.mean(distance <= REGION)),
     )
 

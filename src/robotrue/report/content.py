@@ -26,6 +26,7 @@ import numpy as np
 from robotrue.core.arrays import Array, frozen
 from robotrue.errors import ShapeError
 from robotrue.report.part_map import PartMap
+from robotrue.report.tilt_plot import TiltPlot
 
 Tone: TypeAlias = Literal["good", "caution", "bad", "plain"]
 """How a statement is coloured: as asked, look closer, not as asked, no judgement."""
@@ -361,6 +362,7 @@ Block: TypeAlias = (
     | CoveragePlot
     | HoleContour
     | PoseCurves
+    | TiltPlot
     | MapSlices
     | PartMap
 )

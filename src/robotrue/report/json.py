@@ -26,6 +26,7 @@ from robotrue.report.content import (
     Table,
 )
 from robotrue.report.part_map import PartMap
+from robotrue.report.tilt_plot import TiltPlot
 
 
 def report_json(content: ReportContent) -> str:
@@ -131,6 +132,15 @@ def _block(block: Block) -> Mapping[str, Any]:
                     }
                     for s in block.series
                 ],
+            }
+        case TiltPlot():
+            return head | {
+                "kind": "tilt",
+                "before_deg": np.round(block.before / DEG, 6).tolist(),
+                "after_deg": np.round(block.after / DEG, 6).tolist(),
+                "force_N": block.force.tolist(),
+                "tilt_deg": np.round(block.tilt / DEG, 6).tolist(),
+                "limit_deg": None if block.limit is None else block.limit / DEG,
             }
         case PartMap():
             return head | {

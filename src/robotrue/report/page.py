@@ -32,6 +32,7 @@ from robotrue.report.plots import (
     point_errors_svg,
 )
 from robotrue.report.theme import STYLE
+from robotrue.report.tilt_plot import TiltPlot, tilt_svg
 from robotrue.report.transfer_curve import pose_curves_svg
 
 SIMULATED = "SIMULATED DATA: no real robot was measured for this page"
@@ -123,6 +124,8 @@ def _block(block: Block, key: str) -> str:
             inner = slices_svg(block, key)
         case PartMap():
             inner = part_map_svg(block, key)
+        case TiltPlot():
+            inner = tilt_svg(block, key)
     caption = f'<p class="caption">{escape(block.caption)}</p>' if block.caption else ""
     return f'<div class="card"><h3>{escape(block.title)}</h3>{inner}{caption}</div>'
 
