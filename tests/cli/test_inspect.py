@@ -117,3 +117,19 @@ def test_a_tool_path(cli, work: Path) -> None:
     assert cli("inspect", work / "side.csv", "--json").document["holds"] == "tool path"
     assert "tool axes" in cli("inspect", work / "side.csv").out
     assert cli("inspect", work / "cal.csv", "--json").document["holds"] == "measurements"
+
+
+def test_a_cell_tells_what_it_knows_of_the_controller(cli, work: Path) -> None:
+    told = (
+        "[controller]\nexternal_axes_at_rest = true\n[[controller.base]]\nnumber = 3\n"
+        '[[controller.external]]\naxis = 1\nalong = [0, 1, 0]\ncarries = ["robot"]\n'
+    )
+    (work / "told.toml").write_text((work / "cell.toml").read_text() + told)
+    assert "controller" not in cli("inspect", work / "cell.toml", "--json").document
+    found = cli("inspect", work / "told.toml", "--json").document["controller"]
+    assert found["bases"] == ["3"]
+    assert found["external"] == [
+        {"axis": 1, "kind": "along", "direction": [0.0, 1.0, 0.0], "carries": ["robot"]}
+    ]
+    assert found["external_axes_at_rest"]
+    assert cli("inspect", work / "told.toml").code == 0

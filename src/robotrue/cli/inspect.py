@@ -161,7 +161,30 @@ def cell_document(cell: Cell) -> dict[str, Any]:
         "tracker_sigma_at_3m_um": float(cell.tracker.sigma_range(np.array(3.0))) / UM,
         "repeatability_mm": cell.repeatability / MM,
         **({} if cell.part is None else {"part": _part_document(cell.part)}),
+        **({"controller": _controller_document(cell)} if cell.says_of_controller else {}),
         "doubts": list(cell.doubts),
+    }
+
+
+def _controller_document(cell: Cell) -> dict[str, Any]:
+    told = cell.controller
+    return {
+        "bases": sorted(told.bases),
+        "tools": sorted(told.tools),
+        "external": [
+            {
+                "axis": axis.number,
+                "kind": "along" if axis.point is None else "about",
+                "direction": axis.direction.tolist(),
+                "carries": ["robot"] if axis.carries_robot else list(axis.frames),
+            }
+            for axis in told.external
+        ],
+        "external_axes_at_rest": told.external_axes_at_rest,
+        "fixed_tool": told.fixed_tool or None,
+        "pulses_per_degree": None
+        if told.pulses_per_degree is None
+        else np.asarray(told.pulses_per_degree).tolist(),
     }
 
 

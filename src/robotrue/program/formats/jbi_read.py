@@ -24,8 +24,8 @@ _COUNTED: Final = ("C", "BC", "EC", "P", "BP", "EX")
 """Order of ``///NPOS``."""
 _HOLDER: Final = {"base": "UFRAME.CND", "tool": "TOOL.CND"}
 _PULSES_HINT: Final = (
-    "state the pulses per degree of axes S, L, U, R, B, T in the cell (pulses_per_degree in [controller]; "
-    "ALL.PRM has them)"
+    "state the pulses per degree of axes S, L, U, R, B, T in the cell (pulses_per_degree in "
+    "[controller])"
 )
 
 
