@@ -14,11 +14,15 @@ from robotrue.compensation import CompensationSettings, Status, compensate
 from robotrue.compensation.split import plan_split
 from robotrue.compensation.split_apply import compensate_split, split_job
 from robotrue.compensation.split_deviation import job_deviation, job_moves, measured
-from robotrue.core.units import DEG, UM
+from robotrue.core.poses import inverse
+from robotrue.core.rotations import abc_from_matrix, rotation_vector_from_matrix
+from robotrue.core.units import DEG, MM, UM
 from robotrue.core.words import NO_WORD
 from robotrue.errors import ConfigurationError, FormatError
-from robotrue.program.formats import inserter
+from robotrue.program.formats import dialect, inserter
 from robotrue.program.insertion import Obstacle
+from robotrue.program.orientation import OrientationRule
+from robotrue.program.program import FrameTable
 from robotrue.robot.forward import forward
 from robotrue.robot.presets import preset
 from robotrue.robot.words import configuration_words
@@ -211,6 +215,55 @@ def written(name: str, words: np.ndarray) -> bytes:
         f, u, t, *turns = words.tolist()
         text = f"'{'NF'[f]} {'DU'[u]} {'BT'[t]}, {', '.join(map(str, turns))}'"
     return (f"[{text}]" if name == "rapid" else text).encode()
+
+
+def paths(name: str) -> tuple[bytes, FrameTable]:
+    """The first targets of the path as G-code with angles, or as a table of tool axes."""
+    from_frame = inverse(cases.FRAME) @ PATH[:4]
+    rule = OrientationRule(angles="rpy")
+    if name == "sinumerik":
+        lines = ["N1 G17 G710 G90", "N2 T1 D1", "N3 G54", "N4 TRAORI"]
+        for k, T in enumerate(from_frame):
+            c, b, a = abc_from_matrix(T[:3, :3]) / DEG
+            place = " ".join(f"{n}{v:.6f}" for n, v in zip("XYZ", T[:3, 3] / MM, strict=True))
+            turn = f" A={a:.7f} B={b:.7f} C={c:.7f}" if k == 0 else ""
+            lines.append(f"N{k + 5} G{min(k, 1)} {place}{turn}")
+        return "\r\n".join([*lines, "N20 M30", ""]).encode(), FrameTable(
+            bases={"G54": cases.FRAME}, tools={"T1": cases.TOOL}, orientation=rule
+        )
+    rule = OrientationRule(spin=0.0)
+    axis = rule.axes_of(from_frame[:, :3, :3])
+    off = np.swapaxes(rule.rotations(axis), 1, 2)[0] @ from_frame[0, :3, :3]
+    rule = OrientationRule(spin=float(rotation_vector_from_matrix(off)[2]))
+    rows = [
+        ",".join(f"{v:.9f}" for v in (*T[:3, 3] / MM, *axis[k])) for k, T in enumerate(from_frame)
+    ]
+    table = FrameTable(T_base_frame=cases.FRAME, T_flange_tool=cases.TOOL, orientation=rule)
+    return "\n".join(["x_mm,y_mm,z_mm,i,j,k", *rows, ""]).encode(), table
+
+
+@pytest.mark.parametrize("name", ["sinumerik", "toolpath_csv"])
+def test_paths_of_words_stay_within_the_tolerance(name):
+    data, table = paths(name)
+
+    def read(new=None):
+        return dialect(name).read_job([("part", (new or {}).get("part", data))], frames=table)
+
+    (program,), model = read(), cases.rigid_model(4)
+    settings = [CompensationSettings(home=HOME)]
+    result = compensate(model, program, settings=settings[0])
+    assert (result.status == Status.COMPENSATED).all()
+    moves = inserter(name).moves((program,))
+    job = job_moves(model, [program], moves, [result], settings)
+    deviation = job_deviation(job, tolerance=TOLERANCE)
+    plan = plan_split(job, [program], deviation, TOLERANCE)
+    assert (plan.parts > 1).sum() >= 2
+    split = split_job(job, [program], plan, read)
+    results, used = compensate_split(model, split, settings)
+    after = job_moves(model, split.programs, split.moves, results, used)
+    size = job_deviation(after, tolerance=TOLERANCE).size
+    assert np.nanmax(size) <= 1.001 * TOLERANCE
+    assert np.isfinite(size).sum() == plan.parts[-3:].sum()
 
 
 def test_a_program_that_does_not_read_as_planned_is_refused():

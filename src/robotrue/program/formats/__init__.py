@@ -40,7 +40,11 @@ _MODULES: Final[dict[str, str]] = {
     "urscript": "robotrue.program.formats.urscript",
 }
 _INSERTERS: Final[dict[str, str]] = {
+    "apt": "robotrue.program.formats.path_insert",
+    "fanuc_gcode": "robotrue.program.formats.path_insert",
     "krl": "robotrue.program.formats.krl_insert",
+    "sinumerik": "robotrue.program.formats.path_insert",
+    "toolpath_csv": "robotrue.program.formats.path_insert",
     "fanuc_ls": "robotrue.program.formats.fanuc_insert",
     "jbi": "robotrue.program.formats.jbi_insert",
     "rapid": "robotrue.program.formats.rapid_insert",

@@ -115,7 +115,7 @@ class _Reader:
         file: int,
         program: Program,
         first: int,
-        own: set[int],
+        own: list[range],
     ) -> None:
         self.trail, self.stored, self.file, self.first = trail, stored, file, first
         self.data, self.lines = program.data, program.line.tolist()
@@ -192,18 +192,20 @@ class _Reader:
         if operand[:1] == b"{":
             return inline.pop(0) if inline else UNKNOWN
         known = self.stored.get(_name(operand), [])
-        own = [row for row in known if row in self.own]  # a name is first that of its own program
+        own = [
+            row for row in known if any(row in each for each in self.own)
+        ]  # a name is first that of its own program
         known = own or known
         return known[0] if len(known) == 1 else UNKNOWN
 
 
-def _of_stem(job: Sequence[Program], first: IntArray, stem: str) -> set[int]:
+def _of_stem(job: Sequence[Program], first: IntArray, stem: str) -> list[range]:
     """Returns the job rows of the files of one name, whatever their suffix."""
-    out: set[int] = set()
-    for file, program in enumerate(job):
-        if PurePath(program.name).stem.lower() == stem.lower():
-            out.update(range(int(first[file]), int(first[file + 1])))
-    return out
+    return [
+        range(int(first[file]), int(first[file + 1]))
+        for file, program in enumerate(job)
+        if PurePath(program.name).stem.lower() == stem.lower()
+    ]
 
 
 def _name(text: bytes) -> bytes:

@@ -1,0 +1,217 @@
+"""Puts points into paths of words: G-code of Sinumerik and Fanuc, APT and CL data, CSV.
+
+Only straight moves: an arc of a plane cannot follow a correction that leaves the plane; have the
+post print such arcs as points. What is put in is a block, statement or row of its own before the
+move. In G-code it holds the G0 or G1 and the feed of the move, if they stand there, and all words
+of the point; the block of the move then says all words of its own point, so that none is inherited
+from the point put in. A block with anything else (M, S, T, another G) is left whole: the copies
+would run before what it switches. Whether the control stops between blocks is said by G64, G61.1
+or its like before them, for the new blocks as for the old.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array, IntArray
+from robotrue.program.formats.move_trail import (
+    UNKNOWN,
+    Statement,
+    Trail,
+    groups,
+    line_end,
+    put_in,
+)
+from robotrue.program.formats.number_text import WHOLE_NUMBER, restyled
+from robotrue.program.formats.path_words import PathWords, Turn, printed_angles
+from robotrue.program.formats.text_lines import line_starts
+from robotrue.program.insertion import Insertion, Moves, Obstacle
+from robotrue.program.program import Motion, Program, Reason
+
+_GCODE: Final = ("sinumerik", "fanuc_gcode")
+_BLOCK: Final = re.compile(rb"[^;(\r\n]*")
+_NUMBERED: Final = re.compile(rb"\s*/?\s*(?:N\d+)?\s*", re.IGNORECASE)
+_SWITCH: Final = re.compile(rb"G0*[01](?![\d.])", re.IGNORECASE)
+_FEED: Final = re.compile(rb"F\s*=?\s*" + WHOLE_NUMBER, re.IGNORECASE)
+_POINT: Final = re.compile(
+    rb"(?:(?:[XYZIJK]|[ABC]3?)\s*=?\s*|STAT\s*=\s*|TU\s*=\s*)" + WHOLE_NUMBER, re.IGNORECASE
+)
+_ONCE: Final = re.compile(rb"^\s*RAPID\b", re.IGNORECASE | re.MULTILINE)
+_BETWEEN: Final = re.compile(
+    rb"(?im)^\s*(?:N\d+\s*)?(?:GOTO[FBC]?\b|IF\b|WHILE\b|FOR\b|LOOP\b|REPEAT\b|M98|M99|CALL\b|[LO]\d)"
+)
+_UNSEEN: Final = b"0.0000"
+_LEAST: Final = (4, 7)
+"""Decimals of lengths and angles, and of tool axes."""
+
+
+class PathInserter:
+    """See the module."""
+
+    def moves(self, job: Sequence[Program]) -> Moves:
+        """Returns the moves of the first program, from row to row."""
+        trail, first = Trail(), 0
+        for file, program in enumerate(job):
+            trail.routine()
+            _Reader(trail, file, program, first).read()
+            first += len(program)
+        return trail.moves()
+
+    def insert(
+        self, job: Sequence[Program], moves: Moves, insertion: Insertion
+    ) -> tuple[bytes, ...]:
+        """Returns the bytes of every program with the points put in.
+
+        Raises:
+            ShapeError: A move with an obstacle, or a value that cannot be written.
+        """
+        first = np.concatenate([[0], np.cumsum([len(program) for program in job])])
+        edits: list[list[tuple[int, int, bytes]]] = [[] for _ in job]
+        for group in groups(moves, insertion):
+            s = group.statement
+            program, row = job[s.file], int(moves.end[group.move] - first[s.file])
+            lines = [
+                _copy(program, row, s, insertion.position[k], insertion.rotation[k])
+                for k in group.rows
+            ]
+            eol = line_end(program.data)
+            edits[s.file].append((s.begin, 0, b"".join(line + eol for line in lines)))
+            edits[s.file] += _completed(program, row)
+        return tuple(put_in(job, edits))
+
+
+class _Reader:
+    """Goes over the rows of one program."""
+
+    def __init__(self, trail: Trail, file: int, program: Program, first: int) -> None:
+        self.trail, self.file, self.program, self.first = trail, file, program, first
+        self.words: PathWords = program.spans
+        self.starts = line_starts(program.data)
+
+    def read(self) -> None:
+        """Reads every row."""
+        program, before = self.program, 0
+        motion, reason = program.motion.tolist(), program.reason.tolist()
+        for row, line in enumerate(program.line.tolist()):
+            begin, end = self._line(line)
+            if motion[row] in (Motion.ARC_VIA, Motion.ARC_END):
+                if motion[row] == Motion.ARC_END:
+                    self._arc(row, line, begin, end)
+            elif motion[row] == Motion.LIN and reason[row] == Reason.NONE:
+                between = program.data[before:begin]
+                if before and _BETWEEN.search(between):
+                    self.trail.lose()
+                statement = Statement(self.file, begin, -1, -1, begin, end, end)
+                obstacle = self._obstacle(row, begin, end, between)
+                self.trail.move(UNKNOWN, self.first + row, line, statement, obstacle)
+            else:
+                self.trail.arrive(self.first + row if reason[row] == Reason.NONE else UNKNOWN)
+            before = end
+
+    def _line(self, line: int) -> tuple[int, int]:
+        begin = int(self.starts[line - 1])
+        end = int(self.starts[line]) if line < len(self.starts) else len(self.program.data)
+        return begin + 3 * self.program.data[begin:end].startswith(b"\xef\xbb\xbf"), end
+
+    def _arc(self, row: int, line: int, begin: int, end: int) -> None:
+        """An arc: where the control drives between its corrected ends is not followed here."""
+        self.trail.lose()
+        statement = Statement(self.file, begin, begin, begin, begin, end, end)
+        rows = self.first + row - 1, self.first + row
+        self.trail.move(*rows, line, statement, Obstacle.FORM)
+
+    def _obstacle(self, row: int, begin: int, end: int, between: bytes) -> Obstacle:
+        words, data = self.words, self.program.data
+        missing = words.numbers.start[row, : _width(words, row)] < 0
+        if (missing & ~words.barred[row, : len(missing)]).any() and words.at[row] < 0:
+            return Obstacle.FORM
+        if self.program.dialect == "apt" and _ONCE.search(between):
+            return Obstacle.EVENT
+        if self.program.dialect not in _GCODE:
+            return Obstacle.NONE
+        block = _BLOCK.match(data, begin, end)
+        text = block[0] if block else b""
+        for pattern in (_NUMBERED, _POINT, _FEED, _SWITCH):
+            text = pattern.sub(b" ", text, count=1 if pattern is _NUMBERED else 0)
+        return Obstacle.EVENT if text.strip() else Obstacle.NONE
+
+
+def _width(words: PathWords, row: int) -> int:
+    """Returns how many words a point has: three where the orientation is not in the program."""
+    return 3 if words.turn[row] == Turn.FIXED else 6
+
+
+def _values(program: Program, row: int, position: Array, rotation: Array) -> list[float]:
+    """Returns what the words of a point say, in the units of a row."""
+    words: PathWords = program.spans
+    out: list[float] = (position / words.unit[row]).tolist()
+    if words.turn[row] == Turn.ANGLES:
+        out += printed_angles(rotation[None], words.value[row : row + 1, 3:], words.rule)[
+            0
+        ].tolist()
+    elif words.turn[row] == Turn.VECTOR:
+        out += words.rule.axes_of(rotation[None])[0].tolist()
+    return out
+
+
+def _token(program: Program, row: int, column: int, value: float) -> bytes:
+    words: PathWords = program.spans
+    start, size = (int(each[row, column]) for each in (words.numbers.start, words.numbers.length))
+    style = program.data[start : start + size] if start >= 0 else _UNSEEN
+    vector = column >= 3 and words.turn[row] == Turn.VECTOR
+    return restyled(style, value, least=_LEAST[int(vector)] + (1 if words.unit[row] > 2e-3 else 0))
+
+
+def _copy(program: Program, row: int, s: Statement, position: Array, rotation: Array) -> bytes:
+    """Returns the line of a point like that of a row."""
+    words: PathWords = program.spans
+    values = _values(program, row, position, rotation)
+    texts = [_token(program, row, k, value) for k, value in enumerate(values)]
+    if program.dialect in _GCODE:
+        block = _BLOCK.match(program.data, s.begin, s.end)
+        text = block[0] if block else b""
+        heads = [each[0] for each in (_SWITCH.search(text), _FEED.search(text)) if each]
+        names = words.names[int(words.turn[row])]
+        point = [name + text for name, text in zip(names, texts, strict=False)]
+        return (b" " if words.blank else b"").join([*heads[:1], *point, *heads[1:]])
+    if program.dialect == "apt":
+        head = program.data[s.begin : int(words.numbers.start[row, 0])]
+        return head + b",".join(texts)
+    return _row(program.data[s.begin : s.end], words, row, s.begin, texts)
+
+
+def _row(line: bytes, words: PathWords, row: int, begin: int, texts: list[bytes]) -> bytes:
+    """Returns a line of a table with other numbers."""
+    out: list[bytes] = []
+    cursor = 0
+    order = np.argsort(words.numbers.start[row, : len(texts)], kind="stable")
+    for column in order.tolist():
+        start = int(words.numbers.start[row, column]) - begin
+        out += line[cursor:start], texts[column]
+        cursor = start + int(words.numbers.length[row, column])
+    return b"".join([*out, line[cursor:]]).rstrip(b"\r\n")
+
+
+def _completed(program: Program, row: int) -> list[tuple[int, int, bytes]]:
+    """Returns the words a row leaves out, to stand behind its others."""
+    words: PathWords = program.spans
+    missing: IntArray = np.flatnonzero(
+        (words.numbers.start[row, : _width(words, row)] < 0)
+        & ~words.barred[row, : _width(words, row)]
+    )
+    if not len(missing):
+        return []
+    names = words.names[int(words.turn[row])]
+    gap = b" " if words.blank else b""
+    texts = [
+        gap + names[k] + restyled(_UNSEEN, float(words.value[row, k]), least=6)
+        for k in missing.tolist()
+    ]
+    return [(int(words.at[row]), 0, b"".join(texts))]
+
+
+INSERTER: Final = PathInserter()
