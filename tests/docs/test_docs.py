@@ -28,7 +28,7 @@ PAGES = sorted(
 LINK = re.compile(r"!?\[[^\]\n]*\]\(([^)\s]+)\)")
 CALL = re.compile(
     r"robotrue (demo|plan|calibrate|transfer|validate|predict|program|compensate|diff|inspect|map|"
-    r"register|probe-plan|slot-test|reproduce)"
+    r"register|probe-plan|slot-test|reproduce|dynamics)"
     r"\b([^\n`|]*)"
 )
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
@@ -47,7 +47,9 @@ def known_options() -> dict[str, frozenset[str]]:
     root = typer.main.get_command(app)
     found = {}
     for name, command in root.commands.items():  # type: ignore[attr-defined]
-        words = {o for p in command.params for o in (*p.opts, *p.secondary_opts)} | {"--help"}
+        parts = [command, *getattr(command, "commands", {}).values()]
+        params = [p for part in parts for p in part.params]
+        words = {o for p in params for o in (*p.opts, *p.secondary_opts)} | {"--help"}
         found[name] = frozenset(word for word in words if word.startswith("-"))
     return found
 
