@@ -66,4 +66,5 @@ def test_a_program_without_targets_and_a_bare_list_of_motions() -> None:
 
 def test_camrob_is_named() -> None:
     program = read('DEF p()\nCR_PROCESS_FILE("x.csv",1,-1,"OK")\nEND\n')
-    assert program.notes == ("part.src:2: the targets stand in a CAMRob csv file; it is not read.",)
+    said = "part.src:2: the targets stand in x.csv, which is not beside the program."
+    assert program.notes == (said,)
