@@ -30,9 +30,15 @@ from robotrue.program.formats.move_trail import (
     repeated,
 )
 from robotrue.program.formats.number_text import restyled
+from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.insertion import Insertion, Moves, Obstacle, job_rows
 from robotrue.program.program import Program
 
+_PLAIN: Final = re.compile(
+    rb"(?:[ \t]*+S?LIN[ \t]*+\{[^{}\r\n;]*+\}[ \t]*+(?:C_\w++[ \t]*+)*+(?:\r\n|\n))++",
+    re.IGNORECASE,
+)
+"""Lines of LIN to a point in braces and nothing else, as CAM writes them by the million."""
 _LINE: Final = re.compile(rb"([^\r\n]*)(?:\r\n|\n|\r|\Z)")
 _CODE: Final = re.compile(rb'(?:[^;"]|"[^"]*"?)*+')
 _POINT: Final = rb"(\{[^{}]*\}|[A-Za-z_]\w*(?:\s*\[[^\]]*\])?)"
@@ -44,8 +50,9 @@ _OPERANDS: Final = {
 _TAIL: Final = re.compile(rb"(?:\s*C_\w+)*\s*(?:WITH\s.*)?$", re.IGNORECASE | re.DOTALL)
 _SMOOTH: Final = re.compile(rb"\bC_\w+", re.IGNORECASE)
 _STORED: Final = re.compile(
-    rb"\s*(?:(?:GLOBAL|DECL|CONST)\s+)*(?:\w+\s+)?([A-Za-z_]\w*\s*(?:\[[^\]]*\])?)\s*=\s*(\{[^{}]*\})",
-    re.IGNORECASE,
+    rb"^[ \t]*+(?:(?:GLOBAL|DECL|CONST)[ \t]++)*+(?:[A-Za-z_]\w*+[ \t]++)?"
+    rb"([A-Za-z_]\w*+[ \t]*+(?:\[[^\]\r\n]*\])?)[ \t]*+=[ \t]*+(\{[^{}\r\n]*\})",
+    re.IGNORECASE | re.MULTILINE,
 )
 _WORD: Final = re.compile(rb"\s*(\$?\w+)")
 _CALL: Final = re.compile(rb"(?<![\w$])(?!BAS\b)[A-Za-z_]\w*\s*\(", re.IGNORECASE)
@@ -85,7 +92,8 @@ class KrlInserter:
         first, literals = job_rows(job), _Literals(job)
         edits: list[list[tuple[int, int, bytes]]] = [[] for _ in job]
         for group in groups(moves, insertion):
-            s, data = group.statement, job[group.statement.file].data
+            data = job[group.statement.file].data
+            s = _whole(data, group.statement)
             texts = []
             for k, row in enumerate(group.rows):
                 via = s.via >= 0 and k % 2 == 0
@@ -105,6 +113,18 @@ class KrlInserter:
         return tuple(put_in(job, edits))
 
 
+def _whole(data: bytes, statement: Statement) -> Statement:
+    """Returns the statement of a plain line with where its target stands."""
+    if statement.target >= 0:
+        return statement
+    line = _LINE.match(data, statement.begin)
+    code = _CODE.match(data, *line.span(1)) if line else None
+    end = code.end() if code else len(data)
+    target, last = data.find(b"{", statement.begin, end), data.find(b"}", statement.begin, end) + 1
+    end -= len(data[last:end]) - len(data[last:end].rstrip())
+    return statement._replace(target=target, target_end=last, end=end)
+
+
 class _Reader:
     """Goes over the lines of one file."""
 
@@ -118,17 +138,49 @@ class _Reader:
         own: list[range],
     ) -> None:
         self.trail, self.stored, self.file, self.first = trail, stored, file, first
+        self.program, self.starts = program, line_starts(program.data)
         self.data, self.lines = program.data, program.line.tolist()
         self.next, self.spline, self.own = 0, False, own
 
     def read(self) -> None:
         """Reads every line."""
         self.trail.routine()
-        for number, match in enumerate(_LINE.finditer(self.data), 1):
-            found = _CODE.match(self.data, *match.span(1))
+        data, at, number = self.data, 0, 1
+        while at < len(data):
+            run = None if self.spline else _PLAIN.match(data, at)
+            if run is not None:
+                count = data.count(b"\n", at, run.end())
+                if self._run(number, count):
+                    at, number = run.end(), number + count
+                    continue
+            match = _LINE.match(data, at)
+            if match is None:
+                return
+            found = _CODE.match(data, *match.span(1))
             end = found.end() if found else match.end(1)
-            if end > match.start():
-                self._line(number, match.start(), end)
+            if end > at:
+                self._line(number, at, end)
+            at, number = match.end(), number + 1
+
+    def _run(self, number: int, count: int) -> bool:
+        """Takes a run of plain lines; False where they are not one target each."""
+        first = self._advance(number)
+        lines = self.program.line[first : first + count]
+        if not np.array_equal(lines, number + np.arange(count)):
+            return False
+        if first + count < len(self.lines) and self.lines[first + count] < number + count:
+            return False
+        begins = self.starts[number - 1 : number - 1 + count]
+        rows = range(self.first + first, self.first + first + count)
+        self.trail.run(rows, number, self.file, begins)
+        self.next = first + count
+        return True
+
+    def _advance(self, number: int) -> int:
+        """Returns the first row of the file that stands in a line or behind it."""
+        while self.next < len(self.lines) and self.lines[self.next] < number:
+            self.next += 1
+        return self.next
 
     def _line(self, number: int, begin: int, end: int) -> None:
         motion = _MOTION.match(self.data, begin, end)
@@ -180,8 +232,7 @@ class _Reader:
 
     def _inline(self, number: int) -> list[int]:
         """Returns the job rows that stand in a line, in order."""
-        while self.next < len(self.lines) and self.lines[self.next] < number:
-            self.next += 1
+        self._advance(number)
         out = []
         while self.next < len(self.lines) and self.lines[self.next] == number:
             out.append(self.first + self.next)
@@ -217,11 +268,12 @@ def _stored(job: Sequence[Program]) -> dict[bytes, list[int]]:
     out: dict[bytes, list[int]] = defaultdict(list)
     first = job_rows(job)
     for file, program in enumerate(job):
-        if b"=" not in program.data:
-            continue
-        for row, text in enumerate(_row_lines(program)):
-            match = _STORED.match(text)
-            if match:
+        found = list(_STORED.finditer(program.data))
+        places = np.array([match.start(1) for match in found], dtype=np.int64)
+        lines = np.searchsorted(line_starts(program.data), places, side="right")
+        rows = np.searchsorted(program.line, lines)
+        for match, line, row in zip(found, lines.tolist(), rows.tolist(), strict=True):
+            if row < len(program) and program.line[row] == line:
                 out[_name(match[1])].append(int(first[file]) + row)
     return out
 
@@ -246,9 +298,9 @@ class _Literals:
             self.lines[file] = _row_lines(self.job[file])
         own = row - int(self.first[file])
         text = self.lines[file][own]
-        before = self.job[file].line[:own] == self.job[file].line[own]
+        lines = self.job[file].line
         found: list[bytes] = re.findall(rb"\{[^{}]*\}", text)
-        return found[int(before.sum())]
+        return found[own - int(np.searchsorted(lines, lines[own]))]
 
 
 def _aggregate(literal: bytes, position: Array, rotation: Array, *, bare: bool) -> bytes:

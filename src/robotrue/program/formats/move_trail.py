@@ -110,6 +110,29 @@ class Trail:
             self._used.append(via)
         self.arrive(row)
 
+    def run(self, rows: range, line: int, file: int, begins: IntArray) -> None:
+        """The robot moves straight from target to target, a line of the file for each.
+
+        Args:
+            rows: Job rows of the targets.
+            line: One-based line of the first.
+            file: Program of the job.
+            begins: First byte of each statement; where its target stands is left open (-1).
+        """
+        row = np.arange(rows.start, rows.stop)
+        table = np.full((len(row), 5), Obstacle.LOOP if self._depth else Obstacle.NONE)
+        table[:, 0], table[:, 1], table[:, 2] = row - 1, UNKNOWN, row
+        table[:, 3] = line + np.arange(len(row))
+        table[0, 0] = self._here
+        if not self._depth and (self._here < 0 or self._event):
+            table[0, 4] = Obstacle.START if self._here < 0 else Obstacle.EVENT
+        statements = np.full((len(row), COLUMNS), UNKNOWN)
+        statements[:, 0], statements[:, 1] = file, begins
+        self._moves.frombytes(table.astype(np.int64).tobytes())
+        self._statements.frombytes(statements.astype(np.int64).tobytes())
+        self._used.frombytes(row.astype(np.int64).tobytes())
+        self._here, self._event = int(row[-1]), False
+
     def moves(self) -> Moves:
         """Returns what was collected."""
         table = np.frombuffer(self._moves, np.int64).reshape(-1, 5)
