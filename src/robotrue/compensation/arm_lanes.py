@@ -33,51 +33,20 @@ from robotrue.compensation.memory import (
     Space,
 )
 from robotrue.core.arrays import Array
+from robotrue.core.sines import ROUND, sines
 
 L = LANES
 L6 = 6 * LANES
 
-TWO_OVER_PI = 2.0 / math.pi
-HALF_PI_HIGH = float.fromhex("0x1.921fb54400000p+0")  # 33 bits: exact times any small integer
-HALF_PI_LOW = float.fromhex("0x1.0b4611a626331p-34")
 LOG2E = 1.0 / math.log(2.0)
 LN2_HIGH = float.fromhex("0x1.62e42fee00000p-1")
 LN2_LOW = float.fromhex("0x1.a39ef35793c76p-33")
-ROUND = 6755399441055744.0  # 1.5 * 2**52: adding it leaves the nearest integer in the low bits
 
 
 @compiled(EXACT, borrows=True)
 def sincos_rows(angle: Array, out: Array) -> None:
-    """Writes the sines of six rows, then their cosines, to ``out`` (12 rows); |error| < 2e-16.
-
-    Angles up to 1e5 rad: quarter turns are taken off in two parts, Taylor series do the rest.
-    """
-    for n in range(L6):
-        x = angle[n]
-        k = (x * TWO_OVER_PI + ROUND) - ROUND
-        r = (x - k * HALF_PI_HIGH) - k * HALF_PI_LOW
-        z = r * r
-        s = z * (-1.0 / 1307674368000.0) + 1.0 / 6227020800.0
-        s = s * z - 1.0 / 39916800.0
-        s = s * z + 1.0 / 362880.0
-        s = s * z - 1.0 / 5040.0
-        s = s * z + 1.0 / 120.0
-        s = s * z - 1.0 / 6.0
-        s = s * (z * r) + r
-        c = z * (1.0 / 20922789888000.0) - 1.0 / 87178291200.0
-        c = c * z + 1.0 / 479001600.0
-        c = c * z - 1.0 / 3628800.0
-        c = c * z + 1.0 / 40320.0
-        c = c * z - 1.0 / 720.0
-        c = c * z + 1.0 / 24.0
-        c = c * z - 0.5
-        c = c * z + 1.0
-        quarter = k - 4.0 * ((k * 0.25 + ROUND) - ROUND)  # -2, -1, 0, 1 or 2
-        odd = abs(quarter) == 1.0
-        sine = c if odd else s
-        cosine = s if odd else c
-        out[n] = -sine if (quarter < -0.5 or quarter > 1.5) else sine
-        out[L6 + n] = -cosine if (quarter > 0.5 or quarter < -1.5) else cosine
+    """Writes the sines of six rows, then their cosines, to ``out`` (12 rows); |error| < 2e-16."""
+    sines(angle, L6, out)
 
 
 @compiled(EXACT, borrows=True)

@@ -18,13 +18,12 @@ from robotrue.compensation.memory import LANES
 from robotrue.compensation.status import Route
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.compiled import EXACT, compiled
+from robotrue.core.sines import arc_tangents
 
 L = LANES
 SKIP, LINEAR = int(Route.SKIP), int(Route.LINEAR)
 GIVEN, PASS, AXES = int(Route.GIVEN), int(Route.PASS), int(Route.AXES)
 TURN = 2.0 * math.pi
-HALF, QUARTER = 0.5 * math.pi, 0.25 * math.pi
-TANGENT = math.tan(math.pi / 8.0)
 STRETCHED = 1e-9  # sine of joint 5 below which only theta 4 + 6 exists
 # Rows of the work space: the hand, then sines, then cosines, then the joints.
 HAND, SINE, COSINE, ANGLE, GOOD = 0, 12, 18, 24, 30
@@ -126,7 +125,7 @@ def _abreast(
     _hands(p.end, tool, target, first, count, work)
     _arms(p.lengths, float(branch[0]), float(branch[1]), work)
     _wrists(float(branch[2]), work)
-    _arc_tangents(work)
+    arc_tangents(work, SINE * L, COSINE * L, 6 * L, ANGLE * L)
     for i in range(6):
         sign, offset = p.sign[i], p.offset[i]
         for n in range(L):
@@ -209,33 +208,3 @@ def _wrists(flip: float, work: Array) -> None:
         work[S + 4 * L + n], work[C + 4 * L + n] = flip * sine5, m33
         work[S + 5 * L + n], work[C + 5 * L + n] = flip * m32, -flip * m31
         work[GOOD * L + n] = work[GOOD * L + n] if sine5 > STRETCHED else 0.0
-
-
-@compiled(EXACT, borrows=True)
-def _arc_tangents(work: Array) -> None:
-    """Writes atan2(sine, cosine) of six rows; |error| < 4e-16 rad.
-
-    A polynomial up to an eighth of a turn's half, the rest by reflection.
-    """
-    S, C, A = SINE * L, COSINE * L, ANGLE * L
-    for n in range(6 * L):
-        y, x = work[S + n], work[C + n]
-        large, small = max(abs(x), abs(y)), min(abs(x), abs(y))
-        beyond = small > TANGENT * large
-        t = (small - large if beyond else small) / (small + large if beyond else large)
-        z = t * t
-        u = z * -0.019176885636589053 + 0.039231657085083686
-        u = u * z - 0.050854496960392584
-        u = u * z + 0.05858148904795124
-        u = u * z - 0.0666451144646022
-        u = u * z + 0.07692183190760651
-        u = u * z - 0.09090904578121085
-        u = u * z + 0.11111111015256292
-        u = u * z - 0.14285714284666542
-        u = u * z + 0.1999999999999552
-        u = u * z - 0.3333333333333333
-        u = u * (z * t) + t
-        u = QUARTER + u if beyond else u
-        u = HALF - u if abs(y) > abs(x) else u
-        u = math.pi - u if x < 0.0 else u
-        work[A + n] = -u if y < 0.0 else u

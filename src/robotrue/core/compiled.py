@@ -30,9 +30,9 @@ def compiled(
 
     The code is cached next to the source, or in the user's cache folder where the installation is
     read-only; where neither can be written it is compiled anew in each process. A cached kernel
-    is renewed when its own file changes: kernels call only kernels of their own file, but for
-    ``compensation.lanes``, which calls ``arm_lanes``, and ``branch_lanes``, which calls
-    ``branches``.
+    is renewed when its own file changes, but not when a file does that it takes kernels from:
+    after editing ``core.sines``, ``arm_lanes``, ``branches``, ``krl_tokens`` or
+    ``number_kernels`` clear ``__pycache__``.
     """
 
     def decorate(function: F) -> F:

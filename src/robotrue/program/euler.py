@@ -6,76 +6,108 @@ Same formulas, same branches; what they mean is told in :mod:`robotrue.core.rota
 from __future__ import annotations
 
 import math
-from typing import Any, cast
+from typing import Any, Final
 
-import numba
 import numpy as np
 
 from robotrue.core.arrays import Array
+from robotrue.core.compiled import EXACT, PLAIN, compiled
+from robotrue.core.sines import LARGEST, arc_tangents, sines
+
+_ABREAST: Final = 64
+"""Rows whose sines are computed at a time."""
 
 
 def matrices_from_abc(abc: Array, unit: float) -> Array:
     """Returns R = Rz(A) Ry(B) Rx(C), shape (n, 3, 3), from (n, 3) A, B, C in ``unit`` rad."""
     out = np.empty((len(abc), 3, 3))
-    _matrices(abc, unit, out)
+    _matrices(abc, unit, out, np.zeros(3 * _ABREAST), np.zeros(6 * _ABREAST))
     return out
 
 
-@numba.njit(cache=True)
-def _matrices(abc: Any, unit: Any, out: Any) -> None:
-    for i in range(len(abc)):
-        a, b, c = abc[i, 0] * unit, abc[i, 1] * unit, abc[i, 2] * unit
-        ca, sa = math.cos(a), math.sin(a)
-        cb, sb = math.cos(b), math.sin(b)
-        cc, sc = math.cos(c), math.sin(c)
-        out[i, 0, 0] = ca * cb
-        out[i, 0, 1] = ca * sb * sc - sa * cc
-        out[i, 0, 2] = ca * sb * cc + sa * sc
-        out[i, 1, 0] = sa * cb
-        out[i, 1, 1] = sa * sb * sc + ca * cc
-        out[i, 1, 2] = sa * sb * cc - ca * sc
-        out[i, 2, 0] = -sb
-        out[i, 2, 1] = cb * sc
-        out[i, 2, 2] = cb * cc
+@compiled(EXACT, borrows=True)
+def _matrices(abc: Any, unit: Any, out: Any, angle: Any, trig: Any) -> None:
+    for first in range(0, len(abc), _ABREAST):
+        count = min(_ABREAST, len(abc) - first)
+        for n in range(count):
+            for j in range(3):
+                angle[j * _ABREAST + n] = abc[first + n, j] * unit
+        sines(angle, 3 * _ABREAST, trig)
+        for n in range(3 * _ABREAST):
+            if abs(angle[n]) > LARGEST:
+                trig[n], trig[3 * _ABREAST + n] = math.sin(angle[n]), math.cos(angle[n])
+        for n in range(count):
+            _matrix(trig, n, out, first + n)
 
 
-@numba.njit(cache=True)
+@compiled(EXACT, borrows=True, inline=True)
+def _matrix(trig: Any, n: Any, out: Any, i: Any) -> None:
+    """Writes one matrix from the sines and cosines of A, B, C in column ``n``."""
+    sa, sb, sc = trig[n], trig[_ABREAST + n], trig[2 * _ABREAST + n]
+    ca, cb, cc = trig[3 * _ABREAST + n], trig[4 * _ABREAST + n], trig[5 * _ABREAST + n]
+    out[i, 0, 0] = ca * cb
+    out[i, 0, 1] = ca * sb * sc - sa * cc
+    out[i, 0, 2] = ca * sb * cc + sa * sc
+    out[i, 1, 0] = sa * cb
+    out[i, 1, 1] = sa * sb * sc + ca * cc
+    out[i, 1, 2] = sa * sb * cc - ca * sc
+    out[i, 2, 0] = -sb
+    out[i, 2, 1] = cb * sc
+    out[i, 2, 2] = cb * cc
+
+
+@compiled(PLAIN, borrows=True, inline=True)
 def _wrap(angle: Any) -> Any:
+    if -math.pi <= angle < math.pi:
+        return angle
     return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
-
-
-@numba.njit(cache=True)
-def nearest_abc(r: Any, near_a: Any, near_b: Any, near_c: Any) -> Any:
-    """Returns the (A, B, C) of a 3x3 matrix nearest to the given one, all in rad."""
-    cos_b = math.hypot(r[0, 0], r[1, 0])
-    b = math.atan2(-r[2, 0], cos_b)
-    a, c = near_a, near_c
-    if cos_b >= 1e-12:
-        a, c = math.atan2(r[1, 0], r[0, 0]), math.atan2(r[2, 1], r[2, 2])
-    if cos_b < 1e-3:
-        # At the lock R depends on A - sign * C alone, and near it A and C are known to rounding
-        # over cos B each, their difference to rounding; what is amiss is split evenly.
-        sign = 1.0 if b > 0 else -1.0
-        difference = math.atan2(sign * r[1, 2] - r[0, 1], r[1, 1] + sign * r[0, 2])
-        split = _wrap(difference - (a - sign * c)) / 2.0
-        a, c = a + split, c - sign * split
-    a1, b1, c1 = _wrap(a - near_a), _wrap(b - near_b), _wrap(c - near_c)
-    a2 = _wrap(a + math.pi - near_a)
-    b2 = _wrap(math.pi - b - near_b)
-    c2 = _wrap(c + math.pi - near_c)
-    if a2 * a2 + b2 * b2 + c2 * c2 < a1 * a1 + b1 * b1 + c1 * c1:
-        a1, b1, c1 = a2, b2, c2
-    return near_a + a1, near_b + b1, near_c + c1
 
 
 def abc_from_matrices(rotation: Array, near: Array) -> Array:
     """Returns (n, 3) A, B, C in rad of (n, 3, 3), each nearest to the (n, 3) of ``near``."""
-    return cast(Array, _all_nearest(rotation, near))
-
-
-@numba.njit(cache=True)
-def _all_nearest(rotation: Any, near: Any) -> Any:
-    out = np.empty_like(near)
-    for i in range(len(near)):
-        out[i] = nearest_abc(rotation[i], near[i, 0], near[i, 1], near[i, 2])
+    out = np.empty((len(rotation), 3))
+    _all_nearest(rotation, near, out, np.zeros(9 * _ABREAST))
     return out
+
+
+@compiled(EXACT, borrows=True)
+def _all_nearest(rotation: Any, near: Any, out: Any, work: Any) -> None:
+    for first in range(0, len(rotation), _ABREAST):
+        count = min(_ABREAST, len(rotation) - first)
+        for n in range(count):
+            r = rotation[first + n]
+            work[n], work[3 * _ABREAST + n] = r[1, 0], r[0, 0]
+            work[_ABREAST + n] = -r[2, 0]
+            work[4 * _ABREAST + n] = math.sqrt(r[0, 0] * r[0, 0] + r[1, 0] * r[1, 0])
+            work[2 * _ABREAST + n], work[5 * _ABREAST + n] = r[2, 1], r[2, 2]
+        arc_tangents(work, 0, 3 * _ABREAST, 3 * _ABREAST, 6 * _ABREAST)
+        for n in range(count):
+            i = first + n
+            a, b, c = (
+                work[6 * _ABREAST + n], work[7 * _ABREAST + n], work[8 * _ABREAST + n],
+            )  # fmt: skip
+            if work[4 * _ABREAST + n] < 1e-12:
+                a, c = _locked(rotation[i], b, near[i, 0], near[i, 2])
+            out[i, 0], out[i, 1], out[i, 2] = _nearest(a, b, c, near[i, 0], near[i, 1], near[i, 2])
+
+
+@compiled(PLAIN, borrows=True, inline=True)
+def _locked(r: Any, b: Any, near_a: Any, near_c: Any) -> Any:
+    """Returns A and C at the lock: R depends on A - sign * C alone, the turn is split evenly."""
+    sign = 1.0 if b > 0 else -1.0
+    difference = math.atan2(-r[0, 1], r[1, 1])
+    split = _wrap(difference - (near_a - sign * near_c)) / 2.0
+    return near_a + split, near_c - sign * split
+
+
+@compiled(PLAIN, borrows=True, inline=True)
+def _nearest(a: Any, b: Any, c: Any, near_a: Any, near_b: Any, near_c: Any) -> Any:
+    """Returns the triple or its other form, whichever is nearer, at the nearest turns."""
+    a1, b1, c1 = _wrap(a - near_a), _wrap(b - near_b), _wrap(c - near_c)
+    if not a1 * a1 + b1 * b1 + c1 * c1 < 1.0:  # else the other form is half a turn away
+        a2 = _wrap(a + math.pi - near_a)
+        b2 = _wrap(math.pi - b - near_b)
+        c2 = _wrap(c + math.pi - near_c)
+        if a2 * a2 + b2 * b2 + c2 * c2 < a1 * a1 + b1 * b1 + c1 * c1:
+            a1, b1, c1 = a2, b2, c2
+    return near_a + a1, near_b + b1, near_c + c1

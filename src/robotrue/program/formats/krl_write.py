@@ -22,7 +22,7 @@ from robotrue.core.compiled import PLAIN, compiled
 from robotrue.core.units import DEG, MM
 from robotrue.core.words import NO_WORD
 from robotrue.errors import ShapeError
-from robotrue.program.euler import nearest_abc
+from robotrue.program.euler import abc_from_matrices
 from robotrue.program.formats.krl_scan import Bytes, Ints
 from robotrue.program.formats.number_kernels import (
     SLACK,
@@ -162,15 +162,18 @@ def _new_values(
     values = printed_values(spans, rows)
     touched = np.zeros(values.shape, dtype=np.bool_)
     is_axis, mine = spans.is_axis[rows], changed[rows]
+    rotation = np.ascontiguousarray(replacement.rotation[rows], dtype=np.float64)
     _new_poses(
         mine & ~is_axis,
         program.position[rows],
         np.ascontiguousarray(replacement.position[rows], dtype=np.float64),
         program.rotation[rows],
-        np.ascontiguousarray(replacement.rotation[rows], dtype=np.float64),
+        rotation,
         values,
         touched,
     )
+    turned = np.flatnonzero(touched[:, 3])
+    values[turned, 3:] = abc_from_matrices(rotation[turned], values[turned, 3:] * DEG) / DEG
     axis = np.flatnonzero(mine & is_axis)
     if len(axis):
         new, old = replacement.axes[rows][axis], program.axes[rows][axis]
@@ -195,7 +198,7 @@ def _new_values(
 def _new_poses(
     rows: Any, position: Any, moved: Any, rotation: Any, turned: Any, values: Any, touched: Any
 ) -> None:
-    """Fills in the changed rows what they shall say and marks what may differ."""
+    """Fills in the new positions of the changed rows and marks what may differ."""
     for row in range(rows.size):
         if not rows[row]:
             continue
@@ -208,9 +211,6 @@ def _new_poses(
             for j in range(3):
                 same &= abs(turned[row, i, j] - rotation[row, i, j]) <= _SAME_ROTATION
         if not same:
-            a, b, c = values[row, 3] * DEG, values[row, 4] * DEG, values[row, 5] * DEG
-            a, b, c = nearest_abc(turned[row], a, b, c)
-            values[row, 3], values[row, 4], values[row, 5] = a / DEG, b / DEG, c / DEG
             touched[row, 3:] = True
 
 
