@@ -19,9 +19,10 @@ import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
 from robotrue.program.formats.move_trail import (
+    COLUMNS,
     UNKNOWN,
     Statement,
-    Trail,
+    Statements,
     groups,
     line_end,
     put_in,
@@ -44,6 +45,13 @@ _ONCE: Final = re.compile(rb"^\s*RAPID\b", re.IGNORECASE | re.MULTILINE)
 _BETWEEN: Final = re.compile(
     rb"(?im)^\s*(?:N\d+\s*)?(?:GOTO[FBC]?\b|IF\b|WHILE\b|FOR\b|LOOP\b|REPEAT\b|M98|M99|CALL\b|[LO]\d)"
 )
+_PLAIN: Final = re.compile(
+    rb"^(?:[ \t]*+(?:N\d++[ \t]*+)?(?:G0*[01][ \t]++)?"
+    rb"(?:[XYZ][ \t]*+[+-]?[\d.]++[ \t]*+)++(?:[ABC]3?[ \t]*+=?[ \t]*+[+-]?[\d.]++[ \t]*+)*+"
+    rb"(?:F[\d.]++[ \t]*+)?(?:\r\n|\n))++",
+    re.MULTILINE,
+)
+"""Blocks that do nothing but move to a point, as CAM writes them by the million."""
 _UNSEEN: Final = b"0.0000"
 _LEAST: Final = (4, 7)
 """Decimals of lengths and angles, and of tool axes."""
@@ -54,12 +62,21 @@ class PathInserter:
 
     def moves(self, job: Sequence[Program]) -> Moves:
         """Returns the moves of the first program, from row to row."""
-        trail, first = Trail(), 0
+        tables, statements, first = [], [], 0
         for file, program in enumerate(job):
-            trail.routine()
-            _Reader(trail, file, program, first).read()
+            reader = _Reader(file, program, first)
+            tables.append(reader.moves())
+            statements.append(reader.statements(tables[-1][:, 2] - first))
             first += len(program)
-        return trail.moves()
+        start, via, end, line, obstacle = np.concatenate(tables).T
+        return Moves(
+            start=start,
+            via=via,
+            end=end,
+            line=line,
+            obstacle=obstacle,
+            spans=Statements(table=np.concatenate(statements)),
+        )
 
     def insert(
         self, job: Sequence[Program], moves: Moves, insertion: Insertion
@@ -85,59 +102,84 @@ class PathInserter:
 
 
 class _Reader:
-    """Goes over the rows of one program."""
+    """Tells the moves of one program: each row is reached from the one before it."""
 
-    def __init__(self, trail: Trail, file: int, program: Program, first: int) -> None:
-        self.trail, self.file, self.program, self.first = trail, file, program, first
+    def __init__(self, file: int, program: Program, first: int) -> None:
+        self.file, self.program, self.first, self.data = file, program, first, program.data
         self.words: PathWords = program.spans
-        self.starts = line_starts(program.data)
+        starts = line_starts(program.data)
+        line = np.asarray(program.line)
+        self.begin: IntArray = starts[line - 1]
+        if program.data.startswith(b"\xef\xbb\xbf"):
+            self.begin = np.maximum(self.begin, 3)
+        self.end: IntArray = np.append(starts, len(program.data))[line]
 
-    def read(self) -> None:
-        """Reads every row."""
-        program, before = self.program, 0
-        motion, reason = program.motion.tolist(), program.reason.tolist()
-        for row, line in enumerate(program.line.tolist()):
-            begin, end = self._line(line)
-            if motion[row] in (Motion.ARC_VIA, Motion.ARC_END):
-                if motion[row] == Motion.ARC_END:
-                    self._arc(row, line, begin, end)
-            elif motion[row] == Motion.LIN and reason[row] == Reason.NONE:
-                between = program.data[before:begin]
-                if before and _BETWEEN.search(between):
-                    self.trail.lose()
-                statement = Statement(self.file, begin, -1, -1, begin, end, end)
-                obstacle = self._obstacle(row, begin, end, between)
-                self.trail.move(UNKNOWN, self.first + row, line, statement, obstacle)
-            else:
-                self.trail.arrive(self.first + row if reason[row] == Reason.NONE else UNKNOWN)
-            before = end
+    def moves(self) -> IntArray:
+        """Returns start, via, end, line and obstacle of every move (k, 5), in order."""
+        program, n = self.program, len(self.program)
+        row = np.arange(n)
+        arc = np.asarray(program.motion == Motion.ARC_END)
+        line = np.asarray(program.motion == Motion.LIN) & (program.reason == Reason.NONE)
+        start = np.where(line, row - 1, UNKNOWN)  # what an arc drives is not followed here
+        sure = np.append(False, np.asarray(program.reason[:-1] == Reason.NONE))
+        if program.dialect in _GCODE:
+            sure[self._behind(_BETWEEN)] = False
+        start = np.where(sure, start, UNKNOWN)
+        obstacle = np.where(arc, int(Obstacle.FORM), int(Obstacle.NONE))
+        obstacle[line] = self._obstacles()[line]
+        obstacle = np.where(line & ~sure, int(Obstacle.START), obstacle)
+        shift = np.where(start >= 0, self.first, 0)
+        table = np.stack(
+            [
+                start + shift,
+                np.where(arc, self.first + row - 1, UNKNOWN),
+                self.first + row,
+                np.asarray(program.line),
+                obstacle,
+            ],
+            axis=1,
+        )
+        return np.asarray(table[line | arc])
 
-    def _line(self, line: int) -> tuple[int, int]:
-        begin = int(self.starts[line - 1])
-        end = int(self.starts[line]) if line < len(self.starts) else len(self.program.data)
-        return begin + 3 * self.program.data[begin:end].startswith(b"\xef\xbb\xbf"), end
+    def statements(self, rows: IntArray) -> IntArray:
+        """Returns the statements (k, 8) of rows."""
+        out = np.full((len(rows), COLUMNS), UNKNOWN)
+        out[:, 0], out[:, 1] = self.file, self.begin[rows]
+        out[:, 4] = out[:, 1]
+        out[:, 5] = out[:, 6] = self.end[rows]
+        return out
 
-    def _arc(self, row: int, line: int, begin: int, end: int) -> None:
-        """An arc: where the control drives between its corrected ends is not followed here."""
-        self.trail.lose()
-        statement = Statement(self.file, begin, begin, begin, begin, end, end)
-        rows = self.first + row - 1, self.first + row
-        self.trail.move(*rows, line, statement, Obstacle.FORM)
+    def _behind(self, pattern: re.Pattern[bytes]) -> IntArray:
+        """Returns the rows right behind what a pattern finds."""
+        places = np.array([match.start() for match in pattern.finditer(self.data)], dtype=np.int64)
+        rows = np.searchsorted(self.begin, places)
+        return np.asarray(rows[rows < len(self.begin)])
 
-    def _obstacle(self, row: int, begin: int, end: int, between: bytes) -> Obstacle:
-        words, data = self.words, self.program.data
-        missing = words.numbers.start[row, : _width(words, row)] < 0
-        if (missing & ~words.barred[row, : len(missing)]).any() and words.at[row] < 0:
-            return Obstacle.FORM
-        if self.program.dialect == "apt" and _ONCE.search(between):
-            return Obstacle.EVENT
-        if self.program.dialect not in _GCODE:
-            return Obstacle.NONE
-        block = _BLOCK.match(data, begin, end)
+    def _obstacles(self) -> IntArray:
+        """Returns what keeps each row (n,) from being split, lines taken for granted."""
+        words, n = self.words, len(self.program)
+        needed = np.asarray(np.arange(6) < np.where(words.turn == Turn.FIXED, 3, 6)[:, None])
+        missing = (needed & (words.numbers.start < 0) & ~words.barred).any(axis=1)
+        out = np.where(missing & (words.at < 0), int(Obstacle.FORM), int(Obstacle.NONE))
+        if self.program.dialect == "apt":
+            out[self._behind(_ONCE)] = Obstacle.EVENT
+        if self.program.dialect in _GCODE:
+            plain = np.zeros(n, dtype=np.bool_)
+            for run in _PLAIN.finditer(self.data):
+                first, last = np.searchsorted(self.begin, run.span())
+                plain[first:last] = True
+            for row in np.flatnonzero(~plain & (out == Obstacle.NONE)).tolist():
+                if self._switches(int(self.begin[row]), int(self.end[row])):
+                    out[row] = Obstacle.EVENT
+        return np.asarray(out)
+
+    def _switches(self, begin: int, end: int) -> bool:
+        """Whether a block does anything but move to a point."""
+        block = _BLOCK.match(self.data, begin, end)
         text = block[0] if block else b""
         for pattern in (_NUMBERED, _POINT, _FEED, _SWITCH):
             text = pattern.sub(b" ", text, count=1 if pattern is _NUMBERED else 0)
-        return Obstacle.EVENT if text.strip() else Obstacle.NONE
+        return bool(text.strip())
 
 
 def _width(words: PathWords, row: int) -> int:
