@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from robotrue.core.arrays import IntArray
+from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import MM
 from robotrue.errors import FormatError
 from robotrue.program.formats.apt import LENGTHS, UNREAD_MOTIONS
@@ -20,8 +20,10 @@ from robotrue.program.formats.apt_statements import (
     to_number,
 )
 from robotrue.program.formats.gcode_arcs import no_arcs
+from robotrue.program.formats.number_kernels import literal_numbers
 from robotrue.program.formats.number_table import Numbers
 from robotrue.program.formats.number_text import WHOLE_NUMBER
+from robotrue.program.formats.path_lines import blank_lines, plain_gotos
 from robotrue.program.formats.path_words import PathWords, Turn, poses, tool_axes
 from robotrue.program.formats.shared_fate import share_fate
 from robotrue.program.formats.target_notes import TargetNotes
@@ -42,10 +44,57 @@ def read_apt_program(data: bytes, name: str, frames: FrameTable) -> Program:
             no point at all; with the line.
     """
     require_text(data, name)
+    plain = _plain_points(data)
     reader = _Reader(data, name)
-    for statement in statements(data, name):
+    done = 0
+    for statement in statements(plain.rest, name):
+        upto = int(np.searchsorted(plain.line, statement.line))
+        reader.points(plain, slice(done, upto))
+        done = upto
         reader.take(statement)
+    reader.points(plain, slice(done, len(plain.line)))
     return reader.program(frames)
+
+
+class _Points(NamedTuple):
+    """Lines that are nothing but a point, and the file without them."""
+
+    line: IntArray
+    start: IntArray
+    length: IntArray
+    value: Array
+    rest: bytes
+
+
+def _plain_points(data: bytes) -> _Points:
+    text, first = np.frombuffer(data, np.uint8), line_starts(data)
+    last = np.append(first[1:], len(data))
+    start, length = np.full((len(first), 6), -1), np.zeros((len(first), 6), np.int64)
+    count = plain_gotos(text, first, last, start, length)
+    rows = np.flatnonzero(count)
+    value = np.full((len(rows), 6), np.nan)
+    layout, kind = np.arange(6)[None], np.zeros(len(rows), np.int64)
+    begin, end = start[rows, 0], (start + length)[rows].max(axis=1)
+    found, size = np.full(value.shape, -1), np.zeros(value.shape, np.int64)
+    literal_numbers(text, begin, end, kind, layout, 0, found, size, value)
+    kept = np.array(text)
+    large = (np.abs(value) > LARGEST).any(axis=1)
+    rows, found, size, value = rows[~large], found[~large], size[~large], value[~large]
+    blank_lines(kept, first[rows], last[rows])
+    return _Points(rows + 1, found, size, value, kept.tobytes())
+
+
+class _Part(NamedTuple):
+    """Rows that follow each other."""
+
+    line: IntArray
+    start: IntArray
+    length: IntArray
+    value: Array
+    turn: IntArray
+    unit: Array
+    reason: IntArray
+    tool: IntArray
 
 
 class _Reader:
@@ -59,16 +108,11 @@ class _Reader:
         self.lost: str = ""
         self.relative = False
         self.modes: dict[str, str] = {}
-        self.arc = 0
+        self.arc = False
         self.tools: dict[str, int] = {}
         self.tool = 0
-        self.line: list[int] = []
-        self.tokens: list[tuple[int, ...]] = []
-        self.values: list[tuple[float, ...]] = []
-        self.turn: list[int] = []
-        self.units: list[float] = []
-        self.reason: list[int] = []
-        self.of_tool: list[int] = []
+        self.count = 0
+        self.parts: list[_Part] = []
         self.groups: list[list[int]] = []
         self.told: list[tuple[int, str]] = []
 
@@ -87,9 +131,9 @@ class _Reader:
         elif head == "TLAXIS":
             self._tlaxis(arguments)
         elif head == "CIRCLE":
-            self.arc = 1
+            self.arc = True
         elif head == "TLON,GOFWD":
-            self.arc = 1
+            self.arc = True
             self._row(statement, [], Reason.EXPRESSION, "an arc")
         elif head == "MSYS":
             self._axes(statement)
@@ -111,7 +155,7 @@ class _Reader:
 
     def _system(self, statement: Statement) -> None:
         try:
-            self.systems.comment(statement.comment, statement.line, points=bool(self.line))
+            self.systems.comment(statement.comment, statement.line, points=bool(self.count))
         except FormatError as error:
             self._lose(f"line {statement.line}: {error.message.rstrip('.')}")
 
@@ -121,7 +165,7 @@ class _Reader:
             return
         try:
             values = tuple(to_number(each) for each in statement.arguments)
-            self.systems.take(values, statement.line, points=bool(self.line))
+            self.systems.take(values, statement.line, points=bool(self.count))
         except FormatError as error:
             self._lose(f"line {statement.line}: {error.message.rstrip('.')}")
 
@@ -152,12 +196,7 @@ class _Reader:
         if spans is None:
             self._row(statement, [], Reason.EXPRESSION, "a number of a form that is not rewritten")
             return
-        reason, what = Reason.NONE, ""
-        if self.relative:
-            reason, what = Reason.RELATIVE, "MODE/INCR makes coordinates add up"
-        elif self.modes:
-            reason, what = Reason.EXPRESSION, next(iter(self.modes.values()))
-        self._row(statement, spans, reason, what)
+        self._row(statement, spans, *self._state())
 
     def _spans(self, line: int, count: int) -> list[tuple[int, int, float]] | None:
         """Returns (first byte, bytes, value) of the numbers of a statement, over its lines."""
@@ -178,6 +217,42 @@ class _Reader:
             at, line = last, line + 1
         return found if len(found) == count else None
 
+    def points(self, found: _Points, part: slice) -> None:
+        """Takes lines that are points; nothing else stands between them."""
+        if part.stop <= part.start:
+            return
+        value = np.array(found.value[part])
+        axis = np.where(np.isnan(value[:, 3:]), np.nan, value[:, 3:])
+        given = np.asarray(~np.isnan(axis).any(axis=1))
+        last = np.maximum.accumulate(np.where(given, np.arange(len(value)), -1))
+        value[:, 3:] = np.where((last >= 0)[:, None], axis[last], np.array(self.axis))
+        spoken = (last >= 0) | self.by_axis
+        reason, what = self._state()
+        if what:
+            self.told += [(int(self.starts[n - 1]), what) for n in found.line[part].tolist()]
+        reasons = np.full(len(value), int(reason))
+        if self.arc:
+            reasons[0] = self._end_arc(found.line[part.start])
+        self._enter(found.line[part], found.start[part], found.length[part], value, spoken, reasons)
+        self.axis = (value[-1, 3], value[-1, 4], value[-1, 5])
+        self.by_axis = bool(spoken[-1])
+
+    def _state(self) -> tuple[Reason, str]:
+        """Why points here cannot be compensated, and what to say of each."""
+        if self.relative:
+            return Reason.RELATIVE, "MODE/INCR makes coordinates add up"
+        if self.modes:
+            return Reason.EXPRESSION, next(iter(self.modes.values()))
+        return (Reason.UNKNOWN_FRAME if self.lost else Reason.NONE), ""
+
+    def _end_arc(self, line: int) -> Reason:
+        """Half a corrected arc is another arc: its start is held back with it."""
+        self.arc = False
+        if self.count:
+            self.groups.append([self.count - 1, self.count])
+        self.told.append((int(self.starts[line - 1]), "an arc"))
+        return Reason.EXPRESSION
+
     def _row(
         self,
         statement: Statement,
@@ -185,54 +260,58 @@ class _Reader:
         reason: Reason,
         what: str,
     ) -> None:
+        """Adds a point that is more than a plain line."""
         if len(spans) == 6:
             self.axis = (spans[3][2], spans[4][2], spans[5][2])
             self.by_axis = True
-        if self.arc:
-            reason, what = Reason.EXPRESSION, what or "an arc"
-            if self.line:
-                self.groups.append([len(self.line) - 1, len(self.line)])
-            self.arc = 0
-        padded = [*spans, *[(-1, 0, np.nan)] * (6 - len(spans))]
-        self.tokens.append(tuple(n for each in padded for n in each[:2]))
-        values = [each[2] for each in padded]
-        if len(spans) < 6:
-            values[3:] = self.axis
-        if not spans:
-            values[:3] = [np.nan] * 3
-        if self.lost and reason == Reason.NONE:
-            reason, what = Reason.UNKNOWN_FRAME, ""
-        self.values.append(tuple(values))
-        self.line.append(statement.line)
-        self.turn.append(int(Turn.VECTOR if self.by_axis else Turn.FIXED))
-        self.units.append(self.unit)
-        self.reason.append(int(reason))
-        self.of_tool.append(self.tool)
         if what:
             self.told.append((int(self.starts[statement.line - 1]), what))
+        if self.arc:
+            reason = self._end_arc(statement.line)
+        table = np.array([*spans, *[(-1, 0, np.nan)] * (6 - len(spans))])
+        value = table[:, 2].copy()
+        value[3:] = self.axis
+        self._enter(
+            np.array([statement.line]), table[None, :, 0].astype(np.int64),
+            table[None, :, 1].astype(np.int64), value[None], np.array([self.by_axis]),
+            np.array([int(reason)]),
+        )  # fmt: skip
+
+    def _enter(
+        self,
+        line: IntArray,
+        start: IntArray,
+        length: IntArray,
+        value: Array,
+        by_axis: BoolArray,
+        reason: IntArray,
+    ) -> None:
+        n = len(line)
+        turn = np.where(by_axis, int(Turn.VECTOR), int(Turn.FIXED))
+        unit, tool = np.full(n, self.unit), np.full(n, self.tool)
+        self.parts.append(_Part(line, start, length, value, turn, unit, reason, tool))
+        self.count += n
 
     def program(self, frames: FrameTable) -> Program:
         """Returns the program."""
-        n = len(self.line)
-        if not n:
+        if not self.count:
             raise FormatError(
                 "no GOTO/: the file has no point.", source=self.name, line=1,
                 hint="output CL data (APT source) from the CAM system.",
             )  # fmt: skip
-        line = np.array(self.line)
-        notes = TargetNotes(self.name, line)
-        tokens = np.array(self.tokens, np.int64).reshape(n, 6, 2)
-        value, turn = np.array(self.values).reshape(n, 6), np.array(self.turn)
-        unit, reason = np.array(self.units), np.array(self.reason)
+        line, start, length, value, turn, unit, reason, of_tool = (
+            np.concatenate(each) for each in zip(*self.parts, strict=True)
+        )
+        n, notes = len(line), TargetNotes(self.name, line)
         fixed = turn == Turn.FIXED
         value[fixed, 3:] = tool_axes(value[fixed, 3:])
         position, rotation, axes = poses(value, unit, turn, frames.orientation)
-        tool, tools = self._tools(frames, reason, notes)
+        tool, tools = self._tools(frames, of_tool, reason, notes)
         self._close(frames, reason, position, rotation, notes)
         share_fate(reason, self.groups)
         self._tell(notes)
-        printed = np.where(tokens[:, :, 0] >= 0, value, np.nan)
-        at = np.where(tokens[:, 2, 0] >= 0, (tokens[:, :, 0] + tokens[:, :, 1]).max(axis=1), -1)
+        printed = np.where(start >= 0, value, np.nan)
+        at = np.where(start[:, 2] >= 0, (start + length).max(axis=1), -1)
         at[reason == Reason.RELATIVE] = -1
         return Program(
             name=self.name, dialect="apt", data=self.data, position=position, rotation=rotation,
@@ -242,14 +321,21 @@ class _Reader:
             T_base_frame=np.asarray(frames.T_base_frame)[None], T_flange_tool=tools,
             notes=notes.notes(),
             spans=PathWords(
-                numbers=Numbers(start=tokens[:, :, 0], length=tokens[:, :, 1], value=printed),
+                numbers=Numbers(start=start, length=length, value=printed),
                 value=value, unit=unit, turn=turn, skip=np.zeros(n, np.bool_), at=at,
                 barred=np.zeros((n, 6), np.bool_), names=(_ONE,) * 4, blank=False,
                 rule=frames.orientation, arcs=no_arcs(), marks=np.empty((n, 0, 2), np.int64),
             ),
         )  # fmt: skip
 
-    def _close(self, frames: FrameTable, reason, position, rotation, notes: TargetNotes) -> None:  # type: ignore[no-untyped-def]
+    def _close(
+        self,
+        frames: FrameTable,
+        reason: IntArray,
+        position: Array,
+        rotation: Array,
+        notes: TargetNotes,
+    ) -> None:
         """Closes rows whose pose is not known."""
         unknown = ~np.isfinite(position).all(axis=1) & (reason == Reason.NONE)
         turned = ~np.isfinite(rotation).all(axis=(1, 2)) & (reason == Reason.NONE)
@@ -261,9 +347,10 @@ class _Reader:
         elif turned.any():
             notes.rows(turned, "a tool axis not of length 1")
 
-    def _tools(self, frames: FrameTable, reason: IntArray, notes: TargetNotes):  # type: ignore[no-untyped-def]
+    def _tools(
+        self, frames: FrameTable, used: IntArray, reason: IntArray, notes: TargetNotes
+    ) -> tuple[IntArray, Array]:
         """The tool of the cell for a file with one; of several each must be in the table."""
-        used = np.array(self.of_tool)
         names = {number: name for name, number in self.tools.items()}
         given = {key.strip().upper(): matrix for key, matrix in frames.tools.items()}
         tools = [np.asarray(frames.T_flange_tool, dtype=np.float64)]

@@ -11,8 +11,10 @@ from robotrue.core.arrays import Array, IntArray
 from robotrue.core.units import MM
 from robotrue.errors import FormatError, ImplausibleDataError
 from robotrue.program.formats.gcode_arcs import no_arcs
+from robotrue.program.formats.number_kernels import literal_numbers
 from robotrue.program.formats.number_table import Numbers
 from robotrue.program.formats.number_text import WHOLE_NUMBER
+from robotrue.program.formats.path_lines import cell_spans
 from robotrue.program.formats.path_words import PathWords, Turn, poses
 from robotrue.program.formats.target_notes import TargetNotes
 from robotrue.program.formats.text_lines import line_starts, require_text
@@ -20,6 +22,8 @@ from robotrue.program.formats.toolpath_csv import AXIS, POSITION, read_toolpath_
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 
 _NUMBER: Final = re.compile(WHOLE_NUMBER)
+_LONGEST: Final = 64
+"""Bytes of a cell that is read compiled."""
 _NAMES: Final = (b"",) * 6
 
 
@@ -75,53 +79,34 @@ def _header_line(data: bytes) -> bytes:
 def _numbers(data: bytes, header: bytes, line: IntArray) -> tuple[Numbers, bool]:
     """Returns the words (n, 6), and whether the table has tool axes."""
     mark = b";" if b";" in header else b","
-    names = [_bare(header, *span).lower().decode() for span in _cells(header, mark)]
+    names = [cell.strip(b' \t"').lower().decode() for cell in header.split(mark)]
     by_axis = AXIS[0] in names
     columns = [names.index(each) for each in (*POSITION, *(AXIS if by_axis else ()))]
     starts = line_starts(data)
-    shape = (len(line), 6)
+    text = np.frombuffer(data, np.uint8)
+    shape = (len(line), len(columns))
+    begin, end = np.zeros(shape, np.int64), np.zeros(shape, np.int64)
+    last = np.append(starts[1:], len(data))
+    cell_spans(text, starts[line - 1], last[line - 1], ord(mark), np.array(columns), begin, end)
     start, length = np.full(shape, -1), np.zeros(shape, np.int64)
     value: Array = np.full(shape, np.nan)
-    for row, number in enumerate(line.tolist()):
-        first = int(starts[number - 1])
-        last = int(starts[number]) if number < len(starts) else len(data)
-        text = data[first:last]
-        if text.startswith(b"\xef\xbb\xbf"):
-            first, text = first + 3, text[3:]
-        cells = _cells(text.rstrip(b"\r\n"), mark)
-        for k, column in enumerate(columns):
-            begin, end = _stripped(text, *cells[column])
-            token = text[begin:end]
-            if _NUMBER.fullmatch(token):
-                start[row, k], length[row, k] = first + begin, end - begin
-                value[row, k] = float(token)
+    one = np.zeros((begin.size, 1), np.int64)
+    found, size, read = one - 1, one.copy(), np.full(one.shape, np.nan)
+    literal_numbers(
+        text, begin.ravel(), np.minimum(end, begin + _LONGEST).ravel(), one[:, 0],
+        np.zeros((1, _LONGEST + 1), np.int64), 0, found,
+        size, read,
+    )  # fmt: skip
+    whole = (found.ravel() == begin.ravel()) & (size.ravel() == (end - begin).ravel())
+    for k in np.flatnonzero(~whole | np.isnan(read[:, 0])).tolist():
+        token = data[int(begin.flat[k]) : int(end.flat[k])]
+        whole[k] = bool(_NUMBER.fullmatch(token))
+        read[k] = float(token) if whole[k] else np.nan
+    good = whole.reshape(shape)
+    start[good], length[good] = begin[good], (end - begin)[good]
+    value[good] = read.reshape(shape)[good]
+    if not by_axis:
+        start = np.pad(start, ((0, 0), (0, 3)), constant_values=-1)
+        length = np.pad(length, ((0, 0), (0, 3)))
+        value = np.pad(value, ((0, 0), (0, 3)), constant_values=np.nan)
     return Numbers(start=start, length=length, value=value), by_axis
-
-
-def _cells(text: bytes, mark: bytes) -> list[tuple[int, int]]:
-    """Returns first byte and end of every cell; marks in quotes do not count."""
-    if b'"' not in text:
-        out, at = [], 0
-        for cell in text.split(mark):
-            out.append((at, at + len(cell)))
-            at += len(cell) + 1
-        return out
-    ends, quoted = [], False
-    for at in range(len(text)):
-        quoted ^= text[at : at + 1] == b'"'
-        if text[at : at + 1] == mark and not quoted:
-            ends.append(at)
-    return list(zip([0, *(end + 1 for end in ends)], [*ends, len(text)], strict=True))
-
-
-def _stripped(text: bytes, begin: int, end: int) -> tuple[int, int]:
-    while begin < end and text[begin : begin + 1] in (b" ", b"\t", b'"'):
-        begin += 1
-    while begin < end and text[end - 1 : end] in (b" ", b"\t", b'"', b"\r", b"\n"):
-        end -= 1
-    return begin, end
-
-
-def _bare(text: bytes, begin: int, end: int) -> bytes:
-    begin, end = _stripped(text, begin, end)
-    return text[begin:end]

@@ -15,7 +15,7 @@ from robotrue.program.formats.gcode_arcs import ACROSS
 from robotrue.program.formats.gcode_blocks import Blocks
 from robotrue.program.formats.gcode_frames import GcodeFrames
 from robotrue.program.formats.gcode_rows import Rows, Words, chosen
-from robotrue.program.formats.gcode_state import epochs, in_force, inherited
+from robotrue.program.formats.gcode_state import Epochs, in_force, inherited
 from robotrue.program.formats.gcode_vocabulary import UNCERTAIN, Column, Drive, Group, Vocabulary
 from robotrue.program.formats.number_table import Numbers
 from robotrue.program.formats.path_kernels import with_point
@@ -43,6 +43,7 @@ class _Builder:
         self.force = in_force(blocks)
         if blocks.findings.inch is not None:
             self.force[:, Group.INCH] = int(blocks.findings.inch)
+        self.epochs = Epochs(blocks, self.force)
         self.rows = self._rows()
         self.words = Words(blocks, self.rows.block)
         self.notes = TargetNotes(name, self.rows.block + 1)
@@ -54,13 +55,13 @@ class _Builder:
         words = Words(blocks, block)
         own = force[block]
         point, there = words.numbers((0, 1, 2))
-        spoken = epochs(blocks, force, 0, block)
+        spoken = self.epochs.of(0, block)
         unit = np.where(own[:, Group.INCH] == 1, INCH, MM)
         relative = (own[:, Group.RELATIVE] != 0) | (own[:, Group.MOTION] == Drive.CYCLE)
         value = np.empty((len(block), 6))
         for k in range(3):
             column = np.where(relative, np.nan, point.value[:, k])
-            value[:, k] = inherited(column, there[:, k], epochs(blocks, force, k, block))
+            value[:, k] = inherited(column, there[:, k], self.epochs.of(k, block))
         turn, numbers, found = self._turns(words, block, own)
         value[:, 3:] = found
         start, length, printed = (
@@ -105,7 +106,7 @@ class _Builder:
         jointed = words.numbers(tuple(range(Column.J1, Column.J6 + 1)))[1].any(axis=1)
         said = np.where(by_vector.any(axis=1), 2.0, np.where(by_angle.any(axis=1), 1.0, np.nan))
         said[jointed] = np.nan
-        epoch = epochs(self.blocks, self.force, 3, block)
+        epoch = self.epochs.of(3, block)
         mode = inherited(said, np.isfinite(said), epoch)
         turn = np.where(np.isnan(mode), int(Turn.ANGLES), np.nan_to_num(mode)).astype(np.int64)
         turn[own[:, Group.TIP] == 2] = Turn.VECTOR
@@ -192,10 +193,13 @@ class _Builder:
 
     def _behind(self) -> IntArray:
         """Returns the byte (m,) behind the last word of each row, -1 where none may be inserted."""
-        point, _ = self.words.numbers(tuple(range(Column.I)))
-        arc, _ = self.words.numbers(tuple(range(Column.I, Column.R + 1)))
-        ends = [np.where(t.start >= 0, t.start + t.length, -1).max(axis=1) for t in (point, arc)]
-        out = np.where(ends[0] >= 0, np.maximum(*ends), ends[1])
+        mine = np.flatnonzero((self.blocks.column < Column.J1) & (self.blocks.start >= 0))
+        rows = np.full(len(self.blocks.first), -1)
+        rows[self.rows.block] = np.arange(len(self.rows.block))
+        place = rows[self.blocks.block[mine]]
+        mine, place = mine[place >= 0], place[place >= 0]
+        out = np.full(len(self.rows.block), -1)
+        np.maximum.at(out, place, self.blocks.start[mine] + self.blocks.length[mine])
         for row in np.flatnonzero(out < 0).tolist():  # all it says is computed
             block = self.rows.block[row]
             first, end = int(self.blocks.first[block]), int(self.blocks.end[block])

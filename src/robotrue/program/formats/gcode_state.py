@@ -38,15 +38,25 @@ def _changed_tools(said: IntArray, changes: list[int]) -> IntArray:
     return out
 
 
-def epochs(blocks: Blocks, force: IntArray, column: int, rows: IntArray) -> IntArray:
-    """Returns a number for blocks ``rows`` (n,); a word is inherited within one number only."""
-    count = np.zeros(len(blocks.first) + 1, np.int64)
-    if column in ALL:
-        anew = force[1:][:, _ANEW] != force[:-1][:, _ANEW]
-        count[1:-1] += anew.any(axis=1)
-    for block, columns in blocks.findings.lost.items():
-        count[block + 1] += column in columns
-    return np.asarray(np.cumsum(count)[rows])
+class Epochs:
+    """Stretches of a program inside which a left-out word is inherited."""
+
+    def __init__(self, blocks: Blocks, force: IntArray) -> None:
+        self._lost = blocks.findings.lost
+        self._anew = np.zeros(len(blocks.first) + 1, np.int64)
+        for group in _ANEW:
+            self._anew[1:-1] |= force[1:, group] != force[:-1, group]
+        self._known: dict[tuple[bool, ...], IntArray] = {}
+
+    def of(self, column: int, rows: IntArray) -> IntArray:
+        """Returns the number of the stretch of blocks ``rows`` (n,) for a column."""
+        key = (column in ALL, *(column in columns for columns in self._lost.values()))
+        if key not in self._known:
+            count = self._anew * key[0]
+            for block, loses in zip(self._lost, key[1:], strict=True):
+                count[block + 1] += loses
+            self._known[key] = np.cumsum(count)
+        return np.asarray(self._known[key][rows])
 
 
 def inherited(value: Array, given: BoolArray, epoch: IntArray) -> Array:
@@ -55,7 +65,7 @@ def inherited(value: Array, given: BoolArray, epoch: IntArray) -> Array:
     Args:
         value: (n,) as printed.
         given: (n,) the row has the word; its value may be NaN.
-        epoch: (n,) see :func:`epochs`.
+        epoch: (n,) see :class:`Epochs`.
     """
     rows = np.arange(len(value))
     donor = np.maximum.accumulate(np.where(given, rows, -1))
