@@ -260,3 +260,4 @@ def test_bad_requests(source: Path) -> None:
     assert not source.with_name("no.src").exists()
     assert worker_count(10_000, None) == 1
     assert worker_count(10_000, 3) == 3
+    assert 1 <= worker_count(10**9, None) <= 8

@@ -17,8 +17,10 @@ from robotrue.program.stream import Outline, longest, outline
 
 LONG: Final = 32 << 20
 """Bytes from which a program goes in blocks."""
-WHOLE: Final = 14
+WHOLE: Final = 10
 """Bytes of memory for each byte of a program that is held whole."""
+BESIDE: Final = 250 << 20
+"""Bytes of memory besides."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,7 +62,7 @@ def outlined(path: Path, frames: FrameTable, staff: Staff, *, why_whole: str) ->
         if isinstance(found, Outline):
             return found
         why_whole = str(found)
-    need = WHOLE * size
+    need = WHOLE * size + BESIDE
     said = f"the program is held whole ({why_whole}); this takes about {_mib(need)}"
     if need > _memory():
         raise ConfigurationError(

@@ -33,8 +33,10 @@ from robotrue.errors import ConfigurationError, FormatError
 from robotrue.program.stream import Outline, Piece, judged
 from robotrue.robot.statics import NO_LOAD, Load
 
-ALONE: Final = 1_000_000
-"""Targets up to which one process is as quick as several."""
+ALONE: Final = 2_000_000
+"""Targets up to which one process is as quick as several, which take seconds to start."""
+ALONE_SURE: Final = 200_000
+"""The same with covariances, which take five times as long as all else."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,7 +103,8 @@ def compensate_stream(
     load = settings.load_for(found.targets)
     work = _work(model, found, settings, load)
     closed = bool(np.isfinite(work.pack.opw[0]))
-    count = worker_count(found.targets, workers) if closed else 1
+    alone = ALONE_SURE if settings.covariance else ALONE
+    count = worker_count(found.targets, workers, alone=alone) if closed else 1
     digest, tallies, again = hashlib.sha256(), [], 0
     with (
         _workers(model, work, count, dask if closed else None) as staff,
@@ -126,8 +129,13 @@ def compensate_stream(
         )
 
 
-def worker_count(targets: int, asked: int | None) -> int:
+def worker_count(targets: int, asked: int | None, *, alone: int = ALONE) -> int:
     """Returns how many processes are to work: as asked, else as many as help.
+
+    Args:
+        targets: Of the program.
+        asked: How many; None: as many as help, at most eight.
+        alone: Targets up to which one is as quick as two.
 
     Raises:
         ConfigurationError: Fewer than one asked for.
@@ -136,10 +144,10 @@ def worker_count(targets: int, asked: int | None) -> int:
         if asked < 1:
             raise ConfigurationError(f"--workers is {asked}, expected 1 or more.")
         return asked
-    if targets <= ALONE:
+    if targets <= alone:
         return 1
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return max(1, min(cores or 1, 8, targets // (ALONE // 2)))
+    return max(1, min(cores or 1, 8, 1 + targets // alone))
 
 
 def _workers(model: ErrorModel, work: Work, count: int, dask: str | None) -> Workers:
