@@ -74,6 +74,8 @@ def test_predict_contract(cli, lab: Path) -> None:
     quasi_static = 0.5 * pd.read_csv(lab / "FORCE.csv")["fy_N"]
     assert (out["ey_um"] - quasi_static).abs().max() < 1.0
     d = got.document
+    assert d["valid"] is True
+    assert d["invalid"] == []
     assert d["samples"] == N
     assert d["rate_Hz"] == pytest.approx(RATE)
     assert d["pairs"] == ["yy"]
@@ -87,6 +89,17 @@ def test_predict_contract(cli, lab: Path) -> None:
                 "left_out_error", "rebuild_error", "mean_force_N", "output_csv"):  # fmt: skip
         assert key in d
     assert any("fx is zero throughout" in note for note in d["notes"])
+
+
+def test_a_dead_channel_along_which_the_tool_yields(cli, lab: Path) -> None:
+    frf = pd.read_csv(lab / "FRF.csv")
+    frf["Gzz_re_m_per_N"], frf["Gzz_im_m_per_N"] = frf["Gyy_re_m_per_N"], frf["Gyy_im_m_per_N"]
+    frf.to_csv(lab / "FRF.csv", index=False)
+    got = predict(cli, lab, "--json")
+    assert got.code == 0
+    assert got.document["valid"] is False
+    assert "fz is exactly zero" in got.document["invalid"][0]
+    assert "NOT VALID" in predict(cli, lab).out
 
 
 def test_predict_in_words(cli, lab: Path) -> None:

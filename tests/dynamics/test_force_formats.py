@@ -153,6 +153,17 @@ def test_tdms_in_kilonewtons_named_in_brackets(tmp_path):
     np.testing.assert_allclose(record.force, FORCE)
 
 
+def test_tdms_with_a_channel_of_times(tmp_path):
+    path = tmp_path / "FORCE.tdms"
+    columns = {"t_s": T + 2.0, **{f"f{a}_N": FORCE[:, k] for k, a in enumerate("xyz")}}
+    with nptdms.TdmsWriter(str(path)) as writer:
+        writer.write_segment([nptdms.ChannelObject("cut", n, v) for n, v in columns.items()])
+    record, _ = read_force(path)
+    np.testing.assert_array_equal(record.force, FORCE)
+    assert record.rate == pytest.approx(5000.0)
+    assert record.start == pytest.approx(2.0)
+
+
 @pytest.mark.parametrize(
     ("change", "error", "said"),
     [

@@ -52,6 +52,8 @@ def run(
     remarks = (*odd, *found.remarks)
     for remark in remarks:
         say(f"note: {remark}")
+    for reason in found.invalid:
+        say(f"NOT VALID: {reason}")
     document = _document(curve, found, output) | {"notes": list(remarks)}
     if as_json:
         emit_json(document)
@@ -107,6 +109,8 @@ def _document(curve: ResponseCurve, found: Prediction, output: Path) -> dict[str
     rms, largest = found.circular_error
     return {
         "output_csv": str(output),
+        "valid": not found.invalid,
+        "invalid": list(found.invalid),
         "samples": len(record),
         "rate_Hz": record.rate,
         "duration_s": len(record) / record.rate,
@@ -153,7 +157,7 @@ def _show(d: dict[str, Any]) -> None:
         between = f"lines, {100.0 * d['left_out_error']:.2g} % at lines left out"
     low, high = d["valid_Hz"]
     emit_facts(
-        "dynamic error of the tool",
+        "dynamic error of the tool" + ("" if d["valid"] else ": NOT VALID"),
         [
             ("record", f"{d['samples']} samples, {d['rate_Hz']:g} Hz, {d['duration_s']:.3g} s"),
             ("response", f"{', '.join(d['pairs'])}, {low:g} to {high:g} Hz, {between}"),

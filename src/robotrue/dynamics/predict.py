@@ -27,6 +27,8 @@ RINGS: Final = 7.0
 _BEGINS: Final = 0.05
 """Part of the largest force at which a record has begun in the cut."""
 _ABOVE: Final = 0.02
+_MOST_ABOVE: Final = 0.5
+"""Part of the force's mean square above the band beyond which a prediction says nothing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,6 +43,7 @@ class Prediction:
         padding: s of zeros.
         rings: s, how long after a change of force the tool still moves by it.
         remarks: What to know before using it, one sentence each.
+        invalid: Why it is not to be used at all; empty for most records.
     """
 
     record: ForceRecord
@@ -50,6 +53,7 @@ class Prediction:
     padding: float
     rings: float
     remarks: tuple[str, ...]
+    invalid: tuple[str, ...]
 
     @property
     def circular_error(self) -> tuple[float, float]:
@@ -108,6 +112,7 @@ def predict_error(
         padding=padding,
         rings=rings,
         remarks=_remarks(curve, record, force, rings),
+        invalid=_invalid(curve, record),
     )
 
 
@@ -146,6 +151,22 @@ def _in_all_axes(values: Array, frf: FrequencyResponse) -> Array:
     out = np.full((len(values), 3), np.nan)
     out[:, [AXES.index(axis) for axis in frf.response_axes]] = values
     return out
+
+
+def _invalid(curve: ResponseCurve, record: ForceRecord) -> tuple[str, ...]:
+    said = [
+        f"f{axis} is exactly zero on every sample, and the tool yields along {axis}: a sensor that "
+        "is not connected?"
+        for axis in curve.frf.excitation_axes
+        if not record.force[:, AXES.index(axis)].any()
+    ]
+    above = out_of_band(curve, record)
+    if above > _MOST_ABOVE:
+        said.append(
+            f"{100.0 * above:.0f} % of the force's mean square lies above {curve.frf.valid[1]:g} "
+            "Hz, where nothing was measured"
+        )
+    return tuple(said)
 
 
 def _remarks(

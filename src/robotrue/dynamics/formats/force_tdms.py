@@ -1,7 +1,8 @@
 """Force records as TDMS, through npTDMS (extra ``dynamics``).
 
 Three channels of one group are called ``fx, fy, fz`` (or ``Fx [N]``: letters only count), each with
-its unit as property ``unit_string`` (N or kN) or in brackets, and its clock as ``wf_increment``.
+its unit as property ``unit_string`` (N or kN), in brackets or as ``fx_N``, and its clock as
+``wf_increment`` or in a channel ``t_s`` beside them.
 """
 
 from __future__ import annotations
@@ -15,10 +16,12 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.files import read_bytes
+from robotrue.dynamics.clock import even_rate
 from robotrue.dynamics.force import ForceRecord, check_force
 from robotrue.errors import FormatError, ImplausibleDataError, MissingExtraError
 
 _UNITS: Final = {"n": 1.0, "newton": 1.0, "newtons": 1.0, "kn": 1e3}
+_TIME: Final = "t_s"
 _NAME: Final = re.compile(r"\s*f[ _]?([xyz])\s*(?:[\[(_ ]\s*(\w+)\s*[\])]?)?\s*", re.IGNORECASE)
 
 
@@ -39,7 +42,8 @@ def read_force_tdms(path: str | Path) -> tuple[ForceRecord, tuple[str, ...]]:
             source=path,
             hint="name the three channels fx, fy and fz.",
         )
-    clocks = {axis: _clock(channel, path) for axis, channel in channels.items()}
+    times = channels.pop("t", None)
+    clocks = {axis: _clock(channel, times, path) for axis, channel in channels.items()}
     if len(set(clocks.values())) > 1:
         raise ImplausibleDataError(
             f"clocks differ (start s, step s): {sorted(set(clocks.values()))}.",
@@ -76,6 +80,8 @@ def _channels(path: str | Path) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for group in file.groups():
         for channel in group.channels():
+            if channel.name.strip() == _TIME:
+                found["t"] = channel
             named = _NAME.fullmatch(channel.name)
             if named is None:
                 continue
@@ -90,13 +96,16 @@ def _channels(path: str | Path) -> dict[str, Any]:
     return found
 
 
-def _clock(channel: Any, path: str | Path) -> tuple[float, float]:
+def _clock(channel: Any, times: Any, path: str | Path) -> tuple[float, float]:
     step = channel.properties.get("wf_increment")
+    if step is None and times is not None:
+        start, rate = even_rate(np.asarray(times[:], dtype=np.float64), path)
+        return start, 1.0 / rate
     if step is None or not float(step) > 0.0:
         raise FormatError(
             f"channel {channel.name!r} has no clock (wf_increment).",
             source=path,
-            hint="record it as a waveform, or export CSV with t_s.",
+            hint="record it as a waveform, or put times in a channel t_s.",
         )
     return float(channel.properties.get("wf_start_offset", 0.0)), float(step)
 
