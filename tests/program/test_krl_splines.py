@@ -124,3 +124,19 @@ def test_based_integers_keep_their_base(tmp_path) -> None:
     lines = changed_lines(points, change)
     assert "S'B110',T'B100011',E1" in lines[0]
     assert "S 'H2',T 'h20',E1" in lines[1]
+
+
+RAIL = ExternalAxis(number=1, direction=np.array([1.0, 0.0, 0.0]), carries_robot=True)
+
+
+def test_an_external_axis_left_out_stays_where_it_is() -> None:
+    text = f"PTP {{A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0,E1 200.0}}\nLIN {{{P}}}\nLIN {{{Q},E1 300.0}}"
+    more = f"CIRC {{{P}}},{{{Q}}}\nLIN {{{P}}}\nother()\nLIN {{{Q}}}"
+    program = body(f"{text}\n{more}", FrameTable(external=(RAIL,)))
+    assert program.reason.tolist() == [Reason.JOINT_TARGET, *[0] * 5, Reason.EXTERNAL_AXIS]
+    x = program.T_base_frame[program.frame][1:6, 0, 3] / MM
+    assert x.tolist() == pytest.approx([600, 500, 500, 500, 500])
+    unsaid = body(f"{text}\n{more}")
+    assert unsaid.reason.tolist() == [Reason.EXTERNAL_AXIS] * 7
+    twice = body(f"p={{{P}}}\nLIN {{{Q},E1 5.0}}\nLIN p\nLIN p", FrameTable(external=(RAIL,)))
+    assert twice.reason.tolist() == [Reason.EXTERNAL_AXIS, 0]

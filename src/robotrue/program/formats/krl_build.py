@@ -14,7 +14,7 @@ from robotrue.program.euler import matrices_from_abc
 from robotrue.program.external_axes import described
 from robotrue.program.formats.krl_flow import BASE, FOREIGN_BASE, ON_ROBOT, TOOL, differing
 from robotrue.program.formats.krl_frames import UNSURE
-from robotrue.program.formats.krl_modal import inherit, visits
+from robotrue.program.formats.krl_modal import Visits, inherit, inherit_external, visits
 from robotrue.program.formats.krl_scan import INLINE_ARC, NOT_CONSTANT, STATEMENT, Scan
 from robotrue.program.formats.krl_walk import MOTION_OF, Walk
 from robotrue.program.formats.krl_write import KrlSpans
@@ -132,6 +132,8 @@ class Builder:
         reason, notes = self._frame_reasons(state, is_axis)
         reason[conflicts] = Reason.UNKNOWN_FRAME
         notes += _conflict_notes(name, line[conflicts])
+        if external is not None and file == self.main and np.isnan(external).any():
+            inherit_external(external, self._path(file, agg, motion, np.zeros(len(agg), np.bool_)))
         frame, bases, said = self._external(external, state[:, BASE], reason, name, is_axis)
         notes += said
         reason[motion == Motion.UNUSED] = Reason.UNUSED
@@ -229,20 +231,24 @@ class Builder:
         """Fills left-out components from the target before; returns (rows, donors) as executed."""
         if file != self.main or not np.isnan(values).any():
             return np.zeros(0, np.int64), np.zeros((0, 6), np.int64)
+        torn = mixed.copy()
+        torn[[row for row, _ in self._flagged(file, agg)]] = True
+        path = self._path(file, agg, motion, torn)
+        return inherit(values, path, axis.astype(np.int64), state[:, :3])
+
+    def _path(self, file: int, agg: IntArray, motion: IntArray, torn: BoolArray) -> Visits:
+        """Returns the motions of the main file in the order they are executed."""
         found = self.scans[file]
         row_of = np.full(len(found.agg_line) + 1, -1, np.int64)
         row_of[agg] = np.arange(len(agg))
         inline = np.flatnonzero(found.line_kind[found.agg_line[agg]] > STATEMENT)
-        torn = mixed.copy()
-        torn[[row for row, _ in self._flagged(file, agg)]] = True
         entries = zip(
             found.agg_line[agg[inline]].tolist(),
             agg[inline].tolist(),
             (motion[inline] == Motion.ARC_VIA).tolist(),
             strict=True,
         )
-        path = visits(entries, self.story.sequence, row_of, torn)
-        return inherit(values, path, axis.astype(np.int64), state[:, :3])
+        return visits(entries, self.story.sequence, row_of, torn)
 
     def _frame_reasons(self, state: IntArray, axis: BoolArray) -> tuple[IntArray, list[str]]:
         """Returns the first reason of every row, from its kind and frames, and the notes."""
@@ -288,11 +294,14 @@ class Builder:
                 f"{name}: {int(lost.sum())} targets leave out the value of an external axis that "
                 "carries the robot or their base; they are not compensated. Write it with each."
             )
-        values = np.nan_to_num(values[:, ~described(self.given.external)])
+        values = values[:, ~described(self.given.external)]
         return moved.frame, moved.T_base_frame, notes + self._undescribed(values, reason, name)
 
     def _undescribed(self, external: Array, reason: IntArray, name: str) -> list[str]:
-        away = (np.abs(external) > 0).any(axis=1)
+        used = np.nan_to_num(external).any(axis=0)
+        lacking = (np.isnan(external) & used).any(axis=1) & (reason != Reason.JOINT_TARGET)
+        external = np.nan_to_num(external)
+        away = (np.abs(external) > 0).any(axis=1) | lacking
         still = bool((external == external[:1]).all())
         if not away.any() or (self.given.external_axes_at_rest and still):
             return []

@@ -44,6 +44,23 @@ def visits(
     return Visits(row, order[:, 2] > 0, (row < 0) | torn[row])
 
 
+def inherit_external(values: Array, path: Visits) -> None:
+    """Fills external axes (n, 6) that targets leave out, in place: an axis stays where it is.
+
+    A target that is moved to twice keeps what it leaves out open.
+    """
+    used = np.bincount(path.row[path.row >= 0], minlength=len(values))
+    last = np.full(values.shape[1], np.nan)
+    for row in path.row.tolist():
+        if row < 0:
+            last = np.full(values.shape[1], np.nan)
+        elif used[row] == 1:
+            values[row] = np.where(np.isnan(values[row]), last, values[row])
+            last = values[row]
+        else:
+            last = np.where(np.isnan(values[row]), last, values[row])
+
+
 def inherit(
     values: Array, path: Visits, kind: IntArray, state: IntArray
 ) -> tuple[IntArray, IntArray]:
