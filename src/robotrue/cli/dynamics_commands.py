@@ -145,3 +145,65 @@ def force(
         duration=duration_s,
         as_json=json,
     )
+
+
+Direction = Annotated[
+    str,
+    typer.Option(
+        help="Base direction in which the error counts positive; write --direction=X,Y,Z."
+    ),
+]
+
+
+@dynamics.command()
+def fit(
+    windows: Annotated[Path, typer.Argument(metavar="WINDOWS", help="Measured windows (CSV).")],
+    cell: Annotated[Path, typer.Option(help="cell.toml with tool and joint stiffness.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Deviation model to write.")],
+    direction: Direction = "0,-1,0",
+    json: Json = False,
+) -> None:
+    """Learn what the prediction misses, from windows with measured error."""
+    from robotrue.cli.dynamics_deviation import fit as run
+
+    run(windows, cell, output, direction=direction, as_json=json)
+
+
+@dynamics.command()
+def validate(
+    windows: Annotated[Path, typer.Argument(metavar="WINDOWS", help="Measured windows (CSV).")],
+    cell: Annotated[
+        Path | None, typer.Option(help="cell.toml: learn from a part, judge on the rest.")
+    ] = None,
+    model: Annotated[
+        Path | None, typer.Option(help="Model of `dynamics fit`: judge it on these windows.")
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="With --model: CSV of every window's estimate."),
+    ] = None,
+    split: Annotated[
+        list[str] | None,
+        typer.Option(help="random, blocks, passes or unseen; default: all that the data allow."),
+    ] = None,
+    known: Annotated[
+        str | None, typer.Option(help="Pass that `unseen` learns from; default: the first.")
+    ] = None,
+    direction: Direction = "0,-1,0",
+    seed: Annotated[int, typer.Option(help="Of the random split.")] = 0,
+    json: Json = False,
+) -> None:
+    """Say how well the dynamic error is predicted where nothing was learned."""
+    from robotrue.cli.dynamics_deviation import validate as run
+
+    run(
+        windows,
+        cell,
+        model_path=model,
+        output=output,
+        direction=direction,
+        kinds=split or (),
+        known=known,
+        seed=seed,
+        as_json=json,
+    )
