@@ -216,6 +216,23 @@ class TestWhere:
             ("rule", 2, 14, 15, (2.0, 2.0)),
         ]
 
+    def test_rapids_carry_no_force_and_feeds_choose(self) -> None:
+        feed = np.array([np.inf, 0.05, np.inf, 0.01, 0.002])
+        path = cut_path(a_program(SQUARE), cutter=Z, feed=feed)
+
+        def found(*parts):
+            return DescribedForce(parts=parts, cutter=Z).wrench(path)[:, 0]
+
+        np.testing.assert_array_equal(found(rule([1, 0, 0])), [0, 1, 0, 1, 1])
+        slow = rule([1, 0, 0], feeds=(0.0, 0.01), name="slow")
+        fast = rule([2, 0, 0], feeds=(0.02, 0.06), name="fast")
+        np.testing.assert_array_equal(found(slow, fast), [0, 2, 0, 1, 1])
+        with pytest.raises(FormatError, match="a joint move or a rapid"):
+            found(table("line", [13], [[1, 0, 0]]))
+        unknown = cut_path(a_program(SQUARE), cutter=Z)
+        with pytest.raises(ConfigurationError, match=r"'slow' .* line 12 of part\.src is not"):
+            DescribedForce(parts=(slow,), cutter=Z).wrench(unknown)
+
     def test_a_model_of_the_process(self) -> None:
         class Drag:
             def wrench(self, path: CutPath) -> np.ndarray:
@@ -344,6 +361,7 @@ moment_Nm = [0, 0, 1]
             ("[[force]]\nforce_N = [1,2,3]\nlines = [[13, 12]]\n", 3, "lines is"),
             ("[[force]]\nforce_N = [1,2,3]\nlines = []\n", 3, "lines is []"),
             ("[[force]]\nforce_N = [1,2,3]\nmoves = ['ptp']\n", 3, "moves is ['ptp']"),
+            ("[[force]]\nforce_N = [1,2,3]\nfeeds_mm_per_s = [9, 1]\n", 3, "feeds_mm_per_s is"),
             ("[[force]]\nforce_N = [1,2,3]\nprogram = 5\n", 3, "program is 5"),
             ("[[force]]\ncsv = 't.csv'\nlines = [[1,2]]\n", 3, "lines stands beside csv"),
             ("[[force]]\nmilling = 3\n", 2, "milling is no table"),

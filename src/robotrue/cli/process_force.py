@@ -18,6 +18,7 @@ from robotrue.compensation.process_force_file import read_force
 from robotrue.core.arrays import Array
 from robotrue.errors import ConfigurationError
 from robotrue.program.cut_path import CutPath, cut_path
+from robotrue.program.formats.stated_feeds import stated_feeds
 from robotrue.program.program import Program
 from robotrue.robot.statics import NO_LOAD
 
@@ -113,13 +114,15 @@ def stated_forces(force: Array | DescribedForce, job: Sequence[Program]) -> list
             source=carrying[0],
             hint="--wrench, what the tool does to the part, in base axes.",
         )
-    paths: list[CutPath] = [cut_path(program, cutter=force.cutter) for program in job]
+    paths: list[CutPath] = [
+        cut_path(program, cutter=force.cutter, feed=stated_feeds(program)) for program in job
+    ]
     require_one_file(force, paths)
     found = [force.applied(path) for path in paths]
     if not any(uses for _, uses in found):
         raise ConfigurationError(
             "the force holds nowhere: no straight move, arc or spline to a known target.",
-            hint="joint moves carry no force.",
+            hint="joint moves and rapids carry no force.",
         )
     return [StatedForce(wrench=wrench, uses=uses) for wrench, uses in found]
 

@@ -3,9 +3,9 @@
 A part of a description gives a wrench in base axes, in tool axes, or in path axes (x the feed
 across the tool axis, y to its left, z the tool axis from tip to spindle): milling forces turn with
 the feed. All are forces **on the tool at the tool point**. Two parts that name the same target are
-refused; a rule that names no lines holds where no other part does. Joint moves carry no force, and
-in a plunge (feed along the tool axis) the part of a path-axes force across the axis is left out: it
-turns with the cutter and has no mean.
+refused; a rule that names no lines holds where no other part does. Joint moves and rapids carry no
+force. In a plunge (feed along the tool axis) the part of a path-axes force across the axis is left
+out: it turns with the cutter and has no mean.
 """
 
 from __future__ import annotations
@@ -71,6 +71,7 @@ class ForceRule:
         wrench: (6,) N, N m.
         lines: (k, 2) first and last line of ranges; empty: all that no other part names.
         motions: Kinds of move that cut.
+        feeds: Lowest and highest feed m/s of the moves that cut; any if not given.
         program: File meant; empty for any.
     """
 
@@ -79,6 +80,7 @@ class ForceRule:
     wrench: Array
     lines: IntArray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
     motions: tuple[Motion, ...] = FEEDING
+    feeds: tuple[float, float] | None = None
     program: str = ""
 
     def __post_init__(self) -> None:
@@ -101,11 +103,11 @@ class ForceRule:
         """Returns (n,) the targets in the ranges that are reached by the kinds of move.
 
         Raises:
-            ConfigurationError: A range without any cutting target.
+            ConfigurationError: A range without any cutting target, or a feed that is not known.
         """
-        cutting = path.feeding & np.isin(path.motion, self.motions)
+        cutting = np.asarray(path.cutting & np.isin(path.motion, self.motions))
         if self.general:
-            return np.asarray(cutting)
+            return self._of_feed(path, cutting)
         out = np.zeros(len(path), dtype=np.bool_)
         for first, last in self.lines.tolist():
             inside = cutting & (path.line >= first) & (path.line <= last)
@@ -116,7 +118,21 @@ class ForceRule:
                     hint="lines are those where the targets stand; see robotrue diff.",
                 )
             out |= inside
-        return out
+        return self._of_feed(path, out)
+
+    def _of_feed(self, path: CutPath, claimed: BoolArray) -> BoolArray:
+        """Of the claimed targets those within the range of feeds."""
+        if self.feeds is None:
+            return claimed
+        lost = np.flatnonzero(claimed & np.isnan(path.feed))
+        if len(lost):
+            raise ConfigurationError(
+                f"force {self.name!r} is for a range of feeds, but that of line "
+                f"{int(path.line[lost[0]])} of {path.name} is not stated where it could be read.",
+                hint="name lines instead.",
+            )
+        low, high = self.feeds
+        return np.asarray(claimed & (path.feed >= low) & (path.feed <= high))
 
     def values(self, path: CutPath, rows: IntArray) -> Array:
         """Returns (k, 6) N, N m: the same everywhere."""
@@ -200,7 +216,7 @@ class ForceTable:
                 hint="path_mm counts straight moves, arcs and splines from the first target on.",
             )
         inside = (path.along >= self.at[0]) & (path.along <= self.at[-1] + _LONGER)
-        return np.asarray(path.feeding & inside)
+        return np.asarray(path.cutting & inside)
 
     def values(self, path: CutPath, rows: IntArray) -> Array:
         """Returns (k, 6) N, N m."""
@@ -223,11 +239,13 @@ class ForceTable:
         if len(unknown):
             k = int(unknown[0])
             raise self._fault(path, k, "there is no such target")
-        pushed = named & ~path.feeding & self.wrench[row].any(axis=1)
+        pushed = named & ~path.cutting & self.wrench[row].any(axis=1)
         if pushed.any():
             k = int(row[np.argmax(pushed)])
-            raise self._fault(path, k, "it is reached by a joint move, which cuts nothing")
-        target = np.flatnonzero(named & path.feeding)
+            raise self._fault(
+                path, k, "it is reached by a joint move or a rapid, which cut nothing"
+            )
+        target = np.flatnonzero(named & path.cutting)
         return target, row[target]
 
     def _fault(self, path: CutPath, row: int, why: str) -> FormatError:

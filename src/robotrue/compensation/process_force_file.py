@@ -8,6 +8,7 @@ The TOML file holds ``[[force]]`` tables::
     moment_Nm = [0.0, 0.0, 1.2]  # if it matters
     lines = [[120, 480]]         # ranges; without it: everywhere no other table names
     moves = ["line", "arc"]      # kinds that cut: line, arc, spline; all three if not given
+    feeds_mm_per_s = [1.0, 60.0] # of moves that cut, if their feed is stated
     program = "part.src"         # where a job has several files
 
 or, instead of ``force_N``, ``milling = { ... }``, a cut whose mean force a model of milling gives
@@ -51,6 +52,7 @@ FORCES: Final = ("fx_N", "fy_N", "fz_N")
 MOMENTS: Final = ("mx_Nm", "my_Nm", "mz_Nm")
 ENTRIES: Final = (
     "name", "axes", "force_N", "moment_Nm", "lines", "moves", "program", "csv", "milling",
+    "feeds_mm_per_s",
 )  # fmt: skip
 Milling: TypeAlias = Callable[[Mapping[str, Any]], Array]
 """From the keys of ``milling`` to a wrench (6,) N, N m in path axes."""
@@ -120,7 +122,7 @@ def _part(path: Path, text: str, k: int, table: Mapping[str, Any], milling: Mill
     name = _word(path, text, k, table, "name", f"force {k + 1}")
     program = _word(path, text, k, table, "program", "")
     if source == "csv":
-        beside = [key for key in ("moment_Nm", "lines", "moves") if key in table]
+        beside = [key for key in ("moment_Nm", "lines", "moves", "feeds_mm_per_s") if key in table]
         if beside:
             hint = "leave it out: the table says where which force acts."
             where = ("force", k, beside[0])
@@ -144,6 +146,7 @@ def _part(path: Path, text: str, k: int, table: Mapping[str, Any], milling: Mill
         wrench=wrench,
         lines=_lines(path, text, k, table.get("lines")),
         motions=_moves(path, text, k, table.get("moves")),
+        feeds=_feeds(path, text, k, table.get("feeds_mm_per_s")),
         program=program,
     )
 
@@ -204,6 +207,23 @@ def _moves(path: Path, text: str, k: int, value: object) -> tuple[Motion, ...]:
             'moves = ["line", "arc"].',
         )
     return tuple(motion for name in names for motion in MOVES[name])
+
+
+def _feeds(path: Path, text: str, k: int, value: object) -> tuple[float, float] | None:
+    """Lowest and highest feed, m/s; None if none is stated."""
+    if value is None:
+        return None
+    pair: list[Any] = value if isinstance(value, list) else []
+    good = len(pair) == 2 and all(type(v) in (int, float) for v in pair)
+    if not (good and 0.0 <= pair[0] <= pair[1] < np.inf):
+        raise _fault(
+            path,
+            text,
+            ("force", k, "feeds_mm_per_s"),
+            f"feeds_mm_per_s is {value!r}, expected the lowest and the highest",
+            "feeds_mm_per_s = [1.0, 60.0].",
+        )
+    return float(pair[0]) * MM, float(pair[1]) * MM
 
 
 def read_force_table(path: Path, *, name: str, axes: Axes, program: str) -> ForceTable:

@@ -33,6 +33,7 @@ class CutPath:
         tool_axis: (n, 3) unit vector in base from the tip to the spindle.
         feed_direction: (n, 3) unit vector in base; NaN where the tool does not feed.
         feeding: (n,) reached by a straight move, an arc or a spline; not by a joint move.
+        feed: (n,) m/s of the move to the target; infinite for a rapid, NaN where it is not known.
         along: (n,) m of feeding moves from the first target on; joint moves have no length here.
         motion: (n,) :class:`~robotrue.program.program.Motion`.
         line: (n,) one-based line of the target in its file.
@@ -43,6 +44,7 @@ class CutPath:
     tool_axis: Array
     feed_direction: Array
     feeding: BoolArray
+    feed: Array
     along: Array
     motion: IntArray
     line: IntArray
@@ -59,11 +61,21 @@ class CutPath:
         ):
             value = frozen(getattr(self, name), shape, name, allow_nan=True)
             object.__setattr__(self, name, value)
+        feed = np.array(self.feed, dtype=np.float64)  # rapids are infinite
+        if feed.shape != (n,):
+            raise ShapeError(f"feed has shape {feed.shape}, expected ({n},).")
+        feed.flags.writeable = False
+        object.__setattr__(self, "feed", feed)
         for name, kind in (("feeding", np.bool_), ("motion", np.int64), ("line", np.int64)):
             object.__setattr__(self, name, frozen(getattr(self, name), (n,), name, dtype=kind))
 
     def __len__(self) -> int:
         return len(self.T_base_tool)
+
+    @property
+    def cutting(self) -> BoolArray:
+        """(n,) reached by a feeding move that is no rapid."""
+        return np.asarray(self.feeding & ~np.isinf(self.feed))
 
     def path_frames(self) -> Array:
         """Returns R_base_path (n, 3, 3): x feed across the tool axis, y to its left, z tool axis.
@@ -96,11 +108,13 @@ class ProcessForce(Protocol):
         ...
 
 
-def cut_path(program: Program, *, cutter: Array) -> CutPath:
+def cut_path(program: Program, *, cutter: Array, feed: Array | None = None) -> CutPath:
     """Returns the tool path of a program.
 
     Args:
         program: As read.
+        feed: (n,) m/s, see :func:`~robotrue.program.formats.stated_feeds.stated_feeds`; not known
+            if not given.
         cutter: (3,) the way from the spindle to the tip in the tool frame; normalised.
 
     Raises:
@@ -133,6 +147,7 @@ def cut_path(program: Program, *, cutter: Array) -> CutPath:
         tool_axis=-(T[:, :3, :3] @ (np.asarray(cutter) / length)),
         feed_direction=out_direction,
         feeding=out_feeding,
+        feed=np.full(n, np.nan) if feed is None else feed,
         along=out_along,
         motion=program.motion,
         line=program.line,
