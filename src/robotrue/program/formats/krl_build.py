@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any, Final, NamedTuple
 
-import numba
 import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.compiled import PLAIN, compiled
 from robotrue.core.units import DEG, MM
 from robotrue.core.words import NO_WORD
 from robotrue.program.euler import matrices_from_abc
@@ -15,12 +15,13 @@ from robotrue.program.external_axes import described
 from robotrue.program.formats.krl_flow import BASE, FOREIGN_BASE, ON_ROBOT, TOOL, differing
 from robotrue.program.formats.krl_frames import UNSURE
 from robotrue.program.formats.krl_modal import Visits, inherit, inherit_external, visits
-from robotrue.program.formats.krl_scan import INLINE_ARC, NOT_CONSTANT, STATEMENT, Scan
+from robotrue.program.formats.krl_scan import INLINE_ARC, NOT_CONSTANT, STATEMENT, STATUS, Scan
 from robotrue.program.formats.krl_walk import MOTION_OF, Walk
 from robotrue.program.formats.krl_write import KrlSpans
 from robotrue.program.held import turned_round
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 
+_MOTION_OF_KIND: Final = np.array([int(MOTION_OF.get(kind, -1)) for kind in range(INLINE_ARC + 1)])
 _SIDES: Final = (("base", BASE), ("tool", TOOL))
 
 
@@ -79,7 +80,10 @@ class Builder:
                     self._flags[item.file, item.agg] = Reason.EXPRESSION
 
     def _state(self, line: Any) -> Any:
-        return self._states[np.searchsorted(self._lines, line, side="right") - 1]
+        node = np.searchsorted(self._lines, line, side="right") - 1
+        if np.size(node) > 1 and (node == node[0]).all():  # nearly always: no row of its own each
+            return np.broadcast_to(self._states[node[0]], (len(node), self._states.shape[1]))
+        return self._states[node]
 
     def alike(self, lines: IntArray, line: int) -> BoolArray:
         """Returns in which lines (n,) of the main file the frames of another line are in force."""
@@ -132,7 +136,7 @@ class Builder:
         reason, notes = self._frame_reasons(state, is_axis)
         reason[conflicts] = Reason.UNKNOWN_FRAME
         notes += _conflict_notes(name, line[conflicts])
-        if external is not None and file == self.main and np.isnan(external).any():
+        if external is not None and file == self.main and _some(np.isnan(external)):
             inherit_external(external, self._path(file, agg, motion, np.zeros(len(agg), np.bool_)))
         frame, bases, said = self._external(external, state[:, BASE], reason, name, is_axis)
         notes += said
@@ -157,13 +161,13 @@ class Builder:
             position=position,
             rotation=rotation,
             axes=axes,
-            motion=motion,
-            reason=reason,
-            words=np.where(words < 0, NO_WORD, words),
+            motion=_lean(motion),
+            reason=_lean(reason),
+            words=_lean(np.where(words < 0, NO_WORD, words)),
             words_of="kuka",
             line=line,
-            frame=frame,
-            tool=state[:, TOOL],
+            frame=_lean(frame),
+            tool=_lean(state[:, TOOL]),
             T_base_frame=bases,
             T_flange_tool=np.array(self.frames.matrices["tool"]),
             held=held,
@@ -178,8 +182,7 @@ class Builder:
         line = found.agg_line.astype(np.int64)
         if file == self.main:
             kind = found.line_kind[found.agg_line]
-            for code, how in MOTION_OF.items():
-                motion[kind == code] = how
+            motion = _MOTION_OF_KIND[kind]
             arc = np.flatnonzero(kind == INLINE_ARC)
             motion[arc[::2]] = Motion.ARC_VIA
             plain = np.flatnonzero(kind > STATEMENT)
@@ -381,6 +384,11 @@ def _incomplete_notes(name: str, line: IntArray, rows: BoolArray) -> list[str]:
     ]
 
 
+def _some(lacking: BoolArray) -> bool:
+    """Returns whether a column is true in some rows and not in others."""
+    return bool((lacking.any(axis=0) & ~lacking.all(axis=0)).any())
+
+
 def _nested(one: str, other: str) -> bool:
     return (
         not one
@@ -421,11 +429,21 @@ def _columns(
     values = np.full((n, 6), np.nan)
     any_external = bool((found.tok_component >= 12).any()) and n > 0
     external = np.full((n if any_external else 1, 6), np.nan)
-    words = np.full((n, 2), -1, np.int64)
+    any_words = bool((found.tok_component >= STATUS).any())
+    words = np.full((n if any_words else 1, 2), -1, np.int64)
     pose, axis = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
     token, end = found.agg_token[agg], found.agg_token[agg + 1]
     _gather(token, end, found.tok_component, found.tok_value, values, external, words, pose, axis)
+    words = np.broadcast_to(words, (n, 2))
     return values, (external if any_external else None), words, pose, axis
+
+
+def _lean(column: IntArray) -> IntArray:
+    """Returns a column read-only, and as one row seen n times where all rows are the same."""
+    alike = len(column) > 1 and bool((column == column[0]).all())
+    lean = np.broadcast_to(np.array(column[:1]), column.shape) if alike else column.copy()
+    lean.flags.writeable = False
+    return lean
 
 
 def _si(values: Array, axis: BoolArray) -> tuple[Array, Array, Array]:
@@ -441,7 +459,7 @@ def _si(values: Array, axis: BoolArray) -> tuple[Array, Array, Array]:
     return position, rotation, axes
 
 
-@numba.njit(cache=True)
+@compiled(PLAIN, borrows=True)
 def _gather(
     token: Any,
     end: Any,
