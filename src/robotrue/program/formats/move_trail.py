@@ -9,6 +9,7 @@ where the first ends.
 from __future__ import annotations
 
 from array import array
+from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
@@ -244,15 +245,18 @@ class Literals:
     """
 
     def __init__(self, starts: Sequence[IntArray]) -> None:
-        self._first = np.concatenate([[0], np.cumsum([len(each) for each in starts])])
-        self._order = [np.argsort(each, kind="stable") for each in starts]
-        self._sorted = [each[order] for each, order in zip(starts, self._order, strict=True)]
+        self._first: list[int] = [0, *np.cumsum([len(each) for each in starts]).tolist()]
+        orders = [np.argsort(each, kind="stable") for each in starts]
+        self._order: list[list[int]] = [order.tolist() for order in orders]
+        pairs = zip(starts, orders, strict=True)
+        self._sorted: list[list[int]] = [each[order].tolist() for each, order in pairs]
 
     def row(self, file: int, begin: int, end: int) -> int:
         """Returns the job row whose numbers begin between two bytes, ``UNKNOWN`` if none does."""
-        at = int(np.searchsorted(self._sorted[file], begin))
-        if at < len(self._sorted[file]) and self._sorted[file][at] < end:
-            return int(self._first[file] + self._order[file][at])
+        places = self._sorted[file]
+        at = bisect_left(places, begin)
+        if at < len(places) and places[at] < end:
+            return self._first[file] + self._order[file][at]
         return UNKNOWN
 
 

@@ -9,6 +9,7 @@ brackets, also where the move names a target: names, declarations and array boun
 from __future__ import annotations
 
 import re
+from bisect import bisect_right
 from collections import defaultdict
 from collections.abc import Sequence
 from typing import Final
@@ -34,7 +35,9 @@ from robotrue.program.formats.number_text import WHOLE_NUMBER, restyled
 from robotrue.program.formats.rapid_moves import BUILT_IN, move_of
 from robotrue.program.formats.rapid_scan import (
     GAP,
+    INLINE,
     ROBTARGET,
+    Arguments,
     arguments,
     beginning,
     clean,
@@ -47,9 +50,10 @@ from robotrue.program.insertion import Insertion, Moves, Obstacle, job_rows
 from robotrue.program.program import Motion, Program
 
 _GIVEN: Final = re.compile(
-    rb"(?:(?:(?:LOCAL|TASK|GLOBAL)\b" + GAP + rb")?(?:CONST|PERS|VAR)\b" + GAP + rb"robtarget\b"
-    + GAP + rb")?(?P<name>\w+)" + GAP + rb"(?:\{(?P<at>[^}]*)\}" + GAP + rb")?:=" + GAP,
-    re.IGNORECASE,
+    rb"(?:^|;)[ \t]*+(?:(?:(?:LOCAL|TASK|GLOBAL)\b" + GAP + rb")?(?:CONST|PERS|VAR)\b" + GAP
+    + rb"robtarget\b" + GAP + rb")?(?P<name>\w++)" + GAP + rb"(?:\{(?P<at>[^}]*)\}" + GAP
+    + rb")?:=" + GAP,
+    re.IGNORECASE | re.MULTILINE,
 )  # fmt: skip
 _REFERENCE: Final = re.compile(r"(\w+)\s*(?:\{\s*(\d+)\s*\})?$")
 _NUMBER: Final = re.compile(WHOLE_NUMBER)
@@ -63,6 +67,8 @@ _ROUTINES: Final = frozenset(
 )
 _SEARCHES: Final = re.compile(r"search|moveextj|startmove|restopath|capl|arc\w|spot")
 _DECLARES: Final = frozenset("local task global const pers var".split())
+_TAILS: Final = 4096
+"""Ways a motion goes on behind its literal that are remembered."""
 _FORM: Final = ("inpos", "id")
 _ZONE: Final = {"movel": 2, "movec": 3}
 """Place of the zone among the arguments."""
@@ -152,13 +158,18 @@ class _Reader:
     ) -> None:
         self.trail, self.literals, self.given, self.file = trail, literals, given, file
         self.program, self.data = program, program.data
-        self.lines: IntArray = line_starts(program.data)
+        self.lines: list[int] = line_starts(program.data).tolist()
+        self.tails: dict[tuple[bytes, bytes], tuple[Obstacle, int]] = {}
 
     def read(self) -> None:
         """Reads every statement."""
         at = beginning(self.data)
         self.trail.routine()
         while True:
+            inline = INLINE.match(self.data, at)
+            if inline is not None and self._inline(inline):
+                at = inline.end()
+                continue
             statement, at = next_statement(self.data, at, self.program.name)
             if statement is None:
                 return
@@ -180,6 +191,41 @@ class _Reader:
             if b":=" not in body or b"(" in body.partition(b":=")[2]:
                 trail.lose()  # a routine of the user may move
 
+    def _inline(self, match: re.Match[bytes]) -> bool:
+        """Takes a motion to a literal; posts end nearly all of them in the same few ways."""
+        key = match[1], match[3]
+        if key not in self.tails:
+            word = match[1].decode().lower()
+            found = arguments(self.data, match.end(1), match.end() - 1)
+            if found is None or len(found.places) <= _ZONE["movel"]:
+                return False
+            obstacle = self._obstacle(word, found)
+            zone = found.places[_ZONE["movel"]][0] - match.start(3)
+            if len(self.tails) < _TAILS:
+                self.tails[key] = obstacle, zone
+        else:
+            obstacle, zone = self.tails[key]
+        begin, end = match.span(2)
+        row = self.literals.row(self.file, begin, end)
+        if match[1][4:] in (b"J", b"j"):
+            self.trail.arrive(row)
+            return True
+        place = UNKNOWN if obstacle else match.start(3) + zone
+        s = Statement(self.file, match.start(1), -1, -1, begin, end, match.end() - 1, place)
+        line = bisect_right(self.lines, s.begin)
+        self.trail.move(UNKNOWN, row, line, s, obstacle)
+        return True
+
+    def _obstacle(self, word: str, found: Arguments) -> Obstacle:
+        """What of a motion's word and arguments keeps it whole."""
+        if word not in _PLAIN:
+            return Obstacle.EVENT
+        if "t" in found.options:
+            return Obstacle.TIMED
+        if any(name in found.options for name in _FORM) or len(found.places) <= _ZONE[word]:
+            return Obstacle.FORM
+        return Obstacle.NONE
+
     def _move(self, statement: Words, motion: Motion) -> None:
         s, word, trail = statement, statement.word, self.trail
         found = arguments(self.data, s.body, s.end)
@@ -192,16 +238,10 @@ class _Reader:
         if motion == Motion.PTP:
             trail.arrive(rows[0])
             return
-        obstacle = Obstacle.NONE
-        if word not in _PLAIN:
-            obstacle = Obstacle.EVENT
-        elif "t" in found.options:
-            obstacle = Obstacle.TIMED
-        elif any(name in found.options for name in _FORM) or len(found.places) <= _ZONE[word]:
-            obstacle = Obstacle.FORM
+        obstacle = self._obstacle(word, found)
         zone = found.places[_ZONE[word]][0] if not obstacle else UNKNOWN
         auxiliary = spans[0] if count == 2 else (UNKNOWN, UNKNOWN)
-        line = int(np.searchsorted(self.lines, s.start, side="right"))
+        line = bisect_right(self.lines, s.start)
         bytes_ = Statement(self.file, s.start, *auxiliary, *spans[-1], s.end, zone)
         trail.move(rows[0] if count == 2 else UNKNOWN, rows[-1], line, bytes_, obstacle)
 

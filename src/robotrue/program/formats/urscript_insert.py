@@ -9,13 +9,14 @@ would reach beyond half of its last part is refused: the controller would skip a
 from __future__ import annotations
 
 import re
+from bisect import bisect_right
 from collections import defaultdict
 from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array, IntArray
+from robotrue.core.arrays import Array
 from robotrue.errors import ConfigurationError
 from robotrue.program.formats.move_trail import (
     UNKNOWN,
@@ -41,6 +42,11 @@ _GIVEN: Final = re.compile(rb"(?<![\w.])([A-Za-z_]\w*)\s*=(?!=)\s*(p\[)?")
 _NAME: Final = re.compile(rb"[A-Za-z_]\w*$")
 _KEYWORD: Final = re.compile(rb"\s*(while|if|elif|else|return|break|end|run|halt|def|thread)\b")
 _CALLED: Final = re.compile(rb"([A-Za-z_]\w*)\s*\(")
+_PLAIN: Final = re.compile(
+    rb"[ \t]*+(move[lp])[ \t]*+\([ \t]*+(" + POSE.pattern + rb")(,?[^()\[\]\r\n]*+)\)[ \t]*+$"
+)
+"""A move to a pose written out and nothing else on its line."""
+_TAILS: Final = 4096
 _NAMED: Final = re.compile(rb"\s*(?:pose|pose_via|pose_to|q)\s*=\s*")
 _NUMBER: Final = re.compile(WHOLE_NUMBER)
 _QUIET: Final = re.compile(
@@ -113,8 +119,9 @@ class _Reader:
     def __init__(self, trail: Trail, literals: Literals, file: int, program: Program) -> None:
         self.trail, self.literals, self.file, self.program = trail, literals, file, program
         self.code = quieted(program.data)
-        self.lines: IntArray = line_starts(program.data)
+        self.lines: list[int] = line_starts(program.data).tolist()
         self.given: dict[bytes, list[int]] = defaultdict(list)
+        self.tails: dict[tuple[bytes, bytes], Obstacle] = {}
         for match in _GIVEN.finditer(self.code):
             begin = match.start(2) if match[2] else match.end()
             pose = POSE.match(self.code, begin) if match[2] else None
@@ -130,6 +137,8 @@ class _Reader:
                 self._statement(start, end, blocks)
 
     def _statement(self, start: int, end: int, blocks: list[bytes]) -> None:
+        if self._plain(start, end):
+            return
         move = _MOVE.match(self.code, start, end)
         if move is not None:
             self._move(move, start, end)
@@ -149,6 +158,24 @@ class _Reader:
         else:
             self.trail.lose()
 
+    def _plain(self, start: int, end: int) -> bool:
+        """Takes a move to a pose written out; scripts end nearly all of them in a few ways."""
+        match = _PLAIN.match(self.code, start, end)
+        if match is None:
+            return False
+        key = match[1], match[3]
+        obstacle = self.tails.get(key)
+        if obstacle is None:
+            places = arguments(self.code, match.end(2), match.end(3))[1:]
+            obstacle = self._obstacle(match[1], places, 1)
+            if len(self.tails) < _TAILS:
+                self.tails[key] = obstacle
+        begin = match.start(1)
+        line = bisect_right(self.lines, begin)
+        s = Statement(self.file, begin, -1, -1, *match.span(2), match.end(3) + 1)
+        self.trail.move(UNKNOWN, self.literals.row(self.file, *match.span(2)), line, s, obstacle)
+        return True
+
     def _move(self, move: re.Match[bytes], start: int, end: int) -> None:
         word = move[1]
         close = self.code.rfind(b")", move.end(), end)
@@ -161,7 +188,7 @@ class _Reader:
         obstacle = self._obstacle(word, places[count:], count)
         auxiliary = found[0][1] if count == 2 else (UNKNOWN, UNKNOWN)
         begin = move.start(1)
-        line = int(np.searchsorted(self.lines, begin, side="right"))
+        line = bisect_right(self.lines, begin)
         statement = Statement(self.file, begin, *auxiliary, *found[-1][1], close + 1)
         self.trail.move(
             found[0][0] if count == 2 else UNKNOWN, found[-1][0], line, statement, obstacle
