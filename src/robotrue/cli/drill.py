@@ -1,4 +1,4 @@
-"""``robotrue drill fit``, ``evaluate`` and ``adjust``."""
+"""``robotrue drill fit``, ``evaluate`` and ``report``."""
 
 from __future__ import annotations
 
@@ -8,12 +8,11 @@ from typing import Any, Final, get_args
 
 import numpy as np
 
-from robotrue.cli.console import emit_facts, emit_json, emit_table, say
+from robotrue.cli.console import emit_json, emit_table, say
 from robotrue.cli.inputs import check_output
 from robotrue.core.files import write_atomic
 from robotrue.core.units import DEG, MM, UM
-from robotrue.drilling.adjust import Adjustment, adjustment
-from robotrue.drilling.campaign import Campaign, Clamps, reading_errors
+from robotrue.drilling.campaign import Campaign, reading_errors
 from robotrue.drilling.campaign_checks import check_campaign
 from robotrue.drilling.campaign_csv import read_campaign
 from robotrue.drilling.choose import Trial
@@ -75,44 +74,6 @@ def run_evaluate(model_path: Path, test: Path, *, foot: Path | None, as_json: bo
     say(f"{100.0 * result.covered:.0f} % of the true tilts lie in the model's 95 % regions")
 
 
-def run_adjust(
-    model_path: Path,
-    *,
-    reading: str,
-    force: float,
-    z_mm: float,
-    at: str | None,
-    approach: str,
-    as_json: bool,
-) -> None:
-    """Gives the one move of a clamp."""
-    model = read_model(model_path)
-    clamps = Clamps(
-        readings=numbers(reading, len(model.foot.radius), "--reading", "d1,d2,d3") * MM,
-        force=np.array([force]),
-        height=np.array([z_mm * MM]),
-        approach=(approach,),
-    )
-    axes = numbers(at or "0,0", 2, "--at", "A,B")[0] * DEG
-    found = adjustment(model, clamps, axes)
-    document = adjustment_document(found)
-    if as_json:
-        emit_json(document)
-        return
-    a, b = found.tilt / DEG
-    sigma = np.sqrt(np.diag(found.covariance)) / DEG
-    emit_facts(
-        "One move",
-        [
-            ("surface", f"a {a:+.4f} +- {sigma[0]:.4f} deg, b {b:+.4f} +- {sigma[1]:.4f} deg"),
-            ("A, B to", ", ".join(f"{v / DEG:.4f} deg" for v in found.move.axes)),
-            ("X, Y, Z by", ", ".join(f"{v / MM:+.4f} mm" for v in found.move.shift)),
-        ],
-    )
-    for note in document["notes"]:
-        say(f"note: {note}")
-
-
 def setup_of(model: NormalModel, path: Path, foot: Path | None) -> FootSetup:
     """Returns the setup readings are read with: the foot file's zero, the model's sensors."""
     if foot is None:
@@ -128,23 +89,6 @@ def setup_of(model: NormalModel, path: Path, foot: Path | None) -> FootSetup:
             hint="pass the foot file of the campaign, or learn anew.",
         )
     return stated
-
-
-def numbers(text: str, count: int, option: str, form: str) -> Any:
-    """Returns (1, count) numbers of a comma separated option.
-
-    Raises:
-        ConfigurationError: Another number of them, or one that is not finite.
-    """
-    try:
-        values = np.array([[float(part) for part in text.split(",")]])
-    except ValueError:
-        values = np.empty((1, 0))
-    if values.shape[1] != count or not np.isfinite(values).all():
-        raise ConfigurationError(
-            f"{option} {text!r}, expected {count} numbers: {form}.", hint=f"{option} {form}"
-        )
-    return values
 
 
 def evaluation_document(result: Evaluation) -> dict[str, Any]:
@@ -164,33 +108,6 @@ def residuals_document(left: Residuals) -> dict[str, float]:
         "mean_deg": left.mean / DEG,
         "p95_deg": left.p95 / DEG,
         "max_deg": left.largest / DEG,
-    }
-
-
-def adjustment_document(found: Adjustment) -> dict[str, Any]:
-    """Returns a move in degrees and millimetres."""
-    sigma = np.sqrt(np.diag(found.covariance)) / DEG
-    move = found.move
-    notes = list(found.notes)
-    if not np.isfinite(move.shift).all():
-        notes.append(
-            "X, Y and Z are not known: the foot file of the fit had no [head] with pivot_to_tip_mm."
-        )
-    return {
-        "a_deg": found.tilt[0] / DEG,
-        "b_deg": found.tilt[1] / DEG,
-        "a_sigma_deg": sigma[0],
-        "b_sigma_deg": sigma[1],
-        "move": {
-            "A_deg": move.axes[0] / DEG,
-            "B_deg": move.axes[1] / DEG,
-            "dA_deg": move.turn[0] / DEG,
-            "dB_deg": move.turn[1] / DEG,
-            "dX_mm": move.shift[0] / MM,
-            "dY_mm": move.shift[1] / MM,
-            "dZ_mm": move.shift[2] / MM,
-        },
-        "notes": notes,
     }
 
 

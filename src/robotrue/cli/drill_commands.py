@@ -73,12 +73,40 @@ def adjust(
     approach: Annotated[
         str, typer.Option(help="How the foot came down; default the usual way.")
     ] = "",
+    robot: Annotated[
+        Path | None, typer.Option(help="A robot carries the foot: its calibrated model.")
+    ] = None,
+    joints_deg: Annotated[
+        str | None, typer.Option(help="With --robot: its joints now, in the model's sense.")
+    ] = None,
+    foot_abc_deg: Annotated[
+        str,
+        typer.Option(help="With --robot: A,B,C of the foot in the tool; default z against z."),
+    ] = "0,0,180",
+    language: Annotated[
+        str | None,
+        typer.Option("--as", help="Also print the move: gcode; with --robot krl, rapid, urscript."),
+    ] = None,
+    feed_mm_per_min: Annotated[float, typer.Option(help="Feed of --as gcode.")] = 500.0,
     json: Json = False,
 ) -> None:
     """Give the one move that squares the spindle to the surface under the foot."""
-    from robotrue.cli.drill import run_adjust
+    from robotrue.cli.drill_adjust import run
 
-    run_adjust(model, reading=reading, force=force, z_mm=z, at=at, approach=approach, as_json=json)
+    run(
+        model,
+        reading=reading,
+        force=force,
+        z_mm=z,
+        at=at,
+        approach=approach,
+        robot=robot,
+        joints_deg=joints_deg,
+        foot_abc_deg=foot_abc_deg,
+        language=language,
+        feed_mm_per_min=feed_mm_per_min,
+        as_json=json,
+    )
 
 
 @drill.command()
