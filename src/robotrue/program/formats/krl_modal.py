@@ -49,16 +49,14 @@ def inherit_external(values: Array, path: Visits) -> None:
 
     A target that is moved to twice keeps what it leaves out open.
     """
-    used = np.bincount(path.row[path.row >= 0], minlength=len(values))
-    last = np.full(values.shape[1], np.nan)
-    for row in path.row.tolist():
-        if row < 0:
-            last = np.full(values.shape[1], np.nan)
-        elif used[row] == 1:
-            values[row] = np.where(np.isnan(values[row]), last, values[row])
-            last = values[row]
-        else:
-            last = np.where(np.isnan(values[row]), last, values[row])
+    moved = path.row >= 0
+    once = np.bincount(path.row[moved], minlength=len(values))[path.row] == 1
+    for column in np.flatnonzero(np.isnan(values).any(axis=0) & ~np.isnan(values).all(axis=0)):
+        said = np.where(moved, values[path.row, column], np.nan)
+        told = ~moved | ~np.isnan(said)  # what moved the robot there is not known, or it is said
+        last = np.maximum.accumulate(np.where(told, np.arange(len(told)), 0))
+        fill = moved & once & np.isnan(said)
+        values[path.row[fill], column] = said[last[fill]]
 
 
 def inherit(
