@@ -36,6 +36,7 @@ def path(direction):
         tool_axis=np.tile([0.0, 0.0, 1.0], (n, 1)),
         feed_direction=np.vstack([np.full(3, np.nan), np.tile(direction, (n - 1, 1))]),
         feeding=np.array([False, True, True, True]),
+        feed=np.array([np.inf, np.nan, 0.006, 0.006]),
         along=np.array([0.0, 0.005, 0.03, 0.05]),
         motion=np.array([Motion.PTP, *[Motion.LIN] * 3]),
         line=np.arange(1, n + 1),

@@ -72,7 +72,7 @@ class MillingAlongPath:
 
     def wrench(self, path: CutPath) -> Array:
         """Returns (n, 6) N, N m on the tool, at the tool point, in base axes; never NaN."""
-        force = self.at(np.where(path.feeding, path.along, np.nan))
+        force = self.at(np.where(path.cutting, path.along, np.nan))
         frames = path.path_frames()
         known = np.isfinite(frames).all(axis=(1, 2))
         out = np.zeros((len(path), 6))
