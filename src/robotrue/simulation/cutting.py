@@ -1,8 +1,8 @@
 """The mean force of a cutting pass, so that a simulated hole is cut and not only driven.
 
-Linear mechanistic model, forces averaged over a spindle turn. Source: Altintas 2012, Manufacturing
-Automation, eq. 2.17-2.19 (edge terms left out). The pressures below are **assumed**, of the size
-printed for wrought aluminium; Deng et al. 2022 print cutting data (Table 10) but no force.
+Linear mechanistic model, forces averaged over a spindle turn (``dynamics.milling_force``), edge
+terms left out. The pressures below are **assumed**, of the size printed for wrought aluminium;
+Deng et al. 2022 print cutting data (Table 10) but no force.
 """
 
 from __future__ import annotations
@@ -14,13 +14,11 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.units import MM
+from robotrue.dynamics import cutter as cutters
+from robotrue.dynamics import milling_force as milling
 from robotrue.errors import ConfigurationError
 
-TANGENTIAL: Final = 800e6
-"""Pa, assumed."""
-RADIAL: Final = 240e6
-"""Pa, assumed."""
-AXIAL: Final = 80e6
+ALUMINIUM: Final = cutters.CuttingCoefficients(tangential=800e6, radial=240e6, axial=80e6)
 """Pa, assumed."""
 
 
@@ -82,20 +80,17 @@ def mean_force(cut: Cut) -> Array:
     """Returns the mean force on the tool (3,) N: along the feed, to its left, along the tool up.
 
     Material stands to the right of the feed (climb milling) where the cut is narrower than the
-    tool. With N teeth, depth b, feed per tooth c and the immersion phi from phi_0 to pi::
-
-        F_feed = N b c / 8 pi [ K_t cos 2 phi - K_r (2 phi - sin 2 phi) ]
-        F_left = N b c / 8 pi [ K_t (2 phi - sin 2 phi) + K_r cos 2 phi ]
-        F_up   = N b c / 2 pi [ -K_a cos phi ]
+    tool.
     """
-    start = np.pi - np.arccos(1.0 - 2.0 * cut.width / cut.diameter)
-    phi = np.array([start, np.pi])
-    swept = 2.0 * phi - np.sin(2.0 * phi)
-    scale = cut.teeth * cut.depth * cut.feed_per_tooth / (8.0 * np.pi)
-    feed = scale * np.diff(TANGENTIAL * np.cos(2.0 * phi) - RADIAL * swept)[0]
-    left = scale * np.diff(TANGENTIAL * swept + RADIAL * np.cos(2.0 * phi))[0]
-    up = 4.0 * scale * np.diff(-AXIAL * np.cos(phi))[0]
-    return np.array([feed, left, up])
+    tool = cutters.Cutter(kind="flat", diameter=cut.diameter, teeth=cut.teeth)
+    climb = cutters.Cut(
+        mode="down",
+        depth=cut.depth,
+        width=cut.width,
+        feed_per_tooth=cut.feed_per_tooth,
+        spindle=cut.spindle,
+    )
+    return milling.mean_force(tool, climb, ALUMINIUM)
 
 
 def cutting_wrench(cut: Cut, feed_direction: Array, tool_axis: Array) -> Array:
