@@ -189,6 +189,20 @@ def test_yaskawa_points_get_the_headers_of_their_own_move():
     assert by_name[b"C00009"] == 0
 
 
+def test_yaskawa_points_stand_behind_one_that_is_not_read():
+    data = case("jbi")[0]["part.jbi"]
+    at = data.index(b"C00006=")
+    data = data[:at] + b"C00006=1.0,2.0,3.0,4.0,5.0,6.0,7.0" + data[data.index(b"\r\n", at) :]
+    read = cases.reader("jbi", {"part.jbi": data}, FRAME, TOOL)
+    job, language = read(), inserter("jbi")
+    (written,) = language.insert(job, language.moves(job), cases.halves("jbi", job))
+    lines = written.split(b"\r\n")
+    assert lines.index(b"C00006=1.0,2.0,3.0,4.0,5.0,6.0,7.0") + 1 == next(
+        i for i, line in enumerate(lines) if line.startswith(b"C00007=")
+    )
+    assert len(language.moves(read({"part.jbi": written}))) == 8
+
+
 def test_fanuc_lines_and_positions_count_on():
     lines = text_of("fanuc_ls").splitlines()
     assert lines[2] == "LINE_COUNT\t= 13;"

@@ -165,18 +165,14 @@ class _Writer:
         for group in groups(self.moves, self.insertion):
             edits.append((group.statement.begin, 0, self._copies(group)))
         self.points += self._headers(*first)
-        place = self._behind(int(self.found.start[self.last, 0]))
+        starts, line = line_starts(self.data), int(self.found.line[self.last])
+        place = int(starts[line]) if line < len(starts) else len(self.data)
         edits.append((place, 0, b"".join(self.points)))
         count = _NPOS.search(self.data)
         if count:
             total = str(int(count[2]) + len(self.insertion)).encode()
             edits.append((count.start(2), len(count[2]), total))
         return put_in([self.program], [edits])[0]
-
-    def _behind(self, place: int) -> int:
-        """Returns the first byte of the next line."""
-        starts = line_starts(self.data)
-        return int(starts[np.searchsorted(starts, place, side="right")])
 
     def _copies(self, group: Group) -> bytes:
         s, moves, out = group.statement, self.moves, []
