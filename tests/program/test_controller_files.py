@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,8 @@ from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import FormatError
 from robotrue.program.controller_files import ControllerFile, read_controller_file
+from robotrue.program.formats import read_job
+from robotrue.program.program import FrameTable, Reason
 
 CONFIG = """&ACCESS RV1
 &REL 3
@@ -111,3 +115,47 @@ def test_what_cannot_be_read_is_named(name: str, text: str, said: str) -> None:
 
 def test_other_files_are_not_of_a_controller() -> None:
     assert read_controller_file("part.src", b"DEF part()\nBASE_DATA[1]={X 1}\nEND\n") is None
+
+
+JOB = (
+    "/JOB\n//NAME A\n//POS\n///NPOS 1,0,0,0,0,0\n///USER 1\n///TOOL 12\n///POSTYPE USER\n"
+    "///RECTAN\n"
+    "C00000=0.000,0.000,0.000,180.0000,0.0000,0.0000\n//INST\nNOP\nMOVL C00000 V=20.0\nEND\n"
+)
+LS = (
+    "/PROG A\n/MN\n1:L P[1] 9mm/sec FINE ;\n/POS\nP[1]{\n GP1:\n UF : 1, UT : 10, "
+    "CONFIG : 'N U T, 0, 0, 0',\nX = 1.0 mm,Y = 0.0 mm,Z = 0.0 mm,\n"
+    "W = 180.0 deg,P = 0.0 deg,R = 0.0 deg\n};\n/END\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("program", "text", "beside", "tool"),
+    [
+        ("A.JBI", JOB, {"tool.cnd": TOOLS, "UFRAME.CND": USER}, 0.003),
+        ("a.ls", LS, {"SYSFRAME.VA": FRAMES}, 0.1505),
+    ],
+)
+def test_files_beside_a_program_are_found(
+    tmp_path: Path, program: str, text: str, beside: dict[str, str], tool: float
+) -> None:
+    (tmp_path / program).write_text(text)
+    (unknown,) = read_job(tmp_path / program)
+    assert unknown.reason.tolist() == [Reason.UNKNOWN_FRAME]
+    for name, content in beside.items():
+        (tmp_path / name).write_text(content)
+    (known,) = read_job(tmp_path / program)
+    assert known.reason.tolist() == [0]
+    np.testing.assert_allclose(known.T_base_frame[known.frame[0]], FIXTURE, atol=1e-15)
+    assert known.T_flange_tool[known.tool[0]][2, 3] == pytest.approx(tool)
+
+
+def test_what_the_cell_says_goes_before_and_the_difference_is_told(tmp_path: Path) -> None:
+    (tmp_path / "a.ls").write_text(LS)
+    (tmp_path / "SYSFRAME.VA").write_text(FRAMES)
+    mine = FIXTURE.copy()
+    mine[0, 3] += 2e-3
+    (program,) = read_job(tmp_path / "a.ls", FrameTable(bases={"1": mine}))
+    np.testing.assert_array_equal(program.T_base_frame[program.frame[0]], mine)
+    said = "base 1 of the cell is used; that of SYSFRAME.VA lies 2.000 mm from it."
+    assert program.notes == (said,)
