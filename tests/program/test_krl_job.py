@@ -59,6 +59,7 @@ def test_a_camrob_file_in_the_frames_of_its_call(tmp_path: Path) -> None:
 def test_a_folder_with_a_camrob_file_is_one_job(tmp_path: Path) -> None:
     made(tmp_path, part_src=CALLER, path_csv=CAMROB)
     (tmp_path / "$config.dat").write_text("DEFDAT $CONFIG\nENDDAT\n")
+    (tmp_path / "$machine.dat").write_text("DEFDAT $MACHINE PUBLIC\n$X[1]={A 1\nENDDAT\n")
     job = read_job(tmp_path)
     assert [program.name for program in job] == ["part.src", "path.csv"]
     assert {program.dialect for program in job} == {"krl"}

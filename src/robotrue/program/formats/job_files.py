@@ -55,7 +55,9 @@ def paths_of(given: str | Path | Sequence[str | Path], suffixes: Iterable[str]) 
         found = [
             each
             for each in sorted(paths[0].iterdir())
-            if each.suffix.lower() in wanted and each.name.lower() not in HELD
+            if each.suffix.lower() in wanted
+            and each.name.lower() not in HELD
+            and not each.name.startswith("$")  # KUKA's own
         ]
         if not found:
             raise FormatError(
