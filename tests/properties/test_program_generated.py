@@ -66,6 +66,16 @@ FOUND = {
         "part.jbi",
         b"/JOB\n//POS\n///RCONF 0\x1c,0,0,0,0,0\n//INST\nNOP\nEND\n",
     ),
+    "a number of a frame with thousands of digits": (
+        "fanuc_ls",
+        "part.ls",
+        b"/PROG P\n/MN\n 1:UFRAME_NUM=" + b"1" * 5000 + b" ;\n/POS\n/END\n",
+    ),
+    "clauses that never end": (
+        "krl",
+        "part.src",
+        b"DEF p()\nLIN {X 1,Y 2,Z 3,A 4,B 5,C 6" + b" WITH $BASE=" * 12000 + b"\nEND\n",
+    ),
 }
 """Damaged programs that once were neither read nor refused."""
 

@@ -78,7 +78,7 @@ class ExternalAxis:
 def plain_key(text: str) -> str:
     """Returns a frame's number without leading zeros, or its name in lower case."""
     text = text.strip().lower()
-    return str(int(text)) if text.isascii() and text.isdigit() else text
+    return (text.lstrip("0") or "0") if text.isascii() and text.isdigit() else text
 
 
 def riders_of(axes: Sequence[ExternalAxis], *keys: str) -> tuple[bool, ...]:

@@ -65,9 +65,11 @@ class Setting(NamedTuple):
 def with_settings(code: str) -> list[Setting]:
     """Returns what a WITH clause sets of frames, up to the comma behind each."""
     out = []
-    for match in _SET.finditer(code):
+    found = list(_SET.finditer(code))
+    for k, match in enumerate(found):
+        last = found[k + 1].start() if k + 1 < len(found) else len(code)
         depth, end = 0, match.end()
-        while end < len(code) and (depth or code[end] != ","):
+        while end < last and (depth or code[end] != ","):
             depth += (code[end] in "({[") - (code[end] in ")}]")
             end += 1
         text = re.sub(r"\s+C_\w+\s*$", "", code[match.end() : end])
