@@ -79,6 +79,11 @@ def compensate(
             covariances(model, program, load, measured, outcome, part)
     replacement, notes = replaced(robot, program, plan, settings, outcome)
     sentences = [str(note) for note in notes]
+    if program.held.any():
+        sentences.append(
+            f"{int(program.held.sum())} targets carry the part to a tool that stands in the cell; "
+            "shifts and errors told of them are those of the part's frame."
+        )
     if not turn_known:
         sentences.append(
             "the model knows no rotation error at some targets; their rotation was kept as nominal."

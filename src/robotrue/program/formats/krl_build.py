@@ -273,12 +273,6 @@ class Builder:
                 "robot (#TCP); they are not compensated. Say in the cell what they mean: "
                 "fixed_tool in [controller]."
             )
-        if (on_robot & ~refused).any():
-            notes.append(
-                f"{self.frames.name}: {int((on_robot & ~refused).sum())} targets carry the "
-                "workpiece on the robot (#TCP); shifts and errors told of them are those of the "
-                "part's frame."
-            )
         return reason, notes
 
     def _external(

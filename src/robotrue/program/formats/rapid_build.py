@@ -139,11 +139,6 @@ class _Builder:
             Reason.UNKNOWN_FRAME,
             "this target is used with the part on the robot and with the tool on it",
         )
-        if self.held.any():
-            self.tell.say(
-                f"{self.walk.name}: {int(self.held.sum())} targets carry the part to a tool that "
-                "stands in the cell; shifts and errors told of them are those of the part's frame."
-            )
 
     def _states(self) -> tuple[IntArray, BoolArray]:
         """Returns tool and work frame (2, u) of every use, and which of them are swapped."""
