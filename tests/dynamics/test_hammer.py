@@ -9,12 +9,12 @@ from frf_cases import modal
 from robotrue.dynamics.checks import check_response
 from robotrue.dynamics.formats.hammer_csv import read_hammer_csv
 from robotrue.dynamics.hammer import (
-    HammerRecord,
     combined,
     evaluate_hits,
-    find_hits,
+    evaluate_together,
     without_window,
 )
+from robotrue.dynamics.hits import HammerRecord, find_hits
 from robotrue.dynamics.modal_fit import fit_modes
 from robotrue.errors import FormatError, ImplausibleDataError, ModelMismatchError, ShapeError
 
@@ -71,9 +71,11 @@ def test_clean_hits_give_the_response_back():
 
 
 def test_averaging_brings_the_noise_down():
-    few = combined([evaluate_hits(hits(axis=a, count=2, noise=0.05), duration=3.9) for a in "xy"])
-    many = combined([evaluate_hits(hits(axis=a, count=12, noise=0.05), duration=3.9) for a in "xy"])
-    assert off(many, LIGHT) < 0.6 * off(few, LIGHT)
+    part = []
+    for count in (2, 12):
+        records = [hits(axis=a, count=count, noise=0.05) for a in "xy"]
+        part.append(off(combined(evaluate_together(records, duration=3.9, window=1.0)), LIGHT))
+    assert part[1] < 0.6 * part[0]
 
 
 def test_coherence_tells_signal_from_noise():
@@ -123,6 +125,16 @@ def test_the_window_is_used_where_it_is_needed():
     assert evaluate_hits(hits(LIGHT)).added_damping == 0.0
 
 
+def test_records_of_other_lengths_are_brought_to_one():
+    """The closest hits decide the segments, the longest ringing the window."""
+    slow = modal([6.0, 300.0], [0.01, 0.03], [[0.1, 0.0], [0.3, 0.2]], axes=("x", "y"))
+    records = [hits(slow, "x", every=2.0), hits(LIGHT, "y", every=3.0)]
+    results = evaluate_together(records)
+    assert results[0].duration == results[1].duration < 2.1
+    assert results[0].added_damping == results[1].added_damping > 1.0
+    combined(evaluate_together([hits(), hits(axis="y", every=3.5)]))
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -149,7 +161,7 @@ def test_records_that_do_not_belong_together():
     one = evaluate_hits(hits(), duration=3.9)
     with pytest.raises(ModelMismatchError, match="xx is measured twice"):
         combined([one, one])
-    with pytest.raises(ModelMismatchError, match="another spectrum"):
+    with pytest.raises(ModelMismatchError, match="another sensor, spectrum or window"):
         combined([one, evaluate_hits(hits(axis="y"), duration=2.0)])
     with pytest.raises(ShapeError, match="window of 2"):
         evaluate_hits(hits(), window=2.0)

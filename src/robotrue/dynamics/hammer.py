@@ -10,66 +10,33 @@ H1 takes the noise of the response out and leaves that of the force in. Source: 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 import scipy.fft
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
 from robotrue.dynamics.checks import BLIND_BELOW, coherent_band
 from robotrue.dynamics.frf import FORMS, ComplexArray, FrequencyResponse
 from robotrue.dynamics.frf_build import Pairs, assembled
+from robotrue.dynamics.hits import SECOND, HammerRecord, check_sensors, find_hits
 from robotrue.dynamics.modal import ModalModel
 from robotrue.errors import ImplausibleDataError, ModelMismatchError, ObservabilityError, ShapeError
 
-_TRIGGER: Final = 0.1
-"""Part of the hardest hit at which a hit begins."""
-_SECOND: Final = 0.05
-"""Part of its peak that the hammer may touch again before a hit counts as double."""
 _BEFORE: Final = 0.01
 """Part of a segment that lies before the hit."""
 _PULSE: Final = 3.0
 """Lengths of the pulse after which the force window closes."""
 _DECAYED: Final = 0.08
 """Part of its beginning that the motion may be at the end of a segment without a window."""
+_WINDOW: Final = 0.05
+"""End of the exponential window where one is needed."""
 _STRONG: Final = 0.05
 """Part of the largest power of the displacement at which a line shows a mode ringing."""
 _POWER: Final = 1e-2
 """Part of the hammer's largest power below which it excites nothing (20 dB)."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HammerRecord:
-    """Hits along one axis and what they moved, as recorded.
-
-    Attributes:
-        rate: Samples per second.
-        force: (n,) N of the hammer, positive along its axis.
-        excitation_axis: x, y or z.
-        motion: (n, r) in the SI unit of ``form``.
-        response_axes: r of x, y, z.
-        form: ``accelerance`` for an accelerometer, ``mobility`` for a velocity,
-            ``receptance`` for a displacement.
-        source: File.
-    """
-
-    rate: float
-    force: Array
-    excitation_axis: str
-    motion: Array
-    response_axes: tuple[str, ...]
-    form: str
-    source: str
-
-    def __post_init__(self) -> None:
-        """Freezes and checks."""
-        force = frozen(self.force, (None,), "force")
-        object.__setattr__(self, "force", force)
-        shape = (len(force), len(self.response_axes))
-        object.__setattr__(self, "motion", frozen(self.motion, shape, "motion"))
-        if not self.rate > 0.0:
-            raise ShapeError(f"rate {self.rate:g} 1/s, expected more than zero.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,6 +63,11 @@ class HammerResult:
     valid: tuple[float, float]
     added_damping: float
 
+    @property
+    def duration(self) -> float:
+        """Length of a segment, s."""
+        return 2.0 * (len(self.frequency) - 1) / self.record.rate
+
 
 def evaluate_hits(
     record: HammerRecord, *, duration: float | None = None, window: float | None = None
@@ -112,7 +84,7 @@ def evaluate_hits(
         ImplausibleDataError: No hit, all of them double, a clipped hammer or sensor, a sensor that
             does not move.
     """
-    _check_sensors(record)
+    check_sensors(record)
     hits, left_out = find_hits(record)
     count = _segment(record, [*hits, *(at for at, _ in left_out)], duration)
     whole = [at for at in hits if at - _lead(count) + count <= len(record.force)]
@@ -125,7 +97,7 @@ def evaluate_hits(
         )
     forces, motions = _segments(record, whole, count)
     rung = _left_at_end(motions, record)
-    end = window if window is not None else (1.0 if rung < _DECAYED else 0.05)
+    end = window if window is not None else (1.0 if rung < _DECAYED else _WINDOW)
     if not 0.0 < end <= 1.0:
         raise ShapeError(f"window of {end:g} at its end, expected above 0 and at most 1.")
     decay = abs(np.log(end)) / (count / record.rate)
@@ -150,11 +122,36 @@ def evaluate_hits(
     )
 
 
-def combined(results: list[HammerResult]) -> FrequencyResponse:
+def evaluate_together(
+    records: Sequence[HammerRecord], *, duration: float | None = None, window: float | None = None
+) -> list[HammerResult]:
+    """Returns the results of records of several axes, all with segments and window of one kind.
+
+    Args:
+        records: One per axis hit.
+        duration: s; default: what the record with the closest hits allows.
+        window: As ``evaluate_hits``; default: none, unless one record needs it.
+
+    Raises:
+        ImplausibleDataError: As ``evaluate_hits``.
+    """
+    results = [evaluate_hits(r, duration=duration, window=window) for r in records]
+    shortest = min(r.duration for r in results)
+    if window is None:
+        window = _WINDOW if any(r.added_damping > 0.0 for r in results) else 1.0
+    return [
+        r
+        if r.duration == shortest and (r.added_damping > 0.0) == (window < 1.0)
+        else evaluate_hits(r.record, duration=shortest, window=window)
+        for r in results
+    ]
+
+
+def combined(results: Sequence[HammerResult]) -> FrequencyResponse:
     """Returns one response of hits along one, two or three axes.
 
     Raises:
-        ModelMismatchError: An axis twice, other sensors or other spectra.
+        ModelMismatchError: An axis twice, other sensors, spectra or windows.
         ImplausibleDataError: Numbers that cannot be (``checks.check_response``).
         ObservabilityError: No band in common.
     """
@@ -162,15 +159,7 @@ def combined(results: list[HammerResult]) -> FrequencyResponse:
     response: dict[str, ComplexArray] = {}
     coherence: dict[str, Array] = {}
     for one in results:
-        if one.record.form != first.record.form or not np.array_equal(
-            one.frequency, first.frequency
-        ):
-            raise ModelMismatchError(
-                "another sensor or another spectrum than in "
-                f"{first.record.source}: {one.record.form}, {len(one.frequency)} lines.",
-                source=one.record.source,
-                hint="state one duration for all records.",
-            )
+        _check_alike(first, one)
         for k, axis in enumerate(one.record.response_axes):
             pair = axis + one.record.excitation_axis
             if pair in response:
@@ -214,49 +203,6 @@ def without_window(model: ModalModel, added_damping: float) -> ModalModel:
     return replace(model, poles=poles)
 
 
-def find_hits(record: HammerRecord) -> tuple[list[int], tuple[tuple[int, str], ...]]:
-    """Returns the samples at which clean hits begin, and of the others sample and reason.
-
-    Raises:
-        ImplausibleDataError: No hit, or one against the hammer's axis.
-    """
-    force = record.force - np.median(record.force)
-    peak = float(force.max())
-    if -float(force.min()) > peak:
-        raise ImplausibleDataError(
-            f"the hammer pulls: {force.min():.3g} N is its largest force. Its sign is flipped.",
-            source=record.source,
-            hint="change the sign of the channel; positive is along the axis.",
-        )
-    noise = 1.4826 * float(np.median(np.abs(force)))
-    if not peak > 20.0 * noise or peak <= 0.0:
-        raise ImplausibleDataError(
-            f"no hit: the largest force is {peak:.3g} N, its noise {noise:.3g} N.",
-            source=record.source,
-            hint="check the hammer's cable and trigger.",
-        )
-    above = force > _TRIGGER * peak
-    starts = np.flatnonzero(above & ~np.concatenate([[False], above[:-1]]))
-    stops = np.flatnonzero(above & ~np.concatenate([above[1:], [False]])) + 1
-    hits: list[int] = []
-    left_out: list[tuple[int, str]] = []
-    quiet = max(3, int(stops[0] - starts[0])) * 40
-    k = 0
-    while k < len(starts):
-        last = k
-        while last + 1 < len(starts) and starts[last + 1] - stops[last] < quiet:
-            last += 1
-        top = float(force[starts[k] : stops[k]].max())
-        rest = force[stops[k] + 2 * (stops[k] - starts[k]) : stops[k] + quiet]
-        again = float(rest.max()) if rest.size else 0.0
-        if last > k or again > max(_SECOND * top, 8.0 * noise):
-            left_out.append((int(starts[k]), "double hit"))
-        else:
-            hits.append(int(starts[k]))
-        k = last + 1
-    return hits, tuple(left_out)
-
-
 def _lead(count: int) -> int:
     return max(2, round(_BEFORE * count))
 
@@ -286,7 +232,7 @@ def _segments(record: HammerRecord, hits: list[int], count: int) -> tuple[Array,
         before = slice(max(0, at - lead), max(1, at - 1))
         force = record.force[max(0, at - lead) : at - lead + count]
         force = force - np.median(record.force[before])
-        over = force > _SECOND * force.max()
+        over = force > SECOND * force.max()
         pulse = int(np.flatnonzero(over)[-1]) - lead
         open_ = min(count, lead + round(_PULSE * max(4, pulse)))
         forces[row, lead - min(lead, at) :][:open_] = force[:open_]
@@ -342,6 +288,21 @@ def _band(
     return float(low), float(high)
 
 
+def _check_alike(first: HammerResult, one: HammerResult) -> None:
+    same = (
+        one.record.form == first.record.form
+        and np.array_equal(one.frequency, first.frequency)
+        and abs(one.added_damping - first.added_damping) < 1e-9 * (1.0 + first.added_damping)
+    )
+    if not same:
+        raise ModelMismatchError(
+            f"another sensor, spectrum or window than in {first.record.source}: "
+            f"{one.record.form}, {len(one.frequency)} lines, {one.added_damping:.3g} 1/s.",
+            source=one.record.source,
+            hint="one rate, one kind of sensor, one duration and window for all records.",
+        )
+
+
 def _without_rest(pairs: Pairs) -> Pairs:
     """The curves without their line at 0 Hz, which a hit says nothing about."""
     return Pairs(
@@ -349,29 +310,3 @@ def _without_rest(pairs: Pairs) -> Pairs:
         response={pair: values[1:] for pair, values in pairs.response.items()},
         coherence={pair: values[1:] for pair, values in pairs.coherence.items()},
     )
-
-
-def _check_sensors(record: HammerRecord) -> None:
-    """Raises where a channel is clipped or dead."""
-    channels = [("hammer", record.force)]
-    channels += [
-        (f"sensor {a}", m) for a, m in zip(record.response_axes, record.motion.T, strict=True)
-    ]
-    for name, values in channels:
-        if np.ptp(values) == 0.0:
-            raise ImplausibleDataError(
-                f"{name} is {values[0]:g} on every sample: not connected.",
-                source=record.source,
-                hint="check the cable.",
-            )
-        for extreme in (values.max(), values.min()):
-            at = np.flatnonzero(values == extreme)
-            run = np.split(at, np.flatnonzero(np.diff(at) != 1) + 1)
-            longest = max(run, key=len)
-            if len(longest) >= 4 and abs(extreme) >= 0.5 * np.abs(values).max():
-                raise ImplausibleDataError(
-                    f"sample {longest[0]}: {name} stays at {extreme:g} for {len(longest)} samples: "
-                    "it is overloaded.",
-                    source=record.source,
-                    hint="a larger range, or hit more softly.",
-                )

@@ -16,7 +16,7 @@ import numpy as np
 from robotrue.core.units import STANDARD_GRAVITY, UM
 from robotrue.dynamics.clock import even_rate
 from robotrue.dynamics.formats.columns import read_columns
-from robotrue.dynamics.hammer import HammerRecord
+from robotrue.dynamics.hits import HammerRecord
 from robotrue.errors import FormatError
 
 _HAMMER: Final = re.compile(r"f([xyz])_N")
