@@ -66,3 +66,16 @@ def test_a_value_that_is_needed_and_not_there() -> None:
 def test_what_no_axis_is(wrong: dict[str, object]) -> None:
     with pytest.raises(ShapeError):
         ExternalAxis(**{"number": 1, "direction": np.array([1.0, 0.0, 0.0]), **wrong})  # type: ignore[arg-type]
+
+
+def test_an_axis_without_any_value_rests_only_where_the_cell_says_so() -> None:
+    values = np.full((2, 6), np.nan)
+    riders, still = np.zeros((1, 1), np.bool_), np.zeros(1, np.bool_)
+    frame = np.zeros(2, np.int64)
+    assert carried((RAIL,), FLOOR[None], frame, values, riders, still).unknown.all()
+    rests = carried((RAIL,), FLOOR[None], frame, values, riders, still, rest=True)
+    assert not rests.unknown.any()
+    assert rests.frame.tolist() == [0, 0]
+    values[1, 0] = 300.0
+    some = carried((RAIL,), FLOOR[None], frame, values, riders, still, rest=True)
+    assert some.unknown.tolist() == [True, False]

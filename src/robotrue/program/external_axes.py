@@ -116,6 +116,8 @@ def carried(
     values: Array,
     riders: Array,
     on_robot: BoolArray,
+    *,
+    rest: bool = False,
 ) -> Carried:
     """Returns the work frames as the external axes move them.
 
@@ -126,6 +128,7 @@ def carried(
         values: (n, 6) external values as printed, mm or deg; NaN where none is.
         riders: (f, a) which frames each of the ``axes`` carries.
         on_robot: (f,) frames that move with the robot, its own root above all.
+        rest: An axis that no target gives a value stands where the frames were given.
     """
     if not axes:
         return Carried(frame=frame, T_base_frame=T_base_frame, unknown=np.zeros(len(frame), bool))
@@ -134,6 +137,9 @@ def carried(
     need = moving[frame]
     unit = np.array([axis.unit for axis in axes])
     here = values[:, [axis.number - 1 for axis in axes]] * unit
+    if rest:
+        silent = np.isnan(here).all(axis=0)
+        here = np.where(silent, [axis.at for axis in axes], here)
     unknown: BoolArray = np.asarray((need & np.isnan(here)).any(axis=1))
     here = np.where(need, here, [axis.at for axis in axes])
     away = (here != [axis.at for axis in axes]).any(axis=1) & ~unknown

@@ -150,9 +150,9 @@ class FrameTable:
         bases: Work frames by the controller's number or name.
         tools: Tools by the controller's number or name.
         external: Axes that carry the robot or work frames, in the order from the floor up.
-        external_axes_at_rest: The external axes that are not described stand still in the whole
-            program, and every frame here is given with them where they stand; only then are
-            targets with such an axis away from zero compensated.
+        external_axes_at_rest: The external axes that are not described, or that a program gives no
+            value, stand still in the whole program, and every frame here is given with them where
+            they stand; only then are targets with such an axis away from zero compensated.
         fixed_tool: What a KUKA target says while the robot carries the part (``#TCP``): the tool
             ``tool_in_part`` or the ``part_in_tool``. Empty: not stated, and such targets are not
             compensated.

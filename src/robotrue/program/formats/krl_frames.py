@@ -133,7 +133,8 @@ class Frames:
         none = (False,) * len(axes)
         riders = np.array([self._riders.get(("base", k), none) for k in range(len(matrices))])
         riders = riders.reshape(len(matrices), len(axes))
-        return carried(axes, matrices, frame, external, riders, np.zeros(len(matrices), np.bool_))
+        still, on_robot = self.table.external_axes_at_rest, np.zeros(len(matrices), np.bool_)
+        return carried(axes, matrices, frame, external, riders, on_robot, rest=still)
 
     def unknown(self, side: str, line: int, what: str, cure: str) -> int:
         """Returns the index of a frame that is not known; its sentence names the first line."""

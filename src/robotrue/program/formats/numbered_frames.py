@@ -40,7 +40,7 @@ class NumberedFrames:
             "tool": [np.asarray(table.T_flange_tool, dtype=np.float64)],
         }
         self.lost: dict[tuple[str, int], str] = {}
-        self._axes = table.external
+        self._axes, self._at_rest = table.external, table.external_axes_at_rest
         self._riders = {0: riders_of(table.external, "base")}
         self._on_robot: set[int] = set()
         self._index: dict[tuple[str, str], int] = {}
@@ -76,7 +76,7 @@ class NumberedFrames:
         riders = np.array([self._riders.get(k, none) for k in range(len(matrices))])
         riders = riders.reshape(len(matrices), len(self._axes))
         on_robot = np.isin(np.arange(len(matrices)), list(self._on_robot))
-        return carried(self._axes, matrices, frame, external, riders, on_robot)
+        return carried(self._axes, matrices, frame, external, riders, on_robot, rest=self._at_rest)
 
     def number(self, side: str, number: str, line: int) -> int:
         """Returns the index of a numbered frame; ``line`` is where it is first asked for."""
