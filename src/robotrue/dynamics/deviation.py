@@ -183,10 +183,9 @@ class DeviationModel:
             "passes": list(w.passes),
             "source": w.source,
         }
-        stiff = np.isfinite(self.arm.stiffness)
         arrays = {
             **robot_arrays(self.arm.robot),
-            "compliance": np.where(stiff, 1.0 / self.arm.stiffness, 0.0),
+            "stiffness": self.arm.stiffness,
             "direction": self.arm.direction,
             "joints": w.joints,
             "force": w.force,
@@ -254,11 +253,11 @@ def deviation_from_archive(archive: Archive) -> DeviationModel:
             hint="a deviation model is what `robotrue dynamics fit` writes.",
         )
     fields = ("joints", "force", "force_peak", "force_mean", "predicted", "measured")
-    with np.errstate(divide="ignore"):
-        stiffness = 1.0 / archive.array("compliance")
     return DeviationModel(
         arm=CompliantArm(
-            robot=robot_from(archive), stiffness=stiffness, direction=archive.array("direction")
+            robot=robot_from(archive),
+            stiffness=archive.array("stiffness"),
+            direction=archive.array("direction"),
         ),
         settings=DeviationSettings(**archive.document["settings"]),
         windows=WindowSet(

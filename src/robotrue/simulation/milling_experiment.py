@@ -13,7 +13,7 @@ Everything here is SIMULATED. The size of the errors is assumed.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final
 
@@ -89,20 +89,16 @@ class MillingExperiment:
     hammer: ComplexArray
 
 
-def milling_experiment(
-    seed: int, passes: Sequence[int] = range(len(SHIFTS)), *, floor: float = 0.0
-) -> MillingExperiment:
+def milling_experiment(seed: int, passes: Sequence[int] = range(len(SHIFTS))) -> MillingExperiment:
     """Returns a virtual experiment, the same for a seed on every machine.
 
     Args:
         seed: Draws arm, tools, and every pass.
         passes: Which of the six passes are cut; 0 is the printed one.
-        floor: m, white noise added to the measured error of each window; the paper's figures
-            need about 2.5 um.
     """
     arm, tools = milling_arm(seed), tooling(seed)
     frequency, hammer = _hammered(arm, seed)
-    parts = [_pass(arm, tools, frequency, hammer, seed, k, floor) for k in passes]
+    parts = [_pass(arm, tools, frequency, hammer, seed, k) for k in passes]
     return MillingExperiment(
         seed=seed,
         arm=arm,
@@ -115,6 +111,12 @@ def milling_experiment(
     )
 
 
+def with_noise(windows: WindowSet, size: float, seed: int) -> WindowSet:
+    """Returns windows with white noise (m) on the measured error; the paper's need 2.5 um."""
+    noise = size * np.random.default_rng([seed, 104]).standard_normal(len(windows))
+    return replace(windows, measured=windows.measured + noise)
+
+
 def _pass(
     arm: MillingArm,
     tools: Tooling,
@@ -122,7 +124,6 @@ def _pass(
     hammer: ComplexArray,
     seed: int,
     which: int,
-    floor: float,
 ) -> tuple[WindowSet, Array, Array]:
     """Windows, true static part (n,) and place along the pass (n,)."""
     rng = np.random.default_rng([seed, 110 + which])
@@ -136,10 +137,9 @@ def _pass(
     middle = 0.5 * (edges[1:] + edges[:-1])
     repeated = _repeatability(middle, rng)
     mean = pass_joints(middle, SHIFTS[which]) + JOINT_NOISE * rng.standard_normal((WINDOWS, 6))
-    noise = floor * rng.standard_normal(WINDOWS)
     rows = []
     for k, (a, b) in enumerate(pairwise(marks.tolist())):
-        measured = peaks_per_turn(seen[a:b], TURN).mean() + repeated[k] + noise[k]
+        measured = peaks_per_turn(seen[a:b], TURN).mean() + repeated[k]
         bent = _predicted(frequency, hammer, read[a:b])
         predicted = peaks_per_turn(-bent, TURN).mean()
         peak = peaks_per_turn(np.abs(read[a:b, 1]), TURN).mean()

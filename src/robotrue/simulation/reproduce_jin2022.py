@@ -1,0 +1,214 @@
+"""The numbers of Jin, Sun, Tang, Li 2022 beside those of the virtual milling experiment.
+
+What the paper tabulates is arithmetic and repeated as such. What it measured is SIMULATED here:
+:mod:`robotrue.simulation.milling_experiment`. It prints neither frequency response nor force
+records, nor predicted errors, so nothing else can be repeated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.core.units import DEG, MM, UM
+from robotrue.dynamics.deviation import fit_deviation
+from robotrue.dynamics.deviation_physics import CompliantArm
+from robotrue.dynamics.deviation_validation import METHODS, folds, scores
+from robotrue.dynamics.paper_components import kept
+from robotrue.dynamics.paper_regression import fit_paper
+from robotrue.errors import ConfigurationError
+from robotrue.robot.forward import forward
+from robotrue.robot.presets import preset
+from robotrue.simulation.milling_arm import SHIFTS, MillingArm, milling_robot
+from robotrue.simulation.milling_experiment import (
+    MillingExperiment,
+    milling_experiment,
+    with_noise,
+)
+from robotrue.simulation.reproduction import Figure, Progress, Reproduction, single
+
+SOURCE: Final = "Jin, Sun, Tang, Li 2022, Aerospace Shanghai (Chinese and English)"
+FLOOR: Final = 2.5 * UM
+"""White noise of a window that the printed figures need."""
+ROWS_DEG: Final = np.array(
+    [
+        [-26.174, -12.054, 52.467, -32.046, -56.636, 18.890],
+        [-25.999, -11.490, 52.572, -31.812, -56.668, 18.716],
+        [-25.850, -11.006, 52.660, -31.613, -56.695, 18.569],
+        [-25.739, -10.647, 52.722, -31.466, -56.712, 18.462],
+        [-25.618, -10.250, 52.788, -31.305, -56.730, 18.346],
+        [-25.479, -9.799, 52.861, -31.124, -56.748, 18.216],
+        [-25.364, -9.422, 52.919, -30.974, -56.762, 18.110],
+        [-25.249, -9.043, 52.975, -30.824, -56.774, 18.004],
+        [-25.133, -8.660, 53.030, -30.674, -56.785, 17.900],
+        [-25.014, -8.265, 53.084, -30.521, -56.795, 17.794],
+    ]
+)
+"""Table 1, joints."""
+EIGENVALUES: Final = np.array([5.45, 1.20, 0.95, 0.40, 1.78e-4, 5.01e-7, 1.50e-8, 9.06e-10])
+"""Table 2."""
+TRAIN_RMSE: Final = 2.53
+TEST_RMSE: Final = 3.75
+"""um; the unit is not printed."""
+LARGEST: Final = 7.0
+"""um, after correction, training and test together."""
+SPLITS: Final = {"blocks": "contiguous blocks", "passes": "unseen pass", "unseen": "unseen poses"}
+WAYS: Final = {
+    "prediction": "e_w only",
+    "paper": "components and support vectors",
+    "deviation": "ours",
+}
+UNMET: Final[tuple[tuple[str, str], ...]] = (
+    (
+        "test RMSE of 3.75 as a median",
+        "With a floor of 2.5 um every regression has about the floor itself on 23 windows; 3.75 is "
+        "at the upper end of the spread of random splits, 2.53 in training is the floor.",
+    ),
+    (
+        "the sample of 93 windows",
+        "Ten rows are printed; without the others, and without frequency response and force, no "
+        "regression on the paper's own data can be repeated.",
+    ),
+)
+
+
+def reproduce_jin2022(
+    robots: int = 20, *, quick: bool = False, progress: Progress | None = None
+) -> Reproduction:
+    """Returns the paper's numbers beside those of simulated arms with seeds 1, 2, ...
+
+    Args:
+        robots: How many arms.
+        quick: Only the printed pass, so no unseen poses.
+        progress: Told before each step.
+
+    Raises:
+        ConfigurationError: No arms.
+    """
+    if robots < 1:
+        raise ConfigurationError(f"{robots} robots, expected 1 or more; 20 for a spread.")
+    tell = progress or (lambda what, done, of: None)
+    figures = printed_figures()
+    floor, held = [], []
+    for k, seed in enumerate(range(1, robots + 1)):
+        tell(f"arm {seed} of {robots}", k, robots)
+        experiment = milling_experiment(seed, [0] if quick else range(len(SHIFTS)))
+        floor.append(as_printed(experiment))
+        held.append(held_out(experiment))
+    figures += [
+        _simulated("random", *key, paper, [row[key] for row in floor])
+        for key, paper in _FLOOR_PRINTED.items()
+    ]
+    figures += [_simulated("held out", *key, None, [row[key] for row in held]) for key in held[0]]
+    return Reproduction(
+        scenario="IRB 6660-205/1.9 that mills",
+        robots=robots,
+        figures=tuple(figures),
+        unmet=UNMET,
+        source=SOURCE,
+        remarks=(
+            "SIMULATED arms; the paper milled one pass with one robot. Median and quartiles.",
+            "The printed tables are arithmetic on printed numbers.",
+            "Random 70 / 23 windows of one pass, 2.5 um of noise on each: as the paper. Held out: "
+            "low noise, root mean square in um.",
+        ),
+    )
+
+
+def printed_figures() -> list[Figure]:
+    """Returns what can be checked in the paper's own tables."""
+    points = forward(preset("ABB IRB 6660-205/1.9"), ROWS_DEG * DEG)[:, :3, 3]
+    pooled = float(np.sqrt((70 * TRAIN_RMSE**2 + 23 * TEST_RMSE**2) / 93))
+    rows = [
+        ("sum of eigenvalues", "1", 8.0, float(EIGENVALUES.sum())),
+        ("components that carry 95 %", "1", 4.0, float(kept(EIGENVALUES))),
+        ("first contribution, of its eigenvalue", "%", 68.10, 100.0 * EIGENVALUES[0] / 8.0),
+        ("printed poses off a straight line", "mm", None, _off_line(points) / MM),
+        ("way of the ten rows", "mm", None, float(np.linalg.norm(points[-1] - points[0])) / MM),
+        ("pooled RMSE of both parts", "um", None, pooled),
+    ]
+    return [single("printed", name, "", unit, paper, value) for name, unit, paper, value in rows]
+
+
+_FLOOR_PRINTED: Final[dict[tuple[str, str], float | None]] = {
+    ("before: e_w only", "mean"): 4.0,
+    ("before: e_w only", "largest"): 11.0,
+    ("components and support vectors", "RMSE, training"): TRAIN_RMSE,
+    ("components and support vectors", "RMSE, test"): TEST_RMSE,
+    ("components and support vectors", "mean, all windows"): 2.0,
+    ("components and support vectors", "largest, all windows"): LARGEST,
+    ("ours", "RMSE, training"): None,
+    ("ours", "RMSE, test"): None,
+    ("ours", "largest, all windows"): None,
+}
+
+
+def as_printed(experiment: MillingExperiment) -> dict[tuple[str, str], float]:
+    """Returns the paper's figures in um on the printed pass, noise and split as in the paper."""
+    arm, seed = arm_of(experiment.arm), experiment.seed
+    clean = experiment.windows.subset(experiment.windows.pass_index == 0)
+    windows = with_noise(clean, FLOOR, seed)
+    train, test = folds(windows, "random", seed=seed)[0]
+    known = windows.subset(train)
+    out = {
+        ("before: e_w only", "mean"): float(np.abs(windows.deviation).mean()),
+        ("before: e_w only", "largest"): float(np.abs(windows.deviation).max()),
+    }
+    estimates = {
+        "components and support vectors": fit_paper(known).predict(windows),
+        "ours": fit_deviation(known, arm).predict(windows).error,
+    }
+    for name, estimate in estimates.items():
+        miss = estimate - windows.measured
+        out[name, "RMSE, training"] = _rms(miss[train])
+        out[name, "RMSE, test"] = _rms(miss[test])
+        out[name, "mean, all windows"] = float(np.abs(miss).mean())
+        out[name, "largest, all windows"] = float(np.abs(miss).max())
+    return {key: value / UM for key, value in out.items()}
+
+
+def held_out(experiment: MillingExperiment) -> dict[tuple[str, str], float]:
+    """Returns RMSE in um of windows held out, low noise, and coverage of our 95 % band in %."""
+    windows, arm = experiment.windows, arm_of(experiment.arm)
+    one = windows.subset(windows.pass_index == 0)
+    out: dict[tuple[str, str], float] = {}
+    for kind, word in SPLITS.items():
+        if kind != "blocks" and len(windows.pass_names) == 1:
+            continue
+        for score in scores(one if kind == "blocks" else windows, arm, kinds=[kind]):
+            out[word, WAYS[score.method]] = score.rmse / UM
+            if score.coverage is not None and score.method == METHODS[-1]:
+                out[word, "ours, in 95 % band"] = 100.0 * score.coverage
+    return out
+
+
+def arm_of(arm: MillingArm) -> CompliantArm:
+    """Returns what the user of a virtual arm states: kinematics, stiffnesses up to 30 % off."""
+    return CompliantArm(
+        robot=milling_robot(),
+        stiffness=arm.stiffness_belief,
+        direction=np.array([0.0, -1.0, 0.0]),
+    )
+
+
+def _simulated(
+    table: str, name: str, quantity: str, paper: float | None, values: Sequence[float]
+) -> Figure:
+    unit = "%" if "%" in quantity else "um"
+    return Figure(
+        table=table, name=name, quantity=quantity, unit=unit, paper=paper, ours=np.array(values)
+    )
+
+
+def _off_line(points: Array) -> float:
+    chord = points[-1] - points[0]
+    chord = chord / np.linalg.norm(chord)
+    offset = points - points[0]
+    return float(np.linalg.norm(offset - (offset @ chord)[:, None] * chord, axis=1).max())
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt((values**2).mean()))

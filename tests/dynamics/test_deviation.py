@@ -1,0 +1,212 @@
+"""The learned deviation on planted windows: recovers, extrapolates, refuses, opens again."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from window_cases import FACTORS, planted, stated_arm
+
+from robotrue.core.archive import archive_bytes, read_archive
+from robotrue.core.units import DEG, UM
+from robotrue.dynamics.deviation import (
+    DeviationSettings,
+    Standing,
+    deviation_from_archive,
+    fit_deviation,
+)
+from robotrue.dynamics.deviation_kernel import CENTRE, WindowRows, covariance, variance
+from robotrue.dynamics.deviation_physics import CompliantArm, physics_terms
+from robotrue.dynamics.deviation_validation import folds, scores
+from robotrue.dynamics.formats.windows_csv import read_windows, windows_bytes
+from robotrue.dynamics.paper_components import components_of
+from robotrue.dynamics.paper_regression import fit_paper
+from robotrue.errors import (
+    ArchiveError,
+    ConfigurationError,
+    FormatError,
+    ImplausibleDataError,
+    ModelMismatchError,
+    ObservabilityError,
+)
+
+
+@pytest.fixture(scope="module")
+def model():
+    return fit_deviation(planted(), stated_arm())
+
+
+def test_factors_of_the_joints_come_back(model):
+    found, sd = model.factors[:6], model.factors_sd[:6]
+    assert (np.abs(found - FACTORS) < 3.0 * sd).all()
+    assert (sd < 0.26).all()
+    assert sd.min() < 0.1
+
+
+def test_unseen_pass_is_predicted_within_its_band(model):
+    other = planted(passes=(3, 4), seed=9)
+    found = model.predict(other)
+    miss = found.error - other.measured
+    assert np.sqrt((miss**2).mean()) < 1.0 * UM
+    before = other.deviation
+    assert np.sqrt((miss**2).mean()) < 0.3 * np.sqrt((before**2).mean())
+    assert 0.85 < (np.abs(miss) < 1.96 * found.sd).mean() <= 1.0
+
+
+def test_pose_far_from_all_windows_is_marked_and_gets_physics_alone(model):
+    far = planted(passes=(5,), each=14, seed=3)
+    turned = replace(far, joints=far.joints + np.array([0.9, 0.0, 0.0, 0.6, 0.0, 0.0]))
+    found = model.predict(turned)
+    assert (found.standing == Standing.EXTRAPOLATED).all()
+    np.testing.assert_allclose(found.deviation, found.physics, atol=1e-12)
+    assert (found.sd >= model.predict(planted(passes=(0,), each=14)).sd.max()).all()
+
+
+def test_force_unlike_any_is_marked(model):
+    windows = planted(passes=(0,), each=14)
+    strange = replace(windows, force=windows.force * 8.0)
+    assert (model.predict(strange).standing == Standing.EXTRAPOLATED).all()
+
+
+def test_pose_outside_the_arm_is_invalid(model):
+    windows = planted(passes=(0,), each=14)
+    joints = windows.joints.copy()
+    joints[3, 1] = 100.0 * DEG
+    found = model.predict(replace(windows, joints=joints))
+    assert found.standing[3] == Standing.INVALID
+    assert np.isnan([found.error[3], found.sd[3], found.physics[3]]).all()
+    assert np.isfinite(found.error[4])
+
+
+def test_model_opens_again_with_the_same_numbers(model, tmp_path):
+    path = tmp_path / "m.robotrue"
+    path.write_bytes(archive_bytes(model.to_archive()))
+    again = deviation_from_archive(read_archive(path))
+    windows = planted(passes=(1, 3), each=20, seed=4)
+    for name in ("error", "sd", "physics", "standing"):
+        np.testing.assert_array_equal(
+            getattr(again.predict(windows), name), getattr(model.predict(windows), name)
+        )
+    with pytest.raises(ArchiveError, match="expected 'dynamic-deviation'"):
+        deviation_from_archive(replace(model.to_archive(), kind="error-model/learned"))
+
+
+def test_variance_is_the_diagonal_of_the_covariance():
+    rng = np.random.default_rng(5)
+    rows = WindowRows(
+        basis=rng.normal(size=(7, 3)) * 1e-6,
+        joints=rng.normal(size=(7, 6)),
+        place=rng.normal(size=(7, 3)),
+        member=np.array([0, 0, 0, 1, 1, 2, 2]),
+        drift=rng.normal(size=(7, 3)) * 1e-6,
+    )
+    prior = np.array([0.1, 1.0, 2.0])
+    full = covariance(rows, rows, CENTRE, prior)
+    np.testing.assert_allclose(np.diag(full), variance(rows, CENTRE, prior), rtol=1e-9)
+
+
+def test_terms_add_up_to_the_static_deflection():
+    """Independent: compliance of the arm in robot.statics turns the same force into a twist."""
+    from robotrue.robot.model import parameter_slice
+    from robotrue.robot.statics import Load, deflected
+
+    arm, windows = stated_arm(), planted(passes=(2,), each=12)
+    wrench = np.concatenate([windows.force, np.zeros((12, 3))], axis=1)
+    errors = arm.robot.errors.copy()
+    errors[parameter_slice(6, "compliance")] = 1.0 / arm.stiffness
+    bent = arm.robot.with_errors(errors)
+    loaded, _ = deflected(bent, windows.joints, Load(wrench=wrench))
+    free, _ = deflected(bent, windows.joints)
+    moved = (loaded.position - free.position) @ arm.direction
+    terms = physics_terms(arm, windows)
+    np.testing.assert_allclose(terms.by_joint.sum(axis=1), moved, rtol=1e-3)
+    np.testing.assert_allclose(
+        np.einsum("ni,ni->n", terms.compliance, windows.force), terms.by_joint.sum(axis=1)
+    )
+
+
+def test_splits_hold_out_what_they_say():
+    windows = planted(passes=(0, 1, 2), each=30)
+    for train, test in folds(windows, "blocks"):
+        assert len(test) == 15
+        assert not np.intersect1d(train, test).size
+        for k in range(3):
+            rows = test[windows.pass_index[test] == k]
+            assert (np.diff(rows) == 1).all()
+    assert [set(windows.pass_index[t]) for _, t in folds(windows, "passes")] == [{0}, {1}, {2}]
+    train, test = folds(windows, "unseen", known="p1")[0]
+    assert set(windows.pass_index[train]) == {1}
+    assert set(windows.pass_index[test]) == {0, 2}
+    with pytest.raises(ConfigurationError, match="no pass 'p9'"):
+        folds(windows, "unseen", known="p9")
+    with pytest.raises(ObservabilityError, match="needs two passes"):
+        folds(windows.subset(windows.pass_index == 0), "passes")
+
+
+def test_scores_rank_the_methods_on_unseen_poses():
+    windows = planted(passes=(0, 3), each=40)
+    found = {s.method: s for s in scores(windows, stated_arm(), kinds=["unseen"])}
+    assert found["deviation"].rmse < found["prediction"].rmse
+    assert found["deviation"].rmse < found["paper"].rmse
+    assert found["prediction"].coverage is None
+    assert found["deviation"].document()["windows"] == 40
+
+
+def test_paper_interpolates_and_its_components_are_orthonormal():
+    windows = planted(passes=(0,), each=60)
+    train, test = folds(windows, "random")[0]
+    paper = fit_paper(windows.subset(train))
+    held = windows.subset(test)
+    miss = paper.predict(held) - held.measured
+    assert np.sqrt((miss**2).mean()) < 0.5 * np.sqrt((held.deviation**2).mean())
+    assert paper.components.count <= 4
+    with pytest.raises(ImplausibleDataError, match="f_peak_N does not vary"):
+        components_of(np.column_stack([windows.joints, np.full(60, 80.0), windows.force_mean]))
+
+
+def test_bad_windows_are_refused():
+    arm, windows = stated_arm(), planted(passes=(0,), each=20)
+
+    def refused(error, match, **changes):
+        with pytest.raises(error, match=match):
+            fit_deviation(replace(windows, **changes), arm)
+
+    with pytest.raises(ObservabilityError, match="11 windows, 12 are the least"):
+        fit_deviation(windows.subset(np.arange(11)), arm)
+    measured = windows.measured.copy()
+    measured[4] = np.nan
+    refused(ObservabilityError, "window 5 has no measured error", measured=measured)
+    refused(ImplausibleDataError, "measured_um does not vary", measured=np.full(20, 30 * UM))
+    refused(ImplausibleDataError, "these look like radians", joints=windows.joints * DEG)
+    refused(ImplausibleDataError, "look like mm or m", predicted=windows.predicted * 1e-3)
+    refused(ImplausibleDataError, "are these nm", measured=windows.measured * 1e3)
+    refused(ImplausibleDataError, "counts", force=windows.force * 1e4)
+    refused(ImplausibleDataError, "below the size of f_mean_N", force_peak=np.linspace(1, 2, 20))
+    still = np.tile(windows.joints[:1], (20, 1))
+    refused(ImplausibleDataError, "the arm stood still", joints=still)
+    refused(ModelMismatchError, "beyond the limits", joints=windows.joints + 2.0)
+    with pytest.raises(ConfigurationError, match="not a unit vector"):
+        CompliantArm(robot=arm.robot, stiffness=arm.stiffness, direction=np.ones(3))
+    with pytest.raises(ConfigurationError, match="prior gain"):
+        DeviationSettings(gain=-1.0)
+
+
+def test_windows_are_read_as_written(tmp_path):
+    windows = planted(passes=(0, 1), each=5)
+    measured = windows.measured.copy()
+    measured[3] = np.nan
+    windows = replace(windows, measured=measured)
+    path = tmp_path / "w.csv"
+    path.write_bytes(windows_bytes(windows))
+    again = read_windows(path)
+    assert again.passes == windows.passes
+    for name in ("joints", "force", "force_peak", "force_mean", "predicted", "measured"):
+        np.testing.assert_allclose(getattr(again, name), getattr(windows, name), rtol=1e-11)
+    text = path.read_text()
+    path.write_text(text.replace("f_peak_N", "f_peak_kN"))
+    with pytest.raises(FormatError, match=r"w\.csv:1: no column 'f_peak_N'"):
+        read_windows(path)
+    lines = text.splitlines()
+    lines[2] = lines[2].replace(lines[2].split(",")[8], "nan")
+    path.write_text("\n".join(lines))
+    with pytest.raises(FormatError, match=r"w\.csv:3: fy_mean_N is 'nan'"):
+        read_windows(path)
