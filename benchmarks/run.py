@@ -107,6 +107,7 @@ BENCHMARKS = (
     Benchmark(name="heavy_arm", quick=("--quick",), rows=stated),
     Benchmark(name="compensation_chain", quick=("20000",), rows=chain),
     Benchmark(name="program_files", quick=("20000",), rows=stated),
+    Benchmark(name="path_programs", quick=("5000",), rows=stated),
     Benchmark(name="streaming", quick=("100000",), rows=stated),
     Benchmark(name="few_poses", quick=("--quick",), rows=stated),
     Benchmark(name="real_arms", quick=("--quick",), rows=measured_arms),

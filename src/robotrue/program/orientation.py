@@ -14,7 +14,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array, frozen
 from robotrue.errors import ConfigurationError, ShapeError
-from robotrue.program.carried import about_z, carried_frames, carry, to_z
+from robotrue.program.carried import about_z, carried_frames, to_z
 
 Angles: TypeAlias = Literal["", "rpy", "kuka"]
 """``rpy``: A, B, C turn about X, Y, Z, R = Rz(C) Ry(B) Rx(A); ``kuka``: R = Rz(A) Ry(B) Rx(C)."""
@@ -70,10 +70,9 @@ class OrientationRule:
         known = np.asarray(np.isfinite(axis).all(axis=1))
         if self.spin is None or not known.any():
             return out
-        found = np.ascontiguousarray(axis[known])
-        side = np.array(carry((1.0, 0.0, 0.0), [0.0, 0.0, 1.0], found[0].tolist()))
+        x, _, z = np.eye(3)
         turn = about_z(np.array(self.spin)) @ to_z(self.cutter)
-        out[known] = carried_frames(found, side) @ turn
+        out[known] = carried_frames(axis[known], x, before=z) @ turn
         return out
 
     def axes_of(self, rotation: Array) -> Array:

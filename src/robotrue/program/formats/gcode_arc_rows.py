@@ -152,8 +152,10 @@ def arc_rows(rows: Rows, words: Words, base: IntArray, *, absolute: bool) -> Arc
     bad = np.zeros(m, np.bool_)
     bad[arc[~told]] = True
     chosen = arc[whole]
+    # A conversational arc takes no third axis: it cannot say where it always went.
+    loose = told & np.asarray(not absolute)
     return ArcRows(
-        spread=spread, ends=place[arc], starts=starts, loose=told, bad=bad, plane=plane,
+        spread=spread, ends=place[arc], starts=starts, loose=loose, bad=bad, plane=plane,
         through=(place[chosen] - 1, through.rows(chosen)), middle=middle,
     )  # fmt: skip
 

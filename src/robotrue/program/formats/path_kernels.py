@@ -10,7 +10,7 @@ import numpy as np
 
 @numba.njit(cache=True)
 def decimals_of(buf: Any, start: Any, length: Any) -> Any:
-    """Returns the decimals of tokens (n, w); 0 where there is none or it has no point."""
+    """Returns the decimals of tokens (n, w), 15 at most; 0 for one without a point, or none."""
     out = np.zeros(start.shape, np.int64)
     for i in range(start.shape[0]):
         for k in range(start.shape[1]):
@@ -19,7 +19,7 @@ def decimals_of(buf: Any, start: Any, length: Any) -> Any:
             end = start[i, k] + length[i, k]
             for j in range(start[i, k], end):
                 if buf[j] == 46:
-                    out[i, k] = end - j - 1
+                    out[i, k] = min(end - j - 1, 15)
                 elif (buf[j] | 32) == 101:
                     out[i, k] = 15
     return out
