@@ -111,3 +111,4 @@ def test_integrated_noise_of_an_accelerometer_diverges():
     f = np.arange(0.5, 50.0, 0.5)
     assert diverges_below(f, (5e-7 + 1e-5 / f**2).astype(complex))
     assert not diverges_below(f, np.full(len(f), 5e-7 + 0j))
+    assert not diverges_below(f, single(2.0, 0.05).response(f)[:, 0, 0])

@@ -126,6 +126,21 @@ def test_accelerance_under_the_name_of_a_receptance(tmp_path):
         read_frf_csv(written(tmp_path, HEAD + rows(FRF.pair("x", "x"), "accelerance")))
 
 
+def test_integrated_noise_is_not_trusted(tmp_path):
+    """A receptance that somebody integrated from an accelerometer: blind below 4 Hz, too."""
+    f = np.arange(0.5, 200.0, 0.5)
+    noise = 1e-5 / f**2
+    g = single().response(f)[:, 0, 0] + noise
+    body = "".join(f"{a:.6g},{b.real:.9e},{b.imag:.9e}\n" for a, b in zip(f, g, strict=True))
+    assert read_frf_csv(written(tmp_path, HEAD + body)).valid == (4.0, 199.5)
+
+
+def test_a_coherence_in_per_cent(tmp_path):
+    text = "f_Hz,Gxx_re_m_per_N,Gxx_im_m_per_N,Cxx\n" + GOOD.replace("\n", ",97\n")
+    with pytest.raises(ImplausibleDataError, match="coherence Cxx goes from 97 to 97"):
+        read_frf_csv(written(tmp_path, text))
+
+
 def test_binary_is_no_csv(tmp_path):
     path = tmp_path / "FRF.csv"
     path.write_bytes(b"f_Hz,\xff\xfe\n")

@@ -144,11 +144,14 @@ def incoherent_share(frf: FrequencyResponse) -> float:
 
 def diverges_below(frequency: Array, direct: ComplexArray) -> bool:
     """Returns whether a curve (m,) grows towards 0 Hz like integrated noise of an accelerometer."""
-    low = (frequency > 0.0) & (frequency <= 1.25 * BLIND_BELOW)
-    if low.sum() < 4 or not np.abs(direct[low]).all():
-        return False
-    slope = np.polyfit(np.log(frequency[low]), np.log(np.abs(direct[low])), 1)[0]
-    return bool(slope < -1.0)
+    # Over the whole blind range and over its lower half: a mode in it would fall on one side only.
+    for top in (1.25 * BLIND_BELOW, 0.6 * BLIND_BELOW):
+        low = (frequency > 0.0) & (frequency <= top)
+        if low.sum() < 4 or not np.abs(direct[low]).all():
+            return False
+        if np.polyfit(np.log(frequency[low]), np.log(np.abs(direct[low])), 1)[0] >= -1.0:
+            return False
+    return True
 
 
 def _trusted(frf: FrequencyResponse, pair: str) -> BoolArray:

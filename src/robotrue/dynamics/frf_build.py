@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 
 from robotrue.core.arrays import Array
-from robotrue.dynamics.checks import BLIND_BELOW, check_response
+from robotrue.dynamics.checks import BLIND_BELOW, check_response, diverges_below
 from robotrue.dynamics.frf import AXES, ComplexArray, FrequencyResponse, in_form
-from robotrue.errors import FormatError
+from robotrue.errors import FormatError, ImplausibleDataError
+
+_ROUNDING: Final = 1e-3
+"""Beyond 0 and 1, of a printed coherence."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,7 +38,8 @@ def assembled(
     """Returns one response of all curves, as receptance, checked.
 
     A line at 0 Hz of a receptance is its static deflection; of the other forms it is dropped. What
-    an accelerometer measured is trusted from 4 Hz on, anything else from its first line.
+    an accelerometer measured is trusted from 4 Hz on, and so is a receptance that grows towards
+    0 Hz like the integrated noise of one; anything else from its first line.
 
     Args:
         frequency: (m,) Hz.
@@ -62,7 +67,7 @@ def assembled(
         i, j = out.index(pair[0]), into.index(pair[1])
         raw[:, i, j], present[i, j] = values, True
         if coherence is not None and pair in pairs.coherence:
-            coherence[:, i, j] = np.clip(pairs.coherence[pair], 0.0, 1.0)
+            coherence[:, i, j] = _coherence(pair, pairs.coherence[pair], source)
     static = None
     if frequency[0] == 0.0:
         if pairs.form == "receptance":
@@ -72,7 +77,10 @@ def assembled(
             coherence = None if coherence is None else coherence[1:]
     response = in_form(raw, frequency, pairs.form, "receptance")
     low = 0.0 if static is not None else lowest
-    if pairs.form != "receptance":
+    direct = [a + a for a in out if a + a in pairs.response]
+    blind = any(diverges_below(frequency, response[:, out.index(p[0]), into.index(p[1])])
+                for p in direct)  # fmt: skip
+    if pairs.form != "receptance" or (static is None and blind):
         low = max(low, BLIND_BELOW)
     found = FrequencyResponse(
         frequency=frequency,
@@ -88,3 +96,14 @@ def assembled(
     )
     check_response(found)
     return found
+
+
+def _coherence(pair: str, values: Array, source: str) -> Array:
+    if values.min() < -_ROUNDING or values.max() > 1.0 + _ROUNDING:
+        raise ImplausibleDataError(
+            f"coherence C{pair} goes from {values.min():.3g} to {values.max():.3g}, expected 0 to "
+            "1.",
+            source=source,
+            hint="export the coherence, not a spectrum or per cent.",
+        )
+    return np.asarray(np.clip(values, 0.0, 1.0))

@@ -55,23 +55,19 @@ def read_columns(path: str | Path) -> Columns:
 
     data = read_bytes(path)
     text = _text(data, path)
-    lines = text.splitlines()
-    head = next((i for i, s in enumerate(lines) if s.strip() and not s.startswith("#")), None)
-    if head is None:
+    head, header, start = _header(text)
+    if head == 0:
         raise FormatError("the file is empty.", source=path, hint="export it again.")
-    mark = next((m for m in (";", "\t", ",") if m in lines[head]), ",")
-    names = _names(lines[head].split(mark), path, head + 1)
-    body = lines[head + 1 :]
-    while body and not body[-1].strip():
-        body.pop()
+    mark = next((m for m in (";", "\t", ",") if m in header), ",")
+    names = _names(header.split(mark), path, head)
+    body = text[start:].rstrip()
     if not body:
-        raise FormatError(
-            "a header and no rows.", source=path, line=head + 1, hint="export it again."
-        )
-    decimal = "," if mark != "," and "," in body[0] else "."
+        raise FormatError("a header and no rows.", source=path, line=head, hint="export it again.")
+    first = body[: body.find("\n")] if "\n" in body else body
+    decimal = "," if mark != "," and "," in first else "."
     try:
-        frame = pd.read_csv(
-            io.StringIO("\n".join(body)),
+        values = pd.read_csv(
+            io.StringIO(body),
             sep=mark,
             header=None,
             names=list(range(len(names))),
@@ -80,19 +76,19 @@ def read_columns(path: str | Path) -> Columns:
             decimal=decimal,
             skip_blank_lines=False,
             on_bad_lines="error",
-        )
-        values = frame.to_numpy()
+        ).to_numpy()
     except (ValueError, pd.errors.ParserError, pd.errors.ParserWarning):
         values = np.empty((0, 0))
-    if values.shape != (len(body), len(names)) or not np.isfinite(values).all():
-        raise _fault(body, names, mark, decimal, path, head + 2)
+    rows = body.count("\n") + 1
+    if values.shape != (rows, len(names)) or not np.isfinite(values).all():
+        raise _fault(body.split("\n"), names, mark, decimal, path, head + 1)
     return Columns(
         source=str(path),
         digest=sha256(data),
         names=names,
         values=values,
-        first_line=head + 2,
-        header_line=head + 1,
+        first_line=head + 1,
+        header_line=head,
     )
 
 
@@ -123,6 +119,20 @@ def _text(data: bytes, path: str | Path) -> str:
     if "\0" in text:
         raise FormatError("holds zero bytes: a binary file.", source=path, hint="export as CSV.")
     return text
+
+
+def _header(text: str) -> tuple[int, str, int]:
+    """Line of the header from 1 (0: none), the header, and where the rows begin in the text."""
+    start, line = 0, 0
+    while start < len(text):
+        end = text.find("\n", start)
+        end = len(text) if end < 0 else end
+        line += 1
+        found = text[start:end].strip()
+        start = end + 1
+        if found and not found.startswith("#"):
+            return line, found, start
+    return 0, "", start
 
 
 def _names(cells: list[str], path: str | Path, line: int) -> tuple[str, ...]:
