@@ -28,8 +28,8 @@ from robotrue.robot.forward import forward
 from robotrue.robot.presets import preset
 from robotrue.robot.statics import Load
 
-COUNT = 3000
-BLOCK = 400
+COUNT = 2000
+BLOCK = 300
 
 
 def aggregate(T: np.ndarray) -> str:
@@ -197,7 +197,7 @@ def scheduler(request: pytest.FixtureRequest) -> Iterator[str]:
     distributed = pytest.importorskip("distributed")
     with (
         distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=request.param, dashboard_address=None
+            n_workers=2, threads_per_worker=1, processes=request.param, dashboard_address=":0"
         ) as cluster,
     ):
         yield cluster.scheduler_address

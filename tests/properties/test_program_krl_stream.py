@@ -104,7 +104,7 @@ def require_same(path: Path, targets: int) -> None:
 
 
 @settings(
-    max_examples=60, deadline=None, derandomize=True,
+    max_examples=40, deadline=None, derandomize=True,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
 )  # fmt: skip
 @given(programs(), st.integers(1, 30), st.integers(40, 4000))
