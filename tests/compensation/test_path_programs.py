@@ -10,8 +10,8 @@ from robotrue.compensation import Status, compensate
 from robotrue.compensation.difference import difference
 from robotrue.core.poses import inverse
 from robotrue.core.rotations import abc_from_matrix
-from robotrue.core.units import DEG, MM
-from robotrue.program.formats import dialect
+from robotrue.core.units import DEG, MM, UM
+from robotrue.program.formats import dialect, unfollowed
 from robotrue.program.orientation import OrientationRule
 from robotrue.program.program import FrameTable, Motion, Program
 from robotrue.robot.forward import forward
@@ -149,3 +149,33 @@ def test_arcs_of_a_plane_meet_their_corrected_ends() -> None:
     assert np.abs(left[~middle]).max() < 0.4e-6
     assert np.linalg.norm(left[middle], axis=1).max() < 60e-6  # what lies out of the plane
     assert again.motion.tolist() == program.motion.tolist()
+
+
+def test_what_is_not_written_is_told() -> None:
+    T = in_frame(cases.FRAME)
+    frames, model = table(cases.FRAME, spin_of(T)), cases.rigid_model(robot=cases.kr160())
+    told = {}
+    for name, make in MAKERS.items():
+        program = dialect(name).read(make(T).encode(), name="part", frames=frames)
+        told[name] = unfollowed(program, compensate(model, program).replacement)
+    assert told["sinumerik"] == ()  # three angles say all
+    assert all("12 points print no word" in told[name][0] for name in told if name != "sinumerik")
+
+
+def test_the_middle_of_an_arc_is_left_off_by_what_is_told() -> None:
+    first = forward(cases.kr160(), JOINTS)[0]
+    frame = np.array(first)
+    frame[:3, :3] = first[:3, :3] @ MIRROR
+    text = (
+        "X0.00000 Y0.00000 Z0.00000 A180.00000 B0.00000 C0.00000\nG2 X50.00000 Y0.00000 I25.00000\n"
+    )
+    data = f"%\nG90 G21 G17\nT1\nG54\nG43.4 H1\nG1 F100.\n{text}%\n".encode()
+    frames = table(frame, 0.0)
+    program, _, left = round_trip("fanuc_gcode", data, frames)
+    model = cases.rigid_model(robot=cases.kr160())
+    (sentence,) = unfollowed(program, compensate(model, program).replacement)
+    off = float(sentence.split(" up to ")[1].split(" um")[0])
+    middle = program.motion == Motion.ARC_VIA
+    assert abs(np.linalg.norm(left[middle], axis=1).max() / UM - off) < 0.3
+    assert off > 2.0
+    assert sentence.startswith("1 arcs stay in their plane")

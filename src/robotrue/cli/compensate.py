@@ -40,7 +40,7 @@ from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.program.external_axes import ExternalAxis
-from robotrue.program.formats import read_job, write_program
+from robotrue.program.formats import read_job, unfollowed, write_program
 from robotrue.program.identity import (
     ProgramIdentity,
     identity_path,
@@ -282,6 +282,7 @@ def _rewritten(
         result, spins = spun(model, program, settings, turned)
         won = {"free_spin": spins}
     summary = {**result.summary(), **({"force": force.document()} if force.uses else {}), **won}
+    summary["notes"] = [*summary["notes"], *unfollowed(program, result.replacement)]
     return write_program(program, result.replacement), summary
 
 

@@ -18,7 +18,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
-from typing import Final, cast
+from typing import Final, Protocol, cast, runtime_checkable
 
 from robotrue.core.files import read_bytes
 from robotrue.errors import ConfigurationError, FormatError
@@ -190,6 +190,21 @@ def read_program(path: str | Path, frames: FrameTable | None = None) -> Program:
             hint="read them together with read_job and write each.",
         )
     return job[0]
+
+
+@runtime_checkable
+class Partial(Protocol):
+    """A dialect that cannot say all of a target."""
+
+    def unfollowed(self, program: Program, replacement: Replacement) -> tuple[str, ...]:
+        """Returns what the written file cannot say of the new targets, one sentence each."""
+        ...
+
+
+def unfollowed(program: Program, replacement: Replacement) -> tuple[str, ...]:
+    """Returns what the written program cannot say of a replacement, one sentence each."""
+    language = dialect(program.dialect)
+    return language.unfollowed(program, replacement) if isinstance(language, Partial) else ()
 
 
 def write_program(program: Program, replacement: Replacement) -> bytes:

@@ -68,6 +68,12 @@ class PathDialect:
 
         return write_path(program, replacement)
 
+    def unfollowed(self, program: Program, replacement: Replacement) -> tuple[str, ...]:
+        """Returns what the written file cannot say of the new points, one sentence each."""
+        from robotrue.program.formats.path_losses import path_losses
+
+        return path_losses(program, replacement)
+
 
 def is_other_language(data: bytes) -> bool:
     """Returns whether bytes have what no G-code has: heads of robot programs, APT, tables."""
