@@ -305,3 +305,41 @@ def test_force_refused(cli, lab: Path, text: str, more, said: str, monkeypatch) 
     got = cli("dynamics", "force", "cut.toml", *more)
     assert got.code == 1
     assert said in got.err
+
+
+def write_readings(path: Path, *, turns: float = 90.0) -> Path:
+    from robotrue.core.rotations import matrix_from_abc
+
+    rx = turns * np.array([0, 1, -1, 0, 0, 2])
+    ry = turns * np.array([0, 0, 0, 1, -1, 0])
+    R = matrix_from_abc(np.deg2rad(np.column_stack([0 * rx, ry, rx])))
+    pull = R.transpose(0, 2, 1) @ [0.0, 0.0, -18.5 * 9.80665]
+    moment = np.cross([0.012, -0.006, 0.145], pull)
+    table = np.column_stack([rx, ry, 0 * rx, pull + np.array([5.0, -3.0, 8.0]), moment])
+    names = ["rx_deg", "ry_deg", "rz_deg", "fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm"]
+    pd.DataFrame(table, columns=names).to_csv(path, index=False)
+    return path
+
+
+def test_sensor(cli, tmp_path: Path) -> None:
+    poses = write_readings(tmp_path / "poses.csv")
+    got = cli("dynamics", "sensor", poses, "-o", tmp_path / "held.robotrue", "--json")
+    assert got.code == 0
+    d = got.document
+    assert d["mass_kg"] == pytest.approx(18.5, rel=1e-9)
+    assert d["centre_mm"] == pytest.approx([12.0, -6.0, 145.0], rel=1e-6)
+    assert d["force_offset_N"] == pytest.approx([5.0, -3.0, 8.0], rel=1e-9)
+    assert d["condition"] == pytest.approx(2.236, abs=0.01)
+    assert (tmp_path / "held.robotrue").exists()
+    assert "18.500 +- " in cli("dynamics", "sensor", poses).out
+
+
+def test_sensor_refused(cli, tmp_path: Path) -> None:
+    poses = write_readings(tmp_path / "poses.csv", turns=15.0)
+    got = cli("dynamics", "sensor", poses, "--json")
+    assert got.fault["kind"] == "ObservabilityError"
+    assert "at most 5" in got.fault["message"]
+    pd.read_csv(poses).drop(columns="mz_Nm").to_csv(poses, index=False)
+    got = cli("dynamics", "sensor", poses, "--json")
+    assert "no column mz_Nm" in got.fault["message"]
+    assert got.fault["line"] == 1

@@ -3,14 +3,16 @@
 import numpy as np
 import pytest
 
+from robotrue.core.archive import Archive
 from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.dynamics.flange_sensor import (
     centre_acceleration,
+    held_tool_from_archive,
     identify_held_tool,
     inertia_left,
     process_wrench,
 )
-from robotrue.errors import ImplausibleDataError, ObservabilityError, ShapeError
+from robotrue.errors import ArchiveError, ImplausibleDataError, ObservabilityError, ShapeError
 
 MASS, CENTRE = 18.5, np.array([12e-3, -6e-3, 145e-3])
 FORCE_0, MOMENT_0 = np.array([5.0, -3.0, 8.0]), np.array([0.2, 0.1, -0.3])
@@ -45,6 +47,15 @@ def test_six_wrist_poses():
     off = centre / np.array([f.centre_sd for f in found])
     assert (off.std(axis=0) < 1.35).all()
     assert (off.std(axis=0) > 0.75).all()
+
+
+def test_it_rebuilds_from_its_archive():
+    tool = identify_held_tool(SIX, readings(SIX))
+    again = held_tool_from_archive(tool.to_archive(source="here"))
+    assert again.mass == tool.mass
+    np.testing.assert_array_equal(again.centre, tool.centre)
+    with pytest.raises(ArchiveError, match="expected 'held-tool'"):
+        held_tool_from_archive(Archive(kind="other", schema=1, document={}, arrays={}))
 
 
 def test_tilt_of_the_base_is_absorbed():

@@ -207,3 +207,22 @@ def validate(
         seed=seed,
         as_json=json,
     )
+
+
+@dynamics.command()
+def sensor(
+    poses: Annotated[
+        Path,
+        typer.Argument(
+            metavar="POSES", help="Readings at rest, one row per pose of the wrist (CSV)."
+        ),
+    ],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Mass, centre and offsets to write.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Find what hangs on a force sensor at the flange: mass, centre of mass, offsets."""
+    from robotrue.cli.dynamics_sensor import run
+
+    run(poses, output, as_json=json)

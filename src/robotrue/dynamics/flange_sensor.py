@@ -14,19 +14,26 @@ the sensor from the tool's side.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
+from robotrue.core.archive import Archive
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.rotations import skew
 from robotrue.core.units import MM, STANDARD_GRAVITY
-from robotrue.errors import ImplausibleDataError, ObservabilityError, ShapeError
+from robotrue.errors import ArchiveError, ImplausibleDataError, ObservabilityError, ShapeError
 
 WORST_CONDITION: Final = 5.0
 """Six wrist poses +-90 deg have 2.2, twelve within 15 deg 10.6, with five times the deviation."""
 _WEIGHED: Final = 0.2
 """kg below which nothing hangs on the sensor that a centre could be found for."""
+KIND: Final = "held-tool"
+SCHEMA: Final = 1
+_NUMBERS: Final = ("mass", "mass_sd", "condition", "force_noise", "moment_noise")
+_VECTORS: Final = (
+    "centre", "weight_in_base", "force_offset", "moment_offset", "centre_sd", "force_offset_sd",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,11 +68,36 @@ class HeldTool:
 
     def __post_init__(self) -> None:
         """Freezes."""
-        for name in (
-            "centre", "weight_in_base", "force_offset", "moment_offset", "centre_sd",
-            "force_offset_sd",
-        ):  # fmt: skip
+        for name in _VECTORS:
             object.__setattr__(self, name, frozen(getattr(self, name), (3,), name))
+
+    def to_archive(self, *, source: str) -> Archive:
+        """Returns it as document and arrays (SI).
+
+        Args:
+            source: File of the readings.
+        """
+        numbers = {name: getattr(self, name) for name in _NUMBERS}
+        arrays = {name: getattr(self, name) for name in _VECTORS}
+        return Archive(
+            kind=KIND, schema=SCHEMA, document={"source": source, **numbers}, arrays=arrays
+        )
+
+
+def held_tool_from_archive(archive: Archive) -> HeldTool:
+    """Returns what ``HeldTool.to_archive`` kept.
+
+    Raises:
+        ArchiveError: Another kind, or written by a newer robotrue.
+    """
+    if archive.kind != KIND or archive.schema > SCHEMA:
+        raise ArchiveError(
+            f"archive of kind {archive.kind!r}, schema {archive.schema}; expected {KIND!r}, "
+            f"schema up to {SCHEMA}."
+        )
+    values: dict[str, Any] = {name: float(archive.document[name]) for name in _NUMBERS}
+    values |= {name: archive.array(name) for name in _VECTORS}
+    return HeldTool(**values)
 
 
 def identify_held_tool(R_base_sensor: Array, readings: Array) -> HeldTool:

@@ -1,0 +1,51 @@
+"""Readings of a flange sensor at rest as CSV: one row per pose of the wrist.
+
+``rx_deg, ry_deg, rz_deg`` (R_base_sensor = Rz(rz) Ry(ry) Rx(rx)) and ``fx_N, fy_N, fz_N, mx_Nm,
+my_Nm, mz_Nm`` in the sensor frame, what acts on the sensor from the tool's side, each a mean at
+rest.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.core.rotations import matrix_from_abc
+from robotrue.core.units import DEG
+from robotrue.dynamics.formats.columns import read_columns
+from robotrue.errors import FormatError
+
+ATTITUDE: Final = ("rx_deg", "ry_deg", "rz_deg")
+WRENCH: Final = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
+
+
+def read_sensor_csv(path: str | Path) -> tuple[Array, Array]:
+    """Returns R_base_sensor (n, 3, 3) and readings (n, 6) N, N m of a file.
+
+    Raises:
+        FormatError: A column that is missing or not known, a cell that is no finite number; with
+            its line.
+    """
+    table = read_columns(path)
+    for name in (*ATTITUDE, *WRENCH):
+        if name not in table.names:
+            raise FormatError(
+                f"no column {name}; expected {','.join((*ATTITUDE, *WRENCH))}.",
+                source=path,
+                line=table.header_line,
+                hint="angles in deg, forces in N, moments in N m.",
+            )
+    for name in table.names:
+        if name not in (*ATTITUDE, *WRENCH):
+            raise FormatError(
+                f"column {name!r} is not known; expected {','.join((*ATTITUDE, *WRENCH))}.",
+                source=path,
+                line=table.header_line,
+                hint="remove the column.",
+            )
+    angles = np.column_stack([table.column(name) for name in reversed(ATTITUDE)]) * DEG
+    readings = np.column_stack([table.column(name) for name in WRENCH])
+    return matrix_from_abc(angles), readings
