@@ -103,9 +103,16 @@ def test_fanuc_frames_of_group_one() -> None:
 @pytest.mark.parametrize(
     ("name", "text", "said"),
     [
-        ("$config.dat", CONFIG.replace("A 10.0,", ""), r"config.dat:6: BASE_DATA\[1\] has not six"),
-        ("TOOL.CND", TOOLS.replace("2.000,3", "x,3"), r"TOOL.CND:10: //TOOL 12 has not six"),
+        (
+            "$config.dat",
+            CONFIG.replace("A 10.0,", ""),
+            r"config.dat:6: BASE_DATA\[1\] has not six finite",
+        ),
+        ("TOOL.CND", TOOLS.replace("2.000,3", "x,3"), r"TOOL.CND:10: //TOOL 12 has not six finite"),
         ("F.VA", FRAMES.replace("Group: 1", "Group: 3"), r"F.VA:1: no position of group 1"),
+        ("F.VA", FRAMES.replace("150.500", "1E999"), r"F.VA:1[0-9]: \$MNUTOOL\[1,10\] has not six"),
+        ("$config.dat", CONFIG.replace("10.0,B", "1E999,B"), r"config.dat:6: BASE_DATA\[1\] has"),
+        ("TOOL.CND", TOOLS.replace("2.000,3", "1e999,3"), r"TOOL.CND:10: //TOOL 12 has not six"),
     ],
 )
 def test_what_cannot_be_read_is_named(name: str, text: str, said: str) -> None:

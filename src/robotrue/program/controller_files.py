@@ -11,7 +11,7 @@ pulse ratios in ``ALL.PRM`` are not read.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
@@ -140,7 +140,7 @@ def _kuka(name: str, text: str) -> ControllerFile:
         side, number = match[1].upper(), str(int(match[2]))
         parts = [_KUKA_PART.fullmatch(part) for part in match[3].split(",")]
         values = {part[1].upper(): float(part[2]) for part in parts if part}
-        if len(values) != 6 or len(parts) != 6:
+        if len(values) != 6 or len(parts) != 6 or not np.isfinite([*values.values()]).all():
             raise _unread(name, text, match.start(), f"{side}_DATA[{number}]")
         if side == "BASE" and machine.get(int(number), 0) > 1:
             notes.append(
@@ -175,7 +175,7 @@ def _yaskawa(name: str, text: str) -> ControllerFile:
                 inside = re.sub(r"^/+BUSER[ \t]*=?", "", inside, flags=re.IGNORECASE).strip()
             elif not inside or inside.startswith("/"):
                 continue
-            if not _SIX.fullmatch(inside):
+            if not _SIX.fullmatch(inside) or not _finite(inside.split(",")):
                 raise _unread(name, text, text.index(line), f"//{kind} {number}")
             current = None
             if elsewhere:
@@ -196,6 +196,9 @@ def _fanuc(name: str, text: str) -> ControllerFile:
         end = text.find("\n[*", match.end())
         section = text[match.end() : end if end >= 0 else len(text)]
         for one in _VA_ONE.finditer(section):
+            if not _finite(one.groups()[1:]):
+                at = match.end() + one.start()
+                raise _unread(name, text, at, f"$MNU{match[1].upper()}[1,{one[1]}]")
             numbers = [float(one[i]) for i in range(2, 8)]
             matrix = _pose(numbers[:3], numbers[:2:-1])
             side = out.bases if match[1].upper() == "FRAME" else out.tools
@@ -210,13 +213,17 @@ def _fanuc(name: str, text: str) -> ControllerFile:
     return out
 
 
+def _finite(numbers: Sequence[str]) -> bool:
+    return bool(np.isfinite([float(number) for number in numbers]).all())
+
+
 def _pose(xyz: list[float], abc: list[float]) -> Array:
     return pose_from_xyz_abc(np.array(xyz) * MM, np.array(abc) * DEG)
 
 
 def _unread(name: str, text: str, place: int, what: str) -> FormatError:
     return FormatError(
-        f"{what} has not six numbers.",
+        f"{what} has not six finite numbers.",
         source=name,
         line=text.count("\n", 0, place) + 1,
         hint="save the file from the controller again.",
