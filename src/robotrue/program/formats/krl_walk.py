@@ -37,8 +37,8 @@ _MOTION: Final = re.compile(r"\s*S?(PTP|LIN|CIRC|SPL)(_REL)?(?!\w)", re.IGNORECA
 _WORD: Final = re.compile(r"\s*(\$?\w+)")
 _REFERENCE: Final = re.compile(r"(\$?[A-Za-z_]\w*)(?:\s*\[([^\]]*)\])?((?:\s*\.\s*[A-Za-z_]\w*)*)")
 _DEFINE: Final = re.compile(
-    r"\s*(?:(?:GLOBAL|DECL|CONST)\s+)*(?:(\w+)\s+)?(\$?\w+)\s*(?:\[([^\]]*)\])?"
-    r"((?:\s*\.\s*\w+)*)\s*=(?!=)\s*",
+    r"\s*+(?:(?:GLOBAL|DECL|CONST)\s++)*(?:(\w++)\s++)?(\$?\w++)\s*+(?:\[([^\]]*+)\])?"
+    r"((?:\s*+\.\s*+\w++)*+)\s*+=(?!=)\s*+",
     re.IGNORECASE,
 )
 _BAS: Final = re.compile(r"\s*BAS\s*\(\s*#(\w+)\s*(?:,\s*(\w+)\s*)?", re.IGNORECASE)

@@ -6,6 +6,8 @@ import re
 from dataclasses import dataclass, field
 from typing import Final
 
+import numpy as np
+
 from robotrue.program.formats.course import Course
 from robotrue.program.formats.number_table import NumberTable
 from robotrue.program.formats.rapid_frames import KINDS, TOOL, WORK, RapidFrames
@@ -19,7 +21,7 @@ from robotrue.program.formats.rapid_scan import (
     fills,
 )
 from robotrue.program.formats.stored_points import Uses, Variable, Variables
-from robotrue.program.formats.text_lines import line_at
+from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.program import Reason
 
 LAYOUTS: Final = (tuple(range(17)), (*range(6), *range(11, 17)))
@@ -96,6 +98,7 @@ class Data:
         self.table = NumberTable(data, LAYOUTS, b"!")
         self.story, self.variables = Story(), Variables()
         self.place, self.scope = 0, ""
+        self._starts = line_starts(data)
 
     def declare(self, statement: Statement, *, frames_only: bool = False) -> bool:
         """Enters a declaration; returns whether the statement is one."""
@@ -212,7 +215,7 @@ class Data:
                         self.frames.lose(side, name, self.place)
 
     def _line(self, offset: int) -> int:
-        return line_at(self.data, offset) - 1
+        return int(np.searchsorted(self._starts, offset, side="right")) - 1
 
 
 def _counted(number: list[int], between: str) -> list[int]:
