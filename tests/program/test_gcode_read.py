@@ -267,3 +267,11 @@ def test_refused() -> None:
         with pytest.raises(FormatError) as refused:
             read("sinumerik", data)
         assert refused.value.line == line
+
+
+def test_what_was_taken_for_granted_is_told() -> None:
+    untold = read("sinumerik", f"TRAORI\n{FIRST}\n".encode())
+    assert untold.notes == ("part.nc:1: the program states no unit: millimetres were taken.",)
+    tool = sinumerik(f"$TC_DP3[1,1]=215.5\n{FIRST}")
+    assert tool.notes == ("part.nc:4: the program sets data of a tool; that of the cell is used.",)
+    assert reasons(tool) == [Reason.NONE]

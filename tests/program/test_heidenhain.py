@@ -134,3 +134,12 @@ def test_refused() -> None:
         with pytest.raises(FormatError, match=what) as refused:
             read("heidenhain", data)
         assert refused.value.line == line
+
+
+def test_presets_come_from_the_cell() -> None:
+    table = FrameTable(bases={"preset 2": np.eye(4)}, tools=TABLE.tools, orientation=RULE)
+    for call in ("CYCL DEF 247 DATUM SETTING Q339=+2", "CYCL DEF 247 DATUM SETTING ~\nQ339=+2 ;NR"):
+        head = f"0 BEGIN PGM A MM\n1 TOOL CALL 1 Z\n2 M128\n3 {call}\n"
+        assert reasons(of(FIRST, table, head)) == [Reason.NONE]
+        assert of(FIRST, table, head).frame[0] == 1
+        assert reasons(of(FIRST, TABLE, head)) == [Reason.UNKNOWN_FRAME]

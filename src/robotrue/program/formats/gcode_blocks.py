@@ -30,6 +30,7 @@ class Findings:
         frames: (block, name, matrix or None) of work frames the program sets; None is not known.
         names: Names of frames and tools, whose numbers are states.
         told: (first byte, sentence about what stands there).
+        remarks: (first byte, sentence) that leaves nothing out.
         inch: Unit the head of the program states: None where it does not.
     """
 
@@ -42,6 +43,7 @@ class Findings:
     frames: list[tuple[int, str, Array | None]] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
     told: list[tuple[int, str]] = field(default_factory=list)
+    remarks: list[tuple[int, str]] = field(default_factory=list)
     inch: bool | None = None
 
     def name(self, text: str) -> int:

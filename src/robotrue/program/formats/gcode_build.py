@@ -14,6 +14,7 @@ from robotrue.program.formats.gcode_arc_rows import ArcRows, arc_rows
 from robotrue.program.formats.gcode_arcs import ACROSS
 from robotrue.program.formats.gcode_blocks import Blocks
 from robotrue.program.formats.gcode_frames import GcodeFrames
+from robotrue.program.formats.gcode_kernels import NO_STATE
 from robotrue.program.formats.gcode_rows import Rows, Words, chosen
 from robotrue.program.formats.gcode_state import Epochs, in_force, inherited
 from robotrue.program.formats.gcode_vocabulary import UNCERTAIN, Column, Drive, Group, Vocabulary
@@ -169,6 +170,7 @@ class _Builder:
         share_fate(reason, arcs.groups(reason))
         words, marks = self._status(table.count, table.place)
         self.notes.each(found.told, self.blocks.first)
+        self._remark()
         return Program(
             name=self.name, dialect=self.vocabulary.name, data=self.blocks.data,
             position=position, rotation=rotation, axes=axes,
@@ -185,6 +187,17 @@ class _Builder:
                 arcs=arcs.plane, marks=marks,
             ),
         )  # fmt: skip
+
+    def _remark(self) -> None:
+        """Says what was taken for granted."""
+        found, told = self.blocks.findings, set()
+        for place, what in found.remarks:
+            if what not in told:
+                told.add(what)
+                line = int(np.searchsorted(self.blocks.first, place, side="right"))
+                self.notes.say(f"{self.name}:{line}: {what}.")
+        if found.inch is None and (self.blocks.state[:, Group.INCH] == NO_STATE).all():
+            self.notes.say(f"{self.name}:1: the program states no unit: millimetres were taken.")
 
     def _motion(self) -> IntArray:
         rows = self.rows

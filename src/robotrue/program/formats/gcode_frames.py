@@ -4,19 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
 from robotrue.program.formats.gcode_blocks import Blocks
 from robotrue.program.formats.gcode_kernels import NO_STATE
-from robotrue.program.formats.gcode_vocabulary import UNCERTAIN, Group, Vocabulary
+from robotrue.program.formats.gcode_vocabulary import NAMED, UNCERTAIN, Group, Vocabulary
 from robotrue.program.formats.numbered_frames import NumberedFrames
 from robotrue.program.program import FrameTable
-
-NAMED: Final = -10
-"""States from here down are names the slow reader met."""
 
 
 class GcodeFrames:

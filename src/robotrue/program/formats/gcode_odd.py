@@ -16,7 +16,7 @@ from robotrue.core.poses import pose
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
 from robotrue.program.formats.gcode_blocks import Findings
-from robotrue.program.formats.gcode_vocabulary import UNCERTAIN, Drive, Group, Vocabulary
+from robotrue.program.formats.gcode_vocabulary import NAMED, UNCERTAIN, Drive, Group, Vocabulary
 from robotrue.program.formats.number_text import WHOLE_NUMBER
 from robotrue.program.program import Reason
 
@@ -212,6 +212,10 @@ class _Block:
             rb"R\d+|F\d?|T\d?|H\d", name
         ):
             self._external(name, value)
+        elif name.startswith(b"$TC_DP"):
+            self._out.remarks.append(
+                (self._first, "the program sets data of a tool; that of the cell is used")
+            )
         elif name in (b"T", b"T1"):
             text = self._text[start:end].strip(b'" ')
             self._tool("T" + text.decode("latin-1"))
@@ -274,7 +278,7 @@ class _Block:
         elif code == "G54.1" and self._vocabulary.name == "fanuc_gcode":
             match = re.search(rb"P(\d{1,3})", self._text)
             named = self._out.name(f"G54.1 P{int(match[1])}" if match else "G54.1")
-            self._out.set(self._block, Group.FRAME, -10 - named)
+            self._out.set(self._block, Group.FRAME, NAMED - named)
             self._quiet = True
         elif code in _MOVES_COORDINATES:
             self._quiet = True

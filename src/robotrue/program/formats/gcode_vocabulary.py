@@ -22,6 +22,10 @@ UNCERTAIN: Final = -1
 """A state that cannot be known: a jump, a call or a skipped block lies before."""
 
 
+NAMED: Final = -10
+"""Work frames from here down are names that the slow reader met."""
+
+
 class Group(IntEnum):
     """States that stay in force until set again."""
 

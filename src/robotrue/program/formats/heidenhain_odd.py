@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.program.formats.gcode_blocks import Findings
-from robotrue.program.formats.gcode_vocabulary import Column, Drive, Group, Vocabulary
+from robotrue.program.formats.gcode_vocabulary import NAMED, Column, Drive, Group, Vocabulary
 from robotrue.program.formats.number_text import WHOLE_NUMBER
 from robotrue.program.program import Reason
 
@@ -32,6 +32,7 @@ _CYCLE: Final = re.compile(rb"CYCL[ \t]+DEF[ \t]+(\d{1,4})(?:\.(\d))?(.*)", re.D
 _SHIFTING: Final = {7: "a datum shift", 8: "a mirror", 10: "a rotation", 11: "a scale",
                     19: "a tilted plane", 26: "a scale"}  # fmt: skip
 _HARMLESS_CYCLES: Final = frozenset((9, 13, 32, 332, 239, 14, 20, 12))
+_NUMBERED_PRESET: Final = re.compile(rb"Q339[ \t]*=[ \t]*[+]?(\d{1,6})\b")
 _PARAMETER: Final = re.compile(rb"Q[LRS]?\d+[ \t]*=")
 _JUMPS: Final = re.compile(rb"LBL\b|CALL\b|SEL\b|IF\b|FN[ \t]*(?:9|10|11|12)[ \t]*:|GOTO\b|%")
 _FUNCTION: Final = re.compile(rb"FUNCTION[ \t]+(RESET[ \t]+)?TCPM\b")
@@ -48,6 +49,7 @@ class ConversationalReader:
         self._shifts: dict[str, bool] = {}
         self._pole: dict[int, tuple[int, int, float]] = {}
         self._user = -1
+        self._preset = False
 
     def take(self, block: int, first: int, text: bytes) -> None:
         """Takes a block without its comment; ``first`` is its first byte in the file."""
@@ -73,6 +75,9 @@ class ConversationalReader:
 
     def _statement(self, block: int, first: int, rest: bytes) -> None:
         function, cycle = _FUNCTION.match(rest), _CYCLE.match(rest)
+        number = _NUMBERED_PRESET.search(rest) if self._preset else None
+        if number:  # on the line behind the cycle
+            self._call_preset(block, number)
         if not rest or rest.startswith(_SWITCHES) or _PARAMETER.match(rest):
             return
         if function:
@@ -129,13 +134,18 @@ class ConversationalReader:
             on = on or (not fresh and self._shifts.get(kind, False))
             self._shift(block, first, kind, f"CYCL DEF {number} is {_SHIFTING[number]}", on)
         elif number == 247:
-            self.found.set(block, Group.FRAME, -10 - self.found.name("preset"))
-            match = re.search(rb"Q339[ \t]*=[ \t]*[+]?(\d+)", rest)
+            self.found.set(block, Group.FRAME, NAMED - self.found.name("preset"))
+            self._preset = True
+            match = _NUMBERED_PRESET.search(rest)
             if match:
-                named = self.found.name(f"preset {int(match[1])}")
-                self.found.set(block, Group.FRAME, -10 - named)
+                self._call_preset(block, match)
         elif number not in _HARMLESS_CYCLES:
             self.found.told.append((first, f"CYCL DEF {number} is a cycle; it stays as it is"))
+
+    def _call_preset(self, block: int, match: re.Match[bytes]) -> None:
+        named = self.found.name(f"preset {int(match[1])}")
+        self.found.set(block, Group.FRAME, NAMED - named)
+        self._preset = False
 
     def _shift(self, block: int, first: int, kind: str, what: str, on: bool) -> None:
         if on and not self._shifts.get(kind):
