@@ -266,6 +266,41 @@ def test_paths_of_words_stay_within_the_tolerance(name):
     assert np.isfinite(size).sum() == plan.parts[-3:].sum()
 
 
+def test_an_arc_of_g_code_becomes_lines_within_the_tolerance():
+    data, table = paths("sinumerik")
+    blocks = data.split(b"\r\n")
+    first = inverse(cases.FRAME) @ PATH[0]
+    x, y = first[:2, 3] / MM
+    end = f"N6 G3 X{x - 40.0:.6f} Y{y + 40.0:.6f} I=-40.0 J=0.0 F900"
+    data = b"\r\n".join([*blocks[:5], end.encode(), f"N7 X{x - 80.0:.6f} Y{y:.6f} CR=40.0".encode(),
+                         b"N20 M30", b""])  # fmt: skip
+
+    def read(new=None):
+        return dialect("sinumerik").read_job(
+            [("part", (new or {}).get("part", data))], frames=table
+        )
+
+    (program,), model = read(), cases.rigid_model(4)
+    assert not program.notes
+    settings = [CompensationSettings(home=HOME)]
+    result = compensate(model, program, settings=settings[0])
+    moves = inserter("sinumerik").moves((program,))
+    job = job_moves(model, [program], moves, [result], settings)
+    deviation = job_deviation(job, tolerance=TOLERANCE)
+    arcs = np.flatnonzero(moves.across == 2)
+    assert len(arcs) == 2
+    assert (deviation.size[arcs] > TOLERANCE).all()
+    plan = plan_split(job, [program], deviation, TOLERANCE)
+    assert (plan.parts[arcs] > 10).all()  # a chord of 40 mm is off by itself
+    split = split_job(job, [program], plan, read)
+    results, used = compensate_split(model, split, settings)
+    after = job_moves(model, split.programs, split.moves, results, used)
+    assert not (split.moves.via >= 0).any()
+    size = job_deviation(after, tolerance=TOLERANCE).size
+    assert np.nanmax(size) <= 1.001 * TOLERANCE
+    assert b"G3" not in split.programs[0].data
+
+
 def test_a_program_that_does_not_read_as_planned_is_refused():
     case = Case("rapid")
     lost = {"part.mod": case.files["part.mod"]}

@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 
 from robotrue.compensation import CompensationSettings, Status, compensate
-from robotrue.compensation.arcs import circles, from_circles, from_segments, on_circles
+from robotrue.compensation.arcs import (
+    circles,
+    from_circles,
+    from_helices,
+    from_segments,
+    on_circles,
+)
 from robotrue.compensation.split_deviation import (
     JobMoves,
     job_deviation,
@@ -82,6 +88,19 @@ def test_circles_go_through_their_points():
     assert from_circles(off, found, rows) == pytest.approx(0.1)
     straight = circles(*np.array([[[0.0, 0, 0]], [[1.0, 0, 0]], [[2.0, 0, 0]]]))
     assert np.isnan(straight.radius).all()
+
+
+def test_an_arc_of_a_plane_climbs_with_its_angle():
+    angle = np.linspace(0.0, 3.0, 9)
+    on = np.stack([np.cos(angle), np.sin(angle), 0.1 * angle], axis=1)
+    normal = np.tile([0.0, 0, 1.0], (9, 1))
+    begin, middle, end = (np.tile(on[k], (9, 1)) for k in (0, 4, 8))
+    middle = middle + 5.0 * normal  # out of the plane it is not followed
+    assert from_helices(on, begin, middle, end, normal).max() < 1e-12
+    off = on + 0.01 * normal
+    assert from_helices(off, begin, middle, end, normal) == pytest.approx(0.01)
+    out = on * [1.02, 1.02, 1.0]
+    assert from_helices(out, begin, middle, end, normal) == pytest.approx(0.02)
 
 
 def test_distance_from_a_segment_ends_at_its_ends():

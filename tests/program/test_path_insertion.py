@@ -41,8 +41,8 @@ PROGRAMS = {
 }
 OBSTACLES = {
     # G0; down; across; turning; M8; plain; arc; behind an arc
-    "sinumerik": [0, 0, 0, Obstacle.EVENT, 0, Obstacle.FORM, 0],
-    "fanuc_gcode": [0, 0, 0, Obstacle.EVENT, 0, Obstacle.FORM, 0],
+    "sinumerik": [0, 0, 0, Obstacle.EVENT, 0, 0, 0],
+    "fanuc_gcode": [0, 0, 0, Obstacle.EVENT, 0, 0, 0],
     "apt": [0, 0, 0, Obstacle.EVENT],
     "toolpath_csv": [0, 0, 0],
 }
@@ -126,6 +126,64 @@ def halves(name: str, job) -> Insertion:
         rotation=job[0].rotation[moves.end[rows]],
         words=np.full((len(rows), job[0].words.shape[1]), NO_WORD),
     )
+
+
+ARCS = {
+    "sinumerik": b"N1 G17 G710 G90\nN2 T1 D1\nN3 G54\nN4 TRAORI\n"
+    b"N5 G1 X0.000 Y0.000 Z5.000 A=10.0 B=0.0 C=0.0 F800.0\nN6 G3 X10.000 Y10.000 I0.000 J10.000\n"
+    b"N7 X0.000 Y20.000 I-10.000 J0.000\nN8 X-10.000 Y10.000 CR=10.000\n"
+    b"N9 G2 X-20.000 Y20.000 CR=10.000 F500.0\nN10 CIP X-30.0 Y30.0 Z5.0 I1=-22.0 J1=28.0 K1=5.0\n"
+    b"N11 G1 X0.0 Y0.0 Z9.0\nN12 M30\n",
+    "fanuc_gcode": b"%\nO1\nN1 G21 G17 G90\nN2 T1 M6\nN3 G54\nN4 G43.4 H1\n"
+    b"N5 G1 X0. Y0. Z5. A10. B0. C0. F800.\nN6 G03 X10. Y10. I0. J10.\nN7 X0. Y20. R10.\n"
+    b"N8 X-10. Y10. R10. (HALF)\nN9 G02 X-20. Y20. R10. F500.\nN11 G1 X0. Y0. Z9.\nN12 M30\n%\n",
+}
+
+
+@pytest.mark.parametrize("name", ARCS)
+@pytest.mark.parametrize("chosen", [[0], [1], [0, 1], [2, 3], [0, 1, 2, 3]])
+def test_arcs_of_a_plane_become_lines(name, chosen):
+    """Each in three parts; arcs that are left whole stay the arcs they were."""
+    job = read(name, ARCS[name])
+    program, language = job[0], inserter(name)
+    assert not (program.reason != 0).any(), program.notes
+    moves = language.moves(job)
+    arcs = np.flatnonzero(moves.across == 2)
+    assert len(arcs) == 4
+    assert (moves.obstacle[arcs] == 0).all()
+    assert moves.bending.sum() == (name == "sinumerik")  # CIP goes through any three points
+    rows, ends = arcs[chosen], program.position[moves.end[arcs[chosen]]]
+    centre = np.array([[0.0, 10.0]] * 3 + [[-20.0, 10.0]])[chosen] * 1e-3
+    first = program.position[moves.start[rows], :2] - centre
+    turn = (np.where(np.array(chosen) == 3, -1.0, 1.0) * np.pi / 2.0)[:, None] * [1 / 3, 2 / 3]
+    if 3 in chosen:  # three quarters or one: the shorter one, about the other centre
+        k = chosen.index(3)
+        centre[k] = [-0.010, 0.020]
+        first[k] = program.position[moves.start[rows[k]], :2] - centre[k]
+        turn[k] = -np.pi / 2.0 * np.array([1 / 3, 2 / 3])
+    c, s = np.cos(turn), np.sin(turn)
+    place = np.stack([c * first[:, :1] - s * first[:, 1:], s * first[:, :1] + c * first[:, 1:]], -1)
+    place = np.concatenate([place + centre[:, None], np.full((len(rows), 2, 1), 0.005)], axis=2)
+    insertion = Insertion(
+        move=np.repeat(rows, 2),
+        motion=np.ones(2 * len(rows), dtype=np.int64),
+        position=place.reshape(-1, 3),
+        rotation=np.repeat(program.rotation[moves.end[rows]], 2, axis=0),
+        words=np.full((2 * len(rows), program.words.shape[1]), NO_WORD),
+    )
+    (written,) = language.insert(job, moves, insertion)
+    (again,) = read(name, written)
+    assert not (again.reason != 0).any(), again.notes
+    found = language.moves((again,))
+    parts = np.where(np.isin(np.arange(len(moves)), rows), 3, 1)
+    assert len(found) == parts.sum()
+    last = np.cumsum(parts) - 1
+    assert np.abs(again.position[found.end[last]] - program.position[moves.end]).max() < 1e-9
+    assert (found.via[np.repeat(np.isin(np.arange(len(moves)), rows), parts)] == -1).all()
+    whole = np.setdiff1d(np.flatnonzero(moves.via >= 0), rows)
+    kept = found.via[last[whole]]
+    assert np.abs(again.position[kept] - program.position[moves.via[whole]]).max(initial=0) < 1e-9
+    assert len(ends) == len(rows)
 
 
 def test_blocks_say_what_they_need_and_no_more():

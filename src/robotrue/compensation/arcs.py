@@ -91,6 +91,27 @@ def from_circles(points: Array, circle: Circles, rows: IntArray) -> Array:
     return np.asarray(np.hypot(np.hypot(x, y) - circle.radius[rows], z))
 
 
+def from_helices(points: Array, begin: Array, middle: Array, end: Array, normal: Array) -> Array:
+    """Returns the distances (n,) m of points (n, 3) from arcs that stay in a plane as they turn.
+
+    Seen along the normal the arc is the circle through begin, middle and end; along the normal it
+    climbs from begin to end in proportion to its angle, whatever the middle does: what a control
+    makes of G2 and G3. All arguments are (n, 3).
+    """
+    height = [np.sum(each * normal, axis=1) for each in (points, begin, end)]
+    flat = [
+        each - np.sum(each * normal, axis=1)[:, None] * normal
+        for each in (points, begin, middle, end)
+    ]
+    circle = circles(*flat[1:])
+    rows = np.arange(len(points))
+    turned = _turned(flat[0] - circle.centre, circle.outward, circle.ahead)
+    # Just before the begin is nearly a full turn.
+    turned = np.where(turned > 0.5 * circle.third + np.pi, turned - 2.0 * np.pi, turned)
+    climb = height[1] + turned / circle.third * (height[2] - height[1])
+    return np.asarray(np.hypot(from_circles(flat[0], circle, rows), height[0] - climb))
+
+
 def from_segments(points: Array, start: Array, end: Array) -> Array:
     """Returns the distances (n,) m of points (n, 3) from straight lines between points (n, 3)."""
     chord = end - start

@@ -88,7 +88,7 @@ def plan_split(
     size, stepped = np.array(deviation.size), np.zeros(len(over), dtype=np.bool_)
     parts[rows], size[rows], stepped[rows] = _fewest(job, rows, size[rows], tolerance, limit)
     cut = np.flatnonzero(parts > 1)
-    _require_few(parts, np.where(job.moves.via >= 0, 2, 1), tolerance, limit)
+    _require_few(parts, np.where(job.moves.bending, 2, 1), tolerance, limit)
     insertion, vias = _targets(job, programs, cut, parts[cut])
     return SplitPlan(
         parts=parts,
@@ -104,7 +104,7 @@ def _fewest(
     job: JobMoves, rows: IntArray, whole: Array, tolerance: float, limit: int
 ) -> tuple[IntArray, Array, BoolArray]:
     """Returns the parts of moves (k,), their deviation, and which have a step in them."""
-    power = np.where(job.moves.via[rows] >= 0, 3.0, 2.0)
+    power = np.where(job.moves.bending[rows], 3.0, 2.0)
     few, few_size = np.ones(len(rows), np.int64), np.array(whole)  # not enough
     many, many_size = np.full(len(rows), _ENDLESS), np.full(len(rows), np.nan)  # enough
     stepped = np.zeros(len(rows), dtype=np.bool_)
@@ -156,7 +156,7 @@ def _targets(
     job: JobMoves, programs: Sequence[Program], rows: IntArray, parts: IntArray
 ) -> tuple[Insertion, tuple[Replacement, ...]]:
     """Returns the targets of moves cut into parts, and the auxiliary points that move along."""
-    arc = job.moves.via[rows] >= 0
+    arc = job.moves.bending[rows]
     extra = np.where(arc, 2 * (parts - 1), parts - 1)
     which = np.repeat(np.arange(len(rows)), extra)
     step = np.arange(len(which)) - np.repeat(np.cumsum(extra) - extra, extra) + 1
@@ -243,7 +243,8 @@ def _words(
         return out
     joints = []
     for _, points in sampled(job, rows[mine], parts[mine], 2):
-        for base, count, arc in zip(points.base, points.count, points.circular, strict=True):
+        bending = points.circular & np.isnan(points.normal[:, 0])
+        for base, count, arc in zip(points.base, points.count, bending, strict=True):
             # Two steps to a part: an arc gets its middles, too, but for the last, which it has.
             inside = slice(base + 1, base + count - 1) if arc else slice(base + 2, base + count, 2)
             joints.append(points.joints[inside])

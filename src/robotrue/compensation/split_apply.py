@@ -80,7 +80,7 @@ def split_job(
     moves = language.moves(split)
     if [program.name for program in split] != names or len(moves) != plan.parts.sum():
         raise _unlike(programs[0], f"{len(moves)} moves were read, {plan.parts.sum()} expected")
-    origin, of_move, share = _origins(programs, split, moves, plan)
+    origin, of_move, share = _origins(programs, split, job.moves, moves, plan)
     _require_planned(job, programs, split, origin, of_move, share)
     wrench = np.empty((0, 6))
     if len(job.load):
@@ -181,7 +181,11 @@ def _orders(
 
 
 def _origins(
-    before: Sequence[Program], after: Sequence[Program], moves: Moves, plan: SplitPlan
+    before: Sequence[Program],
+    after: Sequence[Program],
+    was: Moves,
+    moves: Moves,
+    plan: SplitPlan,
 ) -> tuple[IntArray, IntArray, Array]:
     """Returns the old job row of every new one, and move and fraction of those not where they were.
 
@@ -198,14 +202,16 @@ def _origins(
         share[points[there]] = (part[there] + late) / plan.parts[which[there]]
     origin = np.full(n, -1)
     old, new = job_rows(before), job_rows(after)
+    flat = (plan.parts > 1) & (was.across >= 0)
+    gone = np.zeros(int(old[-1]), dtype=np.bool_)  # auxiliary points of arcs that became lines
+    gone[was.via[flat]] = True
     for k in range(len(before)):
         mine = np.arange(new[k], new[k + 1])
         kept = mine[of_move[mine] < 0]
-        if len(kept) != len(before[k]):
-            raise _unlike(
-                before[k], f"{len(kept)} of its {len(before[k])} targets were found again"
-            )
-        origin[kept] = np.arange(old[k], old[k + 1])
+        there = np.flatnonzero(~gone[old[k] : old[k + 1]]) + old[k]
+        if len(kept) != len(there):
+            raise _unlike(before[k], f"{len(kept)} of its {len(there)} targets were found again")
+        origin[kept] = there
     last = np.flatnonzero((part == plan.parts[which] - 1) & (part > 0) & (moves.via >= 0))
     of_move[moves.via[last]] = which[last]
     share[moves.via[last]] = (part[last] + 0.5) / plan.parts[which[last]]

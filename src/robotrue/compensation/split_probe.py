@@ -2,7 +2,8 @@
 
 A move is cut into equal parts, a part into equal steps. Every step is compensated as a target of
 its own, under the force that acts there. What the controller does instead is a straight line
-between the compensated ends of a part, or the circle through its compensated begin, middle and end.
+between the compensated ends of a part, or the circle through its compensated begin, middle and end;
+where a language has arcs of a plane only, that circle seen along the normal of the plane.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel
-from robotrue.compensation.arcs import circles, from_circles, from_segments
+from robotrue.compensation.arcs import circles, from_circles, from_helices, from_segments
 from robotrue.compensation.compensate import compensate
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.split_shapes import Shapes, along, loads
@@ -41,6 +42,7 @@ class Samples:
         count: (k,) steps of each move.
         steps: Steps of a part.
         circular: (k,) arcs.
+        normal: (k, 3) of the plane that an arc cannot leave; NaN for all others.
         fresh: (k,) the begin is not the end of the move before.
         position: (n, 3) m, base, wanted.
         told: (n, 3) m, base, what the controller would have to be told.
@@ -54,6 +56,7 @@ class Samples:
     count: IntArray
     steps: int
     circular: BoolArray
+    normal: Array
     fresh: BoolArray
     position: Array
     told: Array
@@ -146,6 +149,7 @@ def sample(
         count=count,
         steps=steps,
         circular=shapes.circular,
+        normal=shapes.normal,
         fresh=fresh,
         position=position,
         told=found.replacement.position,
@@ -183,9 +187,16 @@ def deviations(samples: Samples) -> Deviations:
     node = samples.base[move] + inside - inside % steps
     row = samples.base[move] + inside
     size = from_segments(samples.told[row], samples.told[node], samples.told[node + steps])
-    bow = np.flatnonzero(samples.circular[move])
+    flat = np.isfinite(samples.normal[:, 0])
+    bow = np.flatnonzero((samples.circular & ~flat)[move])
     if len(bow):
         size[bow] = _from_arcs(samples, row[bow], node[bow])
+    # An arc of a plane is kept whole, or becomes lines.
+    bow = np.flatnonzero((flat & (samples.count == steps))[move])
+    if len(bow):
+        begin, middle, end = (samples.told[node[bow] + k] for k in (0, steps // 2, steps))
+        normal = samples.normal[move[bow]]
+        size[bow] = from_helices(samples.told[row[bow]], begin, middle, end, normal)
     turn = _turned(samples, row, node)
     good = np.isin(samples.status, (Status.COMPENSATED, Status.UNCHANGED_NO_ERROR))
     first = np.cumsum(samples.count) - samples.count

@@ -82,6 +82,7 @@ class Shapes:
         last: (k, 3) m, where it ends.
         circular: (k,) it is an arc.
         circle: (k,) circles of the arcs; straight moves have NaN.
+        normal: (k, 3) of the plane that an arc cannot leave; NaN for all others.
         R_first: (k, 3, 3).
         turn: (k, 3) rotation vector from there to the end, in the first tool's axes.
         bent: (k,) the tool turns over the auxiliary orientation, in two pieces.
@@ -96,6 +97,7 @@ class Shapes:
     last: Array
     circular: BoolArray
     circle: Circles
+    normal: Array
     R_first: Array
     turn: Array
     bent: BoolArray
@@ -135,6 +137,7 @@ def shapes_of(poses: JobPoses, moves: Moves, rows: IntArray, load: Array) -> Sha
         last=last,
         circular=circular,
         circle=circle,
+        normal=_normals(poses, moves, rows),
         R_first=R_first,
         turn=turn,
         bent=np.asarray(bent),
@@ -144,6 +147,15 @@ def shapes_of(poses: JobPoses, moves: Moves, rows: IntArray, load: Array) -> Sha
         load=np.stack([load[start], load[end]], axis=1) if len(load) else np.empty((0, 2, 6)),
         load_via=load[via] if len(load) else np.empty((0, 6)),
     )
+
+
+def _normals(poses: JobPoses, moves: Moves, rows: IntArray) -> Array:
+    """Returns the normals (k, 3), base, of the planes that arcs cannot leave."""
+    out = np.full((len(rows), 3), np.nan)
+    flat = np.flatnonzero(moves.across[rows] >= 0)
+    frames = poses.frames[poses.frame[moves.end[rows[flat]]]]
+    out[flat] = frames[np.arange(len(flat)), :3, moves.across[rows[flat]]]
+    return out
 
 
 def _way(one: Array, other: Array) -> Array:

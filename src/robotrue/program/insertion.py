@@ -9,7 +9,7 @@ the second, and so on.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, Protocol
 
@@ -67,6 +67,9 @@ class Moves:
         end: (k,) job row it ends at.
         line: (k,) one-based line of the motion in the file that holds the motions.
         obstacle: (k,) :class:`Obstacle`.
+        across: (k,) axis (0, 1, 2) of the work frame across the plane that an arc cannot leave: it
+            is split into lines; -1 for lines and for arcs that go through any three points. Empty
+            if there are none of the first.
         spans: The dialect's own table of byte positions; opaque to everyone else.
     """
 
@@ -75,12 +78,15 @@ class Moves:
     end: IntArray
     line: IntArray
     obstacle: IntArray
+    across: IntArray = field(default_factory=lambda: np.empty(0, np.int64))
     spans: Any = None
 
     def __post_init__(self) -> None:
         """Checks shapes and freezes."""
         n = len(self.end)
-        for name in ("start", "via", "end", "line", "obstacle"):
+        if not len(self.across):
+            object.__setattr__(self, "across", np.full(n, -1))
+        for name in ("start", "via", "end", "line", "obstacle", "across"):
             value = frozen(getattr(self, name), (n,), name, dtype=np.int64)
             object.__setattr__(self, name, value)
 
@@ -92,14 +98,20 @@ class Moves:
         """(k,) which are arcs."""
         return np.asarray(self.via >= 0)
 
+    @property
+    def bending(self) -> npt.NDArray[np.bool_]:
+        """(k,) which are arcs that are split into shorter arcs."""
+        return np.asarray((self.via >= 0) & (self.across < 0))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Insertion:
     """m targets to be put into moves, each behind the start of its move and those before it here.
 
-    A straight move gets ``LIN`` targets. An arc gets pairs of ``ARC_VIA`` and ``ARC_END``; its own
-    end stays and its own auxiliary point serves the last of the shorter arcs (moved there by a
-    :class:`~robotrue.program.program.Replacement`, not here).
+    A straight move gets ``LIN`` targets, and so does an arc that cannot leave its plane; it becomes
+    straight moves, its own last part, too. Another arc gets pairs of ``ARC_VIA`` and ``ARC_END``;
+    its own end stays and its own auxiliary point serves the last of the shorter arcs (moved there
+    by a :class:`~robotrue.program.program.Replacement`, not here).
 
     Attributes:
         move: (m,) the move each belongs to, not falling.

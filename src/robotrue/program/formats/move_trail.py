@@ -179,7 +179,7 @@ def groups(moves: Moves, insertion: Insertion) -> Iterator[Group]:
             why = Obstacle(int(moves.obstacle[move])).explanation
             raise ShapeError(f"the move of line {moves.line[move]} cannot be split: {why}.")
         motions = insertion.motion[begin:end].tolist()
-        arc = moves.via[move] >= 0
+        arc = bool(moves.bending[move])
         pattern = [Motion.ARC_VIA, Motion.ARC_END] * (len(motions) // 2)
         if motions != (pattern if arc else [Motion.LIN] * len(motions)):
             raise ShapeError(f"the targets for the move of line {moves.line[move]} do not suit it.")

@@ -1,12 +1,13 @@
 """Puts points into paths of words: G-code of Sinumerik and Fanuc, APT and CL data, CSV.
 
-Only straight moves: an arc of a plane cannot follow a correction that leaves the plane; have the
-post print such arcs as points. What is put in is a block, statement or row of its own before the
-move. In G-code it holds the G0 or G1 and the feed of the move, if they stand there, and all words
-of the point; the block of the move then says all words of its own point, so that none is inherited
-from the point put in. A block with anything else (M, S, T, another G) is left whole: the copies
-would run before what it switches. Whether the control stops between blocks is said by G64, G61.1
-or its like before them, for the new blocks as for the old.
+What is put in is a block, statement or row of its own before the move. An arc of a plane (G2, G3)
+cannot follow a correction that leaves the plane; it becomes lines, its own block, too, and the next
+block of an arc that did not say so says its G2 or G3. In G-code a new block holds the G0 or G1 and
+the feed of the move, if they stand there, and all words of the point; the block of the move then
+says all words of its own point, so that none is inherited from the point put in. A block with
+anything else (M, S, T, another G) is left whole: the copies would run before what it switches.
+Whether the control stops between blocks is said by G64, G61.1 or its like before them, for the new
+blocks as for the old.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
+from robotrue.program.formats.gcode_arcs import ACROSS
 from robotrue.program.formats.move_trail import (
     COLUMNS,
     UNKNOWN,
@@ -36,7 +38,12 @@ from robotrue.program.program import Motion, Program, Reason
 _GCODE: Final = ("sinumerik", "fanuc_gcode")
 _BLOCK: Final = re.compile(rb"[^;(\r\n]*")
 _NUMBERED: Final = re.compile(rb"\s*/?\s*(?:N\d+)?\s*", re.IGNORECASE)
-_SWITCH: Final = re.compile(rb"G0*[01](?![\d.])", re.IGNORECASE)
+_DRIVE: Final = re.compile(rb"G0*[0-3](?![\d.])", re.IGNORECASE)
+_CENTRE: Final = re.compile(
+    rb"(?:CR\s*=|[IJKR])\s*=?\s*(?:AC\s*\(\s*)?" + WHOLE_NUMBER + rb"(?:\s*\))?",
+    re.IGNORECASE,
+)
+_MOVES: Final = re.compile(rb"G0*[0-3](?![\d.])|\bCIP\b|\bCT\b|\bINVCW\b", re.IGNORECASE)
 _FEED: Final = re.compile(rb"F\s*=?\s*" + WHOLE_NUMBER, re.IGNORECASE)
 _POINT: Final = re.compile(
     rb"(?:(?:[XYZIJK]|[ABC]3?)\s*=?\s*|STAT\s*=\s*|TU\s*=\s*)" + WHOLE_NUMBER, re.IGNORECASE
@@ -68,13 +75,14 @@ class PathInserter:
             tables.append(reader.moves())
             statements.append(reader.statements(tables[-1][:, 2] - first))
             first += len(program)
-        start, via, end, line, obstacle = np.concatenate(tables).T
+        start, via, end, line, obstacle, across = np.concatenate(tables).T
         return Moves(
             start=start,
             via=via,
             end=end,
             line=line,
             obstacle=obstacle,
+            across=across,
             spans=Statements(table=np.concatenate(statements)),
         )
 
@@ -98,7 +106,18 @@ class PathInserter:
             eol = line_end(program.data)
             edits[s.file].append((s.begin, 0, b"".join(line + eol for line in lines)))
             edits[s.file] += _completed(program, row)
+            if moves.via[group.move] >= 0:
+                edits[s.file] += _straightened(program, row, s)
+        for file, program in enumerate(job):
+            edits[file] += _resumed(program, _arcs_of(moves, insertion, first, file))
         return tuple(put_in(job, edits))
+
+
+def _arcs_of(moves: Moves, insertion: Insertion, first: IntArray, file: int) -> IntArray:
+    """Returns the rows of one program that end arcs which become lines."""
+    cut = np.unique(insertion.move)
+    rows = moves.end[cut[moves.via[cut] >= 0]]
+    return np.asarray(rows[(rows >= first[file]) & (rows < first[file + 1])] - first[file])
 
 
 class _Reader:
@@ -115,19 +134,23 @@ class _Reader:
         self.end: IntArray = np.append(starts, len(program.data))[line]
 
     def moves(self) -> IntArray:
-        """Returns start, via, end, line and obstacle of every move (k, 5), in order."""
+        """Returns start, via, end, line, obstacle and plane of every move (k, 6), in order."""
         program, n = self.program, len(self.program)
         row = np.arange(n)
         arc = np.asarray(program.motion == Motion.ARC_END)
-        line = np.asarray(program.motion == Motion.LIN) & (program.reason == Reason.NONE)
-        start = np.where(line, row - 1, UNKNOWN)  # what an arc drives is not followed here
-        sure = np.append(False, np.asarray(program.reason[:-1] == Reason.NONE))
+        good = np.asarray(program.reason == Reason.NONE)
+        line = np.asarray(program.motion == Motion.LIN) & good
+        before = row - np.where(arc, 2, 1)
+        lost = np.zeros(n, dtype=np.bool_)
         if program.dialect in _GCODE:
-            sure[self._behind(_BETWEEN)] = False
-        start = np.where(sure, start, UNKNOWN)
-        obstacle = np.where(arc, int(Obstacle.FORM), int(Obstacle.NONE))
-        obstacle[line] = self._obstacles()[line]
-        obstacle = np.where(line & ~sure, int(Obstacle.START), obstacle)
+            lost[self._behind(_BETWEEN)] = True
+        # The via of an arc stands in its block, so that what lies before it is lost for both.
+        lost[arc] |= lost[row[arc] - 1]
+        sure = (before >= 0) & good[before] & good & ~lost
+        start = np.where(sure, before, UNKNOWN)
+        plane, obstacle = self._planes(), self._obstacles()
+        obstacle[arc & (plane < 0)] = Obstacle.FORM
+        obstacle = np.where(~sure & (obstacle == 0), int(Obstacle.START), obstacle)
         shift = np.where(start >= 0, self.first, 0)
         table = np.stack(
             [
@@ -136,10 +159,18 @@ class _Reader:
                 self.first + row,
                 np.asarray(program.line),
                 obstacle,
+                plane,
             ],
             axis=1,
         )
         return np.asarray(table[line | arc])
+
+    def _planes(self) -> IntArray:
+        """Returns the axis across the plane of each row (n,) that ends such an arc, else -1."""
+        arcs, out = self.words.arcs, np.full(len(self.program), -1)
+        if len(arcs):
+            out[arcs.end] = ACROSS[arcs.plane][:, 2]
+        return out
 
     def statements(self, rows: IntArray) -> IntArray:
         """Returns the statements (k, 8) of rows."""
@@ -177,7 +208,7 @@ class _Reader:
         """Whether a block does anything but move to a point."""
         block = _BLOCK.match(self.data, begin, end)
         text = block[0] if block else b""
-        for pattern in (_NUMBERED, _POINT, _FEED, _SWITCH):
+        for pattern in (_NUMBERED, _CENTRE, _POINT, _FEED, _DRIVE):
             text = pattern.sub(b" ", text, count=1 if pattern is _NUMBERED else 0)
         return bool(text.strip())
 
@@ -216,10 +247,12 @@ def _copy(program: Program, row: int, s: Statement, position: Array, rotation: A
     if program.dialect in _GCODE:
         block = _BLOCK.match(program.data, s.begin, s.end)
         text = block[0] if block else b""
-        heads = [each[0] for each in (_SWITCH.search(text), _FEED.search(text)) if each]
+        switch, feed = _DRIVE.search(text), _FEED.search(text)
+        drive = b"G1" if _is_arc(program, row) else switch[0] if switch else b""
         names = words.names[int(words.turn[row])]
         point = [name + text for name, text in zip(names, texts, strict=False)]
-        return (b" " if words.blank else b"").join([*heads[:1], *point, *heads[1:]])
+        parts = [drive, *point, feed[0] if feed else b""]
+        return (b" " if words.blank else b"").join(part for part in parts if part)
     if program.dialect == "apt":
         head = program.data[s.begin : int(words.numbers.start[row, 0])]
         return head + b",".join(texts)
@@ -236,6 +269,48 @@ def _row(line: bytes, words: PathWords, row: int, begin: int, texts: list[bytes]
         out += line[cursor:start], texts[column]
         cursor = start + int(words.numbers.length[row, column])
     return b"".join([*out, line[cursor:]]).rstrip(b"\r\n")
+
+
+def _is_arc(program: Program, row: int) -> bool:
+    return bool(program.motion[row] == Motion.ARC_END)
+
+
+def _straightened(program: Program, row: int, s: Statement) -> list[tuple[int, int, bytes]]:
+    """Returns what makes the block of an arc one of a line: G1, and no centre or radius."""
+    block = _BLOCK.match(program.data, s.begin, s.end)
+    end = block.end() if block else s.end
+    drive = _DRIVE.search(program.data, s.begin, end)
+    number = _NUMBERED.match(program.data, s.begin, end)
+    at = number.end() if number else s.begin
+    gap = b" " if program.spans.blank else b""
+    out = [(drive.start(), len(drive[0]), b"G1")] if drive else [(at, 0, b"G1" + gap)]
+    arcs = program.spans.arcs
+    starts = arcs.numbers.start[arcs.end == row].ravel()
+    for match in _CENTRE.finditer(program.data, at, end):
+        if any(match.start() <= start < match.end() for start in starts.tolist()):
+            first = match.start() - (program.data[match.start() - 1 : match.start()] == b" ")
+            out.append((first, match.end() - first, b""))
+    return out
+
+
+def _resumed(program: Program, rows: IntArray) -> list[tuple[int, int, bytes]]:
+    """Returns the G2 or G3 that arcs behind those that became lines had left out."""
+    if not len(rows):
+        return []
+    reader, out, gap = _Reader(0, program, 0), [], b" " if program.spans.blank else b""
+    left = dict(zip(program.spans.arcs.end.tolist(), program.spans.arcs.left.tolist(), strict=True))
+    for row in rows.tolist():
+        after = row + 1
+        if after >= len(program) or after + 1 in rows:
+            continue
+        begin, end = int(reader.begin[after]), int(reader.end[after])
+        block = _BLOCK.match(program.data, begin, end)
+        end = block.end() if block else end
+        if not _MOVES.search(program.data, int(reader.end[row]), end):
+            number = _NUMBERED.match(program.data, begin, end)
+            place = number.end() if number else begin
+            out.append((place, 0, (b"G3" if left.get(row) else b"G2") + gap))
+    return out
 
 
 def _completed(program: Program, row: int) -> list[tuple[int, int, bytes]]:
