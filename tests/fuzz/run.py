@@ -8,7 +8,8 @@ Prints a table, one row per dialect, and leaves with 1 if a law was broken: whol
 given back byte for byte at zero correction, those (of the first ``--undone``) that a correction and
 its undoing leave within half a digit, targets moved for that; damaged programs, those read and
 those refused; the slowest of them. ``--seconds`` ends the damage of a dialect after so much
-processor time. Each kind of broken case is made smaller and kept in ``--keep``.
+processor time, Ctrl-C everything; the table is of what was done. Each kind of broken case is made
+smaller and kept in ``--keep``.
 """
 
 from __future__ import annotations
@@ -177,6 +178,27 @@ def keep(folder: Path, name: str, broken: list[tuple[str, Files]], limit: float)
             (place / file).write_bytes(data)
 
 
+def one_dialect(name: str, options: argparse.Namespace, tally: Tally) -> None:
+    """Whole and damaged programs of one dialect; what was broken is said and kept."""
+    language = LANGUAGES[name]
+    start = time.process_time()
+    try:
+        whole_programs(name, language, options.whole, options.undone, options.seed, tally)
+        seeds = seeds_of(name, language, options.seed, options.samples)
+        damaged_programs(
+            name, language, seeds, options.damaged, options.seconds, options.seed, options.limit,
+            tally,
+        )  # fmt: skip
+    finally:
+        tally.seconds = time.process_time() - start
+    for said, _ in tally.broken[:10]:
+        sys.stderr.write(f"{name}: {said}\n")
+    if options.keep is not None:
+        keep(options.keep, name, tally.broken, options.limit)
+        for file, data in tally.slowest_case:
+            (options.keep / f"{name}_slowest_{file}").write_bytes(data)
+
+
 def main() -> int:
     """Runs what the options ask for."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -194,23 +216,12 @@ def main() -> int:
         n for n in dialects() if n in LANGUAGES
     ]
     tallies: dict[str, Tally] = {}
-    for name in names:
-        tally, language = Tally(), LANGUAGES[name]
-        start = time.process_time()
-        whole_programs(name, language, options.whole, options.undone, options.seed, tally)
-        seeds = seeds_of(name, language, options.seed, options.samples)
-        damaged_programs(
-            name, language, seeds, options.damaged, options.seconds, options.seed, options.limit,
-            tally,
-        )  # fmt: skip
-        tally.seconds = time.process_time() - start
-        tallies[name] = tally
-        for said, _ in tally.broken[:10]:
-            sys.stderr.write(f"{name}: {said}\n")
-        if options.keep is not None:
-            keep(options.keep, name, tally.broken, options.limit)
-            for file, data in tally.slowest_case:
-                (options.keep / f"{name}_slowest_{file}").write_bytes(data)
+    try:
+        for name in names:
+            tallies[name] = Tally()
+            one_dialect(name, options, tallies[name])
+    except KeyboardInterrupt:  # what was done so far is worth a table
+        sys.stderr.write("stopped\n")
     sys.stdout.write(table(tallies) + "\n")
     return 1 if any(t.broken for t in tallies.values()) else 0
 
