@@ -3,8 +3,8 @@
     python benchmarks/tool_axis.py [--quick]
 
 What a drill spindle on a robot starts from: the angle between the measured and the predicted axis
-of the tool on contiguous blocks of rows the fit never saw, base and tool frame fitted in both. Data:
-the folder ROBOTRUE_DATA (default ../shared/data).
+of the tool on contiguous blocks of rows the fit never saw, base and tool frame fitted in both.
+Data: the folder ROBOTRUE_DATA (default ../shared/data).
 """
 
 from __future__ import annotations

@@ -57,7 +57,9 @@ def inspect(
 
 @app.command()
 def reproduce(
-    paper: Annotated[str, typer.Argument(metavar="PAPER", help="deng2022, feng2018 or jin2022.")],
+    paper: Annotated[
+        str, typer.Argument(metavar="PAPER", help="deng2022, feng2018, jin2022 or drill-patent.")
+    ],
     robots: Annotated[int, typer.Option(help="Simulated arms.")] = 20,
     scenario: Annotated[
         str, typer.Option(help="deng2022: S0, S1, S2 or S4 with A or B, how rough the arms are.")

@@ -11,15 +11,17 @@ from robotrue.cli.console import emit_facts, emit_json, emit_table, progress, sa
 from robotrue.core.files import write_atomic
 from robotrue.errors import ConfigurationError
 from robotrue.simulation.reproduce_deng2022 import reproduce_deng2022
+from robotrue.simulation.reproduce_drilling import CASES, CHANCE, SHIFTED, reproduce_drilling
 from robotrue.simulation.reproduce_feng2018 import reproduce_feng2018
 from robotrue.simulation.reproduce_jin2022 import reproduce_jin2022
 from robotrue.simulation.reproduction import Figure, Reproduction
 
-PAPERS: Final = ("deng2022", "feng2018", "jin2022")
+PAPERS: Final = ("deng2022", "feng2018", "jin2022", "drill-patent")
 WORDS: Final = {
     "deng2022": ("arms of scenario", "Deng et al. 2022"),
     "feng2018": ("cells,", "Feng, Liang, Xi 2018"),
     "jin2022": ("arms,", "Jin, Sun, Tang, Li 2022"),
+    "drill-patent": ("machines", "prototypes of the same methods"),
 }
 DENG2022: Final = {
     "4": "Table 4: similarity to the reference region",
@@ -44,7 +46,19 @@ JIN2022: Final = {
     "random": "Random 70 / 23 windows of one pass, 2.5 um of noise (simulated), um",
     "held out": "Windows held out, low noise (simulated), RMSE in um and coverage in %",
 }
-TITLES: Final = {"deng2022": DENG2022, "feng2018": FENG2018, "jin2022": JIN2022}
+DRILL: Final = {
+    **{case[0]: f"Tilt left after one move, {case[0]} (simulated)" for case in CASES},
+    CHANCE: "Tilt left where the foot meets the skin as the clamp before left it (simulated)",
+    SHIFTED: "A zero shifted by 50, -50 and 25 um at hole 400 of 800 (simulated)",
+}
+TITLES: Final = {
+    "deng2022": DENG2022,
+    "feng2018": FENG2018,
+    "jin2022": JIN2022,
+    "drill-patent": DRILL,
+}
+WIDE: Final = {"feng2018": "paper", "drill-patent": "reference"}
+"""Papers shown with one column for each quantity, and what the number beside ours is called."""
 
 
 def run(
@@ -56,6 +70,8 @@ def run(
     with progress() as bar:
         if paper == "feng2018":
             result = reproduce_feng2018(robots, quick=quick, progress=bar)
+        elif paper == "drill-patent":
+            result = reproduce_drilling(robots, quick=quick, progress=bar)
         elif paper == "jin2022":
             result = reproduce_jin2022(robots, quick=quick, progress=bar)
         else:
@@ -74,8 +90,8 @@ def run(
         figures = [f for f in result.figures if f.table == table]
         if not figures:
             continue
-        if paper == "feng2018":
-            emit_table(title, *_wide(figures))
+        if paper in WIDE:
+            emit_table(title, *_wide(figures, WIDE[paper]))
         else:
             columns = ("", "", "paper", "median", "quartiles")
             heading = title if paper == "jin2022" else f"{title} (simulated)"
@@ -83,27 +99,28 @@ def run(
     emit_facts("What cannot be met, and why", result.unmet)
 
 
-def _wide(figures: Sequence[Figure]) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+def _wide(figures: Sequence[Figure], printed: str) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
     """One row for each name, one column for each quantity."""
     quantities = list(dict.fromkeys(f.quantity for f in figures))
     names = list(dict.fromkeys(f.name for f in figures))
     found = {(f.name, f.quantity): f for f in figures}
     rows = [
-        (name, *(_cell(found[name, q]) if (name, q) in found else "" for q in quantities))
+        (name, *(_cell(found[name, q], printed) if (name, q) in found else "" for q in quantities))
         for name in names
     ]
     return ("", *quantities), rows
 
 
-def _cell(figure: Figure) -> str:
+def _cell(figure: Figure, printed: str) -> str:
     """Median with 5 and 95 %, and the printed number where there is one."""
-    digits = 0 if figure.unit == "%" else 2 if abs(figure.median) >= 10.0 else 3
+    fine = figure.unit == "deg" and abs(figure.median) < 0.1
+    digits = 0 if figure.unit == "%" else 2 if abs(figure.median) >= 10.0 else 4 if fine else 3
     text = f"{figure.median + 0.0:.{digits}f}{' %' if figure.unit == '%' else ''}"
     if len(figure.ours) > 1:
         low, high = figure.range90
         text += f"\n[{low:.{digits}f} {high:.{digits}f}]"
     if figure.paper is not None:
-        text += f"\npaper {figure.paper:g}"
+        text += f"\n{printed} {figure.paper:g}"
     return text
 
 

@@ -38,6 +38,8 @@ CASES: Final = (
     ("with friction, one way of approach", True, True, CLAMPS),
     ("friction, 15 clamps", True, True, FEW),
 )
+CHANCE: Final = "approaches by chance"
+SHIFTED: Final = "zero shifted"
 REFERENCE: Final = {
     ("additive errors", "patent"): (0.010, 0.022),
     ("additive errors", "gp"): (0.002, 0.004),
@@ -220,9 +222,9 @@ def _of_history(machines: int, progress: Progress) -> list[Figure]:
     for seed in range(1, machines + 1):
         run = one_move(seed, nonlinear=True, friction=True, clamps=CLAMPS, approach=AS_LEFT)
         left.append(run.left["ours"] / DEG)
-        progress("approaches by chance", seed, machines)
+        progress(CHANCE, seed, machines)
     pooled = np.concatenate(left)
-    name = "approaches by chance"
+    name = CHANCE
     return [
         _figure(name, "ours", "mean deg", "deg", 0.043, np.array([float(pooled.mean())])),
         _figure(name, "ours", "p95 deg", "deg", 0.097, np.array([np.percentile(pooled, 95.0)])),
@@ -230,7 +232,7 @@ def _of_history(machines: int, progress: Progress) -> list[Figure]:
 
 
 def _of_drifts(drifts: list[Drift]) -> list[Figure]:
-    name = "zero shifted by 50, -50, 25 counts at hole 400"
+    name = SHIFTED
     late = slice(600, HOLES)
     refined = np.array([d.left[late].mean() for d in drifts]) / DEG
     stale = np.array([d.stale[late].mean() for d in drifts]) / DEG
