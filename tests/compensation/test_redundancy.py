@@ -237,6 +237,10 @@ class TestChoice:
         with pytest.raises(ConfigurationError, match="carries the part"):
             choose_spins(MODEL, circle(4, held=np.array([False, True, False, False])), FREE)
 
+    def test_a_language_that_prints_an_axis_alone_is_refused(self) -> None:
+        with pytest.raises(ConfigurationError, match="does not print the rotation"):
+            choose_spins(MODEL, circle(4, dialect="apt"), FREE)
+
     def test_weights_are_above_zero(self) -> None:
         for bad in ({"deflection": 0.0}, {"most": -1.0}):
             with pytest.raises(ConfigurationError, match="expected above 0"):

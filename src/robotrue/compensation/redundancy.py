@@ -42,6 +42,8 @@ from robotrue.robot.words import configuration_words, renewed
 
 GAIN: Final = 0.05
 """Share of the cost that must be won, else a run stays as it is written."""
+PRINTED: Final = ("krl", "rapid", "urscript", "jbi", "fanuc_ls")
+"""Dialects that print attitudes in full."""
 _STEP: Final = 45.0 * DEG
 """rad a joint may turn between two points of a straight move."""
 _TRIES: Final = 3
@@ -85,7 +87,8 @@ def choose_spins(
         settings: Its wrench is the process force; it must not turn with the tool frame.
 
     Raises:
-        ConfigurationError: The arm is not ortho-parallel, or carries the part.
+        ConfigurationError: The arm is not ortho-parallel, or carries the part, or the language
+            leaves the rotation to something else.
 
     Fails when: a program goes back to a point it keeps in a variable; that point has one attitude
     for all moves that end there, and targets are taken in file order. Obstacles are not known here.
@@ -93,6 +96,14 @@ def choose_spins(
     settings = settings or CompensationSettings()
     robot = model.robot.nominal()
     geometry = require_opw(robot)
+    if program.dialect not in PRINTED:
+        raise ConfigurationError(
+            f"a {program.dialect} program does not print the rotation about the tool axis in full: "
+            "what is chosen could not be written.",
+            source=program.name,
+            hint="make a robot program of it first (robotrue program chooses the rotation), or "
+            "state [controller] spin_deg in the cell.",
+        )
     if program.held.any():
         raise ConfigurationError(
             "the robot carries the part: its attitude is chosen by the program alone.",
