@@ -1,6 +1,6 @@
 """Held-out error of the learned deviation on virtual milling, beside its peers. All SIMULATED.
 
-    python benchmarks/dynamic_deviation.py [FIRST LAST] [--no-paper]
+    python benchmarks/dynamic_deviation.py [FIRST LAST] [--no-paper] [--no-passes]
 
 One line of JSON per seed, then the table. Peers: frequency response and force alone (e_w), the
 paper's components and support vectors, and the prototype the method comes from: the same compliant
@@ -13,6 +13,7 @@ from __future__ import annotations
 import json
 import sys
 import time
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -49,14 +50,14 @@ def white(train: WindowSet, test: WindowSet, arm: CompliantArm) -> Array:
     return np.asarray(test.predicted + basis(test) @ np.linalg.solve(precision, weighed))
 
 
-def of_seed(seed: int, *, paper: bool) -> dict[str, float]:
+def of_seed(seed: int, kinds: Sequence[str], *, paper: bool) -> dict[str, float]:
     """Returns RMSE in um and coverage of every method and split."""
     experiment = milling_experiment(seed)
     arm, windows = arm_of(experiment.arm), experiment.windows
     printed = windows.subset(windows.pass_index == 0)
     out: dict[str, float] = {}
     methods = ("prediction", "paper", "deviation") if paper else ("prediction", "deviation")
-    for kind in KINDS:
+    for kind in kinds:
         data = printed if kind == "blocks" else windows
         for found in scores(data, arm, kinds=[kind], methods=methods):
             out[f"{kind} {found.method}"] = found.rmse / UM
@@ -75,10 +76,11 @@ def main(arguments: list[str]) -> None:
     numbers = [int(a) for a in arguments if a.isdigit()]
     first, last = numbers if numbers else (6, 25)
     paper = "--no-paper" not in arguments
+    kinds = tuple(k for k in KINDS if k != "passes" or "--no-passes" not in arguments)
     rows = []
     for seed in range(first, last + 1):
         start = time.process_time()
-        rows.append(of_seed(seed, paper=paper and seed < first + PAPER_SEEDS))
+        rows.append(of_seed(seed, kinds, paper=paper and seed < first + PAPER_SEEDS))
         spent = time.process_time() - start
         print(json.dumps({"seed": seed, "cpu_s": round(spent, 1), **rows[-1]}), flush=True)
     table(rows)
@@ -87,7 +89,7 @@ def main(arguments: list[str]) -> None:
 def table(rows: list[dict[str, float]]) -> None:
     print(f"\nSIMULATED, {len(rows)} seeds, low noise: RMSE um, mean over seeds")
     print(f"{'':9s}{'e_w':>8s}{'paper':>8s}{'white':>8s}{'ours':>8s}{'reach':>8s}{'in 95 %':>9s}")
-    for kind in KINDS:
+    for kind in (k for k in KINDS if f"{k} deviation" in rows[0]):
         cells = []
         for method in ("prediction", "paper", "white", "deviation"):
             values = [r[f"{kind} {method}"] for r in rows if f"{kind} {method}" in r]

@@ -26,8 +26,8 @@ from robotrue.dynamics.oscillators import Oscillators
 from robotrue.dynamics.streaming_kernels import DONE, LANES, NOT_FINITE, ROWS, TAIL, run
 from robotrue.errors import ModelMismatchError, ShapeError
 
-_SERIES: Final = 0.5  # below this |pT| a series is used: the quotients would lose digits
-_TERMS: Final = 16
+_SERIES: Final = 0.05  # below this |pT| a series is used: the quotient would lose digits
+_TERMS: Final = 8
 _FLOAT: Final = np.dtype(np.float64)
 STATE: Final = 14
 """First of the two rows of the kernel's memory that are the state."""
@@ -194,7 +194,9 @@ def displacement(oscillators: Oscillators, force: Array, rate: float) -> Array:
 def _memory(own: Oscillators, rate: float) -> tuple[Array, ComplexArray]:
     """The kernel's memory at rest, and T phi_2 v (k, 3)."""
     x = own.poles / rate
-    turn, one, two = np.exp(x), _phi(x, 1), _phi(x, 2)
+    less = np.expm1(x)
+    turn, one = less + 1.0, less / x
+    two = _second(x, one)
     add = (two / rate)[:, None] * own.excite
     drive = ((one - two + turn * two) / rate)[:, None] * own.excite
     k = len(own)
@@ -206,16 +208,12 @@ def _memory(own: Oscillators, rate: float) -> tuple[Array, ComplexArray]:
     return np.concatenate([rows.ravel(), through.ravel(), np.zeros(3)]), add
 
 
-def _phi(x: ComplexArray, order: int) -> ComplexArray:
-    """phi_order(x) = sum_j x^j / (j + order)!, to rounding for every |x|."""
-    series = np.zeros_like(x)
-    for j in range(_TERMS, -1, -1):
-        series = 1.0 + series * x / (j + order + 1.0)
-    series /= float(order)  # order! for 1 and 2
-    direct = (np.exp(x) - 1.0) / x
-    if order == 2:
-        direct = (direct - 1.0) / x
-    return np.asarray(np.where(np.abs(x) < _SERIES, series, direct))
+def _second(x: ComplexArray, first: ComplexArray) -> ComplexArray:
+    """phi_2(x) = (phi_1 - 1) / x = sum_j x^j / (j + 2)!, to rounding for every |x|."""
+    series = np.ones_like(x)
+    for j in range(_TERMS, 0, -1):
+        series = 1.0 + series * x / (j + 2.0)
+    return np.asarray(np.where(np.abs(x) < _SERIES, 0.5 * series, (first - 1.0) / x))
 
 
 def _shape_ratio(before: Oscillators, after: Oscillators) -> Array:
