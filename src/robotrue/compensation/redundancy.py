@@ -110,7 +110,7 @@ def choose_spins(
             source=program.name,
             hint="leave the free spin off.",
         )
-    base = compensate(model, program, settings=settings)
+    base = compensate(model, program, settings=replace(settings, covariance=False))
     known = np.asarray(np.isfinite(base.joints).all(axis=1))
     path = cut_path(program, cutter=free.spin.cutter)
     load = settings.load_for(len(program))
