@@ -194,6 +194,7 @@ def one_dialect(name: str, options: argparse.Namespace, tally: Tally) -> None:
     for said, _ in tally.broken[:10]:
         sys.stderr.write(f"{name}: {said}\n")
     if options.keep is not None:
+        options.keep.mkdir(parents=True, exist_ok=True)
         keep(options.keep, name, tally.broken, options.limit)
         for file, data in tally.slowest_case:
             (options.keep / f"{name}_slowest_{file}").write_bytes(data)
@@ -220,6 +221,7 @@ def main() -> int:
         for name in names:
             tallies[name] = Tally()
             one_dialect(name, options, tallies[name])
+            sys.stderr.write(table({name: tallies[name]}) + "\n")
     except KeyboardInterrupt:  # what was done so far is worth a table
         sys.stderr.write("stopped\n")
     sys.stdout.write(table(tallies) + "\n")
