@@ -71,6 +71,22 @@ def test_an_accelerance_is_never_taken_for_a_receptance(truth, seed):
         check_response(replace(frf, response=spoilt))
 
 
+@pytest.mark.parametrize("noise", [0.02, 0.3])
+@pytest.mark.parametrize("damping", [0.002, 0.05])
+@pytest.mark.parametrize("hertz", [8.0, 30.0, 400.0, 1500.0])
+@pytest.mark.parametrize("grid", [(4.0, 3000.0, 0.5), (4.0, 200.0, 0.25), (20.0, 1000.0, 2.0)])
+def test_noise_and_little_damping_are_no_reason_to_refuse(noise, damping, hertz, grid):
+    """Where the sign of Im is lost in noise nothing is concluded from it."""
+    low, high, step = grid
+    frf = measured(single(hertz, damping), noise=noise, lowest=low, highest=high, step=step)
+    check_response(frf)
+    if low < hertz < high and noise < 0.1:
+        for form in ("mobility", "accelerance"):
+            spoilt = in_form(frf.response, frf.frequency, "receptance", form)
+            with pytest.raises(ImplausibleDataError):
+                check_response(replace(frf, response=spoilt))
+
+
 def test_a_static_line_that_does_not_continue():
     frf = measured(single(), static=True)
     with pytest.raises(ImplausibleDataError, match="no static deflection"):

@@ -28,12 +28,15 @@ _SOFTEST: Final = 5e-4
 _CLEAR: Final = 0.3
 _PURE: Final = 0.9
 """Part of a curve, weighed by phase, that has one sign where it has that sign by law."""
-_TURNED: Final = 0.1
-"""Mean |sin phase| beyond which a curve is more than noise about a stiffness."""
+_TURNED: Final = 0.7
+_SECOND_DIFFERENCE: Final = 0.6745 * 6.0**0.5
+"""Median size of second differences of noise with a standard deviation of one."""
+_ABOVE_NOISE: Final = 5.0
+_FEWEST: Final = 3
 _OUTGOING: Final = 0.05
 """Two axes of sound structures have 0.01 to 0.7, even with 10 % noise; swapped ones minus that."""
 _LEAST_LOSS: Final = 1e-3
-"""Mean |sin phase| below which a curve has no damping that a sign could be read from."""
+"""|sin phase| below which a line has no damping that a sign could be read from."""
 _GRID_LINES: Final = 400
 
 
@@ -44,7 +47,8 @@ def check_response(frf: FrequencyResponse) -> None:
         ImplausibleDataError: An accelerance or mobility taken for a receptance, a flipped or
             swapped axis, a wrong sign of time, another unit, a static value that does not fit.
 
-    Fails when: only cross pairs were measured, or without damping; no sign can then be read.
+    Fails when: only cross pairs were measured, or the damping is lost in noise or between the
+    lines: a flipped axis then looks like a sound one. Accelerances and mobilities are found.
     """
     _check_swapped(frf)
     for axis in frf.response_axes:
@@ -204,38 +208,37 @@ def _check_static(frf: FrequencyResponse, axis: str, softest: float) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Phase:
-    """Signs of a curve on a logarithmic grid, each line weighing alike: peaks do not decide alone.
+    """What the phase of a curve says.
 
     Attributes:
-        loss: Part of -Im that is above zero less that below, -1..1; None: no damping to read.
-        towards: The same of Re.
-        turned: Mean |sin| of the phase.
+        loss: Part of -sin that is above zero less that below, -1..1, of the lines at which it is
+            more than noise; None: too few of them.
+        turned: Mean |sin| on a logarithmic grid. A structure is turned by 90 deg at its
+            resonances only; its velocity is everywhere else.
     """
 
     loss: float | None
-    towards: float
     turned: float
 
     @property
     def is_mobility(self) -> bool:
-        """Re never below zero, where Im has both signs."""
-        return (
-            self.loss is not None
-            and self.towards > _PURE
-            and abs(self.loss) < _PURE
-            and self.turned > _TURNED
-        )
+        """Phase near +-90 deg nearly everywhere."""
+        return self.turned > _TURNED
 
 
 def _phase(frequency: Array, values: ComplexArray) -> _Phase:
-    at = _grid(frequency)
-    size = np.abs(values[at])
-    at, size = at[size > 0.0], size[size > 0.0]
-    sine, cosine = values[at].imag / size, values[at].real / size
-    turned = float(np.abs(sine).mean()) if at.size else 0.0
-    towards = float(cosine.sum() / max(np.abs(cosine).sum(), 1e-300))
-    loss = None if turned < _LEAST_LOSS else float(-sine.sum() / np.abs(sine).sum())
-    return _Phase(loss=loss, towards=towards, turned=turned)
+    size = np.abs(values)
+    sine = np.divide(values.imag, size, out=np.zeros_like(size), where=size > 0.0)
+    # From line to line a curve changes slowly and noise does not.
+    noise = (
+        float(np.median(np.abs(np.diff(sine, 2)))) / _SECOND_DIFFERENCE if len(sine) > 4 else 0.0
+    )
+    clear = np.flatnonzero(np.abs(sine) > max(_ABOVE_NOISE * noise, _LEAST_LOSS))
+    turned = float(np.abs(sine[_grid(frequency)]).mean())
+    if len(clear) < _FEWEST:
+        return _Phase(loss=None, turned=turned)
+    loss = float(-sine[clear].sum() / np.abs(sine[clear]).sum())
+    return _Phase(loss=loss, turned=turned)
 
 
 def _diagnosis(axis: str, frequency: Array, values: ComplexArray, phase: _Phase) -> str:
