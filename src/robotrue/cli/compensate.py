@@ -48,6 +48,7 @@ from robotrue.program.identity import (
     write_identity,
 )
 from robotrue.program.program import FrameTable, Program, Reason
+from robotrue.robot.statics import NO_LOAD
 
 
 def run(
@@ -129,6 +130,8 @@ def compensated(
     table, staff = frame_table(cell), Staff(workers=workers, dask=dask)
     asks = [(force is not None, "--force"), (free_spin, "--free-spin"), (model is None, "no model")]
     asks += [(True, split.named)] if split else []
+    if model is not None:
+        asks.append((model.mean_tables(NO_LOAD) is None, "a model without flat tables"))
     why_whole = ", ".join(what for asked, what in asks if asked)
     alone = len(programs) == 1 and not programs[0].is_dir()
     found = outlined(programs[0], table, staff, why_whole=why_whole) if alone else None

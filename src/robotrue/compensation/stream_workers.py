@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import os
+import signal
+import threading
 from collections.abc import Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from functools import cache
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from types import TracebackType
 from typing import Final, Protocol
 
@@ -176,7 +178,17 @@ def _held() -> list[tuple[Work, ErrorModel | None]]:
 
 
 def _begin(work: Work) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what Ctrl-C ends
+    threading.Thread(target=_leave_with_parent, daemon=True).start()
     _held()[:] = [(work, model_of(work))]
+
+
+def _leave_with_parent() -> None:
+    """Ends this process when its parent is killed: nothing else would tell it."""
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _solve(task: Task) -> Done:
