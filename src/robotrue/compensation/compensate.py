@@ -61,8 +61,7 @@ def compensate(
     settings = settings or CompensationSettings()
     load = at_part(program, settings.load_for(len(program)))
     robot = model.robot.nominal()
-    if len(program.start) == robot.dof and robot.controller is not None and not len(settings.home):
-        settings = replace(settings, home=robot.controller.to_model(program.start[None])[0])
+    settings = with_start(robot, program.start, settings)
     measured = measured_tools(robot, program.T_flange_tool)
     tables = model.mean_tables(load)
     pack = pack_tables(tables or rigid_tables(robot), program.T_flange_tool, measured)
@@ -132,6 +131,15 @@ def compensate_part(
         if model is not None and settings.covariance:
             covariances(model, program, load, measured, outcome, part)
     return plan, outcome
+
+
+def with_start(
+    robot: RobotModel, start: Array, settings: CompensationSettings
+) -> CompensationSettings:
+    """Returns the settings with the arm at home where its program says it starts, if it does."""
+    if len(start) != robot.dof or robot.controller is None or len(settings.home):
+        return settings
+    return replace(settings, home=robot.controller.to_model(start[None])[0])
 
 
 def measured_tools(robot: RobotModel, T_flange_tool: Array) -> BoolArray:

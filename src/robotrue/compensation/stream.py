@@ -20,7 +20,7 @@ import numpy as np
 
 from robotrue.calibration.model import ErrorModel
 from robotrue.compensation.chunks import Standing, at_home
-from robotrue.compensation.compensate import measured_tools
+from robotrue.compensation.compensate import measured_tools, with_start
 from robotrue.compensation.pack import pack_tables
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.stream_block import Done, Task, Work, drive_through
@@ -99,7 +99,7 @@ def compensate_stream(
         ConfigurationError: No tables, a number of workers that is none, or workers that died.
         FormatError: The source changed since it was outlined, or the target cannot be written.
     """
-    settings = settings or CompensationSettings()
+    settings = with_start(model.robot.nominal(), found.start, settings or CompensationSettings())
     load = settings.load_for(found.targets)
     work = _work(model, found, settings, load)
     closed = bool(np.isfinite(work.pack.opw[0]))

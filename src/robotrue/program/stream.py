@@ -109,6 +109,7 @@ class Outline:
         notes: What the reader wants the user to know; without counts.
         companions: The other programs of the job, read whole, in its order.
         place: How many of them come before this file.
+        start: As in :class:`Program`.
     """
 
     name: str
@@ -124,6 +125,7 @@ class Outline:
     notes: tuple[str, ...]
     companions: tuple[Program, ...]
     place: int
+    start: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -271,6 +273,7 @@ def outline(path: str | Path, frames: FrameTable, *, targets: int = BLOCK) -> Ou
         notes=tuple(_COUNT.sub("targets", note) for note in (*skeleton.notes, *beside)),
         companions=tuple(kept),
         place=sum(any(one is each for each in programs[:place]) for one in kept),
+        start=skeleton.start,
     )
 
 
