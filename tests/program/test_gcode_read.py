@@ -189,7 +189,8 @@ def test_tools_come_from_the_cell() -> None:
         ("CYCLE800(1,2)", "CYCLE800()", Reason.UNKNOWN_FRAME),
         ("G41", "G40", Reason.EXPRESSION),
         ("BSPLINE", "G1", Reason.EXPRESSION),
-        ("L100", "G90 G17 G71 G40 G54 T1 TRAORI CP ORIRPY G1", Reason.INCOMPLETE),
+        ("L100", "G90 G17 G71 G40 G54 T1\nTRAORI CP ORIRPY\nTRANS\nG1", Reason.INCOMPLETE),
+        ("DIAMON", "DIAMOF", Reason.UNKNOWN_FRAME),
         ("IF R1>5 GOTOF A1", "", Reason.INCOMPLETE),
         ("HOME(1)", "", Reason.INCOMPLETE),
         ("AGAIN:", "", Reason.INCOMPLETE),
@@ -199,7 +200,7 @@ def test_what_moves_the_coordinates_or_the_path(before: str, behind: str, reason
     program = sinumerik(f"{FIRST}\n{before}\n{FIRST[3:]}")
     assert reasons(program) == [Reason.NONE, reason]
     assert any(":5" in note or ":6" in note for note in program.notes)
-    if behind and before != "L100":
+    if behind:
         assert reasons(sinumerik(f"{FIRST}\n{before}\n{behind}\n{FIRST}"))[1] == Reason.NONE
 
 
@@ -275,3 +276,20 @@ def test_what_was_taken_for_granted_is_told() -> None:
     tool = sinumerik(f"$TC_DP3[1,1]=215.5\n{FIRST}")
     assert tool.notes == ("part.nc:4: the program sets data of a tool; that of the cell is used.",)
     assert reasons(tool) == [Reason.NONE]
+
+
+def test_one_way_of_moving_coordinates_does_not_end_another() -> None:
+    for text in ("TRANS X5\nCYCLE800()", "CYCLE800(1)\nTRANS", "TRANS X5\nDIAMOF"):
+        assert reasons(sinumerik(f"{text}\n{FIRST}")) == [Reason.UNKNOWN_FRAME]
+    first = "G1 X1. Y2. Z3. A0. B0. C0."
+    for text in ("G52 X5.\nG69", "G92 X0.\nG50", "G68 X0. Y0. R5.\nG15"):
+        assert reasons(fanuc(f"{text}\n{first}")) == [Reason.UNKNOWN_FRAME]
+    for text in ("G68 X0. Y0. R5.\nG69", "G51 X0. Y0. P2\nG50", "G16\nG15", "G51.1 X0.\nG50.1"):
+        assert reasons(fanuc(f"{text}\n{first}")) == [Reason.NONE]
+
+
+def test_a_program_that_says_all_again_behind_a_call_is_certain() -> None:
+    again = "G90 G17 G21 G40 G54\nG69\nT1\nG43.4 H1"
+    program = fanuc(f"M98 P100\n{again}\nG1 X1. Y2. Z3. A0. B0. C0.")
+    assert reasons(program) == [Reason.NONE]
+    assert reasons(fanuc("M98 P100\nG43.4 H1\nG1 X1. Y2. Z3. A0. B0. C0.")) == [Reason.INCOMPLETE]

@@ -21,6 +21,8 @@ class Findings:
     """What the slow reader found, by block.
 
     Attributes:
+        groups: States that programs of the control can set.
+        shifts: Ways in which coordinates are moved just now.
         words: (block, column, first byte, bytes, value); NaN and -1 for one that is computed.
         state: Settings by (block, group).
         lost: Columns not known any more when a block ends, by block.
@@ -34,6 +36,8 @@ class Findings:
         inch: Unit the head of the program states: None where it does not.
     """
 
+    groups: tuple[Group, ...] = tuple(Group)
+    shifts: dict[str, bool] = field(default_factory=dict)
     words: list[tuple[int, int, int, int, float]] = field(default_factory=list)
     state: dict[tuple[int, int], int] = field(default_factory=dict)
     lost: dict[int, tuple[int, ...]] = field(default_factory=dict)
@@ -58,9 +62,15 @@ class Findings:
 
     def barrier(self, block: int) -> None:
         """Forgets everything: what runs between this block and the next is not read."""
-        for group in Group:
+        self.shifts.clear()
+        for group in self.groups:
             self.state.setdefault((block, int(group)), UNCERTAIN)
         self.lost[block] = (*ALL, *range(Column.J1, Column.J6 + 1))
+
+    def shift(self, block: int, kind: str, on: bool) -> None:
+        """Says that coordinates are moved, turned or scaled in one way, or no longer."""
+        self.shifts[kind] = on
+        self.set(block, Group.SHIFTED, int(any(self.shifts.values())))
 
     def forget(self, block: int, columns: tuple[int, ...] = ALL) -> None:
         """Forgets columns when the block ends."""

@@ -38,16 +38,25 @@ _QUIET: Final = frozenset(
     b"STOPFIFO CFC CFTCP CFIN FNORM FLIN FCUB FGROUP CYCLE832 CYCLE_HSC ADIS ADISPOS WALIMON "
     b"WALIMOF DEF EXTERN PROC DISPLOF DISPLON SAVE SBLOF SBLON G290 WAITM SETM CLEARM ACC "
     b"FGREF DYNNORM DYNPOS DYNROUGH DYNSEMIFIN DYNFINISH RTLION RTLIOF OSC OSSE OSOF OSS OST "
-    b"CUT2D CUT2DF CUT3DC CUT3DF NORM KONT WRTPR ORISON ORISOF OTOL CTOL RET BLSYNC DIAMOF "
-    b"DIAMON DIAM90 WORKPIECE GROUP_BEGIN GROUP_END GETD GET RELEASE AND OR LIMS DELAYFSTON "
+    b"CUT2D CUT2DF CUT3DC CUT3DF NORM KONT WRTPR ORISON ORISOF OTOL CTOL RET BLSYNC "
+    b"WORKPIECE GROUP_BEGIN GROUP_END GETD GET RELEASE AND OR LIMS DELAYFSTON "
     b"DELAYFSTOF PRIO".split()
 )
 """Keywords that say nothing of places."""
-_SHIFTS: Final = frozenset(
-    b"TRANS ATRANS ROT AROT ROTS AROTS CROTS RPL SCALE ASCALE MIRROR AMIRROR CYCLE800 TRANSMIT "
-    b"TRACYL TRAANG TOROT TOFRAME PAROT MEAFRAME ORIRESET G58 G59".split()
-)
-_CANCELS: Final = frozenset(b"TRANS ROT SCALE MIRROR CYCLE800 TOROTOF PAROTOF".split())
+_SHIFTS: Final = {
+    **dict.fromkeys(
+        b"TRANS ATRANS ROT AROT ROTS AROTS CROTS RPL SCALE ASCALE MIRROR AMIRROR".split(), "program"
+    ),
+    b"CYCLE800": "swivel", b"TOROT": "tool frame", b"TOFRAME": "tool frame", b"PAROT": "part",
+    b"TRANSMIT": "transformation", b"TRACYL": "transformation", b"TRAANG": "transformation",
+    b"MEAFRAME": "measured", b"ORIRESET": "machine", b"DIAMON": "diameter", b"DIAM90": "diameter",
+}  # fmt: skip
+"""Keywords that move, turn or scale coordinates, each in its own way."""
+_CANCELS: Final = {
+    **dict.fromkeys(b"TRANS ROT ROTS SCALE MIRROR".split(), "program"),
+    b"CYCLE800": "swivel", b"TOROTOF": "tool frame", b"PAROTOF": "part", b"DIAMOF": "diameter",
+}  # fmt: skip
+"""Keywords that end one of these ways when they stand alone."""
 _DRIVES: Final = {
     b"CIP": Drive.THROUGH,
     **dict.fromkeys((b"CT", b"INVCW", b"INVCCW", b"POLY", b"ASPLINE", b"BSPLINE", b"CSPLINE"),
@@ -62,10 +71,15 @@ _SETS: Final = {
 }  # fmt: skip
 _MACHINE: Final = ("G53", "G153")
 _HOMES: Final = ("G28", "G30", "G74", "G75", "G27", "M6")
-_MOVES_COORDINATES: Final = frozenset(
-    ("G10", "G16", "G50", "G51", "G51.1", "G52", "G54.2", "G54.4", "G68", "G68.2", "G68.3", "G68.4",
-     "G92", "G92.1", "G53.1", "G58", "G59", "G5.2")
-)  # fmt: skip
+_MOVING: Final = {
+    **dict.fromkeys(("G10", "G50", "G92", "G92.1"), "zero"), "G52": "local", "G51": "scale",
+    **dict.fromkeys(("G68", "G68.2", "G68.3", "G68.4", "G53.1"), "rotation"), "G16": "polar",
+    **dict.fromkeys(("G54.2", "G54.4"), "table"), "G51.1": "mirror", "G58": "program",
+    "G59": "program",
+}  # fmt: skip
+"""Codes that move, turn or scale coordinates."""
+_ENDING: Final = {"G69": "rotation", "G50": "scale", "G50.1": "mirror", "G15": "polar"}
+"""Codes that end one of these ways when no coordinate stands with them."""
 _CALLS: Final = ("G65", "G66", "G66.1", "M98", "M198", "M99")
 _QUIET_CODES: Final = ("G4", "G5", "G5.1", "G7.1", "G11", "G13")
 """Codes whose further words are no coordinates."""
@@ -101,7 +115,7 @@ class OddReader:
     def _skippable(self, block: int, first: int, text: bytes, lead: int) -> None:
         """``/`` blocks run or not by a switch: what they set is not certain behind them."""
         rest = lead + 1 + (text[lead + 1 : lead + 2].isdigit() and 1)
-        inner = Findings(names=self.found.names)
+        inner = Findings(names=self.found.names, groups=self.found.groups)
         reader = OddReader(self._words, inner)
         _Block(reader, block, first, text, rest).read()
         self.found.words += inner.words
@@ -110,6 +124,8 @@ class OddReader:
         self.found.silent |= inner.silent
         columns = tuple({word[1] for word in inner.words} | set(inner.lost.get(block, ())))
         self.found.forget(block, columns)
+        if inner.shifts:
+            self.found.shifts["skipped"] = True
         for _, group in inner.state:
             self.found.state[block, group] = UNCERTAIN
 
@@ -207,7 +223,7 @@ class _Block:
             if value is not None and name.startswith((b"$SC", b"$P_SIM")):
                 return
             self._tell(f"{name.decode('latin-1')} is set")
-            self._out.set(self._block, Group.SHIFTED, UNCERTAIN)
+            self._out.shift(self._block, "frame variable", True)
         elif re.fullmatch(rb"[A-Z]\d{0,2}", name) and not re.fullmatch(
             rb"R\d+|F\d?|T\d?|H\d", name
         ):
@@ -280,10 +296,13 @@ class _Block:
             named = self._out.name(f"G54.1 P{int(match[1])}" if match else "G54.1")
             self._out.set(self._block, Group.FRAME, NAMED - named)
             self._quiet = True
-        elif code in _MOVES_COORDINATES:
+        elif code in _ENDING and not re.search(rb"[XYZ]", self._text):
+            self._out.shift(self._block, _ENDING[code], False)
+            self._out.forget(self._block)
+        elif code in _MOVING:
             self._quiet = True
             self._tell(f"{code} moves or turns the coordinates")
-            self._out.set(self._block, Group.SHIFTED, 1)
+            self._out.shift(self._block, _MOVING[code], True)
             self._out.forget(self._block)
         elif code in _CALLS:
             self._call(code)
@@ -333,6 +352,7 @@ class _Block:
             group, value = _SETS[word]
             self._out.set(self._block, group, value)
             if group == Group.TIP:
+                self._out.shift(self._block, "transformation", False)
                 self._out.forget(self._block)
         elif word in _DRIVES:
             self._out.set(self._block, Group.MOTION, _DRIVES[word])
@@ -356,10 +376,12 @@ class _Block:
 
     def _shift(self, word: bytes, arguments: bytes | None) -> None:
         rest = (arguments or b"").strip(b"() \t") + self._text[self._at :].strip()
-        on = bool(rest) or word not in _CANCELS
-        if on:
+        if not rest and word in _CANCELS:
+            self._out.shift(self._block, _CANCELS[word], False)
+        else:
+            kind = _SHIFTS.get(word) or _CANCELS[word]
             self._tell(f"{word.decode()} moves, turns or scales the coordinates")
-        self._out.set(self._block, Group.SHIFTED, int(on))
+            self._out.shift(self._block, kind, True)
         self._out.forget(self._block)
         self._quiet, self._at = True, len(self._text)
 

@@ -53,7 +53,7 @@ def scan_blocks(
     for k in np.flatnonzero(np.isnan(columns[4])).tolist():
         at = int(columns[2][k])
         columns[4][k] = float(data[at : at + int(columns[3][k])])
-    found = Findings()
+    found = Findings(groups=vocabulary.groups)
     take = reader(vocabulary, found)
     for row in np.flatnonzero(status == ODD).tolist():
         take(row, int(first[row]), data[int(first[row]) : int(end[row])])

@@ -95,6 +95,7 @@ class Vocabulary:
         names: Addresses of the columns as they are inserted, by :class:`.path_words.Turn`.
         frames: Names of the zero offsets by their value in ``Group.FRAME``; the first is none.
         increments: A number without a point may count increments.
+        groups: States that programs can set, and set again behind a call.
         holder: Where the control keeps its frames and tools, for sentences.
     """
 
@@ -105,6 +106,7 @@ class Vocabulary:
     names: tuple[tuple[bytes, ...], ...]
     frames: tuple[str, ...]
     increments: bool
+    groups: tuple[Group, ...]
     holder: Mapping[str, str]
 
 
@@ -181,6 +183,7 @@ SINUMERIK: Final = Vocabulary(
     ),
     frames=tuple(f"G{k}" for k in SINUMERIK_FRAMES),
     increments=False,
+    groups=tuple(set(Group) - {Group.CENTRE}),
     holder={"base": "its table of zero offsets", "tool": "its table of tools"},
 )  # fmt: skip
 
@@ -194,11 +197,10 @@ FANUC: Final = Vocabulary(
         **_frames(1, range(54, 60)),
         "G43.4": (Group.TIP, 1), "G43.5": (Group.TIP, 2), "G43": (Group.TIP, 0),
         "G49": (Group.TIP, 0),
-        "G69": (Group.SHIFTED, 0),
         "G90.1": (Group.CENTRE, 1), "G91.1": (Group.CENTRE, 0),
         "G33": (Group.MOTION, Drive.OTHER), "G80": (Group.MOTION, UNCERTAIN),
         **_each("G", (73, 74, 76, *range(81, 90)), (Group.MOTION, Drive.CYCLE)),
-        **_each("G", (5, 5.1, 8, 9, 15, 25, 50.1, 61, 61.1, 64, 67, 98, 99, 13.1), NOTHING),
+        **_each("G", (5, 5.1, 8, 9, 25, 61, 61.1, 64, 67, 98, 99, 13.1), NOTHING),
         **_each("M", _QUIET_M, NOTHING),
     },
     signs=(59, 40, 41, 0),
@@ -210,6 +212,7 @@ FANUC: Final = Vocabulary(
     ),
     frames=FANUC_FRAMES,
     increments=True,
+    groups=tuple(set(Group) - {Group.AXIS_WISE, Group.ANGLES, Group.CENTRE}),
     holder={"base": "its work offsets", "tool": "its tool offsets"},
 )  # fmt: skip
 
@@ -232,5 +235,9 @@ HEIDENHAIN: Final = Vocabulary(
     ),
     frames=("",),
     increments=False,
+    groups=(
+        Group.MOTION, Group.PLANE, Group.FRAME, Group.TIP, Group.SIDEWAYS, Group.SHIFTED,
+        Group.TOOL,
+    ),
     holder={"base": "its preset table", "tool": "its table of tools"},
 )  # fmt: skip

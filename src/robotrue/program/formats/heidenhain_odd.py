@@ -46,7 +46,6 @@ class ConversationalReader:
         self.found = found
         self.begun = self.ended = False
         self._address = {name.encode(): k for name, k in vocabulary.columns.items() if k >= 0}
-        self._shifts: dict[str, bool] = {}
         self._pole: dict[int, tuple[int, int, float]] = {}
         self._user = -1
         self._preset = False
@@ -84,7 +83,7 @@ class ConversationalReader:
             self.found.set(block, Group.TIP, 0 if function[1] else 1)
             if b"PATHCTRL VECTOR" in rest or b"REFPNT" in rest:
                 self.found.told.append((first, "TCPM in a form that is not read"))
-                self.found.set(block, Group.SHIFTED, 1)
+                self.found.shift(block, "TCPM", True)
         elif cycle:
             self._cycle(block, first, int(cycle[1]), cycle[2], cycle[3])
         elif rest.startswith(b"TOOL CALL"):
@@ -131,7 +130,7 @@ class ConversationalReader:
                 on = bool(values.strip())
             fresh = part == b"0" or part == b"1"
             kind = str(number)
-            on = on or (not fresh and self._shifts.get(kind, False))
+            on = on or (not fresh and self.found.shifts.get(kind, False))
             self._shift(block, first, kind, f"CYCL DEF {number} is {_SHIFTING[number]}", on)
         elif number == 247:
             self.found.set(block, Group.FRAME, NAMED - self.found.name("preset"))
@@ -148,10 +147,9 @@ class ConversationalReader:
         self._preset = False
 
     def _shift(self, block: int, first: int, kind: str, what: str, on: bool) -> None:
-        if on and not self._shifts.get(kind):
+        if on and not self.found.shifts.get(kind):
             self.found.told.append((first, what))
-        self._shifts[kind] = on
-        self.found.set(block, Group.SHIFTED, int(any(self._shifts.values())))
+        self.found.shift(block, kind, on)
 
     def _codes(self, block: int, first: int, rest: bytes) -> None:
         for match in _CODE.finditer(rest):
