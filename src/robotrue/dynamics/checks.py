@@ -227,13 +227,8 @@ class _Phase:
 
 
 def _phase(frequency: Array, values: ComplexArray) -> _Phase:
-    size = np.abs(values)
-    sine = np.divide(values.imag, size, out=np.zeros_like(size), where=size > 0.0)
-    # From line to line a curve changes slowly and noise does not.
-    noise = (
-        float(np.median(np.abs(np.diff(sine, 2)))) / _SECOND_DIFFERENCE if len(sine) > 4 else 0.0
-    )
-    clear = np.flatnonzero(np.abs(sine) > max(_ABOVE_NOISE * noise, _LEAST_LOSS))
+    sine = _sine(values)
+    clear = np.flatnonzero(np.abs(sine) > max(_ABOVE_NOISE * _noise(sine), _LEAST_LOSS))
     turned = float(np.abs(sine[_grid(frequency)]).mean())
     if len(clear) < _FEWEST:
         return _Phase(loss=None, turned=turned)
@@ -280,7 +275,7 @@ def _check_swapped(frf: FrequencyResponse) -> None:
             one, two = (_phase(frf.frequency[band], curve).loss or 0.0 for curve in curves[:2])
             if one * two < 0.0 and min(abs(one), abs(two)) > _PURE:
                 continue
-            if _determinant(frf.frequency[band], curves) < -_OUTGOING:
+            if _determinant(curves) < -_OUTGOING:
                 raise ImplausibleDataError(
                     f"energy would come out between {a} and {b}: the axes {a} and {b} of sensor or "
                     "hammer are swapped.",
@@ -289,18 +284,33 @@ def _check_swapped(frf: FrequencyResponse) -> None:
                 )
 
 
-def _determinant(frequency: Array, curves: list[ComplexArray]) -> float:
-    """Mean of det(-Im G) over the size of its two terms, -1..1, where there is damping to read."""
-    at = _grid(frequency)
-    loss = [-curve[at].imag for curve in curves]
-    clear = np.all(
-        [np.abs(v) > 0.1 * np.abs(c[at]) for v, c in zip(loss, curves, strict=True)], axis=0
-    )
-    if clear.sum() < 5:
-        return 0.0
+def _determinant(curves: list[ComplexArray]) -> float:
+    """Mean of det(-Im G) over the size of its two terms, -1..1, of the lines above the noise.
+
+    Where one mode rules, the determinant is nothing but noise; such lines do not count.
+    """
+    loss = [-curve.imag for curve in curves]
+    noise = [_noise(_sine(curve)) * np.abs(curve) for curve in curves]
     direct, cross = loss[0] * loss[1], loss[2] * loss[3]
-    whole = (direct - cross) / np.maximum(np.abs(direct) + np.abs(cross), 1e-300)
-    return float(whole[clear].mean())
+    spread = np.sqrt(sum((noise[k] * loss[j]) ** 2 for k, j in ((0, 1), (1, 0), (2, 3), (3, 2))))
+    size = np.abs(direct) + np.abs(cross)
+    clear = np.abs(direct - cross) > _ABOVE_NOISE * spread + _LEAST_LOSS * size
+    if clear.sum() < _FEWEST:
+        return 0.0
+    return float(((direct - cross)[clear] / size[clear]).mean())
+
+
+def _sine(values: ComplexArray) -> Array:
+    """Sine of the phase (m,); zero where the curve is."""
+    size = np.abs(values)
+    return np.divide(values.imag, size, out=np.zeros_like(size), where=size > 0.0)
+
+
+def _noise(sine: Array) -> float:
+    """Standard deviation of what changes from line to line: a curve does so slowly."""
+    if len(sine) < 5:
+        return 0.0
+    return float(np.median(np.abs(np.diff(sine, 2)))) / _SECOND_DIFFERENCE
 
 
 def _grid(frequency: Array) -> IntArray:
