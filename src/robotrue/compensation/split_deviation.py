@@ -141,12 +141,12 @@ def job_deviation(job: JobMoves, *, tolerance: float | None = None) -> JobDeviat
 
     Arcs are looked at in 14 steps. Lines are first looked at in the middle, and in 14 steps where
     that is more than a quarter of the tolerance (without one: the thousand worst). A line is not
-    looked at when it is certainly too short to matter. The bound: let c(t), t in [0, 1], be the
-    compensated way of a line and l(t) the straight line between c(0) and c(1). Each component of
-    e = c - l vanishes at both ends, so for every t there is an s with
-    e(t) = -t (1 - t) e''(s) / 2 (the remainder of linear interpolation), hence
-    |e(t)| <= max |c''| / 8. The size of a line is S = L + 0.5 m * (its turn in rad), and c'' grows
-    with its square: ``|c''| <= K S^2`` with one K for the whole job, so that
+    looked at when it is certainly too short to matter. The bound: let ``c(t)``, t in 0..1, be the
+    compensated way of a line and ``l(t)`` the straight line between ``c(0)`` and ``c(1)``. Each
+    component of ``e = c - l`` vanishes at both ends, so for every t there is an s with
+    ``e(t) = -t (1 - t) e''(s) / 2`` (the remainder of linear interpolation), hence
+    ``|e(t)| <= max |c''| / 8``. The size of a line is ``S = L + 0.5 m * (its turn in rad)``, and
+    ``c''`` grows with its square: ``|c''| <= K S^2`` with one K for the whole job, so that
     ``deviation <= K S^2 / 8``. K is four times the largest value of ``8 deviation / S^2`` seen at
     the middle of 2048 lines spread evenly over the job and of the 2048 longest. With K given this
     is a proof; that K holds for the lines not probed is an assumption about the model, which is
