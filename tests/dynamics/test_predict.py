@@ -154,7 +154,9 @@ def test_whole_record_and_stream_agree():
     rng = np.random.default_rng(4)
     shapes = rng.normal(size=(4, 3)) * np.array([[0.04], [0.04], [1.0], [2.0]])
     truth = modal([9.0, 31.0, 520.0, 900.0], [0.035, 0.03, 0.05, 0.04], shapes)
-    frf = with_static(measured(truth, highest=1500.0), {"xx": float(truth.modal_static[0, 0])})
+    frf = with_static(
+        measured(truth, step=1.0, highest=1500.0), {"xx": float(truth.modal_static[0, 0])}
+    )
     modes = fit_modes(frf)
     t = np.arange(40000) / 20e3
     waves = np.sin(2 * np.pi * np.outer(t, [60.0, 120.0, 480.0]) + rng.uniform(0, 6, 3))
