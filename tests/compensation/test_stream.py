@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -20,7 +21,7 @@ from robotrue.compensation.stream import Streamed, compensate_stream, worker_cou
 from robotrue.compensation.stream_workers import Processes
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
-from robotrue.errors import ConfigurationError, FormatError
+from robotrue.errors import ConfigurationError, FormatError, MissingExtraError
 from robotrue.program.formats import read_job, write_program
 from robotrue.program.program import FrameTable
 from robotrue.program.stream import Outline, outline
@@ -218,6 +219,12 @@ def test_no_scheduler_no_result(source: Path) -> None:
     with pytest.raises(ConfigurationError, match="no Dask scheduler answers"):
         streamed(source, cases.rigid_model(), settings(), dask="nonsense://127.0.0.1:9")
     assert not source.with_name("out.src").exists()
+
+
+def test_dask_is_an_extra(source: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(MissingExtraError, match="distributed is not installed"):
+        streamed(source, cases.rigid_model(), settings(), dask="tcp://127.0.0.1:8786")
 
 
 def test_a_wrong_guess_is_found_out(source: Path, monkeypatch: pytest.MonkeyPatch) -> None:
