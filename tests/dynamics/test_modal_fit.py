@@ -14,7 +14,7 @@ from robotrue.errors import ObservabilityError
 
 def test_thirteen_clean_modes_come_back_exactly():
     truth = robot_with_tool()
-    found = fit_modal(measured(truth, step=1.0))
+    found = fit_modal(measured(truth))
     np.testing.assert_allclose(found.model.frequency, truth.frequency, rtol=1e-9)
     np.testing.assert_allclose(found.model.damping, truth.damping, rtol=1e-7)
     f = np.geomspace(4.0, 2900.0, 500)
