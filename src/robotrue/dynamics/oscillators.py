@@ -46,12 +46,12 @@ class Oscillators:
         k = len(self.poles)
         for name, shape in (("poles", (k,)), ("excite", (k, 3)), ("respond", (k, 3))):
             value = np.array(getattr(self, name), dtype=np.complex128)
-            if value.shape != shape or not np.isfinite(value).all():
+            if value.shape != shape or not np.isfinite(value.sum()):
                 raise ShapeError(f"{name} has shape {value.shape}, expected {shape}, all finite.")
             value.flags.writeable = False
             object.__setattr__(self, name, value)
         object.__setattr__(self, "residual", frozen(self.residual, (3, 3), "residual"))
-        if not ((self.poles.real < 0.0) & (self.poles.imag > 0.0)).all():
+        if k and not (self.poles.real.max() < 0.0 < self.poles.imag.min()):
             raise ShapeError(
                 "poles need a real part below and an imaginary part above zero: "
                 "modes that decay and are damped less than critically."
@@ -82,7 +82,7 @@ def joined(parts: list[Oscillators]) -> Oscillators:
         poles=np.concatenate([p.poles for p in parts]),
         excite=np.concatenate([p.excite for p in parts]),
         respond=np.concatenate([p.respond for p in parts]),
-        residual=np.sum([p.residual for p in parts], axis=0),
+        residual=np.add.reduce([p.residual for p in parts]),
     )
 
 

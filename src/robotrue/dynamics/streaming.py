@@ -26,8 +26,8 @@ from robotrue.dynamics.oscillators import Oscillators
 from robotrue.dynamics.streaming_kernels import DONE, LANES, NOT_FINITE, ROWS, TAIL, run
 from robotrue.errors import ModelMismatchError, ShapeError
 
-_SERIES: Final = 0.05  # below this |pT| a series is used: the quotient would lose digits
-_TERMS: Final = 8
+_SERIES: Final = 0.01  # below this |pT| a series is used: the quotient would lose digits
+_TERMS: Final = 5
 _FLOAT: Final = np.dtype(np.float64)
 STATE: Final = 14
 """First of the two rows of the kernel's memory that are the state."""
