@@ -115,7 +115,7 @@ def plan(
     output: Annotated[Path, typer.Option("--output", "-o", help="Execution sheet (CSV) to write.")],
     clamps: Annotated[int, typer.Option(help="How many; 15 at least.")] = 60,
     forces_N: Annotated[
-        str, typer.Option("--forces-N", help="Clamp forces in N.")
+        str, typer.Option("--forces-n", help="Clamp forces in N.")
     ] = "0,250,500,750,1000",
     z_mm: Annotated[str, typer.Option(help="Heights in mm.")] = "-100,0,100",
     tilt_deg: Annotated[float, typer.Option(help="Largest tilt in deg.")] = 4.0,

@@ -48,7 +48,7 @@ def run_plan(
         )
     plan = planned_campaign(
         clamps,
-        forces=_list(forces_N, "--forces-N"),
+        forces=_list(forces_N, "--forces-n"),
         heights=_list(z_mm, "--z-mm") * MM,
         largest=tilt_deg * DEG,
         seed=seed,
