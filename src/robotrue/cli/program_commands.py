@@ -117,7 +117,8 @@ def compensate(
     free_spin: Annotated[
         bool,
         typer.Option(
-            help="Choose the rotation about the axis of a rotating tool for stiffness and room."
+            "--free-spin",
+            help="Choose the rotation about the axis of a rotating tool for stiffness and room.",
         ),
     ] = False,
     axis_targets: Annotated[
