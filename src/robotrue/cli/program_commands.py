@@ -145,7 +145,10 @@ def compensate(
         int, typer.Option(help="With --split: targets put in at most.")
     ] = 100_000,
     deviation: Annotated[
-        bool, typer.Option(help="Report how far lines and arcs are off between their targets.")
+        bool,
+        typer.Option(
+            "--deviation", help="Report how far lines and arcs are off between their targets."
+        ),
     ] = False,
     json: Json = False,
 ) -> None:
