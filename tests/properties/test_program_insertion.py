@@ -80,4 +80,4 @@ def test_moves_and_targets_of_generated_programs_stay_what_they_were(name):
             gap = np.abs(after[last] - before[moves.end[known]])
             assert not (np.nan_to_num(gap) > tolerance).any(), (seed, column)
         put += len(insertion)
-    assert put >= SEEDS
+    assert put >= 10
