@@ -1,0 +1,1 @@
+"""Robots and sensors as they run: bytes of their protocols, samples, replay; no motion here."""

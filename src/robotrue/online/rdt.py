@@ -1,0 +1,269 @@
+"""ATI Net F/T and Ethernet Axia, Raw Data Transfer: requests, records, and the sensor's scale.
+
+UDP 49152, big-endian. Records hold counts; what a count is worth stands in the sensor's own page
+``netftapi2.xml``, with its unit, and differs from sensor to sensor.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.units import MM, STANDARD_GRAVITY
+from robotrue.errors import FormatError, ImplausibleDataError
+from robotrue.online.samples import Flag, ForceSample
+from robotrue.online.sequence import SequenceState
+from robotrue.online.xml_text import parse_xml
+
+PORT: Final = 49152
+_REQUEST: Final = struct.Struct(">HHI")
+_RECORD: Final = struct.Struct(">III6i")
+_MAGIC: Final = 0x1234
+_MOST_RECORDS: Final = 40
+"""Records in a datagram of the buffered mode, at most."""
+_EXTREME: Final = (2**31 - 1, -(2**31))
+_LATCHED: Final = 1 << 16
+"""A monitored limit was crossed once; the data are sound."""
+_SATURATED: Final = {"net": 1 << 17, "axia": 1 << 30 | 1 << 27}
+_POUND: Final = 0.45359237 * STANDARD_GRAVITY
+_INCH: Final = 25.4 * MM
+_FORCE: Final = {
+    "lbf": _POUND,
+    "n": 1.0,
+    "klbf": 1e3 * _POUND,
+    "kn": 1e3,
+    "kgf": STANDARD_GRAVITY,
+}
+_TORQUE: Final = {
+    "lbfin": _POUND * _INCH,
+    "lbfft": _POUND * 12.0 * _INCH,
+    "nm": 1.0,
+    "nmm": MM,
+    "kgfcm": STANDARD_GRAVITY * 10.0 * MM,
+    "knm": 1e3,
+}
+_CODES: Final = (tuple(_FORCE), tuple(_TORQUE))
+"""``cfgfu`` and ``cfgtu`` count these from 1."""
+
+
+class RdtCommand(enum.IntEnum):
+    """What a sensor can be asked."""
+
+    STOP = 0x0000
+    START = 0x0002
+    """Records one by one, in real time."""
+    START_BUFFERED = 0x0003
+    RESET_LATCH = 0x0041
+    BIAS = 0x0042
+    """Takes the present load as zero: it also hides what hangs on the sensor."""
+
+
+class RdtDevice(enum.Enum):
+    """Which device it is: the status word of the two families differs."""
+
+    NET = "net"
+    """Net F/T (9620-05)."""
+    AXIA = "axia"
+    """Ethernet Axia (9610-05)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RdtScale:
+    """What counts are worth.
+
+    Attributes:
+        newton: N per count.
+        newton_metre: N m per count.
+    """
+
+    newton: float
+    newton_metre: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RdtRecord:
+    """One record as it was sent.
+
+    Attributes:
+        rdt_sequence: Number of the record.
+        ft_sequence: Number of the measurement within the sensor; it stands still if that hangs.
+        status: Status word; 0 is well.
+        counts: Fx Fy Fz Tx Ty Tz.
+    """
+
+    rdt_sequence: int
+    ft_sequence: int
+    status: int
+    counts: tuple[int, ...]
+
+
+def rdt_sequence(rate: float) -> SequenceState:
+    """Returns the state that watches the rdt_sequence of a sensor with ``rate`` records per second.
+
+    Up to 28 ms between two records are the sensor's own, and not late.
+    """
+    return SequenceState(modulus=1 << 32, window=max(100, round(rate)), late_after=0.028 + 2 / rate)
+
+
+def write_request(command: RdtCommand, count: int = 0) -> bytes:
+    """Returns a request; ``count`` records are sent, 0 until it is stopped.
+
+    Raises:
+        FormatError: A count outside 0 to 2^32 - 1.
+    """
+    if not 0 <= count < 1 << 32:
+        raise FormatError(f"{count} records asked for, expected 0 to 2^32 - 1.")
+    return _REQUEST.pack(_MAGIC, command, count)
+
+
+def read_request(data: bytes) -> tuple[RdtCommand, int]:
+    """Returns command and count of a request, as a sensor reads it.
+
+    Raises:
+        FormatError: Another size, mark or command.
+    """
+    if len(data) != _REQUEST.size:
+        raise FormatError(f"RDT request of {len(data)} bytes, expected {_REQUEST.size}.")
+    magic, command, count = _REQUEST.unpack(data)
+    if magic != _MAGIC or command not in RdtCommand.__members__.values():
+        raise FormatError(f"RDT request {magic:#06x} {command:#06x}, expected {_MAGIC:#06x}.")
+    return RdtCommand(command), count
+
+
+def read_records(data: bytes) -> tuple[RdtRecord, ...]:
+    """Returns the records of a datagram: one, or up to 40 in the buffered mode.
+
+    Raises:
+        FormatError: A size that is no multiple of 36 bytes.
+    """
+    count, rest = divmod(len(data), _RECORD.size)
+    if rest or not 1 <= count <= _MOST_RECORDS:
+        raise FormatError(
+            f"RDT datagram of {len(data)} bytes, expected 1 to {_MOST_RECORDS} times "
+            f"{_RECORD.size}.",
+            hint="port 49152 of the sensor itself.",
+        )
+    return tuple(
+        RdtRecord(rdt_sequence=r[0], ft_sequence=r[1], status=r[2], counts=tuple(r[3:]))
+        for r in _RECORD.iter_unpack(data)
+    )
+
+
+def write_record(record: RdtRecord) -> bytes:
+    """Returns a record as a sensor sends it, for simulators and tests."""
+    return _RECORD.pack(record.rdt_sequence, record.ft_sequence, record.status, *record.counts)
+
+
+def force_sample(
+    record: RdtRecord,
+    scale: RdtScale,
+    host_time: float,
+    *,
+    device: RdtDevice,
+    rate: float,
+    before: RdtRecord | None = None,
+    flags: Flag = Flag.NONE,
+) -> ForceSample:
+    """Returns the sample of a record, in the axes of the sensor.
+
+    Any bit of the status word but "limit latched" makes it invalid; so does a measurement that
+    has not moved since the record before, and a channel at the end of its range.
+
+    Args:
+        record: As read.
+        scale: Of this sensor.
+        host_time: s.
+        device: Family of the sensor.
+        rate: Records per second as configured; the sensor's time is ``rdt_sequence / rate``.
+        before: The record before it, where there is one.
+        flags: What the sequence says.
+    """
+    if record.status & ~_LATCHED:
+        flags |= Flag.SENSOR_FAULT
+    if record.status & _SATURATED[device.value] or any(c in _EXTREME for c in record.counts):
+        flags |= Flag.SATURATED
+    if (
+        before is not None
+        and before.ft_sequence == record.ft_sequence
+        and before.rdt_sequence != record.rdt_sequence
+    ):
+        flags |= Flag.SENSOR_FAULT
+    counts = np.array(record.counts, dtype=np.float64)
+    return ForceSample(
+        controller_time=record.rdt_sequence / rate,
+        host_time=host_time,
+        wrench=counts * np.repeat([scale.newton, scale.newton_metre], 3),
+        frame="sensor",
+        sequence=record.rdt_sequence,
+        status=record.status,
+        flags=flags,
+    )
+
+
+def parse_netftapi(data: bytes, source: str | Path | None = None) -> RdtScale:
+    """Returns the scale that the sensor's page ``netftapi2.xml`` states.
+
+    Raises:
+        FormatError: Not that page, or counts or units missing: a count is never taken as a
+            newton.
+        ImplausibleDataError: Counts per unit that are not above zero, or units that contradict.
+    """
+    root = parse_xml(data, "netftapi2.xml", source)
+    found: dict[str, str] = {}
+    for element in root.iter():
+        text = (element.text or "").strip()
+        if text and found.setdefault(element.tag, text) != text:
+            raise FormatError(f"{element.tag} stands twice and differs.", source=source)
+    force = _unit(found, "fu", _FORCE, _CODES[0], source) / _counts(found, "cfgcpf", source)
+    torque = _unit(found, "tu", _TORQUE, _CODES[1], source) / _counts(found, "cfgcpt", source)
+    return RdtScale(newton=force, newton_metre=torque)
+
+
+def _counts(found: dict[str, str], name: str, source: str | Path | None) -> float:
+    try:
+        counts = float(found[name])
+    except (KeyError, ValueError) as cause:
+        raise FormatError(
+            f"no number {name}.", source=source, hint="http://SENSOR/netftapi2.xml"
+        ) from cause
+    if not (math.isfinite(counts) and 1.0 <= counts <= 1e10):
+        raise ImplausibleDataError(
+            f"{name} is {counts:g} counts per unit, expected 1 to 1e10.", source=source
+        )
+    return counts
+
+
+def _unit(
+    found: dict[str, str],
+    name: str,
+    known: dict[str, float],
+    codes: tuple[str, ...],
+    source: str | Path | None,
+) -> float:
+    """The unit by its name (``scfgfu``) and by its code (``cfgfu``), whichever stand there."""
+    text, code = found.get(f"scfg{name}"), found.get(f"cfg{name}")
+    meant = set()
+    if text is not None:
+        meant.add("".join(c for c in text.lower() if c.isalpha()))
+    if code is not None and code.isascii() and code.isdigit() and 1 <= int(code) <= len(codes):
+        meant.add(codes[int(code) - 1])
+    elif code is not None:
+        meant.add(code)
+    if len(meant) > 1:
+        raise ImplausibleDataError(
+            f"scfg{name} says {text!r} and cfg{name} {code!r}: two units.", source=source
+        )
+    unit = meant.pop() if meant else None
+    if unit not in known:
+        raise FormatError(
+            f"unit {text or code!r} of scfg{name}/cfg{name}, expected one of {', '.join(known)}.",
+            source=source,
+            hint="http://SENSOR/netftapi2.xml",
+        )
+    return known[unit]

@@ -1,0 +1,111 @@
+"""The count that packets carry, watched: repeated, reordered, lost, leaping and late ones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from robotrue.errors import ConfigurationError
+from robotrue.online.samples import Flag
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SequenceState:
+    """What is known of a stream after its latest packet.
+
+    Attributes:
+        step: What the count grows by from packet to packet (RSI: ms of the cycle, 4 or 12).
+        modulus: Where the count starts again at zero; 0 if it never does.
+        window: Packets. A count back or ahead by more than this is no loss but another clock.
+        late_after: s between two packets on the host's clock from which the second is late.
+        last: Highest count seen on the present clock; None before the first packet.
+        host_time: s, when that packet came.
+        total: Packets the sender has sent on this clock since the first one seen, losses included.
+        late_count: The controller's own count of late answers, as last seen.
+        received: Packets looked at.
+        lost: Packets that never came; one that comes late is taken off again.
+        repeated: Packets whose count had come.
+        reordered: Packets older than the latest.
+        jumps: Clock jumps.
+        late: Late packets.
+    """
+
+    step: int = 1
+    modulus: int = 0
+    window: int = 100
+    late_after: float = float("inf")
+    last: int | None = None
+    host_time: float = float("-inf")
+    total: int = 0
+    late_count: int = 0
+    received: int = 0
+    lost: int = 0
+    repeated: int = 0
+    reordered: int = 0
+    jumps: int = 0
+    late: int = 0
+
+    def __post_init__(self) -> None:
+        """Checks."""
+        if self.step < 1 or self.window < 1 or self.modulus < 0 or not self.late_after > 0.0:
+            raise ConfigurationError(
+                f"step {self.step}, window {self.window}, modulus {self.modulus}, late after "
+                f"{self.late_after:g} s; expected step and window from 1, late after more than 0."
+            )
+
+
+def advance(
+    state: SequenceState, count: int, host_time: float, *, late_count: int = 0
+) -> tuple[SequenceState, Flag]:
+    """Returns the state after a packet, and what is wrong with the packet.
+
+    A repeated or reordered packet leaves the clock where it is. After a jump the new count is
+    taken: a controller that was restarted goes on with one bad packet, and one damaged count
+    marks itself and the packet after it.
+
+    Args:
+        state: Before the packet.
+        count: The packet's own.
+        host_time: s, when it came, on a clock that does not go back.
+        late_count: The controller's count of late answers, where the packet holds it.
+
+    Fails when: the sender leaps ahead by exactly one turn of its modulus.
+    """
+    flags = Flag.NONE
+    if state.last is None:
+        started = replace(state, last=count, host_time=host_time, received=1, late_count=late_count)
+        return started, flags
+    if late_count > state.late_count or host_time - state.host_time > state.late_after:
+        flags |= Flag.LATE
+    moved = count - state.last
+    if state.modulus:
+        half = state.modulus // 2
+        moved = (moved + half) % state.modulus - half
+    kind, packets = _kind(state, moved, host_time)
+    flags |= kind
+    late = state.late + bool(flags & Flag.LATE)
+    seen = replace(state, received=state.received + 1, late=late, late_count=late_count)
+    if kind & Flag.CLOCK_JUMP:
+        state = replace(seen, last=count, host_time=host_time, total=seen.total + 1)
+        return replace(state, jumps=state.jumps + 1), flags
+    if kind & Flag.REPEATED:
+        return replace(seen, repeated=seen.repeated + 1), flags
+    if kind & Flag.REORDERED:
+        return replace(seen, reordered=seen.reordered + 1, lost=max(0, seen.lost - 1)), flags
+    return replace(
+        seen,
+        last=count,
+        host_time=host_time,
+        total=seen.total + packets,
+        lost=seen.lost + packets - 1,
+    ), flags
+
+
+def _kind(state: SequenceState, moved: int, host_time: float) -> tuple[Flag, int]:
+    packets, off_grid = divmod(moved, state.step)
+    if off_grid or abs(packets) > state.window or host_time < state.host_time:
+        return Flag.CLOCK_JUMP, 1
+    if packets == 0:
+        return Flag.REPEATED, 0
+    if packets < 0:
+        return Flag.REORDERED, packets
+    return (Flag.GAP if packets > 1 else Flag.NONE), packets
