@@ -71,6 +71,22 @@ FOUND = {
         "part.ls",
         b"/PROG P\n/MN\n 1:UFRAME_NUM=" + b"1" * 5000 + b" ;\n/POS\n/END\n",
     ),
+    "a raised digit as the number of a base": (
+        "krl",
+        "part.src",
+        b"DEF p()\n$BASE=BASE_DATA[\xb2]\nBASE_DATA[\xb3]={X 1,Y 2,Z 3,A 4,B 5,C 6}\n"
+        b"BAS(#TOOL,\xb9)\nFDAT_ACT={TOOL_NO \xb2,BASE_NO \xb3}\nLIN {X 1,Y 2,Z 3,A 4,B 5,C 6}\n"
+        b"$BASE=BASE_DATA[" + b"1" * 5000 + b"]\nEND\n",
+    ),
+    "a position with thousands of digits": (
+        "fanuc_ls",
+        "part.ls",
+        b"/PROG P\n/MN\n 1:  R[1]=P["
+        + b"1" * 5000
+        + b"] ;\n 2:L P["
+        + b"1" * 5000
+        + b"] 5mm/sec FINE ;\n/POS\n/END\n",
+    ),
     "clauses that never end": (
         "krl",
         "part.src",

@@ -165,7 +165,8 @@ def _yaskawa(name: str, text: str) -> ControllerFile:
             current, elsewhere = (head[1].upper(), str(int(head[2]))), False
         elif basic:
             values = [part.strip() for part in basic[1].split(",")]
-            elsewhere = len(values) > 1 and values[1].isdigit() and int(values[1]) != _BASE_FRAME
+            told = values[1] if len(values) > 1 else ""
+            elsewhere = told.isdecimal() and int(told[:9]) != _BASE_FRAME
         elif current is not None:
             kind, number = current
             inside = line.strip()

@@ -175,10 +175,11 @@ class _Walk:
             if key not in self.out.changed:
                 self.out.changed[key] = line_at(self.data, place)
         for found in _POINT.findall(text):
-            row = self._row.get(int(found)) if _digits(found)[:6].isdigit() else None
+            plain = _digits(found)
+            row = self._row.get(int(plain)) if plain.isdigit() and len(plain) <= 6 else None
             if row is not None:
                 self._flag(row, Reason.EXPRESSION)
-                self._tell("read", place, f"P[{int(found)}] is used by a statement that is no "
+                self._tell("read", place, f"P[{int(plain)}] is used by a statement that is no "
                            "move; such positions are not compensated")  # fmt: skip
             elif not found.strip().isdigit():
                 self._computed(place)

@@ -161,11 +161,11 @@ class Frames:
         ``coupled`` says that a base on an external axis would be followed; a plain ``BASE_DATA``
         is then the frame on that axis, taken as if it stood in the world.
         """
-        if number is None or not number.isdigit():
+        if number is None or not number.isdecimal():
             return self.unknown(
                 side, line, f"number {number or '?'} is computed", "write the number out"
             )
-        number = str(int(number))
+        number = plain_key(number)
         if (side, number) in self._data:
             return self._data[side, number]
         matrix = _lookup(self._given(side), number)
@@ -236,7 +236,7 @@ class Frames:
         What the program or the controller keeps under this number is the frame on that axis, not
         in the robot base; only the cell can say where it stands.
         """
-        if number is not None and number.isdigit():
+        if number is not None and number.isdecimal():
             matrix = _lookup(self.table.bases, number)
             if matrix is not None and any(riders_of(self.table.external, number)):
                 return self.known("base", matrix, number)
@@ -249,7 +249,7 @@ class Frames:
 
     def store(self, side: str, number: str, index: int) -> None:
         """Remembers ``BASE_DATA[n]`` or ``TOOL_DATA[n]`` as the program writes it."""
-        self._data[side, str(int(number)) if number.isdigit() else number] = index
+        self._data[side, plain_key(number)] = index
 
     def inline_frames(self, line: int, inline: Inline) -> tuple[int, int, bool]:
         """Returns (base, tool, on robot) an inline form's numbers stand for."""

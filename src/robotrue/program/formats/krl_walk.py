@@ -217,7 +217,7 @@ class Walk:
             self._set(line, ON_ROBOT, self.frames.holder(rest))
         elif variable in ("base_data", "tool_data"):
             side = variable[:4]
-            if index.isdigit() and not path:
+            if index.isdecimal() and not path:
                 new = self._resolve(file, line, side, rest)
                 if self.flow.in_branch and new != self.frames.number(side, line, index):
                     what, cure = f"data {index} is set on one branch", "set it on every way"
