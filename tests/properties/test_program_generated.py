@@ -87,6 +87,16 @@ FOUND = {
         + b"1" * 5000
         + b"] 5mm/sec FINE ;\n/POS\n/END\n",
     ),
+    "an axis beyond the range of doubles": (
+        "toolpath_csv",
+        "part.csv",
+        b"x_mm;y_mm;z_mm;i;j;k;rapid\n0;5;0;1E308;1;7;\n",
+    ),
+    "a cell quoted in part": (
+        "toolpath_csv",
+        "part.csv",
+        b'x_mm;y_mm;z_mm;i;j;k\n0;"6";9;.32;".2"7;.9\n',
+    ),
     "clauses that never end": (
         "krl",
         "part.src",

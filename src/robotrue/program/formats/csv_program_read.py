@@ -48,7 +48,7 @@ def read_csv_program(data: bytes, name: str, frames: FrameTable) -> Program:
     unit, rule = np.full(n, MM), frames.orientation
     position, rotation, axes = poses(value, unit, turn, rule)
     reason, notes = np.zeros(n, np.int64), TargetNotes(name, path.line)
-    odd = np.asarray(~np.isfinite(position).all(axis=1))
+    odd = np.asarray(~np.isfinite(position).all(axis=1) | ~np.isfinite(value).all(axis=1))
     reason[odd] = Reason.EXPRESSION
     notes.rows(odd, "a number of a form that is not rewritten")
     if rule.spin is None:

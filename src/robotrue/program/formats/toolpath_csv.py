@@ -138,7 +138,8 @@ def _axes(table: _Table) -> Array:
     if AXIS[0] not in table.names:
         return np.tile([0.0, 0.0, 1.0], (len(table.lines), 1))
     axis = table.block(AXIS)
-    length = np.linalg.norm(axis, axis=1)
+    with np.errstate(over="ignore"):
+        length = np.linalg.norm(axis, axis=1)
     bad = np.flatnonzero(np.abs(length - 1.0) > 0.01)
     if len(bad):
         raise FormatError(
