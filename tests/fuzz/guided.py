@@ -10,6 +10,7 @@ guide nothing.
 from __future__ import annotations
 
 import sys
+from importlib import import_module
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -35,10 +36,8 @@ with atheris.instrument_imports(include=["robotrue"], exclude=left_alone()):
     from laws import survives
     from written import Pen
 
-    from robotrue.program.formats import dialect
-
-    for each in LANGUAGES:
-        dialect(each)
+    for path in (ROOT / "program" / "formats").glob("*.py"):  # some are imported when first used
+        import_module(f"robotrue.program.formats.{path.stem}")
 
 SEEDS = 150
 LIMIT = 10.0
