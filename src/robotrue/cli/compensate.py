@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from functools import partial
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +16,15 @@ from robotrue.cell.cell import Cell
 from robotrue.cell.part import PartFrame
 from robotrue.cli.console import emit_json, say
 from robotrue.cli.cutter import cutter_axis
+from robotrue.cli.frame_table import frame_table
 from robotrue.cli.free_spin import require_free, sentences, spun
 from robotrue.cli.inputs import check_output
 from robotrue.cli.job_outputs import job_outputs
-from robotrue.cli.long_program import Staff, compensated_in_blocks, outlined
+from robotrue.cli.long_program import ALONE, Staff, compensated_in_blocks, outlined
 from robotrue.cli.process_force import StatedForce, described, stated_forces, useless
 from robotrue.cli.registered import opened
 from robotrue.cli.split import (
+    NOT_SPLIT,
     Between,
     SplitOptions,
     looked_between,
@@ -31,6 +32,7 @@ from robotrue.cli.split import (
     rereader,
 )
 from robotrue.compensation.compensate import compensate
+from robotrue.compensation.process_force import DescribedForce
 from robotrue.compensation.result import unchanged
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.core.arrays import Array
@@ -39,7 +41,6 @@ from robotrue.core.identity import ModelIdentity
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
-from robotrue.program.external_axes import ExternalAxis
 from robotrue.program.formats import read_job, unfollowed, write_program
 from robotrue.program.identity import (
     ProgramIdentity,
@@ -48,140 +49,209 @@ from robotrue.program.identity import (
     write_identity,
 )
 from robotrue.program.program import FrameTable, Program, Reason
+from robotrue.program.stream import Outline
 from robotrue.robot.statics import NO_LOAD
 
 
-def run(
-    model_path: Path,
-    program_path: Path | Sequence[Path],
-    output: Path,
-    *,
-    registered: Path | None,
-    part: str | None,
-    wrench: str | None,
-    axis_targets: bool,
-    max_shift_mm: float,
-    as_json: bool,
-    force: Path | None = None,
-    cutter: str | None = None,
-    free_spin: bool = False,
-    workers: int | None = None,
-    dask: str | None = None,
-    split: SplitOptions | None = None,
-) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Request:
+    """What is asked of ``robotrue compensate``.
+
+    Attributes:
+        model: Model file or cell.
+        programs: Program files of one job, or its folder.
+        output: File or folder to write.
+        registered: Cell with the frames that are wanted.
+        part: Part frame the program runs in.
+        wrench: ``FX,FY,FZ[,MX,MY,MZ]``.
+        force: Description of the process force along the path.
+        cutter: Axis of the tool from spindle to tip.
+        free_spin: Choose the rotation about the tool axis.
+        axis_targets: Compensate axis targets, too.
+        max_shift_mm: Largest correction.
+        split: What is asked between the targets.
+        staff: Who does long programs.
+    """
+
+    model: Path
+    programs: tuple[Path, ...]
+    output: Path
+    registered: Path | None = None
+    part: str | None = None
+    wrench: str | None = None
+    force: Path | None = None
+    cutter: str | None = None
+    free_spin: bool = False
+    axis_targets: bool = False
+    max_shift_mm: float = 10.0
+    split: SplitOptions = NOT_SPLIT
+    staff: Staff = ALONE
+
+    @property
+    def folder(self) -> Path:
+        """Where the programs lie."""
+        return self.programs[0] if self.programs[0].is_dir() else self.programs[0].parent
+
+    def why_whole(self, model: ErrorModel | None) -> str:
+        """What asks for the whole program at once; empty if nothing does."""
+        asks = [
+            (self.force is not None, "--force"),
+            (self.free_spin, "--free-spin"),
+            (bool(self.split), self.split.named),
+            (model is None, "no model"),
+            (
+                model is not None and model.mean_tables(NO_LOAD) is None,
+                "a model without flat tables",
+            ),
+        ]
+        return ", ".join(what for asked, what in asks if asked)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ground:
+    """What a request rests on: its files opened, its frame chosen."""
+
+    cell: Cell
+    model: ErrorModel | None
+    frame: PartFrame | None
+    used: ModelIdentity
+    stated: Array | DescribedForce
+    table: FrameTable
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """The programs held whole, the one that goes in blocks, and where each is written."""
+
+    programs: tuple[Program, ...]
+    long: Outline | None
+    outputs: tuple[Path, ...]
+    long_output: Path | None
+
+
+def run(request: Request, *, as_json: bool) -> None:
     """Writes the compensated program and says what became of each target."""
-    document = compensated(
-        model_path,
-        program_path,
-        output,
-        registered=registered,
-        part=part,
-        wrench=wrench,
-        axis_targets=axis_targets,
-        max_shift_mm=max_shift_mm,
-        force=force,
-        cutter=cutter,
-        free_spin=free_spin,
-        workers=workers,
-        dask=dask,
-        split=split,
-    )
+    document = compensated(request)
     if as_json:
         emit_json(document)
 
 
-def compensated(
-    model_path: Path,
-    program_path: Path | Sequence[Path],
-    output: Path,
-    *,
-    registered: Path | None,
-    part: str | None,
-    wrench: str | None,
-    axis_targets: bool,
-    max_shift_mm: float,
-    force: Path | None = None,
-    cutter: str | None = None,
-    free_spin: bool = False,
-    workers: int | None = None,
-    dask: str | None = None,
-    split: SplitOptions | None = None,
-) -> dict[str, Any]:
+def compensated(request: Request) -> dict[str, Any]:
     """Writes the compensated program; returns the counts as JSON values."""
-    programs = [program_path] if isinstance(program_path, Path) else list(program_path)
-    read = [p for p in (model_path, *programs, registered, force) if p is not None]
-    check_output(output, read, folder=True)
-    if not max_shift_mm > 0.0:
+    ground = _ground(request)
+    job = _job(request, ground)
+    forces = stated_forces(ground.stated, job.programs)
+    rewritten, between = _rewritten(request, ground, job, forces)
+    # The longest work comes first: while it can still fail, nothing stands written.
+    long = _in_blocks(request, ground, job)
+    documents = [
+        _whole(ground, *each)
+        for each in zip(job.programs, job.outputs, forces, rewritten, strict=True)
+    ]
+    if job.long is not None:
+        documents.insert(job.long.place, long)
+    document = documents[0] if len(documents) == 1 else _together(documents)
+    return document if between is None else {**document, "between_targets": between.told()}
+
+
+def _ground(request: Request) -> Ground:
+    read = [request.model, *request.programs, request.registered, request.force]
+    check_output(request.output, [p for p in read if p is not None], folder=True)
+    if not request.max_shift_mm > 0.0:
         raise ConfigurationError(
-            f"--max-shift-mm is {max_shift_mm:g} mm, expected above 0.", hint="--max-shift-mm 10"
+            f"--max-shift-mm is {request.max_shift_mm:g} mm, expected above 0.",
+            hint="--max-shift-mm 10",
         )
-    cell, model = opened(model_path, registered)
-    frame = None if cell.part is None else cell.part.frame(part)
+    cell, model = opened(request.model, request.registered)
+    frame = None if cell.part is None else cell.part.frame(request.part)
     if frame is not None:
         cell = replace(cell, T_base_frame=frame.T_base_part)
-    elif part is not None:
+    elif request.part is not None:
         raise ConfigurationError(
-            f"--part {part!r}, but the cell is not registered.",
-            source=registered or model_path,
+            f"--part {request.part!r}, but the cell is not registered.",
+            source=request.registered or request.model,
             hint="robotrue register CELL|MODEL POINTS -o CELL_OUT.",
         )
-    used = identity_of(model or cell.robot)
-    stated = described(cell, wrench, force, cutter)
-    table, staff = frame_table(cell), Staff(workers=workers, dask=dask)
-    asks = [(force is not None, "--force"), (free_spin, "--free-spin"), (model is None, "no model")]
-    asks += [(True, split.named)] if split else []
-    if model is not None:
-        asks.append((model.mean_tables(NO_LOAD) is None, "a model without flat tables"))
-    why_whole = ", ".join(what for asked, what in asks if asked)
-    alone = len(programs) == 1 and not programs[0].is_dir()
-    found = outlined(programs[0], table, staff, why_whole=why_whole) if alone else None
-    job = read_job(programs, table) if found is None else found.companions
-    files = [(program.name, sha256(program.data)) for program in job]
-    if found is not None:
-        files.insert(found.place, (found.name, found.sha256))
-    folder = programs[0] if programs[0].is_dir() else programs[0].parent
-    language = job[0].dialect if found is None else found.dialect
-    outputs = job_outputs([name for name, _ in files], folder, output, language)
+    return Ground(
+        cell=cell,
+        model=model,
+        frame=frame,
+        used=identity_of(model or cell.robot),
+        stated=described(cell, request.wrench, request.force, request.cutter),
+        table=frame_table(cell),
+    )
+
+
+def _job(request: Request, ground: Ground) -> Job:
+    """Reads the programs; none may be compensated already, or belong to another model."""
+    given = list(request.programs)
+    alone = len(given) == 1 and not given[0].is_dir()
+    why = request.why_whole(ground.model)
+    long = outlined(given[0], ground.table, request.staff, why_whole=why) if alone else None
+    programs = read_job(given, ground.table) if long is None else long.companions
+    files = [(program.name, sha256(program.data)) for program in programs]
+    if long is not None:
+        files.insert(long.place, (long.name, long.sha256))
+    language = programs[0].dialect if long is None else long.dialect
+    names = [name for name, _ in files]
+    outputs = list(job_outputs(names, request.folder, request.output, language))
     for name, digest in files:
-        require_compensable(folder / name, digest, used)
-    if free_spin:
-        require_free(model, stated)
-    forces = stated_forces(stated, job)
-    turned = cutter_axis(cell, cutter) if free_spin else None
-    between: Between | None = None
-    if split:
-        guards = [_settings(cell, pushed, axis_targets, max_shift_mm) for pushed in forces]
-        require_no_spin(split, free_spin)
-        between = looked_between(model, job, guards, split, rereader(programs, table))
-        rewritten = between.written([pushed.uses and pushed.document() for pushed in forces])
-    else:
-        rewritten = [
-            _rewritten(model, cell, program, pushed, axis_targets, max_shift_mm, turned)
-            for program, pushed in zip(job, forces, strict=True)
-        ]
-    finished = partial(_finished, used=used, model=model, frame=frame)
-    documents, extra = [], {}
-    if found is not None and model is not None:  # the longest work first: nothing stands before it
-        pushed, long = StatedForce(wrench=np.asarray(stated)), outputs.pop(found.place)
-        in_use = found.T_base_frame[found.judged[found.judged[:, 2] == Reason.NONE, 0]]
-        _remark(found.name, [*_frame_notes(in_use, frame), *useless(pushed, model)])
-        settings = _settings(cell, pushed, axis_targets, max_shift_mm)
-        made = compensated_in_blocks(model, found, folder / found.name, long, settings, staff)
-        extra = finished((found.name, found.sha256), long, *made, pushed)
-    for program, target, pushed, (data, document) in zip(
-        job, outputs, forces, rewritten, strict=True
-    ):
-        in_use = program.T_base_frame[program.frame[program.reason == Reason.NONE]]
-        notes = [*program.notes, *_frame_notes(in_use, frame), *useless(pushed, model)]
-        _remark(program.name, notes)
-        write_atomic(target, data)
-        document = {"route": "whole", **document}
-        source = (program.name, sha256(program.data))
-        documents.append(finished(source, target, sha256(data), document, pushed))
-    if found is not None:
-        documents.insert(found.place, extra)
-    whole = documents[0] if len(documents) == 1 else _together(documents)
-    return whole if between is None else {**whole, "between_targets": between.told()}
+        require_compensable(request.folder / name, digest, ground.used)
+    long_output = None if long is None else outputs.pop(long.place)
+    return Job(programs=tuple(programs), long=long, outputs=tuple(outputs), long_output=long_output)
+
+
+def _rewritten(
+    request: Request, ground: Ground, job: Job, forces: Sequence[StatedForce]
+) -> tuple[list[tuple[bytes, Mapping[str, Any]]], Between | None]:
+    """Bytes and counts of every program held whole, and what was seen between its targets."""
+    if request.free_spin:
+        require_free(ground.model, ground.stated)
+    if request.split:
+        require_no_spin(request.split, request.free_spin)
+        guards = [_settings(request, ground, pushed) for pushed in forces]
+        reread = rereader(list(request.programs), ground.table)
+        between = looked_between(ground.model, job.programs, guards, request.split, reread)
+        made = between.written([pushed.uses and pushed.document() for pushed in forces])
+        return list(made), between
+    turned = cutter_axis(ground.cell, request.cutter) if request.free_spin else None
+    return [
+        _compensated_whole(request, ground, program, pushed, turned)
+        for program, pushed in zip(job.programs, forces, strict=True)
+    ], None
+
+
+def _in_blocks(request: Request, ground: Ground, job: Job) -> dict[str, Any]:
+    """Writes the program that goes in blocks, if there is one."""
+    found, target = job.long, job.long_output
+    if found is None or target is None or ground.model is None:
+        return {}
+    pushed = StatedForce(wrench=np.asarray(ground.stated))
+    in_use = found.T_base_frame[found.judged[found.judged[:, 2] == Reason.NONE, 0]]
+    _remark(found.name, [*_frame_notes(in_use, ground.frame), *useless(pushed, ground.model)])
+    settings = _settings(request, ground, pushed)
+    digest, document = compensated_in_blocks(
+        ground.model, found, request.folder / found.name, target, settings, request.staff
+    )
+    return _finished(ground, (found.name, found.sha256), target, digest, document, pushed)
+
+
+def _whole(
+    ground: Ground,
+    program: Program,
+    target: Path,
+    force: StatedForce,
+    made: tuple[bytes, Mapping[str, Any]],
+) -> dict[str, Any]:
+    """Writes a program that was held whole."""
+    data, document = made
+    in_use = program.T_base_frame[program.frame[program.reason == Reason.NONE]]
+    notes = [*program.notes, *_frame_notes(in_use, ground.frame), *useless(force, ground.model)]
+    _remark(program.name, notes)
+    write_atomic(target, data)
+    source = (program.name, sha256(program.data))
+    document = {"route": "whole", **document}
+    return _finished(ground, source, target, sha256(data), document, force)
 
 
 def _together(documents: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -222,21 +292,19 @@ def _frame_notes(in_use: Array, frame: PartFrame | None) -> list[str]:
 
 
 def _finished(
+    ground: Ground,
     source: tuple[str, str],
     target: Path,
     digest: str,
     document: Mapping[str, Any],
     force: StatedForce,
-    *,
-    used: ModelIdentity,
-    model: ErrorModel | None,
-    frame: PartFrame | None,
 ) -> dict[str, Any]:
     """Writes the identity of a written program (by name and hash) and says what was done."""
-    if model is not None or frame is not None:
+    frame = ground.frame
+    if ground.model is not None or frame is not None:
         made = ProgramIdentity(
-            model=used,
-            compensated=model is not None,
+            model=ground.used,
+            compensated=ground.model is not None,
             part="" if frame is None else frame.name,
             made_from=source[0],
             made_from_sha256=source[1],
@@ -265,62 +333,32 @@ def _identity_document(
     return out
 
 
-def _rewritten(
-    model: ErrorModel | None,
-    cell: Cell,
-    program: Program,
-    force: StatedForce,
-    axis_targets: bool,
-    max_shift_mm: float,
-    turned: Array | None,
+def _compensated_whole(
+    request: Request, ground: Ground, program: Program, force: StatedForce, turned: Array | None
 ) -> tuple[bytes, Mapping[str, Any]]:
-    if model is None:
+    if ground.model is None:
         n = len(program)
         counts = {"targets": n, "compensated": 0, "unchanged": n, "status": {}, "notes": []}
         return write_program(program, unchanged(program)), counts
-    settings = _settings(cell, force, axis_targets, max_shift_mm)
+    settings = _settings(request, ground, force)
     if turned is None:
-        result, won = compensate(model, program, settings=settings), {}
+        result, won = compensate(ground.model, program, settings=settings), {}
     else:
-        result, spins = spun(model, program, settings, turned)
+        result, spins = spun(ground.model, program, settings, turned)
         won = {"free_spin": spins}
     summary = {**result.summary(), **({"force": force.document()} if force.uses else {}), **won}
     summary["notes"] = [*summary["notes"], *unfollowed(program, result.replacement)]
     return write_program(program, result.replacement), summary
 
 
-def _settings(
-    cell: Cell, force: StatedForce, axis_targets: bool, max_shift_mm: float
-) -> CompensationSettings:
+def _settings(request: Request, ground: Ground, force: StatedForce) -> CompensationSettings:
     return CompensationSettings(
-        load=cell.payload,
+        load=ground.cell.payload,
         wrench=force.wrench,
-        axis_targets=axis_targets,
-        max_shift=max_shift_mm * MM,
+        axis_targets=request.axis_targets,
+        max_shift=request.max_shift_mm * MM,
         covariance=True,
     )
-
-
-def frame_table(cell: Cell) -> FrameTable:
-    """Returns the frames a program falls back on, and those it names."""
-    named = () if cell.part is None else cell.part.frames
-    return replace(
-        cell.controller,
-        external=tuple(_carrying(axis, cell) for axis in cell.controller.external),
-        T_base_frame=cell.T_base_frame,
-        T_flange_tool=cell.robot.T_flange_tool,
-        bases={**cell.controller.bases, **{frame.name: frame.T_base_part for frame in named}},
-    )
-
-
-def _carrying(axis: ExternalAxis, cell: Cell) -> ExternalAxis:
-    """The axis, with the default work frame on it where that is a part frame it carries."""
-    carried = {name.lower() for name in axis.frames}
-    parts = () if cell.part is None else cell.part.frames
-    mine = [part.T_base_part for part in parts if part.name.lower() in carried]
-    if any(np.array_equal(T, cell.T_base_frame) for T in mine):
-        return replace(axis, frames=(*axis.frames, "base"))
-    return axis
 
 
 def _tell(name: str, target: Path, document: Mapping[str, Any], force: StatedForce) -> None:

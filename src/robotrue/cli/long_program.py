@@ -41,6 +41,10 @@ class Staff:
         return self.dask is not None or (self.workers is not None and self.workers != 1)
 
 
+ALONE = Staff()
+"""Nobody was asked for: as many as help."""
+
+
 def outlined(path: Path, frames: FrameTable, staff: Staff, *, why_whole: str) -> Outline | None:
     """Returns the outline of a program that is to go in blocks, None if it is to be held whole.
 

@@ -13,7 +13,7 @@ from robotrue.calibration.identity import identity_of
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
 from robotrue.cell.part import PartFrame
-from robotrue.cli.compensate import compensated
+from robotrue.cli.compensate import Request, compensated
 from robotrue.cli.console import count, emit_json, emit_table, say
 from robotrue.cli.cutter import cutter_axis
 from robotrue.cli.inputs import check_output
@@ -219,16 +219,15 @@ def _with_model(
         write_atomic(plain, data)
         if identity is not None:
             write_identity(plain, data, identity)
-        made = compensated(
-            model_path,
-            plain,
-            output,
+        request = Request(
+            model=model_path,
+            programs=(plain,),
+            output=output,
             registered=None if cell.part is None else cell_path,
             part=None if frame is None else frame.name,
-            wrench=None,
-            axis_targets=False,
             max_shift_mm=max_shift_mm,
         )
+        made = compensated(request)
     return {"identity": made.get("identity"), "compensation": made}
 
 

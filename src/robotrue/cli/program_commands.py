@@ -153,26 +153,26 @@ def compensate(
     json: Json = False,
 ) -> None:
     """Rewrite a program so that the robot lands where it says."""
-    from robotrue.cli.compensate import run
+    from robotrue.cli.compensate import Request, run
+    from robotrue.cli.long_program import Staff
     from robotrue.cli.split import SplitOptions
 
-    run(
-        model,
-        program,
-        output,
+    request = Request(
+        model=model,
+        programs=tuple(program),
+        output=output,
         registered=cell,
         part=part,
         wrench=wrench,
-        axis_targets=axis_targets,
-        max_shift_mm=max_shift_mm,
-        as_json=json,
         force=force,
         cutter=cutter,
         free_spin=free_spin,
+        axis_targets=axis_targets,
+        max_shift_mm=max_shift_mm,
         split=SplitOptions(tolerance_um=split, limit=split_limit, deviation=deviation),
-        workers=workers,
-        dask=dask,
+        staff=Staff(workers=workers, dask=dask),
     )
+    run(request, as_json=json)
 
 
 @app.command()

@@ -61,6 +61,10 @@ class SplitOptions:
         return "--deviation" if self.tolerance_um is None else "--split"
 
 
+NOT_SPLIT = SplitOptions()
+"""Nothing was asked."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Between:
     """A job that was looked at between its targets, split where asked.
