@@ -43,7 +43,7 @@ class _Builder:
         self.kind = np.array(story.kind, np.int64)
         self.is_axis = self.kind == JOINTS
         self.numbers = walk.table.numbers().rows(np.array(story.row, np.int64))
-        self.bounded = (np.abs(self.numbers.value) < LARGEST).all(axis=1)
+        self.bounded = np.asarray((np.abs(self.numbers.value) < LARGEST).all(axis=1))
         self.point, self.place, self.how, self.setting = (
             np.array(column, np.int64)
             for column in (uses.point, uses.place, uses.motion, uses.setting)
