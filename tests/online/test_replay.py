@@ -45,6 +45,7 @@ def test_force_with_all_that_goes_wrong(tmp_path):
         "0.004,5,1,2,3,.1,.2,.3,0",
         "0.005,6,1,2,3,.1,,.3,0",
         "0.006,7,1,2,3,.1,.2,.3,131072",
+        "0.0065,8,1,2,3,.1,.2,.3,65536",
         "0.007,900000,1,2,3,.1,.2,.3,0",
         "0.008,900001,1e9,2,3,.1,.2,.3,0",
     )
@@ -56,6 +57,7 @@ def test_force_with_all_that_goes_wrong(tmp_path):
         Flag.GAP,
         Flag.NOT_FINITE,
         Flag.SENSOR_FAULT,
+        Flag.NONE,  # a limit latched: the data are sound, as they are live
         Flag.CLOCK_JUMP,
         Flag.IMPLAUSIBLE,
     ]

@@ -28,7 +28,7 @@ _MAGIC: Final = 0x1234
 _MOST_RECORDS: Final = 40
 """Records in a datagram of the buffered mode, at most."""
 _EXTREME: Final = (2**31 - 1, -(2**31))
-_LATCHED: Final = 1 << 16
+LATCHED: Final = 1 << 16
 """A monitored limit was crossed once; the data are sound."""
 _SATURATED: Final = {"net": 1 << 17, "axia": 1 << 30 | 1 << 27}
 _POUND: Final = 0.45359237 * STANDARD_GRAVITY
@@ -184,7 +184,7 @@ def force_sample(
         before: The record before it, where there is one.
         flags: What the sequence says.
     """
-    if record.status & ~_LATCHED:
+    if record.status & ~LATCHED:
         flags |= Flag.SENSOR_FAULT
     if record.status & _SATURATED[device.value] or any(c in _EXTREME for c in record.counts):
         flags |= Flag.SATURATED

@@ -20,6 +20,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import FormatError, ImplausibleDataError
+from robotrue.online.rdt import LATCHED
 from robotrue.online.samples import Flag, ForceSample, JointSample, unknown_pose
 from robotrue.online.sequence import SequenceState, advance
 
@@ -95,8 +96,9 @@ def replay_force(path: str | Path, *, frame: str = "sensor") -> Iterator[ForceSa
         flags = row.flags
         if _TORQUE[0] in row.cells and np.isnan(torque).any():
             flags |= Flag.NOT_FINITE
-        status = row.cells.get("status", 0.0)
-        if status != 0.0:
+        printed = row.cells.get("status", 0.0)
+        status = int(printed) if 0.0 <= printed < 2.0**32 else -1
+        if status & ~LATCHED:
             flags |= Flag.SENSOR_FAULT
         yield ForceSample(
             controller_time=row.time,
@@ -104,7 +106,7 @@ def replay_force(path: str | Path, *, frame: str = "sensor") -> Iterator[ForceSa
             wrench=np.concatenate([row.numbers(_FORCE), torque]),
             frame=frame,
             sequence=row.sequence,
-            status=int(status) if 0.0 <= status < 2.0**32 else -1,
+            status=status,
             flags=flags,
         )
 
