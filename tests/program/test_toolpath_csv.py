@@ -53,7 +53,7 @@ def test_three_columns_are_enough():
         ("x_mm,y_mm,z_mm,rapid\n1,2,3,maybe\n", 2, "rapid is 'maybe'"),
         ("x_mm,y_mm,z_mm,feed_mm_per_min\n1,2,3,-5\n", 2, "feed_mm_per_min is -5"),
         ("x_mm,y_mm,z_mm,feed_mm_per_min\n1,2,3,1e9\n", 2, "at most 180000"),
-        ("x_mm,y_mm,z_mm\n", None, "no row with a point"),
+        ("x_mm,y_mm,z_mm\n", 1, "no row with a point"),
     ],
 )
 def test_every_bad_cell_is_named_with_its_line(text, line, says):

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from robotrue.core.files import read_bytes
+from robotrue.core.utf8 import utf8_text
 from robotrue.errors import ConfigurationError
 
 
@@ -30,15 +31,7 @@ def parse_toml(data: bytes, path: str | Path, *, example: str) -> tuple[dict[str
     Raises:
         ConfigurationError: Not UTF-8 or not TOML, with the line.
     """
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as cause:
-        raise ConfigurationError(
-            f"byte 0x{data[cause.start]:02x} is not UTF-8.",
-            source=path,
-            line=data.count(b"\n", 0, cause.start) + 1,
-            hint="save the file as UTF-8.",
-        ) from None
+    text = utf8_text(data, path, error=ConfigurationError)
     try:
         return tomllib.loads(text), text
     except (tomllib.TOMLDecodeError, RecursionError) as cause:

@@ -12,6 +12,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.files import read_bytes, sha256
+from robotrue.core.utf8 import utf8_text
 from robotrue.errors import FormatError
 
 
@@ -107,15 +108,7 @@ def table_bytes(names: list[str], values: Array) -> bytes:
 def _text(data: bytes, path: str | Path) -> str:
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         return data.decode("utf-16", errors="replace")
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as cause:
-        raise FormatError(
-            f"byte 0x{data[cause.start]:02x} is not UTF-8: binary, or damaged.",
-            source=path,
-            line=data.count(b"\n", 0, cause.start) + 1,
-            hint="export as CSV in UTF-8.",
-        ) from None
+    text = utf8_text(data, path, hint="export as CSV in UTF-8; this is binary, or damaged.")
     if "\0" in text:
         raise FormatError("holds zero bytes: a binary file.", source=path, hint="export as CSV.")
     return text

@@ -17,6 +17,7 @@ import numpy as np
 
 from robotrue.core.files import read_bytes
 from robotrue.core.units import DEG, UM
+from robotrue.core.utf8 import utf8_text
 from robotrue.dynamics.windows import WindowSet
 from robotrue.errors import FormatError
 
@@ -30,10 +31,7 @@ def read_windows(path: str | Path) -> WindowSet:
     Raises:
         FormatError: No header, a column missing, a cell that is no finite number; with its line.
     """
-    try:
-        text = read_bytes(path).decode("utf-8-sig")
-    except UnicodeDecodeError as cause:
-        raise FormatError(f"not a text file ({cause}).", source=path) from cause
+    text = utf8_text(read_bytes(path), path)
     lines = [
         (number, line)
         for number, line in enumerate(text.splitlines(), start=1)

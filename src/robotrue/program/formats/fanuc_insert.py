@@ -9,7 +9,6 @@ a line meet there is no corner to cut.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -28,6 +27,7 @@ from robotrue.program.formats.move_trail import (
     put_in,
 )
 from robotrue.program.formats.numbered_insert import Run, Step, new_numbers, next_number, pair_of
+from robotrue.program.formats.one_file_insert import OneFileInserter
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.insertion import Insertion, Moves, Obstacle
 from robotrue.program.program import Program
@@ -51,32 +51,6 @@ _NAME: Final = re.compile(rb"\s*P\s*\[[^\]]*\]")
 _CLOSE: Final = re.compile(rb"\}\s*;[ \t]*(?:\r\n|\n|\r)?")
 _MOST: Final = 32_766
 """Highest number of a position."""
-
-
-class FanucInserter:
-    """See the module."""
-
-    def moves(self, job: Sequence[Program]) -> Moves:
-        """Returns the moves of a program."""
-        trail = Trail()
-        for file, program in enumerate(job):
-            if file:
-                raise ShapeError("a Fanuc program is one file.")
-            _Reader(trail, program).read()
-        return trail.moves()
-
-    def insert(
-        self, job: Sequence[Program], moves: Moves, insertion: Insertion
-    ) -> tuple[bytes, ...]:
-        """Returns the bytes of the program with the targets put in.
-
-        Raises:
-            ShapeError: A move with an obstacle, a value that cannot be written, or no number left.
-        """
-        return tuple(
-            _Writer(program, moves, insertion).written() if not file else program.data
-            for file, program in enumerate(job)
-        )
 
 
 class _Reader:
@@ -290,4 +264,8 @@ def _label(number: int, width: int) -> bytes:
     return str(number).encode().rjust(width - 1) + b":"
 
 
-INSERTER: Final = FanucInserter()
+INSERTER: Final = OneFileInserter(
+    called="a Fanuc program",
+    read=lambda trail, program: _Reader(trail, program).read(),
+    written=lambda program, moves, insertion: _Writer(program, moves, insertion).written(),
+)

@@ -9,7 +9,6 @@ the copies: at level 0 the robot stops. Without a level the controller's own app
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -27,6 +26,7 @@ from robotrue.program.formats.move_trail import (
     put_in,
 )
 from robotrue.program.formats.numbered_insert import Run, Step, new_numbers, next_number, pair_of
+from robotrue.program.formats.one_file_insert import OneFileInserter
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.insertion import Insertion, Moves, Obstacle
 from robotrue.program.program import Program
@@ -44,32 +44,6 @@ _STOP: Final = re.compile(rb"\bPL=0\b")
 _NPOS: Final = re.compile(rb"(///NPOS[ \t]+)(\d+)")
 _MOST: Final = 99_999
 """Highest number of a C point of five digits."""
-
-
-class JbiInserter:
-    """See the module."""
-
-    def moves(self, job: Sequence[Program]) -> Moves:
-        """Returns the moves of a job."""
-        trail = Trail()
-        for file, program in enumerate(job):
-            if file:
-                raise ShapeError("a Yaskawa job is one file.")
-            _Reader(trail, program).read()
-        return trail.moves()
-
-    def insert(
-        self, job: Sequence[Program], moves: Moves, insertion: Insertion
-    ) -> tuple[bytes, ...]:
-        """Returns the bytes of the job with the targets put in.
-
-        Raises:
-            ShapeError: A move with an obstacle, a value that cannot be written, or no number left.
-        """
-        return tuple(
-            _Writer(program, moves, insertion).written() if not file else program.data
-            for file, program in enumerate(job)
-        )
 
 
 class _Reader:
@@ -234,4 +208,8 @@ class _Writer:
         return [line.encode() + self.eol for line in lines]
 
 
-INSERTER: Final = JbiInserter()
+INSERTER: Final = OneFileInserter(
+    called="a Yaskawa job",
+    read=lambda trail, program: _Reader(trail, program).read(),
+    written=lambda program, moves, insertion: _Writer(program, moves, insertion).written(),
+)

@@ -18,6 +18,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.units import MM
+from robotrue.core.utf8 import utf8_text
 from robotrue.errors import FormatError
 from robotrue.program.toolpath import FASTEST, Toolpath
 
@@ -83,15 +84,7 @@ def read_toolpath_csv(data: bytes, *, source: str) -> Toolpath:
 
 
 def _rows(data: bytes, source: str) -> list[tuple[int, list[str]]]:
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as cause:
-        raise FormatError(
-            f"byte 0x{data[cause.start]:02x} is not UTF-8.",
-            source=source,
-            line=data.count(b"\n", 0, cause.start) + 1,
-            hint="save the file as UTF-8.",
-        ) from None
+    text = utf8_text(data, source)
     lines = [
         (number, line)
         for number, line in enumerate(io.StringIO(text, newline=None).read().split("\n"), start=1)
