@@ -1,4 +1,6 @@
-"""What windows have in common besides the bending of the stated arm, and how much, by evidence::
+"""What windows have in common besides the bending of the stated arm, and how much, by evidence.
+
+::
 
     cov = X S X^T                                      factors on the joints, offset, scale
         + a1^2 exp(-|dq|^2 / 2 l1^2)                   what depends on the pose, in every pass
