@@ -57,7 +57,7 @@ class WindowSet:
 
     @property
     def deviation(self) -> Array:
-        """(n,) m, measured less predicted: the e_0 of the paper."""
+        """(n,) m, measured less predicted, the e_0 of the paper."""
         return np.asarray(self.measured - self.predicted)
 
     @property
