@@ -97,6 +97,11 @@ FOUND = {
         "part.csv",
         b'x_mm;y_mm;z_mm;i;j;k\n0;"6";9;.32;".2"7;.9\n',
     ),
+    "a coordinate in another base, and no blank before it": (
+        "krl",
+        "part.src",
+        b"lin{E6POS:X 0,Y 4,A 1,B 0,c 2,Z'B0',T'B1'}\n",
+    ),
     "clauses that never end": (
         "krl",
         "part.src",

@@ -359,6 +359,9 @@ def _splice(
                 if touched[row, column] and abs(new - old[t]) > _HALF_DIGIT[decimals]:
                     if first - 2 < cursor or buf[first - 1] != 32 or buf[first - 2] != 32:
                         k = copy_bytes(out, k, buf, cursor, first)
+                        if buf[first] == 39 and buf[first - 1] > 32:  # Z'B0': Z1.0 is a name
+                            out[k] = 32
+                            k += 1
                         k = put_number(out, k, new, decimals, plus, bare)
                         cursor = last
                         continue
