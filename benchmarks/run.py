@@ -117,6 +117,8 @@ BENCHMARKS = (
     Benchmark(name="registration", quick=("--quick",), rows=stated),
     Benchmark(name="registration_coverage", quick=("--quick",), rows=stated),
     Benchmark(name="planned_touches", quick=("--quick",), rows=stated),
+    Benchmark(name="drilling", quick=("--quick",), rows=stated),
+    Benchmark(name="tool_axis", quick=("--quick",), rows=stated),
 )
 
 
