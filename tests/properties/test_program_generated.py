@@ -102,6 +102,11 @@ FOUND = {
         "part.src",
         b"lin{E6POS:X 0,Y 4,A 1,B 0,c 2,Z'B0',T'B1'}\n",
     ),
+    "numbers with no blank before them": (
+        "krl",
+        "part.src",
+        b"lin{X-9,y-0,Z.0,A\t9,B-4,c 2}\n",
+    ),
     "clauses that never end": (
         "krl",
         "part.src",

@@ -283,6 +283,12 @@ def _style(buf: Any, start: Any, end: Any) -> Any:
     return min(decimals, 15), sign == 43, point == first
 
 
+@compiled(PLAIN, inline=True)
+def _in_a_name(byte: Any) -> Any:
+    """Returns whether a digit behind the byte would be a part of a name."""
+    return 48 <= byte <= 57 or 65 <= (byte & 223) <= 90 or byte == 95
+
+
 @compiled(PLAIN)
 def _integer(out: Any, k: Any, value: Any, buf: Any, start: Any, end: Any) -> Any:
     """Writes S or T in the base and at least the digits of the bytes it replaces."""
@@ -359,11 +365,15 @@ def _splice(
                 if touched[row, column] and abs(new - old[t]) > _HALF_DIGIT[decimals]:
                     if first - 2 < cursor or buf[first - 1] != 32 or buf[first - 2] != 32:
                         k = copy_bytes(out, k, buf, cursor, first)
-                        if buf[first] == 39 and buf[first - 1] > 32:  # Z'B0': Z1.0 is a name
+                        cursor = last
+                        if not _in_a_name(buf[first - 1]):
+                            k = put_number(out, k, new, decimals, plus, bare)
+                            continue
+                        size = put_number(scratch, 0, new, decimals, plus, bare)
+                        if 48 <= scratch[0] <= 57:  # X-9, Z.5 and Z'B0' hold numbers, X9 is a name
                             out[k] = 32
                             k += 1
-                        k = put_number(out, k, new, decimals, plus, bare)
-                        cursor = last
+                        k = copy_bytes(out, k, scratch, 0, size)
                         continue
                     size = put_number(scratch, 0, new, decimals, plus, bare)
             elif 18 <= code and words[row, code - 18] >= 0 and words[row, code - 18] != old[t]:
