@@ -38,7 +38,9 @@ def met(value: float, reach: float) -> bool:
 
 def result(case: str, reference: str, reach: str, measured: str, good: bool) -> None:
     """Prints a row of the common table."""
-    print(f"RESULT | {case} | {reference} | {reach} | {measured} | {'reached' if good else 'missed'}")
+    print(
+        f"RESULT | {case} | {reference} | {reach} | {measured} | {'reached' if good else 'missed'}"
+    )
 
 
 def one_moves(machines: int) -> int:
