@@ -53,8 +53,8 @@ def main() -> int:
         reached = ours <= 0.5 * published
         missed += not reached
         print(
-            f"RESULT | UR10 {name}, tool axis held out, mean deg | published nominal {published:.3f}, "
-            f"with base and tool fitted {nominal:.4f} | <= {0.5 * published:.3f} | {ours:.4f} | "
+            f"RESULT | UR10 {name}, tool axis held out, mean deg | "
+            f"published nominal {published:.3f}, with base and tool fitted {nominal:.4f} | <= {0.5 * published:.3f} | {ours:.4f} | "
             f"{'reached' if reached else 'missed'}"
         )
     return int(missed > 0)
