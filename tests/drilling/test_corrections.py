@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -14,6 +16,7 @@ from robotrue.drilling.head import Head
 from robotrue.drilling.model import fit_model
 from robotrue.drilling.physics import fit_physics, log_evidence
 from robotrue.drilling.regression import fit_linear, significance
+from robotrue.drilling.skin import FLAT, Skin
 from robotrue.drilling.terms import conditions
 from robotrue.errors import ConfigurationError, ObservabilityError
 from robotrue.simulation.drilling_machine import (
@@ -115,6 +118,18 @@ def test_more_moves_cannot_undo_friction_of_random_approaches() -> None:
     test = random_campaign(machine, 200, random, held_out=True, approach=AS_LEFT)
     left = residual_tilt(machine.foot, fit_correction("physics", machine.foot, campaign), test)
     assert np.mean(left) > 0.02 * DEG
+
+
+def test_a_curved_skin_is_taken_into_account_or_tilts_every_hole() -> None:
+    skin = Skin(kind="cylinder", radius=0.8, axis=20.0 * DEG)
+    machine = drilling_machine(12, skin=skin)
+    random = np.random.default_rng(12)
+    test = random_campaign(machine, 100, random)
+    known = residual_tilt(machine.foot, None, test)
+    flat = residual_tilt(replace(machine.foot, skin=FLAT), None, test)
+    assert np.abs(flat - known).max() > 0.05 * DEG
+    learned = fit_correction("interactions", machine.foot, random_campaign(machine, 60, random))
+    assert np.mean(residual_tilt(machine.foot, learned, test)) < 0.004 * DEG
 
 
 def test_fewer_clamps_than_terms_are_refused() -> None:

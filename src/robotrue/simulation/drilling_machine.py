@@ -16,6 +16,7 @@ from robotrue.core.units import DEG, MM, UM
 from robotrue.drilling.campaign import Campaign, Clamps
 from robotrue.drilling.foot import Foot, readings
 from robotrue.drilling.head import AxisOrder, normal_from_tilt
+from robotrue.drilling.skin import FLAT, Skin
 from robotrue.drilling.terms import FORCE, HEIGHT
 
 RECENTRED: Final = ""
@@ -66,11 +67,24 @@ class DrillingMachine:
 
 
 def drilling_machine(
-    seed: int, *, nonlinear: bool = False, friction: bool = False, order: AxisOrder = "AB"
+    seed: int,
+    *,
+    nonlinear: bool = False,
+    friction: bool = False,
+    order: AxisOrder = "AB",
+    skin: Skin = FLAT,
 ) -> DrillingMachine:
-    """Returns the machine of a seed; the same with and without nonlinear terms and friction."""
+    """Returns the machine of a seed; the same with and without nonlinear terms and friction.
+
+    Args:
+        seed: Of everything that makes one machine another.
+        nonlinear: With terms in the force squared and in force times tilt.
+        friction: With friction in the foot's joint.
+        order: Axis order of the head.
+        skin: What sensors without a foot plate look at, known to the cell.
+    """
     random = np.random.default_rng(seed)
-    foot = Foot(radius=np.full(3, 60.0 * MM), angle=np.array([90.0, 210.0, 330.0]) * DEG)
+    foot = Foot(radius=np.full(3, 60.0 * MM), angle=np.array([90.0, 210.0, 330.0]) * DEG, skin=skin)
     seat = foot.seat + random.uniform(-0.25, 0.25, (3, 2)) * MM
     built = replace(
         foot,
