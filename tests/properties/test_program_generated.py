@@ -107,6 +107,16 @@ FOUND = {
         "part.src",
         b"lin{X-9,y-0,Z.0,A\t9,B-4,c 2}\n",
     ),
+    "a work object that is declared again after it was changed": (
+        "rapid",
+        "part.mod",
+        b"PERS wobjdata w1;w1.uframe:=[[1,2,5],[1,0,0,0]];MoveL[[]]\\WObj:=w1;PERS wobjdata w1;",
+    ),
+    "a point beyond the range of doubles in a path of columns": (
+        "toolpath_csv",
+        "part.csv",
+        b'x_mm,y_mm,z_mm,I,j,k\n1E308,6,4,.441,".41",.79',
+    ),
     "clauses that never end": (
         "krl",
         "part.src",

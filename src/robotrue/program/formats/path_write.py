@@ -166,7 +166,7 @@ def _insertions(
     shown = decimals_of(np.frombuffer(data, np.uint8), words.numbers.start, words.numbers.length)
     shown = np.where(shown < enough, np.maximum(shown, least), shown)
     scale = 10.0**shown
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", over="ignore"):  # beyond 1e9 it is refused below
         near = np.abs(values - words.value) <= 0.5 / scale
         said = np.where(touched & ~near, np.round(values * scale) / scale, words.value)
     owed = np.zeros(values.shape, np.bool_)

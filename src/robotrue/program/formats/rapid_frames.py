@@ -48,6 +48,7 @@ class _Variable:
     line: int
     versions: dict[str, list[Member]] = field(default_factory=lambda: defaultdict(list))
     _number: dict[tuple[str, object], int] = field(default_factory=dict)
+    _lost: bool = False
 
     def version(self, member: str, what: Member) -> int:
         """Returns the number of a member's value; the same value has the same number."""
@@ -55,8 +56,19 @@ class _Variable:
         versions = self.versions[member]
         if key not in self._number:
             self._number[key] = len(versions)
-            versions.append(what)
+            versions.append(None if self._lost else what)
         return self._number[key]
+
+    @property
+    def changed(self) -> bool:
+        """Whether a member was given more than what its declaration says."""
+        return any(len(given) > 1 for given in self.versions.values())
+
+    def lose(self) -> None:
+        """Forgets every value, those to come as well; their numbers stay."""
+        self._lost = True
+        for given in self.versions.values():
+            given[:] = [None] * len(given)
 
 
 class RapidFrames:
@@ -78,7 +90,11 @@ class RapidFrames:
         return (side, name) in self._known
 
     def declare(self, side: str, name: str, value: bytes, line: int) -> None:
-        """Enters a declaration."""
+        """Enters a declaration; what is declared again after it was given a value is not known."""
+        before = self._known.get((side, name))
+        if before is not None and before.changed:
+            before.lose()
+            return
         variable = self._known[side, name] = _Variable(line)
         for member, what in self._whole(side, value).items():
             variable.version(member, what)
