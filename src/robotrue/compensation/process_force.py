@@ -45,11 +45,6 @@ class Part(Protocol):
     @property
     def general(self) -> bool: ...  # noqa: D102
     @property
-    def by_place(self) -> bool:
-        """It names targets by where they stand in one file."""
-        ...
-
-    @property
     def program(self) -> str: ...  # noqa: D102
 
     def claims(self, path: CutPath) -> BoolArray:
@@ -93,11 +88,6 @@ class ForceRule:
     def general(self) -> bool:
         """It names no lines."""
         return not len(self.lines)
-
-    @property
-    def by_place(self) -> bool:
-        """It names lines."""
-        return not self.general
 
     def claims(self, path: CutPath) -> BoolArray:
         """Returns (n,) the targets in the ranges that are reached by the kinds of move.
@@ -190,11 +180,6 @@ class ForceTable:
         """Never: it names its targets."""
         return False
 
-    @property
-    def by_place(self) -> bool:
-        """Always."""
-        return True
-
     def claims(self, path: CutPath) -> BoolArray:
         """Returns (n,) the targets that rows of the table name.
 
@@ -282,11 +267,6 @@ class ModelForce:
     def general(self) -> bool:
         """It names no lines."""
         return not len(self.lines)
-
-    @property
-    def by_place(self) -> bool:
-        """It names lines."""
-        return not self.general
 
     def claims(self, path: CutPath) -> BoolArray:
         """Returns (n,) as a rule of the same lines."""
@@ -430,7 +410,7 @@ def require_one_file(force: DescribedForce, paths: Sequence[CutPath]) -> None:
                 f"{', '.join(path.name for path in paths)}.",
                 hint='program = "the file\'s name", or leave it out.',
             )
-        if part.by_place and not part.program and len(cutting) > 1:
+        if not part.general and not part.program and len(cutting) > 1:
             raise ConfigurationError(
                 f"force {part.name!r} names places in a program, but {', '.join(cutting)} have "
                 "targets.",
