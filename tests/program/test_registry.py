@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from krl_samples import HEAD, job, replacement
 
@@ -36,6 +37,15 @@ def test_detect() -> None:
     with pytest.raises(FormatError, match=r"x\.txt:1: not a program robotrue reads; it knows "):
         detect(b"whatever", "x.txt")
     assert detect(b"def f():\n  movel(p[0,0,0,0,0,0])\n", "x.txt").name == "urscript"
+
+
+def test_what_is_no_text_is_no_program_by_chance() -> None:
+    binary = np.random.default_rng(1).integers(0, 256, (200, 12000), dtype=np.uint8)
+    assert any(dialect("sinumerik").detect(each.tobytes()) > 0.4 for each in binary)
+    for each in binary:
+        with pytest.raises(FormatError, match=r"not a program robotrue reads"):
+            detect(each.tobytes(), "poses.xlsx")
+    assert detect(b"G1 X1\0", "x.mpf").name == "sinumerik"
 
 
 def test_one_file(tmp_path: Path) -> None:

@@ -49,11 +49,12 @@ def run(path: Path, *, mapping: Path | None, as_json: bool) -> None:
         else:
             show_model(path, stored)
         return
-    if mapping is None and _is_cell(path, data):
+    untold = mapping is None and path.suffix.lower() not in WORKBOOKS
+    if untold and _is_cell(path, data):
         document = cell_document(read_cell(path))
-    elif mapping is None and _is_toolpath(data):
+    elif untold and _is_toolpath(data):
         document = toolpath_document(read_toolpath(path))
-    elif mapping is None and _is_program(path, data):
+    elif untold and _is_program(path, data):
         document = program_document(read_job(path, FrameTable()))
         document |= _program_identity(path, data)
     else:

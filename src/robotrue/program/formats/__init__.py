@@ -52,6 +52,7 @@ _INSERTERS: Final[dict[str, str]] = {
 }
 """Dialects that can put targets into a program."""
 _SURE: Final = 0.4
+_LOOKED_AT: Final = 1 << 18
 
 
 def register(name: str, module: str) -> None:
@@ -113,14 +114,15 @@ def detect(data: bytes, name: str) -> Dialect:
     """Returns the dialect of a file from its content and, where that is not enough, its name.
 
     A file whose content no dialect recognises goes to the one that owns its suffix, so that the
-    refusal names the line.
+    refusal names the line. Bytes with a NUL are no text, whatever words chance put into them.
 
     Raises:
         FormatError: Neither content nor suffix belongs to a registered dialect.
     """
     known = [dialect(each) for each in dialects()]
-    best = max(known, key=lambda each: each.detect(data))
-    if best.detect(data) >= _SURE:
+    text = b"" if b"\0" in data[:_LOOKED_AT] else data
+    best = max(known, key=lambda each: each.detect(text))
+    if best.detect(text) >= _SURE:
         return best
     for each in known:
         if Path(name).suffix.lower() in each.suffixes:
