@@ -1,0 +1,143 @@
+"""Consecutive samples of one stream as arrays: what sources give and estimators take.
+
+A block of one row is a sample. How a stream is cut into blocks changes nothing but speed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
+from robotrue.errors import ShapeError
+from robotrue.online.samples import Flag, ForceSample, JointSample
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointBlock:
+    """Joint samples in the order they came.
+
+    Attributes:
+        controller_time: (n,) s on the controller's clock; NaN where it sends none.
+        host_time: (n,) s on the receiving computer's monotonic clock.
+        joints: (n, dof) rad as the controller displays them.
+        T_frame_tool: (n, 4, 4) m, the tool point in the controller's frame; NaN where not known.
+        sequence: (n,) the sender's numbers.
+        flags: (n,) :class:`~robotrue.online.samples.Flag` values.
+    """
+
+    controller_time: Array
+    host_time: Array
+    joints: Array
+    T_frame_tool: Array
+    sequence: IntArray
+    flags: IntArray
+
+    def __post_init__(self) -> None:
+        """Freezes and checks lengths; the values were checked sample by sample."""
+        n = len(self.host_time)
+        _settle(self, {"joints": (n, None), "T_frame_tool": (n, 4, 4)}, ("sequence", "flags"))
+
+    def __len__(self) -> int:
+        return len(self.host_time)
+
+    @property
+    def valid(self) -> BoolArray:
+        """(n,), whether an estimate may use each."""
+        return np.asarray((self.flags & int(Flag.INVALID)) == 0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ForceBlock:
+    """Force samples in the order they came.
+
+    Attributes:
+        controller_time: (n,) s on the sensor's clock; NaN where it sends none.
+        host_time: (n,) s on the receiving computer's monotonic clock.
+        wrench: (n, 6) N and N m, force first; torques NaN where only forces are measured.
+        frame: Frame of its axes: "sensor", "tool", "base".
+        sequence: (n,) the sender's numbers.
+        status: (n,) status words; 0 where it sends none.
+        flags: (n,) :class:`~robotrue.online.samples.Flag` values.
+    """
+
+    controller_time: Array
+    host_time: Array
+    wrench: Array
+    frame: str
+    sequence: IntArray
+    status: IntArray
+    flags: IntArray
+
+    def __post_init__(self) -> None:
+        """Freezes and checks lengths; the values were checked sample by sample."""
+        n = len(self.host_time)
+        _settle(self, {"wrench": (n, 6)}, ("sequence", "status", "flags"))
+
+    def __len__(self) -> int:
+        return len(self.host_time)
+
+    @property
+    def valid(self) -> BoolArray:
+        """(n,), whether an estimate may use each."""
+        return np.asarray((self.flags & int(Flag.INVALID)) == 0)
+
+
+Block = JointBlock | ForceBlock
+
+
+def joint_block(samples: Sequence[JointSample]) -> JointBlock:
+    """Returns samples of one stream as a block.
+
+    Raises:
+        ShapeError: None, or arms of different numbers of joints.
+    """
+    _some(samples)
+    if len({len(s.joints) for s in samples}) > 1:
+        raise ShapeError("samples of arms with different numbers of joints in one stream.")
+    return JointBlock(
+        controller_time=np.array([s.controller_time for s in samples]),
+        host_time=np.array([s.host_time for s in samples]),
+        joints=np.array([s.joints for s in samples]),
+        T_frame_tool=np.array([s.T_frame_tool for s in samples]),
+        sequence=np.array([s.sequence for s in samples], dtype=np.int64),
+        flags=np.array([int(s.flags) for s in samples], dtype=np.int64),
+    )
+
+
+def force_block(samples: Sequence[ForceSample]) -> ForceBlock:
+    """Returns samples of one stream as a block.
+
+    Raises:
+        ShapeError: None, or in different frames.
+    """
+    _some(samples)
+    if len({s.frame for s in samples}) > 1:
+        raise ShapeError("forces in different frames in one stream.")
+    return ForceBlock(
+        controller_time=np.array([s.controller_time for s in samples]),
+        host_time=np.array([s.host_time for s in samples]),
+        wrench=np.array([s.wrench for s in samples]),
+        frame=samples[0].frame,
+        sequence=np.array([s.sequence for s in samples], dtype=np.int64),
+        status=np.array([s.status for s in samples], dtype=np.int64),
+        flags=np.array([int(s.flags) for s in samples], dtype=np.int64),
+    )
+
+
+def _some(samples: Sequence[Any]) -> None:
+    if not samples:
+        raise ShapeError("a block of no samples, expected one or more.")
+
+
+def _settle(
+    block: Block, shapes: dict[str, tuple[int | None, ...]], whole: tuple[str, ...]
+) -> None:
+    n, set_ = len(block.host_time), object.__setattr__
+    for name, shape in {"controller_time": (n,), "host_time": (n,), **shapes}.items():
+        set_(block, name, frozen(getattr(block, name), shape, name, allow_nan=True))
+    for name in whole:
+        set_(block, name, frozen(getattr(block, name), (n,), name, dtype=np.int64))

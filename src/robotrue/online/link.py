@@ -1,0 +1,84 @@
+"""The contracts of the service: sources give blocks, sinks take estimates, each counts its faults.
+
+One file per protocol implements them. A source connects, reconnects and answers by itself; the
+service knows nothing of packets. A sink is slow or gone without anybody else noticing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+from robotrue.online.blocks import Block
+from robotrue.online.estimates import EstimateBlock
+from robotrue.online.samples import Correction
+
+B_co = TypeVar("B_co", bound=Block, covariant=True)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Health:
+    """Counters of one source or sink since it was opened.
+
+    Attributes:
+        name: The address it was opened with.
+        connected: Whether the other side is there now.
+        received: Packets (source) or blocks (sink) taken.
+        lost: Packets that never came.
+        late: Packets that came late, or answers of ours the controller counted as late.
+        refused: Packets that could not be read, or blocks the other side did not take.
+        dropped: Blocks left out because a display could not keep up; zero for every source.
+        reconnects: Times the other side came back.
+        turnaround_p50: s from a packet to our answer, median; NaN where nothing is answered.
+        turnaround_p99: s, likewise.
+        last_fault: The latest fault in words, or empty.
+    """
+
+    name: str
+    connected: bool
+    received: int = 0
+    lost: int = 0
+    late: int = 0
+    refused: int = 0
+    dropped: int = 0
+    reconnects: int = 0
+    turnaround_p50: float = float("nan")
+    turnaround_p99: float = float("nan")
+    last_fault: str = ""
+
+
+class Source(Protocol[B_co]):
+    """A stream of blocks."""
+
+    def blocks(self) -> AsyncIterator[B_co]:
+        """Gives blocks as they come; ends only where the stream has an end (a file), or closed."""
+
+    async def close(self) -> None:
+        """Lets the other side go; a robot is left with no correction."""
+
+    def health(self) -> Health:
+        """Returns the counters as they stand."""
+
+
+class Corrector(Protocol):
+    """Says what a robot is to be sent in this cycle; asked by a link for each of its answers."""
+
+    def next(self, host_time: float) -> Correction:
+        """Returns the correction to send now: limited, ramped, zero when the watchdog bit."""
+
+
+class Sink(Protocol):
+    """Where estimates go. The service calls ``write`` from one task, in order."""
+
+    async def open(self) -> None:
+        """Connects, or begins to: a sink that is not there yet must not hold up the service."""
+
+    async def write(self, estimates: EstimateBlock) -> None:
+        """Sends one block; what cannot be sent is counted, not raised."""
+
+    async def close(self) -> None:
+        """Sends what is left and goes."""
+
+    def health(self) -> Health:
+        """Returns the counters as they stand."""
