@@ -1,0 +1,188 @@
+"""Estimates to a CSV file: whole lines only, at most the last one unfinished after kill -9.
+
+Columns: ``host_s`` (monotonic clock of the receiving computer), ``sequence`` (of the force
+sample), ``ex_um..ez_um`` (actual minus programmed, base axes), ``sd_x_um..`` (one standard
+deviation), ``static_x_um..``, ``fx_N..mz_Nm`` (process wrench on the tool point, base axes),
+``j1_deg..`` (as displayed), ``doubt`` (names joined by ``+``, ``none``). What is not known is
+empty.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from io import FileIO
+from pathlib import Path
+from typing import Final
+
+from robotrue.errors import ConfigurationError, FormatError, ShapeError
+from robotrue.online.estimate_columns import doubt_words, number_columns, numbers
+from robotrue.online.estimates import EstimateBlock
+from robotrue.online.link import Health
+from robotrue.online.sink_settings import SinkSettings
+
+_TAIL: Final = 1 << 16
+"""Bytes looked at for the end of the last line; none of ours is as long."""
+
+
+class CsvSink:
+    """A file of estimates.
+
+    A block goes to the operating system in one piece before ``write`` returns, so that a process
+    that is killed loses nothing it was told was written. A disk that is full costs blocks, which
+    are counted, and never leaves half a line between two whole ones.
+    """
+
+    def __init__(self, path: str | Path, settings: SinkSettings) -> None:
+        self._path = Path(path)
+        self._settings = settings
+        self._columns = ("host_s", "sequence", *number_columns(settings.joints), "doubt")
+        self._line = "%.9f,%d" + ",%.4f" * (len(self._columns) - 3) + ",%s\n"
+        self._file: FileIO | None = None
+        self._size = 0
+        self._written = 0
+        self._refused = 0
+        self._fault = ""
+        self._last: str | None = None
+
+    @property
+    def resumed_after(self) -> str | None:
+        """The last whole line that stood there when the file was opened, or None."""
+        return self._last
+
+    async def open(self) -> None:
+        """Begins the file, or goes on after its last whole line where the settings say resume.
+
+        Raises:
+            ConfigurationError: There is a file and nothing says to go on with it.
+            FormatError: It is not one of ours with these columns, or cannot be opened.
+        """
+        await asyncio.to_thread(self._open)
+
+    def _open(self) -> None:
+        header = (",".join(self._columns) + "\n").encode()
+        try:
+            file = FileIO(self._path, "a+")
+        except OSError as cause:
+            raise FormatError(
+                f"cannot write: {cause.strerror}.",
+                source=self._path,
+                hint="check the folder and its permissions.",
+            ) from cause
+        try:
+            self._size = self._settled(file, header)
+        except BaseException:
+            file.close()
+            raise
+        self._file = file
+
+    def _settled(self, file: FileIO, header: bytes) -> int:
+        """Returns where the next line goes."""
+        size = file.seek(0, os.SEEK_END)
+        if size == 0:
+            return _put(file, header, 0)
+        if not self._settings.resume:
+            raise ConfigurationError(
+                f"there is a file of {size} bytes already, expected none.",
+                source=self._path,
+                hint="another name, or csv+append: to go on after its last line.",
+            )
+        begun = _read(file, 0, len(header))
+        if begun != header[: len(begun)]:
+            raise FormatError(
+                f"begins with {begun[:60]!r}, expected the columns {','.join(self._columns)}.",
+                source=self._path,
+                line=1,
+                hint="another name for this file.",
+            )
+        if len(begun) < len(header):  # killed within the header
+            file.truncate(0)
+            return _put(file, header, 0)
+        tail = _read(file, max(0, size - _TAIL), _TAIL)
+        whole = size - len(tail) + tail.rfind(b"\n") + 1
+        if whole < len(header):
+            raise FormatError(f"the last {_TAIL} bytes have no end of line.", source=self._path)
+        if whole < size:
+            file.truncate(whole)
+            self._fault = f"an unfinished last line of {size - whole} bytes was cut off"
+        lines = tail[: len(tail) - (size - whole)].splitlines()
+        self._last = lines[-1].decode("ascii", "replace") if whole > len(header) else None
+        return whole
+
+    async def write(self, estimates: EstimateBlock) -> None:
+        """Puts one line for each estimate; a block that does not go whole is left out, counted."""
+        if self._file is None:
+            self._refuse("the file is not open")
+            return
+        try:
+            data = self._lines(estimates)
+        except ShapeError as cause:
+            self._refuse(str(cause))
+            return
+        # A disk that stands still must not hold up the answers to a robot: in a thread.
+        await asyncio.to_thread(self._append, self._file, data)
+
+    def _append(self, file: FileIO, data: bytes) -> None:
+        try:
+            self._size = _put(file, data, self._size)
+            self._written += 1
+        except OSError as cause:
+            self._refuse(f"cannot write: {cause.strerror}")
+
+    def _lines(self, block: EstimateBlock) -> bytes:
+        words = {int(d): doubt_words(int(d)) for d in set(block.doubt.tolist())}
+        values = numbers(block, self._settings.joints).tolist()
+        heads = zip(block.host_time.tolist(), block.sequence.tolist(), strict=True)
+        text = "".join(
+            self._line % (*head, *row, words[doubt])
+            for head, row, doubt in zip(heads, values, block.doubt.tolist(), strict=True)
+        )
+        return text.replace("nan", "").encode("ascii")
+
+    def _refuse(self, fault: str) -> None:
+        self._refused += 1
+        self._fault = fault
+
+    async def close(self) -> None:
+        """Brings the lines to the disk and closes the file."""
+        if self._file is not None:
+            file, self._file = self._file, None
+            await asyncio.to_thread(self._finish, file)
+
+    def _finish(self, file: FileIO) -> None:
+        try:
+            os.fsync(file.fileno())
+        except OSError as cause:
+            self._fault = f"cannot write: {cause.strerror}"
+        finally:
+            file.close()
+
+    def health(self) -> Health:
+        """Returns the counters as they stand."""
+        return Health(
+            name=f"csv:{self._path}",
+            connected=self._file is not None,
+            received=self._written,
+            refused=self._refused,
+            last_fault=self._fault,
+        )
+
+
+def _put(file: FileIO, data: bytes, size: int) -> int:
+    """Returns the size after ``data`` was put at the end; all of it or nothing."""
+    done = 0
+    try:
+        while done < len(data):
+            done += file.write(data[done:]) or 0
+    except OSError:
+        file.truncate(size)
+        raise
+    return size + done
+
+
+def _read(file: FileIO, at: int, count: int) -> bytes:
+    file.seek(at)
+    data = b""
+    while len(data) < count and (more := file.read(count - len(data))):
+        data += more
+    return data
