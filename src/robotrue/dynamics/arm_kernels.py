@@ -48,25 +48,8 @@ def mass_and_jacobian(
         theta = table[i, 0]
         for j in range(n):
             theta += joint_map[i, j] * joints[j]
-        d, a = table[i, 1], table[i, 2]
         sa, ca = math.sin(table[i, 3]), math.cos(table[i, 3])
-        st, ct = math.sin(theta), math.cos(theta)
-        if modified:  # Rx(alpha) Tx(a) Rz(theta) Tz(d)
-            for r in range(3):
-                place[r] += a * rotation[r, 0]
-                y, z = rotation[r, 1], rotation[r, 2]
-                rotation[r, 1], rotation[r, 2] = ca * y + sa * z, ca * z - sa * y
-        for r in range(3):
-            axis[i, r], origin[i, r] = rotation[r, 2], place[r]
-        for r in range(3):
-            x, y = rotation[r, 0], rotation[r, 1]
-            rotation[r, 0], rotation[r, 1] = ct * x + st * y, ct * y - st * x
-            place[r] += d * rotation[r, 2]
-        if not modified:
-            for r in range(3):
-                place[r] += a * rotation[r, 0]
-                y, z = rotation[r, 1], rotation[r, 2]
-                rotation[r, 1], rotation[r, 2] = ca * y + sa * z, ca * z - sa * y
+        link(theta, table[i, 1], table[i, 2], sa, ca, modified, rotation, place, axis[i], origin[i])
         last = i + 1 if i + 1 < n else n + 1
         for b in range(i, last):
             weight = bodies[b, 0]
@@ -111,6 +94,52 @@ def mass_and_jacobian(
             for j in range(n):
                 total += tool[r, j] * joint_map[j, p]
             jacobian[r, p] = total
+
+
+@compiled(EXACT)
+def link(
+    theta: float,
+    d: float,
+    a: float,
+    sa: float,
+    ca: float,
+    modified: bool,
+    rotation: Array,
+    place: Array,
+    axis: Array,
+    origin: Array,
+) -> None:
+    """Moves the frame ``rotation``, ``place`` over one link; writes the joint's axis and origin.
+
+    Args:
+        theta: rad, angle of the joint in the chain.
+        d: m.
+        a: m.
+        sa: Sine of alpha.
+        ca: Its cosine.
+        modified: Craig's convention instead of the standard one.
+        rotation: (3, 3), changed.
+        place: (3,) m, changed.
+        axis: (3,), written.
+        origin: (3,) m, written.
+    """
+    st, ct = math.sin(theta), math.cos(theta)
+    if modified:  # Rx(alpha) Tx(a) Rz(theta) Tz(d)
+        for r in range(3):
+            place[r] += a * rotation[r, 0]
+            y, z = rotation[r, 1], rotation[r, 2]
+            rotation[r, 1], rotation[r, 2] = ca * y + sa * z, ca * z - sa * y
+    for r in range(3):
+        axis[r], origin[r] = rotation[r, 2], place[r]
+    for r in range(3):
+        x, y = rotation[r, 0], rotation[r, 1]
+        rotation[r, 0], rotation[r, 1] = ct * x + st * y, ct * y - st * x
+        place[r] += d * rotation[r, 2]
+    if not modified:
+        for r in range(3):
+            place[r] += a * rotation[r, 0]
+            y, z = rotation[r, 1], rotation[r, 2]
+            rotation[r, 1], rotation[r, 2] = ca * y + sa * z, ca * z - sa * y
 
 
 @compiled(EXACT)
