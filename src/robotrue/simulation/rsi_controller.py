@@ -1,0 +1,261 @@
+"""A KUKA controller to practise with: it owns the clock, sends ``<Rob>`` and judges each ``<Sen>``.
+
+Simulated throughout. It takes an answer as a controller does: type and IPOC must be right, it must
+come before the next packet, what is missing is counted in Delay and HOLDON says what stays, and
+after a budget of them RSI breaks off. Corrections move the pose it reports, added up or not.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.core.rotations import abc_from_matrix
+from robotrue.core.units import DEG, MM
+from robotrue.errors import ConfigurationError, FormatError
+from robotrue.online.rsi import RobPacket, read_sen, write_rob
+from robotrue.online.rsi_config import RsiConfig
+from robotrue.online.samples import CorrectionMode
+from robotrue.simulation.joint_motion import Motion
+
+_AXES: Final = ("X", "Y", "Z", "A", "B", "C")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RsiControllerSettings:
+    """What the simulated controller does.
+
+    Attributes:
+        config: Its EthernetConfig.xml; packets go to its host and port.
+        mode: What RSI_ON of its program says.
+        motion: Where the arm goes.
+        cycle_ms: 4 or 12.
+        timeout_packets: Answers that may be late or faulty before RSI breaks off.
+        limit: m, POSCORR: largest total correction along each axis; more breaks RSI off.
+        limit_turn: rad, likewise for the total of each angle.
+        first_ipoc: ms, its clock at the start.
+        cycles: How many; None goes on to the end of the motion, or until stopped.
+        host: Its own address.
+        own_port: Its own port; 0 takes a free one.
+    """
+
+    config: RsiConfig
+    mode: CorrectionMode
+    motion: Motion
+    cycle_ms: int = 4
+    timeout_packets: int = 100
+    limit: float = 5.0 * MM
+    limit_turn: float = 5.0 * DEG
+    first_ipoc: int = 4_208_163_634
+    cycles: int | None = None
+    host: str = "127.0.0.1"
+    own_port: int = 0
+
+    def __post_init__(self) -> None:
+        """Checks."""
+        if self.cycle_ms not in (4, 12) or self.timeout_packets < 0:
+            raise ConfigurationError(
+                f"cycle of {self.cycle_ms} ms, budget of {self.timeout_packets}; expected 4 or 12 "
+                "ms and a budget from 0."
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RsiControllerReport:
+    """What came of it.
+
+    Attributes:
+        cycles: Packets sent.
+        answered: Answers taken.
+        late: Cycles without an answer in time, from the first answer on.
+        faulty: Answers of another type or IPOC, or that cannot be read.
+        broke_off: Why RSI broke off; empty if it did not.
+        correction: (6,) total at the end, mm and deg.
+        largest_mm: Largest total shift.
+        largest_step_mm: Largest change of it from one cycle to the next.
+    """
+
+    cycles: int = 0
+    answered: int = 0
+    late: int = 0
+    faulty: int = 0
+    broke_off: str = ""
+    correction: Array = field(default_factory=lambda: np.zeros(6))
+    largest_mm: float = 0.0
+    largest_step_mm: float = 0.0
+
+
+async def run(
+    settings: RsiControllerSettings, *, stop: asyncio.Event | None = None
+) -> RsiControllerReport:
+    """Returns the report after the last cycle, when RSI broke off, or when stopped.
+
+    Args:
+        settings: What it does.
+        stop: Set to end it after the cycle that runs.
+    """
+    controller = RsiController(settings)
+    loop = asyncio.get_running_loop()
+    transport, _ = await loop.create_datagram_endpoint(
+        lambda: _Answers(controller), local_addr=(settings.host, settings.own_port)
+    )
+    target = (settings.config.host, settings.config.port)
+    start, cycle = loop.time(), settings.cycle_ms * 1e-3
+    try:
+        while not (stop is not None and stop.is_set()):
+            packet = controller.next_packet()
+            if packet is None:
+                break
+            transport.sendto(packet, target)
+            await _until(loop, start + controller.report.cycles * cycle)
+            controller.close_cycle()
+    finally:
+        transport.close()
+    return controller.report
+
+
+class RsiController:
+    """The controller without its socket: one packet, its answers, the end of the cycle."""
+
+    def __init__(self, settings: RsiControllerSettings) -> None:
+        self.settings = settings
+        self.report = RsiControllerReport()
+        self._ipoc = settings.first_ipoc
+        self._answer: dict[str, float] | None = None
+        self._faulty = False
+        self._attached = False
+        self._held = dict.fromkeys(_AXES, 0.0)
+
+    def next_packet(self) -> bytes | None:
+        """Returns the packet of the cycle that begins; None when there is no more to send."""
+        made = self.report.cycles
+        if self.report.broke_off or made == self.settings.cycles:
+            return None
+        elapsed = made * self.settings.cycle_ms * 1e-3
+        if elapsed > self.settings.motion.duration:
+            return None
+        self._ipoc = self.settings.first_ipoc + made * self.settings.cycle_ms
+        self._answer, self._faulty = None, False
+        joints, T_base_tool = self.settings.motion.at(elapsed)
+        pose = None
+        if not np.isnan(T_base_tool).any():
+            abc = abc_from_matrix(T_base_tool[:3, :3]) / DEG
+            pose = np.concatenate([T_base_tool[:3, 3] / MM, abc]) + self.report.correction
+        self.report = replace(self.report, cycles=made + 1)
+        return write_rob(
+            RobPacket(
+                ipoc=self._ipoc,
+                late=self.report.late + self.report.faulty,
+                joints_deg=_six(joints / DEG),
+                pose_mm_deg=None if pose is None else _six(pose),
+                signals=self._further(),
+            )
+        )
+
+    def take(self, data: bytes) -> None:
+        """Takes a datagram that came during the cycle."""
+        if self.settings.config.only_send:
+            return
+        try:
+            answer = read_sen(data, self.settings.config, self._ipoc)
+        except FormatError:
+            if self._is_late(data):
+                return
+            self._faulty = True
+            return
+        if self._answer is not None:
+            self._faulty = True
+            return
+        self._answer = dict(answer.signals)
+
+    def close_cycle(self) -> None:
+        """Judges the cycle and moves by what was answered, or by what HOLDON says."""
+        if self.settings.config.only_send:
+            return
+        report = self.report
+        if self._answer is not None:
+            self._attached = True
+            report = replace(report, answered=report.answered + 1)
+        elif self._attached and not self._faulty:
+            report = replace(report, late=report.late + 1)
+        if self._faulty:
+            report = replace(report, faulty=report.faulty + 1)
+        if self._attached:
+            report = self._moved(report)
+        if report.late + report.faulty > self.settings.timeout_packets:
+            report = replace(
+                report,
+                broke_off=f"{report.late} late and {report.faulty} faulty answers, more than "
+                f"{self.settings.timeout_packets}",
+            )
+        self.report = report
+
+    def _moved(self, report: RsiControllerReport) -> RsiControllerReport:
+        given = []
+        for axis in _AXES:
+            element = self.settings.config.receives(f"RKorr.{axis}")
+            if self._answer is not None:
+                self._held[axis] = self._answer.get(f"RKorr.{axis}", 0.0)
+            elif element is None or not element.hold:
+                self._held[axis] = 0.0
+            given.append(0.0 if element is None else self._held[axis])
+        total = np.array(given)
+        if self.settings.mode is CorrectionMode.RELATIVE:
+            total = report.correction + total
+        step = float(np.linalg.norm(total[:3] - report.correction[:3]))
+        report = replace(
+            report,
+            correction=total,
+            largest_mm=max(report.largest_mm, float(np.linalg.norm(total[:3]))),
+            largest_step_mm=max(report.largest_step_mm, step),
+        )
+        most = np.repeat([self.settings.limit / MM, self.settings.limit_turn / DEG], 3)
+        beyond = np.flatnonzero(~(np.abs(total) <= most))
+        if len(beyond):
+            at = int(beyond[0])
+            report = replace(
+                report,
+                broke_off=f"correction {_AXES[at]} of {total[at]:.6f} is beyond {most[at]:g}",
+            )
+        return report
+
+    def _further(self) -> dict[str, float]:
+        """What else the configuration says is sent, at zero: the other side may insist on it."""
+        sent = {"RIst", "AIPos", "Delay", "IPOC"}
+        return {
+            element.tag: 0.0
+            for element in self.settings.config.send
+            if element.kind != "STRING" and element.tag not in sent
+        }
+
+    def _is_late(self, data: bytes) -> bool:
+        """Whether it answers an earlier packet: its cycle has been counted then."""
+        step = self.settings.cycle_ms
+        for back in range(1, min(self.report.cycles, 2 * self.settings.timeout_packets + 2)):
+            if b"<IPOC>%d</IPOC>" % (self._ipoc - back * step) in data:
+                return True
+        return False
+
+
+class _Answers(asyncio.DatagramProtocol):
+    def __init__(self, controller: RsiController) -> None:
+        self._controller = controller
+
+    def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
+        self._controller.take(data)
+
+    def error_received(self, exc: Exception) -> None:
+        """Nobody listens yet: the cycle stays without an answer."""
+
+
+async def _until(loop: asyncio.AbstractEventLoop, when: float) -> None:
+    await asyncio.sleep(max(0.0, when - loop.time()))
+
+
+def _six(numbers: Array) -> tuple[float, float, float, float, float, float]:
+    a, b, c, d, e, f = (float(v) for v in numbers)
+    return a, b, c, d, e, f
