@@ -25,6 +25,7 @@ from robotrue.report.content import (
     Tone,
     Verdict,
 )
+from robotrue.report.words import ENGLISH, Lang, Words
 from robotrue.validation.contest import Selection
 from robotrue.validation.metrics import ErrorStatistics, wilson_interval
 from robotrue.validation.report import AxisAngles, ValidationReport
@@ -42,6 +43,7 @@ def calibration_content(
     tolerance: float | None = None,
     unseen: Sequence[str] = (),
     provenance: Sequence[Fact] = (),
+    lang: Lang = "en",
 ) -> ReportContent:
     """Returns the content of a page about one validation.
 
@@ -54,122 +56,154 @@ def calibration_content(
         tolerance: m; the verdict then says whether 95 % of the poses keep it.
         unseen: What the data cannot determine, from the calibration.
         provenance: Data hashes, settings, conditions; versions are added.
+        lang: Language of the page.
     """
+    t = Words(lang=lang)
     # A model's doubts may quote what it could not see; the page says each thing once.
     doubts = tuple(d for d in report.doubts if not any(u.rstrip(".") in d for u in unseen))
-    sections = [_accuracy(report, tolerance), _uncertainty(report), _places(report)]
+    sections = [_accuracy(report, tolerance, t), _uncertainty(report, t), _places(report, t)]
     if selection is not None:
         sections.append(contest_section(selection))
     return ReportContent(
         title=title,
         subtitle=subtitle,
         simulated=simulated,
-        verdict=_verdict(report, tolerance, len(doubts)),
-        tiles=_tiles(report),
+        verdict=_verdict(report, tolerance, len(doubts), t),
+        tiles=_tiles(report, t),
         sections=tuple(sections),
-        unseen=tuple(unseen),
-        doubts=doubts,
-        provenance=(*provenance, *_versions(), *(Fact(name="note", value=n) for n in report.notes)),
+        unseen=tuple(map(t.sentence, unseen)),
+        doubts=tuple(map(t.sentence, doubts)),
+        provenance=(
+            *provenance,
+            *versions(),
+            *(Fact(name=t("fact.note"), value=t.sentence(note)) for note in report.notes),
+        ),
+        lang=lang,
     )
 
 
-def _verdict(report: ValidationReport, tolerance: float | None, doubts: int) -> Verdict:
+def _verdict(report: ValidationReport, tolerance: float | None, doubts: int, t: Words) -> Verdict:
     after, before = report.after, report.before
-    text = (
-        f"Predicts where the robot really goes within {after.mean / MM:.3f} mm on average, "
-        f"{after.max / MM:.3f} mm at worst."
-    )
+    text = t("cal.verdict", mean=after.mean / MM, max=after.max / MM)
     tone: Tone = "good"
     if after.mean >= before.mean or (
         report.before_aligned is not None and after.mean >= report.before_aligned.mean
     ):
         tone = "bad"
-        text = f"No better than a frame correction: {after.mean / MM:.3f} mm on average."
+        text = t("cal.no_better", mean=after.mean / MM)
     elif tolerance is not None:
         kept = after.p95 <= tolerance
         tone = "good" if kept else "bad"
-        text = (
-            f"95 % of the poses are predicted within {after.p95 / MM:.3f} mm: the tolerance of "
-            f"{tolerance / MM:g} mm is {'kept' if kept else 'NOT kept'}."
-        )
+        key = "cal.kept" if kept else "cal.not_kept"
+        text = t(key, p95=after.p95 / MM, tolerance=tolerance / MM)
     elif doubts:
         tone = "caution"
-    detail = f"{after.n} poses; without calibration {before.mean / MM:.3f} mm on average."
+    detail = t("cal.detail", n=after.n, mean=before.mean / MM)
     if doubts:
-        detail += f" {doubts} doubt{'s' if doubts > 1 else ''} below."
+        detail += " " + t("cal.doubts" if doubts > 1 else "cal.doubt", n=doubts)
     return Verdict(text=text, tone=tone, detail=detail)
 
 
-def _tiles(report: ValidationReport) -> tuple[Tile, ...]:
+def _tiles(report: ValidationReport, t: Words) -> tuple[Tile, ...]:
     before, after, inside = report.before, report.after, report.coverage
     return (
-        _tile("mean error", after.mean, before.mean, f"{after.n} poses"),
-        _tile("95 % of poses below", after.p95, before.p95),
-        _tile("largest error", after.max, before.max),
+        _tile(t, "cal.mean_error", after.mean, before.mean, t("cal.poses", n=after.n)),
+        _tile(t, "cal.p95", after.p95, before.p95),
+        _tile(t, "cal.largest", after.max, before.max),
         Tile(
-            label="stated 95 % regions hold",
+            label=t("cal.hold"),
+            key=ENGLISH("cal.hold"),
             value=100.0 * inside.share,
             unit="%",
             digits=1,
-            note=f"interval {100 * inside.low:.1f} to {100 * inside.high:.1f} %",
+            note=t("cal.interval", low=100 * inside.low, high=100 * inside.high),
             tone="good" if inside.is_honest else "caution",
         ),
     )
 
 
-def _tile(label: str, value: float, before: float, note: str = "") -> Tile:
-    return Tile(label=label, value=value / MM, unit=_MM, before=before / MM, note=note)
+def _tile(t: Words, key: str, value: float, before: float, note: str = "") -> Tile:
+    return Tile(
+        label=t(key), key=ENGLISH(key), value=value / MM, unit=_MM, before=before / MM, note=note
+    )
 
 
-def _accuracy(report: ValidationReport, tolerance: float | None) -> Section:
-    rows = [("as the controller computes", report.before)]
+def column(t: Words, name: str, unit: str = "", digits: int = 3, **values: object) -> Column:
+    """Returns a column of a catalog text: its heading in the language, its JSON name in English."""
+    return Column(title=t(name, **values), unit=unit, digits=digits, key=ENGLISH(name, **values))
+
+
+def _accuracy(report: ValidationReport, tolerance: float | None, t: Words) -> Section:
+    rows = [(t("cal.computed"), report.before)]
     if report.before_aligned is not None:
-        rows.append(("base and tool aligned", report.before_aligned))
-    rows.append(("with this calibration", report.after))
+        rows.append((t("cal.aligned"), report.before_aligned))
+    rows.append((t("cal.calibrated"), report.after))
     before = np.linalg.norm(report.errors_before, axis=1)
     after = np.linalg.norm(report.errors_after, axis=1)
     tables = [
-        statistics_table("Position error before and after", rows),
-        per_axis_table("Position error along each axis", rows),
+        statistics_table(t("cal.table"), rows, words=t),
+        per_axis_table(t("cal.axis_table"), rows, words=t),
     ]
     if report.axis_before is not None:
-        tables.append(_angles_table(report.axis_before, report.axis_after))
+        tables.append(_angles_table(report.axis_before, report.axis_after, t))
     return Section(
-        title="Before and after",
-        text=(
-            "Distance between where the instrument saw the tool point and where it was expected. "
-            "Prediction errors: the robot was not moved again."
-        ),
+        title=t("cal.section"),
+        text=t("cal.section_text"),
         blocks=(
             *tables,
-            PointErrors(before=before, after=after, axis_label="pose", limit=tolerance),
-            ErrorDistribution(before=before, after=after),
+            PointErrors(
+                before=before,
+                after=after,
+                axis_label=t("pose"),
+                limit=tolerance,
+                title=t("cal.points_title"),
+            ),
+            ErrorDistribution(before=before, after=after, title=t("cal.distribution")),
         ),
     )
 
 
 def statistics_table(
-    title: str, rows: Sequence[tuple[str, ErrorStatistics]], *, caption: str = ""
+    title: str,
+    rows: Sequence[tuple[str, ErrorStatistics]],
+    *,
+    caption: str = "",
+    words: Words = ENGLISH,
+    highlight: int | None = -1,
 ) -> Table:
-    """Returns a table of named statistics: n, mean, sd, 95 %, max, mean + 3 sd, RMS in mm."""
-    names = ("mean", "sd", "95 %", "max", "mean + 3 sd", "RMS")
+    """Returns a table of named statistics: n, mean, sd, 95 %, max, mean + 3 sd, RMS in mm.
+
+    Args:
+        title: Heading.
+        rows: Name and statistics of each row.
+        caption: What to read in it.
+        words: Language of the headings.
+        highlight: Row to set off, counted from the end if below 0; None for none.
+    """
+    names = ("mean", "sd", "p95", "max", "three_sigma", "rms")
     return Table(
         title=title,
-        columns=(Column(title=""), Column(title="n"), *(Column(title=t, unit=_MM) for t in names)),
+        columns=(
+            Column(title=""),
+            column(words, "n"),
+            *(column(words, name, _MM) for name in names),
+        ),
         rows=tuple(
             (name, s.n, *(v / MM for v in (s.mean, s.std, s.p95, s.max, s.three_sigma, s.rms)))
             for name, s in rows
         ),
         caption=caption,
-        highlight=len(rows) - 1,
+        highlight=None if highlight is None else highlight % len(rows),
     )
 
 
-def per_axis_table(title: str, rows: Sequence[tuple[str, ErrorStatistics]]) -> Table:
+def per_axis_table(
+    title: str, rows: Sequence[tuple[str, ErrorStatistics]], *, words: Words = ENGLISH
+) -> Table:
     """Returns a table of signed mean, standard deviation and largest value per base axis in mm."""
     columns = [Column(title="")]
-    for quantity in ("mean", "sd", "max"):
-        columns += [Column(title=f"{quantity} {axis}", unit=_MM) for axis in "xyz"]
+    for quantity in ("mean_axis", "sd_axis", "max_axis"):
+        columns += [column(words, quantity, _MM, axis=axis) for axis in "xyz"]
     return Table(
         title=title,
         columns=tuple(columns),
@@ -181,54 +215,51 @@ def per_axis_table(title: str, rows: Sequence[tuple[str, ErrorStatistics]]) -> T
     )
 
 
-def _angles_table(before: AxisAngles, after: AxisAngles | None) -> Table:
+def _angles_table(before: AxisAngles, after: AxisAngles | None, t: Words) -> Table:
     rows: list[tuple[Cell, ...]] = []
-    for name, angles in (("as the controller computes", before), ("with this calibration", after)):
+    for name, angles in ((t("cal.computed"), before), (t("cal.calibrated"), after)):
         if angles is None:
             rows.append((name, None, None, None, None))
         else:
             values = (angles.mean, angles.p95, angles.max)
             rows.append((name, angles.n, *(value / DEG for value in values)))
     return Table(
-        title="Angle of the tool axis",
+        title=t("cal.angles"),
         columns=(
             Column(title=""),
-            Column(title="n"),
-            *(Column(title=t, unit="deg") for t in ("mean", "95 %", "max")),
+            column(t, "n"),
+            *(column(t, name, "deg") for name in ("mean", "p95", "max")),
         ),
         rows=tuple(rows),
-        caption="The constant rotation of the target on the tool is left out.",
+        caption=t("cal.angles_text"),
     )
 
 
-def _uncertainty(report: ValidationReport) -> Section:
+def _uncertainty(report: ValidationReport, t: Words) -> Section:
     inside = report.coverage
     levels = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99])
     counts = [int((report.probability <= level).sum()) for level in levels]
     bounds = np.array([wilson_interval(count, inside.n) for count in counts])
     shares = (inside.share, *inside.axis_share)
     return Section(
-        title="Stated uncertainty",
-        text=(
-            "Every prediction states a region that should hold the true point with a given "
-            "probability. Here is how many it held."
-        ),
+        title=t("cal.uncertainty"),
+        text=t("cal.uncertainty_text"),
         blocks=(
             CoveragePlot(
                 stated=levels,
                 observed=np.array(counts) / inside.n,
                 low=bounds[:, 0],
                 high=bounds[:, 1],
-                caption=(
-                    "Below the dashed line the model claims too much; above it, too little. The "
-                    "band is what this number of poses can tell."
-                ),
+                title=t("cal.honesty"),
+                caption=t("cal.coverage_text"),
             ),
             Table(
-                title="Share of poses inside their stated 95 % regions",
-                columns=tuple(
-                    Column(title=t, unit="%", digits=1)
-                    for t in ("3-D", "x alone", "y alone", "z alone", "3-D from", "3-D to")
+                title=t("cal.shares"),
+                columns=(
+                    column(t, "cal.3d", "%", 1),
+                    *(column(t, "cal.alone", "%", 1, axis=axis) for axis in "xyz"),
+                    column(t, "cal.3d_from", "%", 1),
+                    column(t, "cal.3d_to", "%", 1),
                 ),
                 rows=(tuple(100.0 * float(s) for s in (*shares, inside.low, inside.high)),),
             ),
@@ -236,14 +267,14 @@ def _uncertainty(report: ValidationReport) -> Section:
     )
 
 
-def _places(report: ValidationReport) -> Section:
+def _places(report: ValidationReport, t: Words) -> Section:
     spread = np.ptp(report.position, axis=0)
     planes: tuple[Plane, ...] = ("yz", "xz", "xy")
     plane = planes[int(np.argmin(spread))]
     dof = len(report.worst[0].joints)
     joints = tuple(Column(title=f"J{i + 1}", unit="deg", digits=2) for i in range(dof))
     return Section(
-        title="Where it misses",
+        title=t("cal.places"),
         blocks=(
             ErrorMap(
                 position=report.position,
@@ -251,15 +282,16 @@ def _places(report: ValidationReport) -> Section:
                 after=report.errors_after,
                 plane=plane,
                 magnification=100.0,
+                title=t("cal.map"),
             ),
             Table(
-                title="Worst points",
+                title=t("cal.worst"),
                 columns=(
-                    Column(title="set"),
-                    Column(title="line"),
-                    Column(title="before", unit=_MM),
-                    Column(title="after", unit=_MM),
-                    Column(title="region", unit="%", digits=1),
+                    column(t, "cal.set"),
+                    column(t, "cal.line"),
+                    column(t, "before", _MM),
+                    column(t, "after", _MM),
+                    column(t, "cal.region", "%", 1),
                     *joints,
                 ),
                 rows=tuple(
@@ -273,10 +305,7 @@ def _places(report: ValidationReport) -> Section:
                     )
                     for point in report.worst
                 ),
-                caption=(
-                    "Line of the source file. Region: the smallest stated region that holds the "
-                    "point; near 100 % means the model did not expect it. Look at these rows first."
-                ),
+                caption=t("cal.worst_text"),
             ),
         ),
     )
@@ -335,7 +364,8 @@ def contest_section(
     )
 
 
-def _versions() -> tuple[Fact, ...]:
+def versions() -> tuple[Fact, ...]:
+    """Returns what made the numbers: robotrue, NumPy and Python with their versions."""
     return (
         Fact(name="robotrue", value=version("robotrue")),
         Fact(name="numpy", value=np.__version__),

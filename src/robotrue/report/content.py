@@ -25,8 +25,11 @@ import numpy as np
 
 from robotrue.core.arrays import Array, frozen
 from robotrue.errors import ShapeError
+from robotrue.report.budget_plot import BudgetPlot
 from robotrue.report.part_map import PartMap
 from robotrue.report.tilt_plot import TiltPlot
+from robotrue.report.uncertainty_map import UncertaintyMap
+from robotrue.report.words import Lang
 
 Tone: TypeAlias = Literal["good", "caution", "bad", "plain"]
 """How a statement is coloured: as asked, look closer, not as asked, no judgement."""
@@ -64,6 +67,7 @@ class Tile:
         before: The same number before compensation, printed small beside it; None to leave out.
         note: A few words below, e.g. ``"220 held-out poses"``.
         tone: Colour of the number.
+        key: Name in JSON, English in every language; the label if empty.
     """
 
     label: str
@@ -73,6 +77,7 @@ class Tile:
     before: float | None = None
     note: str = ""
     tone: Tone = "plain"
+    key: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,11 +88,13 @@ class Column:
         title: Heading.
         unit: Unit of its numbers, printed after the heading; empty for words and counts.
         digits: Decimals of its floats.
+        key: Name in JSON, English in every language; the title if empty.
     """
 
     title: str
     unit: str = ""
     digits: int = 3
+    key: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -365,6 +372,8 @@ Block: TypeAlias = (
     | TiltPlot
     | MapSlices
     | PartMap
+    | BudgetPlot
+    | UncertaintyMap
 )
 """Anything that can stand in a section, in reading order."""
 
@@ -412,6 +421,7 @@ class ReportContent:
         unseen: What the data cannot determine, one sentence each.
         doubts: When not to trust the numbers, one sentence each.
         provenance: Hashes, versions, settings, conditions.
+        lang: Language its texts are in; page and figures speak the same.
     """
 
     title: str
@@ -423,6 +433,7 @@ class ReportContent:
     unseen: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
     provenance: tuple[Fact, ...] = field(default=())
+    lang: Lang = "en"
 
 
 def _freeze_all(owner: object, names: tuple[str, ...], shape: tuple[int | None, ...]) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Callable
+from html import escape
 from typing import Any, Final
 
 import matplotlib as mpl
@@ -15,6 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from robotrue.report.theme import LIGHT
 
@@ -57,6 +59,7 @@ _SETTINGS: Final[dict[Any, Any]] = {
     "axes.facecolor": "none",
     "savefig.facecolor": "none",
 }
+_CJK = re.compile("[\u2e80-\u9fff\uf900-\ufaff\uff00-\uffef]")
 _NUMBER = re.compile(r"\d+\.\d{3,}")
 _GEOMETRY = re.compile(r' (?:d|x|y|points|transform)="[^"]*"')
 
@@ -86,9 +89,49 @@ def inline_svg(
         figure = Figure(figsize=(width, height), layout="constrained")
         FigureCanvasSVG(figure)
         draw(list(figure.subplots(rows, panels, squeeze=False).ravel()))
+        wide = _stand_ins(figure)
         stream = io.StringIO()
         figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
-    return _embeddable(stream.getvalue(), key, label)
+    text = stream.getvalue()
+    for stand_in, meant in wide.items():
+        text = text.replace(stand_in, escape(meant))
+    return _embeddable(text, key, label)
+
+
+def standalone_svg(inline: str, family: str) -> str:
+    """Returns an element of :func:`inline_svg` as a file of its own, in the light palette.
+
+    Args:
+        inline: The element.
+        family: Font families of its text, best first.
+    """
+    for name, colour in LIGHT.items():
+        inline = inline.replace(f"var(--{name})", colour)
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" font-family="{escape(family)}"'
+    return inline.replace("<svg", head, 1)
+
+
+def _stand_ins(figure: Figure) -> dict[str, str]:
+    """Puts Latin letters of the same width in place of texts the drawing font has no glyphs for.
+
+    The SVG keeps text as text, in the reader's fonts; only the layout needs its size. So the file
+    is the same on every machine, whatever fonts it has.
+    """
+    meant: dict[str, str] = {}
+    for found in figure.findobj(Text):
+        if not isinstance(found, Text) or not _CJK.search(found.get_text()):
+            continue
+        lines = []
+        for line in found.get_text().split("\n"):
+            name = f"ZQ{len(meant):03d}"
+            wide = len(_CJK.findall(line))
+            # A full-width sign is one em, an M of the drawing font 0.86, another letter about 0.6.
+            letters = round((wide + 0.6 * (len(line) - wide)) / 0.86)
+            stand_in = name + "M" * max(letters - 4, 1) + "Q"
+            meant[stand_in] = line
+            lines.append(stand_in)
+        found.set_text("\n".join(lines))
+    return meant
 
 
 def png(

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from robotrue.core.arrays import Array
+from robotrue.core.files import sha256
 from robotrue.core.units import DEG, MM
+from robotrue.report.budget_plot import BudgetPlot
 from robotrue.report.content import (
     Block,
     Cell,
@@ -27,18 +29,47 @@ from robotrue.report.content import (
 )
 from robotrue.report.part_map import PartMap
 from robotrue.report.tilt_plot import TiltPlot
+from robotrue.report.uncertainty_map import UncertaintyMap
+
+HASH: Final = "content_sha256"
 
 
 def report_json(content: ReportContent) -> str:
-    """Returns the report as JSON text; equal content gives equal text, NaN becomes null."""
-    return json.dumps(report_document(content), indent=1, allow_nan=False, ensure_ascii=False)
+    """Returns the report as JSON text; equal content gives equal text, NaN becomes null.
+
+    ``content_sha256`` in it is the hash of all the rest (:func:`is_intact`), inputs included:
+    ``provenance`` holds theirs.
+    """
+    document = report_document(content)
+    signed = {**document, HASH: document_sha256(document)}
+    return json.dumps(signed, indent=1, allow_nan=False, ensure_ascii=False)
+
+
+def content_sha256(content: ReportContent) -> str:
+    """Returns the hash page, print and JSON of a report carry."""
+    return document_sha256(report_document(content))
+
+
+def document_sha256(document: Mapping[str, Any]) -> str:
+    """Returns the SHA-256 of the canonical JSON: keys sorted, no blanks, UTF-8, no hash in it."""
+    bare = {key: value for key, value in document.items() if key != HASH}
+    text = json.dumps(
+        bare, sort_keys=True, separators=(",", ":"), allow_nan=False, ensure_ascii=False
+    )
+    return sha256(text.encode("utf-8"))
+
+
+def is_intact(document: Mapping[str, Any]) -> bool:
+    """Returns whether a JSON report still is what its hash was made of."""
+    return document.get(HASH) == document_sha256(document)
 
 
 def report_document(content: ReportContent) -> Mapping[str, Any]:
-    """Returns the report as JSON values; lengths in mm, angles in deg, named so."""
+    """Returns the report as JSON values without its hash; lengths in mm, angles in deg."""
     return {
         "format": "robotrue-report",
         "format_version": 1,
+        "lang": content.lang,
         "title": content.title,
         "subtitle": content.subtitle,
         "simulated": content.simulated,
@@ -49,7 +80,7 @@ def report_document(content: ReportContent) -> Mapping[str, Any]:
         },
         "tiles": [
             {
-                "label": tile.label,
+                "label": tile.key or tile.label,
                 "value": _finite(tile.value),
                 "unit": tile.unit,
                 "before": _finite(tile.before),
@@ -152,6 +183,19 @@ def _block(block: Block) -> Mapping[str, Any]:
                 "touch_mm": (block.touch / MM).tolist(),
                 "uncovered": list(block.uncovered),
             }
+        case BudgetPlot():
+            return head | {
+                "kind": "budget",
+                "names": list(block.names),
+                "standard_uncertainty_mm": _mm(block.value),
+                "combined_mm": block.combined / MM,
+            }
+        case UncertaintyMap():
+            return head | {
+                "kind": "uncertainty-map",
+                "position_mm": _mm(block.position),
+                "radius_95_mm": _mm(block.radius),
+            }
         case MapSlices():
             return head | {
                 "kind": "map-slices",
@@ -171,7 +215,7 @@ def _nullable(values: Array) -> Any:
 
 
 def _column_name(column: Column) -> str:
-    return f"{column.title} {column.unit}".strip().replace(" ", "_")
+    return f"{column.key or column.title} {column.unit}".strip().replace(" ", "_")
 
 
 def _mm(values: Array) -> Any:

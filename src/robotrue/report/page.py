@@ -8,34 +8,18 @@ from robotrue.report.content import (
     Block,
     Cell,
     Column,
-    CoveragePlot,
-    ErrorDistribution,
-    ErrorMap,
     Fact,
-    HoleContour,
-    MapSlices,
-    PointErrors,
-    PoseCurves,
     ReportContent,
     Section,
     Table,
     Tile,
     Verdict,
 )
-from robotrue.report.map_figure import slices_svg
-from robotrue.report.part_map import PartMap, part_map_svg
-from robotrue.report.plots import (
-    coverage_svg,
-    distribution_svg,
-    hole_svg,
-    map_svg,
-    point_errors_svg,
-)
+from robotrue.report.drawing import block_svg
+from robotrue.report.json import content_sha256
 from robotrue.report.theme import STYLE
-from robotrue.report.tilt_plot import TiltPlot, tilt_svg
-from robotrue.report.transfer_curve import pose_curves_svg
+from robotrue.report.words import HTML_LANG, Words
 
-SIMULATED = "SIMULATED DATA: no real robot was measured for this page"
 WIDE = 7
 """Tables with more columns are set smaller."""
 _WORDS = ' class="words"'
@@ -46,24 +30,26 @@ def report_html(content: ReportContent) -> str:
 
     Write it with ``write_atomic(path, report_html(content).encode())``.
     """
+    words = Words(lang=content.lang)
+    simulated = content.simulated
+    footer = words("page.footer") + (f" {words('page.footer_simulated')}" if simulated else "")
     body = [
-        f'<div class="simulated" role="note">{SIMULATED}</div>' if content.simulated else "",
+        f'<div class="simulated" role="note">{words("page.simulated")}</div>' if simulated else "",
         "<main>",
         f"<h1>{escape(content.title)}</h1>",
         f'<p class="subtitle">{escape(content.subtitle)}</p>' if content.subtitle else "",
         _verdict(content.verdict),
-        _tiles(content.tiles),
-        *(_section(section, f"s{i}") for i, section in enumerate(content.sections)),
-        _sentences("What the data cannot see", content.unseen),
-        _sentences("When not to trust it", content.doubts),
-        _facts(content.provenance),
-        "<footer>Errors are actual minus commanded, in the robot base. Lengths in mm."
-        + (" All data on this page are simulated." if content.simulated else "")
-        + "</footer>",
+        _tiles(content.tiles, words),
+        *(_section(section, f"s{i}", words) for i, section in enumerate(content.sections)),
+        _sentences(words("page.unseen"), content.unseen),
+        _sentences(words("page.doubts"), content.doubts),
+        _facts(words("page.provenance"), content.provenance),
+        f"<footer>{footer}<br>{words('page.hash', hash=content_sha256(content))}</footer>",
         "</main>",
     ]
     return (
-        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f'<!doctype html>\n<html lang="{HTML_LANG[content.lang]}">\n'
+        '<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{escape(content.title)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n"
         + "\n".join(part for part in body if part)
@@ -78,19 +64,18 @@ def _verdict(verdict: Verdict) -> str:
     )
 
 
-def _tiles(tiles: tuple[Tile, ...]) -> str:
+def _tiles(tiles: tuple[Tile, ...], words: Words) -> str:
     if not tiles:
         return ""
-    return '<div class="tiles">' + "".join(_tile(tile) for tile in tiles) + "</div>"
+    return '<div class="tiles">' + "".join(_tile(tile, words) for tile in tiles) + "</div>"
 
 
-def _tile(tile: Tile) -> str:
+def _tile(tile: Tile, words: Words) -> str:
     unit = f'<span class="unit">{escape(tile.unit)}</span>' if tile.unit else ""
-    was = (
-        f'<div class="was">before: {tile.before:.{tile.digits}f} {escape(tile.unit)}</div>'
-        if tile.before is not None
-        else ""
-    )
+    was = ""
+    if tile.before is not None:
+        value = f"{tile.before:.{tile.digits}f} {tile.unit}".strip()
+        was = f'<div class="was">{escape(words("page.before", value=value))}</div>'
     note = f'<div class="note">{escape(tile.note)}</div>' if tile.note else ""
     return (
         f'<div class="tile {tile.tone}"><div class="label">{escape(tile.label)}</div>'
@@ -98,46 +83,26 @@ def _tile(tile: Tile) -> str:
     )
 
 
-def _section(section: Section, key: str) -> str:
+def _section(section: Section, key: str, words: Words) -> str:
     text = f"<p>{escape(section.text)}</p>" if section.text else ""
-    blocks = "".join(_block(block, f"{key}b{i}") for i, block in enumerate(section.blocks))
+    blocks = "".join(_block(block, f"{key}b{i}", words) for i, block in enumerate(section.blocks))
     return f"<section><h2>{escape(section.title)}</h2>{text}{blocks}</section>"
 
 
-def _block(block: Block, key: str) -> str:
-    match block:
-        case Table():
-            inner = _table(block)
-        case PointErrors():
-            inner = point_errors_svg(block, key)
-        case ErrorDistribution():
-            inner = distribution_svg(block, key)
-        case ErrorMap():
-            inner = map_svg(block, key)
-        case CoveragePlot():
-            inner = coverage_svg(block, key)
-        case HoleContour():
-            inner = hole_svg(block, key)
-        case PoseCurves():
-            inner = pose_curves_svg(block, key)
-        case MapSlices():
-            inner = slices_svg(block, key)
-        case PartMap():
-            inner = part_map_svg(block, key)
-        case TiltPlot():
-            inner = tilt_svg(block, key)
+def _block(block: Block, key: str, words: Words) -> str:
+    inner = _table(block) if isinstance(block, Table) else block_svg(block, key, words)
     caption = f'<p class="caption">{escape(block.caption)}</p>' if block.caption else ""
     return f'<div class="card"><h3>{escape(block.title)}</h3>{inner}{caption}</div>'
 
 
 def _table(table: Table) -> str:
-    words = [_is_words(table, index) for index in range(len(table.columns))]
-    head = "".join(_heading(c, w) for c, w in zip(table.columns, words, strict=True))
+    wordy = [is_words(table, index) for index in range(len(table.columns))]
+    head = "".join(_heading(c, w) for c, w in zip(table.columns, wordy, strict=True))
     rows = []
     for index, row in enumerate(table.rows):
         cells = "".join(
-            f"<td{_WORDS if w else ''}>{_cell(value, column)}</td>"
-            for value, column, w in zip(row, table.columns, words, strict=True)
+            f"<td{_WORDS if w else ''}>{escape(cell_text(value, column))}</td>"
+            for value, column, w in zip(row, table.columns, wordy, strict=True)
         )
         chosen = ' class="chosen"' if index == table.highlight else ""
         rows.append(f"<tr{chosen}>{cells}</tr>")
@@ -145,7 +110,8 @@ def _table(table: Table) -> str:
     return f"<table{wide}><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
 
 
-def _is_words(table: Table, index: int) -> bool:
+def is_words(table: Table, index: int) -> bool:
+    """Returns whether a column holds words, which stand on the left."""
     return any(isinstance(row[index], str) for row in table.rows)
 
 
@@ -154,13 +120,14 @@ def _heading(column: Column, words: bool) -> str:
     return f"<th{_WORDS if words else ''}>{escape(column.title)}{unit}</th>"
 
 
-def _cell(value: Cell, column: Column) -> str:
+def cell_text(value: Cell, column: Column) -> str:
+    """Returns a cell as it is printed, not escaped."""
     if value is None:
         return "–"
     if isinstance(value, float):
         # Adding zero after rounding prints a rounded-off -0.0001 as 0.000.
         return f"{round(value, column.digits) + 0.0:.{column.digits}f}"
-    return escape(str(value))
+    return str(value)
 
 
 def _sentences(title: str, sentences: tuple[str, ...]) -> str:
@@ -170,8 +137,8 @@ def _sentences(title: str, sentences: tuple[str, ...]) -> str:
     return f'<section><h2>{title}</h2><div class="card"><ul>{items}</ul></div></section>'
 
 
-def _facts(facts: tuple[Fact, ...]) -> str:
+def _facts(title: str, facts: tuple[Fact, ...]) -> str:
     if not facts:
         return ""
     items = "".join(f"<dt>{escape(f.name)}</dt><dd>{escape(f.value)}</dd>" for f in facts)
-    return f'<section><h2>Provenance</h2><div class="card"><dl>{items}</dl></div></section>'
+    return f'<section><h2>{title}</h2><div class="card"><dl>{items}</dl></div></section>'

@@ -19,21 +19,22 @@ from robotrue.report.content import (
     PointErrors,
 )
 from robotrue.report.figure import AFTER, BAND, BEFORE, CAUTION, INK, MUTED, inline_svg
+from robotrue.report.words import ENGLISH, Words
 
 MOST_POINTS = 1500
 """Points drawn at most; a page of 10,000 markers opens slowly and shows no more."""
 MOST_ARROWS = 350
 
 
-def point_errors_svg(plot: PointErrors, key: str) -> str:
+def point_errors_svg(plot: PointErrors, key: str, words: Words = ENGLISH) -> str:
     """Returns the error length at each point, before and after, as SVG."""
     shown = thinned(plot.after, MOST_POINTS)
 
     def draw(axes: list[Axes]) -> None:
         (ax,) = axes
         for values, colour, label in (
-            (plot.before, BEFORE, "before"),
-            (plot.after, AFTER, "after"),
+            (plot.before, BEFORE, "plot.before_stated"),
+            (plot.after, AFTER, "plot.after_stated"),
         ):
             line = "-" if len(values) <= 120 else "none"
             ax.plot(
@@ -45,12 +46,12 @@ def point_errors_svg(plot: PointErrors, key: str) -> str:
                 markeredgewidth=0.0,
                 linewidth=1.2,
                 color=colour,
-                label=f"{label}: mean {values.mean() / MM:.3f}, max {values.max() / MM:.3f} mm",
+                label=words(label, mean=values.mean() / MM, max=values.max() / MM),
             )
         if plot.limit is not None:
             ax.axhline(plot.limit / MM, color=CAUTION, linewidth=1.4, linestyle="--")
             ax.annotate(
-                f"limit {plot.limit / MM:g} mm",
+                words("plot.limit", limit=plot.limit / MM),
                 (1.0, plot.limit / MM),
                 xycoords=("axes fraction", "data"),
                 ha="right",
@@ -61,7 +62,7 @@ def point_errors_svg(plot: PointErrors, key: str) -> str:
         ax.margins(x=0.02)
         ax.xaxis.set_major_locator(MaxNLocator(integer=True))
         ax.set_xlabel(plot.axis_label)
-        ax.set_ylabel("error, mm")
+        ax.set_ylabel(words("plot.error_mm"))
         ax.legend(
             loc="lower left",
             bbox_to_anchor=(0.0, 1.0),
@@ -74,14 +75,14 @@ def point_errors_svg(plot: PointErrors, key: str) -> str:
     return inline_svg(draw, key=key, label=escape(plot.title, quote=True))
 
 
-def distribution_svg(plot: ErrorDistribution, key: str) -> str:
+def distribution_svg(plot: ErrorDistribution, key: str, words: Words = ENGLISH) -> str:
     """Returns cumulative shares and a histogram of error lengths as SVG."""
 
     def draw(axes: list[Axes]) -> None:
         cumulative, histogram = axes
         for values, colour, label in (
-            (plot.before, BEFORE, "before"),
-            (plot.after, AFTER, "after"),
+            (plot.before, BEFORE, words("plot.before")),
+            (plot.after, AFTER, words("plot.after")),
         ):
             ordered = np.sort(values) / MM
             share = np.arange(1, len(ordered) + 1) / len(ordered)
@@ -95,21 +96,21 @@ def distribution_svg(plot: ErrorDistribution, key: str) -> str:
         cumulative.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
         cumulative.yaxis.set_major_formatter(PercentFormatter(1.0))
         cumulative.set_ylim(0.0, 1.02)
-        cumulative.set_title("share of points below")
-        cumulative.set_xlabel("error, mm (logarithmic)")
+        cumulative.set_title(words("plot.share_below"))
+        cumulative.set_xlabel(words("plot.error_log"))
         cumulative.legend(loc="center left", bbox_to_anchor=(0.0, 0.75))
         bins = min(40, max(8, int(np.sqrt(len(plot.after)))))
         histogram.hist(plot.after / MM, bins=bins, color=AFTER, edgecolor=BAND, linewidth=0.5)
-        histogram.set_title("after")
-        histogram.set_xlabel("error, mm")
-        histogram.set_ylabel("points")
+        histogram.set_title(words("plot.after"))
+        histogram.set_xlabel(words("plot.error_mm"))
+        histogram.set_ylabel(words("plot.points"))
         histogram.set_xlim(left=0.0)
 
     label = escape(plot.title, quote=True)
     return inline_svg(draw, key=key, label=label, height=3.4, panels=2)
 
 
-def map_svg(plot: ErrorMap, key: str) -> str:
+def map_svg(plot: ErrorMap, key: str, words: Words = ENGLISH) -> str:
     """Returns error arrows at their places, before and after, as SVG."""
     first, second = ("xyz".index(name) for name in plot.plane)
     longest = np.linalg.norm(plot.after, axis=1)
@@ -119,8 +120,8 @@ def map_svg(plot: ErrorMap, key: str) -> str:
     def draw(axes: list[Axes]) -> None:
         tips = [place]
         for ax, vectors, colour, label in (
-            (axes[0], plot.before, BEFORE, "before"),
-            (axes[1], plot.after, AFTER, "after"),
+            (axes[0], plot.before, BEFORE, words("plot.before")),
+            (axes[1], plot.after, AFTER, words("plot.after")),
         ):
             arrow = vectors[shown][:, (first, second)] * plot.magnification
             ax.plot(place[:, 0], place[:, 1], ".", color=MUTED, markersize=2.0)
@@ -130,39 +131,41 @@ def map_svg(plot: ErrorMap, key: str) -> str:
                 width=0.003, headwidth=3.5, headlength=4.5, headaxislength=4.0,
             )  # fmt: skip
             tips.append(place + arrow)
-            ax.set_title(f"{label}, arrows x{plot.magnification:g}")
-            ax.set_xlabel(f"{'xyz'[first]}, m ({plot.frame})")
-            ax.set_ylabel(f"{'xyz'[second]}, m ({plot.frame})")
+            ax.set_title(words("plot.arrows", name=label, factor=plot.magnification))
+            ax.set_xlabel(words("plot.axis", axis="xyz"[first], frame=plot.frame))
+            ax.set_ylabel(words("plot.axis", axis="xyz"[second], frame=plot.frame))
         _same_view(axes, np.concatenate(tips))
 
     label = escape(plot.title, quote=True)
     return inline_svg(draw, key=key, label=label, height=5.0, panels=2)
 
 
-def coverage_svg(plot: CoveragePlot, key: str) -> str:
+def coverage_svg(plot: CoveragePlot, key: str, words: Words = ENGLISH) -> str:
     """Returns stated against observed probability as SVG."""
 
     def draw(axes: list[Axes]) -> None:
         (ax,) = axes
-        ax.plot([0, 1], [0, 1], color=MUTED, linewidth=1.2, linestyle="--", label="honest")
+        ax.plot(
+            [0, 1], [0, 1], color=MUTED, linewidth=1.2, linestyle="--", label=words("plot.honest")
+        )
         ax.fill_between(plot.stated, plot.low, plot.high, color=BAND, linewidth=0.0,
-                        label="95 % interval of the share")  # fmt: skip
+                        label=words("plot.interval"))  # fmt: skip
         ax.plot(plot.stated, plot.observed, "o-", color=AFTER, linewidth=1.8, markersize=4.5,
-                label="observed")  # fmt: skip
+                label=words("plot.observed"))  # fmt: skip
         ax.set_xlim(0.0, 1.02)
         ax.set_ylim(0.0, 1.02)
         ax.set_aspect("equal")
         for axis in (ax.xaxis, ax.yaxis):
             axis.set_major_formatter(PercentFormatter(1.0))
-        ax.set_xlabel("stated probability of the region")
-        ax.set_ylabel("share of points inside")
+        ax.set_xlabel(words("plot.stated"))
+        ax.set_ylabel(words("plot.inside"))
         ax.legend(loc="center left", bbox_to_anchor=(1.03, 0.5))
 
     label = escape(plot.title, quote=True)
     return inline_svg(draw, key=key, label=label, height=4.2)
 
 
-def hole_svg(plot: HoleContour, key: str) -> str:
+def hole_svg(plot: HoleContour, key: str, words: Words = ENGLISH) -> str:
     """Returns the contour of a circle with magnified deviations, before and after, as SVG."""
     unit = np.stack([np.cos(plot.angle), np.sin(plot.angle)], axis=1)
     turn = np.linspace(0.0, 2.0 * np.pi, 181)
@@ -170,8 +173,8 @@ def hole_svg(plot: HoleContour, key: str) -> str:
     def draw(axes: list[Axes]) -> None:
         tips = [plot.radius / MM * unit]
         for ax, deviation, colour, label in (
-            (axes[0], plot.before, BEFORE, "before"),
-            (axes[1], plot.after, AFTER, "after"),
+            (axes[0], plot.before, BEFORE, words("plot.before")),
+            (axes[1], plot.after, AFTER, words("plot.after")),
         ):
             if plot.limit is not None:
                 half = plot.limit * plot.magnification / MM
@@ -187,8 +190,8 @@ def hole_svg(plot: HoleContour, key: str) -> str:
             centre = plot.magnification * deviation.mean(axis=0) / MM
             ax.plot(0, 0, "+", color=MUTED, markersize=9)
             ax.plot(*centre, "x", color=colour, markersize=7)
-            ax.set_title(f"{label}, deviations x{plot.magnification:g}", color=INK)
-            ax.set_xlabel("mm in the plane of the hole")
+            ax.set_title(words("plot.deviations", name=label, factor=plot.magnification), color=INK)
+            ax.set_xlabel(words("plot.hole_plane"))
         _same_view(axes, np.concatenate(tips))
 
     label = escape(plot.title, quote=True)

@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.units import DEG
 from robotrue.report.figure import AFTER, BEFORE, CAUTION, MUTED, inline_svg
+from robotrue.report.words import ENGLISH, Words
 
 SMALLEST: Final = 1e-4
 """deg, where the logarithmic axis begins."""
@@ -46,20 +47,23 @@ class TiltPlot:
             object.__setattr__(self, name, frozen(getattr(self, name), shape, name))
 
 
-def tilt_svg(plot: TiltPlot, key: str) -> str:
+def tilt_svg(plot: TiltPlot, key: str, words: Words = ENGLISH) -> str:
     """Returns residuals against force and against tilt, and about both axes, as SVG."""
-    looks = ((plot.before, BEFORE, "before"), (plot.after, AFTER, "after"))
+    looks = (
+        (plot.before, BEFORE, words("plot.before")),
+        (plot.after, AFTER, words("plot.after")),
+    )
 
     def draw(axes: list[Axes]) -> None:
         for ax, cause, label in (
-            (axes[0], plot.force, "clamp force, N"),
-            (axes[1], plot.tilt / DEG, "tilt taken out, deg"),
+            (axes[0], plot.force, words("plot.force")),
+            (axes[1], plot.tilt / DEG, words("plot.tilt")),
         ):
             for left, colour, name in looks:
                 size = np.hypot(*left.T) / DEG
                 ax.plot(
-                    cause, size, ".", color=colour, markersize=4.0, label=f"{name}: mean "
-                    f"{size.mean():.3f} deg",
+                    cause, size, ".", color=colour, markersize=4.0,
+                    label=words("plot.mean_deg", name=name, mean=size.mean()),
                 )  # fmt: skip
             if plot.limit is not None:
                 ax.axhline(plot.limit / DEG, color=CAUTION, linewidth=1.4, linestyle="--")
@@ -67,9 +71,10 @@ def tilt_svg(plot: TiltPlot, key: str) -> str:
             ax.set_ylim(bottom=SMALLEST)
             ax.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
             ax.set_xlabel(label)
-        axes[0].set_title("left, deg")
+        axes[0].set_title(words("plot.left"))
         axes[0].legend(loc="upper left", bbox_to_anchor=(-0.05, -0.2), ncols=1, fontsize=10.0)
         _bullseye(axes[2], plot)
+        axes[2].set_title(words("plot.about"))
 
     return inline_svg(draw, key=key, label=escape(plot.title, quote=True), height=4.2, panels=3)
 
@@ -84,4 +89,3 @@ def _bullseye(ax: Axes, plot: TiltPlot) -> None:
     ax.set_xlim(-reach, reach)
     ax.set_ylim(-reach, reach)
     ax.set_aspect("equal")
-    ax.set_title("about x and y, deg")
