@@ -27,10 +27,10 @@ _RECORD: Final = struct.Struct(">III6i")
 _MAGIC: Final = 0x1234
 _MOST_RECORDS: Final = 40
 """Records in a datagram of the buffered mode, at most."""
-_EXTREME: Final = (2**31 - 1, -(2**31))
+EXTREME: Final = (2**31 - 1, -(2**31))
 LATCHED: Final = 1 << 16
 """A monitored limit was crossed once; the data are sound."""
-_SATURATED: Final = {"net": 1 << 17, "axia": 1 << 30 | 1 << 27}
+SATURATED: Final = {"net": 1 << 17, "axia": 1 << 30 | 1 << 27}
 _POUND: Final = 0.45359237 * STANDARD_GRAVITY
 _INCH: Final = 25.4 * MM
 _FORCE: Final = {
@@ -186,7 +186,7 @@ def force_sample(
     """
     if record.status & ~LATCHED:
         flags |= Flag.SENSOR_FAULT
-    if record.status & _SATURATED[device.value] or any(c in _EXTREME for c in record.counts):
+    if record.status & SATURATED[device.value] or any(c in EXTREME for c in record.counts):
         flags |= Flag.SATURATED
     if (
         before is not None
@@ -223,6 +223,34 @@ def parse_netftapi(data: bytes, source: str | Path | None = None) -> RdtScale:
     force = _unit(found, "fu", _FORCE, _CODES[0], source) / _counts(found, "cfgcpf", source)
     torque = _unit(found, "tu", _TORQUE, _CODES[1], source) / _counts(found, "cfgcpt", source)
     return RdtScale(newton=force, newton_metre=torque)
+
+
+def parse_rate(data: bytes, source: str | Path | None = None) -> float | None:
+    """Returns the records per second that the sensor's page states (``comrdtrate``), if it does.
+
+    Raises:
+        FormatError: Not that page, or no number.
+        ImplausibleDataError: A rate no sensor of the kind has.
+    """
+    element = parse_xml(data, "netftapi2.xml", source).find(".//comrdtrate")
+    text = "" if element is None else (element.text or "").strip()
+    if not text:
+        return None
+    try:
+        return checked_rate(float(text))
+    except ValueError as cause:
+        raise FormatError(f"no number comrdtrate: {text!r}.", source=source) from cause
+
+
+def checked_rate(rate: float) -> float:
+    """Returns the records per second of a sensor, if it can have them.
+
+    Raises:
+        ImplausibleDataError: Below 1 or above 10,000.
+    """
+    if not 1.0 <= rate <= 1e4:
+        raise ImplausibleDataError(f"{rate:g} records per second, expected 1 to 10000.")
+    return rate
 
 
 def _counts(found: dict[str, str], name: str, source: str | Path | None) -> float:

@@ -13,11 +13,11 @@ from robotrue.core.units import DEG
 from robotrue.dynamics.force import MOST
 from robotrue.errors import ShapeError
 
-_FARTHEST: Final = 100.0
+FARTHEST: Final = 100.0
 """m; no tool point is farther from its frame, on the longest rail."""
-_MOST_TURNS: Final = 36000.0 * DEG
+MOST_TURNS: Final = 36000.0 * DEG
 """rad; endless wrist axes count full turns, but not more than a hundred in one program."""
-_STRONGEST: Final = np.array([MOST] * 3 + [MOST] * 3)
+STRONGEST: Final = np.array([MOST] * 3 + [MOST] * 3)
 """N and N m; a wrench beyond it is counts or a flipped bit."""
 
 
@@ -83,7 +83,7 @@ class JointSample:
 
     def __post_init__(self) -> None:
         """Freezes and checks."""
-        joints, wrong = _cleaned(self.joints, _MOST_TURNS)
+        joints, wrong = _cleaned(self.joints, MOST_TURNS)
         pose, wrong_pose = _cleaned_pose(self.T_frame_tool)
         object.__setattr__(self, "joints", frozen(joints, (None,), "joints", allow_nan=True))
         object.__setattr__(
@@ -125,7 +125,7 @@ class ForceSample:
         if wrench.shape != (6,):
             raise ShapeError(f"wrench has shape {wrench.shape}, expected (6,).")
         measured = 3 if np.isnan(wrench[3:]).all() else 6
-        head, wrong = _cleaned(wrench[:measured], _STRONGEST[:measured])
+        head, wrong = _cleaned(wrench[:measured], STRONGEST[:measured])
         wrench = np.concatenate([head, wrench[measured:]])
         object.__setattr__(self, "wrench", frozen(wrench, (6,), "wrench", allow_nan=True))
         object.__setattr__(self, "flags", Flag(self.flags) | wrong)
@@ -186,6 +186,6 @@ def _cleaned_pose(pose: Array) -> tuple[Array, Flag]:
         return pose, Flag.NONE
     if not np.isfinite(pose).all():
         return unknown_pose(), Flag.NOT_FINITE
-    if np.abs(pose[:3, 3]).max() > _FARTHEST:
+    if np.abs(pose[:3, 3]).max() > FARTHEST:
         return unknown_pose(), Flag.IMPLAUSIBLE
     return pose, Flag.NONE
