@@ -62,10 +62,32 @@ class Source(Protocol[B_co]):
 
 
 class Corrector(Protocol):
-    """Says what a robot is to be sent in this cycle; asked by a link for each of its answers."""
+    """Says what a robot is to be sent in this cycle; a link asks it for each of its answers.
+
+    A link also tells it what it sees of the controller, from a thread of its own.
+    """
 
     def next(self, host_time: float) -> Correction:
         """Returns the correction to send now: limited, ramped, zero when the watchdog bit."""
+
+    def age(self, host_time: float) -> float:
+        """Returns s since the measurement that the correction rests on; 0 where there is none."""
+
+    def missed(self, answers: int, host_time: float) -> None:
+        """Takes note that so many answers before the latest one came too late to be taken."""
+
+    def fault(self, why: str) -> None:
+        """Takes note of what makes corrections unsafe: a packet with NaN, a clock that jumped."""
+
+    def restarted(self) -> None:
+        """Takes note that the controller begins anew and holds no correction."""
+
+    def release(self) -> None:
+        """Goes to zero for good: the link is about to be closed."""
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the robot holds no correction (any more)."""
 
 
 class Sink(Protocol):

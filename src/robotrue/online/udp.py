@@ -1,0 +1,210 @@
+"""Datagrams taken and answered by a thread of their own; samples handed on to the event loop.
+
+A controller waits 4 ms for its answer. The event loop writes files, serves pages and estimates, and
+any of that may take longer; so an endpoint has a thread that sleeps in ``recvfrom``, answers, and
+puts what it read into an :class:`Inbox`. Nothing is dropped there: a record must have every sample.
+The inbox grows while its reader is slow, and says so from a stated size on.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import gc
+import socket
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from typing import Final, Generic, TypeVar
+
+from robotrue.errors import ConfigurationError
+
+Address = tuple[str, int]
+Handle = Callable[[bytes, Address, float], None]
+T = TypeVar("T")
+
+_LARGEST: Final = 65535
+_BUFFER: Final = 1 << 20
+"""Bytes the system may hold while the thread waits for a processor: a second of any protocol."""
+_WAKE: Final = 0.05
+"""s between two looks at whether the endpoint was closed."""
+_SWITCH: Final = 0.5e-3
+"""s after which Python takes a running thread off for one that waits; its own 5 ms are a cycle."""
+CROWDED: Final = 5000
+"""Samples that may wait before the health says so: 20 s of a robot, one of a force sensor."""
+_AT_ONCE: Final = 4096
+
+
+class UdpEndpoint:
+    """A bound socket and its thread.
+
+    Args:
+        host: Own address; ``0.0.0.0`` for all.
+        port: Own port; 0 takes a free one, ``address`` tells which.
+        handle: Called in the thread with each datagram, its sender, and s on the monotonic clock
+            when it was taken.
+        closed: Called at the end of the thread; with the fault if ``handle`` raised one.
+
+    Raises:
+        ConfigurationError: The address cannot be had.
+    """
+
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        handle: Handle,
+        *,
+        closed: Callable[[BaseException | None], None],
+    ) -> None:
+        self._handle, self._closed = handle, closed
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
+            self._socket.bind((host, port))
+        except (OSError, OverflowError) as cause:
+            self._socket.close()
+            raise ConfigurationError(
+                f"{host}:{port} cannot be listened on: {cause}.",
+                hint="another program on this port, or an address of another computer.",
+            ) from cause
+        self._socket.settimeout(_WAKE)
+        name = self._socket.getsockname()
+        self.address: Address = (str(name[0]), int(name[1]))
+        self.unsent = 0
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(
+            target=self._serve, name=f"udp {self.address[0]}:{self.address[1]}", daemon=True
+        )
+
+    def start(self) -> None:
+        """Begins to take datagrams."""
+        self._thread.start()
+
+    def send(self, data: bytes, to: Address) -> bool:
+        """Sends a datagram; returns whether the system took it, and counts in ``unsent`` if not."""
+        try:
+            self._socket.sendto(data, to)
+        except OSError:
+            self.unsent += 1
+            return False
+        return True
+
+    async def stop(self) -> None:
+        """Ends the thread and closes the socket."""
+        self._stopping.set()
+        while self._thread.is_alive():
+            await asyncio.sleep(_WAKE / 10.0)
+        self._socket.close()
+
+    def _serve(self) -> None:
+        fault: BaseException | None = None
+        try:
+            while not self._stopping.is_set():
+                try:
+                    data, sender = self._socket.recvfrom(_LARGEST)
+                except OSError:
+                    # nothing came, or the system tells that an answer found nobody
+                    continue
+                self._handle(data, (sender[0], sender[1]), time.monotonic())
+        except Exception as raised:
+            fault = raised
+        finally:
+            self._closed(fault)
+
+
+class Inbox(Generic[T]):
+    """Samples on their way from a thread to one reader in an event loop.
+
+    Args:
+        limit: How many may wait before it is crowded; none is ever dropped.
+    """
+
+    def __init__(self, limit: int = CROWDED) -> None:
+        self._items: deque[T] = deque()
+        self._limit = limit
+        self._waiter: tuple[asyncio.AbstractEventLoop, asyncio.Future[None]] | None = None
+        self._over = False
+        self._fault: BaseException | None = None
+        self.most = 0
+
+    def put(self, item: T) -> None:
+        """Adds a sample; from any thread."""
+        self._items.append(item)
+        self.most = max(self.most, len(self._items))
+        self._wake()
+
+    def close(self, fault: BaseException | None = None) -> None:
+        """Says that no more will come; from any thread."""
+        self._fault = self._fault or fault
+        self._over = True
+        self._wake()
+
+    @property
+    def waiting(self) -> int:
+        """How many wait now."""
+        return len(self._items)
+
+    @property
+    def crowding(self) -> str:
+        """What is to be said of a slow reader; empty while few wait."""
+        if self.waiting <= self._limit:
+            return ""
+        return f"{self.waiting} samples wait to be read, more than {self._limit}"
+
+    async def take(self) -> list[T]:
+        """Returns all that wait, at most 4096, in order; waits for one. Empty after the end.
+
+        Raises:
+            BaseException: What ended the thread that filled it.
+        """
+        loop = asyncio.get_running_loop()
+        while True:
+            over = self._over
+            items = [self._items.popleft() for _ in range(min(_AT_ONCE, len(self._items)))]
+            if items:
+                return items
+            if over:
+                if self._fault is not None:
+                    raise self._fault
+                return []
+            future = loop.create_future()
+            self._waiter = (loop, future)
+            # what came between the look and the waiter has woken nobody
+            if self._items or self._over:
+                self._waiter = None
+                continue
+            await future
+
+    def _wake(self) -> None:
+        waiter, self._waiter = self._waiter, None
+        if waiter is not None:
+            # a loop that has ended needs no waking
+            with contextlib.suppress(RuntimeError):
+                waiter[0].call_soon_threadsafe(_done, waiter[1])
+
+
+def _done(future: asyncio.Future[None]) -> None:
+    if not future.done():
+        future.set_result(None)
+
+
+@contextlib.contextmanager
+def prompt_answers() -> Iterator[None]:
+    """Keeps the interpreter from holding up an answer while this context lasts.
+
+    What lives at the start is left out of the collector's walks, which stop every thread; and a
+    thread that computes gives way to one that answers after 0.5 ms, not 5. Both hold for the whole
+    process: enter it once, when all is opened, around the loop of the service.
+    """
+    before = sys.getswitchinterval()
+    gc.collect()
+    gc.freeze()
+    sys.setswitchinterval(_SWITCH)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(before)
+        gc.unfreeze()
