@@ -1,0 +1,211 @@
+"""From blocks as they came to estimates: clocks aligned, streams in order, estimator fed.
+
+Without tasks, sockets or a clock of its own: what comes out depends on what went in alone, so a
+record of the input gives the same output again, and a checkpoint goes on bit for bit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Final, Literal, Protocol, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.errors import ModelMismatchError
+from robotrue.online.blocks import ForceBlock, JointBlock
+from robotrue.online.clocks import ClockFix, StreamClock
+from robotrue.online.estimates import EstimateBlock
+from robotrue.online.record_frames import HEAD, Kind, frame_bytes, frame_from
+from robotrue.online.samples import Flag
+
+Stream: TypeAlias = Literal["joints", "force"]
+STREAMS: Final[tuple[Stream, Stream]] = ("joints", "force")
+_JUMP: Final = int(Flag.CLOCK_JUMP)
+
+
+class Estimator(Protocol):
+    """What makes estimates; times of all blocks are of one clock, the host's."""
+
+    def joints(self, block: JointBlock) -> None:
+        """Takes joints."""
+
+    def force(self, block: ForceBlock) -> EstimateBlock:
+        """Returns one estimate per force sample, in order."""
+
+    def state(self) -> dict[str, Array]:
+        """Returns what :meth:`restore` goes on from, bit for bit."""
+
+    def restore(self, state: dict[str, Array]) -> None:
+        """Goes on from :meth:`state`."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StreamShift:
+    """What is added to force times so that they are those of the joints.
+
+    Attributes:
+        offset: s at ``at``.
+        drift: s/s, by which it grows.
+        at: s, host time of the force; of no account without drift.
+    """
+
+    offset: float = 0.0
+    drift: float = 0.0
+    at: float = 0.0
+
+
+class SensingChain:
+    """The way of every block through clocks and order into the estimator.
+
+    Attributes:
+        rows: Samples taken by stream.
+        given: Estimates returned.
+    """
+
+    def __init__(
+        self, estimator: Estimator, *, shift: StreamShift | None = None, patient: bool = False
+    ) -> None:
+        """Starts without samples.
+
+        Args:
+            estimator: Fed from here on.
+            shift: Between the streams' clocks.
+            patient: Hold forces back until the joints have passed them: for recorded streams,
+                where either may run ahead. Live, a force goes through as it comes.
+        """
+        self._estimator, self._shift, self._patient = estimator, shift or StreamShift(), patient
+        self._clocks = {name: StreamClock() for name in STREAMS}
+        self._held: list[ForceBlock] = []
+        self._passed = {name: -np.inf for name in STREAMS}
+        self.rows = dict.fromkeys(STREAMS, 0)
+        self.given = 0
+
+    def joints(self, block: JointBlock) -> list[EstimateBlock]:
+        """Takes joints; returns the estimates of forces that waited for them."""
+        self.rows["joints"] += len(block)
+        time, doubt = self._clocks["joints"].align(block.controller_time, block.host_time)
+        self._estimator.joints(replace(block, host_time=time, flags=_doubted(block.flags, doubt)))
+        if len(time) and np.isfinite(time[-1]):
+            self._passed["joints"] = float(time[-1])
+        return self._released()
+
+    def force(self, block: ForceBlock) -> list[EstimateBlock]:
+        """Takes forces; returns the estimates that can be made now, in order."""
+        self.rows["force"] += len(block)
+        time, doubt = self._clocks["force"].align(block.controller_time, block.host_time)
+        shift = self._shift
+        if shift.offset or shift.drift:
+            time = time + (shift.offset + shift.drift * (time - shift.at))
+        if len(time) and np.isfinite(time[-1]):
+            self._passed["force"] = float(time[-1])
+        self._held.append(replace(block, host_time=time, flags=_doubted(block.flags, doubt)))
+        return self._released()
+
+    def ended(self, stream: Stream) -> list[EstimateBlock]:
+        """Says that a stream has ended; returns the estimates of forces that waited for it."""
+        self._passed[stream] = np.inf
+        return self._released()
+
+    def behind(self) -> Stream:
+        """Returns the stream that is to be read next, where both can wait."""
+        return "joints" if self._passed["joints"] <= self._passed["force"] else "force"
+
+    def fix(self, stream: Stream) -> ClockFix:
+        """Returns how a stream's clock stands to the host's."""
+        return self._clocks[stream].fix()
+
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """Returns a checkpoint: all that later estimates depend on."""
+        found: dict[str, npt.NDArray[Any]] = {
+            f"estimator/{name}": values for name, values in self._estimator.state().items()
+        }
+        for stream in STREAMS:
+            clock = self._clocks[stream].state()
+            found |= {f"clock/{stream}/{name}": values for name, values in clock.items()}
+        for k, block in enumerate(self._held):
+            data = frame_bytes(Kind.FORCE, 0, block)
+            found[f"held/{k:06d}"] = np.frombuffer(data, np.uint8)
+        found["passed"] = np.array([self._passed[s] for s in STREAMS])
+        found["count"] = np.array([*(self.rows[s] for s in STREAMS), self.given], dtype=np.int64)
+        return found
+
+    def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
+        """Goes on from :meth:`state`.
+
+        Raises:
+            ModelMismatchError: A checkpoint of something else.
+        """
+        try:
+            self._estimator.restore(_part(state, "estimator/"))
+            for stream in STREAMS:
+                self._clocks[stream].restore(_part(state, f"clock/{stream}/"))
+            held = sorted(_part(state, "held/").items())
+            self._held = [_force(values.tobytes()) for _, values in held]
+            for k, stream in enumerate(STREAMS):
+                self._passed[stream] = float(state["passed"][k])
+                self.rows[stream] = int(state["count"][k])
+            self.given = int(state["count"][len(STREAMS)])
+        except KeyError as cause:
+            raise ModelMismatchError(
+                f"a checkpoint without {cause}.", hint="a record of this robotrue and these models."
+            ) from cause
+
+    def _released(self) -> list[EstimateBlock]:
+        until, found = self._passed["joints"] if self._patient else np.inf, []
+        while self._held:
+            block = self._held[0]
+            ready = len(block)
+            if until < np.inf:
+                waits = block.host_time >= until  # NaN waits for nothing
+                ready = int(np.argmax(waits)) if waits.any() else ready
+            if not ready:
+                break
+            self._held.pop(0)
+            if ready < len(block):
+                self._held.insert(0, rows_of(block, slice(ready, None)))
+                block = rows_of(block, slice(ready))
+            found.append(self._estimator.force(block))
+            self.given += len(block)
+        return found
+
+
+def rows_of(block: ForceBlock, rows: slice) -> ForceBlock:
+    """Returns some rows of a block."""
+    return ForceBlock(
+        controller_time=block.controller_time[rows],
+        host_time=block.host_time[rows],
+        wrench=block.wrench[rows],
+        frame=block.frame,
+        sequence=block.sequence[rows],
+        status=block.status[rows],
+        flags=block.flags[rows],
+    )
+
+
+def joint_rows_of(block: JointBlock, rows: slice) -> JointBlock:
+    """Returns some rows of a block."""
+    return JointBlock(
+        controller_time=block.controller_time[rows],
+        host_time=block.host_time[rows],
+        joints=block.joints[rows],
+        T_frame_tool=block.T_frame_tool[rows],
+        sequence=block.sequence[rows],
+        flags=block.flags[rows],
+    )
+
+
+def _doubted(flags: IntArray, doubt: BoolArray) -> IntArray:
+    return np.asarray(flags | np.where(doubt, _JUMP, 0)) if doubt.any() else flags
+
+
+def _part(state: dict[str, npt.NDArray[Any]], prefix: str) -> dict[str, npt.NDArray[Any]]:
+    return {n.removeprefix(prefix): v for n, v in state.items() if n.startswith(prefix)}
+
+
+def _force(data: bytes) -> ForceBlock:
+    content = frame_from(data[: HEAD.size], data[HEAD.size :]).content
+    if not isinstance(content, ForceBlock):
+        raise ModelMismatchError("a checkpoint whose waiting forces are none.")
+    return content
