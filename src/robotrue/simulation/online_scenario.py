@@ -12,6 +12,7 @@ Everything here is SIMULATED. **Assumed**: what hangs on the sensor, the knocks,
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -138,6 +139,29 @@ class OnlineScenario:
         held = (weight - MASS * _motion(time)[1]) @ R_base_sensor
         arm = self.robot.T_flange_tool[:3, 3]
         return np.concatenate([cut + held, np.cross(arm, cut) + np.cross(CENTRE, held)], axis=1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScenarioMotion:
+    """The scenario as the motion of a simulated controller, whose time begins at zero.
+
+    Attributes:
+        scenario: Where the arm goes.
+        begun: s on the host's monotonic clock, when the controller's time was zero.
+    """
+
+    scenario: OnlineScenario
+    begun: float
+
+    @property
+    def duration(self) -> float:
+        """Infinite: it repeats."""
+        return math.inf
+
+    def at(self, time: float) -> tuple[Array, Array]:
+        """Returns joints (dof,) rad as displayed and T_base_tool (4, 4) m, at a time from zero."""
+        now = np.array([self.begun + time])
+        return self.scenario.displayed(now)[0], self.scenario.poses(now)[0]
 
 
 def online_scenario(seed: int = 0, robot: str | None = None) -> OnlineScenario:
