@@ -164,9 +164,12 @@ class CorrectionGuard:
             return _correction(self._shift, self._turn, self.mode)
 
     def age(self, host_time: float) -> float:
-        """Returns s since the measurement that the correction rests on; 0 where there is none."""
+        """Returns s since the measurement that the correction rests on; 0 where there is none.
+
+        On its way to zero it rests on none.
+        """
         wanted = self._wanted
-        return 0.0 if wanted is None else max(0.0, host_time - wanted[2])
+        return 0.0 if wanted is None or not self.active else max(0.0, host_time - wanted[2])
 
     def missed(self, answers: int, host_time: float) -> None:
         """Takes note of answers before the latest one that were not taken.

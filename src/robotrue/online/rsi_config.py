@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 from xml.etree.ElementTree import Element
+from xml.sax.saxutils import escape
 
 from robotrue.core.files import read_bytes
 from robotrue.errors import FormatError
@@ -147,3 +148,48 @@ def _element(element: Element, side: str, source: str | Path | None) -> RsiEleme
         index=None if internal else int(place),
         hold=hold == "1" if side == "RECEIVE" else None,
     )
+
+
+def usual_rsi_config(host: str, port: int, *, hold: bool = True) -> RsiConfig:
+    """Returns what links mostly use: pose, joints and late count sent, Cartesian corrections taken.
+
+    Args:
+        host: Address of the computer that answers.
+        port: Its UDP port.
+        hold: HOLDON of the corrections: True for ``RSI_ON(#ABSOLUTE)``, where a missed answer
+            leaves the offset as it is; False for ``RSI_ON(#RELATIVE)``, where it adds nothing.
+    """
+    sent = (("RIst", "DOUBLE"), ("AIPos", "DOUBLE"), ("Delay", "LONG"))
+    return RsiConfig(
+        host=host,
+        port=port,
+        sen_type="ImFree",
+        only_send=False,
+        send=tuple(RsiElement(tag=tag, kind=kind, index=None, hold=None) for tag, kind in sent),
+        receive=tuple(
+            RsiElement(tag=f"RKorr.{axis}", kind="DOUBLE", index=i + 1, hold=hold)
+            for i, axis in enumerate("XYZABC")
+        ),
+    )
+
+
+def write_rsi_config(config: RsiConfig) -> bytes:
+    """Returns the EthernetConfig.xml of a configuration, for the controller's own folder."""
+    only_send = str(config.only_send).upper()
+    lines = ["<ROOT>", "  <CONFIG>"]
+    for name, value in (
+        ("IP_NUMBER", config.host),
+        ("PORT", str(config.port)),
+        ("SENTYPE", config.sen_type),
+        ("ONLYSEND", only_send),
+    ):
+        lines.append(f"    <{name}>{escape(value)}</{name}>")
+    lines.append("  </CONFIG>")
+    for side, elements in (("SEND", config.send), ("RECEIVE", config.receive)):
+        lines += [f"  <{side}>", "    <ELEMENTS>"]
+        for e in elements:
+            tag, place = (f"DEF_{e.tag}", "INTERNAL") if e.index is None else (e.tag, e.index)
+            hold = "" if e.hold is None else f' HOLDON="{int(e.hold)}"'
+            lines.append(f'      <ELEMENT TAG="{tag}" TYPE="{e.kind}" INDX="{place}"{hold} />')
+        lines += ["    </ELEMENTS>", f"  </{side}>"]
+    return ("\n".join(lines) + "\n</ROOT>\n").encode()

@@ -1,0 +1,187 @@
+"""The link to an ABB controller: its joints and measured force, and path corrections back.
+
+The generation of egm.proto is stated, never guessed; a message whose force is empty under it is
+refused with the other generation as the hint. Corrections are sent as the whole offset that is to
+be held: ABB's own note in the proto calls the value a measurement in the frame of the sensor on
+the tool, so try with a small limit whether this controller holds it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import AsyncIterator
+from dataclasses import dataclass
+from typing import Final
+
+from robotrue.errors import ConfigurationError, FormatError
+from robotrue.online.blocks import ForceBlock, force_block
+from robotrue.online.egm import (
+    EgmRobot,
+    GuidanceState,
+    RobotWare,
+    egm_sequence,
+    force_sample,
+    joint_sample,
+    read_robot,
+    write_path_correction,
+)
+from robotrue.online.link import Corrector, Health
+from robotrue.online.robot_link import RobotLink
+from robotrue.online.samples import CorrectionMode, Flag, ForceSample
+from robotrue.online.sequence import advance
+from robotrue.online.udp import CROWDED, Address, Inbox
+
+PORT: Final = 6510
+_CYCLE: Final = 4e-3
+_STALE: Final = Flag.REPEATED | Flag.REORDERED
+"""What is not answered: the controller has had an answer to something newer."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EgmSettings:
+    """What the link has to know of the controller; no message tells.
+
+    Attributes:
+        name: What messages and health call it.
+        generation: RobotWare 6 or 7.
+        mode: How the controller takes a path correction; needed where corrections are sent.
+        force_frame: Axes in which the controller reports the measured force.
+        host: Own address; ``0.0.0.0`` for all.
+        port: Own port; 0 takes a free one.
+        waiting: Samples that may wait for their reader before the health says so.
+    """
+
+    name: str
+    generation: RobotWare
+    mode: CorrectionMode | None = None
+    force_frame: str = "sensor"
+    host: str = "0.0.0.0"  # noqa: S104 (the controller is another computer)
+    port: int = PORT
+    waiting: int = CROWDED
+
+
+class EgmSource(RobotLink):
+    """An ABB controller as a source of :class:`~robotrue.online.blocks.JointBlock`.
+
+    Listens from the moment it is made; answers only where a corrector is given, and only while the
+    controller says that it guides the robot.
+
+    Args:
+        settings: What no message tells.
+        corrector: Asked for each answer, from the link's own thread.
+
+    Raises:
+        ConfigurationError: The address cannot be had, or corrections in a mode that is not stated
+            or cannot be sent.
+    """
+
+    def __init__(self, settings: EgmSettings, corrector: Corrector | None = None) -> None:
+        if corrector is not None and settings.mode is not CorrectionMode.ABSOLUTE:
+            given = "none" if settings.mode is None else settings.mode.value
+            raise ConfigurationError(
+                f"corrections by EGM with mode {given}, expected absolute: the controller plans "
+                "its path less often than it hears of us, and would lose increments or take them "
+                "twice.",
+                source=settings.name,
+                hint="mode=absolute, after a try with a small limit.",
+            )
+        super().__init__(
+            settings.name,
+            settings.host,
+            settings.port,
+            cycle=_CYCLE,
+            watch=egm_sequence(),
+            corrector=corrector,
+            waiting=settings.waiting,
+        )
+        self.settings = settings
+        self._own = 0
+        self._view: EgmForce | None = None
+        self._endpoint.start()
+
+    def force(self) -> EgmForce:
+        """Returns the measured force of the same messages as a source of its own; always one."""
+        if self._view is None:
+            self._view = EgmForce(self)
+        return self._view
+
+    def _packet(self, data: bytes, sender: Address, host_time: float, *, begins: bool) -> None:
+        """Reads, answers, and keeps joints and force."""
+        robot = read_robot(data, self.settings.generation)
+        sample = joint_sample(robot, host_time)
+        if begins:
+            self._begin(sender, robot.seqno)
+        lost = self._watch.lost
+        self._watch, flags = advance(self._watch, robot.seqno, host_time)
+        if self._corrector is not None:
+            if not flags & _STALE and robot.guidance is GuidanceState.RUNNING:
+                self._answer(self._corrector, sender, host_time)
+            missed = max(0, self._watch.lost - lost) + bool(flags & Flag.LATE)
+            if missed:
+                self._corrector.missed(missed, host_time)
+        self._keep(joint_sample(robot, host_time, flags) if flags else sample)
+        if self._view is not None:
+            self._view.take(robot, host_time, flags)
+
+    def _answer(self, corrector: Corrector, sender: Address, host_time: float) -> None:
+        correction, age = corrector.next(host_time), corrector.age(host_time)
+        message = write_path_correction(self._own, round(host_time * 1e3), correction, age)
+        self._own += 1
+        if self._endpoint.send(message, sender):
+            self.turnaround.add(time.monotonic() - host_time)
+
+    def _over(self, fault: BaseException | None) -> None:
+        super()._over(fault)
+        if self._view is not None:
+            self._view.end(fault)
+
+
+class EgmForce:
+    """The measured force of an EGM link as a source of its own; ends with the link."""
+
+    def __init__(self, link: EgmSource) -> None:
+        self._link = link
+        self._inbox: Inbox[ForceSample] = Inbox(link.settings.waiting)
+        self._received = self._refused = 0
+        self._fault = ""
+
+    async def blocks(self) -> AsyncIterator[ForceBlock]:
+        """Gives samples as they come; ends when the link is closed."""
+        while samples := await self._inbox.take():
+            yield force_block(samples)
+
+    async def close(self) -> None:
+        """Gives no more; the link itself stays open."""
+        self._inbox.close()
+
+    def health(self) -> Health:
+        """Returns the counters as they stand; what never came is what the link has lost."""
+        link = self._link.health()
+        return Health(
+            name=f"{link.name} force",
+            connected=link.connected and not self._fault,
+            received=self._received,
+            lost=link.lost,
+            late=link.late,
+            refused=self._refused,
+            reconnects=link.reconnects,
+            last_fault=self._inbox.crowding or self._fault or link.last_fault,
+        )
+
+    def take(self, robot: EgmRobot, host_time: float, flags: Flag) -> None:
+        """Keeps the force of a message; a message without one is refused here, not there."""
+        try:
+            sample = force_sample(
+                robot, host_time, frame=self._link.settings.force_frame, flags=flags
+            )
+        except FormatError as refused:
+            self._refused += 1
+            self._fault = str(refused)
+            return
+        self._received += 1
+        self._fault = ""
+        self._inbox.put(sample)
+
+    def end(self, fault: BaseException | None) -> None:
+        """Says that no more will come."""
+        self._inbox.close(fault)

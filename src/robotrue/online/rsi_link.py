@@ -1,0 +1,169 @@
+"""The link to a KUKA controller: answers each packet at once, then reads what it says.
+
+A packet that cannot be read is not answered, and one that has been answered is not answered again:
+with RSI_ON(#RELATIVE) a second answer could move the robot a second time.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from dataclasses import dataclass
+from typing import Final
+
+from robotrue.errors import ConfigurationError
+from robotrue.online.link import Corrector
+from robotrue.online.robot_link import RobotLink
+from robotrue.online.rsi import (
+    RobPacket,
+    joint_sample,
+    read_ipoc,
+    read_rob,
+    read_rob_fast,
+    rsi_sequence,
+)
+from robotrue.online.rsi_answer import SenWriter
+from robotrue.online.rsi_config import RsiConfig
+from robotrue.online.samples import CorrectionMode, no_correction
+from robotrue.online.sequence import advance
+from robotrue.online.udp import CROWDED, Address
+
+_REMEMBERED: Final = 128
+"""Packets whose answers are remembered: a count that is further back is another clock."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RsiSettings:
+    """What the link has to know of the controller; no packet tells.
+
+    Attributes:
+        name: What messages and health call it.
+        config: EthernetConfig.xml that the controller runs, or the usual one.
+        cycle_ms: 4 (IPO_FAST) or 12 (IPO).
+        mode: What RSI_ON of the running program says; needed where corrections are sent.
+        host: Own address; ``0.0.0.0`` for all.
+        port: Own port; None takes that of the configuration, 0 a free one.
+        waiting: Samples that may wait for their reader before the health says so.
+    """
+
+    name: str
+    config: RsiConfig
+    cycle_ms: int
+    mode: CorrectionMode | None = None
+    host: str = "0.0.0.0"  # noqa: S104 (the controller is another computer)
+    port: int | None = None
+    waiting: int = CROWDED
+
+    def check_corrections(self) -> CorrectionMode:
+        """Returns the mode, if corrections can be sent safely.
+
+        Raises:
+            ConfigurationError: The mode is not stated, the controller takes no answers or does not
+                count late ones, or HOLDON would make a missed answer move the robot.
+        """
+        if self.mode is None:
+            raise ConfigurationError(
+                "corrections, and not stated whether the controller adds them up.",
+                source=self.name,
+                hint="mode=relative or mode=absolute, as RSI_ON of the running program says.",
+            )
+        if self.config.only_send:
+            raise ConfigurationError(
+                "ONLYSEND is TRUE: the controller takes no corrections.", source=self.name
+            )
+        if all(e.tag != "Delay" for e in self.config.send):
+            raise ConfigurationError(
+                "corrections to a controller that does not say which answers came late.",
+                source=self.name,
+                hint='<ELEMENT TAG="DEF_Delay" TYPE="LONG" INDX="INTERNAL"/> under SEND.',
+            )
+        hold = self.mode is CorrectionMode.ABSOLUTE
+        missing = [f"RKorr.{axis}" for axis in "XYZ" if not self.config.receives(f"RKorr.{axis}")]
+        if missing:
+            raise ConfigurationError(
+                f"the controller takes no {', '.join(missing)}.",
+                source=self.name,
+                hint=f'<ELEMENT TAG="{missing[0]}" TYPE="DOUBLE" .../> under RECEIVE.',
+            )
+        for e in (e for e in self.config.receive if e.tag.startswith("RKorr.")):
+            if e.hold is not hold:
+                moves = "would jump back" if hold else "would move on"
+                raise ConfigurationError(
+                    f'{e.tag} has HOLDON="{int(not hold)}" with {self.mode.value} corrections: the '
+                    f"robot {moves} at every missed answer.",
+                    source=self.name,
+                    hint=f'HOLDON="{int(hold)}" for RKorr in EthernetConfig.xml.',
+                )
+        return self.mode
+
+
+class RsiSource(RobotLink):
+    """A KUKA controller as a source of :class:`~robotrue.online.blocks.JointBlock`.
+
+    Listens and answers from the moment it is made, with no correction unless a corrector is given.
+
+    Args:
+        settings: What no packet tells.
+        corrector: Asked for each answer, from the link's own thread.
+
+    Raises:
+        ConfigurationError: The address cannot be had, another cycle, or corrections that cannot be
+            sent safely.
+    """
+
+    def __init__(self, settings: RsiSettings, corrector: Corrector | None = None) -> None:
+        mode = CorrectionMode.ABSOLUTE if corrector is None else settings.check_corrections()
+        super().__init__(
+            settings.name,
+            settings.host,
+            settings.config.port if settings.port is None else settings.port,
+            cycle=settings.cycle_ms * 1e-3,
+            watch=rsi_sequence(settings.cycle_ms),
+            corrector=corrector,
+            waiting=settings.waiting,
+        )
+        self.settings = settings
+        self._rest = no_correction(mode)
+        self._writer = None if settings.config.only_send else SenWriter(settings.config, mode)
+        self._answered: deque[int] = deque(maxlen=_REMEMBERED)
+        self._endpoint.start()
+
+    def _packet(self, data: bytes, sender: Address, host_time: float, *, begins: bool) -> None:
+        """Answers first, by the IPOC alone; the first of a session is read whole before."""
+        if begins:
+            packet = read_rob(data, self.settings.config)
+            joint_sample(packet, host_time)
+            self._begin(sender, packet.ipoc)
+            self._answered.clear()
+            self._answer(packet.ipoc, sender, host_time)
+        else:
+            self._answer(read_ipoc(data), sender, host_time)
+            packet = read_rob_fast(data)
+        self._watched(packet, host_time)
+
+    def _answer(self, ipoc: int, sender: Address, host_time: float) -> None:
+        if self._writer is None or ipoc in self._answered:
+            return
+        self._answered.append(ipoc)
+        correction = self._rest
+        if self._corrector is not None:
+            correction = self._corrector.next(host_time)
+        if self._endpoint.send(self._writer.write(ipoc, correction), sender):
+            self.turnaround.add(time.monotonic() - host_time)
+
+    def _watched(self, packet: RobPacket, host_time: float) -> None:
+        """Watches the counts and tells the corrector of answers that were not taken."""
+        watch = self._watch
+        before = now = watch.late_count
+        older = watch.last is not None and (
+            0 <= watch.last - packet.ipoc <= watch.window * watch.step
+        )
+        if packet.late is not None and not older:
+            now = packet.late
+        self._watch, flags = advance(watch, packet.ipoc, host_time, late_count=now)
+        if self._corrector is not None and watch.last is not None:
+            if now > before:
+                self._corrector.missed(now - before, host_time)
+            elif now < before:
+                self._corrector.restarted()
+        self._keep(joint_sample(packet, host_time, flags))
