@@ -1,0 +1,257 @@
+"""The link to a Universal Robots controller: joints or force, read again when it comes back.
+
+Joints and force are two connections with a recipe each: neither waits for the other, and their
+clock is the controller's in both.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import time
+from collections.abc import AsyncIterator
+from dataclasses import dataclass, replace
+from typing import Final, Generic, TypeVar
+
+from robotrue.errors import ConfigurationError, FormatError
+from robotrue.online import rtde
+from robotrue.online.blocks import Block, ForceBlock, JointBlock, force_block, joint_block
+from robotrue.online.link import Health
+from robotrue.online.samples import Flag, ForceSample, JointSample
+from robotrue.online.sequence import SequenceState, advance
+
+_RETRY: Final = (0.2, 2.0)
+"""s between attempts to reach a controller that is not there: the first, and the longest."""
+_ANSWER: Final = 2.0
+"""s within which a controller answers a request."""
+_LOOK: Final = 0.1
+"""s, at most, from close() to the end of a read."""
+_CHUNK: Final = 1 << 16
+
+B = TypeVar("B", bound=Block)
+S = TypeVar("S", JointSample, ForceSample)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RtdeSettings:
+    """How to reach a controller.
+
+    Attributes:
+        name: What messages and health call it.
+        host: Name or address of the controller.
+        port: TCP.
+        rate: Packets per second asked for, 500 at most, 125 before e-Series.
+        silence: s without a packet after which the connection is given up and made again.
+    """
+
+    name: str
+    host: str
+    port: int = rtde.PORT
+    rate: float = 500.0
+    silence: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Checks."""
+        if not (0.0 < self.rate <= 500.0 and self.silence > 2.0 / self.rate):
+            raise ConfigurationError(
+                f"rate {self.rate:g} Hz and silence {self.silence:g} s, expected up to 500 Hz and "
+                "a silence longer than two packets.",
+                source=self.name,
+            )
+
+
+class _RtdeLink(Generic[B]):
+    """One connection with one recipe."""
+
+    _names: tuple[str, ...]
+
+    def __init__(self, settings: RtdeSettings) -> None:
+        """Connects to nothing yet: that begins when :meth:`blocks` is first awaited."""
+        self._settings = settings
+        self._writer: asyncio.StreamWriter | None = None
+        self._closed = self._came = self._fresh = False
+        self._watch = rtde.rtde_sequence(settings.rate)
+        self._health = Health(name=settings.name, connected=False)
+
+    def health(self) -> Health:
+        """Returns the counters as they stand."""
+        watch = self._watch
+        return replace(
+            self._health,
+            lost=self._health.lost + watch.lost,
+            late=self._health.late + watch.late,
+        )
+
+    async def close(self) -> None:
+        """Asks the controller to pause and lets it go; an open :meth:`blocks` ends soon after."""
+        self._closed = True
+        if self._writer is not None and not self._writer.is_closing():
+            with contextlib.suppress(OSError):
+                self._writer.write(rtde.write_frame("P"))
+            self._leave()
+
+    async def blocks(self) -> AsyncIterator[B]:
+        """Gives what the controller sends, for ever; connects again when it has gone.
+
+        Raises:
+            ConfigurationError: The controller does not have the variables, or refuses the
+                protocol or the start.
+        """
+        wait = _RETRY[0]
+        try:
+            while not self._closed:
+                try:
+                    reader, recipe, rest = await self._connect()
+                    while (block := await self._next(reader, recipe, rest)) is not None:
+                        wait = _RETRY[0]
+                        rest, samples = block
+                        if samples is not None:
+                            yield samples
+                except (OSError, EOFError, TimeoutError) as cause:
+                    self._fault(f"connection lost: {cause or type(cause).__name__}")
+                except FormatError as cause:
+                    self._fault(cause.message)
+                    self._health = replace(self._health, refused=self._health.refused + 1)
+                finally:
+                    self._leave()
+                if not self._closed:
+                    await asyncio.sleep(wait)
+                    wait = min(2.0 * wait, _RETRY[1])
+        finally:
+            await self.close()
+
+    async def _connect(self) -> tuple[asyncio.StreamReader, rtde.Recipe, bytes]:
+        """A started stream, its recipe, and bytes that have come after the start."""
+        settings = self._settings
+        async with asyncio.timeout(_ANSWER):
+            reader, self._writer = await asyncio.open_connection(settings.host, settings.port)
+            talk = _Talk(reader, self._writer)
+            if not rtde.read_accepted(await talk.ask(rtde.write_protocol_request(), "V")):
+                raise ConfigurationError(
+                    f"the controller does not speak RTDE protocol {rtde.PROTOCOL}.",
+                    source=settings.name,
+                    hint="controller software 3.10 or 5.4 and newer.",
+                )
+            request = rtde.write_output_request(self._names, settings.rate)
+            recipe = rtde.read_recipe(await talk.ask(request, "O"), self._names)
+            if not rtde.read_accepted(await talk.ask(rtde.write_frame("S"), "S")):
+                raise ConfigurationError(
+                    "the controller does not start the stream.",
+                    source=settings.name,
+                    hint="another client may hold all its connections.",
+                )
+        self._fresh = self._came
+        return reader, recipe, talk.rest
+
+    async def _next(
+        self, reader: asyncio.StreamReader, recipe: rtde.Recipe, rest: bytes
+    ) -> tuple[bytes, B | None] | None:
+        """Bytes left over and the block of what has come; None when closed."""
+        until = time.monotonic() + self._settings.silence
+        frames, rest = rtde.split_frames(rest)
+        while not frames:
+            if self._closed:
+                return None
+            if time.monotonic() >= until:
+                raise TimeoutError(f"silent for {self._settings.silence:g} s")
+            try:
+                async with asyncio.timeout(_LOOK):
+                    data = await reader.read(_CHUNK)
+            except TimeoutError:
+                continue
+            if not data:
+                raise EOFError("the controller closed it")
+            frames, rest = rtde.split_frames(rest + data)
+        now = time.monotonic()
+        values = [rtde.read_data(frame, recipe) for frame in self._data(frames)]
+        if not values or self._closed:
+            return (rest, None) if not self._closed else None
+        block = self._block(values, now)
+        self._health = replace(
+            self._health, connected=True, received=self._health.received + len(block)
+        )
+        self._came = True
+        return rest, block
+
+    def _data(self, frames: tuple[rtde.Frame, ...]) -> list[rtde.Frame]:
+        """The data packets; what the controller says in words is kept as the latest fault."""
+        for frame in frames:
+            if frame.kind == "M":
+                message, source, level = rtde.read_text(frame)
+                if level <= 1:  # exception or error; warnings and remarks are the pendant's
+                    self._fault(f"{source}: {message}")
+        return [frame for frame in frames if frame.kind != "M"]
+
+    def _block(self, values: list[dict[str, rtde.Value]], now: float) -> B:
+        raise NotImplementedError
+
+    def _watched(self, sample: S) -> S:
+        """The sample with what its clock says; the first after a return is another clock's."""
+        if sample.flags & Flag.CLOCK_JUMP:  # no time at all: the clock stays where it was
+            return sample
+        watch, flags = self._watch, Flag.NONE
+        if self._fresh:
+            self._fresh = False
+            self._health = replace(self._health, reconnects=self._health.reconnects + 1)
+            if watch.last is not None and sample.sequence <= watch.last:
+                self._health = replace(self.health(), connected=True)
+                watch = SequenceState(late_after=watch.late_after)
+                flags = Flag.CLOCK_JUMP
+        self._watch, odd = advance(watch, sample.sequence, sample.host_time)
+        return replace(sample, flags=sample.flags | flags | odd)
+
+    def _leave(self) -> None:
+        if self._writer is not None:
+            self._writer.close()
+            self._writer = None
+        self._health = replace(self._health, connected=False)
+
+    def _fault(self, what: str) -> None:
+        self._health = replace(self._health, last_fault=what)
+
+
+class RtdeSource(_RtdeLink[JointBlock]):
+    """A controller as a source of joints and the pose of its tool point in base."""
+
+    _names = rtde.JOINT_NAMES
+
+    def _block(self, values: list[dict[str, rtde.Value]], now: float) -> JointBlock:
+        rate = self._settings.rate
+        return joint_block([self._watched(rtde.joint_sample(v, now, rate=rate)) for v in values])
+
+
+class RtdeForce(_RtdeLink[ForceBlock]):
+    """A controller as a source of the force at its tool point, in base axes."""
+
+    _names = rtde.FORCE_NAMES
+
+    def _block(self, values: list[dict[str, rtde.Value]], now: float) -> ForceBlock:
+        rate = self._settings.rate
+        return force_block([self._watched(rtde.force_sample(v, now, rate=rate)) for v in values])
+
+
+class _Talk:
+    """Requests and their answers, one at a time."""
+
+    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._reader, self._writer = reader, writer
+        self.rest = b""
+
+    async def ask(self, request: bytes, kind: str) -> rtde.Frame:
+        """Returns the answer; text packets in between are left out, later ones kept."""
+        self._writer.write(request)
+        await self._writer.drain()
+        while True:
+            frames, rest = rtde.split_frames(self.rest)
+            for k, frame in enumerate(frames):
+                if frame.kind == kind:
+                    after = (rtde.write_frame(f.kind, f.payload) for f in frames[k + 1 :])
+                    self.rest = b"".join(after) + rest
+                    return frame
+                if frame.kind != "M":
+                    raise FormatError(f"RTDE packet {frame.kind!r}, expected {kind!r}.")
+            self.rest = rest
+            data = await self._reader.read(_CHUNK)
+            if not data:
+                raise EOFError("the controller closed it")
+            self.rest += data
