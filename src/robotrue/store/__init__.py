@@ -1,1 +1,1 @@
-"""Model files: an error model and the cell it was measured in, in one archive."""
+"""What is kept: model files, and workspaces of cells, measurements, models, programs and jobs."""

@@ -1,0 +1,359 @@
+"""Items of every noun: added, found, listed, changed, deleted and brought back; nothing is lost."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from typing import Any, Final, TypeVar
+
+from sqlalchemy import ColumnElement, Select, false, func, or_, select, true, update
+from sqlalchemy.orm import Session
+
+from robotrue.errors import ConfigurationError
+from robotrue.store import journal
+from robotrue.store.nouns import NOUNS, Noun, noun_of
+from robotrue.store.records import Attachment, Link, Page, Query, Record, Ref
+from robotrue.store.schema import NAME, AttachmentRow, ItemRow, LinkRow, Versioned
+from robotrue.store.workspace import Transaction, Workspace, now, reading, transaction
+
+R = TypeVar("R", bound=Record)
+LONGEST_NAME: Final = NAME.length or 200
+SHORTEST_ID: Final = 4
+"""Characters of an id that may stand for all of it."""
+MOST: Final = 1000
+"""Items of one page."""
+_OWN: Final = frozenset({"id", "version", "latest", "deleted", "created", "links", "attachments"})
+
+
+def insert(
+    where: Workspace | Transaction,
+    noun: Noun[R],
+    columns: Mapping[str, Any],
+    *,
+    links: Sequence[Link] = (),
+    attachments: Sequence[Attachment] = (),
+    id: str | None = None,
+) -> R:
+    """Returns a new item, or with an id a new version of it, that has just been written.
+
+    Args:
+        where: Workspace or transaction.
+        noun: Its noun.
+        columns: Name, note, detail and the columns of the noun.
+        links: What it rests on.
+        attachments: Its files, taken in with the same transaction or before.
+        id: Of the item that gets a new version.
+
+    Raises:
+        ConfigurationError: No such item, or what it is to rest on is not there.
+    """
+    name = str(columns["name"]).strip()
+    if not 0 < len(name) <= LONGEST_NAME:
+        raise ConfigurationError(
+            f"a name of {len(name)} characters, expected 1 to {LONGEST_NAME}.", hint="--name"
+        )
+    with transaction(where) as into:
+        session = into.session
+        for link in links:
+            _require_there(session, link.to)
+        if id is None:
+            return _written(into, noun, str(uuid.uuid4()), 1, columns, links, attachments, "added")
+        version = _locked(session, noun, id).version + 1
+        return _written(into, noun, id, version, columns, links, attachments, "changed")
+
+
+def _written(
+    into: Transaction,
+    noun: Noun[R],
+    id: str,
+    version: int,
+    columns: Mapping[str, Any],
+    links: Sequence[Link],
+    attachments: Sequence[Attachment],
+    action: str,
+    *,
+    deleted: bool = False,
+) -> R:
+    session, at = into.session, now()
+    if version == 1:
+        session.add(ItemRow(id=id, noun=noun.name, created=at))
+        session.flush()
+    else:
+        table = noun.table
+        earlier = update(table).where(table.id == id, table.latest == true())
+        session.execute(earlier.values(latest=False))
+    own = {"id": id, "version": version, "latest": True, "deleted": deleted, "created": at}
+    session.add(noun.table(**{**columns, "name": str(columns["name"]).strip(), **own}))
+    for position, link in enumerate(links):
+        session.add(
+            LinkRow(
+                id=id, version=version, role=link.role, position=position,
+                to_id=link.to.id, to_version=link.to.version,
+            )
+        )  # fmt: skip
+    for position, each in enumerate(attachments):
+        session.add(
+            AttachmentRow(
+                id=id, version=version, role=each.role, position=position,
+                name=each.name, sha256=each.sha256,
+            )
+        )  # fmt: skip
+    journal.record(into, action, noun.name, id, version, {"name": columns["name"]})
+    session.flush()
+    return get(into, noun, id, version=version)
+
+
+def get(where: Workspace | Transaction, noun: Noun[R], id: str, *, version: int | None = None) -> R:
+    """Returns one version of an item, also of one that is deleted; None: the latest.
+
+    Raises:
+        ConfigurationError: It is not there.
+    """
+    with reading(where) as session:
+        return _records(session, noun, [_row(session, noun, id, version)])[0]
+
+
+def listed(where: Workspace | Transaction, noun: Noun[R], query: Query) -> Page[R]:
+    """Returns a page of the latest versions.
+
+    Raises:
+        ConfigurationError: A field that the noun has not, or a page that cannot be.
+    """
+    if query.offset < 0 or not 0 < query.limit <= MOST:
+        raise ConfigurationError(
+            f"items {query.offset} and on, {query.limit} of them, expected 0 or more and 1 to "
+            f"{MOST}.",
+            hint="--limit 50",
+        )
+    chosen = _chosen(noun, query)
+    field = query.sort.removeprefix("-")
+    column = _column(noun, field)
+    falling = query.sort.startswith("-")
+    order = [each.desc() if falling else each.asc() for each in (column, noun.table.id)]
+    with reading(where) as session:
+        total = (
+            session.scalar(chosen.with_only_columns(func.count(), maintain_column_froms=True)) or 0
+        )
+        page = chosen.order_by(*order).offset(query.offset).limit(query.limit)
+        found = _records(session, noun, session.scalars(page).all())
+    return Page(items=tuple(found), total=total, offset=query.offset)
+
+
+def _chosen(noun: Noun[R], query: Query) -> Select[Versioned]:
+    table = noun.table
+    state = true() if query.deleted else false()
+    chosen = select(table).where(table.latest == true(), table.deleted == state)
+    if query.text:
+        chosen = chosen.where(
+            or_(*(each.icontains(query.text, autoescape=True) for each in (table.name, table.note)))
+        )
+    for field, value in query.where.items():
+        chosen = chosen.where(_column(noun, field) == value)
+    if query.linked is not None:
+        role, to = query.linked
+        rests = select(LinkRow.id).where(
+            LinkRow.id == table.id,
+            LinkRow.version == table.version,
+            LinkRow.role == role,
+            LinkRow.to_id == to,
+        )
+        chosen = chosen.where(rests.exists())
+    return chosen
+
+
+def _column(noun: Noun[R], field: str) -> ColumnElement[Any]:
+    known = [f.name for f in fields(noun.record) if f.name not in ("links", "attachments")]
+    known = [name for name in known if name not in ("detail", "settings")]
+    if field not in known:
+        raise ConfigurationError(
+            f"{noun.name} has no field {field!r}; it has {', '.join(known)}.",
+            hint="--sort=-created",
+        )
+    column: ColumnElement[Any] = getattr(noun.table, field)
+    return column
+
+
+def versions(where: Workspace | Transaction, noun: Noun[R], id: str) -> tuple[R, ...]:
+    """Returns all versions of an item, the first first.
+
+    Raises:
+        ConfigurationError: It is not there.
+    """
+    with reading(where) as session:
+        _row(session, noun, id, None)
+        table = noun.table
+        rows = session.scalars(select(table).where(table.id == id).order_by(table.version))
+        return tuple(_records(session, noun, list(rows)))
+
+
+def change(
+    where: Workspace | Transaction,
+    noun: Noun[R],
+    id: str,
+    *,
+    name: str | None = None,
+    note: str | None = None,
+) -> R:
+    """Returns the new version of an item with another name or note.
+
+    Raises:
+        ConfigurationError: It is not there, or deleted.
+    """
+    with transaction(where) as into:
+        found = _living(into, noun, id)
+        columns = dict(_columns(found))
+        columns["name"] = found.name if name is None else name
+        columns["note"] = found.note if note is None else note
+        return insert(into, noun, columns, links=found.links, attachments=found.attachments, id=id)
+
+
+def delete(where: Workspace | Transaction, noun: Noun[R], id: str) -> R:
+    """Returns the version that says that the item is deleted; everything of it is kept.
+
+    Raises:
+        ConfigurationError: It is not there, or deleted already.
+    """
+    with transaction(where) as into:
+        return _again(into, noun, _living(into, noun, id), "deleted", deleted=True)
+
+
+def undo(where: Workspace | Transaction, noun: Noun[R], id: str) -> R:
+    """Returns the item as it was before its latest version: undeleted, or with its earlier content.
+
+    That is a new version, too: to undo twice is to be where one was.
+
+    Raises:
+        ConfigurationError: It is not there, or has only its first version.
+    """
+    with transaction(where) as into:
+        _locked(into.session, noun, id)
+        latest = get(into, noun, id)
+        if latest.version == 1:
+            raise ConfigurationError(
+                f"{noun.name} {latest.name!r} has only its first version: nothing to undo.",
+                hint=f"robotrue workspace delete {id}",
+            )
+        before = get(into, noun, id, version=latest.version - 1)
+        return _again(into, noun, before, "restored", deleted=before.deleted, after=latest)
+
+
+def _again(
+    into: Transaction,
+    noun: Noun[R],
+    found: R,
+    action: str,
+    *,
+    deleted: bool,
+    after: Record | None = None,
+) -> R:
+    version = (after or found).version + 1
+    columns = _columns(found)
+    return _written(
+        into, noun, found.id, version, columns, found.links, found.attachments, action,
+        deleted=deleted,
+    )  # fmt: skip
+
+
+def resolve(where: Workspace | Transaction, text: str, noun: str | None = None) -> tuple[str, str]:
+    """Returns noun and id of the item a text means: its id, the beginning of it, or its name.
+
+    Raises:
+        ConfigurationError: None, or several.
+    """
+    nouns = list(NOUNS.values()) if noun is None else [noun_of(noun)]
+    with reading(where) as session:
+        chosen = select(ItemRow).where(ItemRow.noun.in_([each.name for each in nouns]))
+        if len(text) >= SHORTEST_ID:
+            exact = session.scalars(
+                chosen.where(ItemRow.id.startswith(text.lower(), autoescape=True)).limit(3)
+            )
+            found = [(row.noun, row.id) for row in exact]
+        else:
+            found = []
+        if not found:
+            for each in nouns:
+                table = each.table
+                same = select(table.id).where(
+                    table.latest == true(), table.deleted == false(), table.name == text
+                )
+                found += [(each.name, id) for id in session.scalars(same.limit(3))]
+    if len(found) != 1:
+        what = noun or "item"
+        raise ConfigurationError(
+            f"{'no' if not found else 'more than one'} {what} is {text!r}"
+            f"{'' if not found else ': ' + ', '.join(f'{n} {i[:8]}' for n, i in found)}.",
+            hint="robotrue workspace list shows ids; the first characters of one will do.",
+        )
+    return found[0]
+
+
+def _living(into: Transaction, noun: Noun[R], id: str) -> R:
+    _locked(into.session, noun, id)
+    found = get(into, noun, id)
+    if found.deleted:
+        raise ConfigurationError(
+            f"{noun.name} {found.name!r} is deleted.", hint=f"robotrue workspace undo {id}"
+        )
+    return found
+
+
+def _locked(session: Session, noun: Noun[R], id: str) -> Versioned:
+    """The latest version; others that would follow it wait for this transaction."""
+    session.execute(select(ItemRow.id).where(ItemRow.id == id).with_for_update())
+    return _row(session, noun, id, None)
+
+
+def _row(session: Session, noun: Noun[R], id: str, version: int | None) -> Versioned:
+    table = noun.table
+    chosen = select(table).where(table.id == id)
+    number = table.latest == true() if version is None else table.version == version
+    found = session.scalars(chosen.where(number).execution_options(populate_existing=True)).first()
+    if found is None:
+        which = "" if version is None else f" version {version} of"
+        raise ConfigurationError(
+            f"there is no{which} {noun.name} {id!r} in this workspace.",
+            hint="robotrue workspace list shows what there is.",
+        )
+    return found
+
+
+def _require_there(session: Session, to: Ref) -> None:
+    item = session.get(ItemRow, to.id)
+    if item is None:
+        raise ConfigurationError(
+            f"it rests on {to.id}, which is not in this workspace.",
+            hint="robotrue workspace list shows what there is.",
+        )
+    if item.noun in NOUNS:
+        _row(session, NOUNS[item.noun], to.id, to.version)
+
+
+def _columns(found: Record) -> dict[str, Any]:
+    return {f.name: getattr(found, f.name) for f in fields(found) if f.name not in _OWN}
+
+
+def _records(session: Session, noun: Noun[R], rows: Sequence[Versioned]) -> list[R]:
+    """The records of rows, with what belongs to them read in two queries."""
+    ids = [row.id for row in rows]
+    links: dict[tuple[str, int], list[Link]] = {}
+    for link in session.scalars(
+        select(LinkRow).where(LinkRow.id.in_(ids)).order_by(LinkRow.position)
+    ):
+        to = Ref(id=link.to_id, version=link.to_version)
+        links.setdefault((link.id, link.version), []).append(Link(role=link.role, to=to))
+    files: dict[tuple[str, int], list[Attachment]] = {}
+    for each in session.scalars(
+        select(AttachmentRow).where(AttachmentRow.id.in_(ids)).order_by(AttachmentRow.position)
+    ):
+        made = Attachment(role=each.role, name=each.name, sha256=each.sha256)
+        files.setdefault((each.id, each.version), []).append(made)
+    names = [f.name for f in fields(noun.record) if f.name not in ("links", "attachments")]
+    return [
+        noun.record(
+            **{name: getattr(row, name) for name in names},
+            links=tuple(links.get((row.id, row.version), ())),
+            attachments=tuple(files.get((row.id, row.version), ())),
+        )
+        for row in rows
+    ]

@@ -1,0 +1,261 @@
+"""Jobs: work that is asked for here and done elsewhere; asked, watched, cancelled.
+
+States go ``queued`` -> ``running`` -> ``done``, ``failed`` or ``cancelled``. A job whose process
+died is queued again, until it died ``attempts_allowed`` times. Its results come to stand together
+with the state ``done``, or not at all.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+import uuid
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any, Final, NewType
+
+from sqlalchemy import ColumnElement, extract, func, literal_column, select
+from sqlalchemy.orm import Session
+
+from robotrue.errors import ConfigurationError, ConvergenceError
+from robotrue.store import journal
+from robotrue.store.records import Page
+from robotrue.store.schema import JobRow
+from robotrue.store.workspace import Transaction, Workspace, now, reading, transaction
+
+JobId = NewType("JobId", str)
+
+QUEUED: Final = "queued"
+RUNNING: Final = "running"
+DONE: Final = "done"
+FAILED: Final = "failed"
+CANCELLED: Final = "cancelled"
+STATES: Final = (QUEUED, RUNNING, DONE, FAILED, CANCELLED)
+OVER: Final = frozenset({DONE, FAILED, CANCELLED})
+ATTEMPTS: Final = 3
+NOUN: Final = "job"
+_EVERY: Final = 0.1
+"""s between two looks of :func:`wait`."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """A job as it stands.
+
+    Attributes:
+        id: Never changes.
+        kind: What is to be done: ``calibrate``, ``compensate``, ...
+        parameters: JSON values; items by their ids.
+        state: One of ``STATES``.
+        progress: 0 to 1.
+        text: What it is at.
+        remarks: What it said on the way.
+        result: JSON values; the items that came of it by their ids. None before it is done.
+        error: ``kind``, ``message``, ``hint`` of what it failed with.
+        attempts: How often it was begun.
+        attempts_allowed: How often it may be.
+        cancel: Somebody asked for its end.
+        worker: Who does it.
+        submitted: When it was asked for.
+        started: When it was last begun.
+        finished: When it was over.
+    """
+
+    id: JobId
+    kind: str
+    parameters: Mapping[str, Any]
+    state: str
+    progress: float
+    text: str
+    remarks: tuple[str, ...]
+    result: Mapping[str, Any] | None
+    error: Mapping[str, Any] | None
+    attempts: int
+    attempts_allowed: int
+    cancel: bool
+    worker: str
+    submitted: datetime
+    started: datetime | None
+    finished: datetime | None
+
+    @property
+    def over(self) -> bool:
+        """It is done, has failed or was cancelled."""
+        return self.state in OVER
+
+
+def submit(
+    where: Workspace | Transaction,
+    kind: str,
+    parameters: Mapping[str, Any],
+    *,
+    attempts_allowed: int = ATTEMPTS,
+) -> JobId:
+    """Returns the id of a job that now waits for a worker that knows its kind.
+
+    Raises:
+        ConfigurationError: The parameters are no JSON values.
+    """
+    try:
+        stated = json.loads(json.dumps(dict(parameters), allow_nan=False))
+    except (TypeError, ValueError) as cause:
+        raise ConfigurationError(
+            f"parameters of a job that are no JSON values ({cause})."
+        ) from None
+    id = JobId(str(uuid.uuid4()))
+    with transaction(where) as into:
+        into.session.add(
+            JobRow(
+                id=id,
+                kind=kind,
+                parameters=stated,
+                state=QUEUED,
+                progress=0.0,
+                text="",
+                remarks=[],
+                attempts=0,
+                attempts_allowed=attempts_allowed,
+                cancel=False,
+                worker="",
+                heartbeat=0.0,
+                submitted=now(),
+            )
+        )
+        journal.record(into, "submitted", NOUN, id, detail={"kind": kind})
+    return id
+
+
+def status(where: Workspace | Transaction, id: str) -> Job:
+    """Returns a job as it stands.
+
+    Raises:
+        ConfigurationError: There is none.
+    """
+    with reading(where) as session:
+        return job_of(row_of(session, id))
+
+
+def listed(
+    where: Workspace | Transaction,
+    *,
+    state: str | None = None,
+    kind: str | None = None,
+    offset: int = 0,
+    limit: int = 50,
+) -> Page[Job]:
+    """Returns jobs, the newest first; of one state or kind, or all."""
+    if state is not None and state not in STATES:
+        raise ConfigurationError(f"state {state!r}, expected {', '.join(STATES)}.")
+    chosen = select(JobRow)
+    if state is not None:
+        chosen = chosen.where(JobRow.state == state)
+    if kind is not None:
+        chosen = chosen.where(JobRow.kind == kind)
+    with reading(where) as session:
+        total = (
+            session.scalar(chosen.with_only_columns(func.count(), maintain_column_froms=True)) or 0
+        )
+        page = chosen.order_by(JobRow.submitted.desc(), JobRow.id.desc())
+        rows = session.scalars(page.offset(offset).limit(limit))
+        found = tuple(job_of(row) for row in rows)
+    return Page(items=found, total=total, offset=offset)
+
+
+def cancel(where: Workspace | Transaction, id: str) -> Job:
+    """Returns a job that is over or will be: a queued one at once, a running one when it sees it.
+
+    A running job that does not see it within the worker's patience is killed. What is over stays.
+
+    Raises:
+        ConfigurationError: There is none.
+    """
+    with transaction(where) as into:
+        row = row_of(into.session, id, lock=True)
+        if row.state not in OVER and not row.cancel:
+            row.cancel = True
+            journal.record(into, "cancel asked", NOUN, id)
+            if row.state == QUEUED:
+                end(into, row, CANCELLED)
+        into.session.flush()
+        return job_of(row)
+
+
+def wait(workspace: Workspace, id: str, *, timeout: float) -> Job:
+    """Returns the job when it is over.
+
+    Args:
+        workspace: Where it was submitted; somebody else must work there.
+        id: Of the job.
+        timeout: s.
+
+    Raises:
+        ConvergenceError: It is not over by then; it goes on.
+        ConfigurationError: There is none.
+    """
+    until = time.monotonic() + timeout
+    while True:
+        found = status(workspace, id)
+        if found.over:
+            return found
+        if time.monotonic() >= until:
+            raise ConvergenceError(
+                f"job {id} is {found.state} after {timeout:g} s ({found.progress:.0%} done).",
+                hint="robotrue jobs run starts a worker; robotrue jobs list shows how far it is.",
+            )
+        time.sleep(min(_EVERY, max(until - time.monotonic(), 0.0)))
+
+
+def row_of(session: Session, id: str, *, lock: bool = False) -> JobRow:
+    """Returns the row of a job, also by the beginning of its id; ``lock``: nobody else alters it.
+
+    Raises:
+        ConfigurationError: There is none, or more than one begins so.
+    """
+    chosen = select(JobRow).where(JobRow.id.startswith(id, autoescape=True)).limit(2)
+    chosen = chosen.execution_options(populate_existing=True)
+    found = list(session.scalars(chosen.with_for_update() if lock else chosen))
+    if len(found) != 1 or len(id) < 4:
+        raise ConfigurationError(
+            f"{'more than one' if len(found) > 1 else 'no'} job is {id!r}.",
+            hint="robotrue jobs list shows them.",
+        )
+    return found[0]
+
+
+def end(into: Transaction, row: JobRow, state: str, error: Mapping[str, Any] | None = None) -> None:
+    """Puts a job over, with an entry in the journal."""
+    row.state, row.finished = state, now()
+    row.error = None if error is None else dict(error)
+    if state == DONE:
+        row.progress = 1.0
+    journal.record(into, state, NOUN, row.id, detail={"kind": row.kind, "attempts": row.attempts})
+
+
+def job_of(row: JobRow) -> Job:
+    """Returns the record of a row."""
+    return Job(
+        id=JobId(row.id),
+        kind=row.kind,
+        parameters=row.parameters,
+        state=row.state,
+        progress=row.progress,
+        text=row.text,
+        remarks=tuple(row.remarks),
+        result=row.result,
+        error=row.error,
+        attempts=row.attempts,
+        attempts_allowed=row.attempts_allowed,
+        cancel=row.cancel,
+        worker=row.worker,
+        submitted=row.submitted,
+        started=row.started,
+        finished=row.finished,
+    )
+
+
+def clock(session: Session) -> ColumnElement[Any]:
+    """Returns the time of the database, s: one clock for workers on several machines."""
+    if session.get_bind().dialect.name == "postgresql":
+        return extract("epoch", func.clock_timestamp())
+    return literal_column("((julianday('now') - 2440587.5) * 86400.0)")

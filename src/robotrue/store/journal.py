@@ -1,0 +1,87 @@
+"""What was done and when, in rows that are only ever added. Who did it, nobody is asked."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import func, select
+
+from robotrue.store.records import Page
+from robotrue.store.schema import JournalRow
+from robotrue.store.workspace import Transaction, Workspace, now, reading
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Entry:
+    """One thing that was done.
+
+    Attributes:
+        number: Counts up.
+        at: When.
+        action: ``added``, ``changed``, ``deleted``, ``restored``, ``submitted``, ``done``, ...
+        noun: Of the item; ``job`` for jobs, ``workspace`` for the whole.
+        item: Its id.
+        version: Of the item; 0 where it has none.
+        detail: JSON values.
+    """
+
+    number: int
+    at: datetime
+    action: str
+    noun: str
+    item: str
+    version: int
+    detail: Mapping[str, Any]
+
+
+def record(
+    into: Transaction,
+    action: str,
+    noun: str,
+    item: str,
+    version: int = 0,
+    detail: Mapping[str, Any] | None = None,
+) -> None:
+    """Adds an entry, with the transaction that did what it says."""
+    into.session.add(
+        JournalRow(
+            entry=str(uuid.uuid4()),
+            at=now(),
+            action=action,
+            noun=noun,
+            item=item,
+            version=version,
+            detail=dict(detail or {}),
+        )
+    )
+
+
+def entries(
+    where: Workspace | Transaction, *, item: str | None = None, offset: int = 0, limit: int = 50
+) -> Page[Entry]:
+    """Returns what was done, the newest first; of one item or of all."""
+    chosen = select(JournalRow)
+    if item is not None:
+        chosen = chosen.where(JournalRow.item == item)
+    with reading(where) as session:
+        total = session.scalar(select(func.count()).select_from(chosen.subquery())) or 0
+        rows = session.scalars(
+            chosen.order_by(JournalRow.number.desc()).offset(offset).limit(limit)
+        )
+        found = tuple(
+            Entry(
+                number=row.number,
+                at=row.at,
+                action=row.action,
+                noun=row.noun,
+                item=row.item,
+                version=row.version,
+                detail=row.detail,
+            )
+            for row in rows
+        )
+    return Page(items=found, total=total, offset=offset)

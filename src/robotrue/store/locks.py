@@ -1,0 +1,55 @@
+"""Locks on files that a killed process lets go by itself."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Final
+
+POSIX: Final = find_spec("fcntl") is not None
+"""Elsewhere nothing is locked, and nothing that depends on a lock is cleaned up."""
+
+
+@contextlib.contextmanager
+def shared(path: Path) -> Iterator[None]:
+    """Holds a lock that many may hold, none while somebody holds it alone; waits for that one."""
+    handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+    try:
+        _lock(handle, alone=False, wait=True)
+        yield
+    finally:
+        os.close(handle)
+
+
+@contextlib.contextmanager
+def alone(path: Path, *, wait: bool) -> Iterator[bool]:
+    """Holds a lock alone; gives False, and holds nothing, where others do and it does not wait."""
+    handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+    try:
+        yield _lock(handle, alone=True, wait=wait)
+    finally:
+        os.close(handle)
+
+
+def abandoned(path: Path) -> bool:
+    """Returns whether a lock file is there and nobody holds it: its process has died."""
+    if not POSIX or not path.is_file():
+        return False
+    with alone(path, wait=False) as mine:
+        return mine
+
+
+def _lock(handle: int, *, alone: bool, wait: bool) -> bool:
+    if not POSIX:
+        return not alone or wait
+    fcntl = import_module("fcntl")
+    try:
+        kind = fcntl.LOCK_EX if alone else fcntl.LOCK_SH
+        fcntl.flock(handle, kind if wait else kind | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True

@@ -1,0 +1,105 @@
+"""Error models in the store, with what each was made from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from robotrue import __version__
+from robotrue.calibration.identity import identity_of
+from robotrue.calibration.lineage import history
+from robotrue.store import items
+from robotrue.store.layout import attached, laid_out
+from robotrue.store.model_file import ModelFile, read_model
+from robotrue.store.nouns import MODEL
+from robotrue.store.records import Link, ModelRecord, Ref
+from robotrue.store.workspace import Transaction, Workspace, transaction
+
+FILE: Final = "model"
+
+
+def add(
+    where: Workspace | Transaction,
+    path: str | Path,
+    *,
+    name: str,
+    data: Sequence[Ref] = (),
+    cell: Ref | None = None,
+    parents: Sequence[Ref] = (),
+    settings: Mapping[str, Any] | None = None,
+    reports: Sequence[Path] = (),
+    job: str = "",
+    note: str = "",
+    id: str | None = None,
+) -> ModelRecord:
+    """Returns a model file taken in, tied to what it was made from.
+
+    Args:
+        where: Workspace or transaction.
+        path: What :func:`robotrue.store.model_file.write_model` wrote.
+        name: In the workspace.
+        data: Measurement sets it was fitted to.
+        cell: It was fitted in.
+        parents: Models it started from.
+        settings: That decided the result besides the data, JSON values.
+        reports: Pages about it.
+        job: That made it.
+        note: Of the user.
+        id: Of the model that gets this as its new version.
+
+    Raises:
+        ArchiveError: Not a model file, or damaged.
+        ConfigurationError: What it was made from is not in the workspace.
+        FormatError: A file cannot be read.
+    """
+    path = Path(path)
+    held = read_model(path)
+    summary = held.model.training_summary()
+    links = [
+        *(Link(role="data", to=each) for each in data),
+        *([Link(role="cell", to=cell)] if cell is not None else []),
+        *(Link(role="parent", to=each) for each in parents),
+    ]
+    with transaction(where) as into:
+        files = [(FILE, path.name, path), *(("report", each.name, each) for each in reports)]
+        columns = {
+            "name": name,
+            "note": note,
+            "detail": {
+                "rows": int(summary.get("rows", 0)),
+                "data_sha256": str(summary.get("data_sha256", "")),
+                "history": history(held.model),
+                "job": job,
+            },
+            "kind": held.archive.kind,
+            "method": str(summary.get("method", "")),
+            "robot": held.model.robot.name,
+            "identity": identity_of(held.model).sha256,
+            "made_by": __version__,
+            "settings": dict(settings or {}),
+        }
+        return items.insert(
+            into, MODEL, columns, links=links, attachments=attached(into, files), id=id
+        )
+
+
+def laid(workspace: Workspace, record: ModelRecord, folder: Path) -> Path:
+    """Returns the model file written to a folder.
+
+    Raises:
+        ArchiveError: It is missing or was altered.
+    """
+    (path,) = laid_out(workspace, record, folder, FILE)
+    return path
+
+
+def model_of(workspace: Workspace, record: ModelRecord) -> ModelFile:
+    """Returns the model and its cell.
+
+    Raises:
+        ArchiveError: The file is missing or was altered.
+    """
+    (file,) = record.files(FILE)
+    workspace.content(file.sha256)
+    return read_model(workspace.path_of(file.sha256))

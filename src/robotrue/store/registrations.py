@@ -1,0 +1,89 @@
+"""Registrations in the store: where a part stands, found with which arm from which touches."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from robotrue.cell.config import read_cell
+from robotrue.core.rotations import abc_from_matrix
+from robotrue.core.units import DEG, MM
+from robotrue.errors import ConfigurationError
+from robotrue.store import items
+from robotrue.store.layout import attached
+from robotrue.store.nouns import REGISTRATION
+from robotrue.store.records import Link, Ref, RegistrationRecord
+from robotrue.store.workspace import Transaction, Workspace, transaction
+
+CELL_FILE: Final = "cell"
+POINTS: Final = "points"
+
+
+def add(
+    where: Workspace | Transaction,
+    registered: str | Path,
+    points: str | Path,
+    *,
+    name: str,
+    cell: Ref,
+    model: Ref | None = None,
+    note: str = "",
+    id: str | None = None,
+) -> RegistrationRecord:
+    """Returns a registration taken in.
+
+    Args:
+        where: Workspace or transaction.
+        registered: The cell.toml with its part frames.
+        points: The touches.
+        name: In the workspace.
+        cell: The cell it belongs to.
+        model: Of the arm that touched; None: the nominal one.
+        note: Of the user.
+        id: Of the registration that gets this as its new version.
+
+    Raises:
+        ConfigurationError: The cell is not registered, or what it rests on is not in the workspace.
+        FormatError: A file cannot be read.
+    """
+    registered, points = Path(registered), Path(points)
+    part = read_cell(registered).part
+    if part is None:
+        raise ConfigurationError(
+            "the cell is not registered: it has no part frame.",
+            source=registered,
+            hint="robotrue register CELL|MODEL POINTS -o CELL_OUT.",
+        )
+    links = [Link(role="cell", to=cell)]
+    if model is not None:
+        links.append(Link(role="model", to=model))
+    good = all(frame.verdict == "GO" for frame in part.frames)
+    with transaction(where) as into:
+        attachments = attached(
+            into, [(CELL_FILE, registered.name, registered), (POINTS, points.name, points)]
+        )
+        columns = {
+            "name": name,
+            "note": note,
+            "detail": {
+                "frames": [
+                    {
+                        "name": frame.name,
+                        "xyz_mm": (frame.T_base_part[:3, 3] / MM).tolist(),
+                        "abc_deg": (abc_from_matrix(frame.T_base_part[:3, :3]) / DEG).tolist(),
+                        "touches": frame.touches,
+                        "outliers": list(frame.outliers),
+                        "rms_mm": frame.rms / MM,
+                        "verdict": frame.verdict,
+                    }
+                    for frame in part.frames
+                ]
+            },
+            "method": part.method,
+            "verdict": "GO" if good else "NO-GO",
+            "frames": len(part.frames),
+            "identity": part.identity.sha256,
+        }
+        return items.insert(
+            into, REGISTRATION, columns, links=links, attachments=attachments, id=id
+        )

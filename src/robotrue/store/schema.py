@@ -1,0 +1,262 @@
+"""The tables of a workspace, the same on SQLite and PostgreSQL.
+
+Every thing a user names is an item with an id that never changes. What it says stands in rows of
+its noun's table, one row per version; a row is never altered but for ``latest``, which only says
+where to look first. Deleting is a new version that says so. Files stand beside the database under
+their SHA-256; a row names them. Jobs are the exception: their row is the state they are in.
+"""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import Any, Final
+
+from sqlalchemy import (
+    JSON,
+    BigInteger,
+    Boolean,
+    DateTime,
+    Dialect,
+    Float,
+    ForeignKey,
+    ForeignKeyConstraint,
+    Index,
+    Integer,
+    String,
+    Text,
+    TypeDecorator,
+)
+from sqlalchemy.dialects.postgresql import JSONB
+from sqlalchemy.orm import DeclarativeBase, Mapped, declared_attr, mapped_column
+
+ID: Final = String(36)
+HASH: Final = String(64)
+NAME: Final = String(200)
+WORD: Final = String(40)
+DOCUMENT: Final = JSON().with_variant(JSONB(), "postgresql")
+
+
+class UtcDateTime(TypeDecorator[datetime]):
+    """Times with their zone in Python, UTC in the database."""
+
+    impl = DateTime(timezone=True)
+    cache_ok = True
+
+    def process_bind_param(self, value: datetime | None, dialect: Dialect) -> datetime | None:
+        """Returns the time as the database keeps it."""
+        return None if value is None else value.astimezone(UTC)
+
+    def process_result_value(self, value: datetime | None, dialect: Dialect) -> datetime | None:
+        """Returns the time with its zone."""
+        if value is None:
+            return None
+        return value.replace(tzinfo=UTC) if value.tzinfo is None else value.astimezone(UTC)
+
+
+class Base(DeclarativeBase):
+    """All tables."""
+
+
+class WorkspaceRow(Base):
+    """The one row that says which workspace this database belongs to."""
+
+    __tablename__ = "workspace"
+    id: Mapped[str] = mapped_column(ID, primary_key=True)
+    created: Mapped[datetime] = mapped_column(UtcDateTime)
+    made_by: Mapped[str] = mapped_column(WORD)
+
+
+class BlobRow(Base):
+    """A file beside the database, by the SHA-256 of its content."""
+
+    __tablename__ = "blobs"
+    sha256: Mapped[str] = mapped_column(HASH, primary_key=True)
+    place: Mapped[str] = mapped_column(WORD)
+    size: Mapped[int] = mapped_column(BigInteger)
+    created: Mapped[datetime] = mapped_column(UtcDateTime)
+
+
+class ItemRow(Base):
+    """An id and its noun."""
+
+    __tablename__ = "items"
+    id: Mapped[str] = mapped_column(ID, primary_key=True)
+    noun: Mapped[str] = mapped_column(WORD)
+    created: Mapped[datetime] = mapped_column(UtcDateTime)
+
+
+class LinkRow(Base):
+    """That one version rests on another: a model on its data, a program on its model."""
+
+    __tablename__ = "links"
+    id: Mapped[str] = mapped_column(ID, ForeignKey("items.id"), primary_key=True)
+    version: Mapped[int] = mapped_column(Integer, primary_key=True)
+    role: Mapped[str] = mapped_column(WORD, primary_key=True)
+    position: Mapped[int] = mapped_column(Integer, primary_key=True)
+    to_id: Mapped[str] = mapped_column(ID, ForeignKey("items.id"))
+    to_version: Mapped[int] = mapped_column(Integer)
+    __table_args__ = (Index("ix_links_to", "to_id", "role"),)
+
+
+class AttachmentRow(Base):
+    """A file that belongs to a version, under the name it came with."""
+
+    __tablename__ = "attachments"
+    id: Mapped[str] = mapped_column(ID, ForeignKey("items.id"), primary_key=True)
+    version: Mapped[int] = mapped_column(Integer, primary_key=True)
+    role: Mapped[str] = mapped_column(WORD, primary_key=True)
+    position: Mapped[int] = mapped_column(Integer, primary_key=True)
+    name: Mapped[str] = mapped_column(NAME)
+    sha256: Mapped[str] = mapped_column(HASH, ForeignKey("blobs.sha256"))
+    __table_args__ = (Index("ix_attachments_sha256", "sha256"),)
+
+
+class Versioned(Base):
+    """What all nouns have; one row is one version."""
+
+    __abstract__ = True
+
+    id: Mapped[str] = mapped_column(ID, primary_key=True)
+    version: Mapped[int] = mapped_column(Integer, primary_key=True)
+    latest: Mapped[bool] = mapped_column(Boolean)
+    deleted: Mapped[bool] = mapped_column(Boolean)
+    name: Mapped[str] = mapped_column(NAME)
+    note: Mapped[str] = mapped_column(Text)
+    created: Mapped[datetime] = mapped_column(UtcDateTime)
+    detail: Mapped[dict[str, Any]] = mapped_column(DOCUMENT)
+
+    @declared_attr.directive
+    @classmethod
+    def __table_args__(cls) -> tuple[Any, ...]:
+        """The id is an item's; the page of the newest is read from one index."""
+        return (
+            ForeignKeyConstraint(["id"], ["items.id"], name=f"fk_{cls.__tablename__}_id"),
+            Index(f"ix_{cls.__tablename__}_newest", "latest", "deleted", "created", "id"),
+        )
+
+
+class RobotRow(Versioned):
+    """An arm as its controller computes it."""
+
+    __tablename__ = "robots"
+    maker: Mapped[str] = mapped_column(WORD)
+    dof: Mapped[int] = mapped_column(Integer)
+    identity: Mapped[str] = mapped_column(HASH, index=True)
+
+
+class ToolRow(Versioned):
+    """A tool: its frame at the flange, in ``detail``."""
+
+    __tablename__ = "tools"
+    identity: Mapped[str] = mapped_column(HASH, index=True)
+
+
+class CellRow(Versioned):
+    """A cell.toml and the files it names; links: robot, tool."""
+
+    __tablename__ = "cells"
+    digest: Mapped[str] = mapped_column(HASH)
+    robot: Mapped[str] = mapped_column(NAME)
+    frame: Mapped[str] = mapped_column(WORD)
+
+
+class MeasurementRow(Versioned):
+    """A measurement set: rows in Parquet, raw files attached; links: cell."""
+
+    __tablename__ = "measurement_sets"
+    frame: Mapped[str] = mapped_column(WORD)
+    poses: Mapped[int] = mapped_column(Integer)
+    dof: Mapped[int] = mapped_column(Integer)
+    full_poses: Mapped[int] = mapped_column(Integer)
+    data: Mapped[str] = mapped_column(HASH, index=True)
+    samples: Mapped[str] = mapped_column(HASH, ForeignKey("blobs.sha256"))
+
+
+class ModelRow(Versioned):
+    """An error model, its file attached; links: data, cell, parent, job."""
+
+    __tablename__ = "models"
+    kind: Mapped[str] = mapped_column(WORD)
+    method: Mapped[str] = mapped_column(WORD)
+    robot: Mapped[str] = mapped_column(NAME)
+    identity: Mapped[str] = mapped_column(HASH, index=True)
+    made_by: Mapped[str] = mapped_column(WORD)
+    settings: Mapped[dict[str, Any]] = mapped_column(DOCUMENT)
+
+
+class RegistrationRow(Versioned):
+    """Where a part stands; touches and registered cell attached; links: cell, model."""
+
+    __tablename__ = "registrations"
+    method: Mapped[str] = mapped_column(WORD)
+    verdict: Mapped[str] = mapped_column(WORD)
+    frames: Mapped[int] = mapped_column(Integer)
+    identity: Mapped[str] = mapped_column(HASH)
+
+
+class ProgramRow(Versioned):
+    """The files of a job, before or after; links: before, model, registration, job."""
+
+    __tablename__ = "programs"
+    stage: Mapped[str] = mapped_column(WORD)
+    dialect: Mapped[str] = mapped_column(WORD)
+    file_count: Mapped[int] = mapped_column(Integer)
+    bytes: Mapped[int] = mapped_column(BigInteger)
+
+
+class DocumentRow(Versioned):
+    """What a job leaves besides: a plan, a validation, a report."""
+
+    __tablename__ = "documents"
+    kind: Mapped[str] = mapped_column(WORD)
+
+
+class DriftCheckRow(Versioned):
+    """A few poses against a stored model; links: model, data."""
+
+    __tablename__ = "drift_checks"
+    poses: Mapped[int] = mapped_column(Integer)
+    statistic: Mapped[float] = mapped_column(Float)
+    p_value: Mapped[float] = mapped_column(Float)
+    verdict: Mapped[str] = mapped_column(WORD)
+
+
+class JobRow(Base):
+    """Work asked for and how far it is."""
+
+    __tablename__ = "jobs"
+    id: Mapped[str] = mapped_column(ID, primary_key=True)
+    kind: Mapped[str] = mapped_column(WORD)
+    parameters: Mapped[dict[str, Any]] = mapped_column(DOCUMENT)
+    state: Mapped[str] = mapped_column(WORD)
+    progress: Mapped[float] = mapped_column(Float)
+    text: Mapped[str] = mapped_column(Text)
+    remarks: Mapped[list[str]] = mapped_column(DOCUMENT)
+    result: Mapped[dict[str, Any] | None] = mapped_column(DOCUMENT)
+    error: Mapped[dict[str, Any] | None] = mapped_column(DOCUMENT)
+    attempts: Mapped[int] = mapped_column(Integer)
+    attempts_allowed: Mapped[int] = mapped_column(Integer)
+    cancel: Mapped[bool] = mapped_column(Boolean)
+    worker: Mapped[str] = mapped_column(NAME)
+    heartbeat: Mapped[float] = mapped_column(Float)
+    submitted: Mapped[datetime] = mapped_column(UtcDateTime)
+    started: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    finished: Mapped[datetime | None] = mapped_column(UtcDateTime)
+    __table_args__ = (
+        Index("ix_jobs_state", "state", "submitted"),
+        Index("ix_jobs_submitted", "submitted", "id"),
+    )
+
+
+class JournalRow(Base):
+    """What was done and when; rows are only ever added."""
+
+    __tablename__ = "journal"
+    number: Mapped[int] = mapped_column(Integer, primary_key=True, autoincrement=True)
+    entry: Mapped[str] = mapped_column(ID, unique=True)
+    at: Mapped[datetime] = mapped_column(UtcDateTime)
+    action: Mapped[str] = mapped_column(WORD)
+    noun: Mapped[str] = mapped_column(WORD)
+    item: Mapped[str] = mapped_column(ID, index=True)
+    version: Mapped[int] = mapped_column(Integer)
+    detail: Mapped[dict[str, Any]] = mapped_column(DOCUMENT)

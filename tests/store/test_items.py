@@ -1,0 +1,284 @@
+"""Items of a workspace: added, listed, changed, deleted, brought back, on both databases."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robotrue.errors import ArchiveError, ConfigurationError, ImplausibleDataError, RobotrueError
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.store import cells, documents, items, jobs, journal, measurements, programs
+from robotrue.store.nouns import CELL, DOCUMENT, MEASUREMENT, PROGRAM, ROBOT, TOOL
+from robotrue.store.records import Link, Query, Ref
+from robotrue.store.samples import RowQuery
+from robotrue.store.workspace import Workspace
+
+CELL_TEXT = """schema = 1
+[robot]
+preset = "KUKA KR160 R1570"
+[tool]
+xyz_mm = [60, 40, 250]
+[tracker]
+frame = "base"
+sigma_um = 5
+"""
+PROGRAM_TEXT = "DEF part()\nPTP {A1 0,A2 -80,A3 80,A4 0,A5 40,A6 0}\nEND\n"
+
+
+def some_poses(n: int = 20, seed: int = 1) -> MeasurementSet:
+    rng = np.random.default_rng(seed)
+    covariance = np.broadcast_to(np.eye(3) * 1e-10, (n, 3, 3))
+    rotation = np.full((n, 3, 3), np.nan)
+    rotation[::2] = np.eye(3)
+    return MeasurementSet(
+        joints=rng.random((n, 6)),
+        position=rng.random((n, 3)),
+        covariance=covariance,
+        rotation=rotation,
+        station=np.arange(n) % 3,
+        group=np.arange(n) % 2,
+        group_names=("a.csv", "b.csv"),
+        sources=("a.csv sha256:ab", "b.csv sha256:cd"),
+    )
+
+
+def a_document(workspace: Workspace, name: str, **more: object) -> str:
+    return documents.add(workspace, "plan", name=name, **more).id  # type: ignore[arg-type]
+
+
+def test_measurements_come_back_bit_for_bit(workspace: Workspace, tmp_path: Path) -> None:
+    raw = tmp_path / "grid.csv"
+    raw.write_bytes(b"1,2,3\n")
+    poses = some_poses()
+    made = measurements.add(workspace, poses, name="grid", raw=[raw], note="warm")
+    assert (made.poses, made.dof, made.full_poses, made.frame) == (20, 6, 10, "base")
+    assert workspace.content(made.files("raw")[0].sha256) == b"1,2,3\n"
+    back = measurements.rows_of(workspace, items.get(workspace, MEASUREMENT, made.id))
+    for field in fields(MeasurementSet):
+        expected, found = getattr(poses, field.name), getattr(back, field.name)
+        if isinstance(expected, np.ndarray):
+            np.testing.assert_array_equal(found, expected, err_msg=field.name)
+            assert found.dtype == expected.dtype
+        else:
+            assert found == expected
+
+
+def test_rows_are_filtered_sorted_and_paged(workspace: Workspace) -> None:
+    poses = some_poses(50)
+    made = measurements.add(workspace, poses, name="grid")
+    query = RowQuery(where=(("station", "==", 1.0),), sort="-position_x", offset=2, limit=5)
+    page = measurements.some_rows(workspace, made, query)
+    expected = np.flatnonzero(poses.station == 1)
+    expected = expected[np.argsort(-poses.position[expected, 0])]
+    assert page.total == len(expected)
+    np.testing.assert_array_equal(page.index, expected[2:7])
+    np.testing.assert_array_equal(page.columns["joints_3"], poses.joints[expected[2:7], 2])
+    with pytest.raises(ConfigurationError, match="no column 'nonsense'"):
+        measurements.some_rows(workspace, made, RowQuery(columns=("nonsense",)))
+
+
+def test_an_empty_set_is_refused(workspace: Workspace) -> None:
+    with pytest.raises(ImplausibleDataError, match="without rows"):
+        measurements.add(workspace, some_poses().subset(np.zeros(20, dtype=bool)), name="none")
+
+
+def test_a_cell_brings_its_arm_and_tool_once(workspace: Workspace, tmp_path: Path) -> None:
+    path = tmp_path / "cell.toml"
+    path.write_text(CELL_TEXT)
+    first = cells.add(workspace, path, name="left")
+    second = cells.add(workspace, path, name="right")
+    assert items.listed(workspace, CELL, Query(sort="name")).total == 2
+    assert items.listed(workspace, ROBOT, Query()).items[0].name == "KUKA KR160 R1570"
+    assert items.listed(workspace, TOOL, Query()).total == 1
+    assert first.linked("robot") == second.linked("robot")
+    (tmp_path / "out").mkdir()
+    assert cells.laid(workspace, first, tmp_path / "out").read_text() == CELL_TEXT
+    changed = cells.add(workspace, path, name="left again", id=first.id)
+    assert (changed.version, changed.name) == (2, "left again")
+    assert [each.name for each in items.versions(workspace, CELL, first.id)] == [
+        "left",
+        "left again",
+    ]
+
+
+def test_a_cells_files_come_along_wherever_they_lie(workspace: Workspace, tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    config = b"DEFDAT $CONFIG PUBLIC\nBASE_DATA[1]={X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}\nENDDAT\n"
+    (tmp_path / "b" / "$config.dat").write_bytes(config)
+    text = CELL_TEXT + '[controller]\nfiles = ["../b/$config.dat"]\n'
+    (tmp_path / "a" / "cell.toml").write_text(text)
+    made = cells.add(workspace, tmp_path / "a" / "cell.toml")
+    (tmp_path / "out").mkdir()
+    path = cells.laid(workspace, made, tmp_path / "out")
+    assert 'files = ["$config.dat"]' in path.read_text()
+    assert (tmp_path / "out" / "$config.dat").read_bytes() == config
+
+
+def test_programs_before_and_after(workspace: Workspace, tmp_path: Path) -> None:
+    path = tmp_path / "part.src"
+    path.write_text(PROGRAM_TEXT)
+    before = programs.add(workspace, [path])
+    assert (before.stage, before.dialect, before.file_count) == ("before", "krl", 1)
+    after = programs.add_after(workspace, [path], before=before.ref, model=None, detail={"n": 1})
+    assert items.listed(workspace, PROGRAM, Query(where={"stage": "after"})).items == (after,)
+    assert items.listed(workspace, PROGRAM, Query(linked=("before", before.id))).total == 1
+    with pytest.raises(ConfigurationError, match="of different names"):
+        programs.add(workspace, [path, path])
+
+
+def test_delete_and_undo_keep_every_version(workspace: Workspace) -> None:
+    id = a_document(workspace, "plan", detail={"poses": 30})
+    assert items.delete(workspace, DOCUMENT, id).deleted
+    assert items.listed(workspace, DOCUMENT, Query()).total == 0
+    assert items.listed(workspace, DOCUMENT, Query(deleted=True)).total == 1
+    with pytest.raises(ConfigurationError, match="is deleted"):
+        items.delete(workspace, DOCUMENT, id)
+    with pytest.raises(ConfigurationError, match="is deleted"):
+        items.change(workspace, DOCUMENT, id, name="x")
+    back = items.undo(workspace, DOCUMENT, id)
+    assert (back.version, back.deleted, back.detail) == (3, False, {"poses": 30})
+    assert [each.deleted for each in items.versions(workspace, DOCUMENT, id)] == [
+        False,
+        True,
+        False,
+    ]
+    actions = [entry.action for entry in journal.entries(workspace, item=id).items]
+    assert actions == ["restored", "deleted", "added"]
+
+
+def test_undo_brings_the_earlier_content_back(workspace: Workspace) -> None:
+    id = a_document(workspace, "old")
+    items.change(workspace, DOCUMENT, id, name="new", note="why")
+    assert items.undo(workspace, DOCUMENT, id).name == "old"
+    assert items.undo(workspace, DOCUMENT, id).name == "new"
+    only = a_document(workspace, "only")
+    with pytest.raises(ConfigurationError, match="nothing to undo"):
+        items.undo(workspace, DOCUMENT, only)
+
+
+def test_links_and_files_stay_with_every_version(workspace: Workspace, tmp_path: Path) -> None:
+    (tmp_path / "plan.csv").write_text("a")
+    data = measurements.add(workspace, some_poses(), name="grid")
+    about = [Link(role="data", to=data.ref)]
+    made = documents.add(workspace, "plan", name="p", files=[tmp_path / "plan.csv"], about=about)
+    changed = items.change(workspace, DOCUMENT, made.id, name="q")
+    assert changed.links == made.links
+    assert changed.attachments == made.attachments
+    lost = [Link(role="data", to=Ref(id=data.id, version=7))]
+    with pytest.raises(ConfigurationError, match="no version 7 of measurement"):
+        documents.add(workspace, "plan", name="p", about=lost)
+    with pytest.raises(ConfigurationError, match="not in this workspace"):
+        documents.add(
+            workspace, "plan", name="p", about=[Link(role="data", to=Ref(id="x", version=1))]
+        )
+
+
+def test_lists_are_filtered_sorted_and_paged(workspace: Workspace) -> None:
+    for k in range(25):
+        documents.add(workspace, "plan" if k % 2 else "report", name=f"Item {k:02d}")
+    page = items.listed(workspace, DOCUMENT, Query(sort="-name", offset=5, limit=3))
+    assert [each.name for each in page.items] == ["Item 19", "Item 18", "Item 17"]
+    assert page.total == 25
+    assert items.listed(workspace, DOCUMENT, Query(text="item 0")).total == 10
+    assert items.listed(workspace, DOCUMENT, Query(text="item_0")).total == 0
+    assert items.listed(workspace, DOCUMENT, Query(where={"kind": "plan"})).total == 12
+    newest = items.listed(workspace, DOCUMENT, Query(limit=1)).items[0]
+    assert newest.name == "Item 24"
+
+
+@pytest.mark.parametrize(
+    ("query", "message"),
+    [
+        (Query(sort="nonsense"), "no field 'nonsense'"),
+        (Query(sort="detail"), "no field 'detail'"),
+        (Query(where={"__class__": 1}), "no field '__class__'"),
+        (Query(limit=0), "expected 0 or more and 1 to 1000"),
+        (Query(limit=100_000), "expected 0 or more and 1 to 1000"),
+        (Query(offset=-1), "expected 0 or more"),
+    ],
+)
+def test_what_cannot_be_listed_is_refused(workspace: Workspace, query: Query, message: str) -> None:
+    with pytest.raises(ConfigurationError, match=message):
+        items.listed(workspace, DOCUMENT, query)
+
+
+def test_items_are_found_by_id_its_beginning_or_name(workspace: Workspace) -> None:
+    id = a_document(workspace, "the plan")
+    for text in (id, id[:8], id[:8].upper(), "the plan"):
+        assert items.resolve(workspace, text) == ("document", id)
+    a_document(workspace, "the plan")
+    with pytest.raises(ConfigurationError, match="more than one"):
+        items.resolve(workspace, "the plan")
+    for text in ("%", "____", "nothing"):
+        with pytest.raises(ConfigurationError, match="no item"):
+            items.resolve(workspace, text)
+
+
+@pytest.mark.parametrize("name", ["", "   ", "x" * 201])
+def test_names_are_checked(workspace: Workspace, name: str) -> None:
+    with pytest.raises(ConfigurationError, match="a name of"):
+        a_document(workspace, name)
+
+
+def test_a_transaction_stands_whole_or_not_at_all(workspace: Workspace, tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("content")
+
+    def half() -> None:
+        with workspace.write() as into:
+            documents.add(into, "plan", name="one", files=[tmp_path / "a.csv"])
+            jobs.submit(into, "plan", {})
+            raise ConfigurationError("half-way")
+
+    with pytest.raises(ConfigurationError, match="half-way"):
+        half()
+    assert items.listed(workspace, DOCUMENT, Query()).total == 0
+    assert jobs.listed(workspace).total == 0
+    assert journal.entries(workspace).total == 0
+    workspace.close()
+    with Workspace.open(workspace.folder, workspace.url) as again:
+        assert again.swept == 1
+        assert not [p for p in (again.folder / "blobs").rglob("*") if p.is_file()]
+
+
+def test_altered_files_are_noticed(workspace: Workspace, tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("content")
+    made = documents.add(workspace, "plan", name="one", files=[tmp_path / "a.csv"])
+    path = workspace.path_of(made.attachments[0].sha256)
+    path.chmod(0o644)
+    path.write_text("c0ntent")
+    with pytest.raises(ArchiveError, match="altered or damaged"):
+        workspace.content(made.attachments[0].sha256)
+    path.unlink()
+    with pytest.raises(ArchiveError, match="missing"):
+        workspace.content(made.attachments[0].sha256)
+
+
+def test_folder_and_database_belong_together(workspace: Workspace, tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="is a workspace already"):
+        Workspace.create(workspace.folder, workspace.url)
+    with pytest.raises(ConfigurationError, match="no workspace"):
+        Workspace.open(tmp_path / "elsewhere")
+    if workspace.url is not None:
+        with pytest.raises(RobotrueError, match="belongs to workspace"):
+            Workspace.create(tmp_path / "second", workspace.url)
+        with Workspace.create(tmp_path / "third") as third:
+            pass
+        with pytest.raises(RobotrueError, match="its database that of"):
+            Workspace.open(third.folder, workspace.url)
+
+
+def test_jobs_are_submitted_listed_and_cancelled(workspace: Workspace) -> None:
+    id = jobs.submit(workspace, "calibrate", {"cell": "abc"})
+    found = jobs.status(workspace, id)
+    assert (found.state, found.progress, found.parameters) == ("queued", 0.0, {"cell": "abc"})
+    assert jobs.listed(workspace, state="queued").total == 1
+    assert jobs.cancel(workspace, id[:8]).state == "cancelled"
+    assert jobs.cancel(workspace, id).state == "cancelled"
+    with pytest.raises(ConfigurationError, match="no job"):
+        jobs.status(workspace, "0000")
+    with pytest.raises(ConfigurationError, match="no JSON values"):
+        jobs.submit(workspace, "calibrate", {"x": float("nan")})
