@@ -1,0 +1,409 @@
+"""The link to a KUKA controller over real sockets: sound packets, bad ones, a simulated robot."""
+
+import asyncio
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from robots import Robot, collected, ipoc_of, rob, until
+
+from robotrue.core.units import DEG, MM
+from robotrue.errors import ConfigurationError
+from robotrue.online.guard import CorrectionGuard, CorrectionLimits
+from robotrue.online.rsi import write_sen
+from robotrue.online.rsi_answer import SenWriter
+from robotrue.online.rsi_config import parse_rsi_config, usual_rsi_config, write_rsi_config
+from robotrue.online.rsi_link import RsiSettings, RsiSource
+from robotrue.online.samples import Correction, CorrectionMode, Flag
+from robotrue.online.turnaround import Turnaround
+from robotrue.robot.presets import preset
+from robotrue.simulation.joint_motion import Jog
+from robotrue.simulation.rsi_controller import RsiController, RsiControllerSettings, run
+
+ABSOLUTE, RELATIVE = CorrectionMode.ABSOLUTE, CorrectionMode.RELATIVE
+START = 4_208_163_634
+
+
+def _settings(config=None, **changes):
+    config = usual_rsi_config("127.0.0.1", 49152) if config is None else config
+    given = {"name": "rsi://test", "config": config, "cycle_ms": 4, "host": "127.0.0.1", "port": 0}
+    return RsiSettings(**(given | changes))
+
+
+def _session(play, corrector=None, **changes):
+    """Plays against a source in a thread, and returns its health and what it gave after."""
+
+    async def session():
+        source = RsiSource(_settings(**changes), corrector)
+        with Robot(source.address) as robot:
+            await asyncio.wait_for(asyncio.to_thread(play, robot, source), 30.0)
+            health = source.health()
+            await source.close()
+        blocks = [block async for block in source.blocks()]
+        return health, blocks
+
+    health, blocks = asyncio.run(session())
+    flags = [Flag(int(f)) for block in blocks for f in block.flags]
+    sequence = [int(s) for block in blocks for s in block.sequence]
+    return health, dict(zip(sequence, flags, strict=False)), blocks
+
+
+def test_it_answers_every_packet_with_its_ipoc_and_gives_the_samples():
+    answers = []
+
+    def play(robot, source):
+        answers.extend(robot.ask(rob(START + 4 * k)) for k in range(20))
+
+    health, flags, blocks = _session(play)
+    assert [ipoc_of(a) for a in answers] == [START + 4 * k for k in range(20)]
+    assert all(b'<RKorr X="0.000000"' in a for a in answers)
+    assert (health.received, health.lost, health.refused, health.connected) == (20, 0, 0, True)
+    assert 0.0 < health.turnaround_p50 <= health.turnaround_p99 < 1.0
+    assert all(not f & Flag.INVALID for f in flags.values())
+    joints = np.concatenate([b.joints for b in blocks])
+    np.testing.assert_allclose(joints[:, 0], 10.0 * DEG)
+    assert (np.diff(np.concatenate([b.host_time for b in blocks])) >= 0.0).all()
+
+
+BAD = {
+    "no IPOC": rob(START + 4).replace(b"<IPOC>4208163638</IPOC>", b""),
+    "two of them": rob(START + 4).replace(b"</Rob>", b"<IPOC>9</IPOC></Rob>"),
+    "cut short": rob(START + 4)[:-20],
+    "no XML": b"\x00\xff" * 40,
+    "empty": b"",
+    "another root": rob(START + 4).replace(b"Rob", b"Sen"),
+}
+
+
+@pytest.mark.parametrize("bad", BAD.values(), ids=BAD)
+def test_what_cannot_be_read_is_refused_and_not_answered(bad):
+    def play(robot, source):
+        robot.ask(rob(START))
+        robot.send(bad)
+        until(lambda: source.health().refused == 1)
+        assert robot.quiet()
+        assert source.health().last_fault
+        assert ipoc_of(robot.ask(rob(START + 4))) == START + 4
+
+    health, flags, _ = _session(play)
+    assert (health.received, health.refused) == (2, 1)
+    assert list(flags) == [START, START + 4]
+
+
+def test_a_packet_that_is_not_as_configured_begins_no_session():
+    config = usual_rsi_config("127.0.0.1", 49152)
+
+    def play(robot, source):
+        robot.send(rob(START).replace(b'<Delay D="0" />', b""))
+        until(lambda: source.health().refused == 1)
+        assert robot.quiet()
+        assert "without Delay" in source.health().last_fault
+        assert not source.health().connected
+
+    _session(play, config=config)
+
+
+def test_nan_is_answered_flagged_and_ends_the_correction():
+    guard = _guard(ABSOLUTE)
+
+    def play(robot, source):
+        now = _led(robot, guard, 30)
+        robot.ask(rob(now, a1="nan"))
+        until(lambda: not guard.active)
+        assert "NOT_FINITE" in guard.why
+        assert "NOT_FINITE" in source.health().last_fault
+
+    _, flags, blocks = _session(play, guard, mode=ABSOLUTE)
+    last = list(flags.values())[-1]
+    assert last & Flag.NOT_FINITE
+    assert np.isnan(blocks[-1].joints[-1, 0])
+
+
+def test_repeated_reordered_and_lost_packets_and_clocks_that_jump():
+    def play(robot, source):
+        robot.ask(rob(START))
+        robot.ask(rob(START + 4))
+        robot.send(rob(START + 4))
+        until(lambda: source.health().received == 3)
+        assert robot.quiet(), "a packet is answered once"
+        robot.ask(rob(START + 20))
+        assert ipoc_of(robot.ask(rob(START + 16))) == START + 16
+        robot.ask(rob(START + 24))
+        robot.ask(rob(START + 24 + 60_000))
+        robot.ask(rob(START + 28 + 60_000))
+        robot.ask(rob(START + 31 + 60_000))
+
+    health, _, blocks = _session(play)
+    kinds = [Flag(int(f)) & (Flag.INVALID | Flag.GAP) for b in blocks for f in b.flags]
+    none = Flag.NONE
+    expected = [none, none, Flag.REPEATED, Flag.GAP, Flag.REORDERED, none]
+    assert kinds == [*expected, Flag.CLOCK_JUMP, none, Flag.CLOCK_JUMP]
+    assert health.lost == 2
+    assert "CLOCK_JUMP" in health.last_fault
+
+
+def test_a_wrong_ipoc_does_not_silence_the_link():
+    """One that lies ahead makes those after it look old; they are answered all the same."""
+
+    def play(robot, source):
+        for ipoc in (START, START + 4, START + 60, START + 8, START + 12, START + 16):
+            assert ipoc_of(robot.ask(rob(ipoc))) == ipoc
+
+    _, flags, _ = _session(play)
+    assert flags[START + 60] & Flag.GAP
+    assert flags[START + 8] & Flag.REORDERED
+
+
+def test_a_second_sender_is_refused_and_the_first_kept():
+    def play(robot, source):
+        robot.ask(rob(START))
+        with Robot(source.address) as other:
+            # the first is heard often enough to be there still
+            for k in range(1, 6):
+                robot.ask(rob(START + 4 * k))
+                other.send(rob(1000 + 4 * k))
+            until(lambda: source.health().refused == 5)
+            assert other.quiet()
+        assert "a second sender" in source.health().last_fault
+
+    health, flags, _ = _session(play)
+    assert min(flags) == START
+    assert health.reconnects == 0
+
+
+def test_a_controller_that_comes_back_is_answered_with_no_correction():
+    guard = _guard(ABSOLUTE)
+
+    def play(robot, source):
+        _led(robot, guard, 30)
+        assert not guard.at_rest
+        until(lambda: not source.health().connected)
+        with Robot(source.address) as again:
+            answer = again.ask(rob(17))
+            assert b'X="0.000000"' in answer
+            assert "anew" in guard.why
+            again.ask(rob(21))
+
+    health, flags, _ = _session(play, guard, mode=ABSOLUTE)
+    assert health.reconnects == 1
+    assert flags[17] & Flag.CLOCK_JUMP
+    assert not flags[21] & Flag.INVALID
+
+
+def test_answers_that_were_late_bite():
+    guard = _guard(RELATIVE)
+
+    def play(robot, source):
+        now = _led(robot, guard, 30)
+        robot.ask(rob(now, late=1))
+        robot.ask(rob(now + 4, late=1))
+        assert guard.active
+        robot.ask(rob(now + 8, late=2))
+        until(lambda: not guard.active)
+
+    health, flags, _ = _session(
+        play, guard, mode=RELATIVE, config=usual_rsi_config("127.0.0.1", 49152, hold=False)
+    )
+    assert "2 late answers" in guard.why
+    assert sum(bool(f & Flag.LATE) for f in flags.values()) >= 2
+    assert health.late >= 2
+
+
+def test_only_send_is_not_answered():
+    config = replace(usual_rsi_config("127.0.0.1", 49152), only_send=True)
+
+    def play(robot, source):
+        for k in range(3):
+            robot.send(rob(START + 4 * k))
+        until(lambda: source.health().received == 3)
+        assert robot.quiet()
+
+    health, _, _ = _session(play, config=config)
+    assert np.isnan(health.turnaround_p50)
+
+
+def test_a_slow_reader_is_named_and_loses_nothing():
+    def play(robot, source):
+        for k in range(12):
+            robot.ask(rob(START + 4 * k))
+        until(lambda: source.health().received == 12)
+        assert source.health().last_fault == "12 samples wait to be read, more than 10"
+
+    _, flags, _ = _session(play, waiting=10)
+    assert len(flags) == 12
+
+
+def test_an_address_that_is_taken():
+    async def twice():
+        source = RsiSource(_settings())
+        try:
+            with pytest.raises(ConfigurationError, match="cannot be listened on"):
+                RsiSource(_settings(port=source.address[1]))
+        finally:
+            await source.close()
+
+    asyncio.run(twice())
+
+
+HOLD = usual_rsi_config("127.0.0.1", 49152)
+DROP = usual_rsi_config("127.0.0.1", 49152, hold=False)
+
+
+@pytest.mark.parametrize(
+    ("config", "mode", "message"),
+    [
+        (HOLD, None, "not stated whether the controller adds them up"),
+        (HOLD, RELATIVE, r'RKorr.X has HOLDON="1" with relative .* would move on'),
+        (DROP, ABSOLUTE, r'RKorr.X has HOLDON="0" with absolute .* would jump back'),
+        (replace(HOLD, only_send=True), ABSOLUTE, "ONLYSEND"),
+        (replace(HOLD, send=HOLD.send[:2]), ABSOLUTE, "which answers came late"),
+        (replace(HOLD, receive=HOLD.receive[1:]), ABSOLUTE, "takes no RKorr.X"),
+    ],
+)
+def test_corrections_that_cannot_be_sent_safely_are_refused(config, mode, message):
+    with pytest.raises(ConfigurationError, match=message):
+        RsiSource(_settings(config=config, mode=mode), _guard(ABSOLUTE))
+
+
+def test_the_prepared_answer_is_the_same_to_the_byte():
+    for config in (HOLD, replace(HOLD, receive=HOLD.receive[:2]), replace(HOLD, sen_type="a&b")):
+        writer = SenWriter(config, ABSOLUTE)
+        for shift in ([0.0, 0.0, 0.0], [1e-4, -2.5e-7, 0.0]):
+            for turn in (np.zeros(3), np.full(3, 1e-3 if len(config.receive) > 2 else 0.0)):
+                wanted = Correction(shift=np.array(shift), turn=turn, mode=ABSOLUTE)
+                assert writer.write(77, wanted) == write_sen(config, 77, wanted, ABSOLUTE)
+
+
+def test_a_configuration_written_is_the_one_read():
+    for config in (HOLD, DROP, replace(HOLD, only_send=True, sen_type="a<b")):
+        assert parse_rsi_config(write_rsi_config(config)) == config
+
+
+def test_the_histogram_of_turnarounds():
+    times = np.random.default_rng(3).lognormal(np.log(2e-4), 0.7, 5000)
+    turnaround = Turnaround()
+    assert np.isnan(turnaround.quantile(0.5))
+    for value in times:
+        turnaround.add(value)
+    for share in (0.5, 0.99, 1.0):
+        assert turnaround.quantile(share) == pytest.approx(np.quantile(times, share), rel=0.05)
+    assert turnaround.largest == times.max()
+
+
+def _guard(mode, **changes):
+    given = {"shift": 0.5 * MM, "shift_rate": 20.0 * MM, "cycle": 4e-3, "ramp": 0.05}
+    return CorrectionGuard(CorrectionLimits(**(given | {"timeout": 5.0} | changes)), mode)
+
+
+def _led(robot, guard, cycles):
+    """A robot that is led by 0.2 mm; returns the next IPOC."""
+    wanted = Correction(shift=np.array([0.2 * MM, 0.0, 0.0]), turn=np.zeros(3), mode=ABSOLUTE)
+    for k in range(cycles):
+        guard.want(wanted, time.monotonic())
+        robot.ask(rob(START + 4 * k))
+    return START + 4 * cycles
+
+
+def _jog():
+    return Jog(robot=preset("kr160"), joints=np.array([0.0, 30.0, -30.0, 0.0, 60.0, 0.0]) * DEG)
+
+
+@pytest.mark.parametrize(("mode", "config"), [(ABSOLUTE, HOLD), (RELATIVE, DROP)])
+def test_a_simulated_robot_is_led_within_limits_and_left_without_correction(mode, config):
+    guard = _guard(mode, late_answers=1000)
+    shift = np.array([0.2 * MM, -0.1 * MM, 0.0])
+
+    async def session():
+        source = RsiSource(_settings(config=config, mode=mode), guard)
+        target = replace(config, port=source.address[1])
+        stop = asyncio.Event()
+        robot = asyncio.create_task(
+            run(RsiControllerSettings(config=target, mode=mode, motion=_jog()), stop=stop)
+        )
+        wanted = Correction(shift=shift, turn=np.zeros(3), mode=ABSOLUTE)
+        rows = 0
+        async for block in source.blocks():
+            rows += len(block)
+            guard.want(wanted, float(block.host_time[-1]))
+            if rows >= 100:
+                break
+        led = block.T_frame_tool[-1, :3, 3]
+        await asyncio.wait_for(source.close(), 15.0)
+        stop.set()
+        return await asyncio.wait_for(robot, 15.0), led
+
+    report, led = asyncio.run(session())
+    assert not report.broke_off
+    assert report.faulty == 0
+    assert report.answered >= 100
+    assert report.largest_mm == pytest.approx(np.hypot(0.2, 0.1), abs=1e-4)
+    assert report.largest_step_mm <= 20.0 * 4e-3 * (1 + report.late) + 1e-9
+    np.testing.assert_allclose(report.correction, 0.0, atol=1e-9)
+    assert np.isfinite(led).all()
+
+
+def test_the_simulated_robot_judges_as_a_controller_does():
+    settings = RsiControllerSettings(
+        config=DROP, mode=RELATIVE, motion=_jog(), timeout_packets=2, first_ipoc=START
+    )
+    robot = RsiController(settings)
+
+    def cycle(*answers):
+        robot.next_packet()
+        for answer in answers:
+            robot.take(answer)
+        robot.close_cycle()
+        return robot.report
+
+    def sen(ipoc, x=0.0):
+        wanted = Correction(shift=np.array([x, 0.0, 0.0]), turn=np.zeros(3), mode=RELATIVE)
+        return write_sen(DROP, ipoc, wanted, RELATIVE)
+
+    assert cycle().late == 0, "nobody has answered yet"
+    assert cycle(sen(START + 4, 1e-3)).answered == 1
+    assert cycle(sen(START + 8, 1e-3)).correction[0] == pytest.approx(2.0)
+    report = cycle()
+    assert (report.late, report.correction[0]) == (1, pytest.approx(2.0))
+    report = cycle(sen(START + 12), sen(START + 16, 1e-3))
+    assert (report.late, report.faulty, report.answered) == (1, 0, 3), "the late one is counted"
+    report = cycle(sen(START + 999))
+    assert (report.late, report.faulty, report.broke_off) == (1, 1, "")
+    assert "1 late and 2 faulty answers" in cycle(b"<Sen/>").broke_off
+    assert robot.next_packet() is None
+
+
+def test_the_simulated_robot_holds_or_drops_and_limits():
+    held = RsiController(RsiControllerSettings(config=HOLD, mode=ABSOLUTE, motion=_jog()))
+    first = held.settings.first_ipoc
+    for k in range(2):
+        held.next_packet()
+        if k == 0:
+            wanted = Correction(shift=np.array([1e-3, 0, 0]), turn=np.zeros(3), mode=ABSOLUTE)
+            held.take(write_sen(HOLD, first, wanted, ABSOLUTE))
+        held.close_cycle()
+    assert held.report.correction[0] == pytest.approx(1.0)
+    held.next_packet()
+    wanted = Correction(shift=np.array([0, 6e-3, 0]), turn=np.zeros(3), mode=ABSOLUTE)
+    held.take(write_sen(HOLD, first + 8, wanted, ABSOLUTE))
+    held.close_cycle()
+    assert held.report.broke_off == "correction Y of 6.000000 is beyond 5"
+
+
+def test_collected_blocks_hold_every_row():
+    """Reading block by block while the robot runs loses none."""
+
+    async def session():
+        source = RsiSource(_settings())
+        target = usual_rsi_config("127.0.0.1", source.address[1])
+        settings = RsiControllerSettings(config=target, mode=ABSOLUTE, motion=_jog(), cycles=60)
+        robot = asyncio.create_task(run(settings))
+        blocks = await collected(source, 60)
+        report = await robot
+        await source.close()
+        return blocks, report
+
+    blocks, report = asyncio.run(session())
+    sequence = np.concatenate([b.sequence for b in blocks])
+    np.testing.assert_array_equal(np.diff(sequence), 4)
+    assert report.cycles == 60
