@@ -187,7 +187,9 @@ def refine(
 def report(
     model: DrillModel,
     test: Annotated[Path, typer.Argument(metavar="TEST", help="Clamps the fit has not seen.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Report page (HTML) to write.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Report to write: .html, .pdf or .json.")
+    ],
     limit_deg: Annotated[float, typer.Option(help="95 % of the holes are to be within.")] = 0.1,
     simulated: Annotated[
         bool, typer.Option("--simulated", help="Say on the page that the test is simulated.")
@@ -195,6 +197,7 @@ def report(
     foot: Annotated[
         Path | None, typer.Option(help="Foot file, where the readings are not less their zero.")
     ] = None,
+    lang: Annotated[str, typer.Option(help="en or zh.")] = "en",
     json: Json = False,
 ) -> None:
     """Write the report of a model: what one move leaves, and what it was tested on."""
@@ -207,5 +210,73 @@ def report(
         foot=foot,
         limit_deg=limit_deg,
         simulated=simulated,
+        lang=lang,
+        as_json=json,
+    )
+
+
+@drill.command(name="run")
+def run_online(
+    model: DrillModel,
+    journal: Annotated[
+        Path,
+        typer.Option(help="What is answered and learned, a line each; gone on with if there."),
+    ],
+    address: Annotated[
+        str, typer.Option("--from", help="Where the machine's values come in.")
+    ] = "udp://127.0.0.1:47600",
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Model file, written after every reference."),
+    ] = None,
+    foot: Annotated[
+        Path | None, typer.Option(help="Foot file, where the readings are not less their zero.")
+    ] = None,
+    approach: Annotated[
+        str, typer.Option(help="How the foot comes down; default the usual way.")
+    ] = "",
+    truth: Annotated[
+        str, typer.Option(help="What measures the tilts left, where they do not say so.")
+    ] = "",
+    sigma_deg: Annotated[
+        float, typer.Option(help="Standard deviation of that reference in deg.")
+    ] = 0.005,
+    clamp_force_N: Annotated[
+        float, typer.Option("--clamp-force-n", help="Force above which the foot is clamped, N.")
+    ] = 50.0,
+    quiet_ms: Annotated[float, typer.Option(help="Time in which nothing may move.")] = 200.0,
+    steady_um: Annotated[
+        float, typer.Option(help="What a reading may move by in that time.")
+    ] = 20.0,
+    steady_N: Annotated[
+        float, typer.Option("--steady-n", help="What the force may move by in that time.")
+    ] = 10.0,
+    patience_s: Annotated[float, typer.Option(help="Then a restless clamp is given up.")] = 5.0,
+    seconds: Annotated[float | None, typer.Option(help="End after so long.")] = None,
+    json: Json = False,
+) -> None:
+    """Stand by a machine: answer every clamp with one move, learn from references, watch."""
+    from robotrue.cli.drill_run import run
+    from robotrue.core.units import UM
+    from robotrue.drilling.clamp_watch import ClampSettings
+
+    run(
+        model,
+        address=address,
+        journal=journal,
+        output=output,
+        foot=foot,
+        approach=approach,
+        truth=truth,
+        sigma_deg=sigma_deg,
+        settings=ClampSettings(
+            force_on=clamp_force_N,
+            force_off=0.4 * clamp_force_N,
+            quiet=quiet_ms * 1e-3,
+            reading_moves=steady_um * UM,
+            force_moves=steady_N,
+            patience=patience_s,
+        ),
+        seconds=seconds,
         as_json=json,
     )

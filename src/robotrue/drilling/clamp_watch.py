@@ -1,0 +1,214 @@
+"""From a stream of readings to clamps: when the foot stands on the skin and has come to rest.
+
+A clamp begins when the force rises above ``force_on``. It is taken once, from the mean over the
+first ``quiet`` seconds in which no reading and no force moves by more than stated, and ends when
+the force falls below ``force_off``. What does not come to rest in time is told as such, not
+averaged.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array, frozen
+from robotrue.core.units import DEG, MM, UM
+from robotrue.drilling.campaign import Clamps
+from robotrue.errors import ConfigurationError, ShapeError
+
+LEAST: Final = 5
+"""Samples that a mean is taken over, at least."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClampSettings:
+    """When a foot counts as clamped and at rest.
+
+    Attributes:
+        force_on: N, above which a clamp begins.
+        force_off: N, below which it has ended.
+        quiet: s in which nothing may move.
+        reading_moves: m, peak to peak of each reading in that time.
+        force_moves: N, likewise of the force.
+        axes_move: rad, likewise of A and B.
+        patience: s from the begin of a clamp until it is given up.
+        gap: s without a sample after which the rest begins anew.
+    """
+
+    force_on: float = 50.0
+    force_off: float = 20.0
+    quiet: float = 0.2
+    reading_moves: float = 20 * UM
+    force_moves: float = 10.0
+    axes_move: float = 2e-3 * DEG
+    patience: float = 5.0
+    gap: float = 0.1
+
+    def __post_init__(self) -> None:
+        """Checks signs and order."""
+        numbers = (
+            self.quiet, self.reading_moves, self.force_moves, self.axes_move, self.gap,
+            self.force_off,
+        )  # fmt: skip
+        if not (all(v > 0.0 for v in numbers) and self.force_on > self.force_off):
+            raise ConfigurationError(
+                f"clamp from {self.force_on:g} N to {self.force_off:g} N, quiet for "
+                f"{self.quiet:g} s; expected all above 0 and the force that begins a clamp above "
+                "the one that ends it."
+            )
+        if not self.patience > self.quiet:
+            raise ConfigurationError(
+                f"patience of {self.patience:g} s, expected more than the {self.quiet:g} s of rest."
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FootSample:
+    """What is known of the foot at one moment.
+
+    Attributes:
+        time: s, of a clock that does not go back.
+        readings: (k,) m, less their zero.
+        force: N.
+        height: m, of the Z axis.
+        axes: (2,) rad, A and B as the machine counts them.
+    """
+
+    time: float
+    readings: Array
+    force: float
+    height: float
+    axes: Array
+
+    def __post_init__(self) -> None:
+        """Freezes; a sample that is not finite is for the caller to leave out."""
+        object.__setattr__(self, "readings", frozen(self.readings, (None,), "readings"))
+        object.__setattr__(self, "axes", frozen(self.axes, (2,), "axes"))
+        if not np.isfinite([self.time, self.force, self.height]).all():
+            raise ShapeError(
+                f"time {self.time:g} s, force {self.force:g} N, height {self.height:g} m; expected "
+                "finite numbers."
+            )
+
+
+class Seen(Enum):
+    """What a sample brought about."""
+
+    NOTHING = "nothing"
+    BEGUN = "begun"
+    TAKEN = "taken"
+    RESTLESS = "restless"
+    """It did not come to rest in time."""
+    ENDED = "ended"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClampEvent:
+    """What a sample brought about.
+
+    Attributes:
+        seen: It.
+        clamps: One clamp, means over the rest, where ``seen`` is ``TAKEN``.
+        axes: (2,) rad, A and B in that time.
+        said: Which value moved by how much, where ``seen`` is ``RESTLESS``.
+    """
+
+    seen: Seen
+    clamps: Clamps | None = None
+    axes: Array = field(default_factory=lambda: np.zeros(2))
+    said: str = ""
+
+
+_NOTHING: Final = ClampEvent(seen=Seen.NOTHING)
+
+
+class ClampWatch:
+    """The state from sample to sample.
+
+    Args:
+        settings: When a foot counts as clamped and at rest.
+        approach: How this cell brings its foot down, as the campaign names it.
+    """
+
+    def __init__(self, settings: ClampSettings, *, approach: str = "") -> None:
+        self._settings, self._approach = settings, approach
+        self._rest: deque[FootSample] = deque()
+        self._latest = -np.inf
+        self._begun: float | None = None
+        self._told = False
+
+    def push(self, sample: FootSample) -> ClampEvent:
+        """Returns what a sample brought about.
+
+        A sample that is not newer than the one before is left out.
+
+        Raises:
+            ShapeError: Another number of sensors within one clamp.
+        """
+        if not sample.time > self._latest:
+            return _NOTHING
+        if sample.time - self._latest > self._settings.gap:
+            self._rest.clear()
+        self._latest = sample.time
+        if self._begun is None:
+            if sample.force < self._settings.force_on:
+                return _NOTHING
+            self._begun, self._told = sample.time, False
+            self._rest.clear()
+            self._rest.append(sample)
+            return ClampEvent(seen=Seen.BEGUN)
+        if sample.force < self._settings.force_off:
+            self._begun = None
+            return ClampEvent(seen=Seen.ENDED)
+        return _NOTHING if self._told else self._resting(sample, self._begun)
+
+    def broken(self) -> None:
+        """Forgets the rest so far: a sample was bad or is missing."""
+        self._rest.clear()
+
+    def _resting(self, sample: FootSample, begun: float) -> ClampEvent:
+        rest, settings = self._rest, self._settings
+        rest.append(sample)
+        # the oldest goes when the rest without it still fills the time
+        while len(rest) > 1 and sample.time - rest[1].time >= settings.quiet:
+            rest.popleft()
+        full = sample.time - rest[0].time >= settings.quiet and len(rest) >= LEAST
+        moving = self._moving() if full else ""
+        if full and not moving:
+            self._told = True
+            return ClampEvent(seen=Seen.TAKEN, clamps=self._mean(), axes=_mean_axes(rest))
+        if sample.time - begun > settings.patience:
+            self._told = True
+            said = moving or f"only {len(rest)} good samples in {settings.quiet:g} s"
+            return ClampEvent(seen=Seen.RESTLESS, said=said)
+        return _NOTHING
+
+    def _moving(self) -> str:
+        """Which value moves in the rest, and by how much; empty if none does."""
+        force = np.array([s.force for s in self._rest])
+        if np.ptp(force) > self._settings.force_moves:
+            return f"the clamp force moves by {np.ptp(force):.1f} N"
+        span = np.ptp(np.array([s.readings for s in self._rest]), axis=0)
+        worst = int(np.argmax(span))
+        if span[worst] > self._settings.reading_moves:
+            return f"sensor {worst + 1} moves by {span[worst] / MM:.4f} mm"
+        turned = float(np.ptp(np.array([s.axes for s in self._rest]), axis=0).max())
+        if turned > self._settings.axes_move:
+            return f"the axes A and B turn by {turned / DEG:.4f} deg"
+        return ""
+
+    def _mean(self) -> Clamps:
+        return Clamps(
+            readings=np.mean([s.readings for s in self._rest], axis=0)[None],
+            force=np.array([np.mean([s.force for s in self._rest])]),
+            height=np.array([np.mean([s.height for s in self._rest])]),
+            approach=(self._approach,),
+        )
+
+
+def _mean_axes(rest: deque[FootSample]) -> Array:
+    return np.asarray(np.mean([s.axes for s in rest], axis=0))

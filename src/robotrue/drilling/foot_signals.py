@@ -1,0 +1,83 @@
+"""Named values of a machine as samples of its foot, and as what a reference found.
+
+A foot: ``d1_mm, d2_mm, ...`` (less their zero), or ``raw1_mm, ...`` or ``raw1_counts, ...`` with
+the foot's zero; ``force_N``, ``z_mm``, and ``A_deg, B_deg`` as the machine counts its axes.
+A reference: ``left_a_deg, left_b_deg``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.core.units import DEG, MM
+from robotrue.drilling.campaign_csv import LEFT, STEEPEST, zeroed
+from robotrue.drilling.clamp_watch import FootSample
+from robotrue.drilling.foot_file import FootSetup
+from robotrue.errors import FormatError, ImplausibleDataError
+
+_FORMS: Final = ("d{}_mm", "raw{}_mm", "raw{}_counts")
+
+
+def is_reference(values: Mapping[str, float]) -> bool:
+    """Returns whether values are what a reference found, not what a foot reads."""
+    return any(name in values for name in LEFT)
+
+
+def foot_sample(values: Mapping[str, float], setup: FootSetup, time: float) -> FootSample:
+    """Returns the sample of a foot.
+
+    Args:
+        values: By name, in the units of their names.
+        setup: How many sensors, and their zero where readings are raw.
+        time: s, of a clock that does not go back.
+
+    Raises:
+        FormatError: A value is missing, or readings come in two forms.
+        ConfigurationError: Raw readings without the foot's zero.
+    """
+    sensors = range(1, len(setup.foot.radius) + 1)
+    forms = [form for form in _FORMS if form.format(1) in values]
+    if len(forms) != 1:
+        raise FormatError(
+            f"{'several forms of' if forms else 'no'} readings among {', '.join(values)}.",
+            hint=f"one of {', '.join(form.format(1) + ', ...' for form in _FORMS)}.",
+        )
+    form = forms[0]
+    raw = _taken(values, tuple(form.format(k) for k in sensors))
+    force, height, a, b = _taken(values, ("force_N", "z_mm", "A_deg", "B_deg"))
+    counts = form == "raw{}_counts"
+    return FootSample(
+        time=time,
+        readings=raw * MM if form == "d{}_mm" else zeroed(raw[None], setup, counts=counts)[0],
+        force=float(force),
+        height=float(height * MM),
+        axes=np.array([a, b]) * DEG,
+    )
+
+
+def left_by(values: Mapping[str, float]) -> Array:
+    """Returns the tilt (2,) rad that a reference found after a move.
+
+    Raises:
+        FormatError: One of the two is missing.
+        ImplausibleDataError: Tilts that are not left by any move.
+    """
+    left = _taken(values, LEFT)
+    if np.abs(left).max() > STEEPEST:
+        raise ImplausibleDataError(
+            f"a reference of {left[0]:g}, {left[1]:g} deg, up to {STEEPEST:g} deg is possible."
+        )
+    return left * DEG
+
+
+def _taken(values: Mapping[str, float], names: tuple[str, ...]) -> Array:
+    missing = [name for name in names if name not in values]
+    if missing:
+        raise FormatError(
+            f"{', '.join(missing)} is missing; there are {', '.join(values) or 'no values'}."
+        )
+    return np.array([values[name] for name in names])

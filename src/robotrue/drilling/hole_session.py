@@ -1,0 +1,145 @@
+"""Drilling hole by hole: a clamp in, one move or a refusal out, what a reference found back in."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from robotrue.core.arrays import Array
+from robotrue.drilling.adjust import Adjustment, adjustment
+from robotrue.drilling.campaign import Clamps
+from robotrue.drilling.clamp_watch import ClampSettings, ClampWatch, FootSample, Seen
+from robotrue.drilling.model import NormalModel, seen
+from robotrue.drilling.production import Step, record_of, recorded
+from robotrue.errors import ConfigurationError, RobotrueError
+
+KEPT: Final = 10_000
+"""Holes whose clamps are kept for a reference that measures them later."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HoleAnswer:
+    """What the machine is told about one clamp.
+
+    Attributes:
+        hole: Its number or name.
+        clamps: The clamp, one row; None where the foot did not come to rest.
+        axes: (2,) rad, A and B at the clamp.
+        adjustment: The one move; None where the machine is not told to move.
+        refused: Why not, with what to try; "" where it is.
+        version: Of the model.
+    """
+
+    hole: str
+    clamps: Clamps | None
+    axes: Array
+    adjustment: Adjustment | None
+    refused: str
+    version: int
+
+
+class HoleSession:
+    """A model in use.
+
+    Args:
+        model: Learned from a campaign, perhaps frozen.
+        settings: When the foot counts as clamped and at rest.
+        approach: How this cell brings its foot down, as the campaign names it.
+        reference: rad, deviation of the outside reference in each of a and b.
+        clamps: Clamps of holes answered before, for references that come late.
+        count: Clamps answered before.
+    """
+
+    def __init__(
+        self,
+        model: NormalModel,
+        *,
+        settings: ClampSettings,
+        reference: float,
+        approach: str = "",
+        clamps: Mapping[str, Clamps] | None = None,
+        count: int = 0,
+    ) -> None:
+        if not reference > 0.0:
+            raise ConfigurationError(
+                f"deviation of the reference is {reference:g} rad, expected above 0."
+            )
+        self.model = model
+        self._watch = ClampWatch(settings, approach=approach)
+        self._reference = reference
+        self._clamps = OrderedDict(clamps or {})
+        self._count = count
+
+    def push(self, sample: FootSample, *, hole: str = "") -> HoleAnswer | None:
+        """Returns the answer to a clamp with the sample that completes it; None otherwise.
+
+        Args:
+            sample: Of the foot.
+            hole: Its name; holes are counted without.
+
+        Raises:
+            ShapeError: Not one reading per sensor.
+        """
+        event = self._watch.push(sample)
+        if event.seen is Seen.BEGUN:
+            self._count += 1
+        if event.seen not in (Seen.TAKEN, Seen.RESTLESS):
+            return None
+        name = hole or str(self._count)
+        found, refused = None, ""
+        if event.clamps is None:
+            refused = f"the foot does not come to rest: {event.said}. Clamp again."
+        else:
+            found, refused = self._found(event.clamps, event.axes)
+            if found is not None:
+                self._keep(name, event.clamps)
+        return HoleAnswer(
+            hole=name,
+            clamps=event.clamps,
+            axes=event.axes,
+            adjustment=found,
+            refused=refused,
+            version=self.model.version,
+        )
+
+    def broken(self) -> None:
+        """Says that a sample was bad or is missing: the rest before it does not count."""
+        self._watch.broken()
+
+    def remained(self, hole: str, left: Array, truth: str) -> Step:
+        """Takes what an outside reference measured at a hole after its move, into the model.
+
+        Args:
+            hole: As answered.
+            left: (2,) rad, true normal less spindle axis, as (a, b).
+            truth: What measured it.
+
+        Raises:
+            ConfigurationError: A hole that was not moved for here, or no outside reference.
+        """
+        clamps = self._clamps.get(hole)
+        if clamps is None:
+            raise ConfigurationError(
+                f"a reference for hole {hole!r}, which was not moved for here.",
+                hint="the name of the hole as it was answered with a move; each reference once.",
+            )
+        found = seen(self.model, clamps)
+        record = record_of(hole, found, left, truth)
+        step = recorded(self.model, found, record, reference=self._reference)
+        self.model = step.model
+        del self._clamps[hole]
+        return step
+
+    def _found(self, clamps: Clamps, axes: Array) -> tuple[Adjustment | None, str]:
+        try:
+            return adjustment(self.model, clamps, axes), ""
+        except RobotrueError as cause:
+            return None, cause.message + (f" ({cause.hint})" if cause.hint else "")
+
+    def _keep(self, hole: str, clamps: Clamps) -> None:
+        self._clamps[hole] = clamps
+        self._clamps.move_to_end(hole)
+        if len(self._clamps) > KEPT:
+            self._clamps.popitem(last=False)

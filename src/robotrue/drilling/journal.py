@@ -1,0 +1,195 @@
+"""What a session answered and learned, a line of JSON each, on the disk before the machine moves.
+
+After a stop of any kind the session goes on from it: which clamps wait for a reference, and how
+many holes there were. A last line without its end was cut by that stop and is left out.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from io import FileIO
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from robotrue.core.units import DEG, MM
+from robotrue.drilling.campaign import Clamps
+from robotrue.drilling.hole_session import HoleAnswer
+from robotrue.drilling.production import Step
+from robotrue.errors import FormatError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JournalState:
+    """Where a session stood.
+
+    Attributes:
+        answered: Clamps answered.
+        waiting: Clamps of holes that were moved for and wait for a reference, by hole.
+        version: Of the model, at the last line; 0 without one.
+    """
+
+    answered: int
+    waiting: Mapping[str, Clamps]
+    version: int
+
+
+def answer_document(answer: HoleAnswer) -> dict[str, Any]:
+    """Returns an answer as machine and journal are told it: deg, mm, N."""
+    document: dict[str, Any] = {"hole": answer.hole, "version": answer.version}
+    if answer.adjustment is None:
+        return {**document, "status": "refused", "said": answer.refused}
+    found = answer.adjustment
+    move = found.move
+    a, b = (found.tilt / DEG).tolist()
+    sigma = (np.sqrt(np.diag(found.covariance)) / DEG).tolist()
+    return {
+        **document,
+        "status": "move",
+        "a_deg": a,
+        "b_deg": b,
+        "a_sigma_deg": sigma[0],
+        "b_sigma_deg": sigma[1],
+        **{f"{n}_deg": v / DEG for n, v in zip("AB", move.axes.tolist(), strict=True)},
+        **{f"d{n}_deg": v / DEG for n, v in zip("AB", move.turn.tolist(), strict=True)},
+        **{
+            f"d{n}_mm": v / MM
+            for n, v in zip("XYZ", move.shift.tolist(), strict=True)
+            if np.isfinite(v)
+        },
+        "notes": list(found.notes),
+    }
+
+
+def step_document(
+    hole: str, step: Step, left_deg: tuple[float, float], truth: str
+) -> dict[str, Any]:
+    """Returns what a reference did to the model, as machine and journal are told it."""
+    return {
+        "hole": hole,
+        "status": "alarm" if step.alarm else "recorded",
+        "left_a_deg": left_deg[0],
+        "left_b_deg": left_deg[1],
+        "truth": truth,
+        "shift_deg": (step.shift / DEG).tolist(),
+        "said": step.said,
+        "version": step.model.version,
+    }
+
+
+class Journal:
+    """An open journal; a context manager.
+
+    Args:
+        path: Gone on with if it is there.
+
+    Raises:
+        FormatError: It cannot be opened, or holds a line that is none of a journal.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self._path = Path(path)
+        try:
+            self._file = FileIO(self._path, "a+")
+        except OSError as cause:
+            raise FormatError(
+                f"cannot write: {cause.strerror}.", source=path, hint="check the folder."
+            ) from cause
+        try:
+            self.state = self._settled()
+        except BaseException:
+            self._file.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._file.close()
+
+    def answered(self, answer: HoleAnswer, document: Mapping[str, Any]) -> None:
+        """Puts an answer on the disk.
+
+        Raises:
+            FormatError: The disk does not take it: the machine must not move.
+        """
+        line: dict[str, Any] = {"kind": "answer", **document}
+        if answer.clamps is not None:
+            line |= {
+                "d_mm": (answer.clamps.readings[0] / MM).tolist(),
+                "force_N": float(answer.clamps.force[0]),
+                "z_mm": float(answer.clamps.height[0] / MM),
+                "approach": answer.clamps.approach[0],
+                "at_A_deg": float(answer.axes[0] / DEG),
+                "at_B_deg": float(answer.axes[1] / DEG),
+            }
+        self._put(line)
+
+    def recorded(self, document: Mapping[str, Any]) -> None:
+        """Puts what a reference did on the disk.
+
+        Raises:
+            FormatError: The disk does not take it.
+        """
+        self._put({"kind": "reference", **document})
+
+    def _put(self, document: Mapping[str, Any]) -> None:
+        data = (json.dumps(document, allow_nan=False) + "\n").encode()
+        size = self._file.seek(0, os.SEEK_END)
+        try:
+            done = 0
+            while done < len(data):
+                done += self._file.write(data[done:]) or 0
+            os.fsync(self._file.fileno())
+        except OSError as cause:
+            self._file.truncate(size)
+            raise FormatError(
+                f"cannot write: {cause.strerror}.", source=self._path, hint="make room on the disk."
+            ) from cause
+
+    def _settled(self) -> JournalState:
+        """Reads what is there and cuts off a last line without its end."""
+        self._file.seek(0)
+        data = self._file.readall()
+        whole = data.rfind(b"\n") + 1
+        answered, version = 0, 0
+        waiting: dict[str, Clamps] = {}
+        for number, line in enumerate(data[:whole].splitlines(), start=1):
+            try:
+                entry = json.loads(line)
+                if entry["kind"] == "answer":
+                    answered += 1
+                    if entry["status"] == "move":
+                        waiting[entry["hole"]] = _clamps(entry)
+                else:
+                    waiting.pop(entry["hole"], None)
+                version = int(entry["version"])
+            except (ValueError, KeyError, TypeError) as cause:
+                raise FormatError(
+                    "not a line of a drilling journal.",
+                    source=self._path,
+                    line=number,
+                    hint="another file for the journal; this one is left as it is.",
+                ) from cause
+        if whole < len(data):
+            self._file.truncate(whole)
+        return JournalState(answered=answered, waiting=waiting, version=version)
+
+
+def _clamps(entry: Mapping[str, Any]) -> Clamps:
+    return Clamps(
+        readings=np.array([entry["d_mm"]], dtype=np.float64) * MM,
+        force=np.array([entry["force_N"]], dtype=np.float64),
+        height=np.array([entry["z_mm"]], dtype=np.float64) * MM,
+        approach=(str(entry["approach"]),),
+    )
