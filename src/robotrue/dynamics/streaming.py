@@ -20,7 +20,7 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array
+from robotrue.core.arrays import Array, IntArray
 from robotrue.dynamics.frf import ComplexArray
 from robotrue.dynamics.oscillators import Oscillators
 from robotrue.dynamics.streaming_kernels import DONE, LANES, NOT_FINITE, ROWS, TAIL, run
@@ -160,6 +160,29 @@ class ModalFilter:
                 f"({len(self._oscillators)},) and (3,)."
             )
         self._keep(np.asarray(state, dtype=np.complex128), np.asarray(force, dtype=np.float64))
+
+    def snapshot(self) -> Array:
+        """Returns the state bit for bit, for a checkpoint: the kernel's own, (2 lanes + 3,)."""
+        return self._memory[self._kept].copy()
+
+    def resume(self, snapshot: Array) -> None:
+        """Goes on from :meth:`snapshot` of a filter with the same oscillators, bit for bit.
+
+        Raises:
+            ShapeError: The snapshot of another number of oscillators.
+        """
+        if np.shape(snapshot) != (len(self._kept),):
+            raise ShapeError(
+                f"snapshot has shape {np.shape(snapshot)}, expected ({len(self._kept)},)."
+            )
+        self._memory[self._kept] = snapshot
+
+    @property
+    def _kept(self) -> IntArray:
+        """Where the state stands in the kernel's memory: two rows, and the last force."""
+        size = len(self._memory)
+        first = np.arange(STATE * self._lanes, size - TAIL)
+        return np.concatenate([first, np.arange(size - 3, size)])
 
     def _take(self, oscillators: Oscillators) -> None:
         fastest = np.abs(oscillators.poles).max(initial=0.0) / (2.0 * np.pi)

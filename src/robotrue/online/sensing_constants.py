@@ -1,0 +1,151 @@
+"""What the kernels need of models and settings, as numbers."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.core.units import STANDARD_GRAVITY
+from robotrue.dynamics.deviation import FORCE_ROOM, DeviationModel
+from robotrue.dynamics.oscillators import Oscillators
+from robotrue.dynamics.predict import RINGS
+from robotrue.dynamics.streaming import ModalFilter
+from robotrue.errors import ReachError
+from robotrue.online import sensing_kernels as kernels
+from robotrue.online.sensing_joints import chain_of
+from robotrue.online.sensing_models import MeasuredResponse, PoseResponse, SensingModels
+from robotrue.online.sensing_pose import Constants
+from robotrue.online.sensing_settings import SensingSettings
+from robotrue.robot.forward import drive_jacobian, walk
+
+_STAGES: Final = 1.5
+"""Two low-passes take so much longer to forget than one."""
+
+
+def parameters(models: SensingModels, settings: SensingSettings, own: Oscillators | None) -> Array:
+    """Returns (PARAMETERS,) numbers; ``own`` is what is filtered with, or None."""
+    p = np.zeros(kernels.PARAMETERS)
+    held, learned, response = models.held, models.learned, models.response
+    p[kernels.RATE], p[kernels.AGE] = models.rate, settings.joints_age
+    p[kernels.SOFT] = -np.expm1(-2.0 * np.pi * settings.static_band / models.rate)
+    p[kernels.BRIDGED], p[kernels.MOST] = settings.bridged, settings.force_most
+    p[kernels.ROOM] = response.room if isinstance(response, MeasuredResponse) else np.inf
+    p[kernels.LONGEST] = settings.lever
+    p[kernels.REFRESHED] = response.refresh if isinstance(response, PoseResponse) else np.inf
+    p[kernels.MISFIT] = 0.0 if response is None else response.misfit
+    if held is not None:
+        p[kernels.MASS] = held.mass if settings.acceleration_samples > 0 else 0.0
+    forgets = _STAGES * RINGS / (2.0 * np.pi * settings.static_band)
+    if own is not None and len(own):
+        forgets = max(forgets, RINGS / float(-own.poles.real.max()))
+    memory = float(np.ceil(forgets * models.rate))
+    if learned is not None:
+        rows = max(round(learned.window * models.rate), 1)
+        memory = (np.ceil(memory / rows) + 1.0) * rows
+        p[kernels.LEARNED], p[kernels.WHOLE_WINDOW] = 1.0, rows
+        p[kernels.OFFSET] = learned.model.factors[-2]
+    p[kernels.MEMORY] = memory
+    return p
+
+
+def constants(models: SensingModels, settings: SensingSettings) -> Constants:
+    """Returns the models as the kernels take them.
+
+    Raises:
+        ReachError: A response measured at a pose outside the limits of the joints.
+    """
+    robot, response, dof = models.robot, models.response, models.robot.dof
+    zero = settings.force_zero
+    held = np.zeros(12)
+    if models.held is not None:
+        tool = models.held
+        held = np.concatenate(
+            [tool.weight_in_base, tool.centre, tool.force_offset, tool.moment_offset]
+        )
+        zero = float(np.hypot(tool.force_offset_sd.max(), tool.mass_sd * STANDARD_GRAVITY))
+    compliance, covariance = np.zeros(dof), np.zeros((dof, dof))
+    if isinstance(response, PoseResponse):
+        compliance = 1.0 / response.arm.stiffness
+    elif models.compliance is not None:
+        compliance = np.array(models.compliance.compliance)
+        covariance = np.array(models.compliance.covariance)
+    home, jacobian, rest = np.full(dof, np.nan), np.zeros((3, dof)), np.zeros((3, 3))
+    if isinstance(response, PoseResponse):
+        rest = response.tool.static
+    elif response is not None:
+        _check_limits(models, response.joints)
+        home = np.array(response.joints)
+        state = walk(robot, home[None])
+        jacobian = drive_jacobian(robot, state)[0, :3]
+        if response.frame == "tool":
+            jacobian = state.rotation[0].T @ jacobian
+        rest = response.oscillators.static - (jacobian * compliance) @ jacobian.T
+    learned = np.zeros(dof + 12)
+    if models.learned is not None:
+        learned = _learned(models.learned.model)
+    table, modified, joint_map = chain_of(models)
+    return Constants(
+        table=table,
+        modified=modified,
+        joint_map=joint_map,
+        limits=np.array(robot.limits),
+        T_flange_tool=np.array(robot.T_flange_tool),
+        T_flange_sensor=np.array(models.T_flange_sensor),
+        held=held,
+        compliance=compliance,
+        covariance=np.ascontiguousarray(covariance),
+        home=home,
+        home_jacobian=np.ascontiguousarray(jacobian),
+        rest=np.array(rest),
+        learned=learned,
+        own=float(not isinstance(response, PoseResponse)),
+        turns=isinstance(response, MeasuredResponse) and response.frame == "tool",
+        zero=zero,
+        projected=models.learned is not None,
+    )
+
+
+def noise_variance(
+    own: Oscillators | None, models: SensingModels, settings: SensingSettings
+) -> Array:
+    """Returns (3,) m^2: what white noise of the force becomes in the filters' output."""
+    if own is None:
+        return np.zeros(3)
+    size = settings.force_noise if models.held is None else models.held.force_noise
+    steps = 2 + int(np.ceil(RINGS / float(-own.poles.real.max()) * models.rate)) if len(own) else 2
+    total = np.zeros(3)
+    for axis in range(3):
+        knock = np.zeros((steps, 3))
+        knock[1, axis] = size
+        total += (ModalFilter(own, models.rate).push(knock) ** 2).sum(axis=0)
+    return total
+
+
+def _learned(model: DeviationModel) -> Array:
+    """Compliance times factor of each joint, g, direction, lowest and highest force."""
+    dof, arm = model.arm.robot.dof, model.arm
+    low, high = model.windows.force.min(axis=0), model.windows.force.max(axis=0)
+    room = FORCE_ROOM * (high - low) + 0.1 * np.abs(model.windows.force).max()
+    return np.concatenate(
+        [
+            model.factors[:dof] / arm.stiffness,
+            model.factors[dof : dof + 3],
+            arm.direction,
+            low - room,
+            high + room,
+        ]
+    )
+
+
+def _check_limits(models: SensingModels, joints: Array) -> None:
+    limits = models.robot.limits
+    beyond = np.flatnonzero((joints < limits[:, 0]) | (joints > limits[:, 1]))
+    if beyond.size:
+        i = int(beyond[0])
+        raise ReachError(
+            f"the frequency response is of joint {i + 1} at {np.rad2deg(joints[i]):.2f} deg, "
+            f"limits {np.rad2deg(limits[i, 0]):.1f} to {np.rad2deg(limits[i, 1]):.1f} deg.",
+            hint="joints as the controller displays them, in deg.",
+        )

@@ -1,0 +1,232 @@
+"""Where the arm is at the time of a force: joint samples kept until the forces that need them came.
+
+A force takes the joints of samples at or before its own time, carried on at their last speed for
+one and a half of their own interval, then held. So an estimate depends on the times of the
+samples alone, not on how the streams were cut or how far one ran ahead of the other.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array, IntArray
+from robotrue.core.compiled import EXACT, compiled
+from robotrue.dynamics.arm_kernels import link
+from robotrue.errors import ModelMismatchError
+from robotrue.online.blocks import JointBlock
+from robotrue.online.estimates import Doubt
+from robotrue.online.samples import Flag
+from robotrue.online.sensing_models import SensingModels
+from robotrue.online.sensing_settings import SensingSettings
+
+HEAD: Final = 7
+"""Columns of a row before the joints: time it came, doubt, time the joints are of, reach of their
+speed in s, acceleration of the held mass x y z; then joints (rad), then speeds (rad/s)."""
+MOST_ROWS: Final = 1 << 18
+"""Rows kept while no force comes: a quarter of an hour at 250 samples per second."""
+_BAD: Final = int(Doubt.BAD_JOINTS)
+_CLOCK: Final = int(Doubt.CLOCK)
+_INVALID: Final = int(Flag.INVALID)
+_JUMP: Final = int(Flag.CLOCK_JUMP)
+_ON: Final = 1.5
+"""Intervals that joints are carried on at their speed."""
+_BURST: Final = 1e-6
+"""s; samples closer than this came in one burst and have no speed of their own."""
+
+
+class JointTrack:
+    """Joint samples as rows that a force finds its place in.
+
+    Attributes:
+        rows: (k, HEAD + 2 dof), by rising time.
+    """
+
+    __slots__ = ("_age", "_arm", "_last", "_path", "_robot", "_weighs", "rows")
+
+    def __init__(self, models: SensingModels, settings: SensingSettings) -> None:
+        """Starts without joints."""
+        robot = models.robot
+        self._robot, self._age = robot, settings.joints_age
+        self._weighs = models.held is not None and settings.acceleration_samples > 0
+        centre = np.eye(4)
+        if models.held is not None:
+            centre[:3, 3] = models.held.centre
+        self._arm = (*chain_of(models), np.ascontiguousarray(models.T_flange_sensor @ centre))
+        self._last = np.full(2 + 2 * robot.dof, np.nan)
+        self._path = np.full((max(1, settings.acceleration_samples), 4), np.nan)
+        self.rows = np.empty((0, HEAD + 2 * robot.dof))
+
+    def take(self, block: JointBlock) -> None:
+        """Adds a block.
+
+        Raises:
+            ModelMismatchError: Joints of another arm.
+        """
+        dof = self._robot.dof
+        if block.joints.shape[1] != dof:
+            raise ModelMismatchError(
+                f"{block.joints.shape[1]} joints in the stream, {self._robot.name} has {dof}.",
+                hint="the robot of cell.toml is another than the one that sends.",
+            )
+        controller = self._robot.controller
+        joints = block.joints if controller is None else controller.to_model(block.joints)
+        new = np.empty((len(block), HEAD + 2 * dof))
+        _taken(
+            block.host_time, np.ascontiguousarray(joints), block.flags, self._age, self._weighs,
+            *self._arm, self._last, self._path, new,
+        )  # fmt: skip
+        self.rows = np.concatenate([self.rows, new])[-MOST_ROWS:]
+
+    def forget(self, before: int) -> None:
+        """Drops the rows before one that a force has passed."""
+        if before > 0:
+            self.rows = self.rows[before:]
+
+    def state(self) -> dict[str, Array]:
+        """Returns what a later track of the same models goes on from."""
+        return {
+            "joint_rows": self.rows.copy(),
+            "joint_last": self._last.copy(),
+            "joint_path": self._path.copy(),
+        }
+
+    def restore(self, state: dict[str, Array]) -> None:
+        """Goes on from :meth:`state`; shapes were checked."""
+        self.rows = np.array(state["joint_rows"])
+        self._last[:] = state["joint_last"]
+        self._path[:] = state["joint_path"]
+
+
+def chain_of(models: SensingModels) -> tuple[Array, bool, Array]:
+    """Returns the links (n, 5) theta, d, a, sine and cosine of alpha; convention; joint map."""
+    robot = models.robot
+    table = np.column_stack(
+        [robot.theta, robot.d, robot.a, np.sin(robot.alpha), np.cos(robot.alpha)]
+    )
+    return table, robot.convention == "mdh", np.array(robot.joint_map)
+
+
+@compiled(EXACT)
+def chain(
+    joints: Array,
+    table: Array,
+    modified: bool,
+    joint_map: Array,
+    rotation: Array,
+    place: Array,
+    axis: Array,
+    origin: Array,
+) -> None:
+    """Writes the flange's rotation and place (m), and axis and origin of every joint, in base."""
+    n = len(joints)
+    for r in range(3):
+        place[r] = 0.0
+        for c in range(3):
+            rotation[r, c] = 1.0 if r == c else 0.0
+    for i in range(n):
+        theta = table[i, 0]
+        for j in range(n):
+            theta += joint_map[i, j] * joints[j]
+        link(
+            theta, table[i, 1], table[i, 2], table[i, 3], table[i, 4],
+            modified, rotation, place, axis[i], origin[i],
+        )  # fmt: skip
+
+
+@compiled(EXACT)
+def _taken(
+    host_time: Array,
+    joints: Array,
+    flags: IntArray,
+    age: float,
+    weighs: bool,
+    table: Array,
+    modified: bool,
+    joint_map: Array,
+    T_flange_centre: Array,
+    last: Array,
+    path: Array,
+    rows: Array,
+) -> None:
+    """Writes a row per sample. ``last``: time it came, time of joints, joints, speeds."""
+    n = joints.shape[1]
+    rotation, place = np.empty((3, 3)), np.empty(3)
+    axis, origin = np.empty((n, 3)), np.empty((n, 3))
+    for i in range(len(host_time)):
+        time, doubt = host_time[i], 0
+        if flags[i] & _INVALID:
+            doubt |= _BAD
+        if flags[i] & _JUMP:
+            doubt |= _CLOCK
+        for j in range(n):
+            if not np.isfinite(joints[i, j]):
+                doubt |= _BAD
+        if not np.isfinite(time) or time < last[0]:
+            doubt |= _BAD | _CLOCK
+            time = last[0]
+        else:
+            last[0] = time
+        reach = 0.0
+        if doubt == 0:
+            passed = time - last[1]
+            if passed > _BURST:  # not for the first: NaN
+                for j in range(n):
+                    gone = joints[i, j] - last[2 + j]
+                    last[2 + n + j] = gone / passed if passed <= age else 0.0
+                reach = _ON * min(passed, age)
+            elif not np.isfinite(passed):
+                for j in range(n):
+                    last[2 + n + j] = 0.0
+            last[1] = time
+            for j in range(n):
+                last[2 + j] = joints[i, j]
+            if weighs:
+                if not passed <= age:
+                    path[:] = np.nan
+                if not passed <= _BURST:
+                    chain(joints[i], table, modified, joint_map, rotation, place, axis, origin)
+                    for k in range(len(path) - 1):
+                        for c in range(4):
+                            path[k, c] = path[k + 1, c]
+                    path[-1, 0] = time
+                    for r in range(3):
+                        total = place[r]
+                        for c in range(3):
+                            total += rotation[r, c] * T_flange_centre[c, 3]
+                        path[-1, 1 + r] = total
+        rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3] = time, doubt, last[1], reach
+        _bend(path, rows[i, 4:7])
+        for j in range(2 * n):
+            rows[i, 7 + j] = last[2 + j]
+
+
+@compiled(EXACT)
+def _bend(path: Array, acceleration: Array) -> None:
+    """Writes the second derivative of the parabola through (k, 4) time and place; else zero."""
+    k = len(path)
+    for c in range(3):
+        acceleration[c] = 0.0
+    span = path[-1, 0] - path[0, 0]
+    if k < 5 or not span > 0.0:
+        return
+    middle = 0.0
+    for i in range(k):
+        middle += (path[i, 0] - path[0, 0]) / k
+    s2, s3, s4 = 0.0, 0.0, 0.0
+    for i in range(k):
+        t = (path[i, 0] - path[0, 0] - middle) / span
+        s2 += t * t
+        s3 += t * t * t
+        s4 += t * t * t * t
+    lean = s3 / s2
+    size = s4 - s2 * s2 / k - lean * s3  # of t^2 with its mean and slope taken off
+    if not size > 1e-9:
+        return
+    for c in range(3):
+        total = 0.0
+        for i in range(k):
+            t = (path[i, 0] - path[0, 0] - middle) / span
+            total += (t * t - s2 / k - lean * t) * (path[i, 1 + c] - path[0, 1 + c])
+        acceleration[c] = 2.0 * total / (size * span * span)

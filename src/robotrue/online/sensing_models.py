@@ -1,0 +1,252 @@
+"""What an estimate rests on: kinematics, stiffness, frequency response, held tool, deviation.
+
+Nothing is counted twice. A response measured at one pose holds the static deflection of that pose,
+arm and tool together. What the stiffness adds at another pose is the *change* of the arm's
+compliance since then, with J the Jacobian of the tool point and C the compliance of the joints::
+
+    e = G * f + [J C J^T (q) - J C J^T (q0)] F
+
+G * f is the response in time, F the slow force. A learned deviation says by itself what changes
+along the direction it was learned in; the bracket is then left out along it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final, Literal, TypeAlias
+
+import numpy as np
+
+from robotrue.core.arrays import Array, frozen
+from robotrue.core.units import DEG
+from robotrue.dynamics.deviation import DeviationModel
+from robotrue.dynamics.flange_sensor import HeldTool
+from robotrue.dynamics.oscillators import Oscillators, joined
+from robotrue.dynamics.pose_modes import FlexibleArm, pose_modes
+from robotrue.errors import ConfigurationError, ModelMismatchError
+from robotrue.robot.forward import drive_jacobian, walk
+from robotrue.robot.model import RobotModel
+
+_UNLIKE: Final = 30.0
+"""A response this much stiffer or softer at rest than the arm alone is of another unit."""
+
+Axes: TypeAlias = Literal["base", "tool"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointCompliance:
+    """How far the joints yield, and how well that is known.
+
+    Attributes:
+        compliance: (n,) rad/(N m); zero for a joint taken as stiff.
+        covariance: (n, n) of it.
+    """
+
+    compliance: Array
+    covariance: Array
+
+    def __post_init__(self) -> None:
+        """Freezes and checks."""
+        n = len(self.compliance)
+        object.__setattr__(self, "compliance", frozen(self.compliance, (n,), "compliance"))
+        object.__setattr__(self, "covariance", frozen(self.covariance, (n, n), "covariance"))
+        if not (self.compliance >= 0.0).all() or not self.compliance.any():
+            raise ConfigurationError(
+                f"joint compliance {self.compliance} rad/(N m), expected zero or more and one "
+                "above zero: joints yield the way they are pushed.",
+                hint="state [robot] stiffness_Nm_per_rad, or calibrate with payloads.",
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasuredResponse:
+    """The tool's frequency response of a hammer test at one pose, as modes.
+
+    Attributes:
+        oscillators: In the axes of ``frame``.
+        joints: (n,) rad, model joints of the hammer test.
+        frame: Frame of the axes it was measured along; with ``tool`` it turns with the tool.
+        misfit: Part of the response it may be off by, one standard deviation.
+        room: rad, how far a joint may be from the hammer test.
+    """
+
+    oscillators: Oscillators
+    joints: Array
+    frame: Axes
+    misfit: float = 0.05
+    room: float = 45.0 * DEG
+
+    def __post_init__(self) -> None:
+        """Freezes and checks."""
+        object.__setattr__(self, "joints", frozen(self.joints, (len(self.joints),), "joints"))
+        if self.frame not in ("base", "tool"):
+            raise ConfigurationError(
+                f"a frequency response along the axes of {self.frame!r}, expected 'base' or 'tool'."
+            )
+        if not (self.misfit >= 0.0 and self.room > 0.0):
+            raise ConfigurationError(
+                f"misfit {self.misfit:g} and room {self.room:g} rad, expected zero or more and "
+                "more than zero."
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseResponse:
+    """The tool's response from the arm's masses and stiffness at every pose.
+
+    Attributes:
+        arm: Masses, stiffness, damping; its static deflection is the arm's whole.
+        tool: Modes of spindle and tool, base axes.
+        misfit: Part of the response it may be off by, one standard deviation.
+        refresh: rad, turn of a joint after which the modes are computed anew.
+    """
+
+    arm: FlexibleArm
+    tool: Oscillators
+    misfit: float = 0.1
+    refresh: float = 0.2 * DEG
+
+    def at(self, joints: Array) -> Oscillators:
+        """Returns the response at a pose (n,) rad, base axes."""
+        return joined([pose_modes(self.arm, joints).oscillators(), self.tool])
+
+
+Response: TypeAlias = MeasuredResponse | PoseResponse
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LearnedPart:
+    """The deviation learned of windows, and what cuts a stream into such.
+
+    Attributes:
+        model: As fitted.
+        spindle: Turns per second.
+        window: s, length of a window.
+    """
+
+    model: DeviationModel
+    spindle: float
+    window: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Checks."""
+        if not (self.spindle > 0.0 and self.window * self.spindle >= 1.0):
+            raise ConfigurationError(
+                f"windows of {self.window:g} s at {self.spindle:g} turns per second, expected a "
+                "turn or more in each."
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensingModels:
+    """Everything :class:`robotrue.online.sensing.Sensing` knows before the first sample.
+
+    Attributes:
+        robot: Nominal arm with the tool point; its ``controller`` turns displayed joints into
+            model joints.
+        rate: Force samples per second.
+        compliance: Of the joints, or None: then the response is all there is.
+        response: Of the tool, or None: then only the static part is estimated.
+        held: What hangs on the sensor, or None: then gravity and offset stay in the force.
+        T_flange_sensor: (4, 4) m, where the sensor sits.
+        learned: Deviation, or None.
+    """
+
+    robot: RobotModel
+    rate: float
+    compliance: JointCompliance | None = None
+    response: Response | None = None
+    held: HeldTool | None = None
+    T_flange_sensor: Array = field(default_factory=lambda: np.eye(4))
+    learned: LearnedPart | None = None
+
+    def __post_init__(self) -> None:
+        """Freezes and checks that the parts belong together.
+
+        Raises:
+            ConfigurationError: Neither compliance nor response; a rate that is not above zero.
+            ModelMismatchError: Parts of different arms, or of different units.
+        """
+        frozen_pose = frozen(self.T_flange_sensor, (4, 4), "T_flange_sensor")
+        object.__setattr__(self, "T_flange_sensor", frozen_pose)
+        object.__setattr__(self, "robot", self.robot.nominal())
+        if not (np.isfinite(self.rate) and self.rate > 0.0):
+            raise ConfigurationError(f"{self.rate:g} force samples per second, expected above 0.")
+        if self.compliance is None and self.response is None:
+            raise ConfigurationError(
+                "neither stiffness nor frequency response: nothing says how far a force bends.",
+                hint="--model of `robotrue calibrate`, [robot] stiffness_Nm_per_rad in the cell, "
+                "or --frf of a hammer test.",
+            )
+        if self.learned is not None and self.response is None:
+            raise ConfigurationError(
+                "a learned deviation without frequency response: it is what the prediction by "
+                "the response leaves out.",
+                hint="--frf with the response its windows were predicted with.",
+            )
+        self._check_dof()
+        self._check_arms()
+        self._check_units()
+
+    def _check_dof(self) -> None:
+        n = self.robot.dof
+        sizes = {}
+        if self.compliance is not None:
+            sizes["stiffness"] = len(self.compliance.compliance)
+        if isinstance(self.response, MeasuredResponse):
+            sizes["the pose of the frequency response"] = len(self.response.joints)
+        for name, size in sizes.items():
+            if size != n:
+                raise ModelMismatchError(f"{name} has {size} joints, {self.robot.name} has {n}.")
+
+    def _check_arms(self) -> None:
+        others = {}
+        if self.learned is not None:
+            others["the learned deviation"] = self.learned.model.arm.robot
+        if isinstance(self.response, PoseResponse):
+            others["the flexible arm"] = self.response.arm.robot
+        for name, other in others.items():
+            if not _same_arm(self.robot, other):
+                raise ModelMismatchError(
+                    f"{name} is of {other.name}, with another geometry or tool point than "
+                    f"{self.robot.name} of the cell.",
+                    hint="the same cell.toml for all of them.",
+                )
+
+    def _check_units(self) -> None:
+        """A response that is no receptance in m/N is thousands of times off at rest."""
+        if self.compliance is None or not isinstance(self.response, MeasuredResponse):
+            return
+        arm = self.arm_at(self.response.joints, self.response.frame)
+        rest = self.response.oscillators.static
+        moved = np.flatnonzero(np.abs(rest).any(axis=1) & (np.diag(rest) != 0.0))
+        for i in moved:
+            ratio = rest[i, i] / max(arm[i, i], 1e-300)
+            if not 1.0 / _UNLIKE < ratio < _UNLIKE:
+                raise ModelMismatchError(
+                    f"at rest the frequency response yields {rest[i, i]:.3g} m/N along "
+                    f"{'xyz'[i]}, the joints of the arm {arm[i, i]:.3g} m/N.",
+                    hint="a receptance in m/N, not an accelerance; its axes as stated; the pose "
+                    "of the hammer test.",
+                )
+
+    def arm_at(self, joints: Array, frame: Axes = "base") -> Array:
+        """Returns J C J^T (3, 3) m/N of the tool point at a pose, zero without compliance."""
+        if self.compliance is None:
+            return np.zeros((3, 3))
+        state = walk(self.robot, np.asarray(joints)[None])
+        jacobian = drive_jacobian(self.robot, state)[0, :3]
+        bend = (jacobian * self.compliance.compliance) @ jacobian.T
+        if frame == "tool":
+            turn = state.rotation[0]
+            bend = turn.T @ bend @ turn
+        return np.asarray(bend)
+
+
+def _same_arm(one: RobotModel, two: RobotModel) -> bool:
+    names = ("theta", "d", "a", "alpha", "joint_map", "T_flange_tool")
+    return one.convention == two.convention and all(
+        np.shape(getattr(one, name)) == np.shape(getattr(two, name))
+        and np.allclose(getattr(one, name), getattr(two, name), atol=1e-6)
+        for name in names
+    )

@@ -1,0 +1,78 @@
+"""The learned deviation online: what the last whole window says about the samples after it.
+
+The physics of the deviation follow the slow force of every sample. What goes beyond them (residual
+process, gain on the prediction) and the standard deviation are those of the last window, a second
+of milling, a few millimetres of path.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.dynamics.deviation import Standing
+from robotrue.dynamics.windows import WindowSet
+from robotrue.online import sensing_kernels as kernels
+from robotrue.online.sensing_models import SensingModels
+
+_NAME: Final = "online"
+INSIDE, EXTRAPOLATED, INVALID = 0.0, 1.0, 2.0
+
+
+class WindowDeviation:
+    """Deviation of the last window.
+
+    Attributes:
+        correction: (3,) m beyond the physics, m^2 its variance, standing.
+        direction: (3,) base, unit; zero where nothing was learned.
+        turn: Samples per turn of the spindle.
+        rows: Samples of a window.
+    """
+
+    __slots__ = ("_learned", "correction", "direction", "rows", "turn")
+
+    def __init__(self, models: SensingModels) -> None:
+        """Starts without a window."""
+        self._learned = models.learned
+        self.correction, self.direction = np.zeros(3), np.zeros(3)
+        self.turn, self.rows = 1.0, 0
+        if self._learned is not None:
+            self.direction = np.array(self._learned.model.arm.direction)
+            self.turn = models.rate / self._learned.spindle
+            self.rows = max(round(self._learned.window * models.rate), 1)
+        self.forget()
+
+    def forget(self) -> None:
+        """Knows nothing of the deviation but its physics."""
+        self.correction[:] = 0.0, 0.0, EXTRAPOLATED
+
+    def take(self, sums: Array) -> None:
+        """Takes the sums over a whole window (``sensing_kernels``)."""
+        if self._learned is None:
+            return
+        model, dof = self._learned.model, self._learned.model.arm.robot.dof
+        rows, turns = sums[kernels.ROWS], sums[kernels.TURN_COUNT]
+        peaks, pushes = sums[kernels.PEAKS], sums[kernels.FORCE_PEAKS]
+        if turns == 0.0 or sums[kernels.SEEN] >= np.floor((turns + 1.0) * self.turn + 0.5):
+            peaks, pushes = peaks + sums[kernels.TURN_PEAK], pushes + sums[kernels.TURN_FORCE]
+            turns += 1.0
+        force = sums[kernels.FORCE_SUM : kernels.FORCE_SUM + 3] / rows
+        window = WindowSet(
+            passes=(_NAME,),
+            joints=sums[kernels.WINDOW_SUMS : kernels.WINDOW_SUMS + dof][None] / rows,
+            force=force[None],
+            force_peak=np.array([pushes / turns]),
+            force_mean=np.array([force @ self.direction]),
+            predicted=np.array([peaks / turns]),
+            measured=np.array([np.nan]),
+        )
+        found = model.predict(window)
+        if found.standing[0] == Standing.INVALID:
+            self.correction[:] = 0.0, 0.0, INVALID
+            return
+        gain = model.factors[-1] * (window.predicted[0] - model.windows.predicted.mean())
+        self.correction[0] = found.deviation[0] - found.physics[0] + gain
+        self.correction[1] = found.sd[0] ** 2
+        self.correction[2] = float(found.standing[0])
