@@ -24,13 +24,13 @@ from robotrue.online.rdt import LATCHED
 from robotrue.online.samples import Flag, ForceSample, JointSample, unknown_pose
 from robotrue.online.sequence import SequenceState, advance
 
-_TIME: Final = ("t_s",)
-_CLOCKS: Final = ("host_s", "sequence")
-_JOINTS: Final = tuple(f"a{i}_deg" for i in range(1, 7))
-_POSE: Final = ("x_mm", "y_mm", "z_mm", "rx_deg", "ry_deg", "rz_deg")
-_FORCE: Final = ("fx_N", "fy_N", "fz_N")
-_TORQUE: Final = ("tx_Nm", "ty_Nm", "tz_Nm")
-_JUMP: Final = 1.0
+TIME: Final = ("t_s",)
+CLOCKS: Final = ("host_s", "sequence")
+JOINTS: Final = tuple(f"a{i}_deg" for i in range(1, 7))
+POSE: Final = ("x_mm", "y_mm", "z_mm", "rx_deg", "ry_deg", "rz_deg")
+FORCE: Final = ("fx_N", "fy_N", "fz_N")
+TORQUE: Final = ("tx_Nm", "ty_Nm", "tz_Nm")
+JUMP: Final = 1.0
 """s; a recorded clock that goes back by less is a packet out of order."""
 
 
@@ -55,10 +55,10 @@ def replay_joints(path: str | Path) -> Iterator[JointSample]:
         FormatError: Unreadable, a column missing, unknown or without unit, a cell that is no
             number; with its line. A last line without its end was cut short and is left out.
     """
-    for row in _rows(path, (*_TIME, *_JOINTS), (_POSE,), _CLOCKS):
+    for row in _rows(path, (*TIME, *JOINTS), (POSE,), CLOCKS):
         pose, flags = unknown_pose(), row.flags
-        if _POSE[0] in row.cells:
-            numbers = row.numbers(_POSE)
+        if POSE[0] in row.cells:
+            numbers = row.numbers(POSE)
             if np.isfinite(numbers).all():
                 # rx, ry, rz are KUKA's C, B, A
                 pose = pose_from_xyz_abc(numbers[:3] * MM, numbers[:2:-1] * DEG)
@@ -67,7 +67,7 @@ def replay_joints(path: str | Path) -> Iterator[JointSample]:
         yield JointSample(
             controller_time=row.time,
             host_time=row.host_time,
-            joints=row.numbers(_JOINTS) * DEG,
+            joints=row.numbers(JOINTS) * DEG,
             T_frame_tool=pose,
             sequence=row.sequence,
             flags=flags,
@@ -91,10 +91,10 @@ def replay_force(path: str | Path, *, frame: str = "sensor") -> Iterator[ForceSa
     if Path(path).suffix.lower() == ".tdms":
         yield from _tdms(path, frame)
         return
-    for row in _rows(path, (*_TIME, *_FORCE), (_TORQUE,), (*_CLOCKS, "status")):
-        torque = row.numbers(_TORQUE) if _TORQUE[0] in row.cells else np.full(3, np.nan)
+    for row in _rows(path, (*TIME, *FORCE), (TORQUE,), (*CLOCKS, "status")):
+        torque = row.numbers(TORQUE) if TORQUE[0] in row.cells else np.full(3, np.nan)
         flags = row.flags
-        if _TORQUE[0] in row.cells and np.isnan(torque).any():
+        if TORQUE[0] in row.cells and np.isnan(torque).any():
             flags |= Flag.NOT_FINITE
         printed = row.cells.get("status", 0.0)
         status = int(printed) if 0.0 <= printed < 2.0**32 else -1
@@ -103,7 +103,7 @@ def replay_force(path: str | Path, *, frame: str = "sensor") -> Iterator[ForceSa
         yield ForceSample(
             controller_time=row.time,
             host_time=row.host_time,
-            wrench=np.concatenate([row.numbers(_FORCE), torque]),
+            wrench=np.concatenate([row.numbers(FORCE), torque]),
             frame=frame,
             sequence=row.sequence,
             status=status,
@@ -137,12 +137,12 @@ def _rows(
     count = 0
     for line, text in _lines(path):
         if not names:
-            names = _header(text, path, line, needed, groups, optional)
+            names = header_names(text, path, line, needed, groups, optional)
             continue
-        cells = dict(zip(names, _cells(text, names, path, line), strict=True))
+        cells = dict(zip(names, cells_of(text, names, path, line), strict=True))
         time = cells["t_s"]
         host = cells.get("host_s", time)
-        sequence = _whole(cells.get("sequence", float(count)), path, line)
+        sequence = whole(cells.get("sequence", float(count)), path, line)
         flags = Flag.NONE
         if math.isnan(time) or math.isnan(host):
             flags |= Flag.NOT_FINITE | Flag.CLOCK_JUMP
@@ -162,7 +162,7 @@ def _order(time: float, latest: float) -> Flag:
         return Flag.NONE
     if time == latest:
         return Flag.REPEATED
-    return Flag.CLOCK_JUMP if latest - time > _JUMP else Flag.REORDERED
+    return Flag.CLOCK_JUMP if latest - time > JUMP else Flag.REORDERED
 
 
 def _lines(path: str | Path) -> Iterator[tuple[int, str]]:
@@ -184,7 +184,7 @@ def _lines(path: str | Path) -> Iterator[tuple[int, str]]:
         ) from cause
 
 
-def _header(
+def header_names(
     text: str,
     path: str | Path,
     line: int,
@@ -192,6 +192,19 @@ def _header(
     groups: tuple[tuple[str, ...], ...],
     optional: tuple[str, ...],
 ) -> tuple[str, ...]:
+    """Returns the names of the columns.
+
+    Args:
+        text: The line.
+        path: Of the message.
+        line: Of the message.
+        needed: Columns that have to be there.
+        groups: Columns that are there together or not at all.
+        optional: Columns that may be there.
+
+    Raises:
+        FormatError: A column missing, not known or twice.
+    """
     names = tuple(name.strip() for name in text.split(","))
     known = {*needed, *optional, *(name for group in groups for name in group)}
     unknown = [name for name in names if name not in known]
@@ -212,7 +225,12 @@ def _header(
     return names
 
 
-def _cells(text: str, names: tuple[str, ...], path: str | Path, line: int) -> list[float]:
+def cells_of(text: str, names: tuple[str, ...], path: str | Path, line: int) -> list[float]:
+    """Returns the numbers of a line, NaN for an empty cell.
+
+    Raises:
+        FormatError: Another number of cells, or one that is no number.
+    """
     cells = text.split(",")
     if len(cells) != len(names):
         raise FormatError(
@@ -227,7 +245,12 @@ def _cells(text: str, names: tuple[str, ...], path: str | Path, line: int) -> li
         raise FormatError(f"no number: {cause}.", source=path, line=line) from cause
 
 
-def _whole(value: float, path: str | Path, line: int) -> int:
+def whole(value: float, path: str | Path, line: int) -> int:
+    """Returns a sequence number.
+
+    Raises:
+        ImplausibleDataError: Not a whole number from 0.
+    """
     if not (0.0 <= value < 2.0**53 and value == int(value)):
         raise ImplausibleDataError(
             f"sequence {value:g}, expected a whole number from 0.", source=path, line=line
