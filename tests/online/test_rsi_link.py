@@ -38,8 +38,9 @@ def _session(play, corrector=None, **changes):
         source = RsiSource(_settings(**changes), corrector)
         with Robot(source.address) as robot:
             await asyncio.wait_for(asyncio.to_thread(play, robot, source), 30.0)
-            health = source.health()
             await source.close()
+            # an answer goes out before its packet is counted
+            health = source.health()
         blocks = [block async for block in source.blocks()]
         return health, blocks
 
@@ -54,11 +55,12 @@ def test_it_answers_every_packet_with_its_ipoc_and_gives_the_samples():
 
     def play(robot, source):
         answers.extend(robot.ask(rob(START + 4 * k)) for k in range(20))
+        assert source.health().connected
 
     health, flags, blocks = _session(play)
     assert [ipoc_of(a) for a in answers] == [START + 4 * k for k in range(20)]
     assert all(b'<RKorr X="0.000000"' in a for a in answers)
-    assert (health.received, health.lost, health.refused, health.connected) == (20, 0, 0, True)
+    assert (health.received, health.lost, health.refused) == (20, 0, 0)
     assert 0.0 < health.turnaround_p50 <= health.turnaround_p99 < 1.0
     assert all(not f & Flag.INVALID for f in flags.values())
     joints = np.concatenate([b.joints for b in blocks])
