@@ -59,7 +59,7 @@ def run(
             "a process force without --model: errors are not predicted.", hint="--model MODEL"
         )
     stated = np.empty(0) if cell is None else described(cell, wrench, force, cutter)
-    found = _differences(first, second, cell, model, stated)
+    found = differences(first, second, cell, model, stated)
     rows = [row for name, one in found for row in _rows(name, one)]
     if output is not None:
         write_atomic(output, _csv(rows))
@@ -71,13 +71,25 @@ def run(
         _show(name, one)
 
 
-def _differences(
+def differences(
     first: Path,
     second: Path,
     cell: Cell | None,
     model: ErrorModel | None,
     force: Array | DescribedForce,
 ) -> list[tuple[str, Difference]]:
+    """Returns name and difference of each file of two jobs.
+
+    Args:
+        first: Program as CAM made it.
+        second: The same with other numbers.
+        cell: Frames, tools and payload; None to compare numbers alone.
+        model: For predicted errors; None without.
+        force: From :func:`robotrue.cli.process_force.described`.
+
+    Raises:
+        ModelMismatchError: Jobs of another number of files, or other programs.
+    """
     frames = FrameTable() if cell is None else frame_table(cell)
     jobs = read_job(first, frames), read_job(second, frames)
     if len(jobs[0]) != len(jobs[1]):

@@ -10,7 +10,6 @@ import numpy as np
 
 from robotrue.cli.console import emit_json, emit_table, say
 from robotrue.cli.inputs import check_output
-from robotrue.core.files import write_atomic
 from robotrue.core.units import DEG, MM, UM
 from robotrue.drilling.campaign import Campaign, reading_errors
 from robotrue.drilling.campaign_checks import check_campaign
@@ -218,25 +217,26 @@ def run_report(
     foot: Path | None,
     limit_deg: float,
     simulated: bool,
+    lang: str,
     as_json: bool,
 ) -> None:
-    """Writes the report page of a model on clamps with known tilts, and its JSON twin."""
+    """Writes the report of a model on clamps with known tilts, and its JSON twin."""
+    from robotrue.cli.report_output import check_reports, write_reports
     from robotrue.report.drilling import drilling_content
-    from robotrue.report.json import report_json
-    from robotrue.report.page import report_html
+    from robotrue.report.words import language
 
-    twin = output.with_suffix(".json")
-    check_output(output, [p for p in (model_path, test, foot) if p is not None])
+    speech = language(lang)
+    check_reports([output], [p for p in (model_path, test, foot) if p is not None])
     model = read_model(model_path)
     data, digest = read_campaign(test, setup_of(model, model_path, foot), model.head.order)
     check_campaign(model.foot, data)
     result = evaluated(model, data)
     content = drilling_content(
-        model, data, result, digest=digest, limit=limit_deg * DEG, simulated=simulated
+        model, data, result, digest=digest, limit=limit_deg * DEG, simulated=simulated, lang=speech
     )
-    write_atomic(output, report_html(content).encode())
-    write_atomic(twin, report_json(content).encode())
+    written = write_reports([output], content)
     if as_json:
-        emit_json({"output": str(output), "json": str(twin), **evaluation_document(result)})
+        twin = str(written[-1])
+        emit_json({"output": str(output), "json": twin, **evaluation_document(result)})
         return
-    say(f"{content.verdict.text} Report written to {output} and {twin.name}")
+    say(content.verdict.text)

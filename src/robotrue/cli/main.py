@@ -23,6 +23,7 @@ from robotrue.cli import (
     dynamics_commands,
     part_commands,
     program_commands,
+    report_commands,
 )
 from robotrue.cli.app import Json, app
 from robotrue.errors import RobotrueError
@@ -34,6 +35,7 @@ __all__ = [
     "dynamics_commands",
     "part_commands",
     "program_commands",
+    "report_commands",
     "run",
 ]
 

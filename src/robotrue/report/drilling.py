@@ -8,8 +8,8 @@ from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign import Campaign
 from robotrue.drilling.evaluate import Evaluation, Residuals
 from robotrue.drilling.model import NormalModel
+from robotrue.report.calibration import column, versions
 from robotrue.report.content import (
-    Column,
     Fact,
     ReportContent,
     Section,
@@ -18,6 +18,7 @@ from robotrue.report.content import (
     Verdict,
 )
 from robotrue.report.tilt_plot import TiltPlot
+from robotrue.report.words import ENGLISH, Lang, Words
 
 
 def drilling_content(
@@ -28,6 +29,7 @@ def drilling_content(
     digest: str,
     limit: float,
     simulated: bool = False,
+    lang: Lang = "en",
 ) -> ReportContent:
     """Returns the report of a model on clamps it was not learned from.
 
@@ -38,23 +40,24 @@ def drilling_content(
         digest: SHA-256 of the test's file.
         limit: rad, 95th percentile that is asked for.
         simulated: Whether the test is.
+        lang: Language of the report.
     """
+    t = Words(lang=lang)
     ours = result.ours
     good = ours.p95 <= limit
     return ReportContent(
-        title="Drilling normal",
-        subtitle=f"correction {model.kind}, version {model.version}",
+        title=t("drill.title"),
+        subtitle=t("drill.subtitle", kind=model.kind, version=model.version),
         simulated=simulated,
         verdict=Verdict(
             tone="good" if good else "bad",
-            text=f"One move leaves {ours.mean / DEG:.4f} deg in the mean, "
-            f"{ours.p95 / DEG:.4f} deg for 95 % of {result.clamps} clamps.",
-            detail=f"{'Within' if good else 'Not within'} the {limit / DEG:g} deg asked for.",
+            text=t("drill.verdict", mean=ours.mean / DEG, p95=ours.p95 / DEG, n=result.clamps),
+            detail=t("drill.within" if good else "drill.not_within", limit=limit / DEG),
         ),
-        tiles=_tiles(result),
+        tiles=_tiles(result, t),
         sections=(
             Section(
-                title="What is left",
+                title=t("drill.left"),
                 blocks=(
                     TiltPlot(
                         before=result.before,
@@ -62,120 +65,117 @@ def drilling_content(
                         force=test.clamps.force,
                         tilt=np.hypot(*test.tilt.T),
                         limit=limit,
-                        caption="Before: readings as they are. After: by the model. Right: where "
-                        "the spindle points beside the true normal.",
+                        title=t("drill.plot"),
+                        caption=t("drill.plot_text"),
                     ),
-                    _residuals(model, result),
+                    _residuals(model, result, t),
                 ),
             ),
-            Section(title="What the model covers", blocks=(_envelope(model),)),
+            Section(title=t("drill.covers"), blocks=(_envelope(model, t),)),
         ),
-        unseen=(
-            "A shift of the foot's zero since the campaign: only an outside reference sees it.",
-            "Friction after an approach the campaign does not hold.",
-        ),
-        doubts=_doubts(model, result),
-        provenance=_facts(model, digest),
+        unseen=(t("drill.unseen_zero"), t("drill.unseen_friction")),
+        doubts=_doubts(model, result, t),
+        provenance=(*_facts(model, digest, t), *versions()),
+        lang=lang,
     )
 
 
-def _tiles(result: Evaluation) -> tuple[Tile, ...]:
+def _tiles(result: Evaluation, t: Words) -> tuple[Tile, ...]:
     ours, before = result.ours, result.uncorrected
     return (
         Tile(
-            label="mean tilt left",
+            label=t("drill.mean"),
+            key=ENGLISH("drill.mean"),
             value=ours.mean / DEG,
             unit="deg",
             digits=4,
             before=before.mean / DEG,
         ),
         Tile(
-            label="95 % of holes within",
+            label=t("drill.p95"),
+            key=ENGLISH("drill.p95"),
             value=ours.p95 / DEG,
             unit="deg",
             digits=4,
             before=before.p95 / DEG,
         ),
         Tile(
-            label="in the 95 % region",
+            label=t("drill.region"),
+            key=ENGLISH("drill.region"),
             value=100.0 * result.covered,
             unit="%",
             digits=0,
-            note="true tilts in the model's own regions",
+            note=t("drill.region_note"),
         ),
     )
 
 
-def _residuals(model: NormalModel, result: Evaluation) -> Table:
-    rows: list[tuple[str, Residuals]] = [("as they are", result.uncorrected)]
+def _residuals(model: NormalModel, result: Evaluation, t: Words) -> Table:
+    rows: list[tuple[str, Residuals]] = [(t("drill.as_is"), result.uncorrected)]
     if result.patent is not None:
-        rows.append(("linear regression", result.patent))
-    rows.append((f"the model ({model.kind})", result.ours))
+        rows.append((t("drill.linear"), result.patent))
+    rows.append((t("drill.model", kind=model.kind), result.ours))
     return Table(
-        title="Readings corrected by",
+        title=t("drill.corrected"),
         columns=(
-            Column(title="correction"),
-            Column(title="mean", unit="deg", digits=4),
-            Column(title="95 %", unit="deg", digits=4),
-            Column(title="largest", unit="deg", digits=4),
+            column(t, "drill.correction"),
+            *(column(t, name, "deg", 4) for name in ("mean", "p95", "drill.largest")),
         ),
         rows=tuple((name, r.mean / DEG, r.p95 / DEG, r.largest / DEG) for name, r in rows),
         highlight=len(rows) - 1,
     )
 
 
-def _envelope(model: NormalModel) -> Table:
+def _envelope(model: NormalModel, t: Words) -> Table:
     e = model.envelope
     return Table(
-        title="Campaign",
+        title=t("drill.campaign"),
         columns=(
-            Column(title="cause"),
-            Column(title="from", digits=1),
-            Column(title="to", digits=1),
+            column(t, "drill.cause"),
+            column(t, "drill.from", digits=1),
+            column(t, "drill.to", digits=1),
         ),
         rows=(
-            ("clamp force, N", float(e.force[0]), float(e.force[1])),
-            ("height, mm", float(e.height[0] / MM), float(e.height[1] / MM)),
-            ("tilt, deg", 0.0, e.tilt / DEG),
+            (t("drill.force"), float(e.force[0]), float(e.force[1])),
+            (t("drill.height"), float(e.height[0] / MM), float(e.height[1] / MM)),
+            (t("drill.tilt"), 0.0, e.tilt / DEG),
         ),
-        caption="A clamp force or a tilt outside is refused, a height outside is told.",
+        caption=t("drill.envelope"),
     )
 
 
-def _doubts(model: NormalModel, result: Evaluation) -> tuple[str, ...]:
+def _doubts(model: NormalModel, result: Evaluation, t: Words) -> tuple[str, ...]:
     doubts = []
     if result.covered < 0.9:
-        doubts.append(
-            f"Only {100.0 * result.covered:.0f} % of the true tilts lie in the 95 % regions: the "
-            "stated uncertainty is too small here."
-        )
+        doubts.append(t("drill.doubt_region", share=100.0 * result.covered))
     if result.ours.mean > 2.0 * model.left:
-        doubts.append(
-            f"The test is worse than the held-out campaign ({model.left / DEG:.4f} deg): something "
-            "has changed since."
-        )
+        doubts.append(t("drill.doubt_test", left=model.left / DEG))
     if model.patent is not None and result.patent is not None:
         if result.patent.mean < result.ours.mean:
-            doubts.append("The plain linear regression does better on this test.")
+            doubts.append(t("drill.doubt_linear"))
     return tuple(doubts)
 
 
-def _facts(model: NormalModel, digest: str) -> tuple[Fact, ...]:
+def _facts(model: NormalModel, digest: str, t: Words) -> tuple[Fact, ...]:
+    truths = ", ".join(model.refinement.truths) or t("fact.no_reference")
     facts = [
-        Fact(name="campaign", value=model.campaign),
-        Fact(name="test", value=digest),
+        Fact(name=t("fact.campaign"), value=model.campaign),
+        Fact(name=t("fact.clamps"), value=digest),
         Fact(
-            name="refined by",
-            value=f"{model.refinement.records} records of "
-            f"{', '.join(model.refinement.truths) or 'no reference'}",
+            name=t("fact.refined"),
+            value=t("fact.records", n=model.refinement.records, truths=truths),
         ),
     ]
     if model.frozen is not None:
         facts.append(
             Fact(
-                name=f"frozen as {model.frozen.version}",
-                value=f"95 % within {model.frozen.p95 / DEG:.4f} deg on {model.frozen.clamps} "
-                f"clamps, {model.frozen.tested_on}",
+                name=t("fact.frozen", version=model.frozen.version),
+                value=t(
+                    "fact.frozen_value",
+                    p95=model.frozen.p95 / DEG,
+                    n=model.frozen.clamps,
+                    tested=model.frozen.tested_on,
+                ),
             )
         )
     return tuple(facts)

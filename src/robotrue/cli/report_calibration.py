@@ -1,0 +1,238 @@
+"""``robotrue report calibration``: the certificate of a model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from robotrue.calibration.lineage import history
+from robotrue.calibration.model import ErrorModel, Query
+from robotrue.cell.cell import Cell, tracker_covariance
+from robotrue.cli.console import emit_json
+from robotrue.cli.inputs import measured
+from robotrue.cli.model_view import identified, stiffness
+from robotrue.cli.registered import opened
+from robotrue.cli.report_output import check_reports, file_fact, write_reports
+from robotrue.core.arrays import Array
+from robotrue.core.units import MM
+from robotrue.errors import ConfigurationError, ObservabilityError
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.measurement.tracker import DEFAULT_RANGE
+from robotrue.report.certificate import (
+    CertificateFacts,
+    Parameter,
+    certificate_content,
+    check_regions,
+)
+from robotrue.report.content import Fact
+from robotrue.report.words import Lang, Words, language
+from robotrue.robot.statics import Load
+from robotrue.store.model_file import read_model
+from robotrue.validation.budget import (
+    Budget,
+    Contribution,
+    stated_line,
+    tracker_lines,
+    uncertainty_budget,
+)
+from robotrue.validation.evaluation import Evaluation, evaluate, row_loads
+from robotrue.validation.known_places import KnownPlaces, known_places
+from robotrue.validation.metrics import ErrorStatistics, error_statistics
+from robotrue.validation.repeats import repeated_poses
+from robotrue.validation.validate import validate
+
+
+def run(
+    model_path: Path,
+    tests: Sequence[Path],
+    outputs: Sequence[Path],
+    *,
+    lang: str,
+    tolerance_mm: float | None,
+    registered: Path | None,
+    part: str | None,
+    force_sigma_N: float,
+    mapping: Path | None,
+    simulated: bool,
+    as_json: bool,
+) -> None:
+    """Writes the certificate; prints what was written."""
+    sources = [model_path, *tests, *(p for p in (registered, mapping) if p is not None)]
+    check_reports(outputs, sources)
+    speech = language(lang)
+    if tolerance_mm is not None and not 0.0 < tolerance_mm < np.inf:
+        raise ConfigurationError(f"tolerance {tolerance_mm} mm, expected above 0.")
+    if not 0.0 <= force_sigma_N < np.inf:
+        raise ConfigurationError(f"force sigma {force_sigma_N} N, expected 0 or more.")
+    model = read_model(model_path).model
+    cell, _ = opened(model_path, registered)
+    check = measured(cell, tests, mapping) if tests else None
+    facts = certificate_facts(
+        model,
+        cell,
+        check,
+        part=part,
+        force_sigma=force_sigma_N,
+        simulated=simulated,
+        files=[*(("fact.model", p) for p in (model_path,)), *(("fact.test", p) for p in tests)],
+        lang=speech,
+    )
+    tolerance = None if tolerance_mm is None else tolerance_mm * MM
+    content = certificate_content(facts, tolerance=tolerance, lang=speech)
+    written = write_reports(outputs, content)
+    if as_json:
+        emit_json(
+            {
+                "written": [str(path) for path in written],
+                "verdict": content.verdict.text,
+                "expanded_uncertainty_mm": facts.budget.expanded / MM,
+                "expanded_uncertainty_worst_mm": facts.budget.worst / MM,
+                "contributions_mm": {
+                    c.name: c.standard_uncertainty / MM for c in facts.budget.contributions
+                },
+                "check": None if facts.check is None else facts.check.to_json(),
+            }
+        )
+
+
+def certificate_facts(
+    model: ErrorModel,
+    cell: Cell,
+    check: MeasurementSet | None,
+    *,
+    part: str | None = None,
+    force_sigma: float = 0.0,
+    simulated: bool = False,
+    files: Sequence[tuple[str, Path]] = (),
+    lang: Lang = "en",
+) -> CertificateFacts:
+    """Returns what a certificate is made of.
+
+    Args:
+        model: The error model.
+        cell: Of the model file; with its part frames, if a registered cell was given.
+        check: Poses the model has not seen; None without.
+        part: Which part frame counts; the only one if None.
+        force_sigma: N per axis.
+        simulated: Whether the data are; also taken from what the files call themselves.
+        files: Catalog key and path of each file to name with its hash.
+        lang: Language of the names of regions.
+
+    Raises:
+        ObservabilityError: No check, and a model that keeps no joint range.
+    """
+    summary = model.training_summary()
+    places = known_places(model, load=cell.payload)
+    seen = None if check is None else evaluate(model, check, payload=cell.payload)
+    sources = [str(s) for s in summary.get("sources", ())]
+    everything = [*sources, *(check.sources if check is not None else ())]
+    held_out = summary.get("held_out_blocks_mean_m")
+    t = Words(lang=lang)
+    regions: tuple[tuple[str, ErrorStatistics], ...] = ()
+    if check is not None and seen is not None:
+        rows = check_regions(seen.measured.position, check.group, check.group_names, lang=lang)
+        regions = tuple((name, error_statistics(seen.after[index])) for name, index in rows)
+    return CertificateFacts(
+        robot=model.robot.name,
+        method=str(summary.get("method", "-")),
+        simulated=simulated or any("simulated" in s.lower() for s in everything),
+        budget=_budget(model, cell, check, seen, places, part, force_sigma),
+        places=places,
+        check=None if check is None else validate(model, check, payload=cell.payload),
+        regions=regions,
+        repeats=()
+        if seen is None
+        else repeated_poses(model.robot.nominal(), seen.measured, seen.after),
+        parameters=_parameters(model),
+        lineage=tuple(history(model)),
+        unseen=tuple(
+            f"{d['name']}: {d['cure']}"
+            for d in summary.get("unseen", ())
+            if d.get("cure") and not d.get("harmless")
+        ),
+        doubts=tuple(str(d) for d in summary.get("doubts", ())),
+        held_out=None if held_out is None else float(held_out),
+        provenance=(
+            *(Fact(name=t(key), value=file_fact(path)) for key, path in files),
+            Fact(name=t("fact.cell"), value=f"{cell.source} sha256:{cell.digest}"),
+            Fact(name=t("fact.training"), value=str(summary.get("data_sha256", "-"))),
+            *(Fact(name=t("fact.measured"), value=source) for source in sources),
+            Fact(name=t("fact.instrument"), value=cell.tracker.name),
+            Fact(name=t("fact.payload"), value=f"{float(cell.payload.mass[0]):g} kg"),
+        ),
+    )
+
+
+def _budget(
+    model: ErrorModel,
+    cell: Cell,
+    check: MeasurementSet | None,
+    seen: Evaluation | None,
+    places: KnownPlaces | None,
+    part: str | None,
+    force_sigma: float,
+) -> Budget:
+    if seen is not None:
+        measured_rows = seen.measured
+        query = Query(
+            joints=measured_rows.joints,
+            load=row_loads(measured_rows, cell.payload),
+            approach=measured_rows.approach,
+        )
+    elif places is not None:
+        query = Query(joints=places.joints, load=_unloaded(cell))
+    else:
+        raise ObservabilityError(
+            "no poses to state an uncertainty for: the model keeps no joint range.",
+            hint="add a file of measured poses after the model.",
+        )
+    frame = None if cell.part is None else cell.part.frame(part)
+    return uncertainty_budget(
+        model,
+        query,
+        repeatability=cell.repeatability,
+        instrument=_instrument(cell, check),
+        T_base_part=None if frame is None else frame.T_base_part,
+        part_covariance=None if frame is None else frame.covariance,
+        force_sigma=force_sigma,
+    )
+
+
+def _instrument(cell: Cell, check: MeasurementSet | None) -> tuple[Contribution, ...]:
+    """Range and angle of the tracker; one line where the file stated its own covariance."""
+    if check is None:
+        return tracker_lines(cell.tracker, np.array([DEFAULT_RANGE]))
+    expected = tracker_covariance(cell, check.position)
+    if check.frame != cell.frame or not np.allclose(check.covariance, expected, rtol=1e-6, atol=0):
+        return stated_line(check.covariance)
+    place = cell.tracker_position
+    distance: Array = (
+        np.full(len(check), DEFAULT_RANGE)
+        if place is None
+        else np.linalg.norm(check.position - place, axis=1)
+    )
+    return tracker_lines(cell.tracker, distance)
+
+
+def _unloaded(cell: Cell) -> Load:
+    return Load(mass=cell.payload.mass, com=cell.payload.com)
+
+
+def _parameters(model: ErrorModel) -> tuple[Parameter, ...]:
+    rows = [
+        Parameter(name=name, value=p["value"], sd=p["sd"], unit=p["unit"], known=p["known"])
+        for name, p in identified(model).items()
+    ]
+    rows += [
+        Parameter(
+            name=f"compliance{joint.removeprefix('joint ')}",
+            value=p["compliance_rad_per_Nm"] * 1e6,
+            sd=p["compliance_sd_rad_per_Nm"] * 1e6,
+            unit="1e-6 rad/(N m)",
+            known=p["known"],
+        )
+        for joint, p in stiffness(model).items()
+    ]
+    return tuple(rows)

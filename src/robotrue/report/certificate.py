@@ -1,0 +1,323 @@
+"""The calibration certificate: a validation, its uncertainty budget, its limits and its lineage."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.units import DEG, MM
+from robotrue.report.budget_section import budget_section
+from robotrue.report.calibration import calibration_content, column, statistics_table, versions
+from robotrue.report.content import Cell, Column, Fact, ReportContent, Section, Table, Tile, Verdict
+from robotrue.report.uncertainty_map import UncertaintyMap
+from robotrue.report.words import ENGLISH, Lang, Words
+from robotrue.validation.budget import Budget
+from robotrue.validation.known_places import KnownPlaces
+from robotrue.validation.metrics import ErrorStatistics
+from robotrue.validation.repeats import RepeatedPose
+from robotrue.validation.report import ValidationReport
+
+MOST_POSES: Final = 12
+"""Repeated poses printed."""
+FEWEST_QUARTERED: Final = 20
+"""Rows of one set from which its quarters are told apart."""
+_MM: Final = "mm"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameter:
+    """One identified parameter in shop units.
+
+    Attributes:
+        name: As in the model.
+        value: In ``unit``.
+        sd: Standard deviation, in ``unit``.
+        unit: mm, deg, ppm or 1e-6 rad/(N m).
+        known: How well the data saw it: ``seen``, ``weakly seen``, ``prior only``.
+    """
+
+    name: str
+    value: float
+    sd: float
+    unit: str
+    known: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CertificateFacts:
+    """What a certificate is made of. SI.
+
+    Attributes:
+        robot: Name of the arm.
+        method: Of the calibration.
+        simulated: Whether any data are.
+        budget: Over the poses of the check, or over ``places`` without one.
+        places: How well the tool point is known over the training range; None where not known.
+        check: Of the held-out poses; None without a test file.
+        regions: Name and statistics of the parts of the check.
+        repeats: Poses of the check visited again.
+        parameters: Identified.
+        lineage: Steps that made the model, oldest first, as it records them.
+        unseen: What the data cannot determine.
+        doubts: Of the model, where there is no check.
+        held_out: m, mean error on held-out blocks of the training rows; None if not recorded.
+        provenance: Files and hashes.
+    """
+
+    robot: str
+    method: str
+    simulated: bool
+    budget: Budget
+    places: KnownPlaces | None
+    check: ValidationReport | None
+    regions: tuple[tuple[str, ErrorStatistics], ...] = ()
+    repeats: tuple[RepeatedPose, ...] = ()
+    parameters: tuple[Parameter, ...] = ()
+    lineage: tuple[Mapping[str, Any], ...] = ()
+    unseen: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
+    held_out: float | None = None
+    provenance: tuple[Fact, ...] = ()
+
+
+def certificate_content(
+    facts: CertificateFacts, *, tolerance: float | None = None, lang: Lang = "en"
+) -> ReportContent:
+    """Returns the content of a certificate.
+
+    Args:
+        facts: What was measured and computed.
+        tolerance: m; the verdict then says whether 95 % of the held-out poses keep it.
+        lang: Language of the report.
+    """
+    t = Words(lang=lang)
+    title = t("cert.title", robot=facts.robot)
+    subtitle = t("cert.subtitle", method=facts.method)
+    limits = (*facts.unseen, *_not_in_budget(facts, t))
+    if facts.check is None:
+        body = _unchecked(facts, title, subtitle, t)
+    else:
+        body = calibration_content(
+            facts.check,
+            title=title,
+            subtitle=subtitle,
+            simulated=facts.simulated,
+            tolerance=tolerance,
+            unseen=facts.unseen,
+            provenance=facts.provenance,
+            lang=lang,
+        )
+    sections = [budget_section(facts.budget, t), *body.sections]
+    if facts.regions:
+        table = statistics_table(t("cal.regions"), facts.regions, words=t, highlight=None)
+        table = replace(table, caption=t("cal.regions_text"))
+        sections.insert(2, Section(title=t("cert.regions"), blocks=(table,)))
+    if facts.places is not None:
+        sections.append(_places(facts.places, t))
+    sections.append(_repeats(facts, t))
+    if facts.parameters:
+        sections.append(_parameters(facts.parameters, t))
+    if facts.lineage:
+        sections.append(_lineage(facts.lineage, t))
+    return replace(
+        body,
+        tiles=(*body.tiles[:3], _expanded_tile(facts.budget, t), *body.tiles[3:]),
+        sections=tuple(sections),
+        unseen=tuple(map(t.sentence, limits)),
+        doubts=(*body.doubts, t("cert.no_accreditation")),
+    )
+
+
+def check_regions(
+    position: Array, group: IntArray, names: Sequence[str], *, lang: Lang = "en"
+) -> tuple[tuple[str, IntArray], ...]:
+    """Returns name and rows of each part of a check: its sets, or the quarters of its one set.
+
+    Args:
+        position: (n, 3) m in base.
+        group: (n,) set of each row.
+        names: Of the sets.
+        lang: Language of the names of quarters.
+    """
+    t = Words(lang=lang)
+    present = np.unique(group)
+    if len(present) > 1:
+        return tuple((names[int(g)], _rows(group == g)) for g in present)
+    if len(position) < FEWEST_QUARTERED:
+        return ()
+    a, b = np.sort(np.argsort(-np.ptp(position, axis=0), kind="stable")[:2])
+    high = position > np.median(position, axis=0)
+    out: list[tuple[str, IntArray]] = []
+    for first in (False, True):
+        for second in (False, True):
+            rows = _rows((high[:, a] == first) & (high[:, b] == second))
+            sides = [t("cal.high") if side else t("cal.low") for side in (first, second)]
+            name = t("cal.quarter", a="xyz"[a], b="xyz"[b], a_side=sides[0], b_side=sides[1])
+            if len(rows):
+                out.append((name, rows))
+    return tuple(out)
+
+
+def _rows(mask: BoolArray) -> IntArray:
+    return np.asarray(np.flatnonzero(mask), dtype=np.int64)
+
+
+def _unchecked(facts: CertificateFacts, title: str, subtitle: str, t: Words) -> ReportContent:
+    """The body where nobody measured held-out poses: it says so first."""
+    tiles: tuple[Tile, ...] = ()
+    if facts.held_out is not None:
+        tiles = (
+            Tile(
+                label=t("cert.blocks"),
+                key=ENGLISH("cert.blocks"),
+                value=facts.held_out / MM,
+                unit=_MM,
+                note=t("cert.blocks_note"),
+            ),
+        )
+    return ReportContent(
+        title=title,
+        subtitle=subtitle,
+        simulated=facts.simulated,
+        verdict=Verdict(
+            text=t("cert.unchecked", U=facts.budget.expanded / MM),
+            tone="caution",
+            detail=t("cert.unchecked_detail"),
+        ),
+        tiles=tiles,
+        unseen=tuple(map(t.sentence, facts.unseen)),
+        doubts=tuple(map(t.sentence, facts.doubts)),
+        provenance=(*facts.provenance, *versions()),
+        lang=t.lang,
+    )
+
+
+def _not_in_budget(facts: CertificateFacts, t: Words) -> tuple[str, ...]:
+    lines = {c.name: c for c in facts.budget.contributions}
+    out = []
+    if "registration" not in lines:
+        out.append(t("cert.no_registration"))
+    if lines["force"].value == 0.0:
+        out.append(t("cert.no_force", c=lines["force"].sensitivity * 100.0 / MM))
+    out.append(t("cert.no_temperature"))
+    return tuple(out)
+
+
+def _expanded_tile(budget: Budget, t: Words) -> Tile:
+    return Tile(
+        label=t("cert.U"),
+        key=ENGLISH("cert.U"),
+        value=budget.expanded / MM,
+        unit=_MM,
+        note=t("cert.U_note", worst=budget.worst / MM),
+    )
+
+
+def _places(places: KnownPlaces, t: Words) -> Section:
+    return Section(
+        title=t("cert.places"),
+        text=t("cert.places_text", n=len(places.radius)),
+        blocks=(
+            UncertaintyMap(
+                position=places.position,
+                radius=places.radius,
+                title=t("cert.places_map"),
+                caption=t(
+                    "cert.places_caption",
+                    low=float(places.radius.min()) / MM,
+                    middle=float(np.median(places.radius)) / MM,
+                    high=float(places.radius.max()) / MM,
+                ),
+            ),
+        ),
+    )
+
+
+def _repeats(facts: CertificateFacts, t: Words) -> Section:
+    """ISO 9283 symbols where their definition was measured; a sentence where it was not."""
+    if not facts.repeats:
+        return Section(title=t("iso.title"), text=t("iso.none"))
+    standard = all(pose.is_standard for pose in facts.repeats)
+    names = ("AP_P", "RP_l") if standard else (t("iso.offset"), t("iso.spread"))
+    keys = ("AP_P", "RP_l") if standard else (ENGLISH("iso.offset"), ENGLISH("iso.spread"))
+    rows: list[tuple[Cell, ...]] = []
+    for k, pose in enumerate(facts.repeats[:MOST_POSES]):
+        c = pose.characteristics
+        rows.append(
+            (
+                k + 1,
+                c.n,
+                c.AP_p / MM,
+                c.RP_l / MM,
+                *(float(v) / MM for v in c.AP_xyz),
+                pose.compensated / MM,
+                *(float(q) / DEG for q in pose.joints),
+            )
+        )
+    joints = tuple(
+        Column(title=f"J{i + 1}", unit="deg", digits=2) for i in range(len(facts.repeats[0].joints))
+    )
+    axes = tuple(
+        Column(title=f"AP_{a}" if standard else a, key=f"mean_{a}", unit=_MM) for a in "xyz"
+    )
+    table = Table(
+        title=t("iso.table"),
+        columns=(
+            column(t, "pose"),
+            column(t, "n"),
+            *(Column(title=a, unit=_MM, key=k) for a, k in zip(names, keys, strict=True)),
+            *axes,
+            column(t, "iso.compensated", _MM),
+            *joints,
+        ),
+        rows=tuple(rows),
+        caption=t("iso.standard" if standard else "iso.few"),
+    )
+    return Section(title=t("iso.title"), blocks=(table,))
+
+
+def _parameters(parameters: Sequence[Parameter], t: Words) -> Section:
+    table = Table(
+        title=t("cert.parameters"),
+        columns=(
+            column(t, "cert.parameter"),
+            column(t, "cert.value", digits=4),
+            column(t, "cert.sd", digits=4),
+            column(t, "cert.unit"),
+            column(t, "cert.known"),
+        ),
+        rows=tuple((p.name, p.value, p.sd, p.unit, t(f"known.{p.known}")) for p in parameters),
+        caption=t("cert.parameters_text"),
+    )
+    return Section(title=t("cert.identified"), blocks=(table,))
+
+
+def _lineage(lineage: Sequence[Mapping[str, Any]], t: Words) -> Section:
+    rows = tuple(
+        (
+            k + 1,
+            t(f"step.{step['step']}")
+            if step.get("step") in ("fit", "update", "transfer")
+            else str(step.get("step", "")),
+            int(step.get("rows", 0)),
+            str(step.get("data_sha256", ""))[:16],
+            "; ".join(str(s) for s in step.get("sources", ())),
+        )
+        for k, step in enumerate(lineage)
+    )
+    names = ("lineage.number", "lineage.step", "lineage.rows", "lineage.hash", "lineage.sources")
+    return Section(
+        title=t("lineage.title"),
+        blocks=(
+            Table(
+                title=t("lineage.table"),
+                columns=tuple(column(t, name) for name in names),
+                rows=rows,
+                caption=t("lineage.text"),
+            ),
+        ),
+    )

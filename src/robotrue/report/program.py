@@ -1,0 +1,260 @@
+"""The report of a program: predicted errors before and after, and GO or NO-GO by a stated rule."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from robotrue.compensation.difference import Difference
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.units import MM
+from robotrue.errors import ModelMismatchError
+from robotrue.report.calibration import column, statistics_table, versions
+from robotrue.report.content import (
+    Cell,
+    ErrorDistribution,
+    Fact,
+    PointErrors,
+    ReportContent,
+    Section,
+    Table,
+    Tile,
+    Verdict,
+)
+from robotrue.report.words import ENGLISH, Lang, Words
+from robotrue.validation.conformity import Conformity, conformity
+from robotrue.validation.error_map import radius_95
+from robotrue.validation.metrics import error_statistics
+
+MOST_WORST: Final = 20
+_MM: Final = "mm"
+_STATES: Final = ("prog.conforms", "prog.undecided", "prog.fails", "prog.unknown")
+
+
+def program_content(
+    found: Sequence[tuple[str, Difference]],
+    *,
+    robot: str,
+    before: str,
+    after: str,
+    tolerance: float,
+    simulated: bool,
+    doubts: Sequence[str] = (),
+    provenance: Sequence[Fact] = (),
+    lang: Lang = "en",
+) -> ReportContent:
+    """Returns the content of a report about a compensated program.
+
+    Args:
+        found: Name and difference of each file of the job, with predicted errors.
+        robot: Name of the arm.
+        before: Name of the first program.
+        after: Name of the second.
+        tolerance: m, largest distance of a target from where it should be.
+        simulated: Whether the model was made from simulated data.
+        doubts: Of the model.
+        provenance: Files and hashes.
+        lang: Language of the report.
+
+    Raises:
+        ModelMismatchError: Differences without predicted errors, or no target with one.
+        ConfigurationError: A tolerance that is not above zero.
+    """
+    t = Words(lang=lang)
+    joined = _joined(found)
+    states = conformity(joined.after, joined.bound, tolerance)
+    not_proven = int((states != Conformity.CONFORMS).sum())
+    go = not not_proven
+    text = (
+        t("prog.go", tolerance=tolerance / MM)
+        if go
+        else t("prog.no_go", n=not_proven, targets=len(states), tolerance=tolerance / MM)
+    )
+    return ReportContent(
+        title=t("prog.title", name=after),
+        subtitle=t("prog.subtitle", before=before, after=after, robot=robot),
+        simulated=simulated,
+        verdict=Verdict(text=text, tone="good" if go else "bad", detail=t("prog.rule")),
+        tiles=_tiles(joined, states, t),
+        sections=(
+            _before_after(joined, tolerance, t),
+            _decision(joined, states, tolerance, t),
+        ),
+        doubts=(t("prog.predicted"), t("prog.each"), *map(t.sentence, doubts)),
+        provenance=(*provenance, *versions()),
+        lang=lang,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Targets:
+    """Targets of all files in one; lengths in m, NaN where nothing was predicted."""
+
+    file: tuple[str, ...]
+    line: IntArray
+    line_after: IntArray
+    shift: Array
+    error_before: Array
+    error_after: Array
+    bound: Array
+
+    @property
+    def before(self) -> Array:
+        return np.asarray(np.linalg.norm(self.error_before, axis=1))
+
+    @property
+    def after(self) -> Array:
+        return np.asarray(np.linalg.norm(self.error_after, axis=1))
+
+    @property
+    def known(self) -> BoolArray:
+        return np.asarray(np.isfinite(self.before + self.after + self.bound))
+
+
+def _joined(found: Sequence[tuple[str, Difference]]) -> _Targets:
+    for name, one in found:
+        if len(one.change) and not one.has_errors:
+            raise ModelMismatchError(
+                f"{name}: no predicted errors.", hint="compare with a model: --model MODEL"
+            )
+    parts = [one for _, one in found if len(one.change)]
+    if not parts:
+        raise ModelMismatchError("no targets to judge.", hint="check the programs.")
+    covariance = np.concatenate([one.covariance for one in parts])
+    bound = np.full(len(covariance), np.nan)
+    spread = np.isfinite(covariance).all(axis=(1, 2))
+    bound[spread] = radius_95(covariance[spread])
+    joined = _Targets(
+        file=tuple(name for name, one in found for _ in range(len(one.change))),
+        line=np.concatenate([one.line for one in parts]),
+        line_after=np.concatenate([one.line_after for one in parts]),
+        shift=np.linalg.norm(np.concatenate([one.shift for one in parts]), axis=1),
+        error_before=np.concatenate([one.error_before for one in parts]),
+        error_after=np.concatenate([one.error_after for one in parts]),
+        bound=bound,
+    )
+    if not joined.known.any():
+        raise ModelMismatchError(
+            "no target has a predicted error: none is a pose the arm can take.",
+            hint="check tool, frames and robot of the cell.",
+        )
+    return joined
+
+
+def _tiles(joined: _Targets, states: IntArray, t: Words) -> tuple[Tile, ...]:
+    known = joined.known
+    total = (joined.after + joined.bound)[known]
+    moved = joined.shift[np.isfinite(joined.shift)]
+    return (
+        Tile(
+            label=t("prog.tile_after"),
+            key=ENGLISH("prog.tile_after"),
+            value=float(joined.after[known].mean()) / MM,
+            unit=_MM,
+            before=float(joined.before[known].mean()) / MM,
+        ),
+        Tile(
+            label=t("prog.tile_worst"),
+            key=ENGLISH("prog.tile_worst"),
+            value=float(total.max()) / MM,
+            unit=_MM,
+            before=float((joined.before + joined.bound)[known].max()) / MM,
+        ),
+        Tile(
+            label=t("prog.tile_proven"),
+            key=ENGLISH("prog.tile_proven"),
+            value=100.0 * float((states == Conformity.CONFORMS).mean()),
+            unit="%",
+            digits=1,
+        ),
+        Tile(
+            label=t("prog.tile_changed"),
+            key=ENGLISH("prog.tile_changed"),
+            value=float(moved.max()) / MM if len(moved) else 0.0,
+            unit=_MM,
+        ),
+    )
+
+
+def _before_after(joined: _Targets, tolerance: float, t: Words) -> Section:
+    known = joined.known
+    rows = [
+        (t("prog.row_before"), error_statistics(joined.error_before[known])),
+        (t("prog.row_after"), error_statistics(joined.error_after[known])),
+    ]
+    before, after = joined.before[known], joined.after[known]
+    return Section(
+        title=t("prog.section"),
+        text=t("prog.section_text"),
+        blocks=(
+            statistics_table(t("prog.table"), rows, words=t),
+            PointErrors(
+                before=before,
+                after=after,
+                axis_label=t("prog.target"),
+                limit=tolerance,
+                title=t("prog.points"),
+            ),
+        )
+        + (_distribution(before, after, t) if (after > 0.0).all() else ()),
+    )
+
+
+def _distribution(before: Array, after: Array, t: Words) -> tuple[ErrorDistribution, ...]:
+    return (ErrorDistribution(before=before, after=after, title=t("prog.distribution")),)
+
+
+def _decision(joined: _Targets, states: IntArray, tolerance: float, t: Words) -> Section:
+    first = conformity(joined.before, joined.bound, tolerance)
+    counts = Table(
+        title=t("prog.counts"),
+        columns=(
+            column(t, "prog.state"),
+            column(t, "prog.before"),
+            column(t, "prog.after"),
+        ),
+        rows=tuple(
+            (t(name), int((first == k).sum()), int((states == k).sum()))
+            for k, name in enumerate(_STATES)
+        ),
+        caption=t("prog.counts_text"),
+    )
+    total = np.where(joined.known, joined.after + joined.bound, np.inf)
+    order = np.argsort(-total, kind="stable")[:MOST_WORST]
+    worst = Table(
+        title=t("prog.worst"),
+        columns=(
+            column(t, "prog.file"),
+            column(t, "prog.line"),
+            column(t, "prog.line_after"),
+            column(t, "prog.shift", _MM),
+            column(t, "prog.error_before", _MM),
+            column(t, "prog.error_after", _MM),
+            column(t, "prog.bound", _MM),
+            column(t, "prog.total", _MM),
+            column(t, "prog.state"),
+        ),
+        rows=tuple(_worst_row(joined, int(i), t(_STATES[int(states[i])])) for i in order),
+        caption=t("prog.worst_text"),
+    )
+    return Section(title=t("prog.decision"), text=t("prog.rule"), blocks=(counts, worst))
+
+
+def _worst_row(joined: _Targets, i: int, state: str) -> tuple[Cell, ...]:
+    def number(value: float) -> float | None:
+        return float(value) / MM if np.isfinite(value) else None
+
+    return (
+        joined.file[i],
+        int(joined.line[i]),
+        int(joined.line_after[i]),
+        number(joined.shift[i]),
+        number(joined.before[i]),
+        number(joined.after[i]),
+        number(joined.bound[i]),
+        number(joined.after[i] + joined.bound[i]),
+        state,
+    )

@@ -1,0 +1,184 @@
+"""The report of a registered cell: where its parts stand, and how well that is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from robotrue.cell.part import PartFrame, PartTable
+from robotrue.core.arrays import Array
+from robotrue.core.rotations import abc_from_matrix
+from robotrue.core.units import DEG, MM
+from robotrue.report.calibration import column, versions
+from robotrue.report.content import Column, Fact, ReportContent, Section, Table, Tile, Verdict
+from robotrue.report.words import ENGLISH, Lang, Words
+from robotrue.validation.budget import COVERAGE_FACTOR, carried
+
+LEVERS: Final = (0.0, 0.1, 0.25, 0.5, 1.0, 2.0)
+"""m from the part's origin."""
+DIRECTIONS: Final = 200
+"""Directions a lever is tried in."""
+_MM: Final = "mm"
+
+
+def registration_content(
+    part: PartTable,
+    *,
+    name: str,
+    robot: str,
+    simulated: bool = False,
+    provenance: Sequence[Fact] = (),
+    lang: Lang = "en",
+) -> ReportContent:
+    """Returns the content of a report about the part frames of a cell.
+
+    Args:
+        part: Of the registered cell.
+        name: Of its file.
+        robot: Name of the arm.
+        simulated: Whether the touches are.
+        provenance: Files and hashes.
+        lang: Language of the report.
+    """
+    t = Words(lang=lang)
+    bad = [frame.name for frame in part.frames if frame.verdict != "GO"]
+    origin = max(_worst_axis(frame.covariance[:3, :3]) for frame in part.frames)
+    text = (
+        t("reg.no_go", names=", ".join(bad))
+        if bad
+        else t("reg.go", n=len(part.frames), u=COVERAGE_FACTOR * origin / MM)
+    )
+    outliers = [
+        t("reg.not_believed", part=frame.name, names=", ".join(frame.outliers))
+        for frame in part.frames
+        if frame.outliers
+    ]
+    return ReportContent(
+        title=t("reg.title", name=", ".join(part.names)),
+        subtitle=t("reg.subtitle", robot=robot, file=name),
+        simulated=simulated,
+        verdict=Verdict(
+            text=text,
+            tone="bad" if bad else "good",
+            detail=t("reg.detail", identity=part.identity),
+        ),
+        tiles=_tiles(part, origin, t),
+        sections=(_frames(part, t), _uncertainty(part, t)),
+        unseen=(t("reg.unseen_form"),),
+        doubts=(*outliers, t("reg.doubt_arm")),
+        provenance=(
+            *provenance,
+            Fact(name=t("fact.touches"), value=f"{part.points_file} sha256:{part.points_sha256}"),
+            Fact(name=t("fact.identity"), value=f"{part.identity.kind} {part.identity.sha256}"),
+            Fact(name=t("fact.model"), value=part.model_file or "-"),
+            *versions(),
+        ),
+        lang=lang,
+    )
+
+
+def _tiles(part: PartTable, origin: float, t: Words) -> tuple[Tile, ...]:
+    rms = max(frame.rms for frame in part.frames)
+    touches = sum(frame.touches for frame in part.frames)
+    return (
+        Tile(label=t("reg.touches"), key=ENGLISH("reg.touches"), value=float(touches), digits=0),
+        Tile(
+            label=t("reg.rms"),
+            key=ENGLISH("reg.rms"),
+            value=rms / MM,
+            unit=_MM,
+            note=t("reg.rms_note"),
+        ),
+        Tile(
+            label=t("cert.U"),
+            key=ENGLISH("cert.U"),
+            value=COVERAGE_FACTOR * origin / MM,
+            unit=_MM,
+        ),
+    )
+
+
+def _frames(part: PartTable, t: Words) -> Section:
+    pose = Table(
+        title=t("reg.table"),
+        columns=(
+            column(t, "reg.part"),
+            *(Column(title=a, unit=_MM) for a in ("X", "Y", "Z")),
+            *(Column(title=a, unit="deg", digits=4) for a in ("A", "B", "C")),
+            column(t, "reg.touches"),
+            column(t, "reg.outliers"),
+            column(t, "reg.rms", _MM),
+            column(t, "reg.verdict"),
+        ),
+        rows=tuple(
+            (
+                frame.name,
+                *(float(v) / MM for v in frame.T_base_part[:3, 3]),
+                *(float(v) / DEG for v in abc_from_matrix(frame.T_base_part[:3, :3])),
+                frame.touches,
+                len(frame.outliers),
+                frame.rms / MM,
+                frame.verdict,
+            )
+            for frame in part.frames
+        ),
+    )
+    return Section(title=t("reg.frames"), blocks=(pose,))
+
+
+def _uncertainty(part: PartTable, t: Words) -> Section:
+    sd = Table(
+        title=t("reg.sd"),
+        columns=(
+            column(t, "reg.part"),
+            *(Column(title=f"u({a})", unit=_MM, digits=4) for a in "xyz"),
+            *(Column(title=f"u(r{a})", unit="deg", digits=5) for a in "xyz"),
+        ),
+        rows=tuple(
+            (
+                frame.name,
+                *(float(v) / MM for v in np.sqrt(np.diag(frame.covariance)[:3])),
+                *(float(v) / DEG for v in np.sqrt(np.diag(frame.covariance)[3:])),
+            )
+            for frame in part.frames
+        ),
+        caption=t("reg.sd_text"),
+    )
+    levers = Table(
+        title=t("reg.levers"),
+        columns=(
+            column(t, "reg.lever", _MM, 0),
+            *(
+                Column(title=f"{frame.name}: {t('reg.U')}", key=f"{frame.name} U", unit=_MM)
+                for frame in part.frames
+            ),
+        ),
+        rows=tuple(
+            (lever / MM, *(COVERAGE_FACTOR * _at(frame, lever) / MM for frame in part.frames))
+            for lever in LEVERS
+        ),
+        caption=t("reg.levers_text"),
+    )
+    return Section(title=t("reg.uncertainty"), blocks=(sd, levers))
+
+
+def _at(frame: PartFrame, lever: float) -> float:
+    """Standard uncertainty along the worst axis, for the worst direction of a lever, m."""
+    return max(
+        _worst_axis(part) for part in carried(frame.covariance, lever * _directions(DIRECTIONS))
+    )
+
+
+def _worst_axis(covariance: Array) -> float:
+    return float(np.sqrt(max(np.linalg.eigvalsh(covariance)[-1], 0.0)))
+
+
+def _directions(count: int) -> Array:
+    """Unit vectors evenly over the sphere (a Fibonacci spiral)."""
+    k = np.arange(count) + 0.5
+    height = 1.0 - 2.0 * k / count
+    turn = np.pi * (1.0 + np.sqrt(5.0)) * k
+    flat = np.sqrt(1.0 - height**2)
+    return np.stack([flat * np.cos(turn), flat * np.sin(turn), height], axis=1)
