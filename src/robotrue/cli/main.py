@@ -24,6 +24,7 @@ from robotrue.cli import (
     part_commands,
     program_commands,
     report_commands,
+    serve_commands,
 )
 from robotrue.cli.app import Json, app
 from robotrue.errors import RobotrueError
@@ -37,6 +38,7 @@ __all__ = [
     "program_commands",
     "report_commands",
     "run",
+    "serve_commands",
 ]
 
 INTERRUPTED = 130

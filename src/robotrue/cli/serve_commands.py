@@ -1,0 +1,51 @@
+"""Signature of ``robotrue serve``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from robotrue.cli.app import app
+
+
+@app.command()
+def serve(
+    workspace: Annotated[
+        Path, typer.Argument(metavar="[WORKSPACE]", help="Folder; a new or empty one is set up.")
+    ] = Path("workspace"),
+    host: Annotated[
+        str, typer.Option(help="Address to listen on; any but this machine's needs a secret.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="Port; 0 takes a free one.")] = 8080,
+    password_env: Annotated[
+        str | None, typer.Option(help="Environment variable that holds the password of people.")
+    ] = None,
+    token_env: Annotated[
+        str | None, typer.Option(help="Environment variable that holds the token of programs.")
+    ] = None,
+    name: Annotated[
+        list[str] | None,
+        typer.Option("--name", help="Host name it is reached by; may be repeated."),
+    ] = None,
+    tls_cert: Annotated[Path | None, typer.Option(help="Certificate (PEM), for https.")] = None,
+    tls_key: Annotated[Path | None, typer.Option(help="Its private key.")] = None,
+    upload_mb: Annotated[int, typer.Option(help="Largest file taken in, MB.")] = 1024,
+    open_browser: Annotated[bool, typer.Option("--open", help="Open a browser.")] = False,
+) -> None:
+    """Open the workbench: cell, measurements, calibration and programs in a browser."""
+    from robotrue.cli.serve import run
+
+    run(
+        workspace,
+        host=host,
+        port=port,
+        password_env=password_env,
+        token_env=token_env,
+        names=tuple(name or ()),
+        certificate=tls_cert,
+        key=tls_key,
+        upload_mb=upload_mb,
+        open_browser=open_browser,
+    )

@@ -1,0 +1,33 @@
+"""Records of the store as JSON."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from datetime import datetime
+from typing import Any
+
+from robotrue.store.records import Attachment, Link, Record
+
+
+def record_document(record: Record, noun: str) -> dict[str, Any]:
+    """Returns a record as JSON values; its files with the address they are fetched from."""
+    out: dict[str, Any] = {"noun": noun}
+    for field in fields(record):
+        value = getattr(record, field.name)
+        if field.name == "links":
+            value = [_link(each) for each in value]
+        elif field.name == "attachments":
+            value = [_file(each, record, noun) for each in value]
+        elif isinstance(value, datetime):
+            value = value.isoformat()
+        out[field.name] = value
+    return out
+
+
+def _link(link: Link) -> dict[str, Any]:
+    return {"role": link.role, "id": link.to.id, "version": link.to.version}
+
+
+def _file(each: Attachment, record: Record, noun: str) -> dict[str, Any]:
+    where = f"/api/items/{noun}/{record.id}/files/{each.sha256}?version={record.version}"
+    return {"role": each.role, "name": each.name, "sha256": each.sha256, "href": where}

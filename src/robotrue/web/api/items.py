@@ -1,0 +1,141 @@
+"""What is in the workspace: listed, looked at, downloaded, deleted and brought back."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Path, Query
+from fastapi.responses import FileResponse
+from pydantic import BaseModel
+
+from robotrue.errors import ConfigurationError
+from robotrue.store import items, journal
+from robotrue.store.nouns import NOUNS, Noun
+from robotrue.store.records import Query as Asked
+from robotrue.store.records import Record
+from robotrue.web.api.documents import record_document
+from robotrue.web.bench import House
+from robotrue.web.problems import MissingError
+
+NounName = Annotated[str, Path(description=f"One of {', '.join(NOUNS)}.", max_length=40)]
+Id = Annotated[str, Path(max_length=40)]
+Digest = Annotated[str, Path(pattern="^[0-9a-f]{64}$")]
+Version = Annotated[int | None, Query(ge=1, le=1_000_000)]
+
+
+class Listing(BaseModel):
+    """Some of what was asked for."""
+
+    items: list[dict[str, Any]]
+    total: int
+    offset: int
+
+
+class Change(BaseModel):
+    """Another name or note; what is left out stays."""
+
+    name: str | None = None
+    note: str | None = None
+
+
+def router(house: House) -> APIRouter:
+    """Returns the routes of items."""
+    routes = APIRouter(tags=["items"])
+    workspace = house.workspace
+
+    def found(noun: str, id: str, version: int | None = None) -> Record:
+        try:
+            record: Record = items.get(workspace, _noun(noun), id, version=version)
+        except ConfigurationError as cause:
+            raise MissingError(cause.message, hint=cause.hint) from cause
+        return record
+
+    @routes.get("/items/{noun}")
+    def list_items(
+        noun: NounName,
+        text: Annotated[str, Query(max_length=200)] = "",
+        sort: Annotated[str, Query(max_length=40)] = "-created",
+        offset: Annotated[int, Query(ge=0, le=10_000_000)] = 0,
+        limit: Annotated[int, Query(ge=1, le=items.MOST)] = 50,
+        deleted: bool = False,
+    ) -> Listing:
+        """The latest versions of all items of a noun, a page of them."""
+        asked = Asked(text=text, sort=sort, offset=offset, limit=limit, deleted=deleted)
+        page = items.listed(workspace, _noun(noun), asked)
+        shown = [record_document(each, noun) for each in page.items]
+        return Listing(items=shown, total=page.total, offset=page.offset)
+
+    @routes.get("/items/{noun}/{id}")
+    def show_item(noun: NounName, id: Id, version: Version = None) -> dict[str, Any]:
+        """One version of an item, the latest if none is named."""
+        return record_document(found(noun, id, version), noun)
+
+    @routes.get("/items/{noun}/{id}/versions")
+    def list_versions(noun: NounName, id: Id) -> Listing:
+        """All versions of an item, the first first."""
+        found(noun, id)
+        every = items.versions(workspace, _noun(noun), id)
+        return Listing(
+            items=[record_document(each, noun) for each in every], total=len(every), offset=0
+        )
+
+    @routes.get("/items/{noun}/{id}/files/{sha256}", response_class=FileResponse)
+    def download(noun: NounName, id: Id, sha256: Digest, version: Version = None) -> FileResponse:
+        """A file of an item, under the name it came with."""
+        record = found(noun, id, version)
+        for each in record.attachments:
+            if each.sha256 == sha256:
+                return FileResponse(
+                    workspace.path_of(sha256),
+                    filename=each.name.replace("/", "_"),
+                    media_type="application/octet-stream",
+                )
+        raise MissingError(f"{noun} {record.name!r} has no file {sha256[:12]}.")
+
+    @routes.patch("/items/{noun}/{id}")
+    def change_item(noun: NounName, id: Id, change: Change) -> dict[str, Any]:
+        """The new version of an item with another name or note."""
+        found(noun, id)
+        changed = items.change(workspace, _noun(noun), id, name=change.name, note=change.note)
+        return record_document(changed, noun)
+
+    @routes.delete("/items/{noun}/{id}")
+    def delete_item(noun: NounName, id: Id) -> dict[str, Any]:
+        """The version that says that the item is deleted; nothing of it is lost."""
+        found(noun, id)
+        return record_document(items.delete(workspace, _noun(noun), id), noun)
+
+    @routes.post("/items/{noun}/{id}/undo")
+    def undo(noun: NounName, id: Id) -> dict[str, Any]:
+        """The item as it was before its latest version."""
+        found(noun, id)
+        return record_document(items.undo(workspace, _noun(noun), id), noun)
+
+    @routes.get("/journal")
+    def list_journal(
+        item: Annotated[str | None, Query(max_length=40)] = None,
+        offset: Annotated[int, Query(ge=0, le=10_000_000)] = 0,
+        limit: Annotated[int, Query(ge=1, le=items.MOST)] = 50,
+    ) -> Listing:
+        """What was done and when, the newest first."""
+        page = journal.entries(workspace, item=item, offset=offset, limit=limit)
+        shown = [
+            {
+                "at": each.at.isoformat(),
+                "action": each.action,
+                "noun": each.noun,
+                "item": each.item,
+                "version": each.version,
+                "detail": dict(each.detail),
+            }
+            for each in page.items
+        ]
+        return Listing(items=shown, total=page.total, offset=page.offset)
+
+    return routes
+
+
+def _noun(name: str) -> Noun[Any]:
+    if name not in NOUNS:
+        raise MissingError(f"{name!r} is no noun, expected {', '.join(NOUNS)}.")
+    return NOUNS[name]

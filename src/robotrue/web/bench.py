@@ -1,0 +1,74 @@
+"""What a page is given: the workspace, the user's choices, and the words to say things with."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import dataclass
+from typing import ParamSpec, TypeAlias, TypeVar
+
+from robotrue.store.records import ModelRecord
+from robotrue.store.workspace import Workspace
+from robotrue.web.language import Wording
+from robotrue.web.preferences import Preferences
+from robotrue.web.settings import ServeSettings
+from robotrue.web.workers import Workers
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class House:
+    """What all pages and the HTTP interface share while the server runs.
+
+    Attributes:
+        settings: What was asked for at the start.
+        workspace: Open.
+        workers: Processes for what takes longer than a blink.
+    """
+
+    settings: ServeSettings
+    workspace: Workspace
+    workers: Workers
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bench:
+    """One person looking at one page.
+
+    Attributes:
+        house: What everybody shares.
+        view: How this person wants to see things.
+        say: The words of their language.
+        query: What stands after ``?`` in the address.
+        model: The model shown, the newest unless ``?model=`` names one; None if there is none.
+    """
+
+    house: House
+    view: Preferences
+    say: Wording
+    query: Mapping[str, str]
+    model: ModelRecord | None
+
+    async def ask(self, question: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
+        """Returns the answer of the store, asked in a thread so that other pages go on."""
+        return await asyncio.to_thread(question, *args, **kwargs)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Page:
+    """One screen.
+
+    Attributes:
+        name: Also the key of its texts and of its icon.
+        path: Address.
+        build: Fills the page.
+    """
+
+    name: str
+    path: str
+    build: Build
+
+
+Build: TypeAlias = Callable[[Bench], Awaitable[None]]

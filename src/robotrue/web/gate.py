@@ -1,0 +1,189 @@
+"""The gate every request and every WebSocket passes before anything else sees it.
+
+In this order: the host it asks for, the page it comes from, who sends it, how large it is. What
+leaves gets headers that keep browsers from loading anything from, or lending anything to, another
+site.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, MutableMapping
+from http.cookies import CookieError, SimpleCookie
+from typing import Any, Final, TypeAlias
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.responses import RedirectResponse, Response
+
+from robotrue.web.hosts import host_is_known, known_names, origin_is_own
+from robotrue.web.problems import problem
+from robotrue.web.sessions import Sessions, same_secret
+from robotrue.web.settings import MB, ServeSettings
+
+Scope: TypeAlias = MutableMapping[str, Any]
+Message: TypeAlias = MutableMapping[str, Any]
+Receive: TypeAlias = Callable[[], Awaitable[Message]]
+Send: TypeAlias = Callable[[Message], Awaitable[None]]
+App: TypeAlias = Callable[[Scope, Receive, Send], Awaitable[None]]
+
+COOKIE: Final = "robotrue_session"
+OPEN_PATHS: Final = frozenset({"/login", "/static/icon.svg"})
+"""What is answered before anybody has logged in."""
+SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
+UPLOADS: Final = "/api/files"
+BODY_LIMIT: Final = 2 * MB
+"""Bytes of a request that is no upload."""
+# Vue compiles its templates in the browser, hence unsafe-eval; nothing comes from another host.
+POLICY: Final = (
+    "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; "
+    "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "
+    "connect-src 'self'; worker-src 'self' blob:; object-src 'none'; base-uri 'self'; "
+    "form-action 'self'; frame-ancestors 'none'"
+)
+HEADERS: Final = (
+    ("Content-Security-Policy", POLICY),
+    ("X-Content-Type-Options", "nosniff"),
+    ("X-Frame-Options", "DENY"),
+    ("Referrer-Policy", "same-origin"),
+    ("Cross-Origin-Opener-Policy", "same-origin"),
+    ("Cross-Origin-Resource-Policy", "same-origin"),
+    ("Permissions-Policy", "camera=(), microphone=(), geolocation=()"),
+)
+
+
+class TooLargeError(Exception):
+    """A body that went on beyond its limit."""
+
+
+class Gate:
+    """An ASGI application in front of another one."""
+
+    def __init__(self, app: App, settings: ServeSettings, sessions: Sessions) -> None:
+        self._app = app
+        self._settings = settings
+        self._sessions = sessions
+        self._names = known_names(settings)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Lets a request through, or answers it."""
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        # Reflected by the page template; nobody stands in front of this server.
+        scope["headers"] = [h for h in scope["headers"] if h[0] != b"x-forwarded-prefix"]
+        refusal = self._refusal(scope, Headers(scope=scope))
+        if refusal is None:
+            await self._through(scope, receive, self._with_headers(send))
+        elif scope["type"] == "websocket":
+            await receive()
+            await send({"type": "websocket.close", "code": 1008})
+        else:
+            await refusal(scope, receive, self._with_headers(send))
+
+    def _refusal(self, scope: Scope, headers: Headers) -> Response | None:
+        host = headers.get("host", "")
+        if not host_is_known(host, self._names, loopback=self._settings.loopback):
+            return problem(
+                421,
+                "unknown host",
+                detail=f"{host[:80]!r} is not a name of this server.",
+                hint="start it with --name for every name it is reached by.",
+            )
+        if self._is_foreign(scope, headers, host):
+            return problem(403, "cross-site request", detail="sent by a page of another site.")
+        if self._settings.guarded and not self._is_known(scope, headers):
+            return _ask_who(scope)
+        length = headers.get("content-length", "0")
+        if not length.isdigit():
+            return problem(400, "bad content-length")
+        if int(length) > self._limit(scope):
+            return self._too_large(scope)
+        return None
+
+    def _is_foreign(self, scope: Scope, headers: Headers, host: str) -> bool:
+        origin = headers.get("origin")
+        if origin is not None and not origin_is_own(origin, host, secure=self._settings.secure):
+            return True
+        if headers.get("sec-fetch-site", "none") in ("none", "same-origin"):
+            return False
+        # A link elsewhere may open a page; it may not load, embed or send anything.
+        opens = headers.get("sec-fetch-mode") == "navigate" and scope.get("method") == "GET"
+        return not (opens and headers.get("sec-fetch-dest") == "document")
+
+    def _is_known(self, scope: Scope, headers: Headers) -> bool:
+        if scope["path"] in OPEN_PATHS:
+            return True
+        kind, _, given = headers.get("authorization", "").partition(" ")
+        if kind.lower() == "bearer" and same_secret(given.strip(), self._settings.token):
+            return True
+        return self._sessions.holds(session_name(headers))
+
+    def _limit(self, scope: Scope) -> int:
+        return self._settings.upload_limit if scope["path"].startswith(UPLOADS) else BODY_LIMIT
+
+    def _too_large(self, scope: Scope) -> Response:
+        limit = self._limit(scope)
+        return problem(
+            413,
+            "too large",
+            detail=f"more than {limit / MB:g} MB.",
+            hint="--upload-mb" if scope["path"].startswith(UPLOADS) else None,
+        )
+
+    async def _through(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] == "websocket":
+            await self._app(scope, receive, send)
+            return
+        taken, limit, begun = 0, self._limit(scope), False
+
+        async def counted() -> Message:
+            nonlocal taken
+            message = await receive()
+            taken += len(message.get("body", b""))
+            if taken > limit:
+                raise TooLargeError
+            return message
+
+        async def noted(message: Message) -> None:
+            nonlocal begun
+            begun = True
+            await send(message)
+
+        try:
+            await self._app(scope, counted, noted)
+        except TooLargeError:
+            if begun:
+                raise
+            await self._too_large(scope)(scope, receive, send)
+
+    def _with_headers(self, send: Send) -> Send:
+        async def sent(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(raw=message.setdefault("headers", []))
+                for name, value in HEADERS:
+                    headers.setdefault(name, value)
+                headers.setdefault("Cache-Control", "no-store")
+                if self._settings.secure:
+                    headers.setdefault("Strict-Transport-Security", "max-age=31536000")
+            await send(message)
+
+        return sent
+
+
+def session_name(headers: Headers) -> str:
+    """Returns the session a request names in its cookie; empty if none."""
+    try:
+        found = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
+    except CookieError:
+        return ""
+    return "" if found is None else found.value
+
+
+def _ask_who(scope: Scope) -> Response:
+    if scope["type"] == "http" and scope["path"].startswith("/api"):
+        return problem(
+            401,
+            "not logged in",
+            hint="send Authorization: Bearer with the token of --token-env.",
+            headers={"WWW-Authenticate": "Bearer"},
+        )
+    return RedirectResponse("/login", status_code=303)

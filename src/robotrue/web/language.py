@@ -1,0 +1,68 @@
+"""The words of the pages: one file per language, every one with the same keys."""
+
+from __future__ import annotations
+
+import tomllib
+from functools import cache
+from pathlib import Path
+from typing import Any, Final
+
+from robotrue.errors import ConfigurationError
+
+LANGUAGES: Final = {"en": "English", "zh": "中文"}
+FOLDER: Final = Path(__file__).parent / "languages"
+
+
+@cache
+def words(language: str) -> dict[str, str]:
+    """Returns all texts of a language by their dotted keys, e.g. ``"nav.cell"``.
+
+    Raises:
+        ConfigurationError: There is no such language.
+    """
+    if language not in LANGUAGES:
+        raise ConfigurationError(f"language {language!r}, expected {', '.join(LANGUAGES)}.")
+    return _flat(tomllib.loads((FOLDER / f"{language}.toml").read_text(encoding="utf-8")), "")
+
+
+class Wording:
+    """Says a text of one language: ``say("cell.poses", count=30)``."""
+
+    def __init__(self, language: str) -> None:
+        self.language = language
+        self._words = words(language)
+
+    def __call__(self, key: str, **values: Any) -> str:
+        """Returns the text of a key with its values put in.
+
+        Raises:
+            ConfigurationError: No such text; a test looks for all that are used.
+        """
+        try:
+            text = self._words[key]
+        except KeyError:
+            raise ConfigurationError(f"no text {key!r} in {self.language}.toml.") from None
+        return text.format(**values) if values else text
+
+    def known(self, key: str) -> bool:
+        """Returns whether there is such a text."""
+        return key in self._words
+
+
+def preferred(accept_language: str) -> str:
+    """Returns the language a browser's ``Accept-Language`` asks for first; English otherwise."""
+    for part in accept_language.lower().split(","):
+        tag = part.partition(";")[0].strip().partition("-")[0]
+        if tag in LANGUAGES:
+            return tag
+    return "en"
+
+
+def _flat(table: dict[str, Any], prefix: str) -> dict[str, str]:
+    out: dict[str, str] = {}
+    for key, value in table.items():
+        if isinstance(value, dict):
+            out |= _flat(value, f"{prefix}{key}.")
+        else:
+            out[f"{prefix}{key}"] = str(value)
+    return out

@@ -1,0 +1,14 @@
+"""The screens of the workbench: one file each, listed here in the order of the navigation.
+
+A new one is a file with a ``PAGE``, its name in :data:`PAGES`, its texts in every language file
+(``nav.<name>`` and a section ``[<name>]``) and its icon in ``parts/icons.py``.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from robotrue.web.bench import Page
+from robotrue.web.pages import cell
+
+PAGES: Final[tuple[Page, ...]] = (cell.PAGE,)

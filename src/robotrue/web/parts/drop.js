@@ -1,0 +1,42 @@
+// A place to drop files on: each goes to /api/files as it is, then what came of it to one address.
+export default {
+  template: `
+  <div>
+    <label class="drop-zone" :class="{over}" @dragover.prevent="over = true" @dragleave="over = false" @drop.prevent="dropped">
+      <input type="file" multiple :accept="accept" data-testid="file-input" @change="chosen">
+      <b>{{ title }}</b><span>{{ hint }}</span>
+      <div class="progress" style="width:min(340px,80%)" v-if="share !== null"><i :style="{width: 100 * share + '%'}"></i></div>
+    </label>
+    <div class="card fault" v-if="fault" data-testid="upload-fault" role="alert" style="margin-top:12px">
+      <b>{{ fault.title }}</b> <span>{{ fault.detail }}</span>
+      <div class="note" v-if="fault.hint">{{ fault.hint }}</div>
+    </div>
+  </div>`,
+  props: { title: String, hint: String, accept: String, then: String, facts: Object, go: String },
+  data: () => ({ over: false, share: null, fault: null }),
+  methods: {
+    chosen(e) { this.take([...e.target.files]); e.target.value = ""; },
+    dropped(e) { this.over = false; this.take([...e.dataTransfer.files]); },
+    async take(files) {
+      if (!files.length) return;
+      this.fault = null;
+      try {
+        const ids = [];
+        for (const [k, file] of files.entries()) {
+          this.share = k / files.length;
+          const sent = await window.bench.send(`/api/files?name=${encodeURIComponent(file.name)}`, file, (s) => (this.share = (k + s) / files.length));
+          ids.push(sent.id);
+        }
+        if (this.then) {
+          const answer = await fetch(this.then, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ ...this.facts, uploads: ids }) });
+          const made = await answer.json();
+          if (!answer.ok) throw made;
+          location.href = this.go.replace("{id}", made.id);
+        } else this.$emit("sent", ids);
+      } catch (cause) {
+        this.fault = { title: cause.title || String(cause), detail: cause.detail, hint: cause.hint };
+      }
+      this.share = null;
+    },
+  },
+};

@@ -1,0 +1,88 @@
+"""How one person wants to see things: language, light, angles, unit of errors. Kept by the browser.
+
+The choice travels in a cookie of its own, which says nothing about who somebody is; anything in it
+that is not one of the known choices counts as not chosen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Final
+from urllib.parse import parse_qsl
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.core.rotations import (
+    abc_from_matrix,
+    quat_wxyz_from_matrix,
+    rotation_vector_from_matrix,
+)
+from robotrue.core.units import DEG, MM, UM
+from robotrue.web.language import LANGUAGES, preferred
+
+COOKIE: Final = "robotrue_view"
+CHOICES: Final[Mapping[str, tuple[str, ...]]] = {
+    "language": tuple(LANGUAGES),
+    "theme": ("auto", "light", "dark"),
+    "angles": ("kuka", "fanuc", "abb", "ur"),
+    "unit": ("mm", "um"),
+}
+ANGLE_NAMES: Final[Mapping[str, tuple[str, ...]]] = {
+    "kuka": ("A", "B", "C"),
+    "fanuc": ("W", "P", "R"),
+    "abb": ("q1", "q2", "q3", "q4"),
+    "ur": ("rx", "ry", "rz"),
+}
+"""What the numbers of an orientation are called by each controller."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Preferences:
+    """One person's choices; the values are those of :data:`CHOICES`."""
+
+    language: str = "en"
+    theme: str = "auto"
+    angles: str = "kuka"
+    unit: str = "mm"
+
+    @property
+    def dark(self) -> bool | None:
+        """True or False, or None for what the system says."""
+        return {"dark": True, "light": False}.get(self.theme)
+
+    @property
+    def scale(self) -> float:
+        """M of one unit of error."""
+        return UM if self.unit == "um" else MM
+
+    @property
+    def unit_name(self) -> str:
+        """The unit of errors as printed."""
+        return "µm" if self.unit == "um" else "mm"
+
+    def error(self, length: float) -> str:
+        """Returns an error in m as a number in the chosen unit, without it."""
+        if not np.isfinite(length):
+            return "–"
+        return f"{length / self.scale:.0f}" if self.unit == "um" else f"{length / self.scale:.3f}"
+
+    def orientation(self, rotation: Array) -> tuple[str, ...]:
+        """Returns the numbers a controller prints for a rotation (3, 3); see CONVENTIONS.md."""
+        if self.angles == "abb":
+            return tuple(f"{v:.6f}" for v in quat_wxyz_from_matrix(rotation))
+        if self.angles == "ur":
+            return tuple(f"{v:.5f}" for v in rotation_vector_from_matrix(rotation))
+        a, b, c = abc_from_matrix(rotation) / DEG
+        return tuple(f"{v:.3f}" for v in ((a, b, c) if self.angles == "kuka" else (c, b, a)))
+
+
+def preferences_from(cookies: Mapping[str, str], accept_language: str = "") -> Preferences:
+    """Returns the choices in a request's cookies, the browser's language where none was made."""
+    chosen = {"language": preferred(accept_language)}
+    stated = dict(parse_qsl(cookies.get(COOKIE, "").replace("%3D", "=").replace("%26", "&")))
+    for field in fields(Preferences):
+        if stated.get(field.name) in CHOICES[field.name]:
+            chosen[field.name] = stated[field.name]
+    return Preferences(**chosen)

@@ -1,0 +1,87 @@
+"""Errors as JSON (RFC 9457): a title, a status, what was wrong and one thing to try."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from starlette.exceptions import HTTPException
+
+from robotrue.errors import (
+    ConfigurationError,
+    FormatError,
+    MissingExtraError,
+    ModelMismatchError,
+    RobotrueError,
+)
+
+MEDIA_TYPE: Final = "application/problem+json"
+STATUS: Final[dict[type[RobotrueError], int]] = {
+    ConfigurationError: 400,
+    FormatError: 400,
+    ModelMismatchError: 409,
+    MissingExtraError: 501,
+}
+"""Status of an error; all others are 422: understood, and refused for what the data are."""
+
+
+class MissingError(ConfigurationError):
+    """Something asked for by name that is not in the workspace."""
+
+
+def problem(
+    status: int,
+    title: str,
+    *,
+    detail: str = "",
+    headers: dict[str, str] | None = None,
+    **facts: Any,
+) -> JSONResponse:
+    """Returns a problem document; facts that are None are left out."""
+    body = {"type": "about:blank", "title": title, "status": status, "detail": detail, **facts}
+    return JSONResponse(
+        {k: v for k, v in body.items() if v is not None and v != ""},
+        status_code=status,
+        media_type=MEDIA_TYPE,
+        headers=headers,
+    )
+
+
+def of_error(error: RobotrueError) -> JSONResponse:
+    """Returns the problem document of an error, with its own words and fields."""
+    status = 404 if isinstance(error, MissingError) else STATUS.get(type(error), 422)
+    return problem(
+        status,
+        title_of(error),
+        detail=error.message,
+        hint=error.hint,
+        source=None if error.source is None else error.source.replace("\\", "/").split("/")[-1],
+        line=error.line,
+    )
+
+
+def title_of(error: RobotrueError) -> str:
+    """Returns the kind of an error in words, e.g. ``"format error"``."""
+    words = "".join(f" {c.lower()}" if c.isupper() else c for c in type(error).__name__)
+    return words.strip()
+
+
+def answer_with_problems(app: FastAPI) -> None:
+    """Makes every refusal of the application a problem document."""
+
+    @app.exception_handler(RobotrueError)
+    async def _refused(request: Request, error: RobotrueError) -> JSONResponse:
+        return of_error(error)
+
+    @app.exception_handler(RequestValidationError)
+    async def _invalid(request: Request, error: RequestValidationError) -> JSONResponse:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        return problem(422, "invalid request", detail=f"{place}: {first['msg']}.")
+
+    @app.exception_handler(HTTPException)
+    async def _http(request: Request, error: HTTPException) -> JSONResponse:
+        headers = None if error.headers is None else dict(error.headers)
+        return problem(error.status_code, str(error.detail).lower(), headers=headers)

@@ -1,0 +1,136 @@
+"""Files that came in become items of the workspace."""
+
+from __future__ import annotations
+
+import json
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from robotrue.cell.cell import Cell, tracker_covariance
+from robotrue.cell.config import read_cell
+from robotrue.errors import ConfigurationError, ModelMismatchError
+from robotrue.measurement.formats.mapping import ColumnMapping
+from robotrue.measurement.formats.registry import read_measurements
+from robotrue.measurement.measurement_set import MeasurementSet, concatenate
+from robotrue.measurement.plausibility import check_plausible
+from robotrue.measurement.tracker import point_covariance
+from robotrue.robot.forward import forward
+from robotrue.store import cells, items, measurements, programs
+from robotrue.store.nouns import CELL
+from robotrue.store.records import CellRecord
+from robotrue.store.workspace import Workspace
+from robotrue.web.api.documents import record_document
+from robotrue.web.questions.packing import answer
+
+
+def add_cell(folder: str, paths: str, name: str) -> bytes:
+    """Returns the record of a cell.toml taken in with the files it names beside it."""
+    found = [Path(each) for each in json.loads(paths)]
+    main = [path for path in found if path.suffix.lower() == ".toml"]
+    if len(main) != 1:
+        raise ConfigurationError(
+            f"{len(main)} TOML files, expected one cell.toml and the files it names.",
+            hint="drop them together.",
+        )
+    with TemporaryDirectory() as together, Workspace.open(folder) as workspace:
+        for path in found:
+            (Path(together) / path.name).write_bytes(path.read_bytes())
+        record = cells.add(workspace, Path(together) / main[0].name, name=name or None)
+        return answer(record_document(record, "cell"))
+
+
+def add_program(folder: str, paths: str, name: str) -> bytes:
+    """Returns the record of a program's files taken in as they stand."""
+    with Workspace.open(folder) as workspace:
+        found = [Path(each) for each in json.loads(paths)]
+        record = programs.add(workspace, found, name=name or None)
+        return answer(record_document(record, "program"))
+
+
+def add_measurements(folder: str, paths: str, name: str, cell_id: str, mapping: str) -> bytes:
+    """Returns the record of measured poses, read, checked for plausibility and taken in.
+
+    Args:
+        folder: Of the workspace.
+        paths: JSON list of files.
+        name: In the workspace; empty: that of the first file.
+        cell_id: They were measured in.
+        mapping: JSON of the fields of a column mapping; empty: the layout is found.
+    """
+    found = [Path(each) for each in json.loads(paths)]
+    with Workspace.open(folder) as workspace:
+        record = items.get(workspace, CELL, cell_id)
+        rows, remarks = _read(_cell(workspace, record), found, column_mapping(mapping))
+        stored = measurements.add(
+            workspace,
+            rows,
+            name=name or found[0].stem,
+            raw=found,
+            cell=record.ref,
+            detail={"remarks": remarks, "mapping": json.loads(mapping) if mapping else None},
+        )
+        return answer(record_document(stored, "measurement"))
+
+
+def column_mapping(text: str) -> ColumnMapping | None:
+    """Returns a column mapping from JSON of its fields, or None.
+
+    Raises:
+        ConfigurationError: An unknown field or a value it cannot take.
+    """
+    if not text:
+        return None
+    stated: dict[str, Any] = json.loads(text)
+    values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in stated.items()}
+    values.setdefault("name", "as chosen")
+    try:
+        return ColumnMapping(**values)
+    except TypeError as cause:
+        raise ConfigurationError(f"column mapping: {cause}.") from cause
+
+
+def _cell(workspace: Workspace, record: CellRecord) -> Cell:
+    with TemporaryDirectory() as folder:
+        return read_cell(cells.laid(workspace, record, Path(folder)))
+
+
+def _read(
+    cell: Cell, paths: list[Path], layout: ColumnMapping | None
+) -> tuple[MeasurementSet, list[str]]:
+    robot = cell.measured_robot
+    sets = [_in_cell(cell, path, layout) for path in paths]
+    for path, found in zip(paths, sets, strict=True):
+        if found.dof != robot.dof or found.frame != sets[0].frame:
+            raise ModelMismatchError(
+                f"{found.dof} joints, positions in the {found.frame} frame; expected {robot.dof} "
+                f"joints and the {sets[0].frame} frame.",
+                source=path.name,
+                hint="check the robot of the cell; add files of another frame on their own.",
+            )
+    joined = concatenate(sets)
+
+    def measured_point(joints: Any) -> Any:
+        return forward(robot, joints)[:, :3, 3]
+
+    remarks = check_plausible(
+        joined, measured_point(joined.joints), robot.reach, forward=measured_point
+    )
+    return joined, list(remarks)
+
+
+def _in_cell(cell: Cell, path: Path, layout: ColumnMapping | None) -> MeasurementSet:
+    """A layout that is in the tracker's own frame stays in it, whatever the cell says."""
+    found = read_measurements(
+        path,
+        mapping=layout,
+        frame="tracker" if cell.frame == "tracker" else None,
+        instrument=partial(tracker_covariance, cell),
+    )
+    if found.frame == cell.frame:
+        return found
+    own = partial(point_covariance, cell.tracker, tracker=np.zeros(3))
+    return read_measurements(path, mapping=layout, instrument=own)

@@ -1,0 +1,36 @@
+"""Answers as JSON; long arrays as base64 of little-endian float32, which browsers read at once."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+
+
+def packed(values: Array) -> dict[str, Any]:
+    """Returns an array for :func:`answer`; NaN stays NaN."""
+    data = np.ascontiguousarray(values, dtype="<f4").tobytes()
+    return {"f32": base64.b64encode(data).decode("ascii"), "shape": list(np.shape(values))}
+
+
+def answer(document: Mapping[str, Any]) -> bytes:
+    """Returns a document as JSON; numbers that are not finite become null."""
+    return json.dumps(_finite(document), allow_nan=False, separators=(",", ":")).encode()
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(k): _finite(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(v) for v in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return _finite(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,91 @@
+"""How the workbench is served: where, to whom, and how large a file may be."""
+
+from __future__ import annotations
+
+import ipaddress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from robotrue.errors import ConfigurationError
+
+MB: Final = 1024 * 1024
+SHORTEST_PASSWORD: Final = 8
+SHORTEST_TOKEN: Final = 16
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServeSettings:
+    """What ``robotrue serve`` was asked for.
+
+    Attributes:
+        workspace: Folder (or address) of the workspace.
+        host: Address listened on; ``127.0.0.1`` is this machine alone.
+        port: TCP port; 0 takes a free one.
+        password: What people log in with; empty asks for none.
+        token: What programs send as ``Authorization: Bearer``; empty lets none in.
+        names: Further host names the workbench is reached by.
+        certificate: TLS certificate (PEM), or None for plain HTTP.
+        key: Its private key.
+        upload_limit: Bytes of one uploaded file.
+    """
+
+    workspace: Path
+    host: str = "127.0.0.1"
+    port: int = 8080
+    password: str = ""
+    token: str = ""
+    names: tuple[str, ...] = ()
+    certificate: Path | None = None
+    key: Path | None = None
+    upload_limit: int = 1024 * MB
+
+    def __post_init__(self) -> None:
+        """Refuses what would let anybody in.
+
+        Raises:
+            ConfigurationError: Another address without a secret, a secret too short to be one, a
+                port that cannot be, or half of a certificate.
+        """
+        if not 0 <= self.port <= 65535:
+            raise ConfigurationError(f"port {self.port}, expected 0 to 65535.", hint="--port 8080")
+        if not self.loopback and not self.guarded:
+            raise ConfigurationError(
+                f"{self.host} can be reached from other machines, and neither a password nor a "
+                "token is set.",
+                hint="export BENCH_PASSWORD=...; robotrue serve --password-env BENCH_PASSWORD",
+            )
+        for name, secret, least in (
+            ("password", self.password, SHORTEST_PASSWORD),
+            ("token", self.token, SHORTEST_TOKEN),
+        ):
+            if secret and len(secret) < least:
+                raise ConfigurationError(
+                    f"the {name} has {len(secret)} characters, expected at least {least}.",
+                    hint='python3 -c "import secrets; print(secrets.token_urlsafe(24))"',
+                )
+        if (self.certificate is None) != (self.key is None):
+            raise ConfigurationError(
+                "a certificate needs its key, and a key its certificate.",
+                hint="--tls-cert cell.pem --tls-key cell.key",
+            )
+
+    @property
+    def loopback(self) -> bool:
+        """Whether only this machine can reach the address."""
+        if self.host == "localhost":
+            return True
+        try:
+            return ipaddress.ip_address(self.host).is_loopback
+        except ValueError:
+            return False
+
+    @property
+    def guarded(self) -> bool:
+        """Whether anybody is asked who they are."""
+        return bool(self.password or self.token)
+
+    @property
+    def secure(self) -> bool:
+        """Whether the connection is encrypted."""
+        return self.certificate is not None

@@ -1,0 +1,64 @@
+// What every page needs in the browser: choices kept in a cookie, shortcuts, files sent as they are.
+"use strict";
+(() => {
+  const COOKIE = "robotrue_view";
+  const read = () => {
+    const found = document.cookie.split("; ").find((c) => c.startsWith(COOKIE + "="));
+    return new URLSearchParams(found ? decodeURIComponent(found.slice(COOKIE.length + 1)) : "");
+  };
+  const theme = () => {
+    const wanted = read().get("theme");
+    const dark = wanted === "dark" || (wanted !== "light" && matchMedia("(prefers-color-scheme: dark)").matches);
+    document.documentElement.dataset.theme = dark ? "dark" : "light";
+    window.dispatchEvent(new CustomEvent("bench-theme"));
+  };
+  theme();
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", theme);
+
+  const prefer = (name, value) => {
+    const chosen = read();
+    chosen.set(name, value);
+    const secure = location.protocol === "https:" ? "; Secure" : "";
+    document.cookie = `${COOKIE}=${encodeURIComponent(chosen)}; Path=/; SameSite=Strict; Max-Age=31536000${secure}`;
+    if (name === "theme") theme();
+    else location.reload();
+  };
+
+  // Sends one file as the body of a request; the server writes it to disk as it comes.
+  const send = (url, file, onProgress) =>
+    new Promise((resolve, reject) => {
+      const request = new XMLHttpRequest();
+      request.open("POST", url);
+      request.setRequestHeader("Content-Type", "application/octet-stream");
+      request.upload.onprogress = (e) => e.lengthComputable && onProgress && onProgress(e.loaded / e.total);
+      request.onload = () => {
+        let answer = {};
+        try { answer = JSON.parse(request.responseText); } catch { answer = { detail: request.responseText }; }
+        if (request.status < 300) resolve(answer);
+        else reject(answer);
+      };
+      request.onerror = () => reject({ title: "no connection" });
+      request.send(file);
+    });
+
+  const typing = (e) => e.target.closest("input, textarea, select, [contenteditable]");
+  addEventListener("keydown", (e) => {
+    if (e.ctrlKey || e.metaKey || e.altKey || typing(e)) return;
+    if (e.key >= "1" && e.key <= "9") {
+      const link = document.querySelector(`[data-shortcut="${e.key}"]`);
+      if (link) location.href = link.href;
+    } else if (e.key === "?") {
+      document.getElementById("shortcuts")?.showModal();
+    } else if (e.key === "t") {
+      prefer("theme", document.documentElement.dataset.theme === "dark" ? "light" : "dark");
+    }
+  });
+  // A menu that is open closes with a click elsewhere, and with Escape.
+  addEventListener("click", (e) => {
+    document.querySelectorAll("details.menu[open]").forEach((m) => m.contains(e.target) || (m.open = false));
+  });
+  addEventListener("keydown", (e) => {
+    if (e.key === "Escape") document.querySelectorAll("details.menu[open]").forEach((m) => (m.open = false));
+  });
+  window.bench = { prefer, send, read, theme };
+})();

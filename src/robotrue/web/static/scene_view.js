@@ -1,0 +1,401 @@
+// The cell in three dimensions: what is drawn, and when. Drawn on demand only; while one turns the
+// view on a slow machine the picture gets coarser and the path thinner, and whole again at rest.
+"use strict";
+
+const RAMP = [[47, 109, 179], [63, 167, 160], [140, 194, 106], [240, 176, 64], [216, 67, 43]].map((c) => c.map((v) => (v / 255) ** 2.2));
+const REST_MS = 160;
+const SLOW_MS = 50;
+const COARSEST = 0.5;
+const THIN_PATH = 12000;
+
+export const rampCss = "linear-gradient(90deg,#2f6db3,#3fa7a0,#8cc26a,#f0b040,#d8432b)";
+
+export function floats(packed) {
+  const text = atob(packed.f32);
+  const bytes = new Uint8Array(text.length);
+  for (let i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i);
+  return new Float32Array(bytes.buffer);
+}
+
+function ramp(t, out, at) {
+  const x = Math.min(Math.max(t, 0), 1) * (RAMP.length - 1);
+  const k = Math.min(Math.floor(x), RAMP.length - 2);
+  for (let c = 0; c < 3; c++) out[at + c] = RAMP[k][c] + (x - k) * (RAMP[k + 1][c] - RAMP[k][c]);
+}
+
+// Lengths of (n, 3) vectors.
+export function lengths(v) {
+  const out = new Float32Array(v.length / 3);
+  for (let i = 0; i < out.length; i++) out[i] = Math.hypot(v[3 * i], v[3 * i + 1], v[3 * i + 2]);
+  return out;
+}
+
+export function quantile(values, share) {
+  const sorted = Float32Array.from(values.filter(Number.isFinite)).sort();
+  return sorted.length ? sorted[Math.min(sorted.length - 1, Math.floor(share * sorted.length))] : 0;
+}
+
+// An arrow is its foot, its error and a scale; the scale is one number for all, so a slider costs nothing.
+const SHAFT = `attribute vec3 foot; attribute vec3 error; attribute vec3 tint; attribute float end; uniform float scale; varying vec3 vTint;
+void main(){ vTint = tint; gl_Position = projectionMatrix * modelViewMatrix * vec4(foot + end * scale * error, 1.0); }`;
+const HEAD = `attribute vec3 foot; attribute vec3 error; attribute vec3 tint; uniform float scale; uniform float size; varying vec3 vTint;
+void main(){
+  vec3 d = scale * error; float l = length(d); vec3 z = l > 1e-9 ? d / l : vec3(0.0, 0.0, 1.0);
+  vec3 x = normalize(abs(z.z) < 0.9 ? cross(z, vec3(0.0, 0.0, 1.0)) : cross(z, vec3(1.0, 0.0, 0.0))); vec3 y = cross(z, x);
+  float s = min(size, 0.5 * l);
+  vTint = tint * (0.82 + 0.18 * position.x);
+  gl_Position = projectionMatrix * modelViewMatrix * vec4(foot + d + s * (0.34 * (position.x * x + position.y * y) + (position.z - 1.0) * z), 1.0);
+}`;
+const TINT = `varying vec3 vTint; void main(){ gl_FragColor = vec4(pow(vTint, vec3(1.0 / 2.2)), 1.0); }`;
+
+export class SceneView {
+  constructor(three, host, onPick) {
+    Object.assign(this, three);
+    const T = this.THREE;
+    this.host = host;
+    this.onPick = onPick;
+    this.renderer = new T.WebGLRenderer({ antialias: true, powerPreference: "high-performance" });
+    host.append(this.renderer.domElement);
+    this.labels = new this.CSS2DRenderer();
+    Object.assign(this.labels.domElement.style, { position: "absolute", inset: "0", pointerEvents: "none" });
+    host.append(this.labels.domElement);
+    this.scene = new T.Scene();
+    this.camera = new T.PerspectiveCamera(38, 1, 0.02, 60);
+    this.camera.up.set(0, 0, 1);
+    this.controls = new this.OrbitControls(this.camera, this.renderer.domElement);
+    this.controls.addEventListener("change", () => this.moved());
+    this.scene.add(new T.HemisphereLight(0xffffff, 0x8a94a0, 2.2));
+    const sun = new T.DirectionalLight(0xffffff, 1.9);
+    sun.position.set(2, -3, 5);
+    this.scene.add(sun);
+    this.layers = {};
+    this.coarse = 1;
+    this.frames = 0;
+    this.size = new ResizeObserver(() => this.resize());
+    this.size.observe(host);
+    this.retheme = () => this.theme();
+    addEventListener("bench-theme", this.retheme);
+    this.renderer.domElement.addEventListener("click", (e) => this.pick(e));
+    this.theme();
+    this.resize();
+  }
+
+  dispose() {
+    this.size.disconnect();
+    removeEventListener("bench-theme", this.retheme);
+    this.controls.dispose();
+    this.renderer.dispose();
+  }
+
+  theme() {
+    const css = getComputedStyle(document.documentElement);
+    const dark = document.documentElement.dataset.theme === "dark";
+    this.scene.background = new this.THREE.Color(dark ? "#161c23" : "#eef1f4");
+    this.colours = {
+      before: new this.THREE.Color(css.getPropertyValue("--before").trim()),
+      after: new this.THREE.Color(css.getPropertyValue("--after").trim()),
+      body: new this.THREE.Color(dark ? "#7c8895" : "#c9d1d9"),
+      drum: new this.THREE.Color(dark ? "#e08a45" : "#d9782d"),
+      floor: new this.THREE.Color(dark ? "#2b3641" : "#cfd6dd"),
+    };
+    this.material?.color.copy(this.colours.body);
+    this.drumMaterial?.color.copy(this.colours.drum);
+    this.floorMaterial?.color.copy(this.colours.floor);
+    this.wanted();
+  }
+
+  resize() {
+    const { clientWidth: w, clientHeight: h } = this.host;
+    if (!w || !h) return;
+    this.camera.aspect = w / h;
+    this.camera.updateProjectionMatrix();
+    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2) * this.coarse);
+    this.renderer.setSize(w, h);
+    this.labels.setSize(w, h);
+    this.wanted();
+  }
+
+  wanted() {
+    if (this.due) return;
+    this.due = true;
+    requestAnimationFrame(() => {
+      this.due = false;
+      this.renderer.render(this.scene, this.camera);
+      this.labels.render(this.scene, this.camera);
+      this.frames++;
+    });
+  }
+
+  // The view moves: coarser if pictures come slowly, whole again once it rests.
+  moved() {
+    const now = performance.now();
+    const took = now - (this.last ?? now - 16);
+    this.last = now;
+    if (took < 400) this.mean = 0.8 * (this.mean ?? took) + 0.2 * took;
+    if (this.mean > SLOW_MS && this.coarse > COARSEST) this.sharpness(Math.max(COARSEST, this.coarse * 0.8));
+    if (this.path && !this.thin) this.thinned(true);
+    clearTimeout(this.rest);
+    this.rest = setTimeout(() => {
+      this.thinned(false);
+      this.sharpness(1);
+    }, REST_MS);
+    this.wanted();
+  }
+
+  sharpness(share) {
+    if (share === this.coarse) return;
+    this.coarse = share;
+    this.resize();
+  }
+
+  thinned(on) {
+    this.thin = on;
+    if (this.path) this.path.visible = !on;
+    if (this.pathThin) this.pathThin.visible = on;
+    this.wanted();
+  }
+
+  layer(name) {
+    const old = this.layers[name];
+    if (old) {
+      this.scene.remove(old);
+      old.traverse((o) => {
+        o.geometry?.dispose();
+        o.element?.remove();
+      });
+    }
+    const group = new this.THREE.Group();
+    this.scene.add(group);
+    this.layers[name] = group;
+    return group;
+  }
+
+  show(name, on) {
+    if (this.layers[name]) this.layers[name].visible = on;
+    this.wanted();
+  }
+
+  robot(doc) {
+    const T = this.THREE;
+    const group = this.layer("robot");
+    this.tubes = { ends: floats(doc.tubes), count: doc.tubes.shape[1], meshes: [] };
+    this.drums = { ends: floats(doc.drums), count: doc.drums.shape[1], meshes: [] };
+    this.tools = floats(doc.tool);
+    this.material = new T.MeshStandardMaterial({ color: this.colours.body, roughness: 0.62, metalness: 0.08 });
+    this.drumMaterial = new T.MeshStandardMaterial({ color: this.colours.drum, roughness: 0.55, metalness: 0.08 });
+    for (let k = 0; k < this.tubes.count; k++) {
+      const mesh = new T.Mesh(new T.CylinderGeometry(1, 1, 1, 24), this.material);
+      const knob = new T.Mesh(new T.SphereGeometry(1, 20, 14), this.material);
+      this.tubes.meshes.push([mesh, knob, doc.tube_radius_m[k]]);
+      group.add(mesh, knob);
+    }
+    for (let k = 0; k < this.drums.count; k++) {
+      const mesh = new T.Mesh(new T.CylinderGeometry(1, 1, 1, 28), this.drumMaterial);
+      this.drums.meshes.push([mesh, doc.drum_radius_m[k]]);
+      group.add(mesh);
+    }
+    const foot = new T.Mesh(new T.CylinderGeometry(doc.drum_radius_m[0] * 1.9, doc.drum_radius_m[0] * 2.1, 0.04, 40), this.material);
+    foot.rotation.x = Math.PI / 2;
+    foot.position.z = 0.02;
+    group.add(foot);
+    this.triad = this.axes(0.12, "");
+    group.add(this.triad);
+    this.surroundings(doc.reach_m);
+    this.pose(0);
+    this.look(doc.reach_m);
+  }
+
+  // Puts the arm into one of the postures that came with it.
+  pose(n) {
+    const T = this.THREE;
+    const a = new T.Vector3(), b = new T.Vector3(), up = new T.Vector3(0, 1, 0);
+    this.tubes.meshes.forEach(([mesh, knob, radius], k) => {
+      const at = 6 * (n * this.tubes.count + k);
+      a.fromArray(this.tubes.ends, at);
+      b.fromArray(this.tubes.ends, at + 3);
+      const length = a.distanceTo(b);
+      mesh.position.copy(a).add(b).multiplyScalar(0.5);
+      mesh.quaternion.setFromUnitVectors(up, b.clone().sub(a).normalize());
+      mesh.scale.set(radius, length, radius);
+      knob.position.copy(b);
+      knob.scale.setScalar(radius);
+    });
+    this.drums.meshes.forEach(([mesh, radius], k) => {
+      const at = 6 * (n * this.drums.count + k);
+      a.fromArray(this.drums.ends, at);
+      b.fromArray(this.drums.ends, at + 3);
+      mesh.position.copy(a);
+      if (k === 0) mesh.position.addScaledVector(b, 1.25 * radius); // the first stands on its foot
+      mesh.quaternion.setFromUnitVectors(up, b.normalize());
+      mesh.scale.set(radius * 1.18, radius * 2.5, radius * 1.18);
+    });
+    const t = 12 * n;
+    const m = new T.Matrix4().makeBasis(
+      new T.Vector3().fromArray(this.tools, t + 3), new T.Vector3().fromArray(this.tools, t + 6), new T.Vector3().fromArray(this.tools, t + 9));
+    m.setPosition(new T.Vector3().fromArray(this.tools, t));
+    this.triad.matrixAutoUpdate = false;
+    this.triad.matrix.copy(m);
+    this.wanted();
+  }
+
+  axes(size, name) {
+    const T = this.THREE;
+    const geometry = new T.BufferGeometry();
+    geometry.setAttribute("position", new T.Float32BufferAttribute([0, 0, 0, size, 0, 0, 0, 0, 0, 0, size, 0, 0, 0, 0, 0, 0, size], 3));
+    geometry.setAttribute("color", new T.Float32BufferAttribute([0.8, 0.1, 0.1, 0.8, 0.1, 0.1, 0.1, 0.6, 0.15, 0.1, 0.6, 0.15, 0.15, 0.3, 0.9, 0.15, 0.3, 0.9], 3));
+    const lines = new T.LineSegments(geometry, new T.LineBasicMaterial({ vertexColors: true }));
+    const group = new T.Group();
+    group.add(lines);
+    if (name) {
+      const text = document.createElement("div");
+      text.className = "scene-label";
+      text.textContent = name;
+      const label = new this.CSS2DObject(text);
+      label.position.set(0, 0, size * 0.35);
+      group.add(label);
+    }
+    return group;
+  }
+
+  frameAxes(list) {
+    const group = this.layer("frames");
+    for (const { name, T_base_frame: m } of list) {
+      const axes = this.axes(0.22, name);
+      axes.matrixAutoUpdate = false;
+      axes.matrix.set(...m.flat());
+      group.add(axes);
+    }
+  }
+
+  // Floor and reach: where the arm stands, and how far it gets.
+  surroundings(reach) {
+    const T = this.THREE;
+    const group = this.layer("reach");
+    const points = [];
+    const step = reach > 1 ? 0.5 : 0.25;
+    const far = Math.ceil((reach * 1.25) / step) * step;
+    for (let x = -far; x <= far + 1e-9; x += step) points.push(x, -far, 0, x, far, 0, -far, x, 0, far, x, 0);
+    const geometry = new T.BufferGeometry();
+    geometry.setAttribute("position", new T.Float32BufferAttribute(points, 3));
+    this.floorMaterial = new T.LineBasicMaterial({ color: this.colours.floor });
+    group.add(new T.LineSegments(geometry, this.floorMaterial));
+    const ring = [];
+    for (let k = 0; k <= 96; k++) ring.push(reach * Math.cos((k / 48) * Math.PI), reach * Math.sin((k / 48) * Math.PI), 0);
+    const round = new T.BufferGeometry();
+    round.setAttribute("position", new T.Float32BufferAttribute(ring, 3));
+    const line = new T.Line(round, new T.LineDashedMaterial({ color: 0x8895a3, dashSize: 0.06, gapSize: 0.05 }));
+    line.computeLineDistances();
+    group.add(line);
+  }
+
+  look(reach) {
+    this.controls.target.set(reach * 0.3, 0, reach * 0.36);
+    this.camera.position.set(reach * 1.05, -reach * 1.5, reach * 1.0);
+    this.controls.update();
+  }
+
+  // Arrows from (n, 3) points along (n, 3) errors in m; by length on the ramp, or all in one colour.
+  arrows(name, points, errors, { top, colour }) {
+    const T = this.THREE;
+    const group = this.layer(name);
+    const n = points.length / 3;
+    const tint = new Float32Array(3 * n);
+    const size = lengths(errors);
+    for (let i = 0; i < n; i++) {
+      if (colour) this.colours[colour].toArray(tint, 3 * i);
+      else ramp(size[i] / top, tint, 3 * i);
+    }
+    const uniforms = (this.scaleUniforms ??= { scale: { value: 100 }, size: { value: 0.028 } });
+    const instanced = (geometry) => {
+      geometry.setAttribute("foot", new T.InstancedBufferAttribute(points, 3));
+      geometry.setAttribute("error", new T.InstancedBufferAttribute(errors, 3));
+      geometry.setAttribute("tint", new T.InstancedBufferAttribute(tint, 3));
+      geometry.instanceCount = n;
+      return geometry;
+    };
+    const shaft = instanced(new T.InstancedBufferGeometry());
+    shaft.setAttribute("end", new T.Float32BufferAttribute([0, 1], 1));
+    shaft.setAttribute("position", new T.Float32BufferAttribute([0, 0, 0, 0, 0, 0], 3));
+    const lines = new T.LineSegments(shaft, new T.ShaderMaterial({ uniforms, vertexShader: SHAFT, fragmentShader: TINT }));
+    const head = instanced(new T.InstancedBufferGeometry());
+    head.setAttribute("position", new T.Float32BufferAttribute([1, 0, 0, -0.5, 0.87, 0, -0.5, -0.87, 0, 0, 0, 1], 3));
+    head.setIndex([0, 1, 3, 1, 2, 3, 2, 0, 3, 0, 2, 1]);
+    const tips = new T.Mesh(head, new T.ShaderMaterial({ uniforms, vertexShader: HEAD, fragmentShader: TINT, side: T.DoubleSide }));
+    for (const each of [lines, tips]) {
+      each.frustumCulled = false;
+      group.add(each);
+    }
+    this.pickable = { points, errors };
+    this.wanted();
+  }
+
+  scale(factor) {
+    if (this.scaleUniforms) this.scaleUniforms.scale.value = factor;
+    this.wanted();
+  }
+
+  // Squares at (n, 3) points, coloured by one value each.
+  field(points, values, top, width) {
+    const T = this.THREE;
+    const group = this.layer("field");
+    const tint = new Float32Array(points.length);
+    for (let i = 0; i < values.length; i++) ramp(values[i] / top, tint, 3 * i);
+    const geometry = new T.BufferGeometry();
+    geometry.setAttribute("position", new T.BufferAttribute(points, 3));
+    geometry.setAttribute("color", new T.BufferAttribute(tint, 3));
+    group.add(new T.Points(geometry, new T.PointsMaterial({ vertexColors: true, size: width, transparent: true, opacity: 0.8 })));
+    this.wanted();
+  }
+
+  // A tool path of (n, 3) points, coloured by one value each; while the view moves, every so manieth.
+  toolPath(points, values, top) {
+    const T = this.THREE;
+    const group = this.layer("path");
+    const n = points.length / 3;
+    const tint = new Float32Array(points.length);
+    for (let i = 0; i < n; i++) ramp(values[i] / top, tint, 3 * i);
+    const line = (index) => {
+      const geometry = new T.BufferGeometry();
+      geometry.setAttribute("position", new T.BufferAttribute(points, 3));
+      geometry.setAttribute("color", new T.BufferAttribute(tint, 3));
+      if (index) geometry.setIndex(index);
+      const made = new T.Line(geometry, new T.LineBasicMaterial({ vertexColors: true }));
+      group.add(made);
+      return made;
+    };
+    this.path = line(null);
+    this.pathThin = null;
+    if (n > THIN_PATH) {
+      const index = [];
+      for (let i = 0; i < n; i += Math.ceil(n / THIN_PATH)) index.push(i);
+      this.pathThin = line(index);
+      this.pathThin.visible = false;
+    }
+    this.pickable = { points, errors: null };
+    this.wanted();
+  }
+
+  // The nearest point to a click, within a finger's width.
+  pick(event) {
+    if (!this.pickable) return;
+    const box = this.renderer.domElement.getBoundingClientRect();
+    const v = new this.THREE.Vector3();
+    const { points } = this.pickable;
+    let best = -1, least = 22;
+    for (let i = 0; i < points.length / 3; i++) {
+      v.fromArray(points, 3 * i).project(this.camera);
+      const d = Math.hypot(((v.x + 1) / 2) * box.width + box.left - event.clientX, ((1 - v.y) / 2) * box.height + box.top - event.clientY);
+      if (v.z < 1 && d < least) [best, least] = [i, d];
+    }
+    if (best >= 0) this.onPick(best);
+  }
+
+  mark(i) {
+    const T = this.THREE;
+    const group = this.layer("mark");
+    const ball = new T.Mesh(new T.SphereGeometry(0.016, 16, 12), new T.MeshBasicMaterial({ color: 0xff2d78 }));
+    ball.position.fromArray(this.pickable.points, 3 * i);
+    group.add(ball);
+    this.wanted();
+  }
+}

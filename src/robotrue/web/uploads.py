@@ -1,0 +1,105 @@
+"""Files on their way in: written to disk as they come, kept until something is made of them."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import re
+import shutil
+import time
+import uuid
+from collections.abc import AsyncIterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from robotrue.errors import FormatError
+from robotrue.store.workspace import Workspace
+from robotrue.web.problems import MissingError
+
+FOLDER: Final = "incoming"
+LONGEST_NAME: Final = 120
+KEPT: Final = 24 * 3600.0
+"""s that a file nobody made anything of is kept."""
+_ODD: Final = re.compile(r"[^\w .()+=@#&-]")
+_ID: Final = re.compile(r"[0-9a-f]{32}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Upload:
+    """A file that came in.
+
+    Attributes:
+        id: To name it in what comes next.
+        name: The name it came with, without folders.
+        size: Bytes.
+        sha256: Of its content.
+    """
+
+    id: str
+    name: str
+    size: int
+    sha256: str
+
+
+async def take_in(workspace: Workspace, name: str, chunks: AsyncIterator[bytes]) -> Upload:
+    """Returns the upload of a stream, which never is in memory as a whole.
+
+    Raises:
+        FormatError: It is empty, or the disk is full.
+    """
+    key, size, digest = uuid.uuid4().hex, 0, hashlib.sha256()
+    place = workspace.folder / FOLDER / key
+    path = place / safe_name(name)
+    try:
+        place.mkdir(parents=True)
+        with path.open("xb") as file:
+            async for chunk in chunks:
+                size += len(chunk)
+                digest.update(chunk)
+                await asyncio.to_thread(file.write, chunk)
+        if not size:
+            raise FormatError("an empty file.", source=path.name, hint="export it again.")
+    except BaseException as cause:  # also a browser that went away
+        shutil.rmtree(place, ignore_errors=True)
+        if isinstance(cause, OSError):
+            raise FormatError(f"cannot be kept: {cause.strerror}.", source=path.name) from cause
+        raise
+    return Upload(id=key, name=path.name, size=size, sha256=digest.hexdigest())
+
+
+def uploaded(workspace: Workspace, key: str) -> Path:
+    """Returns where an upload lies.
+
+    Raises:
+        MissingError: There is none of that id, or it was kept long enough.
+    """
+    place = workspace.folder / FOLDER / key
+    found = sorted(place.iterdir()) if _ID.fullmatch(key) and place.is_dir() else []
+    if len(found) != 1:
+        raise MissingError(f"there is no upload {key[:32]!r}.", hint="send the file again.")
+    return found[0]
+
+
+def forget(workspace: Workspace, key: str) -> None:
+    """Removes an upload of which something was made."""
+    if _ID.fullmatch(key):
+        shutil.rmtree(workspace.folder / FOLDER / key, ignore_errors=True)
+
+
+def forget_old(workspace: Workspace) -> None:
+    """Removes uploads that nobody made anything of for a day."""
+    place = workspace.folder / FOLDER
+    for each in place.iterdir() if place.is_dir() else ():
+        if each.stat().st_mtime < time.time() - KEPT:
+            shutil.rmtree(each, ignore_errors=True)
+
+
+def safe_name(name: str) -> str:
+    """Returns a file name without folders and without what a file system or a shell may misread."""
+    last = name.replace("\\", "/").rsplit("/", 1)[-1]
+    plain = _ODD.sub("_", last).strip(" .")
+    if len(plain) > LONGEST_NAME:
+        stem, dot, end = plain.rpartition(".")
+        plain = (stem or end)[: LONGEST_NAME - 12] + dot + end[:11] if dot else plain[:LONGEST_NAME]
+    return plain or "file"
