@@ -321,28 +321,31 @@ def test_a_simulated_robot_is_led_within_limits_and_left_without_correction(mode
         target = replace(config, port=source.address[1])
         stop = asyncio.Event()
         robot = asyncio.create_task(
-            run(RsiControllerSettings(config=target, mode=mode, motion=_jog()), stop=stop)
+            run(
+                RsiControllerSettings(
+                    config=target, mode=mode, motion=_jog(), timeout_packets=100_000
+                ),
+                stop=stop,
+            )
         )
         wanted = Correction(shift=shift, turn=np.zeros(3), mode=ABSOLUTE)
-        rows = 0
+        began = time.monotonic()
         async for block in source.blocks():
-            rows += len(block)
             guard.want(wanted, float(block.host_time[-1]))
-            if rows >= 100:
+            if np.abs(guard.held.shift - shift).max() < 2e-9:
                 break
-        led = block.T_frame_tool[-1, :3, 3]
+            assert time.monotonic() < began + 20.0
         await asyncio.wait_for(source.close(), 15.0)
         stop.set()
-        return await asyncio.wait_for(robot, 15.0), led
+        return await asyncio.wait_for(robot, 15.0)
 
-    report, led = asyncio.run(session())
+    report = asyncio.run(session())
     assert not report.broke_off
     assert report.faulty == 0
-    assert report.answered >= 100
-    assert report.largest_mm == pytest.approx(np.hypot(0.2, 0.1), abs=1e-4)
+    # one answer more or less may have been late when it was reached
+    assert report.largest_mm == pytest.approx(np.hypot(0.2, 0.1), abs=1e-4 + 0.08 * report.late)
     assert report.largest_step_mm <= 20.0 * 4e-3 * (1 + report.late) + 1e-9
     np.testing.assert_allclose(report.correction, 0.0, atol=1e-9)
-    assert np.isfinite(led).all()
 
 
 def test_the_simulated_robot_judges_as_a_controller_does():

@@ -23,6 +23,8 @@ _SILENCE: Final = 25
 """Cycles without a packet after which the controller is taken as gone."""
 _RELEASE: Final = 10.0
 """s, at most, that closing waits for a correction to go to zero."""
+_TOLD: Final = 4
+"""Packets after the last answer with a correction: an answer that was late is told in them."""
 _UNSAFE: Final = Flag.NOT_FINITE | Flag.IMPLAUSIBLE | Flag.CLOCK_JUMP | Flag.SENSOR_FAULT
 
 
@@ -79,10 +81,21 @@ class RobotLink:
         """Lets a correction go to zero at its rate, then stops answering."""
         if self._corrector is not None:
             self._corrector.release()
-            until = time.monotonic() + _RELEASE
-            while not self._corrector.at_rest and self._there() and time.monotonic() < until:
-                await asyncio.sleep(self._cycle)
+            await self._released(self._corrector)
         await self._endpoint.stop()
+
+    async def _released(self, corrector: Corrector) -> None:
+        """Waits for a robot without correction that has had the time to say otherwise."""
+        until = time.monotonic() + _RELEASE
+        since = None
+        while self._there() and time.monotonic() < until:
+            if not corrector.at_rest:
+                since = None
+            elif since is None:
+                since = self._watch.received
+            elif self._watch.received >= since + _TOLD:
+                return
+            await asyncio.sleep(self._cycle)
 
     def health(self) -> Health:
         """Returns the counters as they stand."""

@@ -30,6 +30,7 @@ from robotrue.online.egm import (
     write_robot,
 )
 from robotrue.simulation.joint_motion import Motion
+from robotrue.simulation.pace import Pace
 
 _CYCLE: Final = 4e-3
 _OLDEST: Final = 1000
@@ -118,15 +119,14 @@ async def run(
     transport, _ = await loop.create_datagram_endpoint(
         lambda: _Messages(controller), local_addr=(settings.host, settings.own_port)
     )
-    start = loop.time()
+    pace = Pace(_CYCLE)
     try:
         while not (stop is not None and stop.is_set()):
             message = controller.next_message()
             if message is None:
                 break
             transport.sendto(message, settings.target)
-            due = start + controller.report.cycles * _CYCLE
-            await asyncio.sleep(max(0.0, due - loop.time()))
+            await pace.wait()
     finally:
         transport.close()
     return controller.report

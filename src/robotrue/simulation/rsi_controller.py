@@ -21,6 +21,7 @@ from robotrue.online.rsi import RobPacket, read_sen, write_rob
 from robotrue.online.rsi_config import RsiConfig
 from robotrue.online.samples import CorrectionMode
 from robotrue.simulation.joint_motion import Motion
+from robotrue.simulation.pace import Pace
 
 _AXES: Final = ("X", "Y", "Z", "A", "B", "C")
 
@@ -104,14 +105,14 @@ async def run(
         lambda: _Answers(controller), local_addr=(settings.host, settings.own_port)
     )
     target = (settings.config.host, settings.config.port)
-    start, cycle = loop.time(), settings.cycle_ms * 1e-3
+    pace = Pace(settings.cycle_ms * 1e-3)
     try:
         while not (stop is not None and stop.is_set()):
             packet = controller.next_packet()
             if packet is None:
                 break
             transport.sendto(packet, target)
-            await _until(loop, start + controller.report.cycles * cycle)
+            await pace.wait()
             controller.close_cycle()
     finally:
         transport.close()
@@ -250,10 +251,6 @@ class _Answers(asyncio.DatagramProtocol):
 
     def error_received(self, exc: Exception) -> None:
         """Nobody listens yet: the cycle stays without an answer."""
-
-
-async def _until(loop: asyncio.AbstractEventLoop, when: float) -> None:
-    await asyncio.sleep(max(0.0, when - loop.time()))
 
 
 def _six(numbers: Array) -> tuple[float, float, float, float, float, float]:

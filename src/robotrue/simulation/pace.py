@@ -1,0 +1,32 @@
+"""The clock of a simulated controller: even on average, and never short of time for an answer."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Final
+
+_SHORTEST: Final = 0.75
+"""Of a cycle; what a computer that slept makes up for, cycle by cycle."""
+
+
+class Pace:
+    """Cycles of an event loop.
+
+    Args:
+        cycle: s.
+    """
+
+    def __init__(self, cycle: float) -> None:
+        self._cycle = cycle
+        self._due = asyncio.get_running_loop().time()
+
+    async def wait(self) -> None:
+        """Waits for the end of the cycle that runs; call it right after its packet was sent.
+
+        Cycles that lie behind are made up for with shorter ones. A controller never sends two
+        packets at once, and a computer that plays one must not, either: the answer to the first
+        would be late through no fault of its sender.
+        """
+        now = asyncio.get_running_loop().time()
+        self._due += self._cycle
+        await asyncio.sleep(max(self._due - now, _SHORTEST * self._cycle))
