@@ -21,7 +21,9 @@ ABSOLUTE = CorrectionMode.ABSOLUTE
 
 
 @pytest.fixture
-def echo_server(tmp_path):
+def echo_server(tmp_path, monkeypatch):
+    # it makes a folder of logs where it is imported
+    monkeypatch.chdir(tmp_path)
     server = pytest.importorskip("RSIPI.rsi_echo_server", reason="pip install RSIPI")
     path = tmp_path / "RSI_EthernetConfig.xml"
     path.write_bytes(CONFIG.replace(b"192.0.2.1", b"127.0.0.1").replace(b"G\xf6ppingen", b"here"))

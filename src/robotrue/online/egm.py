@@ -340,6 +340,9 @@ def _header(fields: tuple[wire.WireField, ...], what: str) -> tuple[int, int, Me
     header = _fields(fields, 1, f"{what} header")
     seqno = wire.one_varint(header, 1, f"{what} header")
     tm = wire.one_varint(header, 2, f"{what} header")
+    # the proto asks for none; a controller sends it always, and sensors do without
+    if tm is None and what != "EgmRobot":
+        tm = 0
     kind = wire.one_varint(header, 3, f"{what} header")
     if seqno is None or tm is None or max(seqno, tm) >= 1 << 32:
         raise FormatError(f"{what} without a header of seqno and tm.", hint="is this EGM's port?")
