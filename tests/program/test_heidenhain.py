@@ -143,3 +143,11 @@ def test_presets_come_from_the_cell() -> None:
         assert reasons(of(FIRST, table, head)) == [Reason.NONE]
         assert of(FIRST, table, head).frame[0] == 1
         assert reasons(of(FIRST, TABLE, head)) == [Reason.UNKNOWN_FRAME]
+
+
+def test_words_that_are_no_text_are_told_and_not_guessed() -> None:
+    program = read(
+        "heidenhain", (HEAD + "3 PLANE").encode() + b"\xe4\xac\xbe0 X2\n4 L X+1\n5 END PGM A MM\n"
+    )
+    assert reasons(program) == [Reason.UNKNOWN_FRAME]
+    assert any("moves the coordinates" in note for note in program.notes)

@@ -79,7 +79,7 @@ def _header_line(data: bytes) -> bytes:
 def _numbers(data: bytes, header: bytes, line: IntArray) -> tuple[Numbers, bool]:
     """Returns the words (n, 6), and whether the table has tool axes."""
     mark = b";" if b";" in header else b","
-    names = [cell.strip(b' \t"').lower().decode() for cell in header.split(mark)]
+    names = [cell.strip(b' \t"').lower().decode("latin-1") for cell in header.split(mark)]
     by_axis = AXIS[0] in names
     columns = [names.index(each) for each in (*POSITION, *(AXIS if by_axis else ()))]
     starts = line_starts(data)

@@ -89,7 +89,7 @@ class ConversationalReader:
         elif rest.startswith(b"TOOL CALL"):
             self._tool(block, rest[9:].strip())
         elif rest.startswith((b"PLANE", b"TRANS")):
-            kind = rest.split()[0].decode()
+            kind = rest.split()[0].decode("latin-1")
             self._shift(
                 block, first, kind, kind + " .. moves the coordinates", b"RESET" not in rest
             )
