@@ -25,6 +25,7 @@ from robotrue.cli import (
     program_commands,
     report_commands,
     serve_commands,
+    simulate_commands,
 )
 from robotrue.cli.app import Json, app
 from robotrue.errors import RobotrueError
@@ -39,6 +40,7 @@ __all__ = [
     "report_commands",
     "run",
     "serve_commands",
+    "simulate_commands",
 ]
 
 INTERRUPTED = 130

@@ -1,0 +1,139 @@
+"""Signatures of ``robotrue simulate ...``: controllers and a force sensor to practise with."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from robotrue.cli.app import Json, app
+
+simulate = typer.Typer(
+    name="simulate",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    help="Simulated controllers and a simulated force sensor, to practise `sense` with.",
+)
+app.add_typer(simulate)
+
+Host = Annotated[str, typer.Option(help="Its own address; 0.0.0.0 lets other computers in.")]
+Target = Annotated[str, typer.Option(help="Computer that it sends to.")]
+Seconds = Annotated[float | None, typer.Option(help="Ends then; otherwise with Ctrl-C.")]
+Seed = Annotated[int, typer.Option(help="Of the cutter and of the noise.")]
+Robot = Annotated[
+    str | None,
+    typer.Option(help="Preset: KR160, UR10; otherwise the arm of the virtual milling experiment."),
+]
+Faults = Annotated[
+    list[str] | None,
+    typer.Option("--fault", help="KIND@START_S+DURATION_S, once or more; a wrong one says which."),
+]
+
+
+@simulate.command()
+def rsi(
+    host: Target = "127.0.0.1",
+    port: Annotated[int | None, typer.Option(help="UDP port that it sends to.")] = None,
+    config: Annotated[
+        Path | None, typer.Option(help="EthernetConfig.xml; otherwise the usual one.")
+    ] = None,
+    cycle_ms: Annotated[int, typer.Option(help="4 (IPO_FAST) or 12 (IPO).")] = 4,
+    mode: Annotated[str, typer.Option(help="Of corrections: absolute or relative.")] = "absolute",
+    robot: Robot = None,
+    seconds: Seconds = None,
+    seed: Seed = 0,
+    json: Json = False,
+) -> None:
+    """A KUKA controller: sends a packet every cycle and judges each answer."""
+    from robotrue.cli.simulate import run_rsi
+
+    run_rsi(
+        host,
+        port,
+        config=config,
+        cycle_ms=cycle_ms,
+        mode=mode,
+        robot=robot,
+        seconds=seconds,
+        seed=seed,
+        as_json=json,
+    )
+
+
+@simulate.command()
+def egm(
+    host: Target = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="UDP port that it sends to.")] = 6510,
+    robotware: Annotated[int, typer.Option(help="6 or 7: their messages differ.")] = 7,
+    no_force: Annotated[bool, typer.Option("--no-force", help="Sends no measured force.")] = False,
+    robot: Robot = None,
+    seconds: Seconds = None,
+    seed: Seed = 0,
+    json: Json = False,
+) -> None:
+    """An ABB controller: sends a message every 4 ms and takes path corrections."""
+    from robotrue.cli.simulate import run_egm
+
+    run_egm(
+        host,
+        port,
+        robotware=robotware,
+        force=not no_force,
+        robot=robot,
+        seconds=seconds,
+        seed=seed,
+        as_json=json,
+    )
+
+
+@simulate.command()
+def rtde(
+    host: Host = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="TCP port; 0 takes a free one.")] = 30004,
+    robot: Robot = "UR10",
+    seconds: Seconds = None,
+    seed: Seed = 0,
+    fault: Faults = None,
+    json: Json = False,
+) -> None:
+    """A Universal Robots controller: joints, tool point and force, 500 times a second."""
+    from robotrue.cli.simulate import run_rtde
+
+    run_rtde(host, port, robot=robot, seconds=seconds, seed=seed, faults=fault or [], as_json=json)
+
+
+@simulate.command()
+def rdt(
+    host: Host = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="UDP port; 0 takes a free one.")] = 49152,
+    rate: Annotated[float, typer.Option(help="Records per second.")] = 1000.0,
+    device: Annotated[str, typer.Option(help="net or axia: their status words differ.")] = "net",
+    page_port: Annotated[
+        int | None, typer.Option(help="Serves netftapi2.xml over HTTP there; 0 takes a free one.")
+    ] = None,
+    scale: Annotated[Path | None, typer.Option(help="Writes netftapi2.xml to this file.")] = None,
+    robot: Robot = None,
+    seconds: Seconds = None,
+    seed: Seed = 0,
+    fault: Faults = None,
+    json: Json = False,
+) -> None:
+    """An ATI force sensor: counts over UDP, once it is asked for them."""
+    from robotrue.cli.simulate import run_rdt
+
+    run_rdt(
+        host,
+        port,
+        rate=rate,
+        device=device,
+        page_port=page_port,
+        scale=scale,
+        robot=robot,
+        seconds=seconds,
+        seed=seed,
+        faults=fault or [],
+        as_json=json,
+    )
