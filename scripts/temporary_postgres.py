@@ -68,7 +68,7 @@ def running() -> Iterator[str]:
             _answering(bin, server, port, folder / "log")
             yield f"postgresql+psycopg://{USER}:{password}@127.0.0.1:{port}/postgres"
         finally:
-            server.send_signal(signal.SIGINT)  # fast shutdown
+            server.send_signal(signal.SIGQUIT)  # at once: all of it is thrown away
             with contextlib.suppress(subprocess.TimeoutExpired):
                 server.wait(PATIENCE)
             server.kill()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import shutil
 import sys
 import uuid
 from collections.abc import Callable, Iterator
@@ -23,6 +24,7 @@ temporary_postgres = importlib.util.module_from_spec(_SPEC)
 _SPEC.loader.exec_module(temporary_postgres)
 
 NewUrl = Callable[[], str | None]
+ENGINES = ("sqlite", "postgresql")
 
 
 @pytest.fixture(scope="session")
@@ -35,31 +37,52 @@ def server() -> Iterator[str]:
         yield url
 
 
-@pytest.fixture(params=["sqlite", "postgresql"])
-def new_url(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> NewUrl:
-    """Makes the URL of an empty database; None is the one in the folder."""
+def database(server: str, template: str = "template1") -> str:
+    """Returns the URL of a new database."""
+    name = f"w{uuid.uuid4().hex}"
+    engine = create_engine(server, isolation_level="AUTOCOMMIT")
+    with engine.connect() as connection:
+        connection.execute(text(f"CREATE DATABASE {name} TEMPLATE {template}"))
+    engine.dispose()
+    return make_url(server).set(database=name).render_as_string(hide_password=False)
+
+
+@pytest.fixture(autouse=True)
+def _no_database_of_the_user(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("ROBOTRUE_DB", raising=False)
+
+
+@pytest.fixture(params=ENGINES)
+def new_url(request: pytest.FixtureRequest) -> NewUrl:
+    """Makes the URL of an empty database; None is the one in the folder."""
     if request.param == "sqlite":
         return lambda: None
-    server = make_url(request.getfixturevalue("server"))
-
-    def made() -> str:
-        name = f"w{uuid.uuid4().hex}"
-        engine = create_engine(server, isolation_level="AUTOCOMMIT")
-        with engine.connect() as connection:
-            connection.execute(text(f"CREATE DATABASE {name}"))
-        engine.dispose()
-        return server.set(database=name).render_as_string(hide_password=False)
-
-    return made
+    server = request.getfixturevalue("server")
+    return lambda: database(server)
 
 
-@pytest.fixture
-def url(new_url: NewUrl) -> str | None:
-    return new_url()
+@pytest.fixture(scope="session")
+def fresh(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Path, str | None]]:
+    """Workspaces that were just made, to be copied: making one takes longer."""
+    return {}
 
 
-@pytest.fixture
-def workspace(tmp_path: Path, url: str | None) -> Iterator[Workspace]:
-    with Workspace.create(tmp_path / "shop", url) as made:
-        yield made
+@pytest.fixture(params=ENGINES)
+def workspace(
+    request: pytest.FixtureRequest,
+    tmp_path: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+    fresh: dict[str, tuple[Path, str | None]],
+) -> Iterator[Workspace]:
+    server = None if request.param == "sqlite" else request.getfixturevalue("server")
+    if request.param not in fresh:
+        folder = tmp_path_factory.mktemp("fresh") / "shop"
+        url = None if server is None else database(server)
+        Workspace.create(folder, url).close()
+        fresh[request.param] = (folder, url)
+    folder, url = fresh[request.param]
+    shutil.copytree(folder, tmp_path / "shop")
+    if server is not None and url is not None:
+        url = database(server, str(make_url(url).database))
+    with Workspace.open(tmp_path / "shop", url) as opened:
+        yield opened

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 
 from robotrue.calibration.methods import METHODS, fit
@@ -35,10 +36,7 @@ def run(
     as_json: bool,
 ) -> None:
     """Calibrates and writes the model file; prints what was learned and what was not."""
-    if method != "auto" and method not in METHODS:
-        raise ConfigurationError(
-            f"method {method!r}, expected auto, {', '.join(METHODS)}.", hint="--method auto"
-        )
+    require_method(method)
     sources = [cell_path, *paths, *([mapping] if mapping else [])]
     for target in [output, *([report] if report else [])]:
         check_output(target, sources)
@@ -55,7 +53,7 @@ def run(
     write_model(output, model, cell)
     say(f"model written to {output}")
     if report is not None:
-        _write_report(report, model, measurements, cell, selection)
+        write_report(report, model, measurements, cell, selection)
     summary = dict(model.training_summary())
     for line in screened_remarks(measurements, summary.get("screened_rows", ())):
         say(line)
@@ -65,6 +63,18 @@ def run(
         emit_facts(f"calibration of {model.robot.name}", result_facts(summary))
         for line in remarks(summary):
             say(line)
+
+
+def require_method(method: str) -> None:
+    """Passes if there is such a method.
+
+    Raises:
+        ConfigurationError: There is not.
+    """
+    if method != "auto" and method not in METHODS:
+        raise ConfigurationError(
+            f"method {method!r}, expected auto, {', '.join(METHODS)}.", hint="--method auto"
+        )
 
 
 def screened_remarks(measurements: MeasurementSet, rows: Sequence[int]) -> list[str]:
@@ -80,28 +90,39 @@ def screened_remarks(measurements: MeasurementSet, rows: Sequence[int]) -> list[
 
 
 def calibrated(
-    cell: Cell, measurements: MeasurementSet, method: str
+    cell: Cell,
+    measurements: MeasurementSet,
+    method: str,
+    *,
+    told: Callable[[str, int, int], None] | None = None,
 ) -> tuple[ErrorModel, Selection | None]:
-    """Returns the model of a cell by a method's name; ``auto`` lets held-out poses choose."""
+    """Returns the model of a cell by a method's name; ``auto`` lets held-out poses choose.
+
+    Args:
+        cell: Arm, tool, instrument.
+        measurements: All rows.
+        method: Of ``METHODS``, or ``auto``.
+        told: How far it is: what, done, of; None: a bar on the terminal.
+    """
     robot, settings = cell.measured_robot, settings_of(cell)
-    if method != "auto":
-        with progress() as step:
+    with nullcontext(told) if told is not None else progress() as step:
+        if method != "auto":
             step(method, 0, 1)
             return fit(robot, measurements, method=method, settings=settings), None
-    with progress() as step:
         model = fit_auto(robot, measurements, settings, progress=step)
     selection = selection_from_summary(model.training_summary()["selection"])
     say(f"method {selection.winner}: {selection.reason}")
     return model, selection
 
 
-def _write_report(
+def write_report(
     path: Path,
     model: ErrorModel,
     measurements: MeasurementSet,
     cell: Cell,
     selection: Selection | None,
 ) -> None:
+    """Writes the page of a calibration, validated on its own poses."""
     from robotrue.cli.pages import write_page
 
     result = validate(model, measurements, payload=cell.payload)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -14,6 +13,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
+
+from robotrue.core.json_values import json_values
 
 stderr = Console(stderr=True, highlight=False)
 PIPED_WIDTH = 160
@@ -27,7 +28,7 @@ def say(text: str) -> None:
 
 def emit_json(document: Mapping[str, Any]) -> None:
     """Writes one JSON document to stdout; numbers that are not finite become null."""
-    sys.stdout.write(json.dumps(_finite(document), indent=1, allow_nan=False) + "\n")
+    sys.stdout.write(json.dumps(json_values(document), indent=1, allow_nan=False) + "\n")
 
 
 def emit_table(
@@ -83,15 +84,3 @@ def progress() -> Iterator[Callable[[str, int, int], None]]:
             bar.update(task, description=what, completed=done, total=of)
 
         yield step
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(k): _finite(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(v) for v in value]
-    if hasattr(value, "tolist"):
-        return _finite(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

@@ -36,9 +36,21 @@ def measured(
         ImplausibleDataError: Numbers that cannot be this robot's.
         ModelMismatchError: Another number of joints, or files in different frames.
     """
-    robot = cell.measured_robot
     sets = [read_rows(cell, path, mapping) for path in paths]
-    for path, found in zip(paths, sets, strict=True):
+    return joined(cell, sets, [str(path) for path in paths], minimum=minimum)
+
+
+def joined(
+    cell: Cell, sets: Sequence[MeasurementSet], names: Sequence[str], *, minimum: int = 6
+) -> MeasurementSet:
+    """Returns sets as one, checked for plausibility; ``names`` are what messages call them.
+
+    Raises:
+        ImplausibleDataError: Numbers that cannot be this robot's.
+        ModelMismatchError: Another number of joints, or sets in different frames.
+    """
+    robot = cell.measured_robot
+    for path, found in zip(names, sets, strict=True):
         if found.dof != robot.dof:
             raise ModelMismatchError(
                 f"{found.dof} joints in the measurements, {robot.dof} in {robot.name}.",
@@ -47,27 +59,27 @@ def measured(
             )
         if found.frame != sets[0].frame:
             raise ModelMismatchError(
-                f"positions in the {found.frame} frame, those of {paths[0]} in the "
+                f"positions in the {found.frame} frame, those of {names[0]} in the "
                 f"{sets[0].frame} frame.",
                 source=path,
                 hint="calibrate from files of one frame.",
             )
-    joined = concatenate(sets)
+    whole = concatenate(sets)
 
     def measured_point(joints: Array) -> Array:
         return forward(robot, joints)[:, :3, 3]
 
     remarks = check_plausible(
-        joined,
-        measured_point(joined.joints),
+        whole,
+        measured_point(whole.joints),
         robot.reach,
         forward=measured_point,
         minimum=minimum,
     )
     for remark in remarks:
         say(f"note: {remark}")
-    say(f"{count(len(joined), 'pose')} from {count(len(paths), 'file')}")
-    return joined
+    say(f"{count(len(whole), 'pose')} from {count(len(names), 'file')}")
+    return whole
 
 
 def read_rows(cell: Cell, path: Path, mapping: Path | None) -> MeasurementSet:

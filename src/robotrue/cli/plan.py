@@ -64,42 +64,22 @@ def run(
     inputs = [p for p in (cell_path, program_targets, model_path) if p is not None]
     for target in [p for p in (output, program, report) if p is not None]:
         check_output(target, inputs)
-    if approach not in APPROACH:
-        raise ConfigurationError(
-            f"approach {approach!r}, expected {' or '.join(APPROACH)}.", hint="--approach one-side"
-        )
-    if region is not None and program_targets is not None:
-        raise ConfigurationError(
-            "--region and --program-targets both say where the arm will work.",
-            hint="leave one of them out.",
-        )
-    if not tolerance_um >= 0.0:
-        raise ConfigurationError(
-            f"tolerance {tolerance_um:g} um, expected 0 or more.", hint="--tolerance-um 1"
-        )
     cell = read_cell(cell_path)
-    settings = PlanSettings(
-        criterion="D" if criterion == "D" else _criterion(criterion),
-        candidates=candidates,
-        within=None if within is None else parse_region("--within", within),
-        work=None if region is None else parse_region("--region", region),
-        approach="one side" if approach == "one-side" else "as it comes",
-        enough=tolerance_um * UM,
-        loads=tuple(_payload(text) for text in payloads),
-        seed=seed,
-    )
-    work, tool = None, None
-    if program_targets is not None:
-        work, tool = _work_of(cell, program_targets), cell.robot.T_flange_tool
-    plan = plan_poses(
+    plan = planned(
         cell,
         poses,
-        settings=settings,
-        model=None if model_path is None else read_model(model_path).model,
-        work=work,
-        T_flange_tool=tool,
+        criterion=criterion,
+        region=region,
+        within=within,
+        program_targets=program_targets,
+        model_path=model_path,
+        payloads=payloads,
+        approach=approach,
+        candidates=candidates,
+        tolerance_um=tolerance_um,
+        seed=seed,
     )
-    text = None if program is None else _program(cell, plan, program, trigger_output)
+    text = None if program is None else program_text(cell, plan, program, trigger_output)
     write_atomic(output, plan_sheet(plan))
     say(f"{count(len(plan), 'pose')} written to {output}: fill in what the tracker reads")
     if program is not None and text is not None:
@@ -118,6 +98,63 @@ def run(
         emit_json({"poses_csv": str(output), **document(plan)})
     else:
         _show(plan)
+
+
+def planned(
+    cell: Cell,
+    poses: int,
+    *,
+    criterion: str,
+    region: str | None,
+    within: str | None,
+    program_targets: Path | None,
+    model_path: Path | None,
+    payloads: Sequence[str],
+    approach: str,
+    candidates: int,
+    tolerance_um: float,
+    seed: int,
+) -> PosePlan:
+    """Returns the poses, chosen by what the options of the command say.
+
+    Raises:
+        ConfigurationError: An option that cannot be.
+        ReachError: Nothing can be measured, or the program is out of reach.
+    """
+    if approach not in APPROACH:
+        raise ConfigurationError(
+            f"approach {approach!r}, expected {' or '.join(APPROACH)}.", hint="--approach one-side"
+        )
+    if region is not None and program_targets is not None:
+        raise ConfigurationError(
+            "--region and --program-targets both say where the arm will work.",
+            hint="leave one of them out.",
+        )
+    if not tolerance_um >= 0.0:
+        raise ConfigurationError(
+            f"tolerance {tolerance_um:g} um, expected 0 or more.", hint="--tolerance-um 1"
+        )
+    settings = PlanSettings(
+        criterion="D" if criterion == "D" else _criterion(criterion),
+        candidates=candidates,
+        within=None if within is None else parse_region("--within", within),
+        work=None if region is None else parse_region("--region", region),
+        approach="one side" if approach == "one-side" else "as it comes",
+        enough=tolerance_um * UM,
+        loads=tuple(_payload(text) for text in payloads),
+        seed=seed,
+    )
+    work, tool = None, None
+    if program_targets is not None:
+        work, tool = _work_of(cell, program_targets), cell.robot.T_flange_tool
+    return plan_poses(
+        cell,
+        poses,
+        settings=settings,
+        model=None if model_path is None else read_model(model_path).model,
+        work=work,
+        T_flange_tool=tool,
+    )
 
 
 def parse_region(option: str, text: str) -> Region:
@@ -206,7 +243,12 @@ def _joints_of(cell: Cell, program: Program) -> Array:
     return np.concatenate(out)
 
 
-def _program(cell: Cell, plan: PosePlan, path: Path, trigger_output: int) -> bytes:
+def program_text(cell: Cell, plan: PosePlan, path: Path, trigger_output: int) -> bytes:
+    """Returns the KRL program that measures the poses.
+
+    Raises:
+        ModelMismatchError: The controller is no KUKA.
+    """
     if cell.robot.maker != "kuka":
         raise ModelMismatchError(
             f"{cell.robot.name} is of maker {cell.robot.maker!r}; programs are written in KRL, for "

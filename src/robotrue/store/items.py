@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import uuid
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
@@ -10,6 +11,7 @@ from typing import Any, Final, TypeVar
 from sqlalchemy import ColumnElement, Select, false, func, or_, select, true, update
 from sqlalchemy.orm import Session
 
+from robotrue.core.json_values import json_values
 from robotrue.errors import ConfigurationError
 from robotrue.store import journal
 from robotrue.store.nouns import NOUNS, Noun, noun_of
@@ -48,11 +50,7 @@ def insert(
     Raises:
         ConfigurationError: No such item, or what it is to rest on is not there.
     """
-    name = str(columns["name"]).strip()
-    if not 0 < len(name) <= LONGEST_NAME:
-        raise ConfigurationError(
-            f"a name of {len(name)} characters, expected 1 to {LONGEST_NAME}.", hint="--name"
-        )
+    columns = _clean(columns)
     with transaction(where) as into:
         session = into.session
         for link in links:
@@ -61,6 +59,26 @@ def insert(
             return _written(into, noun, str(uuid.uuid4()), 1, columns, links, attachments, "added")
         version = _locked(session, noun, id).version + 1
         return _written(into, noun, id, version, columns, links, attachments, "changed")
+
+
+def _clean(columns: Mapping[str, Any]) -> dict[str, Any]:
+    """The columns as any database keeps them: JSON values, no NUL in text."""
+    kept = {
+        key: json_values(value) if isinstance(value, Mapping) else value
+        for key, value in columns.items()
+    }
+    kept["name"], kept["note"] = (str(columns[key]).strip() for key in ("name", "note"))
+    if not 0 < len(kept["name"]) <= LONGEST_NAME:
+        raise ConfigurationError(
+            f"a name of {len(kept['name'])} characters, expected 1 to {LONGEST_NAME}.",
+            hint="--name",
+        )
+    if "\0" in kept["name"] + kept["note"] or "\\u0000" in json.dumps(kept, default=str):
+        raise ConfigurationError(
+            f"{kept['name'][:40]!r} or what is said of it holds a NUL character.",
+            hint="type it anew.",
+        )
+    return kept
 
 
 def _written(
@@ -84,7 +102,7 @@ def _written(
         earlier = update(table).where(table.id == id, table.latest == true())
         session.execute(earlier.values(latest=False))
     own = {"id": id, "version": version, "latest": True, "deleted": deleted, "created": at}
-    session.add(noun.table(**{**columns, "name": str(columns["name"]).strip(), **own}))
+    session.add(noun.table(**{**columns, **own}))
     for position, link in enumerate(links):
         session.add(
             LinkRow(

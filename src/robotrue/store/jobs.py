@@ -98,7 +98,10 @@ def submit(
         ConfigurationError: The parameters are no JSON values.
     """
     try:
-        stated = json.loads(json.dumps(dict(parameters), allow_nan=False))
+        text = json.dumps(dict(parameters), allow_nan=False)
+        if "\\u0000" in text:
+            raise ValueError("a NUL character")
+        stated = json.loads(text)
     except (TypeError, ValueError) as cause:
         raise ConfigurationError(
             f"parameters of a job that are no JSON values ({cause})."

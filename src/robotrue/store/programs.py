@@ -45,6 +45,7 @@ def add_after(
     before: Ref,
     model: Ref | None,
     cell: Ref | None = None,
+    registration: Ref | None = None,
     identities: Sequence[Path] = (),
     name: str | None = None,
     note: str = "",
@@ -59,6 +60,7 @@ def add_after(
         before: The program they were made from.
         model: They were compensated with; None: the nominal arm.
         cell: Whose frames they use, where that is not the model's.
+        registration: Whose part frame they run in.
         identities: Files that say with which model each was made.
         name: In the workspace.
         note: Of the user.
@@ -73,6 +75,7 @@ def add_after(
         Link(role="before", to=before),
         *([Link(role="model", to=model)] if model is not None else []),
         *([Link(role="cell", to=cell)] if cell is not None else []),
+        *([Link(role="registration", to=registration)] if registration is not None else []),
     ]
     kept = {**(detail or {}), "job": job}
     return _taken(

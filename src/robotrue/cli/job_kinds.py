@@ -1,0 +1,285 @@
+"""Kinds of jobs: the commands' own work on items of a workspace, by name.
+
+Each takes a :class:`~robotrue.store.jobs_work.Work` and returns what is to be written; parameters
+are those of the command, with items of the workspace in place of files. Their names and defaults
+are in the reference of the workspace.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from robotrue.cell.cell import Cell
+from robotrue.cell.config import read_cell
+from robotrue.cli.calibrate import calibrated, require_method, screened_remarks, write_report
+from robotrue.cli.compensate import Request, compensated
+from robotrue.cli.console import stderr
+from robotrue.cli.inputs import joined
+from robotrue.cli.job_parameters import Parameters
+from robotrue.cli.model_view import remarks
+from robotrue.cli.pages import write_page
+from robotrue.cli.plan import document as plan_document
+from robotrue.cli.plan import planned, program_text
+from robotrue.cli.plan_page import plan_page
+from robotrue.cli.split import SplitOptions
+from robotrue.core.files import write_atomic
+from robotrue.errors import ConfigurationError
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.planning.sheet import plan_sheet
+from robotrue.program.identity import SUFFIX
+from robotrue.store import cells, documents, measurements, models, programs
+from robotrue.store.jobs_work import Publish, Work
+from robotrue.store.layout import laid_out
+from robotrue.store.model_file import write_model
+from robotrue.store.nouns import CELL, MEASUREMENT, MODEL, PROGRAM, REGISTRATION
+from robotrue.store.records import CellRecord, Link, MeasurementRecord, Record, Ref
+from robotrue.store.registrations import CELL_FILE
+from robotrue.store.workspace import Transaction
+from robotrue.validation.validate import validate as validated
+
+PAGE: Final = "report.html"
+NAMED: Final = ("name", "note")
+
+
+def calibrate(work: Work) -> Publish:
+    """Fits a model to measurement sets in a cell; leaves a model with its report page."""
+    asked = _asked(work, "cell", "measurements", "method")
+    record, sets = asked.item(CELL, "cell"), asked.items(MEASUREMENT, "measurements")
+    method = asked.text("method", "auto")
+    require_method(method)
+    with _heard(work):
+        cell = _cell(work, record)
+        rows = _rows(work, cell, sets)
+        model, selection = calibrated(cell, rows, method, told=work.step)
+        path, page = work.folder / "model.rtm", work.folder / PAGE
+        write_model(path, model, cell)
+        write_report(page, model, rows, cell, selection)
+    summary = model.training_summary()
+    for line in screened_remarks(rows, summary.get("screened_rows", ())) + remarks(dict(summary)):
+        work.remark(line)
+    name = asked.text("name", f"{record.name}, {len(rows)} poses")
+
+    def publish(into: Transaction) -> Mapping[str, Any]:
+        made = models.add(
+            into,
+            path,
+            name=name,
+            note=asked.text("note", ""),
+            data=[each.ref for each in sets],
+            cell=record.ref,
+            settings={"method": method},
+            reports=[page],
+            job=work.job.id,
+        )
+        return {"model": _ref(made.ref), "method": made.method, "rows": len(rows)}
+
+    return publish
+
+
+def validate(work: Work) -> Publish:
+    """Judges a model on measurement sets it has not seen; leaves a validation with its page."""
+    asked = _asked(work, "model", "measurements")
+    record, sets = asked.item(MODEL, "model"), asked.items(MEASUREMENT, "measurements")
+    held = models.model_of(work.workspace, record)
+    with _heard(work):
+        rows = _rows(work, held.cell, sets)
+        work.step("validating", 0, 1)
+        result = validated(held.model, rows, payload=held.cell.payload)
+        page = work.folder / PAGE
+        write_page(page, held.model, result, title="Held-out validation")
+    for doubt in result.doubts:
+        work.remark(doubt)
+    links = [Link(role="model", to=record.ref), *(Link(role="data", to=s.ref) for s in sets)]
+    return _document(work, asked, "validation", record.name, [page], links, result.to_json())
+
+
+def compensate(work: Work) -> Publish:
+    """Compensates a program with a model, a cell or a registration; leaves the program after."""
+    asked = _asked(
+        work, "program", "model", "cell", "registration", "part", "wrench", "cutter", "free_spin",
+        "axis_targets", "max_shift_mm", "split_um", "deviation",
+    )  # fmt: skip
+    before = asked.item(PROGRAM, "program")
+    model, cell = asked.item_or_none(MODEL, "model"), asked.item_or_none(CELL, "cell")
+    place = asked.item_or_none(REGISTRATION, "registration")
+    sources, out = work.folder / "before", work.folder / "after"
+    for folder in (sources, out):
+        folder.mkdir()
+    files = programs.laid(work.workspace, before, sources)
+    paths = [
+        *([models.laid(work.workspace, model, work.folder)] if model is not None else []),
+        *([_cell_file(work, cell)] if cell is not None else []),
+        *(laid_out(work.workspace, place, work.folder, CELL_FILE) if place is not None else ()),
+    ]
+    _require_ground(paths)
+    request = Request(
+        model=paths[0],
+        programs=files,
+        output=out,
+        registered=paths[1] if len(paths) > 1 else None,
+        part=asked.text_or_none("part"),
+        wrench=asked.text_or_none("wrench"),
+        cutter=asked.text_or_none("cutter"),
+        free_spin=asked.flag("free_spin", False),
+        axis_targets=asked.flag("axis_targets", False),
+        max_shift_mm=asked.number("max_shift_mm", 10.0),
+        split=SplitOptions(
+            tolerance_um=asked.number_or_none("split_um"), deviation=asked.flag("deviation", False)
+        ),
+    )
+    work.step("compensating", 0, 1)
+    with _heard(work):
+        detail = compensated(request)
+    made = [out / path.name for path in files if (out / path.name).is_file()]
+    identities = sorted(out.glob(f"*{SUFFIX}"))
+    name = asked.text("name", f"{before.name}, compensated")
+
+    def publish(into: Transaction) -> Mapping[str, Any]:
+        after = programs.add_after(
+            into,
+            made,
+            before=before.ref,
+            model=None if model is None else model.ref,
+            cell=None if cell is None else cell.ref,
+            registration=None if place is None else place.ref,
+            identities=identities,
+            name=name,
+            note=asked.text("note", ""),
+            job=work.job.id,
+            detail=_portable(detail),
+        )
+        counts = {key: detail[key] for key in ("targets", "compensated", "unchanged")}
+        return {"program": _ref(after.ref), **counts}
+
+    return publish
+
+
+def plan(work: Work) -> Publish:
+    """Chooses poses worth measuring in a cell; leaves a plan: table, page, KRL if asked for."""
+    asked = _asked(
+        work, "cell", "model", "program", "poses", "criterion", "region", "within", "payloads",
+        "approach", "candidates", "tolerance_um", "seed", "krl", "trigger_output",
+    )  # fmt: skip
+    record, model = asked.item(CELL, "cell"), asked.item_or_none(MODEL, "model")
+    before = asked.item_or_none(PROGRAM, "program")
+    cell, targets = _cell(work, record), None
+    if before is not None:
+        (work.folder / "before").mkdir()
+        targets = programs.laid(work.workspace, before, work.folder / "before")[0]
+    work.step("planning", 0, 1)
+    with _heard(work):
+        found = planned(
+            cell,
+            asked.whole("poses", 30),
+            criterion=asked.text("criterion", "I"),
+            region=asked.text_or_none("region"),
+            within=asked.text_or_none("within"),
+            program_targets=targets,
+            model_path=None if model is None else models.laid(work.workspace, model, work.folder),
+            payloads=asked.texts("payloads"),
+            approach=asked.text("approach", "one-side"),
+            candidates=asked.whole("candidates", 2000),
+            tolerance_um=asked.number("tolerance_um", 0.0),
+            seed=asked.whole("seed", 1),
+        )
+    files = [work.folder / "poses.csv", work.folder / PAGE]
+    write_atomic(files[0], plan_sheet(found))
+    write_atomic(files[1], plan_page(cell, found).encode())
+    if asked.flag("krl", False):
+        files.append(work.folder / "measure.src")
+        output = asked.whole("trigger_output", 17)
+        write_atomic(files[2], program_text(cell, found, files[2], output))
+    for note in found.notes:
+        work.remark(note)
+    links = [
+        Link(role="cell", to=record.ref),
+        *([Link(role="model", to=model.ref)] if model is not None else []),
+        *([Link(role="before", to=before.ref)] if before is not None else []),
+    ]
+    return _document(work, asked, "plan", record.name, files, links, plan_document(found))
+
+
+KINDS: Final[Mapping[str, str]] = {
+    each.__name__: f"{__name__}:{each.__name__}" for each in (calibrate, compensate, plan, validate)
+}
+"""What workers started by robotrue can do."""
+
+
+def _asked(work: Work, *known: str) -> Parameters:
+    return Parameters(work.workspace, work.parameters, (*known, *NAMED))
+
+
+def _cell_file(work: Work, record: CellRecord) -> Path:
+    folder = work.folder / "cell"
+    folder.mkdir()
+    return cells.laid(work.workspace, record, folder)
+
+
+def _cell(work: Work, record: CellRecord) -> Cell:
+    cell = read_cell(_cell_file(work, record))
+    for doubt in cell.doubts:
+        work.remark(doubt)
+    return cell
+
+
+def _rows(work: Work, cell: Cell, sets: list[MeasurementRecord]) -> MeasurementSet:
+    rows = [measurements.rows_of(work.workspace, each) for each in sets]
+    return joined(cell, rows, [each.name for each in sets])
+
+
+@contextlib.contextmanager
+def _heard(work: Work) -> Iterator[None]:
+    """Keeps what the commands say to the terminal as remarks of the job."""
+    with stderr.capture() as heard:
+        yield
+    for line in heard.get().splitlines():
+        work.remark(line.removeprefix("note: "))
+
+
+def _document(
+    work: Work,
+    asked: Parameters,
+    kind: str,
+    about: str,
+    files: list[Path],
+    links: list[Link],
+    detail: Mapping[str, Any],
+) -> Publish:
+    def publish(into: Transaction) -> Mapping[str, Any]:
+        made: Record = documents.add(
+            into,
+            kind,
+            name=asked.text("name", f"{kind} of {about}"),
+            note=asked.text("note", ""),
+            files=files,
+            about=links,
+            detail={**detail, "job": work.job.id},
+        )
+        return {"document": _ref(made.ref)}
+
+    return publish
+
+
+def _require_ground(paths: list[Path]) -> None:
+    if not 0 < len(paths) < 3:
+        raise ConfigurationError(
+            f"{len(paths)} of model, cell and registration are stated, expected one, or a model "
+            "with one of the others.",
+            hint='{"program": ..., "model": ...}',
+        )
+
+
+def _portable(detail: Mapping[str, Any]) -> dict[str, Any]:
+    """The document of the command without the paths of a folder that is gone."""
+    gone = {"output", "identity"}
+    kept = {key: value for key, value in detail.items() if key not in gone}
+    if "files" in kept:
+        kept["files"] = [_portable(each) for each in kept["files"]]
+    return kept
+
+
+def _ref(ref: Ref) -> dict[str, Any]:
+    return {"id": ref.id, "version": ref.version}

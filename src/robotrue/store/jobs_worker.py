@@ -1,0 +1,248 @@
+"""A worker: takes jobs, has each done in a process of its own, sees to it that none is lost."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import time
+import uuid
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Final, Protocol
+
+from robotrue.store.jobs import RUNNING, status
+from robotrue.store.jobs_claim import (
+    WORKERS,
+    Claim,
+    beat,
+    claim,
+    died,
+    lock_path,
+    reclaim,
+    running,
+    worker_name,
+)
+from robotrue.store.jobs_work import SCRATCH, attempt_as_child, tidy
+from robotrue.store.locks import abandoned, alone
+from robotrue.store.workspace import Workspace
+
+LOOK: Final = 0.05
+"""s between two looks at the processes."""
+BEAT: Final = 2.0
+"""s between two heartbeats, and between two looks for jobs of dead workers."""
+SEE: Final = 0.5
+"""s between two looks whether a job was cancelled."""
+PATIENCE: Final = 5.0
+"""s a cancelled job has to see that it is."""
+
+
+class Run(Protocol):
+    """One attempt that is under way."""
+
+    def ended(self) -> str | None:
+        """Returns None while it goes on, "" when it ended by itself, else what it died of."""
+        ...
+
+    def kill(self) -> None:
+        """Ends it."""
+        ...
+
+
+class Engine(Protocol):
+    """Where attempts are made."""
+
+    def begin(self, workspace: Workspace, target: str, claim: Claim) -> Run:
+        """Returns an attempt that has begun."""
+        ...
+
+
+class Process:
+    """An attempt in a process of this machine."""
+
+    def __init__(self, workspace: Workspace, target: str, claim: Claim) -> None:
+        self._process = get_context("spawn").Process(
+            target=attempt_as_child, args=(workspace.folder, workspace.url, target, claim)
+        )
+        self._process.start()
+
+    def ended(self) -> str | None:
+        """Returns None while it goes on, "" when it ended by itself, else what it died of."""
+        code = self._process.exitcode
+        if code is None:
+            return None
+        self._process.join()
+        if code >= 0:
+            return "" if code == 0 else f"its process ended with {code}"
+        return f"its process was ended by {signal.Signals(-code).name}"
+
+    def kill(self) -> None:
+        """Ends it."""
+        self._process.kill()
+
+
+class Processes:
+    """Attempts in processes of this machine, each started anew."""
+
+    def begin(self, workspace: Workspace, target: str, claim: Claim) -> Run:
+        """Returns an attempt that has begun."""
+        return Process(workspace, target, claim)
+
+
+@dataclass
+class _Under:
+    claim: Claim
+    run: Run
+    seen: float = 0.0
+    cancelled: float | None = None
+
+
+@dataclass
+class Worker:
+    """A worker at a workspace.
+
+    Attributes:
+        workspace: Where jobs wait.
+        kinds: What it can do: ``module:function`` by kind.
+        engine: Where attempts are made.
+        slots: How many at a time.
+        patience: s a cancelled job has to see that it is, before its process is killed.
+        done: Attempts that ended, by whatever.
+    """
+
+    workspace: Workspace
+    kinds: Mapping[str, str]
+    engine: Engine
+    slots: int = 1
+    patience: float = PATIENCE
+    done: int = 0
+    _name: str = field(default_factory=lambda: worker_name(uuid.uuid4().hex))
+    _under: list[_Under] = field(default_factory=list)
+    _beaten: float = -BEAT
+
+    def run(self, *, until_idle: bool, stop: Callable[[], bool]) -> None:
+        """Works until it is told to stop, or until nothing waits."""
+        folder = self.workspace.folder
+        (folder / WORKERS).mkdir(exist_ok=True)
+        lock = lock_path(folder, self._name)
+        with alone(lock, wait=True):
+            try:
+                while not stop():
+                    self._look()
+                    if until_idle and not self._under and not self._begin():
+                        break
+                    time.sleep(LOOK)
+            finally:
+                self._leave()
+                lock.unlink(missing_ok=True)
+
+    def _look(self) -> None:
+        for each in list(self._under):
+            self._see(each)
+        if time.monotonic() - self._beaten >= BEAT:
+            self._beaten = time.monotonic()
+            beat(self.workspace, self._name)
+            reclaim(self.workspace)
+            _forget_the_dead(self.workspace)
+        while len(self._under) < self.slots and self._begin():
+            pass
+
+    def _begin(self) -> bool:
+        found = claim(self.workspace, self.kinds, self._name)
+        if found is None:
+            return False
+        job, mine = found
+        run = self.engine.begin(self.workspace, self.kinds[job.kind], mine)
+        self._under.append(_Under(claim=mine, run=run))
+        return True
+
+    def _see(self, each: _Under) -> None:
+        why = each.run.ended()
+        if why is None:
+            self._hurry(each)
+            return
+        died(self.workspace, each.claim, why or "its process ended without a result")
+        tidy(self.workspace.folder, each.claim.job)
+        self._under.remove(each)
+        self.done += 1
+
+    def _hurry(self, each: _Under) -> None:
+        """Kills what was cancelled and does not see it."""
+        now = time.monotonic()
+        if each.cancelled is not None:
+            if now - each.cancelled > self.patience:
+                each.run.kill()
+        elif now - each.seen >= SEE:
+            each.seen = now
+            found = status(self.workspace, each.claim.job)
+            lost = found.state != RUNNING or found.attempts != each.claim.attempt
+            each.cancelled = now if found.cancel or lost else None
+
+    def _leave(self) -> None:
+        """Ends what is under way; others, or this one later, begin it anew."""
+        for each in self._under:
+            each.run.kill()
+        for each in self._under:
+            until = time.monotonic() + self.patience
+            while each.run.ended() is None and time.monotonic() < until:
+                time.sleep(LOOK)
+            died(self.workspace, each.claim, "its worker was stopped")
+            tidy(self.workspace.folder, each.claim.job)
+        self._under.clear()
+
+
+def run_worker(
+    path: str | Path,
+    url: str | None = None,
+    *,
+    kinds: Mapping[str, str],
+    slots: int = 1,
+    until_idle: bool = False,
+    stop: Callable[[], bool] = lambda: False,
+    dask: str | None = None,
+    patience: float = PATIENCE,
+) -> int:
+    """Does jobs of a workspace; returns how many attempts it made.
+
+    Args:
+        path: Folder of the workspace.
+        url: Of its database, where that is not the one in the folder.
+        kinds: What it can do: ``module:function`` by kind; jobs of other kinds are left waiting.
+        slots: How many at a time.
+        until_idle: End when nothing waits.
+        stop: Asked again and again whether to end; jobs under way are begun anew by the next.
+        dask: Address of a scheduler whose workers see the same folder and database; None: this
+            machine.
+        patience: s a cancelled job has to see that it is, before its process is killed.
+
+    Raises:
+        ConfigurationError: No workspace, or no scheduler answers.
+        MissingExtraError: A scheduler is named and Dask is not installed.
+    """
+    with contextlib.ExitStack() as stack:
+        workspace = stack.enter_context(Workspace.open(path, url))
+        engine: Engine = Processes()
+        if dask is not None:
+            from robotrue.store.jobs_dask import Dask
+
+            engine = stack.enter_context(Dask(dask))
+        worker = Worker(workspace, kinds, engine, slots=slots, patience=patience)
+        worker.run(until_idle=until_idle, stop=stop)
+        return worker.done
+
+
+def _forget_the_dead(workspace: Workspace) -> None:
+    """Removes locks of dead workers that have no job, and folders of jobs that are not done now."""
+    folder = workspace.folder
+    dead = [lock for lock in (folder / WORKERS).glob("*.lock") if abandoned(lock)]
+    left = os.listdir(folder / SCRATCH) if (folder / SCRATCH).is_dir() else []
+    if not dead and not left:
+        return
+    busy = running(workspace)
+    for lock in dead:
+        if lock.stem not in {worker.rpartition("/")[2] for worker in busy.values()}:
+            lock.unlink(missing_ok=True)
+    for job in {name[:36] for name in left} - set(busy):
+        tidy(folder, job)
