@@ -20,13 +20,13 @@ from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, ObservabilityError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.tracker import DEFAULT_RANGE
+from robotrue.report.calibration import fact
 from robotrue.report.certificate import (
     CertificateFacts,
     Parameter,
     certificate_content,
     check_regions,
 )
-from robotrue.report.content import Fact
 from robotrue.report.words import Lang, Words, language
 from robotrue.robot.statics import Load
 from robotrue.store.model_file import read_model
@@ -155,12 +155,12 @@ def certificate_facts(
         doubts=tuple(str(d) for d in summary.get("doubts", ())),
         held_out=None if held_out is None else float(held_out),
         provenance=(
-            *(Fact(name=t(key), value=file_fact(path)) for key, path in files),
-            Fact(name=t("fact.cell"), value=f"{cell.source} sha256:{cell.digest}"),
-            Fact(name=t("fact.training"), value=str(summary.get("data_sha256", "-"))),
-            *(Fact(name=t("fact.measured"), value=source) for source in sources),
-            Fact(name=t("fact.instrument"), value=cell.tracker.name),
-            Fact(name=t("fact.payload"), value=f"{float(cell.payload.mass[0]):g} kg"),
+            *(fact(t, key, file_fact(path)) for key, path in files),
+            fact(t, "fact.cell", f"{cell.source} sha256:{cell.digest}"),
+            fact(t, "fact.training", str(summary.get("data_sha256", "-"))),
+            *(fact(t, "fact.measured", source) for source in sources),
+            fact(t, "fact.instrument", cell.tracker.name),
+            fact(t, "fact.payload", f"{float(cell.payload.mass[0]):g} kg"),
         ),
     )
 

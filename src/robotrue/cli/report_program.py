@@ -12,7 +12,7 @@ from robotrue.cli.registered import opened
 from robotrue.cli.report_output import check_reports, file_fact, write_reports
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
-from robotrue.report.content import Fact
+from robotrue.report.calibration import fact
 from robotrue.report.program import program_content
 from robotrue.report.words import Words, language
 
@@ -56,15 +56,11 @@ def run(
         or any("simulated" in str(s).lower() for s in summary.get("sources", ())),
         doubts=[str(d) for d in summary.get("doubts", ())],
         provenance=[
-            *(Fact(name=t("fact.program"), value=file_fact(p)) for p in (before, after)),
-            Fact(name=t("fact.model"), value=file_fact(model_path)),
-            *(
-                Fact(name=t("fact.cell"), value=file_fact(p))
-                for p in (registered,)
-                if p is not None
-            ),
-            *(Fact(name=t("fact.force"), value=file_fact(p)) for p in (force,) if p is not None),
-            *(Fact(name=t("fact.force"), value=w) for w in (wrench,) if w is not None),
+            *(fact(t, "fact.program", file_fact(p)) for p in (before, after)),
+            fact(t, "fact.model", file_fact(model_path)),
+            *(fact(t, "fact.cell", file_fact(p)) for p in (registered,) if p is not None),
+            *(fact(t, "fact.force", file_fact(p)) for p in (force,) if p is not None),
+            *(fact(t, "fact.force", w) for w in (wrench,) if w is not None),
         ],
         lang=speech,
     )

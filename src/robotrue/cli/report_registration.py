@@ -9,7 +9,7 @@ from robotrue.cell.config import read_cell
 from robotrue.cli.console import emit_json
 from robotrue.cli.report_output import check_reports, file_fact, write_reports
 from robotrue.errors import ConfigurationError
-from robotrue.report.content import Fact
+from robotrue.report.calibration import fact
 from robotrue.report.registration import registration_content
 from robotrue.report.words import Words, language
 
@@ -36,7 +36,7 @@ def run(
         name=cell_path.name,
         robot=cell.robot.name,
         simulated=simulated,
-        provenance=[Fact(name=Words(lang=speech)("fact.cell"), value=file_fact(cell_path))],
+        provenance=[fact(Words(lang=speech), "fact.cell", file_fact(cell_path))],
         lang=speech,
     )
     written = write_reports(outputs, content)

@@ -76,7 +76,7 @@ def calibration_content(
         provenance=(
             *provenance,
             *versions(),
-            *(Fact(name=t("fact.note"), value=t.sentence(note)) for note in report.notes),
+            *(fact(t, "fact.note", t.sentence(note)) for note in report.notes),
         ),
         lang=lang,
     )
@@ -131,6 +131,11 @@ def _tile(t: Words, key: str, value: float, before: float, note: str = "") -> Ti
 def column(t: Words, name: str, unit: str = "", digits: int = 3, **values: object) -> Column:
     """Returns a column of a catalog text: its heading in the language, its JSON name in English."""
     return Column(title=t(name, **values), unit=unit, digits=digits, key=ENGLISH(name, **values))
+
+
+def fact(t: Words, key: str, value: str, **values: object) -> Fact:
+    """Returns a line of provenance: its name in the language, its JSON name in English."""
+    return Fact(name=t(key, **values), value=value, key=ENGLISH(key, **values))
 
 
 def _accuracy(report: ValidationReport, tolerance: float | None, t: Words) -> Section:

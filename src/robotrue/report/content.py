@@ -400,10 +400,12 @@ class Fact:
     Attributes:
         name: E.g. ``"robotrue"``, ``"data"``, ``"seed"``, ``"payload"``.
         value: E.g. ``"0.1.0"``, ``"grid.csv sha256:ab12"``.
+        key: Name in JSON, English in every language; the name if empty.
     """
 
     name: str
     value: str
+    key: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

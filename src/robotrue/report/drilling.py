@@ -8,7 +8,7 @@ from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign import Campaign
 from robotrue.drilling.evaluate import Evaluation, Residuals
 from robotrue.drilling.model import NormalModel
-from robotrue.report.calibration import column, versions
+from robotrue.report.calibration import column, fact, versions
 from robotrue.report.content import (
     Fact,
     ReportContent,
@@ -159,17 +159,20 @@ def _doubts(model: NormalModel, result: Evaluation, t: Words) -> tuple[str, ...]
 def _facts(model: NormalModel, digest: str, t: Words) -> tuple[Fact, ...]:
     truths = ", ".join(model.refinement.truths) or t("fact.no_reference")
     facts = [
-        Fact(name=t("fact.campaign"), value=model.campaign),
-        Fact(name=t("fact.clamps"), value=digest),
-        Fact(
-            name=t("fact.refined"),
-            value=t("fact.records", n=model.refinement.records, truths=truths),
+        fact(t, "fact.campaign", model.campaign),
+        fact(t, "fact.clamps", digest),
+        fact(
+            t,
+            "fact.refined",
+            t("fact.records", n=model.refinement.records, truths=truths),
         ),
     ]
     if model.frozen is not None:
         facts.append(
-            Fact(
-                name=t("fact.frozen", version=model.frozen.version),
+            fact(
+                t,
+                "fact.frozen",
+                version=model.frozen.version,
                 value=t(
                     "fact.frozen_value",
                     p95=model.frozen.p95 / DEG,

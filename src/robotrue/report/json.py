@@ -20,6 +20,7 @@ from robotrue.report.content import (
     CoveragePlot,
     ErrorDistribution,
     ErrorMap,
+    Fact,
     HoleContour,
     MapSlices,
     PointErrors,
@@ -98,8 +99,16 @@ def report_document(content: ReportContent) -> Mapping[str, Any]:
         ],
         "unseen": list(content.unseen),
         "doubts": list(content.doubts),
-        "provenance": {fact.name: fact.value for fact in content.provenance},
+        "provenance": _facts(content.provenance),
     }
+
+
+def _facts(facts: tuple[Fact, ...]) -> Mapping[str, Any]:
+    """Values by name; several of one name as a list."""
+    found: dict[str, list[str]] = {}
+    for fact in facts:
+        found.setdefault(fact.key or fact.name, []).append(fact.value)
+    return {name: v[0] if len(v) == 1 else v for name, v in found.items()}
 
 
 def _block(block: Block) -> Mapping[str, Any]:

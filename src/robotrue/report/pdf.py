@@ -6,6 +6,7 @@ Equal content, language and fonts give equal bytes: no time and no path is writt
 from __future__ import annotations
 
 import json
+import re
 from importlib.resources import files
 from typing import Any, Final
 
@@ -34,6 +35,10 @@ CHINESE: Final = (
     "SimSun",
 )
 FONT_PACKAGE: Final = "fonts-noto-cjk"
+_HASH: Final = re.compile(r"\b[0-9a-f]{17,}\b")
+_PIECE: Final = 8
+_BREAK: Final = "\u200b"
+"""A place where a line may end that prints nothing; a hash has none of its own."""
 
 
 def report_pdf(content: ReportContent) -> bytes:
@@ -46,7 +51,7 @@ def report_pdf(content: ReportContent) -> bytes:
     typst = _typst()
     fonts = font_families(content.lang, tuple(typst.Fonts().families()))
     template = files("robotrue.report").joinpath("page.typ").read_bytes()
-    document = json.dumps(_document(content, fonts), ensure_ascii=False)
+    document = _HASH.sub(_breakable, json.dumps(_document(content, fonts), ensure_ascii=False))
     made = typst.compile(template, format="pdf", sys_inputs={"report": document}, timestamp=0)
     return bytes(made)
 
@@ -71,6 +76,11 @@ def font_families(lang: Lang, installed: tuple[str, ...]) -> tuple[str, ...]:
             hint=f"apt-get install {FONT_PACKAGE}; the HTML page needs no font here.",
         )
     return (*latin, *chinese)
+
+
+def _breakable(found: re.Match[str]) -> str:
+    text = found.group()
+    return _BREAK.join(text[k : k + _PIECE] for k in range(0, len(text), _PIECE))
 
 
 def _typst() -> Any:

@@ -15,7 +15,6 @@ from robotrue.errors import ModelMismatchError
 from robotrue.report.calibration import column, statistics_table, versions
 from robotrue.report.content import (
     Cell,
-    ErrorDistribution,
     Fact,
     PointErrors,
     ReportContent,
@@ -100,6 +99,7 @@ class _Targets:
     error_before: Array
     error_after: Array
     bound: Array
+    axis_targets: int
 
     @property
     def before(self) -> Array:
@@ -123,18 +123,24 @@ def _joined(found: Sequence[tuple[str, Difference]]) -> _Targets:
     parts = [one for _, one in found if len(one.change)]
     if not parts:
         raise ModelMismatchError("no targets to judge.", hint="check the programs.")
-    covariance = np.concatenate([one.covariance for one in parts])
+    shift = np.concatenate([one.shift for one in parts])
+    turn = np.concatenate([one.turn for one in parts])
+    # A target that states axes names no place; whether it is missed is nobody's question.
+    axis = ~np.isfinite(shift).all(axis=1) & np.isfinite(turn)
+    covariance = np.concatenate([one.covariance for one in parts])[~axis]
     bound = np.full(len(covariance), np.nan)
     spread = np.isfinite(covariance).all(axis=(1, 2))
     bound[spread] = radius_95(covariance[spread])
+    names = np.array([name for name, one in found for _ in range(len(one.change))])
     joined = _Targets(
-        file=tuple(name for name, one in found for _ in range(len(one.change))),
-        line=np.concatenate([one.line for one in parts]),
-        line_after=np.concatenate([one.line_after for one in parts]),
-        shift=np.linalg.norm(np.concatenate([one.shift for one in parts]), axis=1),
-        error_before=np.concatenate([one.error_before for one in parts]),
-        error_after=np.concatenate([one.error_after for one in parts]),
+        file=tuple(names[~axis].tolist()),
+        line=np.concatenate([one.line for one in parts])[~axis],
+        line_after=np.concatenate([one.line_after for one in parts])[~axis],
+        shift=np.linalg.norm(shift[~axis], axis=1),
+        error_before=np.concatenate([one.error_before for one in parts])[~axis],
+        error_after=np.concatenate([one.error_after for one in parts])[~axis],
         bound=bound,
+        axis_targets=int(axis.sum()),
     )
     if not joined.known.any():
         raise ModelMismatchError(
@@ -198,13 +204,8 @@ def _before_after(joined: _Targets, tolerance: float, t: Words) -> Section:
                 limit=tolerance,
                 title=t("prog.points"),
             ),
-        )
-        + (_distribution(before, after, t) if (after > 0.0).all() else ()),
+        ),
     )
-
-
-def _distribution(before: Array, after: Array, t: Words) -> tuple[ErrorDistribution, ...]:
-    return (ErrorDistribution(before=before, after=after, title=t("prog.distribution")),)
 
 
 def _decision(joined: _Targets, states: IntArray, tolerance: float, t: Words) -> Section:
@@ -216,9 +217,12 @@ def _decision(joined: _Targets, states: IntArray, tolerance: float, t: Words) ->
             column(t, "prog.before"),
             column(t, "prog.after"),
         ),
-        rows=tuple(
-            (t(name), int((first == k).sum()), int((states == k).sum()))
-            for k, name in enumerate(_STATES)
+        rows=(
+            *(
+                (t(name), int((first == k).sum()), int((states == k).sum()))
+                for k, name in enumerate(_STATES)
+            ),
+            (t("prog.axis"), joined.axis_targets, joined.axis_targets),
         ),
         caption=t("prog.counts_text"),
     )

@@ -11,7 +11,7 @@ from robotrue.cell.part import PartFrame, PartTable
 from robotrue.core.arrays import Array
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
-from robotrue.report.calibration import column, versions
+from robotrue.report.calibration import column, fact, versions
 from robotrue.report.content import Column, Fact, ReportContent, Section, Table, Tile, Verdict
 from robotrue.report.words import ENGLISH, Lang, Words
 from robotrue.validation.budget import COVERAGE_FACTOR, carried
@@ -70,9 +70,9 @@ def registration_content(
         doubts=(*outliers, t("reg.doubt_arm")),
         provenance=(
             *provenance,
-            Fact(name=t("fact.touches"), value=f"{part.points_file} sha256:{part.points_sha256}"),
-            Fact(name=t("fact.identity"), value=f"{part.identity.kind} {part.identity.sha256}"),
-            Fact(name=t("fact.model"), value=part.model_file or "-"),
+            fact(t, "fact.touches", f"{part.points_file} sha256:{part.points_sha256}"),
+            fact(t, "fact.identity", f"{part.identity.kind} {part.identity.sha256}"),
+            fact(t, "fact.model", part.model_file or "-"),
             *versions(),
         ),
         lang=lang,

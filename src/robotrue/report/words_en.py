@@ -233,7 +233,6 @@ TEXT: Final[Mapping[str, str]] = {
     "prog.row_after": "compensated program",
     "prog.points": "Predicted error at every target",
     "prog.target": "target",
-    "prog.distribution": "How the predicted errors are distributed",
     "prog.decision": "Decision",
     "prog.counts": "Targets by decision",
     "prog.counts_text": "Not decided: the tolerance lies within the bound; a better known arm "
@@ -246,6 +245,7 @@ TEXT: Final[Mapping[str, str]] = {
     "prog.undecided": "not decided",
     "prog.fails": "does not conform",
     "prog.unknown": "without a prediction",
+    "prog.axis": "axis targets (no place stated), not judged",
     "prog.worst": "Worst targets",
     "prog.worst_text": "Largest predicted error plus bound first. Lines of the first and of the "
     "second program.",

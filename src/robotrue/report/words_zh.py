@@ -217,7 +217,6 @@ TEXT: Final[Mapping[str, str]] = {
     "prog.row_after": "补偿后的程序",
     "prog.points": "各目标点的预测误差",
     "prog.target": "目标点",
-    "prog.distribution": "预测误差的分布",
     "prog.decision": "判定",
     "prog.counts": "按判定统计的目标点",
     "prog.counts_text": "无法判定：公差落在界限之内；对机器人了解更多（更多位姿或迁移）后可以判定。"
@@ -229,6 +228,7 @@ TEXT: Final[Mapping[str, str]] = {
     "prog.undecided": "无法判定",
     "prog.fails": "不合格",
     "prog.unknown": "无预测",
+    "prog.axis": "轴目标点（未给出位置），不判定",
     "prog.worst": "最差的目标点",
     "prog.worst_text": "按预测误差加界限由大到小排列。行号分别为第一个与第二个程序中的行。",
     "prog.file": "文件",

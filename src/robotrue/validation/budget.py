@@ -175,7 +175,7 @@ def tracker_lines(specification: TrackerSpecification, distance: Array) -> tuple
                 name="range" if name == "range" else "angle",
                 value=float(np.sqrt(np.mean(sigma**2))) * specification.divisor,
                 unit="m",
-                distribution="bound",
+                distribution="normal" if specification.divisor == 1.0 else "bound",
                 divisor=specification.divisor,
                 sensitivity=float(np.sqrt(c)),
                 evaluation="B",
