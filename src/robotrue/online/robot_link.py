@@ -84,6 +84,11 @@ class RobotLink:
             await self._released(self._corrector)
         await self._endpoint.stop()
 
+    @property
+    def preferred(self) -> bool:
+        """Whether the system lets the answering thread run before all others."""
+        return self._endpoint.preferred
+
     async def _released(self, corrector: Corrector) -> None:
         """Waits for a robot without correction that has had the time to say otherwise."""
         until = time.monotonic() + _RELEASE

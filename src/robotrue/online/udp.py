@@ -11,6 +11,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import gc
+import os
 import socket
 import sys
 import threading
@@ -32,6 +33,7 @@ _WAKE: Final = 0.05
 """s between two looks at whether the endpoint was closed."""
 _SWITCH: Final = 0.5e-3
 """s after which Python takes a running thread off for one that waits; its own 5 ms are a cycle."""
+_NICE: Final = -10
 CROWDED: Final = 5000
 """Samples that may wait before the health says so: 20 s of a robot, one of a force sensor."""
 _AT_ONCE: Final = 4096
@@ -39,6 +41,9 @@ _AT_ONCE: Final = 4096
 
 class UdpEndpoint:
     """A bound socket and its thread.
+
+    The thread asks the system to run before all others (round robin, lowest real-time priority);
+    ``preferred`` tells whether that was granted. It sleeps but for the datagram that came.
 
     Args:
         host: Own address; ``0.0.0.0`` for all.
@@ -74,6 +79,7 @@ class UdpEndpoint:
         name = self._socket.getsockname()
         self.address: Address = (str(name[0]), int(name[1]))
         self.unsent = 0
+        self.preferred = False
         self._stopping = threading.Event()
         self._thread = threading.Thread(
             target=self._serve, name=f"udp {self.address[0]}:{self.address[1]}", daemon=True
@@ -101,6 +107,7 @@ class UdpEndpoint:
 
     def _serve(self) -> None:
         fault: BaseException | None = None
+        self.preferred = _preferred()
         try:
             while not self._stopping.is_set():
                 try:
@@ -186,6 +193,19 @@ class Inbox(Generic[T]):
                 waiter[0].call_soon_threadsafe(_done, waiter[1])
 
 
+def _preferred() -> bool:
+    """Whether this thread may run as soon as it has something to do; where that can be asked."""
+    if sys.platform != "linux":
+        return False
+    try:
+        os.sched_setscheduler(
+            0, os.SCHED_RR, os.sched_param(os.sched_get_priority_min(os.SCHED_RR))
+        )
+    except OSError:
+        return False
+    return True
+
+
 def _done(future: asyncio.Future[None]) -> None:
     if not future.done():
         future.set_result(None)
@@ -195,16 +215,29 @@ def _done(future: asyncio.Future[None]) -> None:
 def prompt_answers() -> Iterator[None]:
     """Keeps the interpreter from holding up an answer while this context lasts.
 
-    What lives at the start is left out of the collector's walks, which stop every thread; and a
-    thread that computes gives way to one that answers after 0.5 ms, not 5. Both hold for the whole
-    process: enter it once, when all is opened, around the loop of the service.
+    What lives at the start is left out of the collector's walks, which stop every thread; a thread
+    that computes gives way to one that answers after 0.5 ms, not 5; and the thread that enters,
+    which may be computing when an answer is due, runs before other programs where the system lets
+    it. All hold for the whole process: enter it once, when all is opened, around the loop.
     """
     before = sys.getswitchinterval()
     gc.collect()
     gc.freeze()
     sys.setswitchinterval(_SWITCH)
+    nice = _nice(None)
     try:
         yield
     finally:
+        _nice(nice)
         sys.setswitchinterval(before)
         gc.unfreeze()
+
+
+def _nice(value: int | None) -> int | None:
+    """Sets the niceness of this thread, low where None is given; returns the one before."""
+    if sys.platform != "linux":
+        return None
+    before = os.getpriority(os.PRIO_PROCESS, 0)
+    with contextlib.suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, 0, min(before, _NICE) if value is None else value)
+    return before
