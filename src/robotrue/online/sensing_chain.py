@@ -164,15 +164,15 @@ class SensingChain:
                 break
             self._held.pop(0)
             if ready < len(block):
-                self._held.insert(0, rows_of(block, slice(ready, None)))
-                block = rows_of(block, slice(ready))
+                self._held.insert(0, _rows_of(block, slice(ready, None)))
+                block = _rows_of(block, slice(ready))
             found.append(self._estimator.force(block))
             self.given += len(block)
         return found
 
 
-def rows_of(block: ForceBlock, rows: slice) -> ForceBlock:
-    """Returns some rows of a block."""
+def _rows_of(block: ForceBlock, rows: slice) -> ForceBlock:
+    """Some rows of a block."""
     return ForceBlock(
         controller_time=block.controller_time[rows],
         host_time=block.host_time[rows],
@@ -180,18 +180,6 @@ def rows_of(block: ForceBlock, rows: slice) -> ForceBlock:
         frame=block.frame,
         sequence=block.sequence[rows],
         status=block.status[rows],
-        flags=block.flags[rows],
-    )
-
-
-def joint_rows_of(block: JointBlock, rows: slice) -> JointBlock:
-    """Returns some rows of a block."""
-    return JointBlock(
-        controller_time=block.controller_time[rows],
-        host_time=block.host_time[rows],
-        joints=block.joints[rows],
-        T_frame_tool=block.T_frame_tool[rows],
-        sequence=block.sequence[rows],
         flags=block.flags[rows],
     )
 

@@ -1,0 +1,93 @@
+"""From estimates to what the robot is asked for: minus the error, slowed down, in its own axes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Final, Protocol
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.errors import ConfigurationError
+from robotrue.online.estimate_columns import doubt_words
+from robotrue.online.estimates import EstimateBlock
+from robotrue.online.samples import Correction, CorrectionMode
+
+CUTOFF: Final = 2.0
+"""Hz of the low-pass. A robot follows a correction tens of milliseconds late; what is faster would
+come out of step and make the error larger. The static part of a cut is slower than this."""
+
+
+class Guard(Protocol):
+    """What corrections are handed to (:class:`robotrue.online.guard.CorrectionGuard`)."""
+
+    why: str
+
+    def want(self, correction: Correction, host_time: float) -> None:
+        """Takes the whole correction to be reached."""
+
+    def doubt(self, why: str) -> None:
+        """Goes to zero."""
+
+    def release(self) -> None:
+        """Goes to zero for good."""
+
+    @property
+    def held(self) -> Correction:
+        """The correction that the robot holds."""
+
+
+class Corrections:
+    """Minus the estimated error, low-passed, turned into the axes of the controller's correction.
+
+    An invalid estimate goes to the guard as a doubt, and the low-pass begins anew after it.
+    """
+
+    def __init__(
+        self, guard: Guard, R_base_frame: Callable[[Array], Array], *, cutoff: float = CUTOFF
+    ) -> None:
+        """Starts with no correction.
+
+        Args:
+            guard: Limits, ramps, watches, and is asked by the link.
+            R_base_frame: (dof,) rad as displayed to the (3, 3) axes of the controller's
+                correction in base.
+            cutoff: Hz of the first-order low-pass.
+
+        Raises:
+            ConfigurationError: A cut-off that is not above zero.
+        """
+        if not (math.isfinite(cutoff) and cutoff > 0.0):
+            raise ConfigurationError(f"low-pass of {cutoff:g} Hz, expected more than zero.")
+        self.guard, self._axes, self._cutoff = guard, R_base_frame, cutoff
+        self._smooth = np.zeros(3)
+        self._time = math.nan
+
+    def take(self, estimates: EstimateBlock) -> None:
+        """Asks the guard for the correction of the latest estimate, or tells it of the doubt."""
+        for time, error, valid in zip(
+            estimates.host_time.tolist(), estimates.error, estimates.valid.tolist(), strict=True
+        ):
+            if not valid or math.isnan(time):
+                self._time = math.nan
+            elif math.isnan(self._time):
+                self._time, self._smooth = time, np.zeros(3)
+            else:
+                passed = max(0.0, time - self._time)
+                share = -math.expm1(-2.0 * math.pi * self._cutoff * passed)
+                self._smooth = self._smooth + share * (error - self._smooth)
+                self._time = time
+        if math.isnan(self._time):
+            words = doubt_words(int(estimates.doubt[-1]))
+            self.guard.doubt(f"the estimate is not valid: {words}")
+            return
+        shift = -(self._axes(estimates.joints[-1]).T @ self._smooth)
+        wanted = Correction(shift=shift, turn=np.zeros(3), mode=CorrectionMode.ABSOLUTE)
+        self.guard.want(wanted, self._time)
+
+
+def fixed_axes(R_base_frame: Array) -> Callable[[Array], Array]:
+    """Returns axes that stand in base whatever the joints: the robot root, or ``$BASE``."""
+    axes = np.array(R_base_frame, dtype=np.float64)
+    return lambda _joints: axes

@@ -1,0 +1,157 @@
+"""Going on with a record: the chain as it was at the last frame, and what its sinks have missed.
+
+The last checkpoint is restored and what came in after it goes through the chain again. The
+estimates that come out must be those of the record, bit for bit; whatever the record does not have
+yet comes after them.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from robotrue.errors import ConfigurationError, ModelMismatchError
+from robotrue.online.estimates import EstimateBlock
+from robotrue.online.record import Record
+from robotrue.online.record_frames import Frame, Kind
+from robotrue.online.sensing_chain import SensingChain, Stream
+
+_COLUMNS = ("host_time", "error", "sd", "static", "wrench", "joints", "sequence", "doubt")
+_SAMPLES = (Kind.JOINTS, Kind.FORCE, Kind.ESTIMATES)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Resumed:
+    """Where a record ended.
+
+    Attributes:
+        rows: Samples of each stream that the chain has taken: the sources go on behind them.
+        missing: Estimates that were made of them and are not in the record.
+        again: Estimates in the record that will come once more (made at the end of a stream).
+        checked: Estimates made again and found equal to those of the record.
+    """
+
+    rows: dict[Stream, int]
+    missing: list[EstimateBlock]
+    again: int
+    checked: int
+
+
+def resume(record: Record, chain: SensingChain) -> Resumed:
+    """Returns where a record ended, and brings a fresh chain there.
+
+    Raises:
+        ModelMismatchError: The chain makes other estimates than those of the record.
+        FormatError: No record, or damaged inside.
+    """
+    made: deque[EstimateBlock] = deque()
+    checked = again = 0
+    for frame in _since_checkpoint(record):
+        if frame.kind is Kind.CHECKPOINT:
+            chain.restore(frame.content)
+        elif frame.kind is Kind.JOINTS:
+            made.extend(chain.joints(frame.content))
+        elif frame.kind is Kind.FORCE:
+            made.extend(chain.force(frame.content))
+        else:
+            compared = _compared(frame, made)
+            checked += compared
+            again += len(frame.content) - compared
+    return Resumed(rows=dict(chain.rows), missing=list(made), again=again, checked=checked)
+
+
+def recorded_after(record: Record, line: str | None, before: int) -> Iterator[EstimateBlock]:
+    """Gives the recorded estimates after the one that a line of a CSV file stands for.
+
+    Args:
+        record: Where they are.
+        line: Last line of the file; None gives all.
+        before: Number of the first frame that is not to be given any more.
+
+    Raises:
+        ConfigurationError: The record has no such estimate.
+    """
+    begun = line is None
+    found = record.segments()
+    if line is not None:
+        host, sequence = [*line.split(","), "", ""][:2]
+        while len(found) > 1 and not _from_before(record, found[-1], float(host or "nan")):
+            found.pop()
+        found = [found[-1], *record.segments()[len(found) :]]
+    for segment in found:
+        for frame in record.segment_frames(segment, (Kind.ESTIMATES,), skip_damage=True):
+            if frame.number >= before:
+                return
+            block: EstimateBlock = frame.content
+            if begun:
+                yield block
+            elif (row := _row_of(block, host, sequence)) is not None:
+                begun = True
+                if row + 1 < len(block):
+                    yield estimates_of(block, slice(row + 1, None))
+    if not begun:
+        raise ConfigurationError(
+            f"the file ends with an estimate that is not in the record: {line!r}.",
+            source=record.path,
+            hint="the file of this record, or another name.",
+        )
+
+
+def estimates_of(block: EstimateBlock, rows: slice) -> EstimateBlock:
+    """Returns some rows of a block."""
+    return EstimateBlock(**{name: getattr(block, name)[rows] for name in _COLUMNS})
+
+
+def _since_checkpoint(record: Record) -> Iterator[Frame]:
+    """Gives the last checkpoint, if there is one, and the samples after it."""
+    path, last = record.segments(), None
+    start = len(path)
+    while start and last is None:
+        start -= 1
+        for frame in record.segment_frames(path[start], (Kind.CHECKPOINT,)):
+            last = frame
+    if last is not None:
+        yield last
+    for segment in path[start:]:
+        for frame in record.segment_frames(segment, _SAMPLES):
+            if last is None or frame.number > last.number:
+                yield frame
+
+
+def _compared(frame: Frame, made: deque[EstimateBlock]) -> int:
+    """Takes from ``made`` what a frame holds; returns how many rows there were to compare."""
+    block: EstimateBlock = frame.content
+    done = 0
+    while done < len(block) and made:
+        head = made.popleft()
+        n = min(len(head), len(block) - done)
+        one, other = estimates_of(head, slice(n)), estimates_of(block, slice(done, done + n))
+        for name in _COLUMNS:
+            if not np.array_equal(getattr(one, name), getattr(other, name), equal_nan=True):
+                raise ModelMismatchError(
+                    f"{name} of frame {frame.number} is not what these models make of the "
+                    "recorded samples.",
+                    hint="the cell, models and options that the record was begun with.",
+                )
+        if n < len(head):
+            made.appendleft(estimates_of(head, slice(n, None)))
+        done += n
+    return done
+
+
+def _from_before(record: Record, segment: Path, host: float) -> bool:
+    """Whether a segment begins with estimates up to a time."""
+    for frame in record.segment_frames(segment, (Kind.ESTIMATES,), skip_damage=True):
+        return bool(frame.content.host_time[0] <= host + 1e-9)
+    return False
+
+
+def _row_of(block: EstimateBlock, host: str, sequence: str) -> int | None:
+    for row in np.flatnonzero(block.sequence == int(sequence or -1)).tolist():
+        if f"{block.host_time[row]:.9f}" == host:
+            return int(row)
+    return None

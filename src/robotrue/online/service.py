@@ -1,0 +1,435 @@
+"""The service: sources, estimator, record and sinks as tasks that do not bring each other down.
+
+A source that fails is opened again and its estimates are invalid meanwhile. A sink that fails is
+alone with it. A fault in the service itself first brings the correction to zero, then ends it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import time
+from collections.abc import AsyncIterator, Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any, Final
+
+from robotrue.errors import ConfigurationError, RobotrueError
+from robotrue.online.blocks import ForceBlock, JointBlock
+from robotrue.online.clocks import ClockFix
+from robotrue.online.corrections import Corrections
+from robotrue.online.estimates import EstimateBlock
+from robotrue.online.health_document import health_document
+from robotrue.online.link import Health, Sink, Source
+from robotrue.online.queues import Latest, Lossless
+from robotrue.online.record_frames import Kind
+from robotrue.online.record_writer import RecordWriter
+from robotrue.online.resume import estimates_of
+from robotrue.online.sensing_chain import (
+    STREAMS,
+    SensingChain,
+    Stream,
+)
+
+_RETRY: Final = (0.5, 5.0)
+"""s before a source that failed is opened again: the first time, and the longest."""
+_PATIENCE: Final = 10.0
+"""s for a source to give what it has read, once it is closed."""
+_ROOM: Final = 0.01
+"""s between two looks at whether the record has room, where the sources can wait."""
+_MOST_ROWS: Final = 2_000_000
+"""Samples after which a checkpoint is due, however fast they came."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SinkPlan:
+    """A sink and how it is served.
+
+    Attributes:
+        sink: Where estimates go.
+        blocks: Blocks that may wait for it.
+        whole: It is to get every estimate where the sources can wait (a file of a replay); else
+            the oldest go where it cannot keep up.
+        before: What it is given first: the estimates it has missed.
+    """
+
+    sink: Sink
+    blocks: int = 256
+    whole: bool = False
+    before: Callable[[], Iterable[EstimateBlock]] = tuple
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServiceSettings:
+    """How the service goes about it.
+
+    Attributes:
+        patient: The sources can wait: they are read in step, and nothing runs ahead of the record.
+        health_every: s between two snapshots.
+        checkpoint_every: s between two checkpoints in the record.
+        seconds: How long; None until the forces end or it is stopped.
+        skip_estimates: Estimates that were recorded before and will be made again.
+    """
+
+    patient: bool = False
+    health_every: float = 1.0
+    checkpoint_every: float = 10.0
+    seconds: float | None = None
+    skip_estimates: int = 0
+
+    def __post_init__(self) -> None:
+        """Checks."""
+        for name in ("health_every", "checkpoint_every"):
+            if not getattr(self, name) > 0.0:
+                raise ConfigurationError(f"{name} is {getattr(self, name)} s, expected above 0.")
+        if self.seconds is not None and not self.seconds > 0.0:
+            raise ConfigurationError(f"{self.seconds:g} s to run, expected more than 0.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Snapshot:
+    """The service at a moment.
+
+    Attributes:
+        running: s since it was started.
+        rows: Samples taken by stream, those of a record that is gone on with included.
+        given: Estimates made.
+        invalid: Of these, not to be believed; since this start.
+        latest: The latest estimate, a block of one.
+        sources, sinks: Their counters.
+        record: Likewise, if there is one.
+        clocks: Of the streams.
+        faults: Of this service, the latest of each part, in words.
+        correction_um: Shift that the robot holds, in the axes of its correction; None without.
+        correction_why: Why corrections are at zero, or empty.
+    """
+
+    running: float
+    rows: Mapping[Stream, int]
+    given: int
+    invalid: int
+    latest: EstimateBlock | None
+    sources: Mapping[Stream, Health]
+    sinks: Sequence[Health]
+    record: Health | None
+    clocks: Mapping[Stream, ClockFix]
+    faults: Mapping[str, str]
+    correction_um: tuple[float, ...] | None
+    correction_why: str
+
+
+async def sense(
+    joints: Source[JointBlock],
+    force: Source[ForceBlock],
+    chain: SensingChain,
+    *,
+    sinks: Sequence[SinkPlan] = (),
+    record: RecordWriter | None = None,
+    corrections: Corrections | None = None,
+    settings: ServiceSettings | None = None,
+    watch: Callable[[Snapshot], None] | None = None,
+    stop: asyncio.Event | None = None,
+) -> Snapshot:
+    """Returns how it stood when the forces ended, the time was over or it was stopped.
+
+    Args:
+        joints: Where the robot is.
+        force: What acts on the tool.
+        chain: Blocks to estimates.
+        sinks: Where estimates go.
+        record: What came in and what was made of it, checkpoints and health.
+        corrections: Asks the robot for minus the error.
+        settings: Times, and where it goes on.
+        watch: Called with every snapshot.
+        stop: Ends the service cleanly.
+
+    Raises:
+        RobotrueError: A record that can no longer be whole, a source or sink that was not
+            configured as it should be.
+    """
+    service = _Service(
+        sources={"joints": joints, "force": force},
+        chain=chain,
+        sinks=[_Served(plan, settings or ServiceSettings()) for plan in sinks],
+        record=record,
+        corrections=corrections,
+        settings=settings or ServiceSettings(),
+        watch=watch,
+    )
+    return await service.run(stop or asyncio.Event())
+
+
+class _Served:
+    """A sink, its queue and its task."""
+
+    def __init__(self, plan: SinkPlan, settings: ServiceSettings) -> None:
+        self.plan, self.fault, self.failed = plan, "", 0
+        self.latest: Latest[EstimateBlock] | None = None
+        self.whole: Lossless[EstimateBlock] | None = None
+        if plan.whole and settings.patient:
+            self.whole = Lossless(plan.blocks)
+        else:
+            self.latest = Latest(plan.blocks)
+
+    async def put(self, block: EstimateBlock) -> None:
+        if self.latest is not None:
+            self.latest.put(block)
+        elif self.whole is not None:
+            await self.whole.put(block)
+
+    def close(self) -> None:
+        for queue in (self.latest, self.whole):
+            if queue is not None:
+                queue.close()
+
+    async def serve(self) -> None:
+        """Gives the sink what waits until the queue is closed; its faults stay its own."""
+        queue = self.whole if self.latest is None else self.latest
+        for block in self.plan.before():
+            await self._write(block)
+        while queue is not None and (item := await queue.take()) is not None:
+            await self._write(item)
+
+    async def _write(self, block: EstimateBlock) -> None:
+        try:
+            await self.plan.sink.write(block)
+        except Exception as fault:  # whatever it is: the other sinks and the robot go on
+            self.fault, self.failed = f"{type(fault).__name__}: {fault}", self.failed + 1
+
+    def health(self) -> Health:
+        own = self.plan.sink.health()
+        dropped = own.dropped + (self.latest.dropped if self.latest is not None else 0)
+        return Health(
+            **{
+                **asdict(own),
+                "dropped": dropped,
+                "refused": own.refused + self.failed,
+                "last_fault": self.fault or own.last_fault,
+            }
+        )
+
+
+@dataclass(slots=True, kw_only=True)
+class _Service:
+    sources: dict[Stream, Any]
+    chain: SensingChain
+    sinks: list[_Served]
+    record: RecordWriter | None
+    corrections: Corrections | None
+    settings: ServiceSettings
+    watch: Callable[[Snapshot], None] | None
+    faults: dict[str, str] = field(default_factory=dict)
+    invalid: int = 0
+    latest: EstimateBlock | None = None
+    begun: float = 0.0
+    skip_estimates: int = 0
+    stopping: bool = False
+    checkpoint_rows: int = 0
+    checkpoint_time: float = 0.0
+
+    async def run(self, stop: asyncio.Event) -> Snapshot:
+        self.begun = self.checkpoint_time = time.monotonic()
+        self.checkpoint_rows = sum(self.chain.rows.values())
+        self.skip_estimates = self.settings.skip_estimates
+        serving = await self._open_sinks()
+        reading = self._readers()
+        waiting = [asyncio.create_task(stop.wait()), asyncio.create_task(self._look())]
+        if self.settings.seconds is not None:
+            waiting.append(asyncio.create_task(asyncio.sleep(self.settings.seconds)))
+        try:
+            await self._until_over(reading, [*waiting, *serving])
+        except BaseException:
+            if self.corrections is not None:
+                self.corrections.guard.release()  # first of all: the robot back on its path
+            raise
+        finally:
+            await self._end(reading, waiting, serving)
+        return self.snapshot()
+
+    async def _open_sinks(self) -> list[asyncio.Task[None]]:
+        try:
+            for served in self.sinks:
+                await served.plan.sink.open()
+        except BaseException:
+            await self._close_sinks()
+            for source in self.sources.values():
+                await source.close()
+            raise
+        return [asyncio.create_task(s.serve(), name=s.health().name) for s in self.sinks]
+
+    async def _close_sinks(self) -> None:
+        for served in self.sinks:
+            with contextlib.suppress(Exception):  # one that fails here failed before, and was told
+                await served.plan.sink.close()
+
+    def _readers(self) -> list[asyncio.Task[None]]:
+        if self.settings.patient:
+            return [asyncio.create_task(self._read_in_step(), name="sources")]
+        return [asyncio.create_task(self._read(s), name=s) for s in STREAMS]
+
+    async def _until_over(
+        self, reading: list[asyncio.Task[None]], waiting: list[asyncio.Task[Any]]
+    ) -> None:
+        """Waits until the forces have ended or a stop is asked for; raises a task's fault."""
+        while True:
+            done, _ = await asyncio.wait(
+                [t for t in reading if not t.done()] + waiting, return_when=asyncio.FIRST_COMPLETED
+            )
+            for task in done:
+                task.result()
+            if reading[-1].done() or any(t in done for t in waiting):
+                return
+
+    async def _end(
+        self,
+        reading: list[asyncio.Task[None]],
+        waiting: list[asyncio.Task[Any]],
+        serving: list[asyncio.Task[None]],
+    ) -> None:
+        """Zero correction, sources closed, what was read made into estimates, sinks served."""
+        self.stopping = True
+        if self.corrections is not None:
+            self.corrections.guard.release()
+        for task in waiting:
+            task.cancel()
+        for stream, source in self.sources.items():
+            try:
+                await source.close()
+            except Exception as fault:  # the others are closed in any case
+                self.faults[stream] = f"{type(fault).__name__}: {fault}"
+        await asyncio.wait(reading, timeout=_PATIENCE)
+        for task in reading:
+            task.cancel()
+        await asyncio.gather(*reading, *waiting, return_exceptions=True)
+        for served in self.sinks:
+            served.close()
+        await asyncio.gather(*serving, return_exceptions=True)
+        await self._close_sinks()
+        with contextlib.suppress(RobotrueError):  # a record that is broken has said so
+            self._checkpoint()
+
+    async def _read(self, stream: Stream) -> None:
+        """Takes a live stream for as long as it lives, and opens it again when it fails."""
+        wait = _RETRY[0]
+        while not self.stopping:
+            try:
+                async for block in self.sources[stream].blocks():
+                    wait = _RETRY[0]
+                    await self._take(stream, block)
+                break
+            except ConfigurationError:
+                raise  # trying again would not make it right
+            except (RobotrueError, OSError) as fault:
+                self.faults[stream] = str(fault)
+                if self.corrections is not None:
+                    self.corrections.guard.doubt(f"{stream}: {fault}")
+            await asyncio.sleep(wait)
+            wait = min(2.0 * wait, _RETRY[1])
+        if not self.stopping:
+            await self._give(self.chain.ended(stream))
+
+    async def _read_in_step(self) -> None:
+        """Takes recorded streams, always the one that is behind, as fast as they are taken."""
+        streams: dict[Stream, AsyncIterator[Any]] = {
+            s: aiter(self.sources[s].blocks()) for s in STREAMS
+        }
+        while "force" in streams and not self.stopping:
+            stream = self.chain.behind()
+            if stream not in streams:
+                stream = "force"
+            block = await anext(streams[stream], None)
+            if block is None:
+                del streams[stream]
+                if self.stopping:
+                    return  # closed: a stream that goes on another time has not ended
+                await self._give(self.chain.ended(stream))
+                continue
+            await self._take(stream, block)
+            while self.record is not None and self.record.crowded:
+                await asyncio.sleep(_ROOM)
+            await asyncio.sleep(0)
+
+    async def _take(self, stream: Stream, block: Any) -> None:
+        """A block into the record, through the chain, and what came of it onwards."""
+        if stream == "force":
+            self._keep(Kind.FORCE, block)
+            found = self.chain.force(block)
+        else:
+            self._keep(Kind.JOINTS, block)
+            found = self.chain.joints(block)
+        await self._give(found)
+        rows = sum(self.chain.rows.values())
+        late = time.monotonic() - self.checkpoint_time >= self.settings.checkpoint_every
+        if late or rows - self.checkpoint_rows >= _MOST_ROWS:
+            self._checkpoint()
+
+    async def _give(self, found: list[EstimateBlock]) -> None:
+        new = [block for estimates in found if (block := self._new(estimates)) is not None]
+        for block in new:  # all of them before anything waits: a checkpoint counts them as given
+            self._keep(Kind.ESTIMATES, block)
+        for block in new:
+            self.invalid += len(block) - int(block.valid.sum())
+            self.latest = estimates_of(block, slice(len(block) - 1, None))
+            if self.corrections is not None and not self.stopping:
+                self.corrections.take(block)
+            for served in self.sinks:
+                await served.put(block)
+
+    def _new(self, block: EstimateBlock) -> EstimateBlock | None:
+        """What of a block was not recorded before."""
+        known = min(self.skip_estimates, len(block))
+        self.skip_estimates -= known
+        if known == len(block):
+            return None
+        return estimates_of(block, slice(known, None)) if known else block
+
+    def _keep(self, kind: Kind, content: Any) -> None:
+        if self.record is not None:
+            self.record.put(kind, content)
+
+    def _checkpoint(self) -> None:
+        self.checkpoint_time = time.monotonic()
+        self.checkpoint_rows = sum(self.chain.rows.values())
+        if self.record is not None and not self.skip_estimates:
+            self.record.put(Kind.CHECKPOINT, self.chain.state())
+
+    async def _look(self) -> None:
+        """Looks at everything now and then, for the record and whoever watches."""
+        while True:
+            await asyncio.sleep(self.settings.health_every)
+            shot = self.snapshot()
+            if self.record is not None:
+                self.record.put(Kind.HEALTH, snapshot_document(shot))
+                for stream, fix in shot.clocks.items():
+                    self.record.put(Kind.CLOCK, {"stream": stream, **asdict(fix)})
+            if self.watch is not None:
+                self.watch(shot)
+
+    def snapshot(self) -> Snapshot:
+        held = None if self.corrections is None else self.corrections.guard.held
+        return Snapshot(
+            running=time.monotonic() - self.begun,
+            rows=dict(self.chain.rows),
+            given=self.chain.given,
+            invalid=self.invalid,
+            latest=self.latest,
+            sources={s: self.sources[s].health() for s in STREAMS},
+            sinks=[served.health() for served in self.sinks],
+            record=None if self.record is None else self.record.health(),
+            clocks={s: self.chain.fix(s) for s in STREAMS},
+            faults=dict(self.faults),
+            correction_um=None if held is None else tuple((held.shift * 1e6).tolist()),
+            correction_why="" if self.corrections is None else self.corrections.guard.why,
+        )
+
+
+def snapshot_document(shot: Snapshot) -> dict[str, Any]:
+    """Returns a snapshot's counters as JSON values; what is not known is null."""
+    healths = [*shot.sources.values(), *shot.sinks, *([shot.record] if shot.record else [])]
+    return {
+        "host_s": time.monotonic(),
+        "rows": dict(shot.rows),
+        "estimates": shot.given,
+        "invalid": shot.invalid,
+        "healths": [health_document(health) for health in healths],
+        "faults": dict(shot.faults),
+    }
