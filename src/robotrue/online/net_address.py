@@ -54,6 +54,24 @@ class NetAddress:
             )
         return self
 
+    def number(self, name: str, usual: float, *, low: float, high: float) -> float:
+        """Returns an option that is a number, ``usual`` where it is not given.
+
+        Raises:
+            ConfigurationError: It is no number from ``low`` to ``high``.
+        """
+        text = self.options.get(name, "")
+        try:
+            value = float(text) if text else usual
+        except ValueError:
+            value = float("nan")
+        if not low <= value <= high:
+            raise ConfigurationError(
+                f"{self.shown}: {name} {text!r}, expected {low:g} to {high:g}.",
+                hint=f"?{name}={usual:g}",
+            )
+        return value
+
     @property
     def loopback(self) -> bool:
         """Whether only programs on this computer can be meant by the host."""

@@ -56,11 +56,21 @@ def _csv(path: str, settings: SinkSettings) -> Sink:
     return CsvSink(path, settings)
 
 
+def _mqtt(address: NetAddress, settings: SinkSettings) -> Sink:
+    from robotrue.online.mqtt_sink import MqttSink
+
+    return MqttSink(address, settings)
+
+
 def _ws(address: NetAddress, settings: SinkSettings) -> Sink:
     from robotrue.online.ws_sink import WebSocketSink
 
     return WebSocketSink(address, settings)
 
 
-_SERVERS: Final[dict[str, Callable[[NetAddress, SinkSettings], Sink]]] = {"ws": _ws}
+_SERVERS: Final[dict[str, Callable[[NetAddress, SinkSettings], Sink]]] = {
+    "mqtt": _mqtt,
+    "mqtts": _mqtt,
+    "ws": _ws,
+}
 _PORTS: Final = {"mqtt": 1883, "mqtts": 8883, "opcua": 4840, "ws": 8765}

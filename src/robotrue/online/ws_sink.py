@@ -15,7 +15,7 @@ from typing import Any, Final
 from urllib.parse import urlsplit
 
 from robotrue.errors import ConfigurationError, MissingExtraError, ShapeError
-from robotrue.online.envelopes import Bin, Envelopes
+from robotrue.online.envelopes import MOST_PER_SECOND, Bin, Envelopes
 from robotrue.online.estimates import EstimateBlock
 from robotrue.online.link import Health
 from robotrue.online.live_frames import estimates_frame, health_frame, hello_frame
@@ -52,7 +52,7 @@ class WebSocketSink:
         self._address = address.only("rate", "origin", "token")
         self._settings = settings
         self._door = door(address, settings.environment)
-        self._rate = _rate(address)
+        self._rate = address.number("rate", _PER_SECOND, low=1.0, high=MOST_PER_SECOND)
         self._envelopes = Envelopes(per_second=self._rate, joints=settings.joints)
         self._files = page_files()
         self._viewers: set[Latest[str]] = set()
@@ -206,16 +206,6 @@ class WebSocketSink:
             reconnects=max(0, self._joined - 1),
             last_fault=self._fault,
         )
-
-
-def _rate(address: NetAddress) -> float:
-    text = address.options.get("rate", "")
-    try:
-        return float(text) if text else _PER_SECOND
-    except ValueError:
-        raise ConfigurationError(
-            f"{address.shown}: rate {text!r}, expected a number.", hint="?rate=50"
-        ) from None
 
 
 def _one(headers: Any, name: str) -> str | None:
