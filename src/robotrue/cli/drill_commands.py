@@ -253,6 +253,17 @@ def run_online(
     ] = 10.0,
     patience_s: Annotated[float, typer.Option(help="Then a restless clamp is given up.")] = 5.0,
     seconds: Annotated[float | None, typer.Option(help="End after so long.")] = None,
+    robot: Annotated[
+        Path | None, typer.Option(help="A robot carries the foot: its calibrated model.")
+    ] = None,
+    joints: Annotated[
+        str | None,
+        typer.Option(help="With --robot: where its joints come from, rsi://, egm:// or rtde://."),
+    ] = None,
+    foot_abc_deg: Annotated[
+        str,
+        typer.Option(help="With --robot: A,B,C of the foot in the tool; default z against z."),
+    ] = "0,0,180",
     json: Json = False,
 ) -> None:
     """Stand by a machine: answer every clamp with one move, learn from references, watch."""
@@ -278,5 +289,8 @@ def run_online(
             patience=patience_s,
         ),
         seconds=seconds,
+        robot=robot,
+        joints=joints,
+        foot_abc_deg=foot_abc_deg,
         as_json=json,
     )

@@ -5,22 +5,25 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import re
 import signal
 import sys
 import time
 from collections import OrderedDict
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
 from robotrue.cli.console import count, say
 from robotrue.cli.drill import setup_of
+from robotrue.cli.drill_robot import DrillingRobot, drilling_robot, followed, with_robot
 from robotrue.cli.inputs import check_output
 from robotrue.core.units import DEG
 from robotrue.drilling.clamp_watch import ClampSettings
 from robotrue.drilling.foot_file import FootSetup
 from robotrue.drilling.foot_signals import foot_sample, is_reference, left_by
-from robotrue.drilling.hole_session import HoleSession
+from robotrue.drilling.hole_session import HoleAnswer, HoleSession
 from robotrue.drilling.journal import Journal, answer_document, step_document
 from robotrue.drilling.model_archive import read_model, write_model
 from robotrue.errors import ConfigurationError, ModelMismatchError, RobotrueError
@@ -45,6 +48,9 @@ def run(
     sigma_deg: float,
     settings: ClampSettings,
     seconds: float | None,
+    robot: Path | None,
+    joints: str | None,
+    foot_abc_deg: str,
     as_json: bool,
 ) -> None:
     """Answers clamps until stopped, or for a time."""
@@ -68,7 +74,11 @@ def run(
             clamps=kept.state.waiting,
             count=kept.state.answered,
         )
-        desk = Desk(session, setup, kept, truth=truth, output=output, as_json=as_json)
+        arm = None
+        if robot is not None:
+            order, still = model.head.order, settings.quiet
+            arm = drilling_robot(robot, joints, order, foot_abc_deg, still=still)
+        desk = Desk(session, setup, kept, truth=truth, output=output, robot=arm, as_json=as_json)
         asyncio.run(_serve(desk, address, seconds))
     if not as_json:
         say(desk.summary())
@@ -83,6 +93,7 @@ class Desk:
         journal: Open.
         truth: What measures references that do not say so themselves.
         output: Where a refined model is kept.
+        robot: Carries the foot; None for a head.
         as_json: A line of JSON for every answer on standard output.
     """
 
@@ -94,8 +105,10 @@ class Desk:
         *,
         truth: str,
         output: Path | None,
+        robot: DrillingRobot | None,
         as_json: bool,
     ) -> None:
+        self.robot = robot
         self._session, self._setup, self._journal = session, setup, journal
         self._truth, self._output, self._as_json = truth, output, as_json
         self._answers: OrderedDict[str, dict[str, Any]] = OrderedDict()
@@ -127,17 +140,34 @@ class Desk:
 
     def _foot(self, sample: SignalSample) -> dict[str, Any] | None:
         try:
-            foot = foot_sample(sample.values, self._setup, sample.host_time)
+            head = self.robot is None
+            foot = foot_sample(sample.values, self._setup, sample.host_time, head=head)
             answer = self._session.push(foot, hole=sample.texts.get("hole", ""))
         except RobotrueError as cause:
             return self._unread(cause)
         if answer is None:
             return None
         document = answer_document(answer)
+        if self.robot is not None and answer.adjustment is not None:
+            answer, document = self._by_robot(answer, self.robot)
         self._journal.answered(answer, document)
         self.moves += answer.adjustment is not None
         self.refusals += answer.adjustment is None
         return self._told(document)
+
+    def _by_robot(
+        self, answer: HoleAnswer, robot: DrillingRobot
+    ) -> tuple[HoleAnswer, dict[str, Any]]:
+        """The answer as the robot's move, or the refusal it comes to."""
+        document, found = answer_document(answer), answer.adjustment
+        if found is None:
+            return answer, document
+        try:
+            return answer, with_robot(document, found, robot)
+        except RobotrueError as cause:
+            self._session.forget(answer.hole)
+            refused = replace(answer, adjustment=None, refused=_said(cause))
+            return refused, answer_document(refused)
 
     def _reference(self, sample: SignalSample) -> dict[str, Any]:
         hole = sample.texts.get("hole", "")
@@ -165,8 +195,7 @@ class Desk:
 
     def _unread(self, cause: RobotrueError, **beside: str) -> dict[str, Any]:
         """A machine that sends what cannot be read is told so, once in a while on the console."""
-        said = cause.message + (f" ({cause.hint})" if cause.hint else "")
-        document = {"status": "unread", "said": said, **beside}
+        document = {"status": "unread", "said": _said(cause), **beside}
         self.unread += 1
         if self.unread.bit_count() == 1:
             self._print(document)
@@ -180,8 +209,16 @@ class Desk:
         say(_line(document))
 
 
+def _said(cause: RobotrueError) -> str:
+    return cause.message + (f" ({cause.hint})" if cause.hint else "")
+
+
 def _line(document: Mapping[str, Any]) -> str:
     status, hole = document["status"], document.get("hole", "")
+    if status == "move" and "turn_deg" in document:
+        axes = [v for name, v in document.items() if re.fullmatch(r"a\d_deg", name)]
+        joints = ", ".join(f"{v:.4f}" for v in axes)
+        return f"hole {hole}: joints to {joints} deg, turned by {document['turn_deg']:.4f} deg"
     if status == "move":
         return (
             f"hole {hole}: A to {document['A_deg']:.4f}, B to {document['B_deg']:.4f} deg (by "
@@ -211,15 +248,21 @@ async def _serve(desk: Desk, address: str, seconds: float | None) -> None:
         with contextlib.suppress(NotImplementedError):
             loop.add_signal_handler(name, stop.set)
     say(f"listening on udp://{source.address[0]}:{source.address[1]}; Ctrl-C ends")
-    work = asyncio.create_task(_answer(desk, source))
     ended = asyncio.create_task(stop.wait())
-    try:
-        await asyncio.wait({work, ended}, timeout=seconds, return_when=asyncio.FIRST_COMPLETED)
-    finally:
-        health = source.health(time.monotonic())
-        await source.close()
-        ended.cancel()
-    await work
+    async with followed(desk.robot) as joints:
+        work = asyncio.create_task(_answer(desk, source))
+        waits = {work, ended} if joints is None else {work, ended, joints}
+        try:
+            done, _ = await asyncio.wait(
+                waits, timeout=seconds, return_when=asyncio.FIRST_COMPLETED
+            )
+        finally:
+            health = source.health(time.monotonic())
+            await source.close()
+            ended.cancel()
+        await work
+        if joints in done:
+            await joints
     if health.refused:
         say(f"{count(health.refused, 'datagram')} not read; the last: {health.last_fault}")
 

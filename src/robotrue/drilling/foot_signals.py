@@ -27,13 +27,16 @@ def is_reference(values: Mapping[str, float]) -> bool:
     return any(name in values for name in LEFT)
 
 
-def foot_sample(values: Mapping[str, float], setup: FootSetup, time: float) -> FootSample:
+def foot_sample(
+    values: Mapping[str, float], setup: FootSetup, time: float, *, head: bool = True
+) -> FootSample:
     """Returns the sample of a foot.
 
     Args:
         values: By name, in the units of their names.
         setup: How many sensors, and their zero where readings are raw.
         time: s, of a clock that does not go back.
+        head: Whether a head's axes turn the foot; not where a robot carries it.
 
     Raises:
         FormatError: A value is missing, or readings come in two forms.
@@ -48,14 +51,15 @@ def foot_sample(values: Mapping[str, float], setup: FootSetup, time: float) -> F
         )
     form = forms[0]
     raw = _taken(values, tuple(form.format(k) for k in sensors))
-    force, height, a, b = _taken(values, ("force_N", "z_mm", "A_deg", "B_deg"))
+    force, height = _taken(values, ("force_N", "z_mm"))
+    axes = _taken(values, ("A_deg", "B_deg")) * DEG if head else np.zeros(2)
     counts = form == "raw{}_counts"
     return FootSample(
         time=time,
         readings=raw * MM if form == "d{}_mm" else zeroed(raw[None], setup, counts=counts)[0],
         force=float(force),
         height=float(height * MM),
-        axes=np.array([a, b]) * DEG,
+        axes=axes,
     )
 
 

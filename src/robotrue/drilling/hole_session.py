@@ -108,6 +108,10 @@ class HoleSession:
         """Says that a sample was bad or is missing: the rest before it does not count."""
         self._watch.broken()
 
+    def forget(self, hole: str) -> None:
+        """Takes back that a hole was moved for: the machine was not told to after all."""
+        self._clamps.pop(hole, None)
+
     def remained(self, hole: str, left: Array, truth: str) -> Step:
         """Takes what an outside reference measured at a hole after its move, into the model.
 
