@@ -12,10 +12,10 @@ from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
 from robotrue.cli.console import emit_facts, emit_json, progress, say
 from robotrue.cli.inputs import check_output, measured
-from robotrue.cli.model_view import remarks, result_facts
 from robotrue.errors import ConfigurationError, ObservabilityError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.planning.information import settings_of
+from robotrue.report.model_view import remarks, result_facts
 from robotrue.store.model_file import write_model
 from robotrue.validation.auto import fit_auto
 from robotrue.validation.contest import Selection, selection_from_summary

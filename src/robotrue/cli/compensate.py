@@ -13,10 +13,10 @@ import numpy as np
 from robotrue.calibration.identity import identity_of
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
+from robotrue.cell.frame_table import frame_table
 from robotrue.cell.part import PartFrame
 from robotrue.cli.console import emit_json, say
 from robotrue.cli.cutter import cutter_axis
-from robotrue.cli.frame_table import frame_table
 from robotrue.cli.free_spin import require_free, sentences, spun
 from robotrue.cli.inputs import check_output
 from robotrue.cli.job_outputs import job_outputs

@@ -18,8 +18,8 @@ from robotrue.calibration.methods import METHODS, fit
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
+from robotrue.cell.frame_table import frame_table
 from robotrue.cli.console import emit_json, emit_table, progress, say
-from robotrue.cli.frame_table import frame_table
 from robotrue.cli.inputs import measured
 from robotrue.compensation.compensate import compensate
 from robotrue.compensation.result import Compensation

@@ -13,8 +13,8 @@ import numpy as np
 
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
+from robotrue.cell.frame_table import frame_table
 from robotrue.cli.console import emit_json, emit_table, say
-from robotrue.cli.frame_table import frame_table
 from robotrue.cli.inputs import check_output
 from robotrue.cli.process_force import StatedForce, described, stated_forces
 from robotrue.cli.registered import opened

@@ -16,7 +16,6 @@ from robotrue.cell.config import read_cell
 from robotrue.cell.part import PartTable
 from robotrue.cli.console import emit_facts, emit_json, emit_table, say
 from robotrue.cli.inputs import read_mapping
-from robotrue.cli.model_view import drive_errors, identified, remarks, result_facts, stiffness
 from robotrue.core.files import read_bytes
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM, UM
@@ -30,6 +29,7 @@ from robotrue.program.formats.toolpaths import read_toolpath
 from robotrue.program.identity import read_identity
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 from robotrue.program.toolpath import Toolpath, cut_length
+from robotrue.report.model_view import drive_errors, identified, remarks, result_facts, stiffness
 from robotrue.robot.forward import forward
 from robotrue.store.model_file import ModelFile, read_model
 

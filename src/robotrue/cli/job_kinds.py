@@ -19,7 +19,6 @@ from robotrue.cli.compensate import Request, compensated
 from robotrue.cli.console import stderr
 from robotrue.cli.inputs import joined
 from robotrue.cli.job_parameters import Parameters
-from robotrue.cli.model_view import remarks
 from robotrue.cli.pages import write_page
 from robotrue.cli.plan import document as plan_document
 from robotrue.cli.plan import planned, program_text
@@ -30,6 +29,7 @@ from robotrue.errors import ConfigurationError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.planning.sheet import plan_sheet
 from robotrue.program.identity import SUFFIX
+from robotrue.report.model_view import remarks
 from robotrue.store import cells, documents, measurements, models, programs
 from robotrue.store.jobs_work import Publish, Work
 from robotrue.store.layout import laid_out

@@ -10,8 +10,8 @@ import numpy as np
 
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
+from robotrue.cell.frame_table import frame_table
 from robotrue.cli.console import count, emit_json, emit_table, say
-from robotrue.cli.frame_table import frame_table
 from robotrue.cli.inputs import check_output
 from robotrue.core.arrays import Array
 from robotrue.core.files import write_atomic

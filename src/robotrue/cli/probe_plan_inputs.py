@@ -12,8 +12,8 @@ import numpy as np
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
+from robotrue.cell.frame_table import frame_table
 from robotrue.cli.console import say
-from robotrue.cli.frame_table import frame_table
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.files import read_bytes
 from robotrue.core.poses import apply, inverse, pose, pose_from_xyz_abc

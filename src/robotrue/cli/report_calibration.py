@@ -12,7 +12,6 @@ from robotrue.calibration.model import ErrorModel, Query
 from robotrue.cell.cell import Cell, tracker_covariance
 from robotrue.cli.console import emit_json
 from robotrue.cli.inputs import measured
-from robotrue.cli.model_view import identified, stiffness
 from robotrue.cli.registered import opened
 from robotrue.cli.report_output import check_reports, file_fact, write_reports
 from robotrue.core.arrays import Array
@@ -27,6 +26,7 @@ from robotrue.report.certificate import (
     certificate_content,
     check_regions,
 )
+from robotrue.report.model_view import identified, stiffness
 from robotrue.report.words import Lang, Words, language
 from robotrue.robot.statics import Load
 from robotrue.store.model_file import read_model

@@ -6,10 +6,13 @@ import importlib
 import os
 import webbrowser
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from robotrue.cli.console import say
 from robotrue.errors import ConfigurationError, MissingExtraError
+
+KINDS: Final = "robotrue.cli.job_kinds:KINDS"
+"""What the server's own worker can do; imported by that process, not by the server."""
 
 
 def run(
@@ -28,6 +31,7 @@ def run(
         password=_secret("--password-env", password_env),
         token=_secret("--token-env", token_env),
         upload_limit=upload_mb * made.MB,
+        kinds=KINDS,
         **settings,
     )
 

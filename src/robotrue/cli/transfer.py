@@ -14,13 +14,13 @@ from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
 from robotrue.cli.console import count, emit_facts, emit_json, emit_table, progress, say
 from robotrue.cli.inputs import check_output, read_rows
-from robotrue.cli.model_view import remarks, result_facts
 from robotrue.core.files import read_bytes, sha256, write_atomic
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, ModelMismatchError, ObservabilityError
 from robotrue.measurement.measurement_set import MeasurementSet, concatenate
 from robotrue.planning.information import settings_of
 from robotrue.report.content import Fact
+from robotrue.report.model_view import remarks, result_facts
 from robotrue.store.model_file import ZIP, read_model, write_model
 from robotrue.validation.contest import Selection
 from robotrue.validation.guard import Verdict, verdict_from_summary

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from robotrue.cli.console import count, emit_json, emit_table, say
 from robotrue.cli.inputs import check_output, measured
-from robotrue.cli.model_view import harmless_remark
 from robotrue.core.units import MM
+from robotrue.report.model_view import harmless_remark
 from robotrue.store.model_file import read_model
 from robotrue.validation.metrics import ErrorStatistics
 from robotrue.validation.validate import validate

@@ -9,6 +9,8 @@ from typing import ParamSpec, TypeAlias, TypeVar
 
 from robotrue.store.records import ModelRecord
 from robotrue.store.workspace import Workspace
+from robotrue.web.answers import Answers
+from robotrue.web.job_process import JobProcess
 from robotrue.web.language import Wording
 from robotrue.web.preferences import Preferences
 from robotrue.web.settings import ServeSettings
@@ -25,12 +27,16 @@ class House:
     Attributes:
         settings: What was asked for at the start.
         workspace: Open.
-        workers: Processes for what takes longer than a blink.
+        workers: The process for what takes longer than a blink.
+        answers: Of that process, kept for a while.
+        job_process: The process that does jobs.
     """
 
     settings: ServeSettings
     workspace: Workspace
     workers: Workers
+    answers: Answers
+    job_process: JobProcess
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

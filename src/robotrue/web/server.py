@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import socket
 from collections.abc import AsyncIterator, Callable
@@ -18,9 +19,11 @@ from robotrue import __version__
 from robotrue.errors import ConfigurationError
 from robotrue.report.theme import DARK, LIGHT
 from robotrue.store.workspace import Workspace
+from robotrue.web.answers import Answers
 from robotrue.web.api import api_router
 from robotrue.web.bench import Bench, House, Page
 from robotrue.web.gate import Gate
+from robotrue.web.job_process import JobProcess
 from robotrue.web.language import Wording
 from robotrue.web.login import login_router
 from robotrue.web.models import shown_model
@@ -30,6 +33,7 @@ from robotrue.web.preferences import preferences_from
 from robotrue.web.problems import answer_with_problems
 from robotrue.web.sessions import Sessions, Tries
 from robotrue.web.settings import ServeSettings
+from robotrue.web.uploads import forget_old
 from robotrue.web.workers import Workers
 
 STATIC: Final = Path(__file__).parent / "static"
@@ -50,7 +54,7 @@ def serve(settings: ServeSettings, *, ready: Callable[[str], None]) -> None:
     bound = listening(settings)
     port = bound.getsockname()[1]
     with open_workspace(settings.workspace) as workspace:
-        house = House(settings=settings, workspace=workspace, workers=Workers())
+        house = house_of(settings, workspace)
         app = with_pages(core_app(house), house)
         config = uvicorn.Config(
             app,
@@ -67,6 +71,18 @@ def serve(settings: ServeSettings, *, ready: Callable[[str], None]) -> None:
         shown = f"[{settings.host}]" if ":" in settings.host else settings.host
         ready(f"{'https' if settings.secure else 'http'}://{shown}:{port}/")
         uvicorn.Server(config).run(sockets=[bound])
+
+
+def house_of(settings: ServeSettings, workspace: Workspace) -> House:
+    """Returns what pages and interface share, with nothing started yet."""
+    workers = Workers()
+    return House(
+        settings=settings,
+        workspace=workspace,
+        workers=workers,
+        answers=Answers(workers),
+        job_process=JobProcess(workspace, settings.kinds),
+    )
 
 
 def open_workspace(folder: Path) -> Workspace:
@@ -105,7 +121,11 @@ def core_app(house: House) -> FastAPI:
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        await asyncio.to_thread(forget_old, house.workspace)
+        watching = asyncio.create_task(house.job_process.watch())
         yield
+        watching.cancel()
+        house.job_process.stop()
         house.workers.stop()
 
     app = FastAPI(

@@ -28,6 +28,7 @@ class ServeSettings:
         certificate: TLS certificate (PEM), or None for plain HTTP.
         key: Its private key.
         upload_limit: Bytes of one uploaded file.
+        kinds: ``module:name`` of the kinds of jobs that are done here; empty leaves them to others.
     """
 
     workspace: Path
@@ -39,6 +40,7 @@ class ServeSettings:
     certificate: Path | None = None
     key: Path | None = None
     upload_limit: int = 1024 * MB
+    kinds: str = ""
 
     def __post_init__(self) -> None:
         """Refuses what would let anybody in.

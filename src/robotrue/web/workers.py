@@ -76,7 +76,7 @@ class Workers:
     def _running(self) -> ProcessPoolExecutor:
         if self._pool is None:
             context = multiprocessing.get_context("spawn")
-            self._pool = ProcessPoolExecutor(1, mp_context=context, initializer=_end_with_parent)
+            self._pool = ProcessPoolExecutor(1, mp_context=context, initializer=_begin)
         return self._pool
 
 
@@ -101,14 +101,13 @@ def _call(question: str, facts: tuple[Fact, ...]) -> bytes | _Refusal:
         return _Refusal(error)
 
 
-def _end_with_parent() -> None:
-    """A server that is killed takes this process with it."""
+def end_with_parent() -> None:
+    """Waits for the parent process and ends this one: a server that is killed takes it along."""
     parent = multiprocessing.parent_process()
-    if parent is None:
-        return
-
-    def wait() -> None:
+    if parent is not None:
         parent.join()
         os._exit(1)
 
-    threading.Thread(target=wait, daemon=True).start()
+
+def _begin() -> None:
+    threading.Thread(target=end_with_parent, daemon=True).start()

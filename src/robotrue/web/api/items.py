@@ -13,6 +13,7 @@ from robotrue.store import items, journal
 from robotrue.store.nouns import NOUNS, Noun
 from robotrue.store.records import Query as Asked
 from robotrue.store.records import Record
+from robotrue.store.workspace import Workspace
 from robotrue.web.api.documents import record_document
 from robotrue.web.bench import House
 from robotrue.web.problems import MissingError
@@ -43,13 +44,6 @@ def router(house: House) -> APIRouter:
     routes = APIRouter(tags=["items"])
     workspace = house.workspace
 
-    def found(noun: str, id: str, version: int | None = None) -> Record:
-        try:
-            record: Record = items.get(workspace, _noun(noun), id, version=version)
-        except ConfigurationError as cause:
-            raise MissingError(cause.message, hint=cause.hint) from cause
-        return record
-
     @routes.get("/items/{noun}")
     def list_items(
         noun: NounName,
@@ -68,12 +62,12 @@ def router(house: House) -> APIRouter:
     @routes.get("/items/{noun}/{id}")
     def show_item(noun: NounName, id: Id, version: Version = None) -> dict[str, Any]:
         """One version of an item, the latest if none is named."""
-        return record_document(found(noun, id, version), noun)
+        return record_document(found(workspace, noun, id, version), noun)
 
     @routes.get("/items/{noun}/{id}/versions")
     def list_versions(noun: NounName, id: Id) -> Listing:
         """All versions of an item, the first first."""
-        found(noun, id)
+        found(workspace, noun, id)
         every = items.versions(workspace, _noun(noun), id)
         return Listing(
             items=[record_document(each, noun) for each in every], total=len(every), offset=0
@@ -82,7 +76,7 @@ def router(house: House) -> APIRouter:
     @routes.get("/items/{noun}/{id}/files/{sha256}", response_class=FileResponse)
     def download(noun: NounName, id: Id, sha256: Digest, version: Version = None) -> FileResponse:
         """A file of an item, under the name it came with."""
-        record = found(noun, id, version)
+        record = found(workspace, noun, id, version)
         for each in record.attachments:
             if each.sha256 == sha256:
                 return FileResponse(
@@ -95,20 +89,20 @@ def router(house: House) -> APIRouter:
     @routes.patch("/items/{noun}/{id}")
     def change_item(noun: NounName, id: Id, change: Change) -> dict[str, Any]:
         """The new version of an item with another name or note."""
-        found(noun, id)
+        found(workspace, noun, id)
         changed = items.change(workspace, _noun(noun), id, name=change.name, note=change.note)
         return record_document(changed, noun)
 
     @routes.delete("/items/{noun}/{id}")
     def delete_item(noun: NounName, id: Id) -> dict[str, Any]:
         """The version that says that the item is deleted; nothing of it is lost."""
-        found(noun, id)
+        found(workspace, noun, id)
         return record_document(items.delete(workspace, _noun(noun), id), noun)
 
     @routes.post("/items/{noun}/{id}/undo")
     def undo(noun: NounName, id: Id) -> dict[str, Any]:
         """The item as it was before its latest version."""
-        found(noun, id)
+        found(workspace, noun, id)
         return record_document(items.undo(workspace, _noun(noun), id), noun)
 
     @routes.get("/journal")
@@ -139,3 +133,16 @@ def _noun(name: str) -> Noun[Any]:
     if name not in NOUNS:
         raise MissingError(f"{name!r} is no noun, expected {', '.join(NOUNS)}.")
     return NOUNS[name]
+
+
+def found(workspace: Workspace, noun: str, id: str, version: int | None = None) -> Record:
+    """Returns an item that an address names.
+
+    Raises:
+        MissingError: There is none.
+    """
+    try:
+        record: Record = items.get(workspace, _noun(noun), id, version=version)
+    except ConfigurationError as cause:
+        raise MissingError(cause.message, hint=cause.hint) from cause
+    return record

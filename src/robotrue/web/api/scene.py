@@ -2,47 +2,57 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from typing import Annotated, Final
+import asyncio
+from typing import Annotated
 
 from fastapi import APIRouter, Path, Query
 from fastapi.responses import Response
 
-from robotrue.store import items
-from robotrue.store.nouns import CELL, MODEL
+from robotrue.store.nouns import CELL, MODEL, PROGRAM
+from robotrue.web.api.items import found
 from robotrue.web.bench import House
-from robotrue.web.workers import Fact
 
-KEPT: Final = 4
-"""Answers kept in memory; a version of an item never changes, so neither does its picture."""
 Id = Annotated[str, Path(max_length=40)]
+Version = Annotated[int | None, Query(ge=1, le=1_000_000)]
+JSON = "application/json"
 
 
 def router(house: House) -> APIRouter:
     """Returns the routes of scenes."""
     routes = APIRouter(tags=["scenes"])
-    workspace, kept = house.workspace, OrderedDict[tuple[str, str, int], bytes]()
-
-    async def once(key: tuple[str, str, int], question: str, *facts: Fact) -> Response:
-        if key not in kept:
-            kept[key] = await house.workers.ask(question, str(workspace.folder), *facts)
-            while len(kept) > KEPT:
-                kept.popitem(last=False)
-        kept.move_to_end(key)
-        return Response(kept[key], media_type="application/json")
+    workspace, folder = house.workspace, str(house.workspace.folder)
 
     @routes.get("/scenes/cell/{id}")
     async def show_cell(id: Id) -> Response:
         """Arm and frames of a cell."""
-        record = items.get(workspace, CELL, id)
-        return await once(("cell", id, record.version), "scene.cell_scene", id)
+        record = await asyncio.to_thread(found, workspace, CELL.name, id)
+        answer = await house.answers.once("scene.cell_scene", folder, id, record.version)
+        return Response(answer, media_type=JSON)
 
     @routes.get("/scenes/model/{id}")
-    async def show_model(
-        id: Id, version: Annotated[int | None, Query(ge=1, le=1_000_000)] = None
-    ) -> Response:
+    async def show_model(id: Id, version: Version = None) -> Response:
         """Arm and frames of a model's cell, measured errors before and after, predicted field."""
-        record = items.get(workspace, MODEL, id, version=version)
-        return await once(("model", id, record.version), "scene.model_scene", id, record.version)
+        record = await asyncio.to_thread(found, workspace, MODEL.name, id, version)
+        answer = await house.answers.once("scene.model_scene", folder, id, record.version)
+        return Response(answer, media_type=JSON)
+
+    @routes.get("/programs/{id}/judgement")
+    async def judge_program(
+        id: Id,
+        model: Annotated[str, Query(max_length=40)],
+        tolerance_mm: Annotated[float, Query(gt=0.0, le=1000.0)] = 0.5,
+        version: Version = None,
+    ) -> Response:
+        """Predicted errors of a program's targets, and GO or NO-GO against a tolerance.
+
+        A compensated program is compared with the one it was made from, and judged by the model it
+        was compensated with; a program as the CAM made it is judged as it stands.
+        """
+        program = await asyncio.to_thread(found, workspace, PROGRAM.name, id, version)
+        judge = await asyncio.to_thread(found, workspace, MODEL.name, model)
+        answer = await house.answers.once(
+            "program.judged", folder, id, program.version, model, judge.version, tolerance_mm
+        )
+        return Response(answer, media_type=JSON)
 
     return routes

@@ -9,6 +9,6 @@ from __future__ import annotations
 from typing import Final
 
 from robotrue.web.bench import Page
-from robotrue.web.pages import cell
+from robotrue.web.pages import cell, programs
 
-PAGES: Final[tuple[Page, ...]] = (cell.PAGE,)
+PAGES: Final[tuple[Page, ...]] = (cell.PAGE, programs.PAGE)

@@ -57,7 +57,7 @@ export default {
       if (!response.ok) throw new Error(doc.detail || doc.title);
       this.tools = tools;
       this.ramp = tools.rampCss;
-      this.build(doc, tools);
+      this.build(doc.scene ?? doc, tools);
       this.state = "ready";
       window.benchScene = this.view;
     } catch (cause) {

@@ -32,10 +32,10 @@ SLACK: Final = 0.02
 """m that the field goes beyond the measured poses."""
 
 
-def cell_scene(folder: str, cell_id: str) -> bytes:
+def cell_scene(folder: str, cell_id: str, version: int) -> bytes:
     """Returns a cell without a model: arm and frames."""
     with Workspace.open(folder) as workspace:
-        record = items.get(workspace, CELL, cell_id)
+        record = items.get(workspace, CELL, cell_id, version=version)
         (file,) = record.files("cell")
         cell = parse_cell(workspace.content(file.sha256), workspace.path_of(file.sha256))
     middle = cell.robot.limits.mean(axis=1) if np.isfinite(cell.robot.limits).all() else None

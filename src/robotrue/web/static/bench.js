@@ -60,5 +60,32 @@
   addEventListener("keydown", (e) => {
     if (e.key === "Escape") document.querySelectorAll("details.menu[open]").forEach((m) => (m.open = false));
   });
-  window.bench = { prefer, send, read, theme };
+  // Rows that lead somewhere: to a page, or to a point of the 3-D view.
+  const follow = (row) => {
+    if (row.dataset.href) location.href = row.dataset.href;
+    else if (row.dataset.point) {
+      row.parentElement.querySelectorAll(".chosen").forEach((r) => r.classList.remove("chosen"));
+      row.classList.add("chosen");
+      dispatchEvent(new CustomEvent("bench-select", { detail: Number(row.dataset.point) }));
+    }
+  };
+  addEventListener("click", (e) => {
+    const row = e.target.closest("tr[data-href], tr[data-point]");
+    if (row && !e.target.closest("a, button, input")) follow(row);
+  });
+  addEventListener("keydown", (e) => {
+    if (e.key === "Enter" && e.target.matches?.("tr[data-href], tr[data-point]")) follow(e.target);
+  });
+  // Asks for a job; the page shows it when it comes again.
+  const job = async (kind, parameters, button) => {
+    if (button) button.disabled = true;
+    const answer = await fetch("/api/jobs", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ kind, parameters }) });
+    if (answer.ok) location.reload();
+    else {
+      const fault = await answer.json();
+      alert(`${fault.title}: ${fault.detail ?? ""}`);
+      if (button) button.disabled = false;
+    }
+  };
+  window.bench = { job, prefer, send, read, theme };
 })();

@@ -1,4 +1,4 @@
-"""What a model knows, in shop units: for ``inspect``, ``calibrate`` and ``validate``."""
+"""What a model knows, in shop units: for commands and pages."""
 
 from __future__ import annotations
 

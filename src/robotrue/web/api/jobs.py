@@ -1,0 +1,106 @@
+"""Jobs: asked for, watched, cancelled."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from dataclasses import fields
+from datetime import datetime
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Path, Query
+from pydantic import BaseModel, Field
+
+from robotrue.errors import ConfigurationError
+from robotrue.store import jobs
+from robotrue.web.bench import House
+from robotrue.web.problems import MissingError
+
+Id = Annotated[str, Path(max_length=40)]
+
+
+class Asked(BaseModel):
+    """A job that is wanted.
+
+    Attributes:
+        kind: calibrate, validate, compensate or plan.
+        parameters: Those of the kind; items by their ids.
+    """
+
+    kind: Annotated[str, Field(max_length=40)]
+    parameters: dict[str, Any] = {}
+
+
+class Jobs(BaseModel):
+    """Some jobs, the newest first."""
+
+    items: list[dict[str, Any]]
+    total: int
+    offset: int
+
+
+def router(house: House) -> APIRouter:
+    """Returns the routes of jobs."""
+    routes = APIRouter(tags=["jobs"])
+    workspace = house.workspace
+    known: list[str] = []
+
+    def found(id: str) -> jobs.Job:
+        try:
+            return jobs.status(workspace, id)
+        except ConfigurationError as cause:
+            raise MissingError(cause.message, hint=cause.hint) from cause
+
+    @routes.post("/jobs", status_code=202)
+    async def ask_for_job(asked: Asked) -> dict[str, Any]:
+        """A job that now waits to be done; watch it at ``/api/jobs/{id}``."""
+        if not known:
+            answer = await house.workers.ask("kinds.known", house.settings.kinds)
+            known.extend(json.loads(answer)["kinds"])
+        if asked.kind not in known:
+            raise ConfigurationError(
+                f"a job of kind {asked.kind!r}, expected one of {', '.join(known)}."
+            )
+        id = await asyncio.to_thread(jobs.submit, workspace, asked.kind, asked.parameters)
+        house.job_process.wake()
+        return job_document(await asyncio.to_thread(jobs.status, workspace, id))
+
+    @routes.get("/jobs")
+    def list_jobs(
+        state: Annotated[str | None, Query(max_length=40)] = None,
+        kind: Annotated[str | None, Query(max_length=40)] = None,
+        offset: Annotated[int, Query(ge=0, le=10_000_000)] = 0,
+        limit: Annotated[int, Query(ge=1, le=1000)] = 50,
+    ) -> Jobs:
+        """Jobs, the newest first; of one state or kind, or all."""
+        page = jobs.listed(workspace, state=state, kind=kind, offset=offset, limit=limit)
+        return Jobs(
+            items=[job_document(each) for each in page.items],
+            total=page.total,
+            offset=page.offset,
+        )
+
+    @routes.get("/jobs/{id}")
+    def show_job(id: Id) -> dict[str, Any]:
+        """A job as it stands."""
+        return job_document(found(id))
+
+    @routes.post("/jobs/{id}/cancel")
+    def cancel_job(id: Id) -> dict[str, Any]:
+        """The job, which is over or soon will be."""
+        return job_document(jobs.cancel(workspace, found(id).id))
+
+    return routes
+
+
+def job_document(job: jobs.Job) -> dict[str, Any]:
+    """Returns a job as JSON values; of an error without the trace, which is for the log."""
+    out: dict[str, Any] = {"over": job.over}
+    for field in fields(job):
+        value = getattr(job, field.name)
+        if isinstance(value, datetime):
+            value = value.isoformat()
+        elif field.name == "error" and value is not None:
+            value = {k: v for k, v in value.items() if k != "trace"}
+        out[field.name] = value
+    return out

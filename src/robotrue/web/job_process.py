@@ -1,0 +1,89 @@
+"""The process that does the workspace's jobs while the server runs.
+
+It is there only while there is something to do: started when a job waits, gone when none does. If
+it dies, its job is queued again by whoever works next; if the server dies, it ends with it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import multiprocessing
+import threading
+from importlib import import_module
+from multiprocessing.process import BaseProcess
+from typing import Final
+
+from robotrue.errors import RobotrueError
+from robotrue.store import jobs
+from robotrue.store.workspace import Workspace
+from robotrue.web.workers import end_with_parent
+
+LOOK: Final = 1.0
+"""s between two looks whether a job waits."""
+
+
+class JobProcess:
+    """Sees to it that somebody works while jobs wait."""
+
+    def __init__(self, workspace: Workspace, kinds: str) -> None:
+        """Makes it; :meth:`watch` is what runs.
+
+        Args:
+            workspace: Where jobs wait.
+            kinds: ``module:name`` of the kinds it can do; empty: jobs are left to others.
+        """
+        self._workspace, self._kinds = workspace, kinds
+        self._process: BaseProcess | None = None
+        self._wake = asyncio.Event()
+        self._orphans = True  # an earlier server may have left jobs of dead workers
+
+    def wake(self) -> None:
+        """Looks at once: a job has just been asked for."""
+        self._wake.set()
+
+    async def watch(self) -> None:
+        """Starts the process whenever a job waits, until cancelled."""
+        try:
+            while self._kinds:
+                if not self._alive() and await asyncio.to_thread(self._waiting):
+                    self._start()
+                with contextlib.suppress(TimeoutError):
+                    await asyncio.wait_for(self._wake.wait(), LOOK)
+                self._wake.clear()
+        finally:
+            self.stop()
+
+    def stop(self) -> None:
+        """Ends the process; its job is begun anew by the next."""
+        if self._process is not None and self._process.is_alive():
+            self._process.kill()
+            self._process.join(5.0)
+        self._process = None
+
+    def _alive(self) -> bool:
+        return self._process is not None and self._process.is_alive()
+
+    def _waiting(self) -> bool:
+        if self._process is not None and self._process.exitcode:
+            self._orphans = True
+        states = (jobs.QUEUED, jobs.RUNNING) if self._orphans else (jobs.QUEUED,)
+        try:
+            return any(jobs.listed(self._workspace, state=each, limit=1).total for each in states)
+        except RobotrueError:  # a database that is away for a moment
+            return False
+
+    def _start(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        where = (str(self._workspace.folder), self._workspace.url, self._kinds)
+        self._process = context.Process(target=_work, args=where)
+        self._process.start()
+        self._orphans = False
+
+
+def _work(folder: str, url: str | None, kinds: str) -> None:
+    from robotrue.store.jobs_worker import run_worker
+
+    threading.Thread(target=end_with_parent, daemon=True).start()
+    module, _, name = kinds.partition(":")
+    run_worker(folder, url, kinds=getattr(import_module(module), name), until_idle=True)

@@ -1,0 +1,236 @@
+"""Programs: dropped, judged by predicted errors, compensated, downloaded."""
+
+from __future__ import annotations
+
+import json
+from html import escape
+from typing import Any, Final
+
+from nicegui import ui
+
+from robotrue.errors import ConfigurationError
+from robotrue.store import items, programs
+from robotrue.store.nouns import PROGRAM
+from robotrue.store.records import ProgramRecord, Query
+from robotrue.web.bench import Bench, Page
+from robotrue.web.parts.drop import DropZone
+from robotrue.web.parts.elements import Tile, fault, link_to, table, tag, tiles, when
+from robotrue.web.parts.frame import html
+from robotrue.web.parts.icons import icon
+from robotrue.web.parts.job import JobCard, under_way
+from robotrue.web.parts.later import later
+from robotrue.web.parts.scene import SceneView
+
+TOLERANCE_MM: Final = 0.5
+STATES: Final = {"conforms": "good", "undecided": "caution", "fails": "bad", "unknown": "plain"}
+
+
+async def _build(bench: Bench) -> None:
+    asked = bench.query.get("id")
+    if asked is None:
+        await _list(bench)
+        return
+    try:
+        record = await bench.ask(items.get, bench.house.workspace, PROGRAM, asked)
+    except ConfigurationError as error:
+        html(fault(bench.say("frame.not_found"), error.message, error.hint))
+        return
+    await _one(bench, record)
+
+
+async def _list(bench: Bench) -> None:
+    say = bench.say
+    html(
+        f"<h1>{escape(say('nav.programs'))}</h1><p class='lead'>{escape(say('programs.lead'))}</p>"
+    ).classes("head")
+    DropZone(
+        bench,
+        title=say("programs.drop"),
+        hint=say("programs.drop_hint"),
+        accept="",
+        then="/api/programs",
+        go="/programs?id={id}",
+    )
+    found = await bench.ask(items.listed, bench.house.workspace, PROGRAM, Query(limit=200))
+    if not found.items:
+        return
+    rows, links = [], []
+    for each in found.items:
+        after = each.stage == programs.AFTER
+        stage = say("programs.stage_after" if after else "programs.stage_before")
+        rows.append(
+            (
+                f"<b>{escape(each.name)}</b>",
+                tag(stage, "good" if after else "plain"),
+                escape(each.dialect),
+                f"{each.bytes / 1e3:,.1f} kB",
+                when(each.created),
+            )
+        )
+        links.append(link_to(f"/programs?id={each.id}"))
+    columns = [say(f"programs.{c}") for c in ("name", "stage", "language", "size", "taken")]
+    html(table(columns, rows, words=(0, 1, 2), attributes=links, mark="programs")).classes(
+        "card"
+    ).style("margin-top:14px")
+
+
+async def _one(bench: Bench, record: ProgramRecord) -> None:
+    say = bench.say
+    after = record.stage == programs.AFTER
+    model = bench.model
+    acts = _downloads(bench, record)
+    if not after and model is not None:
+        parameters = escape(json.dumps({"program": record.id, "model": model.id}), quote=True)
+        acts += (
+            f'<button class="act" data-testid="compensate" data-parameters="{parameters}" '
+            "onclick=\"bench.job('compensate',JSON.parse(this.dataset.parameters),this)\">"
+            f"{escape(say('programs.compensate'))}</button>"
+        )
+    stage = say("programs.stage_after" if after else "programs.stage_before")
+    html(
+        f"<h1>{escape(record.name)}</h1>{tag(stage, 'good' if after else 'plain')}"
+        f"<span class='note'>{escape(record.dialect)}, {when(record.created)}</span>"
+        f"<div class='acts'>{acts}</div>"
+    ).classes("head")
+    if not after:
+        for job in await bench.ask(under_way, bench.house.workspace, "compensate"):
+            if job.parameters.get("program") == record.id:
+                JobCard(
+                    bench,
+                    job,
+                    title=say("programs.compensating"),
+                    go="/programs?id={id}",
+                    field="program",
+                )
+    if model is None:
+        html(f"<p>{escape(say('programs.no_model'))}</p>").classes("card")
+        return
+    _judged(bench, record, model.id)
+
+
+def _judged(bench: Bench, record: ProgramRecord, model: str) -> None:
+    tolerance = _tolerance(bench)
+    house = bench.house
+    folder = str(house.workspace.folder)
+    version = bench.model.version if bench.model is not None else 1
+
+    async def ask() -> bytes:
+        return await house.answers.once(
+            "program.judged", folder, record.id, record.version, model, version, tolerance
+        )
+
+    source = (
+        f"/api/programs/{record.id}/judgement?model={model}&tolerance_mm={tolerance:g}"
+        f"&version={record.version}"
+    )
+    later(bench, ask, lambda found: _show(bench, record, found, source, tolerance))
+
+
+def _show(
+    bench: Bench, record: ProgramRecord, found: dict[str, Any], source: str, tolerance: float
+) -> None:
+    say, view = bench.say, bench.view
+    html(_verdict(bench, record, found, tolerance)).classes(
+        f"card verdict {'good' if found['go'] else 'bad'}"
+    ).props('data-testid="verdict"')
+    before, after = found["before_m"], found["after_m"]
+    changed = record.stage == programs.AFTER
+
+    def tile(name: str) -> Tile:
+        was = f"{say('scene.before')} {view.error(before[name])} {view.unit_name}"
+        return Tile(
+            label=say(f"programs.error_{name}"),
+            value=view.error(after[name]),
+            unit=view.unit_name,
+            was=was if changed else "",
+        )
+
+    html(
+        tiles(
+            [
+                tile("mean"),
+                tile("p95"),
+                tile("max"),
+                Tile(
+                    label=say("programs.bound"),
+                    value=view.error(found["bound_m"]),
+                    unit=view.unit_name,
+                ),
+                Tile(label=say("programs.targets"), value=f"{found['targets']:,}"),
+            ]
+        )
+    ).classes("tiles")
+    with ui.element("div").classes("columns"):
+        with ui.element("div").classes("card"):
+            SceneView(bench, source)
+        html(f"<h2>{escape(say('programs.worst'))}</h2>{_worst(bench, found)}").classes("card")
+
+
+def _verdict(bench: Bench, record: ProgramRecord, found: dict[str, Any], tolerance: float) -> str:
+    say = bench.say
+    states = found["states"]
+    not_proven = found["targets"] - states["conforms"]
+    text = (
+        say("programs.go", targets=found["targets"])
+        if found["go"]
+        else say("programs.no_go", count=not_proven, targets=found["targets"])
+    )
+    simulated = (
+        f' <span class="simulated">{escape(say("scene.simulated"))}</span>'
+        if found["simulated"]
+        else ""
+    )
+    rule = say("programs.rule", model=found["model"]["name"])
+    return (
+        f"<b>{'GO' if found['go'] else 'NO-GO'}</b><div><div>{escape(text)}{simulated}</div>"
+        f'<div class="note">{escape(rule)}</div></div>'
+        '<form style="margin-left:auto;display:flex;gap:8px;align-items:end" method="get">'
+        f'<input type="hidden" name="id" value="{record.id}"><label class="field">'
+        f"{escape(say('programs.tolerance'))}"
+        f'<input type="number" name="tolerance_mm" min="0.001" step="any" value="{tolerance:g}" '
+        'style="width:110px" data-testid="tolerance"></label>'
+        f'<button class="act quiet">{escape(say("programs.judge"))}</button></form>'
+    )
+
+
+def _worst(bench: Bench, found: dict[str, Any]) -> str:
+    say, view = bench.say, bench.view
+    columns = [
+        say("programs.line"),
+        f"{say('scene.before')} {view.unit_name}",
+        f"{say('scene.after')} {view.unit_name}",
+        f"± 95 % {view.unit_name}",
+        "",
+    ]
+    rows = [
+        (
+            str(each["line"]),
+            view.error(each["before_m"]),
+            view.error(each["after_m"]),
+            view.error(each["bound_m"]),
+            tag(say(f"programs.state_{each['state']}"), STATES[each["state"]]),  # type: ignore[arg-type]
+        )
+        for each in found["worst"]
+    ]
+    links = [f'data-point="{each["point"]}" tabindex="0"' for each in found["worst"]]
+    return table(columns, rows, words=(0, 4), attributes=links, mark="worst")
+
+
+def _downloads(bench: Bench, record: ProgramRecord) -> str:
+    return "".join(
+        f'<a class="act quiet" data-testid="download" download '
+        f'href="/api/items/program/{record.id}/files/{each.sha256}?version={record.version}">'
+        f"{icon('download')}{escape(each.name)}</a>"
+        for each in record.files(programs.FILE)
+    )
+
+
+def _tolerance(bench: Bench) -> float:
+    try:
+        stated = float(bench.query.get("tolerance_mm", TOLERANCE_MM))
+    except ValueError:
+        return TOLERANCE_MM
+    return stated if 0.0 < stated <= 1000.0 else TOLERANCE_MM
+
+
+PAGE: Final = Page(name="programs", path="/programs", build=_build)

@@ -1,0 +1,36 @@
+// A job that is under way: how far it is, a way to stop it, and what it failed with.
+export default {
+  template: `
+  <div class="card" v-if="job" data-testid="job" :data-state="job.state">
+    <div class="head" style="margin-bottom:10px">
+      <h2>{{ text.title }}</h2><span class="tag" :class="tone">{{ text['state_' + job.state] }}</span>
+      <span class="note">{{ job.text }}</span>
+      <div class="acts"><button class="act quiet" v-if="!job.over" data-testid="cancel" :disabled="job.cancel" @click="cancel">{{ text.cancel }}</button></div>
+    </div>
+    <div class="progress" v-if="!job.over"><i :style="{width: Math.max(2, 100 * job.progress) + '%'}"></i></div>
+    <div v-if="job.error" role="alert" data-testid="job-fault"><b>{{ job.error.message }}</b><div class="note" v-if="job.error.hint">{{ job.error.hint }}</div></div>
+    <ul class="doubts note" v-if="job.over && job.remarks.length"><li v-for="r in job.remarks.slice(0, 8)">{{ r }}</li></ul>
+  </div>`,
+  props: { id: String, text: Object, go: String, field: String },
+  data: () => ({ job: null }),
+  computed: {
+    tone() { return { done: "good", failed: "bad", cancelled: "caution" }[this.job.state] ?? "busy"; },
+  },
+  mounted() { this.look(); },
+  beforeUnmount() { clearTimeout(this.timer); },
+  methods: {
+    async look() {
+      try {
+        const answer = await fetch(`/api/jobs/${this.id}`);
+        if (answer.ok) this.job = await answer.json();
+      } catch { /* the server is away for a moment */ }
+      if (this.job?.state === "done" && this.job.result?.[this.field]) {
+        location.href = this.go.replace("{id}", this.job.result[this.field].id);
+      } else if (!this.job?.over) this.timer = setTimeout(this.look, 600);
+    },
+    async cancel() {
+      await fetch(`/api/jobs/${this.id}/cancel`, { method: "POST" });
+      this.look();
+    },
+  },
+};

@@ -1,0 +1,41 @@
+"""A job under way, wherever it was asked for: it is there again after a reload."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from nicegui.element import Element
+
+from robotrue.store import jobs
+from robotrue.store.workspace import Workspace
+from robotrue.web.bench import Bench
+
+TEXTS: Final = (
+    "cancel", "state_queued", "state_running", "state_done", "state_failed", "state_cancelled",
+)  # fmt: skip
+
+
+class JobCard(Element, component="job.js"):
+    """Shows a job until it is over; what came of it is opened then."""
+
+    def __init__(self, bench: Bench, job: jobs.Job, *, title: str, go: str, field: str) -> None:
+        """Makes the card.
+
+        Args:
+            bench: Who looks at it.
+            job: Shown.
+            title: What it does.
+            go: Page opened when it is done; ``{id}`` is that of what came of it.
+            field: Of the job's result that names it.
+        """
+        super().__init__()
+        words = {name: bench.say(f"job.{name}") for name in TEXTS} | {"title": title}
+        for name, value in (("id", job.id), ("text", words), ("go", go), ("field", field)):
+            self._props[name] = value
+
+
+def under_way(workspace: Workspace, kind: str) -> list[jobs.Job]:
+    """Returns the jobs of a kind that are not over, and the newest one if it has failed."""
+    found = jobs.listed(workspace, kind=kind, limit=20).items
+    newest = [each for each in found[:1] if each.state in (jobs.FAILED, jobs.CANCELLED)]
+    return [each for each in found if not each.over] or newest

@@ -1,0 +1,217 @@
+"""A program on the screen: its path with predicted errors, its worst targets, GO or NO-GO."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Final
+
+import numpy as np
+
+from robotrue.calibration.model import ErrorModel
+from robotrue.cell.cell import Cell
+from robotrue.cell.config import read_cell
+from robotrue.cell.frame_table import frame_table
+from robotrue.compensation.difference import Difference, difference
+from robotrue.core.arrays import Array
+from robotrue.core.poses import apply
+from robotrue.core.units import MM
+from robotrue.errors import ConfigurationError, ModelMismatchError
+from robotrue.program.formats import read_job
+from robotrue.program.program import Program
+from robotrue.robot.statics import Load
+from robotrue.store import cells, items, jobs, measurements, models, programs
+from robotrue.store.nouns import CELL, MEASUREMENT, MODEL, PROGRAM
+from robotrue.store.records import ModelRecord, ProgramRecord
+from robotrue.store.workspace import Workspace
+from robotrue.validation.conformity import Conformity, conformity
+from robotrue.validation.error_map import radius_95
+from robotrue.validation.metrics import error_statistics
+from robotrue.web.questions.body import body_document
+from robotrue.web.questions.marks import from_simulation
+from robotrue.web.questions.packing import answer, packed
+
+LARGEST: Final = 30_000_000
+"""Bytes of a program that is judged while somebody waits."""
+WORST: Final = 25
+
+
+def judged(
+    folder: str, program: str, version: int, model: str, model_version: int, tolerance_mm: float
+) -> bytes:
+    """Returns path, predicted errors, worst targets and verdict of a program.
+
+    Args:
+        folder: Of the workspace.
+        program: As the CAM made it, or compensated; the latter is compared with the former.
+        version: Of it.
+        model: Model that predicts, for a program as the CAM made it.
+        model_version: Of it.
+        tolerance_mm: Largest distance of a target from where it should be.
+    """
+    with Workspace.open(folder) as workspace, TemporaryDirectory() as scratch:
+        asked = items.get(workspace, PROGRAM, program, version=version)
+        judge = items.get(workspace, MODEL, model, version=model_version)
+        found = _found(workspace, asked, judge, Path(scratch))
+    parts = [
+        (first, difference(first, second, model=found.model, load=found.load))
+        for first, second in zip(found.first, found.second, strict=True)
+    ]
+    parts = [(program, one) for program, one in parts if len(one.change)]
+    if not parts:
+        raise ModelMismatchError("no targets in this program.", hint="drop its main file, too.")
+    return answer(_document(found, parts, tolerance_mm * MM))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Found:
+    first: tuple[Program, ...]
+    second: tuple[Program, ...]
+    model: ErrorModel
+    record: ModelRecord
+    cell: Cell
+    load: Load
+    simulated: bool
+
+
+def _found(
+    workspace: Workspace, after: ProgramRecord, record: ModelRecord, scratch: Path
+) -> _Found:
+    if after.bytes > LARGEST:
+        raise ConfigurationError(
+            f"a program of {after.bytes / 1e6:.0f} MB, drawn here up to {LARGEST / 1e6:.0f} MB.",
+            hint="robotrue diff BEFORE AFTER --model MODEL.",
+        )
+    if after.linked("registration"):
+        raise ConfigurationError(
+            "the program runs in a registered part frame, which is not drawn here yet.",
+            hint="robotrue report program BEFORE AFTER --model MODEL --cell CELL.",
+        )
+    used = after.linked("model")
+    if used:  # a compensated program is judged by the model that compensated it
+        record = items.get(workspace, MODEL, used[0].id, version=used[0].version)
+    held = models.model_of(workspace, record)
+    cell = _cell(workspace, after, scratch) or held.cell
+    frames = frame_table(cell)
+    before = [
+        items.get(workspace, PROGRAM, to.id, version=to.version) for to in after.linked("before")
+    ]
+    jobs_read = []
+    for number, each in enumerate([*(before or [after]), after]):
+        place = scratch / str(number)
+        place.mkdir()
+        jobs_read.append(read_job(list(programs.laid(workspace, each, place)), frames))
+    rows = [
+        measurements.rows_of(
+            workspace, items.get(workspace, MEASUREMENT, to.id, version=to.version)
+        )
+        for to in record.linked("data")
+    ]
+    return _Found(
+        first=jobs_read[0],
+        second=jobs_read[1],
+        model=held.model,
+        record=record,
+        cell=cell,
+        load=_load(workspace, after, cell.payload),
+        simulated=from_simulation(held.model, rows),
+    )
+
+
+def _cell(workspace: Workspace, record: ProgramRecord, scratch: Path) -> Cell | None:
+    """The cell whose frames a compensated program uses, where that is not the model's."""
+    linked = record.linked("cell")
+    if not linked:
+        return None
+    place = scratch / "cell"
+    place.mkdir()
+    found = items.get(workspace, CELL, linked[0].id, version=linked[0].version)
+    return read_cell(cells.laid(workspace, found, place))
+
+
+def _load(workspace: Workspace, record: ProgramRecord, payload: Load) -> Load:
+    """The payload, with the process force the program was compensated for."""
+    job = str(record.detail.get("job", ""))
+    stated = jobs.status(workspace, job).parameters.get("wrench") if job else None
+    if not stated:
+        return payload
+    force = [float(part) for part in str(stated).split(",")]
+    return replace(payload, wrench=np.array([force + [0.0] * (6 - len(force))]))
+
+
+def _document(
+    found: _Found, parts: list[tuple[Program, Difference]], tolerance: float
+) -> dict[str, Any]:
+    position = np.concatenate([_position(program) for program, _ in parts])
+    lengths = [_lengths(one) for _, one in parts]
+    before, after, bound = (np.concatenate(each) for each in zip(*lengths, strict=True))
+    line = np.concatenate([one.line for _, one in parts])
+    shift = np.concatenate([np.linalg.norm(one.shift, axis=1) for _, one in parts])
+    names = [program.name for program, one in parts for _ in range(len(one.change))]
+    known = np.isfinite(before + after + bound)
+    if not known.any():
+        raise ModelMismatchError(
+            "no target has a predicted error: none is a pose the arm can take.",
+            hint="check tool, frames and robot of the cell.",
+        )
+    states = conformity(after, bound, tolerance)
+    drawn = np.flatnonzero(known & np.isfinite(position).all(axis=1))
+    order = np.argsort(-np.where(known, after + bound, -1.0), kind="stable")[:WORST]
+    place = {int(row): number for number, row in enumerate(drawn)}
+    start = np.asarray(found.model.training_summary().get("joint_range_rad", ()))
+    joints = start.mean(axis=0) if start.size else np.zeros(found.cell.robot.dof)
+    return {
+        "scene": {
+            "robot": body_document(found.cell, joints[None]),
+            "frames": [{"name": "base", "T_base_frame": np.eye(4)}],
+            "path": {
+                "position": packed(position[drawn]),
+                "before_m": packed(before[drawn]),
+                "after_m": packed(after[drawn]),
+                "line": line[drawn],
+            },
+            "simulated": found.simulated,
+        },
+        "simulated": found.simulated,
+        "model": {"name": found.record.name, "version": found.record.version},
+        "targets": len(names),
+        "unknown": int((~known).sum()),
+        "before_m": _statistics(before[known]),
+        "after_m": _statistics(after[known]),
+        "bound_m": float(bound[known].max()),
+        "states": {each.name.lower(): int((states == each).sum()) for each in Conformity},
+        "go": bool((states == Conformity.CONFORMS).all()),
+        "worst": [
+            {
+                "file": names[row],
+                "line": int(line[row]),
+                "before_m": float(before[row]),
+                "after_m": float(after[row]),
+                "bound_m": float(bound[row]),
+                "shift_m": float(shift[row]),
+                "state": Conformity(int(states[row])).name.lower(),
+                "point": place.get(int(row), -1),
+            }
+            for row in order
+            if known[row]
+        ],
+    }
+
+
+def _position(program: Program) -> Array:
+    return np.asarray(apply(program.T_base_frame[program.frame], program.position))
+
+
+def _lengths(one: Difference) -> tuple[Array, Array, Array]:
+    """Length (n,) m of the error before and after, and the radius that holds 95 % about it."""
+    bound = np.full(len(one.change), np.nan)
+    spread = np.isfinite(one.covariance).all(axis=(1, 2))
+    bound[spread] = radius_95(one.covariance[spread])
+    before, after = (np.linalg.norm(e, axis=1) for e in (one.error_before, one.error_after))
+    return before, after, bound
+
+
+def _statistics(lengths: Array) -> dict[str, float]:
+    found = error_statistics(lengths[:, None] * np.array([1.0, 0.0, 0.0]))
+    return {"mean": found.mean, "p95": found.p95, "max": found.max}
