@@ -44,10 +44,12 @@ async def sensor(*faults, **settings):
 
 
 @asynccontextmanager
-async def controller(*faults, port=0):
+async def controller(*faults, port=0, started=100.0):
     """A simulated UR controller that listens; ends with the block."""
     settings = RtdeControllerSettings(
-        port=port, faults=tuple(parse_fault(f, CONTROLLER_FAULTS) for f in faults)
+        port=port,
+        started=started,
+        faults=tuple(parse_fault(f, CONTROLLER_FAULTS) for f in faults),
     )
     found = RtdeController(settings, scenario())
     stop = asyncio.Event()

@@ -189,7 +189,7 @@ class _RtdeLink(Generic[B]):
         """The sample with what its clock says; the first after a return is another clock's."""
         if sample.flags & Flag.CLOCK_JUMP:  # no time at all: the clock stays where it was
             return sample
-        watch, flags = self._watch, Flag.NONE
+        watch, flags, window = self._watch, Flag.NONE, self._watch.window
         if self._fresh:
             self._fresh = False
             self._health = replace(self._health, reconnects=self._health.reconnects + 1)
@@ -197,7 +197,11 @@ class _RtdeLink(Generic[B]):
                 self._health = replace(self.health(), connected=True)
                 watch = SequenceState(late_after=watch.late_after)
                 flags = Flag.CLOCK_JUMP
-        self._watch, odd = advance(watch, sample.sequence, sample.host_time)
+            elif watch.last is not None:  # its clock may have gone on for as long as it was away
+                away = (sample.host_time - watch.host_time) * self._settings.rate
+                watch = replace(watch, window=window + round(1.1 * away))
+        watch, odd = advance(watch, sample.sequence, sample.host_time)
+        self._watch = replace(watch, window=window)
         return replace(sample, flags=sample.flags | flags | odd)
 
     def _leave(self) -> None:
