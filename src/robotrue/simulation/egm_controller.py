@@ -30,7 +30,9 @@ from robotrue.online.egm import (
     write_robot,
 )
 from robotrue.simulation.joint_motion import Motion
+from robotrue.simulation.online_faults import Fault, FaultKind
 from robotrue.simulation.pace import Pace
+from robotrue.simulation.wire_faults import FaultyWire
 
 _CYCLE: Final = 4e-3
 _OLDEST: Final = 1000
@@ -59,6 +61,7 @@ class EgmControllerSettings:
         cycles: How many; None goes on to the end of the motion, or until stopped.
         host: Its own address.
         own_port: Its own port; 0 takes a free one.
+        faults: What goes wrong, and when.
     """
 
     target: tuple[str, int]
@@ -72,6 +75,7 @@ class EgmControllerSettings:
     cycles: int | None = None
     host: str = "127.0.0.1"
     own_port: int = 0
+    faults: tuple[Fault, ...] = ()
 
     def __post_init__(self) -> None:
         """Checks."""
@@ -125,7 +129,8 @@ async def run(
             message = controller.next_message()
             if message is None:
                 break
-            transport.sendto(message, settings.target)
+            for datagram in controller.wire.passed(message, controller.elapsed):
+                transport.sendto(datagram, settings.target)
             await pace.wait()
     finally:
         transport.close()
@@ -138,6 +143,8 @@ class EgmController:
     def __init__(self, settings: EgmControllerSettings) -> None:
         self.settings = settings
         self.report = EgmControllerReport()
+        self.wire = FaultyWire(settings.faults)
+        self.elapsed = 0.0
         self._wanted = np.zeros(3)
         self._heard: int | None = None
 
@@ -147,17 +154,21 @@ class EgmController:
         elapsed = made * _CYCLE
         if made == settings.cycles or elapsed > settings.motion.duration:
             return None
+        self.elapsed = elapsed
         self._follow(made)
         joints, T_base_tool = settings.motion.at(elapsed)
         shown = tuple((joints / DEG).tolist())
         force = () if settings.force is None else settings.force(elapsed)
+        if self.wire.shows(FaultKind.NAN, elapsed):
+            shown, force = (math.nan,) * len(shown), (math.nan,) * len(force)
+        leapt = self.wire.leapt(elapsed)
         robot = EgmRobot(
-            seqno=made,
-            tm_ms=round(elapsed * 1e3),
+            seqno=made + round(leapt / _CYCLE),
+            tm_ms=round((elapsed + leapt) * 1e3),
             joints_deg=shown,
             pose=self._pose(T_base_tool),
             planned_deg=shown,
-            clock=(made // 250, made % 250 * 4000),
+            clock=(made // 250 + round(leapt), made % 250 * 4000),
             motors=MotorState.ON,
             guidance=GuidanceState.ERROR if self.report.stopped else GuidanceState.RUNNING,
             converged=False,

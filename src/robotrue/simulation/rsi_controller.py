@@ -21,7 +21,9 @@ from robotrue.online.rsi import RobPacket, read_sen, write_rob
 from robotrue.online.rsi_config import RsiConfig
 from robotrue.online.samples import CorrectionMode
 from robotrue.simulation.joint_motion import Motion
+from robotrue.simulation.online_faults import Fault, FaultKind
 from robotrue.simulation.pace import Pace
+from robotrue.simulation.wire_faults import FaultyWire
 
 _AXES: Final = ("X", "Y", "Z", "A", "B", "C")
 
@@ -42,6 +44,7 @@ class RsiControllerSettings:
         cycles: How many; None goes on to the end of the motion, or until stopped.
         host: Its own address.
         own_port: Its own port; 0 takes a free one.
+        faults: What goes wrong, and when.
     """
 
     config: RsiConfig
@@ -55,6 +58,7 @@ class RsiControllerSettings:
     cycles: int | None = None
     host: str = "127.0.0.1"
     own_port: int = 0
+    faults: tuple[Fault, ...] = ()
 
     def __post_init__(self) -> None:
         """Checks."""
@@ -111,7 +115,8 @@ async def run(
             packet = controller.next_packet()
             if packet is None:
                 break
-            transport.sendto(packet, target)
+            for datagram in controller.wire.passed(packet, controller.elapsed):
+                transport.sendto(datagram, target)
             await pace.wait()
             controller.close_cycle()
     finally:
@@ -125,10 +130,13 @@ class RsiController:
     def __init__(self, settings: RsiControllerSettings) -> None:
         self.settings = settings
         self.report = RsiControllerReport()
+        self.wire = FaultyWire(settings.faults)
+        self.elapsed = 0.0
         self._ipoc = settings.first_ipoc
         self._answer: dict[str, float] | None = None
         self._faulty = False
         self._attached = False
+        self._forgiven = 0
         self._held = dict.fromkeys(_AXES, 0.0)
 
     def next_packet(self) -> bytes | None:
@@ -139,9 +147,15 @@ class RsiController:
         elapsed = made * self.settings.cycle_ms * 1e-3
         if elapsed > self.settings.motion.duration:
             return None
-        self._ipoc = self.settings.first_ipoc + made * self.settings.cycle_ms
+        self.elapsed = elapsed
+        if self.wire.over(FaultKind.SILENCE, elapsed, self.settings.cycle_ms * 1e-3):
+            self._begin_anew()
+        clock = made * self.settings.cycle_ms + round(1e3 * self.wire.leapt(elapsed))
+        self._ipoc = self.settings.first_ipoc + clock
         self._answer, self._faulty = None, False
         joints, T_base_tool = self.settings.motion.at(elapsed)
+        if self.wire.shows(FaultKind.NAN, elapsed):
+            joints = np.full_like(joints, np.nan)
         pose = None
         if not np.isnan(T_base_tool).any():
             abc = abc_from_matrix(T_base_tool[:3, :3]) / DEG
@@ -150,7 +164,7 @@ class RsiController:
         return write_rob(
             RobPacket(
                 ipoc=self._ipoc,
-                late=self.report.late + self.report.faulty,
+                late=self._counted(self.report),
                 joints_deg=_six(joints / DEG),
                 pose_mm_deg=None if pose is None else _six(pose),
                 signals=self._further(),
@@ -159,7 +173,7 @@ class RsiController:
 
     def take(self, data: bytes) -> None:
         """Takes a datagram that came during the cycle."""
-        if self.settings.config.only_send:
+        if self.settings.config.only_send or self._silent:
             return
         try:
             answer = read_sen(data, self.settings.config, self._ipoc)
@@ -175,7 +189,7 @@ class RsiController:
 
     def close_cycle(self) -> None:
         """Judges the cycle and moves by what was answered, or by what HOLDON says."""
-        if self.settings.config.only_send:
+        if self.settings.config.only_send or self._silent:
             return
         report = self.report
         if self._answer is not None:
@@ -187,13 +201,28 @@ class RsiController:
             report = replace(report, faulty=report.faulty + 1)
         if self._attached:
             report = self._moved(report)
-        if report.late + report.faulty > self.settings.timeout_packets:
+        if self._counted(report) > self.settings.timeout_packets:
             report = replace(
                 report,
                 broke_off=f"{report.late} late and {report.faulty} faulty answers, more than "
                 f"{self.settings.timeout_packets}",
             )
         self.report = report
+
+    def _counted(self, report: RsiControllerReport) -> int:
+        """What Delay says: late and faulty answers since RSI_ON."""
+        return report.late + report.faulty - self._forgiven
+
+    @property
+    def _silent(self) -> bool:
+        return self.wire.shows(FaultKind.SILENCE, self.elapsed)
+
+    def _begin_anew(self) -> None:
+        """RSI_ON once more: no correction is held, and late answers are counted from zero."""
+        self._attached = False
+        self._held = dict.fromkeys(_AXES, 0.0)
+        self._forgiven = self.report.late + self.report.faulty
+        self.report = replace(self.report, correction=np.zeros(6))
 
     def _moved(self, report: RsiControllerReport) -> RsiControllerReport:
         given = []
