@@ -39,6 +39,7 @@ from robotrue.simulation.rdt_sensor import FAULTS as SENSOR_FAULTS
 from robotrue.simulation.rdt_sensor import RdtSensor, RdtSensorSettings, netftapi_page
 from robotrue.simulation.rtde_controller import FAULTS as CONTROLLER_FAULTS
 from robotrue.simulation.rtde_controller import RtdeController, RtdeControllerSettings
+from robotrue.simulation.wire_faults import FAULTS as UDP_FAULTS
 
 _RSI_PORT: Final = 49152
 _LABELS: Final[Mapping[str, str]] = {
@@ -63,6 +64,7 @@ def run_rsi(
     robot: str | None,
     seconds: float | None,
     seed: int,
+    faults: Sequence[str],
     as_json: bool,
 ) -> None:
     """Sends what a KUKA controller sends."""
@@ -78,6 +80,7 @@ def run_rsi(
         mode=kind,
         cycle_ms=cycle_ms,
         motion=ScenarioMotion(scenario=scenario, begun=time.monotonic()),
+        faults=tuple(parse_fault(text, UDP_FAULTS) for text in faults),
     )
     options = f"?cycle={cycle_ms}ms&mode={kind.value}"
     options += f"&config={config}" if config is not None else ""
@@ -103,6 +106,7 @@ def run_egm(
     robot: str | None,
     seconds: float | None,
     seed: int,
+    faults: Sequence[str],
     as_json: bool,
 ) -> None:
     """Sends what an ABB controller sends."""
@@ -118,6 +122,7 @@ def run_egm(
         generation=generation,
         motion=ScenarioMotion(scenario=scenario, begun=begun),
         force=felt if force else None,
+        faults=tuple(parse_fault(text, UDP_FAULTS) for text in faults),
     )
     address = f"'egm://{host}:{port}?robotware={robotware}'"
     _announce(

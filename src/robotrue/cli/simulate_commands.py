@@ -45,6 +45,7 @@ def rsi(
     robot: Robot = None,
     seconds: Seconds = None,
     seed: Seed = 0,
+    fault: Faults = None,
     json: Json = False,
 ) -> None:
     """A KUKA controller: sends a packet every cycle and judges each answer."""
@@ -59,6 +60,7 @@ def rsi(
         robot=robot,
         seconds=seconds,
         seed=seed,
+        faults=fault or [],
         as_json=json,
     )
 
@@ -72,6 +74,7 @@ def egm(
     robot: Robot = None,
     seconds: Seconds = None,
     seed: Seed = 0,
+    fault: Faults = None,
     json: Json = False,
 ) -> None:
     """An ABB controller: sends a message every 4 ms and takes path corrections."""
@@ -85,6 +88,7 @@ def egm(
         robot=robot,
         seconds=seconds,
         seed=seed,
+        faults=fault or [],
         as_json=json,
     )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from typing import Final
 
-_SHORTEST: Final = 0.75
+_SHORTEST: Final = 0.5
 """Of a cycle; what a computer that slept makes up for, cycle by cycle."""
 
 
