@@ -15,7 +15,7 @@ from written import Job
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
 from robotrue.core.words import NO_WORD
-from robotrue.errors import RobotrueError, ShapeError
+from robotrue.errors import ConfigurationError, RobotrueError, ShapeError
 from robotrue.program.formats import dialect
 from robotrue.program.program import FrameTable, Motion, Program, Reason, Replacement
 
@@ -180,7 +180,8 @@ def survives(name: str, files: Files, frames: FrameTable, seed: int, limit: floa
             changes = [moved(program, rng) for program in programs]
             try:
                 others.update(write(name, programs, changes))
-            except ShapeError:  # numbers no controller takes, such as 1E20, are not written
+            except (ShapeError, ConfigurationError):
+                # numbers no controller takes, such as 1E20, and arcs that are none any more
                 return True
             try:
                 again = read(name, tuple(others.items()), frames)

@@ -6,8 +6,8 @@
 
 Prints a table, one row per dialect, and leaves with 1 if a law was broken: whole programs, those
 given back byte for byte at zero correction, those (of the first ``--undone``) that a correction and
-its undoing leave within half a digit, targets moved for that; damaged programs, those read and
-those refused; the slowest of them. ``--seconds`` ends the damage of a dialect after so much
+its undoing leave within half a digit, those refused because a corrected arc is none, targets moved;
+damaged programs, those read and those refused; the slowest of them. ``--seconds`` ends the damage of a dialect after so much
 processor time, Ctrl-C everything; the table is of what was done. Each kind of broken case is made
 smaller and kept in ``--keep``.
 """
@@ -29,6 +29,7 @@ from laws import Files, read, require_identity, require_undone, survives
 from mutated import damaged
 from written import Pen
 
+from robotrue.errors import ConfigurationError
 from robotrue.program.formats import dialect, dialects
 
 POOL = 300
@@ -42,6 +43,7 @@ class Tally:
     whole: int = 0
     identical: int = 0
     undone: int = 0
+    unwritten: int = 0
     targets: int = 0
     damaged: int = 0
     read: int = 0
@@ -67,6 +69,8 @@ def whole_programs(
                 continue
             tally.targets += require_undone(name, job, np.random.default_rng([seed, k, 1]))
             tally.undone += 1
+        except ConfigurationError:  # neighbours moved a millimetre apart leave some arcs no circle
+            tally.unwritten += 1
         except Exception as fault:
             tally.broken.append((f"whole {k}: {_said(fault)}", job.files))
 
@@ -146,10 +150,10 @@ def smaller(name: str, files: Files, said: str, limit: float) -> Files:
 
 def table(tallies: dict[str, Tally]) -> str:
     """One row per dialect."""
-    head = ("dialect", "whole", "identical", "undone", "targets", "damaged", "read", "refused",
-            "slowest ms", "failures", "CPU s")  # fmt: skip
+    head = ("dialect", "whole", "identical", "undone", "no arc", "targets", "damaged", "read",
+            "refused", "slowest ms", "failures", "CPU s")  # fmt: skip
     rows = [
-        (name, t.whole, t.identical, t.undone, t.targets, t.damaged, t.read, t.refused,
+        (name, t.whole, t.identical, t.undone, t.unwritten, t.targets, t.damaged, t.read, t.refused,
          f"{1e3 * t.slowest:.0f}", len(t.broken), f"{t.seconds:.0f}")
         for name, t in tallies.items()
     ]  # fmt: skip

@@ -8,7 +8,7 @@ from path_samples import HEIDENHAIN, RULE, TABLE, moved, read
 
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
-from robotrue.errors import FormatError
+from robotrue.errors import ConfigurationError, FormatError
 from robotrue.program.formats import dialect
 from robotrue.program.orientation import OrientationRule
 from robotrue.program.program import FrameTable, Motion, Program, Reason
@@ -151,3 +151,18 @@ def test_words_that_are_no_text_are_told_and_not_guessed() -> None:
     )
     assert reasons(program) == [Reason.UNKNOWN_FRAME]
     assert any("moves the coordinates" in note for note in program.notes)
+
+
+def test_a_tool_without_a_name_is_a_tool() -> None:
+    assert len(of(f'TOOL CALL "" Z S1\n{FIRST}')) == 1
+
+
+def test_corrected_ends_that_no_circle_joins_are_not_written() -> None:
+    program = of(f"{FIRST}\nCC X+900.0 Y+2.0\nC X+1.0 Y+3.0 DR+")
+    assert reasons(program) == [Reason.NONE] * 3
+    with pytest.raises(ConfigurationError, match=r"part\.nc:6: the corrected ends .* mm off one"):
+        written(program, [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [900.0, 0.0, 0.0]])
+    assert written(program, [[500.0, 0.0, 0.0]] * 3)[1:] == [
+        "4 CC X+900.500 Y+2.0",
+        "5 C X+1.500 Y+3.0 DR+",
+    ]

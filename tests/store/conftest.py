@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import create_engine, make_url, text
 
+from robotrue.store.schema import Base
 from robotrue.store.workspace import Workspace
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -37,12 +38,12 @@ def server() -> Iterator[str]:
         yield url
 
 
-def database(server: str, template: str = "template1") -> str:
+def database(server: str) -> str:
     """Returns the URL of a new database."""
     name = f"w{uuid.uuid4().hex}"
     engine = create_engine(server, isolation_level="AUTOCOMMIT")
     with engine.connect() as connection:
-        connection.execute(text(f"CREATE DATABASE {name} TEMPLATE {template}"))
+        connection.execute(text(f"CREATE DATABASE {name}"))
     engine.dispose()
     return make_url(server).set(database=name).render_as_string(hide_password=False)
 
@@ -63,7 +64,7 @@ def new_url(request: pytest.FixtureRequest) -> NewUrl:
 
 @pytest.fixture(scope="session")
 def fresh(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Path, str | None]]:
-    """Workspaces that were just made, to be copied: making one takes longer."""
+    """Workspaces that were just made, to be copied or emptied: making one takes longer."""
     return {}
 
 
@@ -74,6 +75,7 @@ def workspace(
     tmp_path_factory: pytest.TempPathFactory,
     fresh: dict[str, tuple[Path, str | None]],
 ) -> Iterator[Workspace]:
+    """An empty workspace; its schema must stay as it is."""
     server = None if request.param == "sqlite" else request.getfixturevalue("server")
     if request.param not in fresh:
         folder = tmp_path_factory.mktemp("fresh") / "shop"
@@ -82,7 +84,16 @@ def workspace(
         fresh[request.param] = (folder, url)
     folder, url = fresh[request.param]
     shutil.copytree(folder, tmp_path / "shop")
-    if server is not None and url is not None:
-        url = database(server, str(make_url(url).database))
     with Workspace.open(tmp_path / "shop", url) as opened:
+        if url is not None:
+            names = [each for each in Base.metadata.tables if each != "workspace"]
+            with opened.engine.begin() as connection:
+                connection.execute(text(f"TRUNCATE {', '.join(names)} RESTART IDENTITY"))
         yield opened
+
+
+@pytest.fixture
+def own_workspace(tmp_path: Path, new_url: NewUrl) -> Iterator[Workspace]:
+    """A workspace with a database of its own."""
+    with Workspace.create(tmp_path / "own", new_url()) as made:
+        yield made

@@ -120,6 +120,36 @@ class LearnedModel:
     def _rows(
         self, joints: Array, approach: Array, load: Load, T_flange_tool: Array | None
     ) -> tuple[Array, Array, Array]:
+        error, turn, jacobian, uncarried = self._linear(joints, approach, load, T_flange_tool)
+        covariance = spread(self.root, jacobian)
+        covariance = covariance + uncarried[:, None, None] * np.eye(3)
+        white = self.physics.white**2 + self.physics.repeatability**2
+        covariance = covariance + white * np.eye(3)
+        return error, turn, self.inflation * covariance
+
+    def joint_covariance(self, query: Query) -> Array:
+        """Returns the covariance (3n, 3n) m^2 of the errors of all rows together.
+
+        Its diagonal blocks are those of :meth:`predict`; the others say what rows share.
+
+        Raises:
+            ShapeError: Joints or approach of another robot.
+        """
+        joints = np.asarray(query.joints, dtype=np.float64)
+        if joints.ndim != 2 or joints.shape[1] != self.robot.dof:
+            raise ShapeError(f"joints has shape {joints.shape}, expected (any, {self.robot.dof}).")
+        n = len(joints)
+        approach = np.zeros_like(joints) if np.size(query.approach) == 0 else query.approach
+        _, _, jacobian, uncarried = self._linear(joints, approach, query.load, query.T_flange_tool)
+        half = jacobian.reshape(3 * n, -1) @ self.root.T
+        white = self.physics.white**2 + self.physics.repeatability**2
+        own = np.repeat(uncarried + white, 3)
+        return np.asarray(self.inflation * (half @ half.T + np.diag(own)))
+
+    def _linear(
+        self, joints: Array, approach: Array, load: Load, T_flange_tool: Array | None
+    ) -> tuple[Array, Array, Array, Array]:
+        """Error, rotation error, d(error)/d(columns of the root), variance no column carries."""
         nominal, actual = self.robot, self.physics.actual
         if T_flange_tool is not None:
             nominal, actual = nominal.with_tool(T_flange_tool), actual.with_tool(T_flange_tool)
@@ -137,12 +167,8 @@ class LearnedModel:
         jacobian = self._jacobian(actual, state, joints, torque, approach, carried)
         if T_flange_tool is not None:
             jacobian[:, :, parameter_slice(actual.dof, "tool")] = 0.0
-        covariance = spread(self.root, jacobian[:, :, self.columns.astype(np.int64)])
-        covariance = covariance + uncarried[:, None, None] * np.eye(3)
-        white = self.physics.white**2 + self.physics.repeatability**2
-        covariance = covariance + white * np.eye(3)
         turn = rotation_vector_from_matrix(state.rotation @ np.swapaxes(believed[:, :3, :3], 1, 2))
-        return error, turn, self.inflation * covariance
+        return error, turn, jacobian[:, :, self.columns.astype(np.int64)], uncarried
 
     def _jacobian(
         self,

@@ -90,6 +90,22 @@ class RigidFlexibleModel:
         noise = (self.repeatability**2 + self.white**2) * np.eye(3)
         return Prediction(error=out[0], rotation_error=out[1], covariance=out[2] + noise)
 
+    def joint_covariance(self, query: Query) -> Array:
+        """Returns the covariance (3n, 3n) m^2 of the errors of all rows together.
+
+        Its diagonal blocks are those of :meth:`predict`; the others say what rows share.
+
+        Raises:
+            ShapeError: Joints of another robot.
+        """
+        joints = np.asarray(query.joints, dtype=np.float64)
+        if joints.ndim != 2 or joints.shape[1] != self.robot.dof:
+            raise ShapeError(f"joints has shape {joints.shape}, expected (any, {self.robot.dof}).")
+        _, _, jacobian = linearised(self, joints, query.load, query.T_flange_tool)
+        rows = jacobian[:, :3].reshape(3 * len(joints), -1)
+        white = (self.repeatability**2 + self.white**2) * np.eye(len(rows))
+        return np.asarray(rows @ self.covariance @ rows.T + white)
+
     def mean_tables(self, load: Load = NO_LOAD) -> MeanTables | None:
         """Returns the mean as flat tables; the load enters when they are evaluated."""
         return rigid_tables(self.actual)

@@ -19,11 +19,14 @@ import typer
 
 from robotrue.cli import (
     arm_commands,
+    drift_commands,
     drill_commands,
     dynamics_commands,
     part_commands,
     program_commands,
+    record_commands,
     report_commands,
+    sense_commands,
     serve_commands,
     simulate_commands,
 )
@@ -33,12 +36,15 @@ from robotrue.errors import RobotrueError
 __all__ = [
     "app",
     "arm_commands",
+    "drift_commands",
     "drill_commands",
     "dynamics_commands",
     "part_commands",
     "program_commands",
+    "record_commands",
     "report_commands",
     "run",
+    "sense_commands",
     "serve_commands",
     "simulate_commands",
 ]

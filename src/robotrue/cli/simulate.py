@@ -216,7 +216,7 @@ def run_rdt(
         _announce(
             f"ATI force sensor, udp {host}:{sensor.port}, {rate:g} records per second once asked",
             scenario,
-            f"--force 'rdt://{_reached(host)}:{sensor.port}?scale={where}&device={device}'",
+            f"--force 'rdt://{_reached(host)}:{sensor.port}?scale={where}&rate={rate:g}Hz&device={device}'",
         )
         return await serving
 

@@ -109,3 +109,18 @@ def read_bytes(path: str | Path) -> bytes:
 def sha256(data: bytes) -> str:
     """Returns the SHA-256 of ``data`` in hexadecimal: the provenance mark used everywhere."""
     return hashlib.sha256(data).hexdigest()
+
+
+def sha256_of_file(path: str | Path) -> str:
+    """Returns :func:`sha256` of a file of any size, read piece by piece.
+
+    Raises:
+        FormatError: The file is not there or cannot be read.
+    """
+    try:
+        with Path(path).open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError as cause:
+        raise FormatError(
+            f"cannot read: {cause.strerror}.", source=path, hint="check the path."
+        ) from cause

@@ -25,6 +25,28 @@ _TAIL: Final = 1 << 16
 """Bytes looked at for the end of the last line; none of ours is as long."""
 
 
+def estimate_columns(joints: int) -> tuple[str, ...]:
+    """Returns the names of the columns, for an arm of so many joints."""
+    return ("host_s", "sequence", *number_columns(joints), "doubt")
+
+
+def estimate_lines(block: EstimateBlock, joints: int) -> bytes:
+    """Returns one line for each estimate, in the order of :func:`estimate_columns`.
+
+    Raises:
+        ShapeError: The block is of an arm with another number of joints.
+    """
+    line = "%.9f,%d" + ",%.4f" * len(number_columns(joints)) + ",%s\n"
+    words = {int(d): doubt_words(int(d)) for d in set(block.doubt.tolist())}
+    values = numbers(block, joints).tolist()
+    heads = zip(block.host_time.tolist(), block.sequence.tolist(), strict=True)
+    text = "".join(
+        line % (*head, *row, words[doubt])
+        for head, row, doubt in zip(heads, values, block.doubt.tolist(), strict=True)
+    )
+    return text.replace("nan", "").encode("ascii")
+
+
 class CsvSink:
     """A file of estimates.
 
@@ -36,8 +58,7 @@ class CsvSink:
     def __init__(self, path: str | Path, settings: SinkSettings) -> None:
         self._path = Path(path)
         self._settings = settings
-        self._columns = ("host_s", "sequence", *number_columns(settings.joints), "doubt")
-        self._line = "%.9f,%d" + ",%.4f" * (len(self._columns) - 3) + ",%s\n"
+        self._columns = estimate_columns(settings.joints)
         self._file: FileIO | None = None
         self._size = 0
         self._written = 0
@@ -115,7 +136,7 @@ class CsvSink:
             self._refuse("the file is not open")
             return
         try:
-            data = self._lines(estimates)
+            data = estimate_lines(estimates, self._settings.joints)
         except ShapeError as cause:
             self._refuse(str(cause))
             return
@@ -128,16 +149,6 @@ class CsvSink:
             self._written += 1
         except OSError as cause:
             self._refuse(f"cannot write: {cause.strerror}")
-
-    def _lines(self, block: EstimateBlock) -> bytes:
-        words = {int(d): doubt_words(int(d)) for d in set(block.doubt.tolist())}
-        values = numbers(block, self._settings.joints).tolist()
-        heads = zip(block.host_time.tolist(), block.sequence.tolist(), strict=True)
-        text = "".join(
-            self._line % (*head, *row, words[doubt])
-            for head, row, doubt in zip(heads, values, block.doubt.tolist(), strict=True)
-        )
-        return text.replace("nan", "").encode("ascii")
 
     def _refuse(self, fault: str) -> None:
         self._refused += 1

@@ -26,6 +26,7 @@ class Bin:
     Attributes:
         index: Of the bin on the grid of the host's clock.
         host_time: s, of the last sample in it.
+        sequence: Its number.
         rows: Samples.
         invalid: Of these not valid.
         doubt: Every doubt of any of them.
@@ -36,6 +37,7 @@ class Bin:
 
     index: int
     host_time: float
+    sequence: int
     rows: int
     invalid: int
     doubt: int
@@ -96,6 +98,7 @@ class Envelopes:
             Bin(
                 index=int(index[end - 1]),
                 host_time=float(block.host_time[end - 1]),
+                sequence=int(block.sequence[end - 1]),
                 rows=int(end - start),
                 invalid=int(invalid[k]),
                 doubt=int(doubt[k]),
@@ -111,6 +114,7 @@ def _joined(first: Bin, second: Bin) -> Bin:
     return Bin(
         index=second.index,
         host_time=second.host_time,
+        sequence=second.sequence,
         rows=first.rows + second.rows,
         invalid=first.invalid + second.invalid,
         doubt=first.doubt | second.doubt,

@@ -184,7 +184,8 @@ def _taken(
                 last[2 + j] = joints[i, j]
             if weighs:
                 if not passed <= age:
-                    path[:] = np.nan
+                    for k in range(len(path)):
+                        path[k, 0] = np.nan
                 if not passed <= _BURST:
                     chain(joints[i], table, modified, joint_map, rotation, place, axis, origin)
                     for k in range(len(path) - 1):

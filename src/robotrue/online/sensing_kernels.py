@@ -47,7 +47,7 @@ GOES_ON, SETTLE, REFRESH, WINDOW = 0, 1, 2, 3
 """Why ``gathered`` stopped."""
 
 # state, one number each
-LAST_TIME, ANCHOR, STEPS, PENDING, STARTED, LEFT, WINDOW_LEFT, ROW, LOST = range(9)
+LAST_TIME, ANCHOR, STEPS, PENDING, STARTED, LEFT, WINDOW_LEFT, ROW, LOST, DEBT = range(10)
 WRENCH, STAGE_1, STAGE_2, SQUARES_1, SQUARES_2, JOINTS = 10, 16, 22, 28, 31, 34
 """Last wrench, two low-passes of it, two of the squared displacement; last the joints (dof) that
 pose and modes are of, one after the other."""
@@ -75,6 +75,8 @@ WINDOW_SUMS: Final = 10
 _OFF_GRID: Final = 0.75
 _FOLLOWS: Final = 0.01
 """How fast the grid of samples follows the sender's clock."""
+_FORGIVEN, _MOST_DEBT = 0.99, 10.0
+"""Missing samples are forgotten in a hundred; more than so many at once: another rate."""
 _LEVER_FORCE: Final = 5.0
 _LEVER_FLOOR: Final = 0.5
 """N and N m; below them a lever says nothing."""
@@ -162,7 +164,7 @@ def gathered(
             i += 1
             continue
         if not _apart(q, of_pose) <= _MOVED:
-            of_pose[:] = q
+            _kept(q, of_pose)
             posed(q, frame, c, pose)
         _wrench(wrench[i], frame, pose, c.held, p[MASS], rows[row, 4:7], now)
         why, missing = GOES_ON, int(s[PENDING])
@@ -170,7 +172,7 @@ def gathered(
             why, missing = SETTLE, 0
             _start(now, p, s, window)
         if why == SETTLE or _apart(q, of_modes) > p[REFRESHED]:
-            of_modes[:] = q
+            _kept(q, of_modes)
             why = SETTLE if why == SETTLE else REFRESH
         at = count
         for k in range(1, missing + 2):
@@ -237,10 +239,17 @@ def _apart(one: Array, two: Array) -> float:
 
 
 @compiled(EXACT)
+def _kept(values: Array, out: Array) -> None:
+    for k in range(len(values)):
+        out[k] = values[k]
+
+
+@compiled(EXACT)
 def _start(now: Array, p: Array, s: Array, window: Array) -> None:
     """Forgets all but clocks and joints; the low-passes stand at the present wrench."""
     s[STARTED], s[LOST], s[LEFT], s[WINDOW_LEFT] = 1.0, 0.0, p[MEMORY], p[WHOLE_WINDOW]
-    window[:] = 0.0
+    for k in range(len(window)):
+        window[k] = 0.0
     for k in range(6):
         s[WRENCH + k] = s[STAGE_1 + k] = s[STAGE_2 + k] = now[k]
         s[SQUARES_1 + k] = 0.0  # both stages, three axes each
@@ -258,6 +267,7 @@ def _stepped(time: float, flag: int, p: Array, s: Array) -> bool:
         s[ANCHOR], s[STEPS] = time * p[RATE], 0.0
         return False
     s[STEPS] += 1.0
+    s[DEBT] *= _FORGIVEN
     off = time * p[RATE] - s[ANCHOR] - s[STEPS]
     if off < -_OFF_GRID:
         s[ANCHOR], s[STEPS] = time * p[RATE], 0.0
@@ -265,11 +275,12 @@ def _stepped(time: float, flag: int, p: Array, s: Array) -> bool:
         return True
     if off > _OFF_GRID:
         missing = math.floor(off + 0.5)
+        s[DEBT] += min(missing, 2.0)
         s[STEPS] += missing
         s[PENDING] += missing
         off -= missing
     s[ANCHOR] += _FOLLOWS * off
-    return False
+    return bool(s[DEBT] > _MOST_DEBT)
 
 
 @compiled(EXACT)

@@ -86,9 +86,8 @@ def posed(joints: Array, frame: int, c: Constants, out: Array) -> None:
     rotation, place, tip = np.empty((3, 3)), np.empty(3), np.empty(3)
     axis, origin = np.empty((n, 3)), np.empty((n, 3))
     chain(joints, c.table, c.modified, c.joint_map, rotation, place, axis, origin)
-    read, turned = out[READ:LEVER].reshape(3, 3), out[TURNED:ADDED].reshape(3, 3)
-    _turn(rotation, c.T_flange_sensor if frame == SENSOR else c.T_flange_tool, frame, read)
-    _turn(rotation, c.T_flange_tool, TOOL if c.turns else BASE, turned)
+    _turn(rotation, c.T_flange_sensor if frame == SENSOR else c.T_flange_tool, frame, READ, out)
+    _turn(rotation, c.T_flange_tool, TOOL if c.turns else BASE, TURNED, out)
     for r in range(3):
         tip[r] = place[r]
         out[LEVER + r] = 0.0
@@ -99,69 +98,72 @@ def posed(joints: Array, frame: int, c: Constants, out: Array) -> None:
                 out[LEVER + r] += rotation[r, k] * gap
     way, turn = np.zeros((n, 3)), np.zeros((n, 3))
     for k in range(n):
-        x = axis[k]
-        arm = np.cross(x, tip - origin[k])
+        ux, uy, uz = axis[k, 0], axis[k, 1], axis[k, 2]
+        ax, ay, az = tip[0] - origin[k, 0], tip[1] - origin[k, 1], tip[2] - origin[k, 2]
         for j in range(n):
             m = c.joint_map[k, j]
+            way[j, 0] += m * (uy * az - uz * ay)
+            way[j, 1] += m * (uz * ax - ux * az)
+            way[j, 2] += m * (ux * ay - uy * ax)
             for r in range(3):
-                way[j, r] += m * arm[r]
-                turn[j, r] += m * x[r]
-    _bending(n, c, way, turn, turned, out)
+                turn[j, r] += m * axis[k, r]
+    _bending(n, c, way, turn, out)
 
 
 @compiled(EXACT)
-def _bending(n: int, c: Constants, way: Array, turn: Array, turned: Array, out: Array) -> None:
-    added, still = out[ADDED:STILL].reshape(3, 6), out[STILL:PHYSICS].reshape(3, 6)
-    spread, d = out[SPREAD:ZERO].reshape(3, 6, 6), c.learned[n + 3 : n + 6]
-    out[ADDED:POSE_SIZE] = 0.0
+def _bending(n: int, c: Constants, way: Array, turn: Array, out: Array) -> None:
+    """Writes ADDED, STILL, PHYSICS, SPREAD and ZERO from the tool point's way and turn (n, 3)."""
+    dx, dy, dz = c.learned[n + 3], c.learned[n + 4], c.learned[n + 5]
+    for a in range(ADDED, POSE_SIZE):
+        out[a] = 0.0
     push, home = np.zeros((n, 3, 6)), np.zeros((n, 3))
     for j in range(n):
-        along = d[0] * way[j, 0] + d[1] * way[j, 1] + d[2] * way[j, 2]
+        along = c.learned[j] * (dx * way[j, 0] + dy * way[j, 1] + dz * way[j, 2])
         for r in range(3):
-            out[PHYSICS + r] += c.learned[j] * along * way[j, r]
+            out[PHYSICS + r] += along * way[j, r]
             for k in range(3):
-                home[j, r] += turned[r, k] * c.home_jacobian[k, j]
+                home[j, r] += out[TURNED + 3 * r + k] * c.home_jacobian[k, j]
         for r in range(3):
-            for k in range(3):
-                push[j, r, k] = c.own * way[j, r] * way[j, k] - home[j, r] * home[j, k]
-                push[j, r, 3 + k] = way[j, r] * turn[j, k]
-                still[r, k] += c.compliance[j] * way[j, r] * way[j, k]
-                still[r, 3 + k] += c.compliance[j] * push[j, r, 3 + k]
             for k in range(6):
-                added[r, k] += c.compliance[j] * push[j, r, k]
+                other = way[j, k] if k < 3 else turn[j, k - 3]
+                size = way[j, r] * other
+                out[STILL + 6 * r + k] += c.compliance[j] * size
+                if k < 3:
+                    size = c.own * size - home[j, r] * home[j, k]
+                push[j, r, k] = size
+                out[ADDED + 6 * r + k] += c.compliance[j] * size
         if c.projected:
             for k in range(6):
-                size = d[0] * push[j, 0, k] + d[1] * push[j, 1, k] + d[2] * push[j, 2, k]
-                for r in range(3):
-                    push[j, r, k] -= d[r] * size
+                size = dx * push[j, 0, k] + dy * push[j, 1, k] + dz * push[j, 2, k]
+                push[j, 0, k] -= dx * size
+                push[j, 1, k] -= dy * size
+                push[j, 2, k] -= dz * size
     for r in range(3):
         out[PHYSICS + r] -= c.learned[n + r]
+        across = 1.0 - c.learned[n + 3 + r] ** 2 if c.projected else 1.0
         for k in range(3):
+            size = 0.0
             for a in range(3):
                 for b in range(3):
-                    still[r, k] += turned[r, a] * c.rest[a, b] * turned[k, b]
-    for r in range(3):
-        for k in range(3):
-            out[ZERO + r] += (still[r, k] * c.zero) ** 2
-        if c.projected:
-            out[ZERO + r] *= 1.0 - d[r] * d[r]
+                    size += out[TURNED + 3 * r + a] * c.rest[a, b] * out[TURNED + 3 * k + b]
+            out[STILL + 6 * r + k] += size
+            out[ZERO + r] += across * (out[STILL + 6 * r + k] * c.zero) ** 2
         for i in range(n):
             for j in range(n):
                 size = c.covariance[i, j]
                 if size != 0.0:
-                    for a in range(6):
-                        for b in range(6):
-                            spread[r, a, b] += size * push[i, r, a] * push[j, r, b]
+                    for a in range(36):
+                        out[SPREAD + 36 * r + a] += size * push[i, r, a // 6] * push[j, r, a % 6]
 
 
 @compiled(EXACT)
-def _turn(rotation: Array, T: Array, frame: int, out: Array) -> None:
-    """Writes the rotation of a frame on the flange in base; of base itself the identity."""
+def _turn(rotation: Array, T: Array, frame: int, at: int, out: Array) -> None:
+    """Writes the rotation of a frame on the flange in base from ``at`` on; of base the identity."""
     for r in range(3):
         for k in range(3):
-            if frame == BASE:
-                out[r, k] = 1.0 if r == k else 0.0
-            else:
-                out[r, k] = (
-                    rotation[r, 0] * T[0, k] + rotation[r, 1] * T[1, k] + rotation[r, 2] * T[2, k]
-                )
+            size = 1.0 if r == k else 0.0
+            if frame != BASE:
+                size = 0.0
+                for a in range(3):
+                    size += rotation[r, a] * T[a, k]
+            out[at + 3 * r + k] = size

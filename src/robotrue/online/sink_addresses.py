@@ -62,6 +62,12 @@ def _mqtt(address: NetAddress, settings: SinkSettings) -> Sink:
     return MqttSink(address, settings)
 
 
+def _opcua(address: NetAddress, settings: SinkSettings) -> Sink:
+    from robotrue.online.opcua_sink import OpcUaSink
+
+    return OpcUaSink(address, settings)
+
+
 def _ws(address: NetAddress, settings: SinkSettings) -> Sink:
     from robotrue.online.ws_sink import WebSocketSink
 
@@ -71,6 +77,7 @@ def _ws(address: NetAddress, settings: SinkSettings) -> Sink:
 _SERVERS: Final[dict[str, Callable[[NetAddress, SinkSettings], Sink]]] = {
     "mqtt": _mqtt,
     "mqtts": _mqtt,
+    "opcua": _opcua,
     "ws": _ws,
 }
 _PORTS: Final = {"mqtt": 1883, "mqtts": 8883, "opcua": 4840, "ws": 8765}

@@ -115,7 +115,7 @@ class ConversationalReader:
         if match is None and not rest.startswith((b"S", b"Z", b"X", b"Y", b"F")) and rest:
             self.found.set(block, Group.TOOL, -1)
         elif match is not None:
-            named = (match[1] or match[2]).decode("latin-1")
+            named = (match[2] if match[1] is None else match[1]).decode("latin-1")
             self.found.set(block, Group.TOOL, self.found.name("T" + named) + 1)
         axis = re.search(rb"(?<![\w\"])([XYZ])(?=[ \t]|$)", rest)
         if axis:

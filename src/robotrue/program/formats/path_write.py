@@ -7,6 +7,7 @@ last word of its block, in the style of the last one of its kind.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -14,8 +15,9 @@ import numpy as np
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import DEG, MM
 from robotrue.core.words import NO_WORD
-from robotrue.errors import ShapeError
-from robotrue.program.formats.gcode_arcs import Centre, moved_words
+from robotrue.errors import ConfigurationError, ShapeError
+from robotrue.program.formats.apt_arcs import MISS
+from robotrue.program.formats.gcode_arcs import Centre, PlaneArcs, middles, moved_words
 from robotrue.program.formats.number_table import Numbers, respelled
 from robotrue.program.formats.number_text import restyled, spliced
 from robotrue.program.formats.path_kernels import decimals_of, owed_words
@@ -42,6 +44,7 @@ def write_path(program: Program, replacement: Replacement) -> bytes:
 
     Raises:
         ShapeError: A changed row has a value that is not finite, or beyond 1e9 mm or deg.
+        ConfigurationError: New ends of an arc that no circle of its plane joins as it did.
     """
     words = program.spans
     if not isinstance(words, PathWords):
@@ -151,7 +154,26 @@ def _arcs(
     new = np.where(
         stirred[:, None], moved_words(arcs, words.value[:, :3], values[:, :3]), arcs.value
     )
+    _require_circles(program, words, replace(arcs, value=new), values[:, :3], stirred)
     return new, np.broadcast_to(stirred[:, None], new.shape).copy()
+
+
+def _require_circles(
+    program: Program, words: PathWords, arcs: PlaneArcs, points: Array, stirred: BoolArray
+) -> None:
+    """Refuses an arc that the control would refuse: its ends at two distances from its centre."""
+    _, miss = middles(arcs, points)
+    off = np.where(stirred, miss * words.unit[arcs.end], 0.0)
+    if (off <= MISS).all():
+        return
+    worst = int(np.argmax(off))
+    raise ConfigurationError(
+        f"the corrected ends of the arc lie {off[worst] / MM:.3f} mm off one circle, at most "
+        f"{MISS / MM:g} mm is an arc to the control.",
+        source=program.name,
+        line=int(program.line[arcs.end[worst]]),
+        hint="compensate --split writes it as lines.",
+    )
 
 
 def _insertions(

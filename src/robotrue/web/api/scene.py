@@ -8,7 +8,7 @@ from typing import Annotated
 from fastapi import APIRouter, Path, Query
 from fastapi.responses import Response
 
-from robotrue.store.nouns import CELL, MODEL, PROGRAM
+from robotrue.store.nouns import CELL, MEASUREMENT, MODEL, PROGRAM
 from robotrue.web.api.items import found
 from robotrue.web.bench import House
 
@@ -34,6 +34,18 @@ def router(house: House) -> APIRouter:
         """Arm and frames of a model's cell, measured errors before and after, predicted field."""
         record = await asyncio.to_thread(found, workspace, MODEL.name, id, version)
         answer = await house.answers.once("scene.model_scene", folder, id, record.version)
+        return Response(answer, media_type=JSON)
+
+    @routes.get("/scenes/measurement/{id}")
+    async def show_measurement(
+        id: Id, model: Annotated[str, Query(max_length=40)], version: Version = None
+    ) -> Response:
+        """Measured errors of a set before and after, by a model that need not have seen it."""
+        record = await asyncio.to_thread(found, workspace, MEASUREMENT.name, id, version)
+        judge = await asyncio.to_thread(found, workspace, MODEL.name, model)
+        answer = await house.answers.once(
+            "scene.set_scene", folder, id, record.version, model, judge.version
+        )
         return Response(answer, media_type=JSON)
 
     @routes.get("/programs/{id}/judgement")

@@ -9,6 +9,12 @@ from __future__ import annotations
 from typing import Final
 
 from robotrue.web.bench import Page
-from robotrue.web.pages import cell, programs
+from robotrue.web.pages import calibration, cell, history, measurements, programs
 
-PAGES: Final[tuple[Page, ...]] = (cell.PAGE, programs.PAGE)
+PAGES: Final[tuple[Page, ...]] = (
+    cell.PAGE,
+    measurements.PAGE,
+    calibration.PAGE,
+    programs.PAGE,
+    history.PAGE,
+)

@@ -31,8 +31,8 @@ class DropZone(Element, component="drop.js"):
             title: What to drop.
             hint: Which files that are, or what becomes of them.
             accept: Endings the browser's file dialog offers; dropping is not limited to them.
-            then: Address that gets ``{"uploads": [ids], **facts}``; empty raises ``sent`` instead.
-            go: Page opened then; ``{id}`` is that of what was made.
+            then: Address that gets ``{"uploads": [ids], **facts}``; empty: nothing is made yet.
+            go: Page opened then; ``{id}`` is that of what was made, or those of the uploads.
             facts: Sent along.
         """
         super().__init__()

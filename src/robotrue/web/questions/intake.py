@@ -64,7 +64,7 @@ def add_measurements(folder: str, paths: str, name: str, cell_id: str, mapping: 
     found = [Path(each) for each in json.loads(paths)]
     with Workspace.open(folder) as workspace:
         record = items.get(workspace, CELL, cell_id)
-        rows, remarks = _read(_cell(workspace, record), found, column_mapping(mapping))
+        rows, remarks = read_sets(cell_of(workspace, record), found, column_mapping(mapping))
         stored = measurements.add(
             workspace,
             rows,
@@ -93,14 +93,22 @@ def column_mapping(text: str) -> ColumnMapping | None:
         raise ConfigurationError(f"column mapping: {cause}.") from cause
 
 
-def _cell(workspace: Workspace, record: CellRecord) -> Cell:
+def cell_of(workspace: Workspace, record: CellRecord) -> Cell:
+    """Returns a cell of the workspace, read with the files it names."""
     with TemporaryDirectory() as folder:
         return read_cell(cells.laid(workspace, record, Path(folder)))
 
 
-def _read(
+def read_sets(
     cell: Cell, paths: list[Path], layout: ColumnMapping | None
 ) -> tuple[MeasurementSet, list[str]]:
+    """Returns all files as one set, and what is odd about it but harmless.
+
+    Raises:
+        FormatError: A file that cannot be read.
+        ImplausibleDataError: Numbers that cannot be this robot's.
+        ModelMismatchError: Another number of joints, or files in different frames.
+    """
     robot = cell.measured_robot
     sets = [_in_cell(cell, path, layout) for path in paths]
     for path, found in zip(paths, sets, strict=True):

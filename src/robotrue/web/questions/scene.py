@@ -54,35 +54,45 @@ def model_scene(folder: str, model_id: str, version: int) -> bytes:
             )
             for to in record.linked("data")
         ]
-    cell, model = held.cell, held.model
-    document: dict[str, Any] = {
-        "frames": _frames(cell),
-        "model": {"name": record.name, "version": record.version, "method": record.method},
-        "simulated": from_simulation(model, rows),
-    }
+    document = {"frames": _frames(held.cell), "simulated": from_simulation(held.model, rows)}
     if not rows:
-        joints = _posture(cell, model)
-        return answer({**document, "robot": body_document(cell, joints[None])})
-    seen = evaluate(model, concatenate(rows), payload=cell.payload)
-    shown = np.unique(
-        np.linspace(0, len(seen.measured) - 1, min(len(seen.measured), MOST_ARROWS)).astype(int)
-    )
+        joints = _posture(held.cell, held.model)
+        return answer({**document, "robot": body_document(held.cell, joints[None])})
+    seen = evaluate(held.model, concatenate(rows), payload=held.cell.payload)
+    field = _field(held.cell, held.model, seen)
+    return answer({**document, **_points(held.cell, seen), "field": field})
+
+
+def set_scene(folder: str, set_id: str, version: int, model_id: str, model_version: int) -> bytes:
+    """Returns measured errors of one set before and after, by a model that need not have seen it."""
+    with Workspace.open(folder) as workspace:
+        held = models.model_of(
+            workspace, items.get(workspace, MODEL, model_id, version=model_version)
+        )
+        rows = measurements.rows_of(
+            workspace, items.get(workspace, MEASUREMENT, set_id, version=version)
+        )
+    seen = evaluate(held.model, rows, payload=held.cell.payload)
+    simulated = from_simulation(held.model, [rows])
+    frames = _frames(held.cell)
+    return answer({"frames": frames, "simulated": simulated, **_points(held.cell, seen)})
+
+
+def _points(cell: Cell, seen: Evaluation) -> dict[str, Any]:
+    n = len(seen.measured)
+    shown = np.unique(np.linspace(0, n - 1, min(n, MOST_ARROWS)).astype(int))
     joints = seen.measured.joints[shown]
-    return answer(
-        {
-            **document,
-            "robot": body_document(cell, joints),
-            "points": {
-                "position": packed(seen.measured.position[shown]),
-                "before": packed(seen.before[shown]),
-                "after": packed(seen.after[shown]),
-                "joints_deg": packed(np.degrees(joints)),
-                "row": shown + 1,
-                "of": len(seen.measured),
-            },
-            "field": _field(cell, model, seen),
-        }
-    )
+    return {
+        "robot": body_document(cell, joints),
+        "points": {
+            "position": packed(seen.measured.position[shown]),
+            "before": packed(seen.before[shown]),
+            "after": packed(seen.after[shown]),
+            "joints_deg": packed(np.degrees(joints)),
+            "row": shown + 1,
+            "of": n,
+        },
+    }
 
 
 def _frames(cell: Cell) -> list[dict[str, Any]]:

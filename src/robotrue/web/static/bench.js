@@ -87,5 +87,35 @@
       if (button) button.disabled = false;
     }
   };
-  window.bench = { job, prefer, send, read, theme };
+  // A form whose fields are the parameters of a job; a name that ends in [] is a list.
+  const jobForm = (kind, form) => {
+    const parameters = {};
+    for (const [name, value] of new FormData(form)) {
+      if (name.endsWith("[]")) (parameters[name.slice(0, -2)] ??= []).push(value);
+      else if (value !== "") parameters[name] = form.elements[name].type === "number" ? Number(value) : value;
+    }
+    job(kind, parameters, form.querySelector("button"));
+    return false;
+  };
+  // Makes something of what is on the page, then opens it.
+  const make = async (url, body, go, button) => {
+    button.disabled = true;
+    const answer = await fetch(url, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) });
+    const made = await answer.json();
+    if (answer.ok) location.href = go.replace("{id}", made.id);
+    else {
+      alert([made.title, made.detail, made.hint].filter(Boolean).join("\n"));
+      button.disabled = false;
+    }
+  };
+  const undo = async (noun, id, button) => {
+    button.disabled = true;
+    await fetch(`/api/items/${noun}/${id}/undo`, { method: "POST" });
+    location.reload();
+  };
+  const remove = async (noun, id, go) => {
+    await fetch(`/api/items/${noun}/${id}`, { method: "DELETE" });
+    location.href = go;
+  };
+  window.bench = { job, jobForm, make, undo, remove, prefer, send, read, theme };
 })();
