@@ -7,9 +7,9 @@
 Prints a table, one row per dialect, and leaves with 1 if a law was broken: whole programs, those
 given back byte for byte at zero correction, those (of the first ``--undone``) that a correction and
 its undoing leave within half a digit, those refused because a corrected arc is none, targets moved;
-damaged programs, those read and those refused; the slowest of them. ``--seconds`` ends the damage of a dialect after so much
-processor time, Ctrl-C everything; the table is of what was done. Each kind of broken case is made
-smaller and kept in ``--keep``.
+damaged programs, those read and those refused; the slowest of them. ``--seconds`` ends the damage
+of a dialect after so much processor time, Ctrl-C everything; the table is of what was done. Each
+kind of broken case is made smaller and kept in ``--keep``.
 """
 
 from __future__ import annotations
