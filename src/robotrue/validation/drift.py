@@ -1,0 +1,317 @@
+"""Whether a robot still is the one that was calibrated: a few poses measured again.
+
+With residuals r = measured - predicted (all poses in one vector) and their covariance C (what the
+model does not know of these poses together, scatter, instrument),
+
+    X = r' C^-1 r ~ chi2(3 n)                                nothing has changed
+    d = (A' C^-1 A)^-1 A' C^-1 r,  G = d' (A' C^-1 A) d ~ chi2(k)    one cause of k numbers
+    X - G ~ chi2(3 n - k)                                    that cause explains all of it
+
+A is the derivative of the tool point by the cause: the base moved (6), the tool or its reflector
+moved (3), one joint slipped (1 each), one reading is wrong (3 each). The level is divided: half for
+X, half among the m causes (Bonferroni), so that a robot that has not changed is called changed with
+no more than the stated probability.
+
+Fails when: poses are few or alike. A cause that hardly moves the measured points is not tried, and
+two that move them alike (joint 1 slipped, base turned about its axis) cannot be told apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, Literal, TypeAlias
+
+import numpy as np
+from scipy.linalg import cho_solve, cholesky, solve_triangular
+from scipy.special import chdtrc
+
+from robotrue.calibration.model import ErrorModel, Query
+from robotrue.calibration.residual import LearnedModel
+from robotrue.calibration.rigid_flexible import RigidFlexibleModel, linearised
+from robotrue.core.arrays import Array, frozen
+from robotrue.errors import ConfigurationError, ObservabilityError, ShapeError
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.model import POSE_TERMS, parameter_slice
+from robotrue.robot.statics import Load
+from robotrue.validation.evaluation import Evaluation, evaluate, row_loads
+
+Verdict: TypeAlias = Literal["keep", "update", "recalibrate", "measure again"]
+Kind: TypeAlias = Literal["base", "tool", "joint", "reading"]
+LEVEL: Final = 0.01
+FEWEST: Final = 4
+"""Poses; with fewer a moved base explains anything."""
+SEEN_LENGTH: Final = 1e-4
+SEEN_ANGLE: Final = 1e-4
+"""m and rad: a cause is tried if the poses know it to this standard deviation."""
+TOGETHER: Final = 10.0
+"""How much worse each number of a cause of several may be known."""
+ILL_CONDITIONED: Final = 1e12
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cause:
+    """One thing that may have happened.
+
+    Attributes:
+        name: ``base``, ``tool``, ``joint 3`` or ``reading 5``.
+        kind: Which of the four.
+        terms: Name of each number of ``shift``.
+        shift: (k,) m and rad, what explains the residuals best.
+        sd: (k,) of it.
+        gain: G of the module's formula.
+        p: Probability of such a gain where nothing has changed, corrected for the number of causes.
+        p_left: Probability of what is left, if the cause is true.
+        explains: Whether the gain is beyond chance and what is left is not.
+    """
+
+    name: str
+    kind: Kind
+    terms: tuple[str, ...]
+    shift: Array
+    sd: Array
+    gain: float
+    p: float
+    p_left: float
+    explains: bool
+
+    def __post_init__(self) -> None:
+        """Freezes the arrays."""
+        k = len(self.terms)
+        object.__setattr__(self, "shift", frozen(self.shift, (k,), "shift"))
+        object.__setattr__(self, "sd", frozen(self.sd, (k,), "sd"))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriftCheck:
+    """What a few poses say of a stored model.
+
+    Attributes:
+        verdict: ``keep``; ``update``: one cause explains it, a transfer with these poses will do;
+            ``recalibrate``: changed, and no single cause explains it; ``measure again``: one
+            reading explains it.
+        chi2: X of the module's formula.
+        degrees: Of freedom.
+        p: Probability of such an X where nothing has changed.
+        level: Probability of calling a robot changed that has not.
+        causes: Most likely first.
+        not_seen: Causes these poses cannot show.
+        residual: (n, 3) m in base, measured minus predicted.
+        sigmas: (n,) length of each residual, whitened by its own covariance.
+        source_row: (n,) line of each pose.
+    """
+
+    verdict: Verdict
+    chi2: float
+    degrees: int
+    p: float
+    level: float
+    causes: tuple[Cause, ...]
+    not_seen: tuple[str, ...]
+    residual: Array
+    sigmas: Array
+    source_row: Array
+
+    @property
+    def changed(self) -> bool:
+        """Whether the robot is called changed."""
+        return self.verdict != "keep"
+
+    @property
+    def best(self) -> Cause | None:
+        """The most likely cause, if one explains what is seen."""
+        return next((c for c in self.causes if c.explains), None)
+
+
+def drift_check(
+    model: ErrorModel,
+    measurements: MeasurementSet,
+    *,
+    payload: Load | None = None,
+    level: float = LEVEL,
+) -> DriftCheck:
+    """Returns whether the poses are those of the robot the model was made of.
+
+    Args:
+        model: With a joint covariance: from a fit, an update or a transfer.
+        measurements: 5 to 10 poses, in base or from a station the model knows.
+        payload: Used where a row does not state its own.
+        level: Probability of a false alarm.
+
+    Raises:
+        ConfigurationError: A level outside 0 to 0.5, or a model without joint covariance.
+        ObservabilityError: Fewer than four poses.
+        ModelMismatchError: Another robot, or an unknown station.
+    """
+    if not 0.0 < level <= 0.5:
+        raise ConfigurationError(f"level {level:g}, expected above 0 and up to 0.5.")
+    if len(measurements) < FEWEST:
+        raise ObservabilityError(
+            f"{len(measurements)} poses; a drift check needs {FEWEST} or more.",
+            hint="measure 5 to 10 poses that are far apart.",
+        )
+    seen = evaluate(model, measurements, payload=payload)
+    query = query_of(seen, payload)
+    root = cholesky(_covariance(model, seen, query), lower=True)
+    white = solve_triangular(root, seen.after.ravel(), lower=True)
+    chi2, degrees = float(white @ white), len(white)
+    p = float(chdtrc(degrees, chi2))
+    ways, not_seen = _ways(model, query, root, len(seen.after))
+    causes = _causes(ways, white, chi2, allowed=level / 2.0)
+    changed = p < level / 2.0 or any(c.p < level / 2.0 for c in causes)
+    return DriftCheck(
+        verdict=_verdict(changed, causes),
+        chi2=chi2,
+        degrees=degrees,
+        p=p,
+        level=level,
+        causes=causes,
+        not_seen=not_seen,
+        residual=seen.after,
+        sigmas=_own_sigmas(seen),
+        source_row=seen.measured.source_row.astype(np.float64),
+    )
+
+
+def query_of(seen: Evaluation, payload: Load | None) -> Query:
+    """Returns the query a comparison was made with."""
+    return Query(
+        joints=seen.measured.joints,
+        load=row_loads(seen.measured, payload),
+        approach=seen.measured.approach,
+    )
+
+
+def cause_columns(model: ErrorModel, query: Query) -> dict[str, tuple[tuple[str, ...], Array]]:
+    """Returns the derivative of the tool points by each cause: terms and (n, 3, k).
+
+    The base in base axes, the tool in its own; SI. Readings are not among them.
+
+    Raises:
+        ConfigurationError: A model without physics.
+    """
+    physics = model.physics if isinstance(model, LearnedModel) else model
+    if not isinstance(physics, RigidFlexibleModel):
+        raise ConfigurationError(
+            f"a {type(model).__name__} keeps no joint covariance: its drift cannot be judged.",
+            hint="calibrate with a method of `robotrue calibrate`.",
+        )
+    _, _, jacobian = linearised(physics, query.joints, query.load)
+    dof = model.robot.dof
+    base, tool = parameter_slice(dof, "base"), parameter_slice(dof, "tool")
+    found = {
+        "base": (POSE_TERMS, jacobian[:, :3, base]),
+        "tool": (POSE_TERMS[:3], jacobian[:, :3, tool][:, :, :3]),
+    }
+    theta = parameter_slice(dof, "theta").start
+    for j in range(dof):
+        place = slice(theta + j, theta + j + 1)
+        found[f"joint {j + 1}"] = ((f"theta{j + 1}",), jacobian[:, :3, place])
+    return found
+
+
+def _covariance(model: ErrorModel, seen: Evaluation, query: Query) -> Array:
+    if not isinstance(model, LearnedModel | RigidFlexibleModel):
+        raise ConfigurationError(
+            f"a {type(model).__name__} keeps no joint covariance: its drift cannot be judged.",
+            hint="calibrate with a method of `robotrue calibrate`.",
+        )
+    total = model.joint_covariance(query)
+    for i, instrument in enumerate(seen.measured.covariance):
+        place = slice(3 * i, 3 * i + 3)
+        total[place, place] += instrument
+    try:
+        np.linalg.cholesky(total)
+    except np.linalg.LinAlgError:
+        raise ShapeError(
+            "the covariance of these poses is singular.",
+            hint="state the instrument and the repeatability in the cell.",
+        ) from None
+    return total
+
+
+_Way: TypeAlias = tuple[str, Kind, tuple[str, ...], Array]
+
+
+def _ways(
+    model: ErrorModel, query: Query, root: Array, n: int
+) -> tuple[list[_Way], tuple[str, ...]]:
+    """Causes to try, with whitened columns (3n, k), and those the poses cannot show."""
+    ways: list[_Way] = []
+    hidden = []
+    for name, (terms, columns) in cause_columns(model, query).items():
+        white = solve_triangular(root, columns.reshape(3 * n, -1), lower=True)
+        if not _well_seen(white, terms):
+            hidden.append(name)
+            continue
+        ways.append((name, _kind(name), terms, white))
+    for i in range(n):
+        one = np.zeros((3 * n, 3))
+        one[3 * i : 3 * i + 3] = np.eye(3)
+        white = solve_triangular(root, one, lower=True)
+        ways.append((f"reading {i + 1}", "reading", POSE_TERMS[:3], white))
+    return ways, tuple(hidden)
+
+
+def _kind(name: str) -> Kind:
+    if name == "base":
+        return "base"
+    return "tool" if name == "tool" else "joint"
+
+
+def _well_seen(white: Array, terms: Sequence[str]) -> bool:
+    """Whether every number of a cause, the others free, is known well enough to speak of it."""
+    size = np.array([SEEN_LENGTH if term in POSE_TERMS[:3] else SEEN_ANGLE for term in terms])
+    information = white.T @ white * np.outer(size, size)
+    if np.linalg.cond(information) > ILL_CONDITIONED:
+        return False
+    sd = np.sqrt(np.diagonal(np.linalg.inv(information)))
+    # Six numbers of a base that moved show together; each alone may be less well known.
+    return bool((sd < (TOGETHER if len(terms) > 1 else 1.0)).all())
+
+
+def _causes(
+    ways: Sequence[_Way],
+    white: Array,
+    chi2: float,
+    *,
+    allowed: float,
+) -> tuple[Cause, ...]:
+    out = []
+    for name, kind, terms, columns in ways:
+        k = len(terms)
+        information = columns.T @ columns
+        factor = cholesky(information, lower=True), True
+        shift = cho_solve(factor, columns.T @ white)
+        gain = float(shift @ information @ shift)
+        p = min(1.0, len(ways) * float(chdtrc(k, gain)))
+        p_left = float(chdtrc(len(white) - k, max(chi2 - gain, 0.0)))
+        out.append(
+            Cause(
+                name=name,
+                kind=kind,
+                terms=tuple(terms),
+                shift=shift,
+                sd=np.sqrt(np.diagonal(cho_solve(factor, np.eye(k)))),
+                gain=gain,
+                p=p,
+                p_left=p_left,
+                explains=p < allowed <= p_left,
+            )
+        )
+    return tuple(sorted(out, key=lambda c: (not c.explains, c.p, -c.gain)))
+
+
+def _verdict(changed: bool, causes: Sequence[Cause]) -> Verdict:
+    if not changed:
+        return "keep"
+    best = causes[0]
+    if not best.explains:
+        return "recalibrate"
+    return "measure again" if best.kind == "reading" else "update"
+
+
+def _own_sigmas(seen: Evaluation) -> Array:
+    factor = np.linalg.cholesky(seen.covariance)
+    white = np.linalg.solve(factor, seen.after[..., None])[..., 0]
+    return np.asarray(np.linalg.norm(white, axis=1))
