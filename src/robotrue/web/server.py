@@ -31,6 +31,7 @@ from robotrue.web.pages import PAGES
 from robotrue.web.parts.frame import frame
 from robotrue.web.preferences import preferences_from
 from robotrue.web.problems import answer_with_problems
+from robotrue.web.reports import reports_router
 from robotrue.web.sessions import Sessions, Tries
 from robotrue.web.settings import ServeSettings
 from robotrue.web.uploads import forget_old
@@ -140,6 +141,7 @@ def core_app(house: House) -> FastAPI:
     sessions = Sessions()
     answer_with_problems(app)
     app.include_router(login_router(house.settings, sessions, Tries()))
+    app.include_router(reports_router(house))
     app.include_router(api_router(house), prefix="/api")
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
     app.add_middleware(Gate, settings=house.settings, sessions=sessions)

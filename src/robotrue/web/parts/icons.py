@@ -31,6 +31,7 @@ def icon(name: str, *, size: int = 24) -> str:
     path = PATHS.get(name, "")
     return (
         f'<svg width="{size}" height="{size}" viewBox="0 0 24 24" fill="none" '
-        'stroke="currentColor" stroke-width="1.7" stroke-linecap="round" stroke-linejoin="round" aria-hidden="true">'
+        'stroke="currentColor" stroke-width="1.7" stroke-linecap="round" '
+        'stroke-linejoin="round" aria-hidden="true">'
         f'<path d="{path}"/></svg>'
     )

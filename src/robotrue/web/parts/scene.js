@@ -11,7 +11,7 @@ export default {
     <div class="scene-wait" v-if="state === 'loading'">{{ text.loading }}</div>
     <div class="scene-wait bad" v-if="state === 'fault'"><b>{{ text.fault }}</b><span>{{ fault }}</span></div>
     <div class="scene-tools" v-if="state === 'ready'">
-      <div class="seg" v-if="hasPoints || hasPath" role="radiogroup">
+      <div class="seg" v-if="hasPoints || compared" role="radiogroup">
         <button v-for="w in ['before','after']" :key="w" :class="{on: which === w}" :data-testid="'show-' + w" @click="which = w">{{ text[w] }}</button>
       </div>
       <label v-if="hasPoints" class="slide">{{ text.scale }} <b>×{{ steps[scale] }}</b>
@@ -36,7 +36,7 @@ export default {
   props: { src: String, text: Object, unit: String },
   data: () => ({
     state: "loading", fault: "", which: "before", scale: 6, field: "none", steps: STEPS, ramp: "",
-    hasPoints: false, hasField: false, hasPath: false, simulated: false, picked: null, facts: [], top: 0,
+    hasPoints: false, hasField: false, hasPath: false, compared: false, simulated: false, picked: null, facts: [], top: 0,
     layers: ["robot", "reach", "frames"], visible: { robot: true, reach: true, frames: true },
   }),
   computed: {
@@ -85,6 +85,8 @@ export default {
         const p = doc.path;
         this.path = { at: tools.floats(p.position), before: tools.floats(p.before_m), after: tools.floats(p.after_m), line: p.line };
         this.hasPath = true;
+        this.compared = p.compared;
+        if (p.compared) this.which = "after";
       }
       if (doc.field) {
         this.fieldData = { at: tools.floats(doc.field.position), error: tools.floats(doc.field.error_m), bound: tools.floats(doc.field.bound_m), width: 0.45 * Math.min(...doc.field.cell_m) };

@@ -73,6 +73,7 @@ class _Found:
     cell: Cell
     load: Load
     simulated: bool
+    compared: bool
 
 
 def _found(
@@ -116,6 +117,7 @@ def _found(
         cell=cell,
         load=_load(workspace, after, cell.payload),
         simulated=from_simulation(held.model, rows),
+        compared=bool(before),
     )
 
 
@@ -170,6 +172,7 @@ def _document(
                 "before_m": packed(before[drawn]),
                 "after_m": packed(after[drawn]),
                 "line": line[drawn],
+                "compared": found.compared,
             },
             "simulated": found.simulated,
         },

@@ -64,7 +64,7 @@ def model_scene(folder: str, model_id: str, version: int) -> bytes:
 
 
 def set_scene(folder: str, set_id: str, version: int, model_id: str, model_version: int) -> bytes:
-    """Returns measured errors of one set before and after, by a model that need not have seen it."""
+    """Returns measured errors of a set before and after, by a model that need not know the set."""
     with Workspace.open(folder) as workspace:
         held = models.model_of(
             workspace, items.get(workspace, MODEL, model_id, version=model_version)

@@ -294,6 +294,18 @@ export class SceneView {
     this.controls.update();
   }
 
+  // Looks at some points from near enough to tell them apart, once.
+  nearTo(points) {
+    if (this.near) return;
+    this.near = true;
+    const box = new this.THREE.Box3().setFromArray(points);
+    const middle = box.getCenter(new this.THREE.Vector3());
+    const size = Math.max(box.getSize(new this.THREE.Vector3()).length(), 0.25);
+    this.controls.target.copy(middle);
+    this.camera.position.copy(middle).add(new this.THREE.Vector3(0.9, -1.4, 1.1).multiplyScalar(1.15 * size));
+    this.controls.update();
+  }
+
   // Arrows from (n, 3) points along (n, 3) errors in m; by length on the ramp, or all in one colour.
   arrows(name, points, errors, { top, colour }) {
     const T = this.THREE;
@@ -363,6 +375,7 @@ export class SceneView {
       group.add(made);
       return made;
     };
+    this.nearTo(points);
     this.path = line(null);
     this.pathThin = null;
     if (n > THIN_PATH) {

@@ -1,0 +1,97 @@
+"""What was done and when, what was deleted and how it comes back."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import Final
+
+from robotrue.store import items, jobs, journal
+from robotrue.store.nouns import NOUNS
+from robotrue.store.records import Query, Record
+from robotrue.store.workspace import Workspace
+from robotrue.web.bench import Bench, Page
+from robotrue.web.parts.elements import Tone, table, tag, when
+from robotrue.web.parts.frame import html
+
+PER_PAGE: Final = 100
+TONES: Final[dict[str, Tone]] = {
+    "added": "good", "done": "good", "changed": "busy", "restored": "busy", "deleted": "caution",
+    "failed": "bad",
+}  # fmt: skip
+PAGES_OF: Final = {
+    "measurement": "/measurements?id=", "model": "/calibration?model=", "program": "/programs?id=",
+}  # fmt: skip
+
+
+async def _build(bench: Bench) -> None:
+    say, workspace = bench.say, bench.house.workspace
+    html(
+        f"<h1>{escape(say('nav.history'))}</h1><p class='lead'>{escape(say('history.lead'))}</p>"
+    ).classes("head")
+    gone = [
+        (noun, each)
+        for noun in ("cell", "measurement", "model", "program", "registration", "document")
+        for each in (
+            await bench.ask(items.listed, workspace, NOUNS[noun], Query(limit=20, deleted=True))
+        ).items
+    ]
+    if gone:
+        html(f"<h2>{escape(say('history.deleted'))}</h2>{_deleted(bench, gone)}").classes("card")
+    stated = bench.query.get("offset", "0")
+    offset = int(stated) if stated.isdigit() and len(stated) < 10 else 0
+    page = await bench.ask(journal.entries, workspace, offset=offset, limit=PER_PAGE)
+    names = await bench.ask(_kinds, workspace, [e.item for e in page.items if e.noun == jobs.NOUN])
+    rows = [
+        (
+            when(each.at),
+            tag(_word(bench, "action", each.action), TONES.get(each.action, "plain")),
+            escape(_word(bench, "noun", each.noun)),
+            _named(each, names),
+            f"v{each.version}" if each.version else "",
+        )
+        for each in page.items
+    ]
+    columns = [say(f"history.{c}") for c in ("when", "what", "thing", "name", "version")]
+    older = (
+        f'<a class="act quiet" href="/history?offset={offset + PER_PAGE}">'
+        f"{escape(say('history.older'))}</a>"
+        if offset + PER_PAGE < page.total
+        else ""
+    )
+    html(table(columns, rows, words=(0, 1, 2, 3), mark="journal") + older).classes("card")
+
+
+def _kinds(workspace: Workspace, ids: list[str]) -> dict[str, str]:
+    return {each: jobs.status(workspace, each).kind for each in dict.fromkeys(ids)}
+
+
+def _named(entry: journal.Entry, kinds: dict[str, str]) -> str:
+    name = str(entry.detail.get("name") or kinds.get(entry.item, "") or entry.item[:8])
+    where = PAGES_OF.get(entry.noun)
+    if where is None:
+        return escape(name)
+    return f'<a href="{where}{entry.item}">{escape(name)}</a>'
+
+
+def _deleted(bench: Bench, gone: list[tuple[str, Record]]) -> str:
+    say = bench.say
+    rows = [
+        (
+            f"<b>{escape(each.name)}</b>",
+            escape(_word(bench, "noun", noun)),
+            when(each.created),
+            f"<button class='act quiet' data-testid='undo' onclick=\"bench.undo('{noun}',"
+            f"'{each.id}',this)\">{escape(say('history.undo'))}</button>",
+        )
+        for noun, each in gone
+    ]
+    columns = [say(f"history.{c}") for c in ("name", "thing", "when")] + [""]
+    return table(columns, rows, words=(0, 1), mark="deleted")
+
+
+def _word(bench: Bench, group: str, word: str) -> str:
+    key = f"history.{group}_{word.replace(' ', '_').replace('-', '_')}"
+    return bench.say(key) if bench.say.known(key) else word
+
+
+PAGE: Final = Page(name="history", path="/history", build=_build)

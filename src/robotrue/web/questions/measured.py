@@ -1,0 +1,101 @@
+"""A measurement set on the screen: its rows, and how a model sees them."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+
+from robotrue.core.units import MM
+from robotrue.errors import ImplausibleDataError
+from robotrue.measurement.screening import screen
+from robotrue.store import items, measurements, models
+from robotrue.store.nouns import MEASUREMENT, MODEL
+from robotrue.store.samples import RowQuery
+from robotrue.store.workspace import Workspace
+from robotrue.validation.evaluation import Evaluation, evaluate
+from robotrue.validation.metrics import coverage, error_statistics
+from robotrue.web.questions.marks import from_simulation
+from robotrue.web.questions.packing import answer
+
+WORST: Final = 15
+
+
+def judged(folder: str, set_id: str, version: int, model_id: str, model_version: int) -> bytes:
+    """Returns how well a model predicts a set, its worst poses and what screening finds."""
+    with Workspace.open(folder) as workspace:
+        record = items.get(workspace, MODEL, model_id, version=model_version)
+        held = models.model_of(workspace, record)
+        rows = measurements.rows_of(
+            workspace, items.get(workspace, MEASUREMENT, set_id, version=version)
+        )
+    seen = evaluate(held.model, rows, payload=held.cell.payload)
+    fitted = any(to.id == set_id for to in record.linked("data"))
+    inside = coverage(seen.after, seen.covariance)
+    return answer(
+        {
+            "fitted": fitted,
+            "simulated": from_simulation(held.model, [rows]),
+            "model": record.name,
+            "before_m": _sizes(seen.before),
+            "after_m": _sizes(seen.after),
+            "coverage": inside.share,
+            "worst": _worst(seen),
+            "screening": _screening(seen),
+        }
+    )
+
+
+def rows(folder: str, set_id: str, version: int, sort: str, offset: int, limit: int) -> bytes:
+    """Returns a page of the rows of a set: line of the file, joints in deg, position in mm."""
+    with Workspace.open(folder) as workspace:
+        record = items.get(workspace, MEASUREMENT, set_id, version=version)
+        joints = tuple(f"joints_{k + 1}" for k in range(record.dof))
+        position = tuple(f"position_{axis}" for axis in "xyz")
+        columns = ("source_row", *joints, *position)
+        page = measurements.some_rows(
+            workspace,
+            record,
+            RowQuery(columns=columns, sort=sort, offset=offset, limit=limit),
+        )
+    values = np.stack(
+        [
+            page.columns["source_row"].astype(np.float64),
+            *(np.degrees(page.columns[name]) for name in joints),
+            *(page.columns[name] / MM for name in position),
+        ],
+        axis=1,
+    )
+    return answer({"columns": columns, "rows": values, "total": page.total, "offset": offset})
+
+
+def _sizes(errors: Any) -> dict[str, float]:
+    found = error_statistics(errors)
+    return {"mean": found.mean, "p95": found.p95, "max": found.max}
+
+
+def _worst(seen: Evaluation) -> list[dict[str, Any]]:
+    before, after = (np.linalg.norm(e, axis=1) for e in (seen.before, seen.after))
+    order = np.argsort(-after, kind="stable")[:WORST]
+    return [
+        {
+            "row": int(row) + 1,
+            "line": int(seen.measured.source_row[row]),
+            "group": seen.measured.group_names[int(seen.measured.group[row])],
+            "before_m": float(before[row]),
+            "after_m": float(after[row]),
+        }
+        for row in order
+    ]
+
+
+def _screening(seen: Evaluation) -> dict[str, Any]:
+    try:
+        found = screen(seen.measured, seen.after, seen.covariance)
+    except ImplausibleDataError as error:  # the model is wrong here, not the rows
+        return {"dropped": 0, "findings": [], "refused": error.message}
+    return {
+        "dropped": int((~found.kept).sum()),
+        "findings": [str(each) for each in found.findings[:20]],
+        "refused": "",
+    }

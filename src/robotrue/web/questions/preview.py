@@ -1,0 +1,102 @@
+"""What a file of measured poses looks like before it is taken in."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from robotrue.core.units import MM
+from robotrue.errors import ConfigurationError, FormatError, RobotrueError
+from robotrue.measurement.formats.registry import open_sheet
+from robotrue.measurement.formats.sheet import Sheet, read_sheet
+from robotrue.store import items
+from robotrue.store.nouns import CELL
+from robotrue.store.workspace import Workspace
+from robotrue.web.questions.intake import cell_of, column_mapping, read_sets
+from robotrue.web.questions.packing import answer
+
+SHOWN: Final = 8
+"""Rows of the preview."""
+JOINT: Final = re.compile(
+    r"(?:j|a|q|axis|joint|theta)[ _]*([1-9])(?:[ _]*\[?(deg|rad|°)\]?)?", re.IGNORECASE
+)
+AXIS: Final = re.compile(r"(?:.*[ _])?([xyz])(?:[ _]*\[?(mm|m|um|µm)\]?)?", re.IGNORECASE)
+
+
+def previewed(folder: str, path: str, cell_id: str, mapping: str) -> bytes:
+    """Returns the columns of a file, how they would be read, and what is wrong with that.
+
+    Args:
+        folder: Of the workspace.
+        path: The file.
+        cell_id: It was measured in.
+        mapping: JSON of the fields of a column mapping; empty: the layout is found, or guessed.
+    """
+    layout, fault = column_mapping(mapping), None
+    try:
+        sheet, found = open_sheet(path, layout)
+        layout_name = "" if layout is not None else found.name
+    except FormatError as error:
+        if layout is not None:
+            fault = _told(error)
+        sheet, layout_name = read_sheet(path), ""
+    document: dict[str, Any] = {
+        "columns": list(sheet.header),
+        "rows": [list(row) for row in sheet.cells[:SHOWN]],
+        "count": len(sheet.cells),
+        "layout": layout_name,
+        "guess": _guess(sheet),
+        "fault": fault,
+    }
+    if layout is not None or layout_name:
+        document |= _read(folder, path, cell_id, mapping)
+    return answer(document)
+
+
+def _read(folder: str, path: str, cell_id: str, mapping: str) -> dict[str, Any]:
+    """What the rows come to once they are read, or why they cannot be what they are said to be."""
+    with Workspace.open(folder) as workspace:
+        cell = cell_of(workspace, items.get(workspace, CELL, cell_id))
+    try:
+        rows, remarks = read_sets(cell, [Path(path)], column_mapping(mapping))
+    except ConfigurationError:
+        raise
+    except RobotrueError as error:
+        return {"fault": _told(error)}
+    low, high = rows.position.min(axis=0) / MM, rows.position.max(axis=0) / MM
+    return {
+        "poses": len(rows),
+        "frame": rows.frame,
+        "stations": len(np.unique(rows.station)),
+        "low_mm": low,
+        "high_mm": high,
+        "remarks": remarks,
+    }
+
+
+def _guess(sheet: Sheet) -> dict[str, Any]:
+    """Columns whose names say what they hold; what they do not say is left open."""
+    joints: dict[int, str] = {}
+    axes: dict[str, str] = {}
+    units: dict[str, str] = {}
+    for name in sheet.header:
+        if joint := JOINT.fullmatch(name.strip()):
+            joints.setdefault(int(joint[1]), name)
+            if joint[2]:
+                units["joints_unit"] = "rad" if joint[2].lower() == "rad" else "deg"
+        elif axis := AXIS.fullmatch(name.strip()):
+            axes.setdefault(axis[1].lower(), name)
+            if axis[2]:
+                units["position_unit"] = axis[2].lower().replace("µ", "u")
+    return {
+        "joints": [joints.get(k, "") for k in range(1, max(joints, default=6) + 1)],
+        "position": [axes.get(k, "") for k in "xyz"],
+        **units,
+    }
+
+
+def _told(error: RobotrueError) -> dict[str, Any]:
+    return {"message": error.message, "hint": error.hint, "line": error.line}
