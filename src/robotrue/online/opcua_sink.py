@@ -1,0 +1,354 @@
+"""Estimates as an OPC UA server for supervision: the tree of :mod:`robotrue.online.opcua_nodes`.
+
+With a folder of NodeSet files the joints stand in a robot of the Robotics companion model, too.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import hmac
+import logging
+import math
+import socket
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Final
+
+from robotrue.errors import ConfigurationError, MissingExtraError, ShapeError
+from robotrue.online import opcua_nodes as nodes
+from robotrue.online.envelopes import Bin, Envelopes
+from robotrue.online.estimate_columns import doubt_words
+from robotrue.online.estimates import EstimateBlock
+from robotrue.online.health_document import health_document
+from robotrue.online.link import Health
+from robotrue.online.net_address import NetAddress
+from robotrue.online.queues import Latest
+from robotrue.online.sink_settings import SinkSettings
+from robotrue.online.wall_clock import utc_seconds
+
+USER_VARIABLE: Final = "ROBOTRUE_OPCUA_USER"
+PASSWORD_VARIABLE: Final = "ROBOTRUE_OPCUA_PASSWORD"  # noqa: S105 (the name of a variable)
+CERTIFICATE_VARIABLE: Final = "ROBOTRUE_OPCUA_CERTIFICATE"
+KEY_VARIABLE: Final = "ROBOTRUE_OPCUA_KEY"  # (PEM or DER, as the certificate)
+_PER_SECOND: Final = 10.0
+_STALE_BEATS: Final = 10
+_BEAT: Final = 0.2
+_HEALTH_BEATS: Final = 5
+
+
+@dataclass(slots=True)
+class _Tree:
+    """Nodes of a running server."""
+
+    numbers: list[tuple[nodes.Reading, Any]] = field(default_factory=list)
+    positions: list[Any] = field(default_factory=list)
+    marks: dict[str, Any] = field(default_factory=dict)
+    health: Any = None
+    links: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+
+class OpcUaSink:
+    """A server that shows the latest estimate, its band, its doubt and every link's counters."""
+
+    def __init__(self, address: NetAddress, settings: SinkSettings) -> None:
+        """Takes ``opcua://host:port?rate=10``; user and password from the address or environment.
+
+        With ``ROBOTRUE_OPCUA_CERTIFICATE`` and ``_KEY`` only signed and encrypted channels
+        (Basic256Sha256) are offered.
+
+        Raises:
+            ConfigurationError: A rate that is none, or other computers could look without a
+                password.
+            MissingExtraError: asyncua is not installed.
+        """
+        _library()
+        self._address = address.only("rate")
+        self._settings = settings
+        env = settings.environment
+        self._user = address.user or env.get(USER_VARIABLE, "")
+        self._password = address.password or env.get(PASSWORD_VARIABLE, "")
+        if bool(self._user) != bool(self._password) or not (self._user or address.loopback):
+            raise ConfigurationError(
+                f"{address.shown} with {'a' if self._user else 'no'} user and "
+                f"{'a' if self._password else 'no'} password, expected both"
+                + ("." if address.loopback else ": other computers can reach it."),
+                hint=f"set {USER_VARIABLE} and {PASSWORD_VARIABLE}, or opcua://127.0.0.1.",
+            )
+        rate = address.number("rate", _PER_SECOND, low=1.0, high=50.0)
+        self._envelopes = Envelopes(per_second=rate, joints=settings.joints)
+        self._waiting: Latest[Bin | None] = Latest(8)
+        self._server: Any = None
+        self._tree = _Tree()
+        self._tasks: list[asyncio.Task[None]] = []
+        self._received = self._refused = 0
+        self._fault = ""
+
+    async def open(self) -> None:
+        """Builds the tree and begins to listen.
+
+        Raises:
+            ConfigurationError: The port is taken, a NodeSet file or a certificate is missing.
+            FormatError: A NodeSet file cannot be imported.
+        """
+        logging.getLogger("asyncua").setLevel(logging.CRITICAL)  # a client that goes is no error
+        server = None
+        try:
+            with socket.create_server((self._address.host, self._address.port)):
+                pass  # said now, not after the seconds that the tree takes
+            server = await self._built()
+            await server.start()
+        except OSError as cause:
+            if server is not None:
+                with contextlib.suppress(Exception):
+                    await server.stop()
+            raise ConfigurationError(
+                f"cannot listen at {self._address.shown}: {cause.strerror}.",
+                hint="another port, or the process that holds this one.",
+            ) from cause
+        self._server = server
+        self._tasks = [asyncio.create_task(self._show()), asyncio.create_task(self._beat())]
+
+    async def _built(self) -> Any:
+        from asyncua import Server, ua
+
+        server = Server(user_manager=_Users(self._user, self._password) if self._user else None)
+        await self._secured(server)
+        await server.init()
+        host = f"[{self._address.host}]" if ":" in self._address.host else self._address.host
+        server.set_endpoint(f"opc.tcp://{host}:{self._address.port}/")
+        server.set_server_name(f"robotrue {self._settings.cell}")
+        server.set_identity_tokens(
+            [ua.UserNameIdentityToken] if self._user else [ua.AnonymousIdentityToken]
+        )
+        if self._settings.nodesets is not None:
+            from robotrue.online.opcua_robotics import add_robot, import_models
+
+            await import_models(server, Path(self._settings.nodesets))
+            index = await server.register_namespace(nodes.URI)
+            self._tree.positions = await add_robot(
+                server, index, self._settings.cell, self._settings.joints
+            )
+        index = await server.register_namespace(nodes.URI)
+        await self._grow(server.nodes.objects, index)
+        return server
+
+    async def _secured(self, server: Any) -> None:
+        from asyncua import ua
+
+        env: Mapping[str, str] = self._settings.environment
+        certificate, key = env.get(CERTIFICATE_VARIABLE, ""), env.get(KEY_VARIABLE, "")
+        if not certificate and not key:
+            server.set_security_policy([ua.SecurityPolicyType.NoSecurity])
+            return
+        try:
+            await server.load_certificate(certificate)
+            await server.load_private_key(key)
+        except Exception as cause:  # whatever the library finds wrong with them
+            raise ConfigurationError(
+                f"certificate or key of {self._address.shown} cannot be read "
+                f"({type(cause).__name__}).",
+                hint=f"{CERTIFICATE_VARIABLE} and {KEY_VARIABLE} name files, PEM or DER.",
+            ) from cause
+        server.set_security_policy([ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt])
+
+    async def _grow(self, objects: Any, index: int) -> None:
+        from asyncua import ua
+
+        cell = await objects.add_object(index, self._settings.cell)
+        kinds = {
+            "Note": (self._settings.note, ua.VariantType.String),
+            "Valid": (False, ua.VariantType.Boolean),
+            "Doubt": (0, ua.VariantType.UInt32),
+            "DoubtText": ("", ua.VariantType.String),
+            "Sequence": (0, ua.VariantType.Int64),
+        }
+        for name, (value, kind) in kinds.items():
+            self._tree.marks[name] = await cell.add_variable(index, name, value, kind)
+        folders: dict[str, Any] = {}
+        for reading in nodes.readings(self._settings.joints):
+            if reading.folder not in folders:
+                folders[reading.folder] = await cell.add_object(index, reading.folder)
+            node = await nodes.add_reading(
+                folders[reading.folder], index, reading.name, reading.unit
+            )
+            self._tree.numbers.append((reading, node))
+        self._tree.health = await cell.add_object(index, "Health")
+        await self._show_health()
+
+    async def write(self, estimates: EstimateBlock) -> None:
+        """Takes a block; what is shown of it comes at the rate of the address."""
+        try:
+            bins = self._envelopes.add(estimates)
+        except ShapeError as cause:
+            self._refused += 1
+            self._fault = str(cause)
+            return
+        self._received += 1
+        for each in bins:
+            self._waiting.put(each)
+
+    async def _beat(self) -> None:
+        """Shows what a stream that stopped has left, then that nothing comes; and the counters."""
+        count, seen, still = 0, -1, 0
+        while True:
+            await asyncio.sleep(_BEAT)
+            still = still + 1 if seen == self._received else 0
+            if still == 1:
+                for each in self._envelopes.flush():
+                    self._waiting.put(each)
+            elif still == _STALE_BEATS:
+                self._waiting.put(None)
+            seen, count = self._received, count + 1
+            if count % _HEALTH_BEATS == 0:
+                await self._show_health()
+
+    async def _show(self) -> None:
+        """Writes bins to the nodes; None says that nothing comes any more."""
+        while True:
+            each = await self._waiting.take()
+            if each is None:
+                await self._show_nothing()
+            else:
+                await self._show_bin(each)
+
+    async def _show_bin(self, b: Bin) -> None:
+        from asyncua import ua
+
+        at = datetime.fromtimestamp(utc_seconds(b.host_time), UTC)
+        for reading, node in self._tree.numbers:
+            value = nodes.reading_value(reading, b)
+            known = math.isfinite(value)
+            whole = b.invalid == 0 or reading.folder == "Joints"
+            await self._put(node, value, nodes.status_name(b.doubt, known=known, whole=whole), at)
+            if reading.folder == "Joints" and self._tree.positions:
+                position = self._tree.positions[reading.column - 15]
+                await self._put(position, value, "Good" if known else "BadNoData", at)
+        valid = bool(math.isfinite(b.last[0]))
+        marks = self._tree.marks
+        await self._put(marks["Valid"], valid, "Good", at, ua.VariantType.Boolean)
+        await self._put(marks["Doubt"], b.doubt, "Good", at, ua.VariantType.UInt32)
+        text = doubt_words(b.doubt)
+        await self._put(marks["DoubtText"], text, "Good", at, ua.VariantType.String)
+        await self._put(marks["Sequence"], b.sequence, "Good", at, ua.VariantType.Int64)
+
+    async def _show_nothing(self) -> None:
+        from asyncua import ua
+
+        now = datetime.now(UTC)
+        numbers = [node for _, node in self._tree.numbers] + self._tree.positions
+        for node in numbers:
+            await self._put(node, float("nan"), "BadNoCommunication", now)
+        await self._put(self._tree.marks["Valid"], False, "Good", now, ua.VariantType.Boolean)
+        text = "no estimates come"
+        await self._put(self._tree.marks["DoubtText"], text, "Good", now, ua.VariantType.String)
+
+    async def _put(
+        self, node: Any, value: Any, status: str, at: datetime, kind: Any = None
+    ) -> None:
+        from asyncua import ua
+
+        await node.write_value(
+            ua.DataValue(
+                ua.Variant(value, kind or ua.VariantType.Double),
+                ua.StatusCode(ua.UInt32(getattr(ua.StatusCodes, status))),
+                SourceTimestamp=at,
+            )
+        )
+
+    async def _show_health(self) -> None:
+        from asyncua import ua
+
+        for health in self._settings.healths():
+            values = health_document(health)
+            found = self._tree.links.get(health.name)
+            if found is None:
+                found = await self._new_link(health.name)
+                self._tree.links[health.name] = found
+            for key, node in found.items():
+                value = values[key]
+                if isinstance(value, bool):
+                    await node.write_value(value, ua.VariantType.Boolean)
+                elif key in nodes.COUNTERS:
+                    await node.write_value(value, ua.VariantType.Int64)
+                elif isinstance(value, str):
+                    await node.write_value(value, ua.VariantType.String)
+                else:
+                    known = value is not None
+                    status = "Good" if known else "BadNoData"
+                    number = value if known else float("nan")
+                    await self._put(node, number, status, datetime.now(UTC))
+
+    async def _new_link(self, name: str) -> dict[str, Any]:
+        from asyncua import ua
+
+        folder = self._tree.health
+        index = folder.nodeid.NamespaceIndex
+        link = await folder.add_object(index, name)
+        found = {"connected": await link.add_variable(index, "Connected", False)}
+        for key in nodes.COUNTERS:
+            name = key.capitalize()
+            found[key] = await link.add_variable(index, name, 0, ua.VariantType.Int64)
+        for key, name in (
+            ("turnaround_p50_ms", "TurnaroundP50"),
+            ("turnaround_p99_ms", "TurnaroundP99"),
+        ):
+            found[key] = await nodes.add_reading(link, index, name, "ms")
+        found["last_fault"] = await link.add_variable(index, "LastFault", "")
+        return found
+
+    async def close(self) -> None:
+        """Lets the clients go and frees the port."""
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+        self._tasks = []
+        if self._server is not None:
+            server, self._server = self._server, None
+            await server.stop()
+
+    def health(self) -> Health:
+        """Returns the counters; connected while the server runs, dropped counts updates."""
+        for task in self._tasks:
+            if task.done() and not task.cancelled() and task.exception() is not None:
+                self._fault = f"{type(task.exception()).__name__}: {task.exception()}"
+        return Health(
+            name=self._address.shown,
+            connected=self._server is not None,
+            received=self._received,
+            refused=self._refused,
+            dropped=self._waiting.dropped,
+            last_fault=self._fault,
+        )
+
+
+class _Users:
+    """Lets one user in, who may read."""
+
+    def __init__(self, user: str, password: str) -> None:
+        self._user, self._password = user.encode(), password.encode()
+
+    def get_user(
+        self,
+        iserver: Any,
+        username: str | None = None,
+        password: str | None = None,
+        certificate: Any = None,
+    ) -> Any:
+        """Returns the user, or None for anybody else."""
+        from asyncua.crypto.permission_rules import User, UserRole
+
+        right = hmac.compare_digest((username or "").encode(), self._user)
+        right &= hmac.compare_digest((password or "").encode(), self._password)
+        return User(role=UserRole.User, name=username) if right else None
+
+
+def _library() -> None:
+    try:
+        import asyncua  # noqa: F401
+    except ImportError as cause:
+        raise MissingExtraError(
+            "opcua:// needs asyncua.", hint="pip install 'robotrue[online]'"
+        ) from cause
