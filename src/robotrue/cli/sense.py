@@ -49,6 +49,7 @@ from robotrue.online.service import (
 )
 from robotrue.online.sink_addresses import open_sink
 from robotrue.online.sink_settings import SinkSettings
+from robotrue.online.udp import prompt_answers
 from robotrue.robot.forward import forward
 
 _FILES: Final = ("cell", "model", "frf", "tool", "deviation", "clock")
@@ -132,7 +133,8 @@ def run_sense(options: SenseOptions, *, as_json: bool) -> None:
     resumed = _resumed(options, header, chain)
     writer = None if options.record is None else RecordWriter(options.record, header)
     try:
-        shot = asyncio.run(_served(options, cell, chain, corrections, writer, resumed))
+        with prompt_answers() if _answers(options) else contextlib.nullcontext():
+            shot = asyncio.run(_served(options, cell, chain, corrections, writer, resumed))
     finally:
         if writer is not None:
             writer.close()
@@ -350,6 +352,11 @@ def _force_rate(options: SenseOptions) -> float:
     )
 
 
+def _answers(options: SenseOptions) -> bool:
+    """Whether the robot is one that waits for answers."""
+    return options.robot.lower().startswith(("rsi://", "egm://"))
+
+
 def _corrections(options: SenseOptions, cell: Cell) -> Corrections | None:
     if not options.correct:
         if options.limit_mm is not None or options.rate_mm_per_s is not None:
@@ -360,7 +367,7 @@ def _corrections(options: SenseOptions, cell: Cell) -> Corrections | None:
             "corrections without limits.",
             hint="--limit-mm 0.2 --rate-mm-per-s 1, and the same in the controller (POSCORR).",
         )
-    if not options.robot.lower().startswith(("rsi://", "egm://")):
+    if not _answers(options):
         raise ConfigurationError(
             f"corrections to {_shown(options.robot)}: only rsi:// and egm:// robots take them.",
             hint="leave --correct out.",
