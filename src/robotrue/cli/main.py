@@ -22,6 +22,7 @@ from robotrue.cli import (
     drift_commands,
     drill_commands,
     dynamics_commands,
+    export_commands,
     part_commands,
     program_commands,
     record_commands,
@@ -29,6 +30,7 @@ from robotrue.cli import (
     sense_commands,
     serve_commands,
     simulate_commands,
+    store_commands,
 )
 from robotrue.cli.app import Json, app
 from robotrue.errors import RobotrueError
@@ -39,6 +41,7 @@ __all__ = [
     "drift_commands",
     "drill_commands",
     "dynamics_commands",
+    "export_commands",
     "part_commands",
     "program_commands",
     "record_commands",
@@ -47,6 +50,7 @@ __all__ = [
     "sense_commands",
     "serve_commands",
     "simulate_commands",
+    "store_commands",
 ]
 
 INTERRUPTED = 130

@@ -1,0 +1,223 @@
+"""What a controller's own parameters can take of a calibration: joint zeros, tool and base.
+
+Lengths and angles of links, gears, compliance and all that is learned stay outside. So the numbers
+are not simply copied: zeros, tool and base are fitted to the whole model over the training range,
+
+    min over (dtheta, base, tool) of sum |p_model(q) - p_rigid(q)|^2 + lever^2 |turn|^2
+
+with the smallest change where several do alike (joint 1 and the base, the last joint and the tool).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array, IntArray
+from robotrue.core.rotations import (
+    abc_from_matrix,
+    matrix_from_rotation_vector,
+    rotation_vector_from_matrix,
+)
+from robotrue.core.units import DEG, MM
+from robotrue.errors import ConvergenceError
+from robotrue.robot.forward import forward, parameter_jacobian, walk
+from robotrue.robot.model import RobotModel, parameter_slice
+from robotrue.robot.urdf_writer import error_pose
+from robotrue.store.export_losses import (
+    PARTS,
+    Calibrated,
+    Loss,
+    left_over,
+    loss_document,
+    losses,
+    require_named,
+)
+
+CANNOT: Final = PARTS
+LEVER: Final = 0.25
+"""m; a turn of the tool counts as much as the offset it makes at this distance."""
+STEPS: Final = 20
+SETTLED: Final = 1e-12
+"""m and rad, largest step of the last round."""
+SMALLEST: Final = 1e-7
+"""Relative singular value below which a direction is not fitted but left at zero."""
+WHERE: Final[Mapping[str, Mapping[str, str]]] = {
+    "kuka": {
+        "joint zeros": "mastering: correct the zero of each axis by the offset",
+        "tool": "TOOL_DATA",
+        "base": "$ROBROOT, or BASE_DATA of every base in use",
+    },
+    "abb": {
+        "joint zeros": "motor calibration: Cal Offset of each axis",
+        "tool": "tooldata, tframe",
+        "base": "base frame of the mechanical unit, or wobjdata of every work object in use",
+    },
+    "ur": {
+        "joint zeros": "joint calibration; not open to users on all versions",
+        "tool": "TCP of the installation",
+        "base": "no parameter: move the feature (plane) programs refer to",
+    },
+    "generic": {
+        "joint zeros": "zero offset of each axis",
+        "tool": "tool frame",
+        "base": "base frame",
+    },
+}
+"""Where a maker's controller keeps them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ControllerExport:
+    """The sheet.
+
+    Attributes:
+        robot: The rigid arm with the fitted zeros, base and tool.
+        before: What the nominal arm misses of the model.
+        total: What the fitted one misses.
+        lost: Each part that is left out, alone.
+        document: The sheet as JSON values.
+    """
+
+    robot: RobotModel
+    before: Loss
+    total: Loss
+    lost: tuple[Loss, ...]
+    document: Mapping[str, Any]
+
+    def text(self) -> str:
+        """Returns the sheet to read."""
+        return _text(self.document)
+
+    def json(self) -> str:
+        """Returns the sheet as JSON."""
+        return json.dumps(self.document, indent=1, allow_nan=False) + "\n"
+
+
+def export_controller(found: Calibrated, *, lossy: Sequence[str] = ()) -> ControllerExport:
+    """Returns the sheet.
+
+    Args:
+        found: From :func:`robotrue.store.export_losses.calibrated`.
+        lossy: Parts the sheet may leave out.
+
+    Raises:
+        ConfigurationError: Parts that would be lost and are not named.
+        ConvergenceError: The fit did not settle.
+    """
+    require_named(found, CANNOT, lossy)
+    nominal = found.tables.robot.nominal()
+    robot = fitted(found)
+    lost = losses(found, found.held)
+    before, total = left_over(found, nominal), left_over(found, robot)
+    return ControllerExport(
+        robot=robot,
+        before=before,
+        total=total,
+        lost=lost,
+        document=_document(robot, found, lost, before, total),
+    )
+
+
+def fitted(found: Calibrated) -> RobotModel:
+    """Returns the rigid arm whose zeros, base and tool come nearest to the model.
+
+    Raises:
+        ConvergenceError: Gauss-Newton did not settle.
+    """
+    robot = found.tables.robot.nominal()
+    known = bool(np.isfinite(found.turn).all())
+    aim = (
+        matrix_from_rotation_vector(np.nan_to_num(found.turn))
+        @ forward(robot, found.joints)[:, :3, :3]
+    )
+    place = _free(robot.dof)
+    errors = np.zeros(len(robot.errors))
+    for _ in range(STEPS):
+        at = robot.with_errors(errors)
+        state = walk(at, found.joints)
+        jacobian = parameter_jacobian(at, state, found.joints)[:, :, place]
+        off = np.zeros((len(found.joints), 6))
+        off[:, :3] = found.position - state.position
+        off[:, 3:] = rotation_vector_from_matrix(aim @ np.swapaxes(state.rotation, 1, 2))
+        weight = np.repeat([1.0, LEVER if known else 0.0], 3)
+        rows = (jacobian * weight[:, None]).reshape(-1, len(place))
+        step = np.linalg.lstsq(rows, (off * weight).ravel(), rcond=SMALLEST)[0]
+        errors[place] += step
+        if np.abs(step).max() < SETTLED:
+            return robot.with_errors(errors)
+    raise ConvergenceError(f"zeros, base and tool did not settle in {STEPS} steps.")
+
+
+def _free(dof: int) -> IntArray:
+    groups = [parameter_slice(dof, g) for g in ("theta", "base", "tool")]
+    return np.concatenate([np.arange(g.start, g.stop) for g in groups])
+
+
+def _document(
+    robot: RobotModel, found: Calibrated, lost: Sequence[Loss], before: Loss, total: Loss
+) -> Mapping[str, Any]:
+    sign = np.ones(robot.dof) if robot.controller is None else robot.controller.sign
+    offset = sign * np.linalg.solve(robot.joint_map, robot.error("theta"))
+    maker = robot.maker if robot.maker in WHERE else "generic"
+    return {
+        "format": "robotrue-controller-sheet",
+        "format_version": 1,
+        "robot": robot.name,
+        "maker": robot.maker,
+        "model_sha256": found.digest,
+        "joint_zero_offset_deg": {f"A{i + 1}": float(v) / DEG for i, v in enumerate(offset)},
+        "joint_zero_meaning": "true angle minus displayed angle, in the controller's sense",
+        "tool": _frame(robot.T_flange_tool @ error_pose(robot.error("tool"))),
+        "tool_meaning": "flange to the measured point, X Y Z and A B C (Rz Ry Rx)",
+        "base": _frame(error_pose(robot.error("base"))),
+        "base_meaning": "where the arm's root truly stands in the base it was believed to stand in",
+        "where": dict(WHERE[maker]),
+        "cannot_take": [x.name for x in lost],
+        "nominal_misses_rms_mm": before.rms / MM,
+        "nominal_misses_largest_mm": before.largest / MM,
+        **loss_document(lost, total),
+    }
+
+
+def _frame(T: Array) -> dict[str, list[float]]:
+    return {
+        "xyz_mm": (T[:3, 3] / MM).tolist(),
+        "abc_deg": (abc_from_matrix(T[:3, :3]) / DEG).tolist(),
+    }
+
+
+def _text(d: Mapping[str, Any]) -> str:
+    lines = [
+        f"Controller sheet, {d['robot']}, calibrated by robotrue",
+        f"Model sha256 {d['model_sha256']}",
+        "",
+        f"Joint zeros ({d['joint_zero_meaning']}), deg; {d['where']['joint zeros']}",
+        *(f"  {name}  {value:+.5f}" for name, value in d["joint_zero_offset_deg"].items()),
+    ]
+    for name in ("tool", "base"):
+        frame = d[name]
+        lines += [
+            "",
+            f"{name.capitalize()} ({d[f'{name}_meaning']}); {d['where'][name]}",
+            "  X {:.4f} mm  Y {:.4f} mm  Z {:.4f} mm".format(*frame["xyz_mm"]),
+            "  A {:.5f} deg  B {:.5f} deg  C {:.5f} deg".format(*frame["abc_deg"]),
+        ]
+    lines += [
+        "",
+        f"Misses the model by {d['together_rms_mm']:.4f} mm rms, "
+        f"{d['together_largest_mm']:.4f} mm at most, over poses spread over the training range;",
+        f"with the nominal parameters {d['nominal_misses_rms_mm']:.4f} mm rms, "
+        f"{d['nominal_misses_largest_mm']:.4f} mm at most.",
+        "Left out, each part alone (before zeros, tool and base were fitted to take some of it):",
+        *(
+            f"  {x['part']}: {x['rms_mm']:.4f} mm rms, {x['largest_mm']:.4f} mm at most"
+            for x in d["left_out"]
+        ),
+        "Programs compensated by robotrue are for the controller as it is: do not use both.",
+    ]
+    return "\n".join(lines) + "\n"

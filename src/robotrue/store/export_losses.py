@@ -1,0 +1,239 @@
+"""What a format cannot say of a calibrated robot, and how large that is; nothing is lost silently.
+
+The size of a loss is measured on poses spread over the training range, with the cell's payload:
+the distance between where the model says the tool point is with that part and without it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from robotrue.calibration.lineage import model_hash
+from robotrue.calibration.model import ErrorModel, Query
+from robotrue.calibration.tables import MeanTables
+from robotrue.core.arrays import Array, frozen
+from robotrue.core.units import MM
+from robotrue.errors import ConfigurationError, ModelMismatchError
+from robotrue.robot.forward import forward
+from robotrue.robot.model import RobotModel, parameter_slice
+from robotrue.robot.statics import NO_LOAD, Load, deflected
+from robotrue.validation.known_places import known_places
+
+PARTS: Final = ("geometry", "gear", "compliance", "ripple", "backlash", "residual")
+"""What a model may hold beyond joint zeros, base and tool, by the names of ``--lossy``."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Loss:
+    """One part that is left out.
+
+    Attributes:
+        name: Of :data:`PARTS`.
+        rms: m, root mean square over the sample poses.
+        largest: m.
+    """
+
+    name: str
+    rms: float
+    largest: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Calibrated:
+    """A model as something to export.
+
+    Attributes:
+        tables: Its mean.
+        digest: SHA-256 of the model.
+        joints: (n, dof) rad, sample poses.
+        position: (n, 3) m in base, where the model says the tool point is there.
+        turn: (n, 3) rad, left rotation vector of the tool against the nominal one; NaN where the
+            model does not know it.
+        load: The payload.
+    """
+
+    tables: MeanTables
+    digest: str
+    joints: Array
+    position: Array
+    turn: Array
+    load: Load
+
+    def __post_init__(self) -> None:
+        """Freezes the arrays."""
+        object.__setattr__(self, "joints", frozen(self.joints, (None, None), "joints"))
+        shape = (len(self.joints), 3)
+        object.__setattr__(self, "position", frozen(self.position, shape, "position"))
+        object.__setattr__(self, "turn", frozen(self.turn, shape, "turn", allow_nan=True))
+
+    @property
+    def held(self) -> tuple[str, ...]:
+        """Names of the parts this model really holds."""
+        t, robot = self.tables, self.tables.robot
+        there = {
+            "geometry": any(robot.error(g).any() for g in ("d", "a", "alpha", "beta")),
+            "gear": robot.error("gear").any(),
+            "compliance": robot.error("compliance").any(),
+            "ripple": bool(len(t.harmonics)) and bool(t.ripple_sin.any() or t.ripple_cos.any()),
+            "backlash": t.backlash.any(),
+            "residual": bool(len(t.centres)) and bool(t.weights.any()),
+        }
+        return tuple(name for name in PARTS if there[name])
+
+
+def calibrated(
+    model: ErrorModel, load: Load = NO_LOAD, *, T_flange_tool: Array | None = None
+) -> Calibrated:
+    """Returns a model ready for export.
+
+    Args:
+        model: Any error model with a mean in tables.
+        load: Payload under which losses are measured.
+        T_flange_tool: (4, 4) tool point; the measured one if None. The errors of the measured tool
+            do not carry over to another.
+
+    Raises:
+        ModelMismatchError: A model without tables, or without a training range.
+    """
+    tables = model.mean_tables(load)
+    places = known_places(model, load=load)
+    if tables is None or places is None:
+        raise ModelMismatchError(
+            f"a {type(model).__name__} has no parameters that another program could take.",
+            hint="calibrate with a method of `robotrue calibrate`.",
+        )
+    nominal = model.robot.nominal()
+    if T_flange_tool is not None:
+        nominal = nominal.with_tool(T_flange_tool)
+        tables = replace(tables, robot=tables.robot.with_tool(T_flange_tool))
+    seen = model.predict(Query(joints=places.joints, load=load, T_flange_tool=T_flange_tool))
+    return Calibrated(
+        tables=tables,
+        digest=model_hash(model),
+        joints=places.joints,
+        position=forward(nominal, places.joints)[:, :3, 3] + seen.error,
+        turn=seen.rotation_error,
+        load=load,
+    )
+
+
+def require_named(found: Calibrated, cannot: Sequence[str], lossy: Sequence[str]) -> None:
+    """Passes if every part that would be lost was named.
+
+    Args:
+        found: The model.
+        cannot: Parts the format cannot say.
+        lossy: Parts the user gave up by name.
+
+    Raises:
+        ConfigurationError: A part is not named (the message says how large each is), or a name no
+            part has.
+    """
+    unknown = [name for name in lossy if name not in PARTS]
+    if unknown:
+        raise ConfigurationError(
+            f"no part {unknown[0]!r} to leave out; parts are {', '.join(PARTS)}.",
+            hint="--lossy compliance,residual",
+        )
+    lost = [name for name in found.held if name in cannot]
+    missing = [name for name in lost if name not in lossy]
+    if not missing:
+        return
+    sizes = ", ".join(
+        f"{loss.name} ({loss.largest / MM:.3f} mm at most)" for loss in losses(found, missing)
+    )
+    raise ConfigurationError(
+        f"this format cannot say {sizes} of the calibrated robot.",
+        hint=f"--lossy {','.join(lost)} leaves it out, and the file says so.",
+    )
+
+
+def losses(found: Calibrated, names: Sequence[str]) -> tuple[Loss, ...]:
+    """Returns the size of each named part, alone."""
+    whole = mean_position(found.tables, found.joints, found.load)
+    out = []
+    for name in names:
+        rest = mean_position(without(found.tables, (name,)), found.joints, found.load)
+        out.append(_loss(name, whole - rest))
+    return tuple(out)
+
+
+def left_over(found: Calibrated, robot: RobotModel, joints: Array | None = None) -> Loss:
+    """Returns what a rigid robot, as another program will compute it, misses of the model.
+
+    Args:
+        found: The model.
+        robot: What was exported.
+        joints: (n, dof) rad that program is given at the sample poses; the same if None.
+    """
+    at = forward(robot, found.joints if joints is None else joints)[:, :3, 3]
+    return _loss("all", found.position - at)
+
+
+def without(tables: MeanTables, names: Sequence[str]) -> MeanTables:
+    """Returns the tables without some parts."""
+    errors = np.array(tables.robot.errors)
+    dof = tables.robot.dof
+    groups = {"geometry": ("d", "a", "alpha", "beta"), "gear": ("gear",)}
+    groups["compliance"] = ("compliance",)
+    for name in names:
+        for group in groups.get(name, ()):
+            errors[parameter_slice(dof, group)] = 0.0
+    changed: dict[str, Any] = {"robot": tables.robot.with_errors(errors)}
+    if "ripple" in names:
+        changed["ripple_sin"] = np.zeros_like(tables.ripple_sin)
+        changed["ripple_cos"] = np.zeros_like(tables.ripple_cos)
+    if "backlash" in names:
+        changed["backlash"] = np.zeros(dof)
+    if "residual" in names:
+        changed["weights"] = np.zeros_like(tables.weights)
+    return replace(tables, **changed)
+
+
+def mean_position(tables: MeanTables, joints: Array, load: Load) -> Array:
+    """Returns the tool point (n, 3) m of the tables; joints approached from below (sign +1)."""
+    phase = joints[:, :, None] * tables.harmonics
+    ripple = np.sum(np.sin(phase) * tables.ripple_sin + np.cos(phase) * tables.ripple_cos, axis=2)
+    position = deflected(tables.robot, joints, load, ripple + tables.backlash)[0].position
+    if len(tables.centres):
+        features = tables.scale * np.concatenate([np.sin(joints), np.cos(joints)], axis=1)
+        away = np.sum((features[:, None, :] - tables.centres[None]) ** 2, axis=2)
+        position = position + np.exp(-0.5 * away) @ tables.weights
+    return np.asarray(position)
+
+
+def loss_document(lost: Sequence[Loss], total: Loss) -> Mapping[str, Any]:
+    """Returns JSON values: what was left out, mm."""
+    return {
+        "left_out": [
+            {"part": x.name, "rms_mm": x.rms / MM, "largest_mm": x.largest / MM} for x in lost
+        ],
+        "together_rms_mm": total.rms / MM,
+        "together_largest_mm": total.largest / MM,
+        "measured_on": "poses spread evenly over the joint ranges of the training data, with the "
+        "cell's payload, backlash at one side",
+    }
+
+
+def loss_sentences(lost: Sequence[Loss], total: Loss) -> list[str]:
+    """Returns the same as lines of text."""
+    if not lost:
+        return ["Nothing of the model is left out."]
+    parts = [
+        f"Left out: {x.name}, {x.rms / MM:.4f} mm rms, {x.largest / MM:.4f} mm at most."
+        for x in lost
+    ]
+    return [
+        *parts,
+        f"Misses the model by {total.rms / MM:.4f} mm rms, {total.largest / MM:.4f} mm at most, "
+        "over poses spread evenly over the training range.",
+    ]
+
+
+def _loss(name: str, off: Array) -> Loss:
+    length = np.linalg.norm(off, axis=1)
+    return Loss(name=name, rms=float(np.sqrt(np.mean(length**2))), largest=float(length.max()))
