@@ -34,14 +34,14 @@ def to_urdf(robot: RobotModel, *, geometry_only: bool = False) -> str:
     before, after = _constants(robot)
     lines = ['<?xml version="1.0"?>', f"<robot name={quoteattr(robot.name)}>"]
     lines.append('  <link name="base_link"/>')
-    parent, gap = "base_link", _error_pose(robot.error("base"))
+    parent, gap = "base_link", error_pose(robot.error("base"))
     for i in range(robot.dof):
         name = f"link_{i + 1}"
         lines += _joint(robot, i, parent, gap @ before[i])
         lines += _link(name, float(robot.link_mass[i]), apply(after[i], robot.link_com[i]))
         parent, gap = name, after[i]
     lines += _fixed("flange", parent, gap)
-    lines += _fixed("tool0", "flange", robot.T_flange_tool @ _error_pose(robot.error("tool")))
+    lines += _fixed("tool0", "flange", robot.T_flange_tool @ error_pose(robot.error("tool")))
     return "\n".join([*lines, "</robot>", ""])
 
 
@@ -93,7 +93,8 @@ def _move(axis: int, length: float) -> Array:
     return out
 
 
-def _error_pose(values: Array) -> Array:
+def error_pose(values: Array) -> Array:
+    """Returns the (4, 4) pose of an error Tx Ty Tz Rx Ry Rz (m, rad), in that order."""
     out = np.eye(4)
     for k in range(3):
         out = out @ _move(k, float(values[k]))

@@ -21,6 +21,7 @@ from robotrue.store.export_losses import (
     left_over,
     loss_sentences,
     losses,
+    part_left_over,
     require_named,
 )
 from robotrue.store.export_urdf import rigid
@@ -39,12 +40,13 @@ class DhExport:
 
     Attributes:
         text: CSV with remarks in lines that begin with ``#``.
-        total: What the rows without gear and compliance miss of the model, as most programs will
-            read them.
+        total: What the rows miss of the model, all columns used.
+        as_rigid: What they miss where gear and compliance are not read, as most programs do.
     """
 
     text: str
     total: Loss
+    as_rigid: Loss
 
 
 def export_dh(found: Calibrated, *, lossy: Sequence[str] = ()) -> DhExport:
@@ -65,31 +67,31 @@ def export_dh(found: Calibrated, *, lossy: Sequence[str] = ()) -> DhExport:
             hint="export the serial arm: replace(robot, joint_map=np.eye(6)).",
         )
     lost = losses(found, [name for name in found.held if name in CANNOT])
-    total = left_over(found, rigid(robot))
+    total = part_left_over(found, CANNOT)
+    as_rigid = left_over(found, rigid(robot))
     buffer = io.StringIO(newline="")
-    for line in _remarks(robot, found, lost, total):
+    for line in _remarks(robot, found, lost, total, as_rigid):
         buffer.write(f"# {line}\n")
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(COLUMNS)
     writer.writerows(_rows(robot))
-    return DhExport(text=buffer.getvalue(), total=total)
+    return DhExport(text=buffer.getvalue(), total=total, as_rigid=as_rigid)
 
 
-def _remarks(robot: RobotModel, found: Calibrated, lost: Sequence[Loss], total: Loss) -> list[str]:
+def _remarks(
+    robot: RobotModel, found: Calibrated, lost: Sequence[Loss], total: Loss, as_rigid: Loss
+) -> list[str]:
     link = {
         "dh": "standard DH: Rz(theta + q) Tz(d) Tx(a) Rx(alpha) Ry(beta)",
         "mdh": "modified DH: Rx(alpha) Tx(a) Ry(beta) Rz(theta + q) Tz(d)",
     }[robot.convention]
-    said = loss_sentences(lost, total)
-    if total.largest > 0.0 and not lost:
-        said = []
     return [
         f"{robot.name}, calibrated by robotrue, model sha256 {found.digest}",
         f"{link}; base before the first, tool after the last: T(x,y,z) Rz(a) Ry(b) Rx(c)",
         "q_drive = (1 + gear) q + compliance * torque on the drive",
-        *said,
-        f"Without gear and compliance: off by {total.rms / MM:.4f} mm rms, "
-        f"{total.largest / MM:.4f} mm at most.",
+        *loss_sentences(lost, total),
+        f"Read without gear and compliance: misses {as_rigid.rms / MM:.4f} mm rms, "
+        f"{as_rigid.largest / MM:.4f} mm at most.",
     ]
 
 

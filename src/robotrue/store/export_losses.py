@@ -174,6 +174,12 @@ def left_over(found: Calibrated, robot: RobotModel, joints: Array | None = None)
     return _loss("all", found.position - at)
 
 
+def part_left_over(found: Calibrated, names: Sequence[str]) -> Loss:
+    """Returns what the model's own mean without some parts misses, all together."""
+    rest = mean_position(without(found.tables, names), found.joints, found.load)
+    return _loss("all", found.position - rest)
+
+
 def without(tables: MeanTables, names: Sequence[str]) -> MeanTables:
     """Returns the tables without some parts."""
     errors = np.array(tables.robot.errors)
