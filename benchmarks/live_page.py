@@ -75,6 +75,23 @@ async def feed(sink, stop):
             await asyncio.sleep(late)
 
 
+async def alone(seconds=5.0):
+    """Returns the share of a core that making the estimates costs without any sink."""
+
+    class Nowhere:
+        async def write(self, estimates):
+            pass
+
+    stop = asyncio.Event()
+    feeding = asyncio.create_task(feed(Nowhere(), stop))
+    cpu = time.process_time()
+    await asyncio.sleep(seconds)
+    cpu = (time.process_time() - cpu) / seconds
+    stop.set()
+    await feeding
+    return cpu
+
+
 async def look(port, seconds, shots):
     from playwright.async_api import async_playwright
 
@@ -122,6 +139,7 @@ async def look(port, seconds, shots):
 
 
 async def main(seconds, shots, rate):
+    print(f"without a sink: {100 * await alone():4.1f} % of one core")
     settings = SinkSettings(cell="cell-3", note="simulated", healths=healths)
     sink = open_sink(f"ws://127.0.0.1:0?rate={rate}", settings)
     await sink.open()
