@@ -43,6 +43,8 @@ _WIDER: Final = 2.0
 too. Found on simulated jogs, where the truth is known."""
 _MODEL: Final = 0.15e-3
 """s, what is left of the inertia that no function here has; found likewise, 18.5 kg at 0.35 m."""
+_SETTLED: Final = 1e-7
+"""s; a step shorter than this ends the refinement."""
 _COARSE: Final = 4
 """Of the grid's samples, every how-many-eth is searched with; shifts likewise."""
 _GRID: Final = 200.0
@@ -147,6 +149,11 @@ class _Track:
         left, size, _ = np.linalg.svd(own, full_matrices=False)
         self.values: Array = left[:, size > _RANK * size[0]] * np.sqrt(count)
 
+    def near(self, time: Array) -> Array:
+        """Returns functions (n, k) at the points of the grid next to some times."""
+        place = np.round((time - self.begin) / self.step).astype(np.int64)
+        return np.asarray(self.values[np.clip(place, 0, len(self.values) - 1)])
+
     def at(self, time: Array) -> tuple[Array, Array]:
         """Returns functions (n, k) and their derivatives by time, by the cubic through four."""
         place = (time - self.begin) / self.step
@@ -182,7 +189,7 @@ def _searched(grid: Array, seen: Array, track: _Track, most: float) -> tuple[flo
     thin = slice(None, None, _COARSE)
     reach = int(np.floor(most * _GRID / _COARSE))
     shifts = np.arange(-reach, reach + 1.0) * _COARSE / _GRID
-    share = np.array([_explained(seen[thin], track.at(grid[thin] + s)[0]) for s in shifts])
+    share = np.array([_explained(seen[thin], track.near(grid[thin] + s)) for s in shifts])
     best = int(np.argmax(share))
     if best in (0, len(share) - 1):
         raise ObservabilityError(
@@ -223,7 +230,8 @@ def _refined(
     for _ in range(20):
         value, rate = track.at(grid + shift + drift * scale)
         full = np.hstack([np.ones((len(grid), 1)), value])
-        basis, gain = np.linalg.qr(full)[0], np.linalg.lstsq(full, seen, rcond=None)[0]
+        basis, upper = np.linalg.qr(full)
+        gain = np.linalg.solve(upper, basis.T @ seen)
         rest = seen - full @ gain
         slope = rate @ gain[1:]
         # what the other unknowns could do instead is no evidence of a shift
@@ -238,7 +246,7 @@ def _refined(
         step = np.linalg.solve(normal, right)
         shift += float(step[0])
         drift += float(step[1]) if drifts else 0.0
-        if np.abs(step[0]) < 1e-9:
+        if np.abs(step[0]) < _SETTLED:
             break
     sd = _deviation(normal, free, rest, weight)
     explained = _explained(seen, track.at(grid + shift + drift * scale)[0])
