@@ -127,11 +127,13 @@ async def look(port, seconds, shots):
                 "[performance.now(), +counts.dataset.received, +counts.dataset.painted]"
             )
             cpu = (time.process_time() - cpu) / wait
+            each = await page.evaluate("counts.dataset.paintMs")
             span = (last[0] - first[0]) / 1e3
             if shots:
                 await page.screenshot(path=str(shots / f"live_{name}.png"))
             found.append((name, (last[1] - first[1]) / span, (last[2] - first[2]) / span, cpu))
-            print(f"{name:8s} come {found[-1][1]:5.1f}/s  painted {found[-1][2]:5.1f}/s  "
+            print(f"{name:8s} come {found[-1][1]:5.1f}/s  painted {found[-1][2]:5.1f}/s, "
+                f"{each} ms each  "
                   f"server and feed {100 * cpu:4.1f} % of one core  "
                   f"hosts {sorted(hosts)}  faults {faults}")  # fmt: skip
             await context.close()

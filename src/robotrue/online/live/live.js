@@ -13,7 +13,7 @@ const byId = (id) => document.getElementById(id);
 const state = {
   hello: null, history: null, shown: null, last: null, cameAt: 0, links: [], dropped: 0,
   paused: false, span: 10, limit: 0, same: true, dirty: true, link: "waiting",
-  received: 0, painted: 0, readAt: 0, token: "",
+  received: 0, painted: 0, spent: 0, groups: [], token: "",
 };
 const ranges = [new Range(5), new Range(5), new Range(5), new Range(20)];
 let colour = colours();
@@ -69,6 +69,7 @@ function paint() {
   if (!state.dirty || !state.hello) return;
   state.dirty = false;
   state.painted++;
+  const begun = performance.now();
   const history = state.paused ? state.shown : state.history;
   const end = history.end;
   if (Number.isNaN(end)) return;
@@ -84,11 +85,8 @@ function paint() {
   const forces = AXES.map((a, k) => ({ index: 3 + k, colour: colour.axes[k], label: `f${a}` }));
   panel(byId("force"), groups, forces, ranges[3], box, colour, { title: word("forceTitle"), limit: 0, times: true });
   strip(byId("doubts"), groups, box, colour, reason);
-  const now = performance.now();
-  if (!state.paused && now - state.readAt > READ_MS) {
-    state.readAt = now;
-    values(groups);
-  }
+  state.groups = groups;
+  state.spent += performance.now() - begun;
 }
 
 function scales(groups) {
@@ -122,13 +120,18 @@ const names = (doubt) =>
 
 const number = (v, digits = 1) => (v === null || v === undefined ? "—" : v.toFixed(digits));
 
-function values(groups) {
-  const last = state.last;
+// Numbers of a stream that has stopped are taken away: they would be believed.
+const NOTHING = { error_um: [], sd_um: [], static_um: [], force_N: [], moment_Nm: [], joints_deg: [] };
+
+function values() {
+  if (!state.last) return;
+  const last = stopped() ? NOTHING : state.last;
+  const groups = state.groups;
   AXES.forEach((a, k) => {
     const row = byId("errors").tBodies[0].rows[k];
     const peak = Math.max(...groups.map((g) => Math.max(Math.abs(g.low[k]), Math.abs(g.high[k])) || 0));
-    const sd = last.error_um[k] === null ? null : last.sd_um[k];
-    const cells = [`e${a}`, number(last.error_um[k]), sd === null ? "—" : number(2 * sd), number(last.static_um[k]), number(peak)];
+    const sd = typeof last.error_um[k] === "number" ? 2 * last.sd_um[k] : null;
+    const cells = [`e${a}`, number(last.error_um[k]), number(sd), number(last.static_um[k]), number(peak)];
     cells.forEach((text, i) => put(row.cells[i], text));
     row.classList.toggle("over", state.limit > 0 && peak > state.limit);
   });
@@ -138,8 +141,10 @@ function values(groups) {
       .forEach((text, i) => put(row.cells[i], text));
   });
   const items = byId("joints").children;
-  last.joints_deg.forEach((v, k) => put(items[k].lastChild, number(v, 2)));
+  Array.from(items).forEach((item, k) => put(item.lastChild, number(last.joints_deg[k], 2)));
 }
+
+const stopped = () => state.link !== "connected" || performance.now() - state.cameAt > STALE_MS;
 
 // The state is never paused: whoever looks must know whether the machine is believed now.
 function verdict() {
@@ -268,7 +273,9 @@ function start() {
     put(node, word("counts", { r: state.received - received, p: state.painted - painted, d: state.dropped }));
     [received, painted] = [state.received, state.painted];
     [node.dataset.received, node.dataset.painted] = [received, painted];
+    node.dataset.paintMs = (state.spent / Math.max(1, state.painted)).toFixed(2);
   }, 1000);
+  setInterval(values, READ_MS);
   setInterval(() => {
     verdict();
     put(byId("link"), word(state.link));

@@ -278,6 +278,7 @@ export function strip(canvas, groups, box, colour, reason) {
     const [a, b] = [Math.max(x(groups[i - 1].t), LEFT), x(groups[i].t)];
     if (groups[i].doubt && !groups[i].invalid && !groups[i].gap) pen.fillRect(a, 0, b - a + 0.5, 3);
   }
+  const labels = []; // one for stretches that touch, with every reason
   for (const [from, to, doubt, kind] of stretches(groups, box)) {
     const a = Math.max(x(from), LEFT);
     const b = Math.max(x(to), a + 2);
@@ -285,11 +286,15 @@ export function strip(canvas, groups, box, colour, reason) {
     pen.globalAlpha = 0.9;
     pen.fillRect(a, 0, b - a, 5);
     pen.globalAlpha = 1;
-    const words = reason(doubt, kind);
-    const place = Math.min(a, width - RIGHT - pen.measureText(words).width);
-    if (place >= free) {
-      pen.fillText(words, place, height / 2 + 4);
-      free = place + pen.measureText(words).width + 12;
-    }
+    const last = labels[labels.length - 1];
+    if (last && a - last.to < 3) [last.to, last.words] = [b, last.words.add(reason(doubt, kind))];
+    else labels.push({ from: a, to: b, words: new Set([reason(doubt, kind)]) });
+  }
+  for (const label of labels) {
+    const words = [...label.words].join(", ");
+    const place = Math.max(LEFT, Math.min(label.from, width - RIGHT - pen.measureText(words).width));
+    if (place < free) continue;
+    pen.fillText(words, place, height / 2 + 4);
+    free = place + pen.measureText(words).width + 12;
   }
 }
