@@ -58,7 +58,6 @@ TEXT: Final[Mapping[str, str]] = {
     "after": "after",
     "fact.note": "note",
     # Calibration
-    "cal.title": "How well {robot} is known",
     "cal.verdict": "Predicts where the robot really goes within {mean:.3f} mm on average, "
     "{max:.3f} mm at worst.",
     "cal.no_better": "No better than a frame correction: {mean:.3f} mm on average.",

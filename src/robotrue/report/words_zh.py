@@ -58,7 +58,6 @@ TEXT: Final[Mapping[str, str]] = {
     "after": "修正后",
     "fact.note": "说明",
     # Calibration
-    "cal.title": "{robot} 的精度",
     "cal.verdict": "对机器人实际到达位置的预测误差：平均 {mean:.3f} mm，最大 {max:.3f} mm。",
     "cal.no_better": "不优于仅修正坐标系：平均误差 {mean:.3f} mm。",
     "cal.kept": "95 % 的位姿预测误差在 {p95:.3f} mm 以内：满足 {tolerance:g} mm 的公差。",
