@@ -148,6 +148,15 @@ def test_a_table_without_axes_keeps_one_orientation() -> None:
     assert reasons(read("toolpath_csv", data, FrameTable())) == [Reason.INCOMPLETE]
 
 
+@pytest.mark.parametrize("blank", ["\x1c", "\xa0", "\u2003"])
+def test_blanks_around_names_are_those_of_text(blank: str) -> None:
+    plain = "x_mm;y_mm;z_mm\n1.0;2.0;3.0\n1.5;2.5;3.5\n"
+    odd = f"{blank}\n" + plain.replace("y_mm", f"{blank}y_mm{blank}")
+    rows = [read("toolpath_csv", text.encode()) for text in (plain, odd)]
+    np.testing.assert_array_equal(rows[0].position, rows[1].position)
+    assert reasons(rows[0]) == reasons(rows[1])
+
+
 def test_refused() -> None:
     for name, data, line in (
         ("apt", b"UNITS/MM\nFINI\n", 1),

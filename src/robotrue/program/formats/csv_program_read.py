@@ -18,7 +18,7 @@ from robotrue.program.formats.path_lines import cell_spans
 from robotrue.program.formats.path_words import PathWords, Turn, poses
 from robotrue.program.formats.target_notes import TargetNotes
 from robotrue.program.formats.text_lines import line_starts, require_text
-from robotrue.program.formats.toolpath_csv import AXIS, POSITION, read_toolpath_csv
+from robotrue.program.formats.toolpath_csv import AXIS, POSITION, columns_of, read_toolpath_csv
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 
 _NUMBER: Final = re.compile(WHOLE_NUMBER)
@@ -38,8 +38,7 @@ def read_csv_program(data: bytes, name: str, frames: FrameTable) -> Program:
         path = read_toolpath_csv(data, source=name)
     except ImplausibleDataError as error:
         raise FormatError(error.message, source=name, line=1, hint=error.hint) from None
-    header = _header_line(data)
-    numbers, by_axis = _numbers(data, header, path.line)
+    numbers, by_axis = _numbers(data, *columns_of(data, name), path.line)
     n = len(path)
     value = numbers.value.copy()
     if not by_axis:
@@ -69,17 +68,8 @@ def read_csv_program(data: bytes, name: str, frames: FrameTable) -> Program:
     )  # fmt: skip
 
 
-def _header_line(data: bytes) -> bytes:
-    for line in re.split(rb"\r\n|\n|\r", data.removeprefix(b"\xef\xbb\xbf")):
-        if line.strip() and not line.lstrip().startswith(b"#"):
-            return line
-    return b""
-
-
-def _numbers(data: bytes, header: bytes, line: IntArray) -> tuple[Numbers, bool]:
+def _numbers(data: bytes, mark: str, names: list[str], line: IntArray) -> tuple[Numbers, bool]:
     """Returns the words (n, 6), and whether the table has tool axes."""
-    mark = b";" if b";" in header else b","
-    names = [cell.strip(b' \t"').lower().decode("latin-1") for cell in header.split(mark)]
     by_axis = AXIS[0] in names
     columns = [names.index(each) for each in (*POSITION, *(AXIS if by_axis else ()))]
     starts = line_starts(data)

@@ -11,6 +11,7 @@ import csv
 import difflib
 import io
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
@@ -83,22 +84,36 @@ def read_toolpath_csv(data: bytes, *, source: str) -> Toolpath:
     )
 
 
+def columns_of(data: bytes, source: str) -> tuple[str, list[str]]:
+    """Returns the mark between cells and the names of the columns of a tool path's header.
+
+    Raises:
+        FormatError: As :func:`read_toolpath_csv`.
+    """
+    number, line = next(_lines(data, source), (1, ""))
+    mark = ";" if ";" in line else ","
+    return mark, _header(_split(line, mark), source, number)
+
+
+def _lines(data: bytes, source: str) -> Iterator[tuple[int, str]]:
+    text = io.StringIO(utf8_text(data, source), newline=None)
+    for number, line in enumerate(text, start=1):
+        if line.strip() and not line.lstrip().startswith("#"):
+            yield number, line.removesuffix("\n")
+
+
+def _split(line: str, mark: str) -> list[str]:
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=mark))]
+
+
 def _rows(data: bytes, source: str) -> list[tuple[int, list[str]]]:
-    text = utf8_text(data, source)
-    lines = [
-        (number, line)
-        for number, line in enumerate(io.StringIO(text, newline=None).read().split("\n"), start=1)
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
+    lines = list(_lines(data, source))
     if len(lines) < 2:
         raise FormatError(
             "no row with a point.", source=source, line=1, hint="export the path again."
         )
     mark = ";" if ";" in lines[0][1] else ","
-    return [
-        (number, [cell.strip() for cell in next(csv.reader([line], delimiter=mark))])
-        for number, line in lines
-    ]
+    return [(number, _split(line, mark)) for number, line in lines]
 
 
 def _header(header: list[str], source: str, line: int) -> list[str]:
