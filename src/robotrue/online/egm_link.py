@@ -124,8 +124,10 @@ class EgmSource(RobotLink):
             self._view.take(robot, host_time, flags)
 
     def _answer(self, corrector: Corrector, sender: Address, host_time: float) -> None:
-        correction, age = corrector.next(host_time), corrector.age(host_time)
-        message = write_path_correction(self._own, round(host_time * 1e3), correction, age)
+        # asked for now: the message may have waited, and estimates have come since
+        now = time.monotonic()
+        correction, age = corrector.next(now), corrector.age(now)
+        message = write_path_correction(self._own, round(now * 1e3), correction, age)
         self._own += 1
         if self._endpoint.send(message, sender):
             self.turnaround.add(time.monotonic() - host_time)

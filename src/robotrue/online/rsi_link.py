@@ -147,7 +147,8 @@ class RsiSource(RobotLink):
         self._answered.append(ipoc)
         correction = self._rest
         if self._corrector is not None:
-            correction = self._corrector.next(host_time)
+            # asked for now: the packet may have waited, and estimates have come since
+            correction = self._corrector.next(time.monotonic())
         if self._endpoint.send(self._writer.write(ipoc, correction), sender):
             self.turnaround.add(time.monotonic() - host_time)
 

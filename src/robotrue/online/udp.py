@@ -13,12 +13,13 @@ import contextlib
 import gc
 import os
 import socket
+import struct
 import sys
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from typing import Final, Generic, TypeVar
+from typing import Any, Final, Generic, TypeVar
 
 from robotrue.errors import ConfigurationError
 
@@ -29,11 +30,18 @@ T = TypeVar("T")
 _LARGEST: Final = 65535
 _BUFFER: Final = 1 << 20
 """Bytes the system may hold while the thread waits for a processor: a second of any protocol."""
+_STAMP: Final = 35
+"""SO_TIMESTAMPNS of Linux: s and ns of arrival come with each datagram."""
+_TIMESPEC: Final = struct.Struct("@qq")
+_LONGEST: Final = 1.0
+"""s a datagram can have waited; a longer wait is a clock that was set."""
 _WAKE: Final = 0.05
 """s between two looks at whether the endpoint was closed."""
 _SWITCH: Final = 0.5e-3
 """s after which Python takes a running thread off for one that waits; its own 5 ms are a cycle."""
-_NICE: Final = -10
+_STAMPED: Final = sys.platform == "linux" and sys.maxsize > 2**32
+_ROOM: Final = 64
+"""Bytes for what the system tells with a datagram."""
 CROWDED: Final = 5000
 """Samples that may wait before the health says so: 20 s of a robot, one of a force sensor."""
 _AT_ONCE: Final = 4096
@@ -49,7 +57,7 @@ class UdpEndpoint:
         host: Own address; ``0.0.0.0`` for all.
         port: Own port; 0 takes a free one, ``address`` tells which.
         handle: Called in the thread with each datagram, its sender, and s on the monotonic clock
-            when it was taken.
+            when it arrived: as the system says on Linux, else when the thread took it.
         closed: Called at the end of the thread; with the fault if ``handle`` raised one.
 
     Raises:
@@ -69,6 +77,8 @@ class UdpEndpoint:
         try:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
             self._socket.bind((host, port))
+            if _STAMPED:
+                self._socket.setsockopt(socket.SOL_SOCKET, _STAMP, 1)
         except (OSError, OverflowError) as cause:
             self._socket.close()
             raise ConfigurationError(
@@ -108,18 +118,28 @@ class UdpEndpoint:
     def _serve(self) -> None:
         fault: BaseException | None = None
         self.preferred = _preferred()
+        latest = float("-inf")
         try:
             while not self._stopping.is_set():
                 try:
-                    data, sender = self._socket.recvfrom(_LARGEST)
+                    data, waited, sender = self._taken()
                 except OSError:
                     # nothing came, or the system tells that an answer found nobody
                     continue
-                self._handle(data, (sender[0], sender[1]), time.monotonic())
+                latest = max(latest, time.monotonic() - waited)
+                self._handle(data, (sender[0], sender[1]), latest)
         except Exception as raised:
             fault = raised
         finally:
             self._closed(fault)
+
+    def _taken(self) -> tuple[bytes, float, tuple[Any, ...]]:
+        """A datagram, s that it has waited in the system, and its sender."""
+        if not _STAMPED:
+            data, sender = self._socket.recvfrom(_LARGEST)
+            return data, 0.0, sender
+        data, told, _, sender = self._socket.recvmsg(_LARGEST, _ROOM)
+        return data, _waited(told), sender
 
 
 class Inbox(Generic[T]):
@@ -193,14 +213,24 @@ class Inbox(Generic[T]):
                 waiter[0].call_soon_threadsafe(_done, waiter[1])
 
 
+def _waited(told: list[tuple[int, int, bytes]]) -> float:
+    """Seconds since a datagram arrived, from what the system tells with it; 0 where it does not."""
+    stamp = next((data for _, kind, data in told if kind == _STAMP), b"")
+    if len(stamp) != _TIMESPEC.size:
+        return 0.0
+    seconds, nanoseconds = _TIMESPEC.unpack(stamp)
+    waited: float = (time.time_ns() - seconds * 1_000_000_000 - nanoseconds) * 1e-9
+    return waited if 0.0 <= waited < _LONGEST else 0.0
+
+
 def _preferred() -> bool:
-    """Whether this thread may run as soon as it has something to do; where that can be asked."""
+    """Whether this thread may run before all others from now on; where that can be asked."""
     if sys.platform != "linux":
         return False
+    # what this thread starts is to be as everything else
+    policy = os.SCHED_RR | os.SCHED_RESET_ON_FORK
     try:
-        os.sched_setscheduler(
-            0, os.SCHED_RR, os.sched_param(os.sched_get_priority_min(os.SCHED_RR))
-        )
+        os.sched_setscheduler(0, policy, os.sched_param(os.sched_get_priority_min(os.SCHED_RR)))
     except OSError:
         return False
     return True
@@ -216,28 +246,20 @@ def prompt_answers() -> Iterator[None]:
     """Keeps the interpreter from holding up an answer while this context lasts.
 
     What lives at the start is left out of the collector's walks, which stop every thread; a thread
-    that computes gives way to one that answers after 0.5 ms, not 5; and the thread that enters,
-    which may be computing when an answer is due, runs before other programs where the system lets
-    it. All hold for the whole process: enter it once, when all is opened, around the loop.
+    that computes gives way to one that answers after 0.5 ms, not 5; and the thread that enters runs
+    before other programs, too, where the system lets it: it may hold the interpreter when an answer
+    is due. All hold for the whole process: enter it once, when all is opened, around the loop of a
+    service that sleeps most of the time.
     """
     before = sys.getswitchinterval()
     gc.collect()
     gc.freeze()
     sys.setswitchinterval(_SWITCH)
-    nice = _nice(None)
+    preferred = _preferred()
     try:
         yield
     finally:
-        _nice(nice)
+        if preferred:
+            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
         sys.setswitchinterval(before)
         gc.unfreeze()
-
-
-def _nice(value: int | None) -> int | None:
-    """Sets the niceness of this thread, low where None is given; returns the one before."""
-    if sys.platform != "linux":
-        return None
-    before = os.getpriority(os.PRIO_PROCESS, 0)
-    with contextlib.suppress(OSError):
-        os.setpriority(os.PRIO_PROCESS, 0, min(before, _NICE) if value is None else value)
-    return before
