@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from online_cases import flipped
 from robots import Robot, collected, ipoc_of, rob, until
 
 from robotrue.core.units import DEG, MM
@@ -236,6 +237,45 @@ def test_a_slow_reader_is_named_and_loses_nothing():
     assert len(flags) == 12
 
 
+def test_the_time_of_a_packet_is_that_of_its_arrival():
+    """As the system tells it, not when the thread got to it; and never before the one before."""
+
+    def play(robot, source):
+        before = time.monotonic()
+        robot.ask(rob(START))
+        times.append((before, time.monotonic()))
+
+    times = []
+    _, _, blocks = _session(play)
+    ((before, after),) = times
+    assert before - 1e-3 <= blocks[0].host_time[0] <= after
+
+
+def test_no_flipped_bit_ends_the_link():
+    async def session():
+        source = RsiSource(_settings(mode=ABSOLUTE), _guard(ABSOLUTE))
+        with Robot(source.address) as robot:
+            await asyncio.to_thread(robot.ask, rob(START))
+            for k, data in enumerate(flipped(rob(START + 4))):
+                if k % 5 == 0:
+                    robot.send(data)
+                if k % 200 == 0:
+                    # what waits is not more than the system holds
+                    await asyncio.to_thread(robot.ask, rob(START + 4 + k))
+            answer = await asyncio.to_thread(robot.ask, rob(START + 400_000))
+            while ipoc_of(answer) != START + 400_000:
+                answer = await asyncio.to_thread(robot.socket.recv, 65535)
+            await source.close()
+        return source.health(), [block async for block in source.blocks()]
+
+    health, blocks = asyncio.run(session())
+    assert health.refused > 100
+    assert blocks[-1].sequence[-1] == START + 400_000
+    valid = np.concatenate([b.joints[b.valid] for b in blocks])
+    assert len(valid) > 0
+    assert np.isfinite(valid).all()
+
+
 def test_an_address_that_is_taken():
     async def twice():
         source = RsiSource(_settings())
@@ -331,6 +371,8 @@ def test_a_simulated_robot_is_led_within_limits_and_left_without_correction(mode
         wanted = Correction(shift=shift, turn=np.zeros(3), mode=ABSOLUTE)
         began = time.monotonic()
         async for block in source.blocks():
+            if not guard.active:
+                guard.rearm()  # a machine that sleeps for long is a fault, too
             guard.want(wanted, float(block.host_time[-1]))
             if np.abs(guard.held.shift - shift).max() < 2e-9:
                 break
