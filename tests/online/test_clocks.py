@@ -121,3 +121,13 @@ def test_times_never_fall_and_what_has_none_keeps_its_arrival() -> None:
     state = StreamClock().state()
     with pytest.raises(ShapeError, match="clock state bins"):
         StreamClock().restore({**state, "bins": np.zeros(3)})
+
+
+@pytest.mark.parametrize("first", [0.001, 0.004, 0.1, 3.3, 4_208_163.634])
+def test_a_second_that_ends_on_a_sample_ends(first: float) -> None:
+    """0.001 + 1 is 1.001, but 1.001 - 0.001 is less than 1."""
+    controller = first + np.arange(5000) / 1e3
+    controller[1000::1000] = first + np.arange(1.0, 5.0)
+    clock = StreamClock()
+    clock.align(controller, controller + 7.0)
+    assert clock.fix().seconds == 4

@@ -210,7 +210,8 @@ class StreamClock:
         """Ends a second: its least delay joins the line, unless the clock has jumped."""
         number, fit = self._number, self._fit
         least, where = number[1], number[2]
-        number[0] = np.floor((controller - fit[0]) / BIN)
+        # rounding may put a time that is not before the end into the second that ends
+        number[0] = max(number[0] + 1.0, np.floor((controller - fit[0]) / BIN))
         number[1] = np.inf
         if not np.isfinite(least):
             return
