@@ -11,7 +11,9 @@ import hashlib
 import json
 import re
 import shutil
+import struct
 import zipfile
+import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any, Final, cast
@@ -29,6 +31,18 @@ SMALL: Final = 100 << 20
 _MANIFEST_MOST: Final = 256 << 20
 _LINE_MOST: Final = 64 << 20
 _MEMBER: Final = re.compile(r"tables/[a-z_]{1,40}\.jsonl|(blobs|samples)/[0-9a-f]{64}")
+BROKEN: Final = (
+    zipfile.BadZipFile,
+    zipfile.LargeZipFile,
+    zlib.error,
+    struct.error,
+    OSError,
+    EOFError,
+    RuntimeError,  # encrypted
+    NotImplementedError,
+    UnicodeDecodeError,
+)
+"""What a damaged zip makes of its reader."""
 _SCHEMA: Final = re.compile(r"[0-9]{4}")
 
 
@@ -57,7 +71,7 @@ def manifest_of(bundle: zipfile.ZipFile, source: str) -> dict[str, Any]:
         for entry in members.values():
             if not re.fullmatch("[0-9a-f]{64}", entry["sha256"]) or not 0 <= int(entry["size"]):
                 raise ValueError("a member's hash or size")
-    except (KeyError, ValueError, TypeError, AttributeError) as cause:
+    except (KeyError, ValueError, TypeError, AttributeError, RecursionError) as cause:
         raise damaged(source, f"its manifest is none ({cause})") from cause
     return cast(dict[str, Any], stated)
 
@@ -74,6 +88,8 @@ def require_members(
     if len(names) != len(set(names)) or set(names) != {MANIFEST, *members}:
         raise damaged(source, "its members are not those of its manifest")
     for info in bundle.infolist():
+        if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            raise damaged(source, f"{info.filename[:60]} is packed in a way no export is")
         if info.filename == MANIFEST:
             continue
         if not _MEMBER.fullmatch(info.filename):
@@ -134,7 +150,7 @@ def member(
     try:
         with bundle.open(name) as stream:
             yield Checked(stream, name, entry, source)
-    except (zipfile.BadZipFile, RuntimeError, EOFError) as cause:  # a wrong CRC, or encrypted
+    except BROKEN as cause:
         raise damaged(source, str(cause)) from cause
 
 

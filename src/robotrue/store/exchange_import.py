@@ -34,7 +34,14 @@ from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.store import journal
 from robotrue.store.database import engine_at
 from robotrue.store.exchange import Carried, source_of, tables
-from robotrue.store.exchange_archive import MOST, damaged, manifest_of, member, require_members
+from robotrue.store.exchange_archive import (
+    BROKEN,
+    MOST,
+    damaged,
+    manifest_of,
+    member,
+    require_members,
+)
 from robotrue.store.jobs import OVER
 from robotrue.store.layout import require_name
 from robotrue.store.migrate import migrate
@@ -68,8 +75,8 @@ def import_project(
             require_members(bundle, manifest["members"], source, most, workspace.folder)
             with tempfile.TemporaryDirectory(dir=workspace.folder) as folder:
                 return _taken(workspace, bundle, manifest, source, Path(folder))
-    except (zipfile.BadZipFile, zipfile.LargeZipFile, OSError, EOFError, NotImplementedError) as e:
-        raise damaged(source, str(e)) from e
+    except BROKEN as cause:
+        raise damaged(source, str(cause)) from cause
 
 
 def _taken(
@@ -138,7 +145,7 @@ def _row(table: Table, line: bytes, source: str) -> dict[str, Any]:
             if isinstance(column.type, DateTime) and value is not None:
                 at = datetime.fromisoformat(value).astimezone(UTC)
                 stated[column.name] = at.replace(tzinfo=None)
-    except (ValueError, TypeError) as cause:
+    except (ValueError, TypeError, RecursionError) as cause:
         raise damaged(source, f"a row of {table.name} is none ({cause})") from cause
     return stated
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Any, Final, Literal, Protocol, TypeAlias
 
 from robotrue.store.jobs import RUNNING, status
 from robotrue.store.jobs_claim import (
@@ -29,6 +29,7 @@ from robotrue.store.jobs_work import SCRATCH, attempt_as_child, tidy
 from robotrue.store.locks import abandoned, alone
 from robotrue.store.workspace import Workspace
 
+Start: TypeAlias = Literal["spawn", "fork"]
 LOOK: Final = 0.05
 """s between two looks at the processes."""
 BEAT: Final = 2.0
@@ -62,10 +63,10 @@ class Engine(Protocol):
 class Process:
     """An attempt in a process of this machine."""
 
-    def __init__(self, workspace: Workspace, target: str, claim: Claim) -> None:
-        self._process = get_context("spawn").Process(
-            target=attempt_as_child, args=(workspace.folder, workspace.url, target, claim)
-        )
+    def __init__(self, workspace: Workspace, target: str, claim: Claim, start: Start) -> None:
+        arguments = (workspace.folder, workspace.url, target, claim)
+        context: Any = get_context(start)
+        self._process = context.Process(target=attempt_as_child, args=arguments)
         self._process.start()
 
     def ended(self) -> str | None:
@@ -84,11 +85,18 @@ class Process:
 
 
 class Processes:
-    """Attempts in processes of this machine, each started anew."""
+    """Attempts in processes of this machine, each started anew.
+
+    Attributes:
+        start: How: ``spawn``, or ``fork`` where nothing of this process can be in the way.
+    """
+
+    def __init__(self, start: Start = "spawn") -> None:
+        self.start: Start = start
 
     def begin(self, workspace: Workspace, target: str, claim: Claim) -> Run:
         """Returns an attempt that has begun."""
-        return Process(workspace, target, claim)
+        return Process(workspace, target, claim, self.start)
 
 
 @dataclass
