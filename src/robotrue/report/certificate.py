@@ -128,7 +128,7 @@ def certificate_content(
         tiles=(*body.tiles[:3], _expanded_tile(facts.budget, t), *body.tiles[3:]),
         sections=tuple(sections),
         unseen=tuple(map(t.sentence, limits)),
-        doubts=(*body.doubts, t("cert.no_accreditation")),
+        doubts=(*body.doubts, *_registration_doubt(facts, t), t("cert.no_accreditation")),
     )
 
 
@@ -205,6 +205,11 @@ def _not_in_budget(facts: CertificateFacts, t: Words) -> tuple[str, ...]:
         out.append(t("cert.no_force", c=lines["force"].sensitivity * 100.0 / MM))
     out.append(t("cert.no_temperature"))
     return tuple(out)
+
+
+def _registration_doubt(facts: CertificateFacts, t: Words) -> tuple[str, ...]:
+    names = {c.name for c in facts.budget.contributions}
+    return (t("cert.registration_apart"),) if "registration" in names else ()
 
 
 def _expanded_tile(budget: Budget, t: Words) -> Tile:
