@@ -68,7 +68,7 @@ def measured(name: str, command: list[str]) -> int:
     settings = RsiSettings(
         name=name, config=config, cycle_ms=4, mode=MODE, host="127.0.0.1", port=0
     )
-    with tempfile.TemporaryDirectory() as folder, prompt_answers():
+    with tempfile.TemporaryDirectory() as folder, prompt_answers(first=True):
         source = RsiSource(settings, guard)
         began, busy = time.monotonic(), time.process_time()
         counted = asyncio.run(

@@ -242,20 +242,23 @@ def _done(future: asyncio.Future[None]) -> None:
 
 
 @contextlib.contextmanager
-def prompt_answers() -> Iterator[None]:
+def prompt_answers(*, first: bool = False) -> Iterator[None]:
     """Keeps the interpreter from holding up an answer while this context lasts.
 
     What lives at the start is left out of the collector's walks, which stop every thread; a thread
-    that computes gives way to one that answers after 0.5 ms, not 5; and the thread that enters runs
-    before other programs, too, where the system lets it: it may hold the interpreter when an answer
-    is due. All hold for the whole process: enter it once, when all is opened, around the loop of a
-    service that sleeps most of the time.
+    that computes gives way to one that answers after 0.5 ms, not 5. Both hold for the whole
+    process: enter it once, when all is opened, around the loop.
+
+    Args:
+        first: The thread that enters is to run before other programs, too, where the system lets
+            it: it may hold the interpreter when an answer is due. Only for a loop that sleeps most
+            of the time; one that computes would keep everybody else from a processor.
     """
     before = sys.getswitchinterval()
     gc.collect()
     gc.freeze()
     sys.setswitchinterval(_SWITCH)
-    preferred = _preferred()
+    preferred = first and _preferred()
     try:
         yield
     finally:
