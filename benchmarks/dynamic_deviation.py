@@ -24,7 +24,7 @@ from robotrue.dynamics.deviation_physics import CompliantArm, physics_terms
 from robotrue.dynamics.deviation_validation import Score, folds, scores
 from robotrue.dynamics.windows import WindowSet
 from robotrue.simulation.milling_experiment import milling_experiment
-from robotrue.simulation.reproduce_jin2022 import arm_of
+from robotrue.simulation.reproduce_jin2022 import arm_of, row_of_hammer
 
 KINDS: Final = ("blocks", "passes", "unseen")
 REACH: Final = {"blocks": 1.4, "passes": 1.6, "unseen": 2.8}
@@ -54,12 +54,13 @@ def of_seed(seed: int, kinds: Sequence[str], *, paper: bool) -> dict[str, float]
     """Returns RMSE in um and coverage of every method and split."""
     experiment = milling_experiment(seed)
     arm, windows = arm_of(experiment.arm), experiment.windows
+    row = row_of_hammer(experiment)
     printed = windows.subset(windows.pass_index == 0)
     out: dict[str, float] = {}
     methods = ("prediction", "paper", "deviation") if paper else ("prediction", "deviation")
     for kind in kinds:
         data = printed if kind == "blocks" else windows
-        for found in scores(data, arm, kinds=[kind], methods=methods):
+        for found in scores(data, arm, kinds=[kind], methods=methods, row=row):
             out[f"{kind} {found.method}"] = found.rmse / UM
             if found.coverage is not None:
                 out[f"{kind} coverage"] = 100.0 * found.coverage

@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from frf_cases import measured, robot_with_tool, single
 from window_cases import FACTORS, planted, stated_arm
 
 from robotrue.core.archive import archive_bytes, read_archive
 from robotrue.core.units import DEG, UM
 from robotrue.dynamics.deviation import (
+    WIDER,
     DeviationSettings,
     Standing,
     deviation_from_archive,
@@ -18,8 +20,10 @@ from robotrue.dynamics.deviation_kernel import CENTRE, WindowRows, covariance, v
 from robotrue.dynamics.deviation_physics import CompliantArm, physics_terms
 from robotrue.dynamics.deviation_validation import folds, scores
 from robotrue.dynamics.formats.windows_csv import read_windows, windows_bytes
+from robotrue.dynamics.interpolation import response_curve
 from robotrue.dynamics.paper_components import components_of
 from robotrue.dynamics.paper_regression import fit_paper
+from robotrue.dynamics.static_row import row_of, static_row
 from robotrue.errors import (
     ArchiveError,
     ConfigurationError,
@@ -210,3 +214,43 @@ def test_windows_are_read_as_written(tmp_path):
     path.write_text("\n".join(lines))
     with pytest.raises(FormatError, match=r"w\.csv:3: fy_mean_N is 'nan'"):
         read_windows(path)
+
+
+ROW = np.array([-0.3, -2.0, 0.0]) * UM
+"""What the planted prediction contains of a standing force."""
+
+
+def test_known_static_row_settles_what_one_pass_cannot():
+    """Along one pass a bending that is the same everywhere and a factor on it look alike."""
+    one = planted(passes=(0,))
+    blind = fit_deviation(one, stated_arm())
+    told = fit_deviation(one, stated_arm(), row=static_row(ROW))
+    dof = 6
+    np.testing.assert_allclose(told.factors[dof : dof + 3], ROW, atol=3.0 * told.row.sd.max())
+    far = planted(passes=(3, 4), seed=9)
+    assert (
+        told.factors_sd[dof + 1 : dof + 3] < [0.7, 0.5] * blind.factors_sd[dof + 1 : dof + 3]
+    ).all()
+    miss = told.predict(far).error - far.measured
+    assert np.sqrt((miss**2).mean()) < 1.0 * UM
+    assert (np.abs(miss) < 1.96 * told.predict(far).sd).mean() > 0.85
+
+
+def test_row_the_windows_contradict_is_trusted_less():
+    windows = planted()
+    believed = fit_deviation(windows, stated_arm(), row=static_row(ROW)).row
+    wrong = static_row(ROW + np.array([3.0, 0.0, 0.0]) * UM)
+    doubted = fit_deviation(windows, stated_arm(), row=wrong)
+    np.testing.assert_array_equal(believed.sd, static_row(ROW).sd)
+    np.testing.assert_allclose(doubted.row.sd, WIDER * wrong.sd)
+    again = deviation_from_archive(doubted.to_archive())
+    np.testing.assert_array_equal(again.row.sd, doubted.row.sd)
+
+
+def test_row_of_a_response_along_the_direction():
+    frf = measured(robot_with_tool(), highest=400.0)
+    curve = response_curve(frf)
+    row = row_of(curve, np.array([0.0, -1.0, 0.0]))
+    np.testing.assert_allclose(row.value, -curve.at_rest[1])
+    with pytest.raises(ModelMismatchError, match="no displacement along y"):
+        row_of(response_curve(measured(single(), highest=400.0)), [0.0, 1.0, 0.0])

@@ -161,12 +161,16 @@ def fit(
     cell: Annotated[Path, typer.Option(help="cell.toml with tool and joint stiffness.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Deviation model to write.")],
     direction: Direction = "0,-1,0",
+    frf: Annotated[
+        Path | None,
+        typer.Option(help="Response the windows were predicted with, axes of base."),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Learn what the prediction misses, from windows with measured error."""
     from robotrue.cli.dynamics_deviation import fit as run
 
-    run(windows, cell, output, direction=direction, as_json=json)
+    run(windows, cell, output, direction=direction, frf=frf, as_json=json)
 
 
 @dynamics.command()
@@ -191,6 +195,10 @@ def validate(
     ] = None,
     direction: Direction = "0,-1,0",
     seed: Annotated[int, typer.Option(help="Of the random split.")] = 0,
+    frf: Annotated[
+        Path | None,
+        typer.Option(help="Response the windows were predicted with, axes of base."),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Say how well the dynamic error is predicted where nothing was learned."""
@@ -205,6 +213,7 @@ def validate(
         kinds=split or (),
         known=known,
         seed=seed,
+        frf=frf,
         as_json=json,
     )
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from robotrue.cell.config import read_cell
 from robotrue.cli.console import count, emit_facts, emit_json, emit_table, say
+from robotrue.cli.dynamics_predict import curve_of
 from robotrue.cli.inputs import check_output
 from robotrue.core.archive import read_archive, write_archive
 from robotrue.core.arrays import Array
@@ -26,7 +27,9 @@ from robotrue.dynamics.deviation import (
 )
 from robotrue.dynamics.deviation_physics import CompliantArm
 from robotrue.dynamics.deviation_validation import METHODS, QUESTIONS, TWO_SIDED_95, Score, scores
+from robotrue.dynamics.formats.registry import read_frf
 from robotrue.dynamics.formats.windows_csv import read_windows
+from robotrue.dynamics.static_row import StaticRow, row_of
 from robotrue.dynamics.window_checks import check_units
 from robotrue.dynamics.windows import WindowSet
 from robotrue.errors import ConfigurationError, ModelMismatchError
@@ -39,13 +42,19 @@ NAMES: Final = {
 
 
 def fit(
-    windows_path: Path, cell_path: Path, output: Path, *, direction: str, as_json: bool
+    windows_path: Path,
+    cell_path: Path,
+    output: Path,
+    *,
+    direction: str,
+    frf: Path | None,
+    as_json: bool,
 ) -> None:
     """Learns the deviation and writes the model."""
-    check_output(output, [windows_path, cell_path])
+    check_output(output, [p for p in (windows_path, cell_path, frf) if p is not None])
     windows, arm = read_windows(windows_path), arm_of(cell_path, direction)
     check_direction(windows, arm)
-    model = fit_deviation(windows, arm)
+    model = fit_deviation(windows, arm, row=_row(frf, arm))
     write_archive(output, model.to_archive())
     document = _fit_document(model, output)
     if as_json:
@@ -75,10 +84,11 @@ def validate(
     kinds: Sequence[str],
     known: str | None,
     seed: int,
+    frf: Path | None = None,
     as_json: bool,
 ) -> None:
     """Scores by held-out windows; with a model, that model on these windows."""
-    sources = [p for p in (windows_path, cell_path, model_path) if p is not None]
+    sources = [p for p in (windows_path, cell_path, model_path, frf) if p is not None]
     if output is not None:
         check_output(output, sources)
     windows = read_windows(windows_path)
@@ -97,7 +107,8 @@ def validate(
         kinds = tuple(k for k in QUESTIONS if several or k in ("random", "blocks"))
         if not several:
             say("note: one pass: what it says of other poses cannot be tested")
-    found = scores(windows, arm, kinds=kinds, known=known, seed=seed)
+    row = _row(frf, arm)
+    found = scores(windows, arm, kinds=kinds, row=row, known=known, seed=seed)
     if as_json:
         emit_json({"windows": len(windows), "scores": [s.document() for s in found]})
         return
@@ -126,6 +137,14 @@ def arm_of(cell_path: Path, direction: str) -> CompliantArm:
         )
     stiffness = np.where(np.isfinite(prior), 1.0 / np.where(prior > 0.0, prior, np.inf), np.inf)
     return CompliantArm(robot=cell.robot, stiffness=stiffness, direction=_direction(direction))
+
+
+def _row(frf: Path | None, arm: CompliantArm) -> StaticRow | None:
+    """The static row of the response the windows were predicted with, if it is given."""
+    if frf is None:
+        say("note: without --frf the static row of the response is learned from the windows alone")
+        return None
+    return row_of(curve_of(read_frf(frf), "auto"), arm.direction)
 
 
 def check_direction(windows: WindowSet, arm: CompliantArm) -> None:

@@ -3,8 +3,9 @@
     e - e_w = sum_i alpha_i x_i - g . F + b + c (e_w - mean e_w) + rest
 
 x_i is the bending of joint i under the mean force, with the stiffness the data sheet states;
-alpha_i is near one. g takes back the static part that e_w has from a single pose, b and c are
-offset and gain of e_w. The factors have Gaussian priors and are solved in closed form,
+alpha_i is near one. g takes back the static part that e_w has from a single pose: it is the static
+row of the frequency response, where that is given (:mod:`robotrue.dynamics.static_row`). b and c
+are offset and gain of e_w. The factors have Gaussian priors and are solved in closed form,
 ``(X^T C^-1 X + S^-1)^-1 (X^T C^-1 y + S^-1 m)``, with the covariance C of
 :mod:`robotrue.dynamics.deviation_kernel`, whose sizes are learned by evidence. Where a pose or
 force is unlike all those learned from, the residual process is left out and physics stand alone.
@@ -12,13 +13,14 @@ force is unlike all those learned from, the residual process is left out and phy
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from enum import IntEnum
 from typing import Any, Final
 
 import numpy as np
 
 from robotrue.calibration.archive import robot_arrays, robot_document, robot_from
+from robotrue.calibration.learners.marginal import Solved
 from robotrue.core.archive import Archive
 from robotrue.core.arrays import Array, IntArray, frozen
 from robotrue.core.units import UM
@@ -32,14 +34,17 @@ from robotrue.dynamics.deviation_kernel import (
     variance,
 )
 from robotrue.dynamics.deviation_physics import CompliantArm, PhysicsTerms, physics_terms
+from robotrue.dynamics.static_row import StaticRow
 from robotrue.dynamics.window_checks import check_for_fit
 from robotrue.dynamics.windows import WindowSet
 from robotrue.errors import ArchiveError, ConfigurationError
 
 KIND: Final = "dynamic-deviation"
-SCHEMA: Final = 1
+SCHEMA: Final = 2
 NEAR: Final = 0.5
 """Correlation with the nearest window learned from, below which a pose is one nobody has seen."""
+WIDER: Final = 5.0
+"""A static row that the windows contradict is taken for so much less well known."""
 FORCE_ROOM: Final = 0.5
 """How far, over its range, a force may lie outside what was learned from."""
 
@@ -58,17 +63,17 @@ class DeviationSettings:
 
     Attributes:
         compliance: Of the factor on each joint's stated compliance, about one.
-        force: m/N, of g.
+        force: m/N, of g where no static row is given.
         offset: m, of b.
         gain: Of c.
         force_zero: N, of the dynamometer's zero from pass to pass, each axis.
     """
 
-    compliance: float = 0.25
+    compliance: float = 0.20
     force: float = 1.0 * UM
     offset: float = 3.0 * UM
     gain: float = 0.2
-    force_zero: float = 0.4
+    force_zero: float = 0.3
 
     def __post_init__(self) -> None:
         """Checks signs."""
@@ -107,6 +112,7 @@ class DeviationModel:
         theta: (5,) logarithms, see ``deviation_kernel.NAMES``.
         factors: (q,) posterior mean: alpha per joint, g, b, c.
         factors_sd: (q,) their posterior standard deviations.
+        row: Static row of the response behind e_w, as far as the windows bear it out; or None.
     """
 
     arm: CompliantArm
@@ -115,12 +121,20 @@ class DeviationModel:
     theta: Array
     factors: Array
     factors_sd: Array
+    row: StaticRow | None = None
+    _old: WindowRows = field(init=False, repr=False, compare=False)
+    _known: Solved = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Freezes."""
+        """Freezes, and solves once what every prediction asks for."""
         q = self.arm.robot.dof + 5
         for name, size in (("theta", len(NAMES)), ("factors", q), ("factors_sd", q)):
             object.__setattr__(self, name, frozen(getattr(self, name), (size,), name))
+        old = _own_rows(self.settings, self.windows, physics_terms(self.arm, self.windows))
+        mean, spread = _priors(self.arm, self.settings, self.row)
+        known = solved(old, self.windows.deviation - old.basis @ mean, self.theta, spread**2)
+        object.__setattr__(self, "_old", old)
+        object.__setattr__(self, "_known", known)
 
     @property
     def sizes(self) -> dict[str, float]:
@@ -136,16 +150,14 @@ class DeviationModel:
             ModelMismatchError: Windows of another arm.
         """
         terms = physics_terms(self.arm, windows)
-        old_terms = physics_terms(self.arm, self.windows)
         names = {name: k for k, name in enumerate(self.windows.pass_names)}
         for name in windows.pass_names:
             names.setdefault(name, len(names))
-        mean, spread = _priors(self.arm, self.settings)
+        mean, spread = _priors(self.arm, self.settings, self.row)
         gain_at = float(self.windows.predicted.mean())
-        old = _rows(self.settings, self.windows, old_terms, names, gain_at)
+        old, known = self._old, self._known
         new = _rows(self.settings, windows, terms, names, gain_at)
         prior = spread**2
-        known = solved(old, self.windows.deviation - old.basis @ mean, self.theta, prior)
         cross = covariance(new, old, self.theta, prior)
         standing = self._standing(windows, terms, new, old)
         far = standing != Standing.INSIDE
@@ -197,11 +209,17 @@ class DeviationModel:
             "factors": self.factors,
             "factors_sd": self.factors_sd,
         }
+        if self.row is not None:
+            arrays |= {"row": self.row.value, "row_sd": self.row.sd}
         return Archive(kind=KIND, schema=SCHEMA, document=document, arrays=arrays)
 
 
 def fit_deviation(
-    windows: WindowSet, arm: CompliantArm, settings: DeviationSettings | None = None
+    windows: WindowSet,
+    arm: CompliantArm,
+    settings: DeviationSettings | None = None,
+    *,
+    row: StaticRow | None = None,
 ) -> DeviationModel:
     """Returns the deviation learned from measured windows.
 
@@ -209,6 +227,8 @@ def fit_deviation(
         windows: Measured; one pass will do, several poses are better.
         arm: As stated by the data sheet.
         settings: Priors; default those of :class:`DeviationSettings`.
+        row: Static row of the response the windows were predicted with. How far it is trusted is
+            learned by evidence: as stated, or ``WIDER`` times as wide.
 
     Raises:
         ObservabilityError: Too few windows.
@@ -221,12 +241,16 @@ def fit_deviation(
     settings = DeviationSettings() if settings is None else settings
     terms = physics_terms(arm, windows)
     check_for_fit(windows, terms.outside)
-    names = {name: k for k, name in enumerate(windows.pass_names)}
-    rows = _rows(settings, windows, terms, names, float(windows.predicted.mean()))
-    mean, spread = _priors(arm, settings)
-    values = windows.deviation - rows.basis @ mean
-    theta = learned(rows, values, spread**2)
-    known = solved(rows, values, theta, spread**2)
+    rows = _own_rows(settings, windows, terms)
+    trials = []
+    for trusted in (None,) if row is None else (row, row.wider(WIDER)):
+        mean, spread = _priors(arm, settings, trusted)
+        values = windows.deviation - rows.basis @ mean
+        theta = learned(rows, values, spread**2)
+        known = solved(rows, values, theta, spread**2)
+        trials.append((known.log_evidence, trusted, theta, known))
+    _, trusted, theta, known = max(trials, key=lambda trial: trial[0])
+    mean, spread = _priors(arm, settings, trusted)
     factors = mean + spread**2 * (rows.basis.T @ known.alpha[:, 0])
     half = known.whitened(rows.basis * spread**2)
     left = np.maximum(spread**2 - np.einsum("ij,ij->j", half, half), 0.0)
@@ -237,6 +261,7 @@ def fit_deviation(
         theta=theta,
         factors=factors,
         factors_sd=np.sqrt(left),
+        row=trusted,
     )
 
 
@@ -268,15 +293,30 @@ def deviation_from_archive(archive: Archive) -> DeviationModel:
         theta=archive.array("theta"),
         factors=archive.array("factors"),
         factors_sd=archive.array("factors_sd"),
+        row=StaticRow(value=archive.array("row"), sd=archive.array("row_sd"))
+        if "row" in archive.arrays
+        else None,
     )
 
 
-def _priors(arm: CompliantArm, settings: DeviationSettings) -> tuple[Array, Array]:
+def _priors(
+    arm: CompliantArm, settings: DeviationSettings, row: StaticRow | None
+) -> tuple[Array, Array]:
     """Mean and standard deviation (q,) of alpha, g, b, c."""
     n = arm.robot.dof
     mean = np.concatenate([np.ones(n), np.zeros(5)])
-    spread = [settings.compliance] * n + [settings.force] * 3 + [settings.offset, settings.gain]
-    return mean, np.array(spread)
+    spread = np.array(
+        [settings.compliance] * n + [settings.force] * 3 + [settings.offset, settings.gain]
+    )
+    if row is not None:
+        mean[n : n + 3], spread[n : n + 3] = row.value, row.sd
+    return mean, spread
+
+
+def _own_rows(settings: DeviationSettings, windows: WindowSet, terms: PhysicsTerms) -> WindowRows:
+    """Rows of the windows learned from."""
+    names = {name: k for k, name in enumerate(windows.pass_names)}
+    return _rows(settings, windows, terms, names, float(windows.predicted.mean()))
 
 
 def _rows(

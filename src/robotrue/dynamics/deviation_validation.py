@@ -17,6 +17,7 @@ from robotrue.core.units import UM
 from robotrue.dynamics.deviation import DeviationSettings, fit_deviation
 from robotrue.dynamics.deviation_physics import CompliantArm
 from robotrue.dynamics.paper_regression import fit_paper
+from robotrue.dynamics.static_row import StaticRow
 from robotrue.dynamics.windows import WindowSet
 from robotrue.errors import ConfigurationError, ObservabilityError
 
@@ -128,6 +129,7 @@ def scores(
     kinds: Sequence[str] = tuple(QUESTIONS),
     methods: Sequence[str] = METHODS,
     settings: DeviationSettings | None = None,
+    row: StaticRow | None = None,
     known: str | None = None,
     seed: int = 0,
 ) -> list[Score]:
@@ -139,6 +141,7 @@ def scores(
         kinds: Of :data:`QUESTIONS`.
         methods: Of :data:`METHODS`.
         settings: Priors of the deviation.
+        row: As of :func:`robotrue.dynamics.deviation.fit_deviation`.
         known: As of :func:`folds`.
         seed: As of :func:`folds`.
 
@@ -149,7 +152,7 @@ def scores(
     out = []
     for kind in kinds:
         for method in methods:
-            estimate = _estimate(method, arm, settings)
+            estimate = _estimate(method, arm, settings, row)
             residual, deviation = [], []
             for train, test in folds(windows, kind, known=known, seed=seed):
                 held = windows.subset(test)
@@ -168,7 +171,9 @@ def scores(
     return out
 
 
-def _estimate(method: str, arm: CompliantArm, settings: DeviationSettings | None) -> Estimate:
+def _estimate(
+    method: str, arm: CompliantArm, settings: DeviationSettings | None, row: StaticRow | None
+) -> Estimate:
     def prediction(train: WindowSet, test: WindowSet) -> tuple[Array, Array | None]:
         return test.predicted, None
 
@@ -176,7 +181,7 @@ def _estimate(method: str, arm: CompliantArm, settings: DeviationSettings | None
         return fit_paper(train).predict(test), None
 
     def deviation(train: WindowSet, test: WindowSet) -> tuple[Array, Array | None]:
-        found = fit_deviation(train, arm, settings).predict(test)
+        found = fit_deviation(train, arm, settings, row=row).predict(test)
         return found.error, found.sd
 
     known: dict[str, Estimate] = {"prediction": prediction, "paper": paper, "deviation": deviation}

@@ -122,13 +122,17 @@ class Sensing:
         bad = (doubts & int(Doubt.INVALID)) != 0
         wrench[bad] = np.nan
         controller = self.models.robot.controller
+        if controller is not None:
+            joints = controller.to_controller(joints)
+        for values in (out, wrench, joints, doubts):
+            values.flags.writeable = False  # as they are: no copies
         return EstimateBlock(
             host_time=block.host_time,
             error=out[0],
             sd=out[1],
             static=out[2],
             wrench=wrench,
-            joints=joints if controller is None else controller.to_controller(joints),
+            joints=joints,
             sequence=block.sequence,
             doubt=doubts,
         )

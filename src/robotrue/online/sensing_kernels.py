@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
-from robotrue.core.compiled import EXACT, compiled
+from robotrue.core.compiled import EXACT, SUMS, compiled
 from robotrue.online.estimates import Doubt
 from robotrue.online.samples import Flag
 from robotrue.online.sensing_pose import (
@@ -320,7 +320,7 @@ def _wrench(
         out[5] -= ax * out[1] - ay * out[0]
 
 
-@compiled(EXACT)
+@compiled(SUMS)
 def _row(
     part: float,
     now: Array,
@@ -387,7 +387,7 @@ def _strange(s: Array, p: Array, learned: Array, dof: int) -> int:
     return doubt
 
 
-@compiled(EXACT)
+@compiled(SUMS)
 def combined(
     begin: int,
     end: int,

@@ -178,9 +178,9 @@ class SensingModels:
                 hint="--model of `robotrue calibrate`, [robot] stiffness_Nm_per_rad in the cell, "
                 "or --frf of a hammer test.",
             )
-        if self.learned is not None and self.response is None:
+        if self.learned is not None and not isinstance(self.response, MeasuredResponse):
             raise ConfigurationError(
-                "a learned deviation without frequency response: it is what the prediction by "
+                "a learned deviation without a measured frequency response: it is what the prediction by "
                 "the response leaves out.",
                 hint="--frf with the response its windows were predicted with.",
             )

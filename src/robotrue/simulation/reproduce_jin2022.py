@@ -19,6 +19,7 @@ from robotrue.dynamics.deviation_physics import CompliantArm
 from robotrue.dynamics.deviation_validation import METHODS, folds, scores
 from robotrue.dynamics.paper_components import kept
 from robotrue.dynamics.paper_regression import fit_paper
+from robotrue.dynamics.static_row import StaticRow, static_row
 from robotrue.errors import ConfigurationError
 from robotrue.robot.forward import forward
 from robotrue.robot.presets import preset
@@ -160,7 +161,7 @@ def as_printed(experiment: MillingExperiment) -> dict[tuple[str, str], float]:
     }
     estimates = {
         "components and support vectors": fit_paper(known).predict(windows),
-        "ours": fit_deviation(known, arm).predict(windows).error,
+        "ours": fit_deviation(known, arm, row=row_of_hammer(experiment)).predict(windows).error,
     }
     for name, estimate in estimates.items():
         miss = estimate - windows.measured
@@ -179,7 +180,8 @@ def held_out(experiment: MillingExperiment) -> dict[tuple[str, str], float]:
     for kind, word in SPLITS.items():
         if kind != "blocks" and len(windows.pass_names) == 1:
             continue
-        for score in scores(one if kind == "blocks" else windows, arm, kinds=[kind]):
+        data = one if kind == "blocks" else windows
+        for score in scores(data, arm, kinds=[kind], row=row_of_hammer(experiment)):
             out[word, WAYS[score.method]] = score.rmse / UM
             if score.coverage is not None and score.method == METHODS[-1]:
                 out[word, "ours, in 95 % band"] = 100.0 * score.coverage
@@ -193,6 +195,11 @@ def arm_of(arm: MillingArm) -> CompliantArm:
         stiffness=arm.stiffness_belief,
         direction=np.array([0.0, -1.0, 0.0]),
     )
+
+
+def row_of_hammer(experiment: MillingExperiment) -> StaticRow:
+    """Returns the static row the predictions contain: the lowest line, constant below."""
+    return static_row(-experiment.hammer[0].real)
 
 
 def _simulated(
