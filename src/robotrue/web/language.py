@@ -26,7 +26,7 @@ def words(language: str) -> dict[str, str]:
 
 
 class Wording:
-    """Says a text of one language: ``say("cell.poses", count=30)``."""
+    """Says a text of one language: ``say("programs.go", targets=30)``."""
 
     def __init__(self, language: str) -> None:
         self.language = language

@@ -92,11 +92,20 @@ class _Refusal:
         return self.kind(message, source=source, line=line, hint=hint)
 
 
-def _call(question: str, facts: tuple[Fact, ...]) -> bytes | _Refusal:
+def answered(question: str, facts: tuple[Fact, ...]) -> bytes:
+    """Returns what a function of ``web/questions`` returns, called here.
+
+    Raises:
+        RobotrueError: What it raised.
+    """
     file, _, name = question.partition(".")
     asked = getattr(import_module(f"robotrue.web.questions.{file}"), name)
+    return bytes(asked(*facts))
+
+
+def _call(question: str, facts: tuple[Fact, ...]) -> bytes | _Refusal:
     try:
-        return bytes(asked(*facts))
+        return answered(question, facts)
     except RobotrueError as error:
         return _Refusal(error)
 

@@ -53,6 +53,8 @@ def previewed(folder: str, path: str, cell_id: str, mapping: str) -> bytes:
     }
     if layout is not None or layout_name:
         document |= _read(folder, path, cell_id, mapping)
+    if document["fault"]:  # what was found by itself does not fit: let the user say
+        document["layout"] = ""
     return answer(document)
 
 

@@ -1,0 +1,122 @@
+"""A small shop in a workspace, its HTTP interface in this process, and a server with a browser."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import subprocess
+import sys
+import time
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("nicegui", reason="needs nicegui: pip install 'robotrue[web]'")
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "cli"))
+sys.path.insert(0, str(Path(__file__).parent))
+
+from web_shop import Client, Served, Shop, fill, write_files
+
+from robotrue.web import server
+from robotrue.web.settings import ServeSettings
+from robotrue.web.workers import Fact, Workers, answered
+
+with warnings.catch_warnings():  # Starlette would rather have a client that few have yet
+    warnings.simplefilter("ignore", DeprecationWarning)
+    warnings.simplefilter("ignore", UserWarning)
+    from starlette.testclient import TestClient
+
+CHROMIUM = Path("/usr/bin/chromium")
+FLAGS = (
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-gpu-compositing",
+    "--disable-accelerated-2d-canvas",
+    "--no-sandbox",
+)
+
+
+class InProcess(Workers):
+    """Questions answered in this process: the tests would otherwise wait for imports."""
+
+    async def ask(self, question: str, *facts: Fact) -> bytes:
+        return answered(question, facts)
+
+
+@pytest.fixture(scope="session")
+def filled(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shop]:
+    files = tmp_path_factory.mktemp("files")
+    write_files(files)
+    found = fill(tmp_path_factory.mktemp("place") / "shop", files)
+    with found.workspace:
+        yield found
+
+
+@pytest.fixture
+def client(filled: Shop, monkeypatch: pytest.MonkeyPatch) -> Iterator[Client]:
+    """Makes clients of the interface; what is given are settings of the server."""
+    with contextlib.ExitStack() as stack:
+
+        def make(host: str = "127.0.0.1", **settings: Any) -> TestClient:
+            monkeypatch.setattr(server, "Workers", InProcess)
+            wanted = ServeSettings(workspace=filled.workspace.folder, host=host, **settings)
+            house = server.house_of(wanted, filled.workspace)
+            base = "http://127.0.0.1" if host == "127.0.0.1" else "http://cell.example"
+            made = TestClient(server.core_app(house), base_url=base)
+            return stack.enter_context(made)
+
+        yield make
+
+
+@pytest.fixture(scope="session")
+def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    """``robotrue serve`` of an empty workspace on a free port."""
+    folder = tmp_path_factory.mktemp("served") / "shop"
+    start = "from robotrue.cli.main import run; run()"
+    command = [sys.executable, "-c", start, "serve", str(folder), "--port", "0"]
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    environment.pop("ROBOTRUE_DB", None)
+    log = folder.parent / "log"
+    with log.open("w") as told:
+        process = subprocess.Popen(  # noqa: S603
+            command, stderr=told, stdout=told, text=True, env=environment
+        )
+    try:
+        yield Served(address=_address(process, log), process=process, folder=folder)
+    finally:
+        process.terminate()
+        try:
+            process.wait(15.0)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait(5.0)
+
+
+def _address(process: subprocess.Popen[str], log: Path) -> str:
+    until = time.monotonic() + 60.0
+    while time.monotonic() < until:
+        if found := re.search(r"at (http://\S+)/", log.read_text()):
+            return found[1]
+        if process.poll() is not None:
+            break
+        time.sleep(0.05)
+    raise AssertionError(f"the server did not come up: {log.read_text()[-2000:]}")
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    """Debian's Chromium, drawing in software."""
+    sync_api = pytest.importorskip("playwright.sync_api", reason="pip install playwright")
+    if not CHROMIUM.exists():
+        pytest.skip(f"{CHROMIUM} is missing: apt-get install chromium")
+    with sync_api.sync_playwright() as playwright:
+        found = playwright.chromium.launch(executable_path=str(CHROMIUM), args=list(FLAGS))
+        try:
+            yield found
+        finally:
+            found.close()
