@@ -13,7 +13,7 @@ const byId = (id) => document.getElementById(id);
 const state = {
   hello: null, history: null, shown: null, last: null, cameAt: 0, links: [], dropped: 0,
   paused: false, span: 10, limit: 0, same: true, dirty: true, link: "waiting",
-  received: 0, painted: 0, spent: 0, groups: [], token: "",
+  received: 0, painted: 0, spent: 0, notBefore: 0, groups: [], token: "",
 };
 const ranges = [new Range(5), new Range(5), new Range(5), new Range(20)];
 let colour = colours();
@@ -66,7 +66,7 @@ function take(frame) {
 
 function paint() {
   requestAnimationFrame(paint);
-  if (!state.dirty || !state.hello) return;
+  if (!state.dirty || !state.hello || performance.now() < state.notBefore) return;
   state.dirty = false;
   state.painted++;
   const begun = performance.now();
@@ -86,7 +86,10 @@ function paint() {
   panel(byId("force"), groups, forces, ranges[3], box, colour, { title: word("forceTitle"), limit: 0, times: true });
   strip(byId("doubts"), groups, box, colour, reason);
   state.groups = groups;
-  state.spent += performance.now() - begun;
+  const spent = performance.now() - begun;
+  state.spent += spent;
+  // on a slow screen most of the time is left to buttons and numbers
+  state.notBefore = spent > 10 ? begun + Math.min(3 * spent, 1000) : 0;
 }
 
 function scales(groups) {
@@ -109,8 +112,7 @@ function scales(groups) {
 }
 
 function reason(doubt, kind) {
-  if (kind === "none") return word("nothing");
-  return names(doubt & state.hello.invalid).join(", ");
+  return kind === "none" ? [word("nothing")] : names(doubt & state.hello.invalid);
 }
 
 const names = (doubt) =>
@@ -166,6 +168,7 @@ function verdict() {
   const small = document.createElement("small");
   small.textContent = more;
   node.replaceChildren(head, small);
+  values(); // at once: a number must not stand beside a verdict that it is none
 }
 
 function links() {

@@ -287,8 +287,10 @@ export function strip(canvas, groups, box, colour, reason) {
     pen.fillRect(a, 0, b - a, 5);
     pen.globalAlpha = 1;
     const last = labels[labels.length - 1];
-    if (last && a - last.to < 3) [last.to, last.words] = [b, last.words.add(reason(doubt, kind))];
-    else labels.push({ from: a, to: b, words: new Set([reason(doubt, kind)]) });
+    const label = last && a - last.to < 3 ? last : { from: a, words: new Set() };
+    if (label !== last) labels.push(label);
+    label.to = b;
+    for (const words of reason(doubt, kind)) label.words.add(words);
   }
   for (const label of labels) {
     const words = [...label.words].join(", ");
