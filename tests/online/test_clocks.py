@@ -131,3 +131,12 @@ def test_a_second_that_ends_on_a_sample_ends(first: float) -> None:
     clock = StreamClock()
     clock.align(controller, controller + 7.0)
     assert clock.fix().seconds == 4
+
+
+def test_seconds_that_end_on_a_sample_end_whatever_the_rounding() -> None:
+    """Counts of milliseconds from an odd start: differences that are a rounding off whole."""
+    for start in (4208163634, 1, 77_777_777, 123_456_789_012):
+        controller = (start + 4 * np.arange(3000)) * 1e-3
+        time, doubt = StreamClock().align(controller, controller + 0.1)
+        np.testing.assert_allclose(time, controller + 0.1, rtol=0.0, atol=1e-6)
+        assert not doubt.any()

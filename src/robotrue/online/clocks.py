@@ -146,8 +146,8 @@ class StreamClock:
     def _piece(self, controller: Array, delay: Array, time: Array, doubt: BoolArray) -> int:
         """Aligns up to the end of the second, or to a jump; returns how many it did."""
         number = self._number
-        end = self._fit[0] + (number[0] + 1.0) * BIN
-        over = controller >= end
+        # the very difference that _close divides: else rounding could leave a second open for ever
+        over = controller - self._fit[0] >= (number[0] + 1.0) * BIN
         n = int(np.argmax(over)) if over.any() else len(controller)
         if not n:
             self._close(float(controller[0]))
