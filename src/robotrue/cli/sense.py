@@ -50,7 +50,6 @@ from robotrue.online.service import (
 from robotrue.online.sink_addresses import open_sink
 from robotrue.online.sink_settings import SinkSettings
 from robotrue.online.udp import prompt_answers
-from robotrue.online.udp import prompt_answers
 from robotrue.robot.forward import forward
 
 _FILES: Final = ("cell", "model", "frf", "tool", "deviation", "clock")
