@@ -39,7 +39,7 @@ def _run(scene, address="opcua://127.0.0.1:{port}", **settings):
         sink = open_sink(address.format(port=port), given)
         await sink.open()
         try:
-            return await asyncio.wait_for(scene(sink, f"opc.tcp://127.0.0.1:{port}/"), 30)
+            return await asyncio.wait_for(scene(sink, f"opc.tcp://127.0.0.1:{port}/"), 90)
         finally:
             await asyncio.wait_for(sink.close(), 10)
 

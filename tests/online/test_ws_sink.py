@@ -26,7 +26,7 @@ def _run(scene, address="ws://127.0.0.1:0", **settings):
         sink = open_sink(address, SinkSettings(**{"environment": {}, **settings}))
         await sink.open()
         try:
-            return await asyncio.wait_for(scene(sink), 20)
+            return await asyncio.wait_for(scene(sink), 60)
         finally:
             await asyncio.wait_for(sink.close(), 5)
 
