@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= demo-out
 
-.PHONY: demo test check bench fuzz fuzz-guided clean
+.PHONY: demo test check bench fuzz fuzz-guided postgres clean
 
 demo: $(VENV)/.runtime
 	$(BIN)/robotrue demo --out $(OUT)
@@ -23,6 +23,10 @@ fuzz: $(VENV)/.development
 fuzz-guided: $(VENV)/.development
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[fuzz]"
 	$(BIN)/python tests/fuzz/guided.py $(DIALECTS) $(or $(SECONDS),600) fuzz-out/corpus/$(DIALECTS)
+
+# A PostgreSQL in a temporary folder, as tests start it; prints its URL, ends with Ctrl-C.
+postgres: $(VENV)/.development
+	$(BIN)/python scripts/temporary_postgres.py
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
