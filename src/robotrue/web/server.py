@@ -108,6 +108,7 @@ def listening(settings: ServeSettings) -> socket.socket:
     try:
         bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         bound.bind((settings.host, settings.port))
+        bound.listen(128)  # whoever comes before the pages stand waits, and is not refused
     except OSError as cause:
         bound.close()
         raise ConfigurationError(

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from nicegui import ui
 
-from robotrue.store import items, models
+from robotrue.store import items
 from robotrue.store.nouns import CELL, MEASUREMENT, MODEL
 from robotrue.store.records import ModelRecord, Query
 from robotrue.web.bench import Bench, Page
@@ -56,7 +56,7 @@ def _model(bench: Bench, model: ModelRecord) -> None:
     file = "".join(
         f'<a class="act quiet" download href="/api/items/model/{model.id}/files/{each.sha256}'
         f'?version={model.version}">{icon("download")}{escape(say("calibration.file"))}</a>'
-        for each in model.files(models.FILE)
+        for each in model.files("model")
     )
     html(
         f"<h1>{escape(model.name)}</h1>{tag(f'v{model.version}')}"

@@ -9,7 +9,7 @@ from typing import Any, Final
 from nicegui import ui
 
 from robotrue.errors import ConfigurationError
-from robotrue.store import items, programs
+from robotrue.store import items
 from robotrue.store.nouns import PROGRAM
 from robotrue.store.records import ProgramRecord, Query
 from robotrue.web.bench import Bench, Page
@@ -22,6 +22,8 @@ from robotrue.web.parts.later import later
 from robotrue.web.parts.scene import SceneView
 
 TOLERANCE_MM: Final = 0.5
+AFTER: Final = "after"
+"""Stage of a compensated program; ``store.programs`` would bring all readers with it."""
 STATES: Final = {"conforms": "good", "undecided": "caution", "fails": "bad", "unknown": "plain"}
 
 
@@ -56,7 +58,7 @@ async def _list(bench: Bench) -> None:
         return
     rows, links = [], []
     for each in found.items:
-        after = each.stage == programs.AFTER
+        after = each.stage == AFTER
         stage = say("programs.stage_after" if after else "programs.stage_before")
         rows.append(
             (
@@ -76,7 +78,7 @@ async def _list(bench: Bench) -> None:
 
 async def _one(bench: Bench, record: ProgramRecord) -> None:
     say = bench.say
-    after = record.stage == programs.AFTER
+    after = record.stage == AFTER
     model = bench.model
     acts = _downloads(bench, record)
     if not after and model is not None:
@@ -134,7 +136,7 @@ def _show(
         f"card verdict {'good' if found['go'] else 'bad'}"
     ).props('data-testid="verdict"')
     before, after = found["before_m"], found["after_m"]
-    changed = record.stage == programs.AFTER
+    changed = record.stage == AFTER
 
     def tile(name: str) -> Tile:
         was = f"{say('scene.before')} {view.error(before[name])} {view.unit_name}"
@@ -221,7 +223,7 @@ def _downloads(bench: Bench, record: ProgramRecord) -> str:
         f'<a class="act quiet" data-testid="download" download '
         f'href="/api/items/program/{record.id}/files/{each.sha256}?version={record.version}">'
         f"{icon('download')}{escape(each.name)}</a>"
-        for each in record.files(programs.FILE)
+        for each in record.files("program")
     )
 
 

@@ -17,6 +17,14 @@ export function floats(packed) {
   return new Float32Array(bytes.buffer);
 }
 
+function drawnInSoftware() {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  const info = gl?.getExtension("WEBGL_debug_renderer_info");
+  const name = info ? gl.getParameter(info.UNMASKED_RENDERER_WEBGL) : "";
+  gl?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|software|basic render/i.test(name);
+}
+
 function ramp(t, out, at) {
   const x = Math.min(Math.max(t, 0), 1) * (RAMP.length - 1);
   const k = Math.min(Math.floor(x), RAMP.length - 2);
@@ -36,8 +44,8 @@ export function quantile(values, share) {
 }
 
 // An arrow is its foot, its error and a scale; the scale is one number for all, so a slider costs nothing.
-const SHAFT = `attribute vec3 foot; attribute vec3 error; attribute vec3 tint; attribute float end; uniform float scale; varying vec3 vTint;
-void main(){ vTint = tint; gl_Position = projectionMatrix * modelViewMatrix * vec4(foot + end * scale * error, 1.0); }`;
+const SHAFT = `attribute vec3 foot; attribute vec3 error; attribute vec3 tint; uniform float scale; varying vec3 vTint;
+void main(){ vTint = tint; gl_Position = projectionMatrix * modelViewMatrix * vec4(foot + position.x * scale * error, 1.0); }`;
 const HEAD = `attribute vec3 foot; attribute vec3 error; attribute vec3 tint; uniform float scale; uniform float size; varying vec3 vTint;
 void main(){
   vec3 d = scale * error; float l = length(d); vec3 z = l > 1e-9 ? d / l : vec3(0.0, 0.0, 1.0);
@@ -54,7 +62,9 @@ export class SceneView {
     const T = this.THREE;
     this.host = host;
     this.onPick = onPick;
-    this.renderer = new T.WebGLRenderer({ antialias: true, powerPreference: "high-performance" });
+    this.software = drawnInSoftware();
+    // Four samples a pixel are free on a graphics card and half the time without one.
+    this.renderer = new T.WebGLRenderer({ antialias: !this.software, powerPreference: "high-performance" });
     host.append(this.renderer.domElement);
     this.labels = new this.CSS2DRenderer();
     Object.assign(this.labels.domElement.style, { position: "absolute", inset: "0", pointerEvents: "none" });
@@ -131,7 +141,7 @@ export class SceneView {
     const now = performance.now();
     const took = now - (this.last ?? now - 16);
     this.last = now;
-    if (took < 400) this.mean = 0.8 * (this.mean ?? took) + 0.2 * took;
+    if (took < 2000) this.mean = 0.6 * (this.mean ?? took) + 0.4 * took;
     if (this.mean > SLOW_MS && this.coarse > COARSEST) this.sharpness(Math.max(COARSEST, this.coarse * 0.8));
     if (this.path && !this.thin) this.thinned(true);
     clearTimeout(this.rest);
@@ -181,8 +191,8 @@ export class SceneView {
     this.tubes = { ends: floats(doc.tubes), count: doc.tubes.shape[1], meshes: [] };
     this.drums = { ends: floats(doc.drums), count: doc.drums.shape[1], meshes: [] };
     this.tools = floats(doc.tool);
-    this.material = new T.MeshStandardMaterial({ color: this.colours.body, roughness: 0.62, metalness: 0.08 });
-    this.drumMaterial = new T.MeshStandardMaterial({ color: this.colours.drum, roughness: 0.55, metalness: 0.08 });
+    this.material = new T.MeshLambertMaterial({ color: this.colours.body });
+    this.drumMaterial = new T.MeshLambertMaterial({ color: this.colours.drum });
     for (let k = 0; k < this.tubes.count; k++) {
       const mesh = new T.Mesh(new T.CylinderGeometry(1, 1, 1, 24), this.material);
       const knob = new T.Mesh(new T.SphereGeometry(1, 20, 14), this.material);
@@ -318,21 +328,31 @@ export class SceneView {
       else ramp(size[i] / top, tint, 3 * i);
     }
     const uniforms = (this.scaleUniforms ??= { scale: { value: 100 }, size: { value: 0.028 } });
-    const instanced = (geometry) => {
-      geometry.setAttribute("foot", new T.InstancedBufferAttribute(points, 3));
-      geometry.setAttribute("error", new T.InstancedBufferAttribute(errors, 3));
-      geometry.setAttribute("tint", new T.InstancedBufferAttribute(tint, 3));
-      geometry.instanceCount = n;
+    // One vertex buffer for all arrows: drawn in software, instances cost more than their vertices.
+    const spread = (corners, index) => {
+      const k = corners.length / 3;
+      const own = { position: new Float32Array(3 * k * n), foot: new Float32Array(3 * k * n), error: new Float32Array(3 * k * n), tint: new Float32Array(3 * k * n) };
+      const indices = new Uint32Array(index.length * n);
+      for (let i = 0; i < n; i++) {
+        for (let c = 0; c < k; c++) {
+          const at = 3 * (k * i + c);
+          for (let a = 0; a < 3; a++) {
+            own.position[at + a] = corners[3 * c + a];
+            own.foot[at + a] = points[3 * i + a];
+            own.error[at + a] = errors[3 * i + a];
+            own.tint[at + a] = tint[3 * i + a];
+          }
+        }
+        for (let c = 0; c < index.length; c++) indices[index.length * i + c] = k * i + index[c];
+      }
+      const geometry = new T.BufferGeometry();
+      for (const [key, values] of Object.entries(own)) geometry.setAttribute(key, new T.BufferAttribute(values, 3));
+      geometry.setIndex(new T.BufferAttribute(indices, 1));
       return geometry;
     };
-    const shaft = instanced(new T.InstancedBufferGeometry());
-    shaft.setAttribute("end", new T.Float32BufferAttribute([0, 1], 1));
-    shaft.setAttribute("position", new T.Float32BufferAttribute([0, 0, 0, 0, 0, 0], 3));
-    const lines = new T.LineSegments(shaft, new T.ShaderMaterial({ uniforms, vertexShader: SHAFT, fragmentShader: TINT }));
-    const head = instanced(new T.InstancedBufferGeometry());
-    head.setAttribute("position", new T.Float32BufferAttribute([1, 0, 0, -0.5, 0.87, 0, -0.5, -0.87, 0, 0, 0, 1], 3));
-    head.setIndex([0, 1, 3, 1, 2, 3, 2, 0, 3, 0, 2, 1]);
-    const tips = new T.Mesh(head, new T.ShaderMaterial({ uniforms, vertexShader: HEAD, fragmentShader: TINT, side: T.DoubleSide }));
+    const material = (vertexShader) => new T.ShaderMaterial({ uniforms, vertexShader, fragmentShader: TINT, side: T.DoubleSide });
+    const lines = new T.LineSegments(spread([0, 0, 0, 1, 0, 0], [0, 1]), material(SHAFT));
+    const tips = new T.Mesh(spread([1, 0, 0, -0.5, 0.87, 0, -0.5, -0.87, 0, 0, 0, 1], [0, 1, 3, 1, 2, 3, 2, 0, 3]), material(HEAD));
     for (const each of [lines, tips]) {
       each.frustumCulled = false;
       group.add(each);
