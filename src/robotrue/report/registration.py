@@ -48,7 +48,7 @@ def registration_content(
     text = (
         t("reg.no_go", names=", ".join(bad))
         if bad
-        else t("reg.go", n=len(part.frames), u=COVERAGE_FACTOR * origin / MM)
+        else t("reg.go", u=COVERAGE_FACTOR * origin / MM)
     )
     outliers = [
         t("reg.not_believed", part=frame.name, names=", ".join(frame.outliers))
@@ -62,7 +62,12 @@ def registration_content(
         verdict=Verdict(
             text=text,
             tone="bad" if bad else "good",
-            detail=t("reg.detail", identity=part.identity),
+            detail=t(
+                "reg.detail",
+                kind=t(f"reg.{part.identity.kind}"),
+                robot=part.identity.robot,
+                digest=part.identity.sha256[:12],
+            ),
         ),
         tiles=_tiles(part, origin, t),
         sections=(_frames(part, t), _uncertainty(part, t)),

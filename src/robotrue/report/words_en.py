@@ -266,9 +266,12 @@ TEXT: Final[Mapping[str, str]] = {
     # Registration
     "reg.title": "Registration of {name}",
     "reg.subtitle": "{robot}; {file}",
-    "reg.go": "GO: {n} part frame(s), the origin known to {u:.3f} mm or better (k = 2, per axis).",
+    "reg.go": "GO: the origin is known to {u:.3f} mm or better along each axis (k = 2).",
     "reg.no_go": "NO-GO: {names} may not be machined as registered.",
-    "reg.detail": "Touched with {identity}; only programs of that model may use these frames.",
+    "reg.detail": "Touched with {kind} {robot} ({digest}); only programs of that model may use "
+    "these frames.",
+    "reg.calibrated": "the calibrated",
+    "reg.nominal": "the nominal",
     "reg.frames": "Part frames",
     "reg.table": "Part in base",
     "reg.part": "part",

@@ -121,8 +121,8 @@ TEXT: Final[Mapping[str, str]] = {
     "cert.no_force": "加工力：未计入。沿一轴 100 N 的力将使工具移动 {c:.3f} mm（各轴与各位姿的均"
     "方根）。",
     "cert.no_temperature": "与测量时不同的温度：机器人及单元的热膨胀未计入。",
-    "cert.registration_apart": "工件定位按触测与加工时机器人误差相互独立计入；两者实际有共同误差，姿态相近时该合成值偏于"
-    "保守。",
+    "cert.registration_apart": "工件定位按触测与加工时机器人误差相互独立计入；两者实际有共同误差，姿"
+    "态相近时该合成值偏于保守。",
     "cert.no_accreditation": "本证书仅陈述所测量与计算的内容，并非由认可实验室（ISO/IEC 17025）签"
     "发。",
     "cert.places": "工作空间内的不确定度",
@@ -245,9 +245,11 @@ TEXT: Final[Mapping[str, str]] = {
     # Registration
     "reg.title": "{name} 的工件定位",
     "reg.subtitle": "{robot}；{file}",
-    "reg.go": "合格（GO）：{n} 个工件坐标系，原点已知至 {u:.3f} mm 或更好（k = 2，单轴）。",
+    "reg.go": "合格（GO）：原点沿各轴已知至 {u:.3f} mm 或更好（k = 2）。",
     "reg.no_go": "不合格（NO-GO）：{names} 不得按当前定位加工。",
-    "reg.detail": "触测所用模型：{identity}；仅该模型的程序可以使用这些坐标系。",
+    "reg.detail": "触测所用模型：{kind} {robot}（{digest}）；仅该模型的程序可以使用这些坐标系。",
+    "reg.calibrated": "已校准的",
+    "reg.nominal": "名义的",
     "reg.frames": "工件坐标系",
     "reg.table": "工件在基坐标系中的位姿",
     "reg.part": "工件",
