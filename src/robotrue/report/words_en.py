@@ -129,9 +129,9 @@ TEXT: Final[Mapping[str, str]] = {
     "tool by {c:.3f} mm (root mean square over axes and poses).",
     "cert.no_temperature": "Temperatures other than those of the measurement: thermal growth of "
     "arm and cell is not in the budget.",
-    "cert.registration_apart": "Registration of the part is added as if the arm that touched and the arm that "
-    "machines were independent; they share errors, so the sum errs on the safe side where both "
-    "postures are alike.",
+    "cert.registration_apart": "Registration of the part is added as if the arm that "
+    "touched and the arm that machines were independent; they share errors, so the sum errs on the "
+    "safe side where both postures are alike.",
     "cert.no_accreditation": "This certificate states what was measured and computed. It is not "
     "issued by an accredited laboratory (ISO/IEC 17025).",
     "cert.places": "Uncertainty over the workspace",

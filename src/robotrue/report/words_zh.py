@@ -121,8 +121,8 @@ TEXT: Final[Mapping[str, str]] = {
     "cert.no_force": "加工力：未计入。沿一轴 100 N 的力将使工具移动 {c:.3f} mm（各轴与各位姿的均"
     "方根）。",
     "cert.no_temperature": "与测量时不同的温度：机器人及单元的热膨胀未计入。",
-    "cert.registration_apart": "工件定位按触测与加工时机器人误差相互独立计入；两者实际有共同误差，姿"
-    "态相近时该合成值偏于保守。",
+    "cert.registration_apart": "工件定位按触测与加工时机器人误差相互独立计入；两者实际有共同误差，"
+    "姿态相近时该合成值偏于保守。",
     "cert.no_accreditation": "本证书仅陈述所测量与计算的内容，并非由认可实验室（ISO/IEC 17025）签"
     "发。",
     "cert.places": "工作空间内的不确定度",
