@@ -5,10 +5,12 @@ from itertools import pairwise
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sensing_cases import cutting, forces, models, part, still
+from sensing_cases import ARM, cutting, forces, models, part, still
 
 from robotrue.online.estimates import Doubt
 from robotrue.online.sensing import Sensing
+from robotrue.online.sensing_models import PoseResponse
+from robotrue.simulation.milling_arm import pass_joints
 
 FIELDS = ("host_time", "error", "sd", "static", "wrench", "joints", "sequence", "doubt")
 
@@ -34,6 +36,8 @@ def test_any_cut_gives_the_same_bits(cuts, at):
     if at % len(joints) + 1 < len(joints):
         pieces.joints(part(joints, slice(at % len(joints) + 1, None)))
     same(estimated(whole, block), estimated(pieces, block, sorted(cuts)))
+    for name, values in whole.state().items():  # the filters too, while they settle
+        np.testing.assert_array_equal(values, pieces.state()[name], err_msg=name)
 
 
 def test_standing_force_gives_the_static_deflection():
@@ -47,6 +51,32 @@ def test_standing_force_gives_the_static_deflection():
     assert found["doubt"][-1] == 0
     np.testing.assert_allclose(found["error"][-1], expected, rtol=1e-5)
     np.testing.assert_allclose(found["static"][-1], expected, rtol=1e-5)
+
+
+def test_cuts_after_settling_give_the_same_bits():
+    block = forces(cutting(4.4))
+    sensing = [Sensing(models()), Sensing(models())]
+    for one in sensing:
+        one.joints(still(5.0))
+    found = estimated(sensing[0], block), estimated(sensing[1], block, range(7, 22_000, 257))
+    assert np.isfinite(found[0]["error"][-2000:]).all()
+    same(*found)
+
+
+def test_modes_of_the_pose_give_the_static_deflection_there():
+    """Measured modes know another pose by its stiffness, computed ones by themselves."""
+    there = pass_joints(np.array([0.0]))[0]
+    force = np.array([-30.0, 5.0, 12.0])
+    noise = 1e-6 * np.random.default_rng(1).normal(size=(25000, 3))
+    found = []
+    for response in (models().response, PoseResponse(arm=ARM.arm, tool=ARM.tool)):
+        sensing = Sensing(models(response=response))
+        sensing.joints(still(joints=there))
+        found.append(estimated(sensing, forces(force + noise)))
+        assert found[-1]["doubt"][-1] == 0
+    np.testing.assert_allclose(found[0]["error"][-1], found[1]["error"][-1], rtol=1e-5)
+    at_home = models().response.oscillators.static @ force
+    assert np.abs(found[0]["error"][-1] - at_home).max() > 1e-6
 
 
 def test_restored_goes_on_bit_for_bit():
