@@ -264,8 +264,9 @@ def test_a_file_is_given_what_it_has_missed(tmp_path: Path) -> None:
     rest = joined(recorded_after(record, line, 10**9))
     assert rest["sequence"].tolist() == list(range(row + 1, 6000))
     assert joined(recorded_after(record, None, 10**9))["sequence"].tolist() == list(range(6000))
+    assert list(recorded_after(record, "12345.0,9000,1", 10**9)) == []  # ahead of the record
     with pytest.raises(ConfigurationError, match="ends with an estimate that is not in the record"):
-        list(recorded_after(record, "12345.0,3,1", 10**9))
+        list(recorded_after(record, "2.000500000,3,1", 10**9))
 
 
 KILLED = """

@@ -7,7 +7,7 @@ import contextlib
 import signal
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -246,12 +246,14 @@ def _sinks(
     for address in options.out:
         sink = open_sink(address, settings)
         whole = address.lower().startswith("csv")
-        missed: Callable[[], Any] = tuple
+        plan = SinkPlan(sink=sink, blocks=_BLOCKS if whole else 256, whole=whole)
         if whole and writer is not None and resumed is not None:
-            missed = partial(_missed, writer, resumed, sink)
-        plans.append(
-            SinkPlan(sink=sink, blocks=_BLOCKS if whole else 256, whole=whole, before=missed)
-        )
+            plan = replace(
+                plan,
+                before=partial(_missed, writer, resumed, sink),
+                after=partial(getattr, sink, "resumed_after", None),
+            )
+        plans.append(plan)
     return plans
 
 

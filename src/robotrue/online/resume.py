@@ -75,7 +75,7 @@ def recorded_after(record: Record, line: str | None, before: int) -> Iterator[Es
     Raises:
         ConfigurationError: The record has no such estimate.
     """
-    begun = line is None
+    begun, block = line is None, None
     found = record.segments()
     if line is not None:
         host, sequence = [*line.split(","), "", ""][:2]
@@ -86,19 +86,32 @@ def recorded_after(record: Record, line: str | None, before: int) -> Iterator[Es
         for frame in record.segment_frames(segment, (Kind.ESTIMATES,), skip_damage=True):
             if frame.number >= before:
                 return
-            block: EstimateBlock = frame.content
+            block = frame.content
             if begun:
                 yield block
             elif (row := _row_of(block, host, sequence)) is not None:
                 begun = True
                 if row + 1 < len(block):
                     yield estimates_of(block, slice(row + 1, None))
+    if not begun and later_than(block, line) is None:
+        return  # the file is ahead of the record
     if not begun:
         raise ConfigurationError(
             f"the file ends with an estimate that is not in the record: {line!r}.",
             source=record.path,
             hint="the file of this record, or another name.",
         )
+
+
+def later_than(block: EstimateBlock | None, line: str | None) -> EstimateBlock | None:
+    """Returns the rows of a block after the one that a line of a CSV file stands for, if any."""
+    if block is None or line is None:
+        return block
+    host, sequence = [*line.split(","), "", ""][:2]
+    time = np.round(block.host_time, 9)
+    at = float(host or "nan")
+    rows = np.flatnonzero((time > at) | ((time == at) & (block.sequence > int(sequence or -1))))
+    return estimates_of(block, slice(int(rows[0]), None)) if len(rows) else None
 
 
 def estimates_of(block: EstimateBlock, rows: slice) -> EstimateBlock:

@@ -23,7 +23,7 @@ from robotrue.online.link import Health, Sink, Source
 from robotrue.online.queues import Latest, Lossless
 from robotrue.online.record_frames import Kind
 from robotrue.online.record_writer import RecordWriter
-from robotrue.online.resume import estimates_of
+from robotrue.online.resume import estimates_of, later_than
 from robotrue.online.sensing_chain import (
     STREAMS,
     SensingChain,
@@ -50,12 +50,15 @@ class SinkPlan:
         whole: It is to get every estimate where the sources can wait (a file of a replay); else
             the oldest go where it cannot keep up.
         before: What it is given first: the estimates it has missed.
+        after: The last line that it has, asked once it is open; None for nothing. What is not
+            later is not given to it again.
     """
 
     sink: Sink
     blocks: int = 256
     whole: bool = False
     before: Callable[[], Iterable[EstimateBlock]] = tuple
+    after: Callable[[], str | None] = lambda: None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -163,6 +166,7 @@ class _Served:
 
     def __init__(self, plan: SinkPlan, settings: ServiceSettings) -> None:
         self.plan, self.fault, self.failed = plan, "", 0
+        self.line: str | None = None
         self.latest: Latest[EstimateBlock] | None = None
         self.whole: Lossless[EstimateBlock] | None = None
         if plan.whole and settings.patient:
@@ -184,12 +188,17 @@ class _Served:
     async def serve(self) -> None:
         """Gives the sink what waits until the queue is closed; its faults stay its own."""
         queue = self.whole if self.latest is None else self.latest
+        self.line = self.plan.after()
         for block in self.plan.before():
             await self._write(block)
         while queue is not None and (item := await queue.take()) is not None:
             await self._write(item)
 
-    async def _write(self, block: EstimateBlock) -> None:
+    async def _write(self, estimates: EstimateBlock) -> None:
+        block = later_than(estimates, self.line)
+        if block is None:
+            return
+        self.line = None  # times rise: all that follows is later, too
         try:
             await self.plan.sink.write(block)
         except Exception as fault:  # whatever it is: the other sinks and the robot go on

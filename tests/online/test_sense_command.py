@@ -1,0 +1,120 @@
+"""The command from files to files: sensed, recorded, exported, gone on with, refused."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robotrue.cli.record import run_export, run_info
+from robotrue.cli.sense import SenseOptions, run_sense
+from robotrue.errors import ConfigurationError, FormatError, ModelMismatchError
+from robotrue.online.record import Record
+from robotrue.online.record_frames import Kind
+
+CELL = """schema = 1
+[robot]
+preset = "KUKA KR160 R1570"
+stiffness_Nm_per_rad = [1.75e6, 1.72e6, 1.95e6, 3.73e5, 2.11e5, 1.74e5]
+"""
+ROWS = 3000
+
+
+@pytest.fixture
+def options(tmp_path: Path) -> SenseOptions:
+    (tmp_path / "cell.toml").write_text(CELL)
+    time = np.arange(ROWS // 4) * 4e-3
+    joints = np.array([-20.0, -95.0, 105.0, 5.0, 70.0, -8.0]) + np.sin(time)[:, None]
+    names = ",".join(f"a{k}_deg" for k in range(1, 7))
+    table = np.column_stack([time, joints])
+    np.savetxt(tmp_path / "j.csv", table, "%.6f", ",", header=f"t_s,{names}", comments="")
+    time = np.arange(ROWS) * 1e-3
+    force = np.array([-30.0, 60.0, 20.0]) + np.random.default_rng(1).standard_normal((ROWS, 3))
+    table = np.column_stack([time, force])
+    np.savetxt(tmp_path / "f.csv", table, "%.6f", ",", header="t_s,fx_N,fy_N,fz_N", comments="")
+    return SenseOptions(
+        cell=tmp_path / "cell.toml",
+        robot=f"replay://{tmp_path / 'j.csv'}",
+        force=f"replay://{tmp_path / 'f.csv'}",
+    )
+
+
+def said(capsys: pytest.CaptureFixture[str]) -> dict[str, object]:
+    found: dict[str, object] = json.loads(capsys.readouterr().out)
+    return found
+
+
+def test_sensed_recorded_exported_and_sensed_again(
+    options: SenseOptions, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, record = tmp_path / "out.csv", tmp_path / "rec"
+    run_sense(replace(options, record=record, out=(f"csv:{out}",)), as_json=True)
+    found = said(capsys)
+    assert found["rows"] == {"joints": ROWS // 4, "force": ROWS}
+    assert found["estimates"] == ROWS
+    assert 0 < int(str(found["invalid"])) < ROWS // 2
+    run_export(record, tmp_path / "e.csv", stream="estimates", skip_damage=False, as_json=True)
+    assert said(capsys)["rows"] == ROWS
+    assert (tmp_path / "e.csv").read_bytes() == out.read_bytes()
+    for stream in ("joints", "force"):
+        target = tmp_path / f"{stream}.csv"
+        run_export(record, target, stream=stream, skip_damage=False, as_json=True)
+    capsys.readouterr()
+    again = replace(
+        options,
+        robot=f"replay://{tmp_path / 'joints.csv'}",
+        force=f"replay://{tmp_path / 'force.csv'}",
+        out=(f"csv:{tmp_path / 'again.csv'}",),
+    )
+    run_sense(again, as_json=True)
+    assert (tmp_path / "again.csv").read_bytes() == out.read_bytes()
+    capsys.readouterr()
+    run_info(record, skip_damage=False, as_json=True)
+    rows = said(capsys)["rows"]
+    assert rows == {"joints": ROWS // 4, "force": ROWS, "estimates": ROWS}
+
+
+def test_a_torn_record_and_a_short_file_are_gone_on_with(
+    options: SenseOptions, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    record, out = tmp_path / "rec", tmp_path / "out.csv"
+    asked = replace(options, record=record, out=(f"csv:{out}",))
+    run_sense(asked, as_json=True)
+    wanted = out.read_bytes()
+    (segment,) = Record(record).segments()
+    frames = [f.number for f in Record(record).frames({Kind.FORCE})]
+    segment.write_bytes(segment.read_bytes()[: segment.stat().st_size * 2 // 3])
+    out.write_bytes(wanted[: len(wanted) // 3])
+    assert len(frames) > 2
+    with pytest.raises(ConfigurationError, match="there is a record already"):
+        run_sense(asked, as_json=True)
+    with pytest.raises(ModelMismatchError, match="made with another rate_hz"):
+        run_sense(replace(asked, resume=True, rate=999.0), as_json=True)
+    capsys.readouterr()
+    run_sense(replace(asked, resume=True), as_json=True)
+    assert said(capsys)["rows"] == {"joints": ROWS // 4, "force": ROWS}
+    assert out.read_bytes() == wanted
+    taken = [f.content for f in Record(record).frames({Kind.ESTIMATES})]
+    assert np.concatenate([b.sequence for b in taken]).tolist() == list(range(ROWS))
+
+
+def test_what_cannot_be_is_said_before_anything_begins(
+    options: SenseOptions, tmp_path: Path
+) -> None:
+    with pytest.raises(ConfigurationError, match="corrections without limits"):
+        run_sense(replace(options, correct=True), as_json=True)
+    with pytest.raises(ConfigurationError, match="only rsi:// and egm:// robots take them"):
+        run_sense(replace(options, correct=True, limit_mm=0.1, rate_mm_per_s=1.0), as_json=True)
+    with pytest.raises(ConfigurationError, match="limits of a correction without --correct"):
+        run_sense(replace(options, limit_mm=0.1), as_json=True)
+    with pytest.raises(ConfigurationError, match="--resume without --record"):
+        run_sense(replace(options, resume=True), as_json=True)
+    with pytest.raises(ConfigurationError, match="samples per second are not stated"):
+        run_sense(replace(options, force="rdt://192.0.2.1?scale=x.xml"), as_json=True)
+    with pytest.raises(FormatError, match="no segment in this folder"):
+        run_info(tmp_path, skip_damage=False, as_json=True)
+    with pytest.raises(ConfigurationError, match="expected joints, force, estimates"):
+        run_export(tmp_path, tmp_path / "x", stream="all", skip_damage=False, as_json=True)
