@@ -120,6 +120,8 @@ def main() -> None:
             wall, cpu = timed(lambda q=asked_for: items.listed(workspace, MEASUREMENT, q))  # type: ignore[misc]
             total = items.listed(workspace, MEASUREMENT, asked_for).total
             floor = ""
+            if bare and url is None:
+                bare = bare.replace("latest AND NOT deleted", "latest = 1 AND deleted = 0")
             if bare:
                 with workspace.engine.connect() as connection:
                     floor = (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import fields
 from pathlib import Path
 
@@ -10,10 +11,21 @@ import pytest
 
 from robotrue.errors import ArchiveError, ConfigurationError, ImplausibleDataError, RobotrueError
 from robotrue.measurement.measurement_set import MeasurementSet
-from robotrue.store import cells, documents, items, jobs, journal, measurements, programs
-from robotrue.store.nouns import CELL, DOCUMENT, MEASUREMENT, PROGRAM, ROBOT, TOOL
+from robotrue.store import (
+    cells,
+    documents,
+    drift_checks,
+    items,
+    jobs,
+    journal,
+    measurements,
+    programs,
+    registrations,
+)
+from robotrue.store.nouns import CELL, DOCUMENT, DRIFT_CHECK, MEASUREMENT, PROGRAM, ROBOT, TOOL
 from robotrue.store.records import Link, Query, Ref
 from robotrue.store.samples import RowQuery
+from robotrue.store.verify import verify
 from robotrue.store.workspace import Workspace
 
 CELL_TEXT = """schema = 1
@@ -282,3 +294,87 @@ def test_jobs_are_submitted_listed_and_cancelled(workspace: Workspace) -> None:
         jobs.status(workspace, "0000")
     with pytest.raises(ConfigurationError, match="no JSON values"):
         jobs.submit(workspace, "calibrate", {"x": float("nan")})
+
+
+def test_a_damaged_file_heals_when_it_is_taken_in_again(
+    workspace: Workspace, tmp_path: Path
+) -> None:
+    (tmp_path / "a.csv").write_text("content")
+    made = documents.add(workspace, "plan", name="one", files=[tmp_path / "a.csv"])
+    path = workspace.path_of(made.attachments[0].sha256)
+    path.chmod(0o644)
+    path.write_text("c0ntent")
+    documents.add(workspace, "plan", name="two", files=[tmp_path / "a.csv"])
+    assert workspace.content(made.attachments[0].sha256) == b"content"
+
+
+def test_two_writers_may_bring_the_same_files(workspace: Workspace, tmp_path: Path) -> None:
+    """Each in its own order, at once: nobody waits for ever, every row and file stands once."""
+    paths = [tmp_path / f"{k}.csv" for k in range(8)]
+    for path in paths:
+        path.write_text(path.name)
+    faults: list[BaseException] = []
+
+    def bring(order: list[Path]) -> None:
+        try:
+            with Workspace.open(workspace.folder, workspace.url) as mine:
+                for _ in range(3):
+                    documents.add(mine, "plan", name="same", files=order)
+        except BaseException as fault:
+            faults.append(fault)
+
+    threads = [threading.Thread(target=bring, args=(way,)) for way in (paths, paths[::-1])]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(60)
+    assert faults == []
+    assert items.listed(workspace, DOCUMENT, Query()).total == 6
+    found = verify(workspace)
+    assert (found.files, found.faults, found.unnamed) == (8, (), ())
+
+
+def test_versions_follow_each_other_whoever_writes(workspace: Workspace) -> None:
+    id = a_document(workspace, "start")
+
+    def rename(word: str) -> None:
+        with Workspace.open(workspace.folder, workspace.url) as mine:
+            for k in range(5):
+                items.change(mine, DOCUMENT, id, name=f"{word}{k}")
+
+    threads = [threading.Thread(target=rename, args=(word,)) for word in "ab"]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(60)
+    versions = items.versions(workspace, DOCUMENT, id)
+    assert [each.version for each in versions] == list(range(1, 12))
+    assert [each.latest for each in versions] == [False] * 10 + [True]
+
+
+@pytest.mark.parametrize("text", ["a\0b", "\0"])
+def test_nul_characters_are_refused(workspace: Workspace, text: str) -> None:
+    for detail, note in (({"x": text}, ""), ({}, text)):
+        with pytest.raises(ConfigurationError, match="NUL character"):
+            documents.add(workspace, "plan", name="p", detail=detail, note=note)
+
+
+def test_numbers_that_are_not_finite_are_kept_as_none(workspace: Workspace) -> None:
+    made = documents.add(workspace, "plan", name="p", detail={"a": float("nan"), "b": (1, 2.5)})
+    assert made.detail == {"a": None, "b": [1, 2.5]}
+
+
+def test_registrations_and_drift_checks(workspace: Workspace, tmp_path: Path) -> None:
+    path, points = tmp_path / "cell.toml", tmp_path / "points.csv"
+    path.write_text(CELL_TEXT)
+    points.write_text("name\n")
+    cell = cells.add(workspace, path)
+    with pytest.raises(ConfigurationError, match="not registered"):
+        registrations.add(workspace, path, points, name="r", cell=cell.ref)
+    data = measurements.add(workspace, some_poses(), name="check")
+    made = drift_checks.add(
+        workspace, name="d", model=cell.ref, data=data.ref, poses=7, statistic=12.5, p_value=0.3,
+        verdict="keep",
+    )  # fmt: skip
+    found = items.listed(workspace, DRIFT_CHECK, Query(where={"verdict": "keep"})).items
+    assert found == (made,)

@@ -73,7 +73,7 @@ class Staging:
 
     def _moved(self, written: Path, place: str, digest: str) -> str:
         target = stored_path(self._folder, place, digest)
-        if target.is_file() and target.stat().st_size == written.stat().st_size:
+        if target.is_file() and file_hash(target) == digest:
             written.unlink()
             return digest
         # Whoever sweeps finds here what may stand in a place without a row.

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url
-from sqlalchemy.exc import ArgumentError, OperationalError
+from sqlalchemy.exc import ArgumentError, DBAPIError
 
 from robotrue.errors import ConfigurationError, MissingExtraError
 
@@ -75,10 +75,11 @@ def _as_sqlite(engine: Engine) -> None:
         connection.exec_driver_sql("BEGIN IMMEDIATE" if writing else "BEGIN")
 
 
-def unreachable(cause: OperationalError, folder: Path) -> ConfigurationError:
+def unreachable(cause: DBAPIError, folder: Path) -> ConfigurationError:
     """Returns the error for a database that does not answer, without its URL."""
+    said = str(cause.orig).strip() or "it does not say why"
     return ConfigurationError(
-        f"the database does not answer ({str(cause.orig).strip().splitlines()[0]}).",
+        f"the database does not answer ({said.splitlines()[0]}).",
         source=folder,
         hint="see that it runs, and what ROBOTRUE_DB says.",
     )

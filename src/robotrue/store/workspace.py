@@ -13,7 +13,7 @@ from types import TracebackType
 from typing import BinaryIO, Final
 
 from sqlalchemy import Connection, Engine, insert, select
-from sqlalchemy.exc import IntegrityError, OperationalError
+from sqlalchemy.exc import IntegrityError, InterfaceError, OperationalError
 from sqlalchemy.orm import Session
 
 from robotrue import __version__
@@ -137,15 +137,23 @@ class Workspace:
 
     @contextlib.contextmanager
     def read(self) -> Iterator[Session]:
-        """Gives a session to read with."""
-        with Session(self.engine) as session:
+        """Gives a session to read with.
+
+        Raises:
+            ConfigurationError: The database does not answer.
+        """
+        with _reached(self.folder), Session(self.engine) as session:
             yield session
 
     @contextlib.contextmanager
     def write(self) -> Iterator[Transaction]:
-        """Gives a transaction; what is done in it stands when the block ends, or not at all."""
+        """Gives a transaction; what is done in it stands when the block ends, or not at all.
+
+        Raises:
+            ConfigurationError: The database does not answer.
+        """
         transaction = Transaction(self)
-        with transaction.running():
+        with _reached(self.folder), transaction.running():
             yield transaction
 
     def path_of(self, digest: str) -> Path:
@@ -202,7 +210,9 @@ class Transaction:
             engine = self.workspace.engine.execution_options(**{WRITING: True})
             self._session = self._stack.enter_context(Session(engine))
             self._session.connection()
-        for digest, (place, size) in self._kept.items():
+        for digest, (place, size) in sorted(
+            self._kept.items()
+        ):  # one order: nobody waits crosswise
             if self._session.get(BlobRow, digest) is None:
                 row = BlobRow(sha256=digest, place=place, size=size, created=now())
                 with _first_wins(self._session):
@@ -277,12 +287,19 @@ def writing(engine: Engine) -> Iterator[Connection]:
 def _used(engine: Engine, folder: Path) -> Iterator[Engine]:
     """Gives the engine; lets go of the database where the block fails."""
     try:
-        yield engine
-    except BaseException as cause:
+        with _reached(folder):
+            yield engine
+    except BaseException:
         engine.dispose()
-        if isinstance(cause, OperationalError):
-            raise unreachable(cause, folder) from None
         raise
+
+
+@contextlib.contextmanager
+def _reached(folder: Path) -> Iterator[None]:
+    try:
+        yield
+    except (OperationalError, InterfaceError) as cause:
+        raise unreachable(cause, folder) from None
 
 
 @contextlib.contextmanager
