@@ -105,7 +105,7 @@ def test_response_with_its_pose_and_frame(cell, tmp_path):
 
 def test_response_of_another_unit_is_refused(cell, tmp_path):
     files = SensingFiles(
-        cell=cell, rate=5000.0, frf=frf_csv(tmp_path / "frf.csv", 200.0),
+        cell=cell, rate=5000.0, frf=frf_csv(tmp_path / "frf.csv", 100.0),
         frf_joints="-26,-12,52,-32,-57,19", frf_frame="base",
     )  # fmt: skip
     with pytest.raises(ModelMismatchError, match="a receptance in m/N"):
