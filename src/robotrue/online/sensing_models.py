@@ -180,8 +180,8 @@ class SensingModels:
             )
         if self.learned is not None and not isinstance(self.response, MeasuredResponse):
             raise ConfigurationError(
-                "a learned deviation without a measured frequency response: it is what the prediction by "
-                "the response leaves out.",
+                "a learned deviation without a measured frequency response: it is what the "
+                "prediction by the response leaves out.",
                 hint="--frf with the response its windows were predicted with.",
             )
         self._check_dof()
