@@ -28,7 +28,7 @@ PAGES = sorted(
 LINK = re.compile(r"!?\[[^\]\n]*\]\(([^)\s]+)\)")
 CALL = re.compile(
     r"robotrue (demo|plan|calibrate|transfer|validate|predict|program|compensate|diff|inspect|map|"
-    r"register|probe-plan|slot-test|reproduce|dynamics|drill|simulate|workspace|jobs)"
+    r"register|report|export|drift-plan|drift|probe-plan|slot-test|reproduce|dynamics|drill|simulate|workspace|jobs)"
     r"\b([^\n`|]*)"
 )
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
