@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import base64
+import io
+import zipfile
 from typing import Any
 
 import numpy as np
@@ -12,6 +14,7 @@ from web_shop import POSES, SEED, Client, Shop
 
 from robotrue.store import items
 from robotrue.store.nouns import CELL
+from robotrue.web import uploads
 from robotrue.web.uploads import FOLDER, safe_name
 
 
@@ -117,6 +120,20 @@ def test_an_empty_file_and_one_cut_off_leave_nothing(client: Client, filled: Sho
     assert here.post("/api/files?name=a.csv", content=b"").status_code == 400
     assert here.post("/api/files?name=a.csv", content=iter([b"x" * 60_000])).status_code == 413
     assert set(incoming.iterdir()) == before
+
+
+def test_an_archive_that_would_fill_the_memory_is_refused(
+    client: Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(uploads, "UNPACKED", 1_000_000)
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as bundle:
+        for k in range(10):
+            bundle.writestr(f"xl/{k}.xml", bytes(100_001))
+    assert len(buffer.getvalue()) < 10_000
+    answer = client().post("/api/files?name=poses.xlsx", content=buffer.getvalue())
+    assert answer.status_code == 400
+    assert answer.json()["detail"] == "1 MB when unpacked, at most 1 MB are."
 
 
 def test_cell_measurements_and_program_come_in(client: Client, filled: Shop) -> None:

@@ -8,6 +8,7 @@ import re
 import shutil
 import time
 import uuid
+import zipfile
 from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +22,8 @@ FOLDER: Final = "incoming"
 LONGEST_NAME: Final = 120
 KEPT: Final = 24 * 3600.0
 """s that a file nobody made anything of is kept."""
+UNPACKED: Final = 1_000_000_000
+"""Bytes of all files in an archive together."""
 _ODD: Final = re.compile(r"[^\w .()+=@#&-]")
 _ID: Final = re.compile(r"[0-9a-f]{32}")
 
@@ -60,12 +63,27 @@ async def take_in(workspace: Workspace, name: str, chunks: AsyncIterator[bytes])
                 await asyncio.to_thread(file.write, chunk)
         if not size:
             raise FormatError("an empty file.", source=path.name, hint="export it again.")
+        await asyncio.to_thread(_require_modest, path)
     except BaseException as cause:  # also a browser that went away
         shutil.rmtree(place, ignore_errors=True)
         if isinstance(cause, OSError):
             raise FormatError(f"cannot be kept: {cause.strerror}.", source=path.name) from cause
         raise
     return Upload(id=key, name=path.name, size=size, sha256=digest.hexdigest())
+
+
+def _require_modest(path: Path) -> None:
+    """Refuses a workbook or archive that would fill the memory once it is unpacked."""
+    if not zipfile.is_zipfile(path):
+        return
+    with zipfile.ZipFile(path) as bundle:
+        size = sum(each.file_size for each in bundle.infolist())
+    if size > UNPACKED:
+        raise FormatError(
+            f"{size / 1e6:,.0f} MB when unpacked, at most {UNPACKED / 1e6:,.0f} MB are.",
+            source=path.name,
+            hint="export it as CSV.",
+        )
 
 
 def uploaded(workspace: Workspace, key: str) -> Path:

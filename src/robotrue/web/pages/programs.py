@@ -197,17 +197,18 @@ def _verdict(bench: Bench, record: ProgramRecord, found: dict[str, Any], toleran
 
 def _worst(bench: Bench, found: dict[str, Any]) -> str:
     say, view = bench.say, bench.view
+    compared = found["scene"]["path"]["compared"]
     columns = [
         say("programs.line"),
-        f"{say('scene.before')} {view.unit_name}",
-        f"{say('scene.after')} {view.unit_name}",
+        *([f"{say('scene.before')} {view.unit_name}"] if compared else []),
+        f"{say('scene.after') if compared else say('programs.error')} {view.unit_name}",
         f"± 95 % {view.unit_name}",
         "",
     ]
     rows = [
         (
             str(each["line"]),
-            view.error(each["before_m"]),
+            *([view.error(each["before_m"])] if compared else []),
             view.error(each["after_m"]),
             view.error(each["bound_m"]),
             tag(say(f"programs.state_{each['state']}"), STATES[each["state"]]),  # type: ignore[arg-type]
@@ -215,7 +216,7 @@ def _worst(bench: Bench, found: dict[str, Any]) -> str:
         for each in found["worst"]
     ]
     links = [f'data-point="{each["point"]}" tabindex="0"' for each in found["worst"]]
-    return table(columns, rows, words=(0, 4), attributes=links, mark="worst")
+    return table(columns, rows, words=(0, len(columns) - 1), attributes=links, mark="worst")
 
 
 def _downloads(bench: Bench, record: ProgramRecord) -> str:

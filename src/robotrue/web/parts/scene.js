@@ -16,6 +16,7 @@ export default {
       </div>
       <label v-if="hasPoints" class="slide">{{ text.scale }} <b>×{{ steps[scale] }}</b>
         <input type="range" min="0" :max="steps.length - 1" v-model.number="scale" data-testid="scale"></label>
+      <div class="note" v-if="hasField">{{ text.field }}</div>
       <div class="seg" v-if="hasField">
         <button v-for="f in ['none','error','bound']" :key="f" :class="{on: field === f}" :data-testid="'field-' + f" @click="field = f">{{ text['field_' + f] }}</button>
       </div>
@@ -89,7 +90,7 @@ export default {
         if (p.compared) this.which = "after";
       }
       if (doc.field) {
-        this.fieldData = { at: tools.floats(doc.field.position), error: tools.floats(doc.field.error_m), bound: tools.floats(doc.field.bound_m), width: 0.45 * Math.min(...doc.field.cell_m) };
+        this.fieldData = { at: tools.floats(doc.field.position), error: tools.floats(doc.field.error_m), bound: tools.floats(doc.field.bound_m), width: 0.8 * Math.min(...doc.field.cell_m) };
         this.hasField = true;
       }
       this.drawErrors();

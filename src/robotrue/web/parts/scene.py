@@ -13,8 +13,8 @@ from robotrue.web.bench import Bench
 THREE: Final = Path(nicegui.__file__).parent / "elements" / "scene" / "dist"
 """Three.js as NiceGUI ships it."""
 TEXTS: Final = (
-    "loading", "fault", "before", "after", "scale", "field_none", "field_error", "field_bound",
-    "layer_robot", "layer_reach", "layer_frames", "simulated", "point", "joints",
+    "loading", "fault", "before", "after", "scale", "field", "field_none", "field_error",
+    "field_bound", "layer_robot", "layer_reach", "layer_frames", "simulated", "point", "joints",
 )  # fmt: skip
 
 

@@ -6,7 +6,7 @@ const RAMP = [[47, 109, 179], [63, 167, 160], [140, 194, 106], [240, 176, 64], [
 const REST_MS = 160;
 const SLOW_MS = 50;
 const COARSEST = 0.5;
-const THIN_PATH = 12000;
+const THIN_PATH = 6000;
 
 export const rampCss = "linear-gradient(90deg,#2f6db3,#3fa7a0,#8cc26a,#f0b040,#d8432b)";
 
@@ -312,7 +312,7 @@ export class SceneView {
     const middle = box.getCenter(new this.THREE.Vector3());
     const size = Math.max(box.getSize(new this.THREE.Vector3()).length(), 0.25);
     this.controls.target.copy(middle);
-    this.camera.position.copy(middle).add(new this.THREE.Vector3(0.9, -1.4, 1.1).multiplyScalar(1.15 * size));
+    this.camera.position.copy(middle).add(new this.THREE.Vector3(0.9, -1.4, 1.1).multiplyScalar(Math.max(1.5 * size, 0.6)));
     this.controls.update();
   }
 
@@ -375,7 +375,7 @@ export class SceneView {
     const geometry = new T.BufferGeometry();
     geometry.setAttribute("position", new T.BufferAttribute(points, 3));
     geometry.setAttribute("color", new T.BufferAttribute(tint, 3));
-    group.add(new T.Points(geometry, new T.PointsMaterial({ vertexColors: true, size: width, transparent: true, opacity: 0.8 })));
+    group.add(new T.Points(geometry, new T.PointsMaterial({ vertexColors: true, size: width, transparent: true, opacity: 0.62 })));
     this.wanted();
   }
 
@@ -426,7 +426,8 @@ export class SceneView {
   mark(i) {
     const T = this.THREE;
     const group = this.layer("mark");
-    const ball = new T.Mesh(new T.SphereGeometry(0.016, 16, 12), new T.MeshBasicMaterial({ color: 0xff2d78 }));
+    const ball = new T.Mesh(new T.SphereGeometry(0.016, 16, 12), new T.MeshBasicMaterial({ color: 0xff2d78, depthTest: false }));
+    ball.renderOrder = 9;
     ball.position.fromArray(this.pickable.points, 3 * i);
     group.add(ball);
     this.wanted();
