@@ -97,7 +97,9 @@ def worker(folder: Path, url: str | None) -> None:
         )
 
 
-def killed(folder: Path, url: str | None, kills: int, seed: int) -> dict[str, int | str]:
+def killed(
+    folder: Path, url: str | None, kills: int, seed: int, longest: float = LONGEST
+) -> dict[str, int | str]:
     """Returns what became of a workspace whose processes were killed that often."""
     draw = random.Random(seed)  # noqa: S311
     Workspace.create(folder, url).close()
@@ -113,7 +115,7 @@ def killed(folder: Path, url: str | None, kills: int, seed: int) -> dict[str, in
         with Workspace.open(folder, url) as workspace:
             if jobs.listed(workspace, state="queued", limit=1).total < 4:
                 submitted += [_submit(workspace) for _ in range(4)]
-        time.sleep(draw.uniform(0.0, LONGEST))
+        time.sleep(draw.uniform(0.0, longest))
         which = draw.randrange(len(begin))
         name, pid = begin[which][0], running[which].pid
         child = draw.choice(_children(pid) or [None]) if name == "worker" else None

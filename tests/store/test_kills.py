@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+
 from conftest import NewUrl
 
 AT = Path(__file__).resolve().parents[2] / "benchmarks" / "kill_store.py"
@@ -22,7 +23,7 @@ def test_killed_processes_lose_nothing(tmp_path: Path, new_url: NewUrl) -> None:
     kill_store = importlib.util.module_from_spec(spec)
     sys.modules["kill_store"] = kill_store
     spec.loader.exec_module(kill_store)
-    found = kill_store.killed(tmp_path / "shop", new_url(), kills=12, seed=3)
+    found = kill_store.killed(tmp_path / "shop", new_url(), kills=12, seed=3, longest=0.15)
     assert found["writes noted"] > 0
     assert found["jobs done"] == found["jobs submitted"] > 0
     for name in (
