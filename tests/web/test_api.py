@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
-import base64
 import io
 import zipfile
-from typing import Any
 
 import numpy as np
 import pytest
 import shop
-from web_shop import POSES, SEED, Client, Shop
+from web_shop import POSES, SEED, Client, Shop, unpacked
 
 from robotrue.store import items
 from robotrue.store.nouns import CELL
 from robotrue.web import uploads
 from robotrue.web.uploads import FOLDER, safe_name
-
-
-def unpacked(packed: dict[str, Any]) -> np.ndarray:
-    values = np.frombuffer(base64.b64decode(packed["f32"]), dtype="<f4")
-    return values.reshape(packed["shape"]).astype(np.float64)
 
 
 def test_items_are_listed_filtered_and_looked_at(client: Client, filled: Shop) -> None:

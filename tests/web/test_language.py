@@ -8,14 +8,20 @@ from string import Formatter
 
 import numpy as np
 import pytest
+from web_shop import unpacked
 
-from robotrue.core.rotations import matrix_from_abc
+from robotrue.core.rotations import (
+    matrix_from_abc,
+    matrix_from_quat_wxyz,
+    matrix_from_rotation_vector,
+)
 from robotrue.core.units import DEG
 from robotrue.errors import ConfigurationError
 from robotrue.web import pages
 from robotrue.web.language import LANGUAGES, Wording, preferred, words
 from robotrue.web.parts.icons import PATHS
-from robotrue.web.preferences import preferences_from
+from robotrue.web.preferences import ANGLE_NAMES, CHOICES, preferences_from
+from robotrue.web.questions.body import orientations
 
 ROOM = Path(pages.__file__).parents[1]
 USED = re.compile(r"""say\(\s*f?["']([a-z_]+\.[a-z_]+)["']""")
@@ -82,13 +88,15 @@ def test_choices_come_from_the_cookie_and_nothing_else_does() -> None:
 
 
 def test_errors_and_orientations_are_printed_as_chosen() -> None:
-    rotation = matrix_from_abc(np.array([10.0, 20.0, 30.0]) * DEG)
-
-    def shown(angles: str) -> tuple[str, ...]:
-        return preferences_from({"robotrue_view": f"angles={angles}"}).orientation(rotation)
-
-    assert shown("kuka") == ("10.000", "20.000", "30.000")
-    assert shown("fanuc") == ("30.000", "20.000", "10.000")
-    assert len(shown("abb")) == 4
+    rotation = matrix_from_abc(np.array([[10.0, 20.0, 30.0]]) * DEG)
+    found = {name: unpacked(each)[0] for name, each in orientations(rotation).items()}
+    assert set(found) == set(CHOICES["angles"])
+    np.testing.assert_allclose(found["kuka"], [10.0, 20.0, 30.0], rtol=1e-6)
+    np.testing.assert_allclose(found["fanuc"], [30.0, 20.0, 10.0], rtol=1e-6)
+    np.testing.assert_allclose(matrix_from_quat_wxyz(found["abb"]), rotation[0], atol=1e-6)
+    np.testing.assert_allclose(matrix_from_rotation_vector(found["ur"]), rotation[0], atol=1e-6)
+    assert {name: len(letters) for name, letters in ANGLE_NAMES.items()} == {
+        name: len(numbers) for name, numbers in found.items()
+    }
     assert preferences_from({}).error(1.234e-4) == "0.123"
     assert preferences_from({"robotrue_view": "unit=um"}).error(1.234e-4) == "123"

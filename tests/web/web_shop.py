@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ import shop
 
 from robotrue.calibration.rigid_flexible import RigidFlexibleModel
 from robotrue.cell.config import read_cell
+from robotrue.core.arrays import Array
 from robotrue.measurement.formats.registry import read_measurements
 from robotrue.robot.model import parameter_slice
 from robotrue.store import cells, measurements, models, programs
@@ -91,3 +93,9 @@ def fill(folder: Path, files: Path) -> Shop:
         folder=files, workspace=workspace, cell=taken, measured=measured, model=kept,
         program=program,
     )  # fmt: skip
+
+
+def unpacked(packed: dict[str, Any]) -> Array:
+    """The float64 array of a packed one."""
+    values = np.frombuffer(base64.b64decode(packed["f32"]), dtype="<f4")
+    return values.reshape(packed["shape"]).astype(np.float64)

@@ -13,13 +13,7 @@ from urllib.parse import parse_qsl
 
 import numpy as np
 
-from robotrue.core.arrays import Array
-from robotrue.core.rotations import (
-    abc_from_matrix,
-    quat_wxyz_from_matrix,
-    rotation_vector_from_matrix,
-)
-from robotrue.core.units import DEG, MM, UM
+from robotrue.core.units import MM, UM
 from robotrue.web.language import LANGUAGES, preferred
 
 COOKIE: Final = "robotrue_view"
@@ -67,15 +61,6 @@ class Preferences:
         if not np.isfinite(length):
             return "–"
         return f"{length / self.scale:.0f}" if self.unit == "um" else f"{length / self.scale:.3f}"
-
-    def orientation(self, rotation: Array) -> tuple[str, ...]:
-        """Returns the numbers a controller prints for a rotation (3, 3); see CONVENTIONS.md."""
-        if self.angles == "abb":
-            return tuple(f"{v:.6f}" for v in quat_wxyz_from_matrix(rotation))
-        if self.angles == "ur":
-            return tuple(f"{v:.5f}" for v in rotation_vector_from_matrix(rotation))
-        a, b, c = abc_from_matrix(rotation) / DEG
-        return tuple(f"{v:.3f}" for v in ((a, b, c) if self.angles == "kuka" else (c, b, a)))
 
 
 def preferences_from(cookies: Mapping[str, str], accept_language: str = "") -> Preferences:

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from nicegui import ui
 
+from robotrue.report.words import Words
 from robotrue.store import items
 from robotrue.store.nouns import CELL, MEASUREMENT, MODEL
 from robotrue.store.records import ModelRecord, Query
@@ -158,20 +159,19 @@ def _number(value: float | None) -> str:
 
 
 def _doubts(bench: Bench, found: dict[str, Any]) -> str:
-    unseen = "".join(
-        f"<li><span class='mono'>{escape(each['name'])}</span>"
-        f"<div class='note'>{escape(each['cure'])}</div></li>"
-        for each in found["unseen"]
-    )
-    # What is not seen by the data stands above with its cure; the other doubts below.
-    others = "".join(
-        f"<li>{escape(each)}</li>"
-        for each in found["doubts"]
-        if not each.startswith("not seen by the data")
-    )
-    if not unseen and not others:
+    words = Words(lang="zh" if bench.say.language == "zh" else "en")
+    names = {each["name"] for each in found["unseen"]}
+    rows = []
+    for doubt in found["doubts"]:
+        said = words.sentence(doubt)
+        # The combination of parameters is the same in every language; it stands out.
+        name = max((each for each in names if each in said), key=len, default="")
+        before, _, after = said.partition(name) if name else ("", "", said)
+        marked = f"<span class='mono'>{escape(name)}</span>" if name else ""
+        rows.append(f"<li>{escape(before)}{marked}{escape(after)}</li>")
+    if not rows:
         return f"<p class='note'>{escape(bench.say('calibration.no_doubts'))}</p>"
-    return f"<ul class='doubts'>{unseen}{others}</ul>"
+    return f"<ul class='doubts'>{''.join(rows)}</ul>"
 
 
 def _contest(bench: Bench, found: dict[str, Any]) -> str:

@@ -183,6 +183,8 @@ def _verdict(bench: Bench, record: ProgramRecord, found: dict[str, Any], toleran
         else ""
     )
     rule = say("programs.rule", model=found["model"]["name"])
+    if record.stage == AFTER:
+        rule += " " + say("programs.rule_after")
     return (
         f"<b>{'GO' if found['go'] else 'NO-GO'}</b><div><div>{escape(text)}{simulated}</div>"
         f'<div class="note">{escape(rule)}</div></div>'

@@ -34,7 +34,7 @@ export default {
       <dl class="facts"><template v-for="f in facts" :key="f[0]"><dt>{{ f[0] }}</dt><dd>{{ f[1] }}</dd></template></dl>
     </div>
   </div>`,
-  props: { src: String, text: Object, unit: String },
+  props: { src: String, text: Object, unit: String, angles: String, letters: String },
   data: () => ({
     state: "loading", fault: "", which: "before", scale: 6, field: "none", steps: STEPS, ramp: "",
     hasPoints: false, hasField: false, hasPath: false, compared: false, simulated: false, picked: null, facts: [], top: 0,
@@ -79,7 +79,7 @@ export default {
       this.view.frameAxes(doc.frames ?? []);
       if (doc.points) {
         const p = doc.points;
-        this.points = { at: tools.floats(p.position), before: tools.floats(p.before), after: tools.floats(p.after), joints: tools.floats(p.joints_deg), row: p.row, dof: doc.robot.dof };
+        this.points = { at: tools.floats(p.position), before: tools.floats(p.before), after: tools.floats(p.after), joints: tools.floats(p.joints_deg), row: p.row, dof: doc.robot.dof, turn: tools.floats(doc.robot.orientation[this.angles]), terms: doc.robot.orientation[this.angles].shape[1] };
         this.hasPoints = true;
       }
       if (doc.path) {
@@ -146,6 +146,10 @@ export default {
       const i = this.picked, source = this.points ?? this.path;
       const mm = (k) => (1e3 * source.at[3 * i + k]).toFixed(1);
       const facts = [["x, y, z", `${mm(0)}, ${mm(1)}, ${mm(2)} mm`]];
+      if (this.points) {
+        const { turn, terms } = this.points, digits = terms === 4 || this.angles === "ur" ? 4 : 2;
+        facts.push([this.letters, [...turn.slice(terms * i, terms * (i + 1))].map((v) => v.toFixed(digits)).join(", ")]);
+      }
       for (const w of ["before", "after"]) {
         const value = this.points ? Math.hypot(...source[w].slice(3 * i, 3 * i + 3)) : source[w][i];
         facts.push([this.text[w], Number.isFinite(value) ? `${this.shown(value)} ${this.unitName}` : "–"]);

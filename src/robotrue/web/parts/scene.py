@@ -9,6 +9,7 @@ import nicegui
 from nicegui.element import Element
 
 from robotrue.web.bench import Bench
+from robotrue.web.preferences import ANGLE_NAMES
 
 THREE: Final = Path(nicegui.__file__).parent / "elements" / "scene" / "dist"
 """Three.js as NiceGUI ships it."""
@@ -25,4 +26,6 @@ class SceneView(Element, component="scene.js", esm={"nicegui-scene": str(THREE)}
         super().__init__()
         self._props["src"] = source
         self._props["unit"] = bench.view.unit
+        self._props["angles"] = bench.view.angles
+        self._props["letters"] = ", ".join(ANGLE_NAMES[bench.view.angles])
         self._props["text"] = {name: bench.say(f"scene.{name}") for name in TEXTS}

@@ -11,6 +11,11 @@ import numpy as np
 
 from robotrue.cell.cell import Cell
 from robotrue.core.arrays import Array
+from robotrue.core.rotations import (
+    abc_from_matrix,
+    quat_wxyz_from_matrix,
+    rotation_vector_from_matrix,
+)
 from robotrue.planning.scene import THICK, THIN
 from robotrue.robot.forward import ChainState, walk
 from robotrue.web.questions.packing import packed
@@ -48,9 +53,21 @@ def body_document(cell: Cell, joints: Array) -> dict[str, Any]:
         "tool": packed(
             np.concatenate([state.position[:, None], np.swapaxes(state.rotation, 1, 2)], axis=1)
         ),
+        "orientation": orientations(state.rotation),
         "reach_m": float(robot.reach),
         "name": robot.name,
         "dof": dof,
+    }
+
+
+def orientations(rotation: Array) -> dict[str, Any]:
+    """Returns rotations (n, 3, 3) as each controller prints them; see CONVENTIONS.md."""
+    abc = np.degrees(abc_from_matrix(rotation))
+    return {
+        "kuka": packed(abc),
+        "fanuc": packed(abc[:, ::-1]),
+        "abb": packed(quat_wxyz_from_matrix(rotation)),
+        "ur": packed(rotation_vector_from_matrix(rotation)),
     }
 
 
