@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import shutil
 import sys
 import uuid
@@ -24,6 +25,7 @@ assert _SPEC.loader is not None
 temporary_postgres = importlib.util.module_from_spec(_SPEC)
 _SPEC.loader.exec_module(temporary_postgres)
 
+os.environ.pop("ROBOTRUE_DB", None)  # a developer's own is left alone
 NewUrl = Callable[[], str | None]
 ENGINES = ("sqlite", "postgresql")
 
@@ -46,11 +48,6 @@ def database(server: str) -> str:
         connection.execute(text(f"CREATE DATABASE {name}"))
     engine.dispose()
     return make_url(server).set(database=name).render_as_string(hide_password=False)
-
-
-@pytest.fixture(autouse=True)
-def _no_database_of_the_user(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("ROBOTRUE_DB", raising=False)
 
 
 @pytest.fixture(params=ENGINES)

@@ -138,6 +138,15 @@ def died(workspace: Workspace, claim: Claim, why: str) -> None:
             _again(into, row, why)
 
 
+def released(workspace: Workspace, claim: Claim) -> None:
+    """Queues again what a worker that was stopped was at; the attempt does not count."""
+    with workspace.write() as into:
+        row = held(into, claim)
+        if row is not None:
+            row.attempts -= 1
+            _again(into, row, "its worker was stopped")
+
+
 def reclaim(workspace: Workspace) -> int:
     """Returns how many jobs of dead workers were queued again or put over."""
     under_way = select(JobRow).where(JobRow.state == RUNNING)

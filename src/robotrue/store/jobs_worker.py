@@ -22,6 +22,7 @@ from robotrue.store.jobs_claim import (
     died,
     lock_path,
     reclaim,
+    released,
     running,
     worker_name,
 )
@@ -196,7 +197,7 @@ class Worker:
             until = time.monotonic() + self.patience
             while each.run.ended() is None and time.monotonic() < until:
                 time.sleep(LOOK)
-            died(self.workspace, each.claim, "its worker was stopped")
+            released(self.workspace, each.claim)
             tidy(self.workspace.folder, each.claim.job)
         self._under.clear()
 
