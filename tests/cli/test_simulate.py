@@ -30,6 +30,16 @@ def test_the_scale_of_the_simulated_sensor(cli, tmp_path):
     assert f"scale={page}&rate=500Hz" in found.err
 
 
+def test_what_hangs_on_the_simulated_sensor_is_weighed(cli, tmp_path):
+    poses = str(tmp_path / "poses.csv")
+    arguments = ("rdt", "--port", "0", "--poses", poses, "--seconds", "0.1")
+    assert cli("simulate", *arguments).code == 0
+    found = cli("dynamics", "sensor", poses, "--json").document
+    assert found["mass_kg"] == pytest.approx(8.0, abs=0.01)
+    assert found["centre_mm"] == pytest.approx([120.0, 0.0, 60.0], abs=0.5)
+    assert found["condition"] < 3.0
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -19,7 +19,9 @@ import numpy as np
 from robotrue.cli.console import emit_facts, emit_json, say
 from robotrue.cli.inputs import check_output
 from robotrue.core.files import write_atomic
-from robotrue.core.units import MM
+from robotrue.core.rotations import matrix_from_abc
+from robotrue.core.units import DEG, MM
+from robotrue.dynamics.formats.sensor_csv import sensor_csv
 from robotrue.errors import ConfigurationError
 from robotrue.online.egm import RobotWare
 from robotrue.online.rdt import RdtDevice
@@ -42,6 +44,10 @@ from robotrue.simulation.rtde_controller import RtdeController, RtdeControllerSe
 from robotrue.simulation.wire_faults import FAULTS as UDP_FAULTS
 
 _RSI_PORT: Final = 49152
+_WRIST: Final = matrix_from_abc(
+    np.array([[0, 0, 0], [0, 0, 180], [0, 0, 90], [0, 0, -90], [0, 90, 0], [0, -90, 0]]) * DEG
+)
+"""The flange up, down and to four sides: attitudes in which what hangs on it is weighed."""
 _LABELS: Final[Mapping[str, str]] = {
     "largest_mm": "largest correction, mm",
     "largest_step_mm": "largest step of it, mm",
@@ -182,6 +188,7 @@ def run_rdt(
     device: str,
     page_port: int | None,
     scale: Path | None,
+    poses: Path | None,
     robot: str | None,
     seconds: float | None,
     seed: int,
@@ -203,6 +210,10 @@ def run_rdt(
         write_atomic(scale, netftapi_page(settings))
         say(f"scale of the simulated sensor written to {scale}")
     scenario = online_scenario(seed, robot)
+    if poses is not None:
+        check_output(poses, [])
+        write_atomic(poses, sensor_csv(_WRIST, scenario.at_rest(_WRIST, seed)))
+        say(f"six simulated readings at rest written to {poses}: robotrue dynamics sensor {poses}")
 
     async def serve(stop: asyncio.Event) -> Any:
         sensor = RdtSensor(settings, scenario)

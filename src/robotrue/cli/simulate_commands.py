@@ -119,6 +119,10 @@ def rdt(
         int | None, typer.Option(help="Serves netftapi2.xml over HTTP there; 0 takes a free one.")
     ] = None,
     scale: Annotated[Path | None, typer.Option(help="Writes netftapi2.xml to this file.")] = None,
+    poses: Annotated[
+        Path | None,
+        typer.Option(help="Writes readings at rest in six attitudes, for `dynamics sensor`."),
+    ] = None,
     robot: Robot = None,
     seconds: Seconds = None,
     seed: Seed = 0,
@@ -135,6 +139,7 @@ def rdt(
         device=device,
         page_port=page_port,
         scale=scale,
+        poses=poses,
         robot=robot,
         seconds=seconds,
         seed=seed,

@@ -58,6 +58,8 @@ _MOVES: Final = (
 _BEGIN, _LENGTH, _WAY = (np.array(column) for column in zip(*_MOVES, strict=True))
 _ON_OFF: Final = np.array([1.0, -1.0])
 _STEP: Final = 4e-3
+_SCATTER: Final = np.array([0.02] * 3 + [0.002] * 3)
+"""N and N m, of a reading at rest."""
 _STARTS: Final = {
     "KUKA KR160 R1570": np.array([-20.0, -20.0, 10.0, 5.0, -60.0, 10.0]) * DEG,
     "UR10": np.array([0.3, -1.2, 1.6, -1.9, -1.57, 0.2]),
@@ -130,6 +132,16 @@ class OnlineScenario:
         """Returns what acts on the tool point (n, 6) N, N m in base axes: cut and knocks."""
         force = self.cut(time) - MASS * _motion(time)[1]
         return np.concatenate([force, np.zeros_like(force)], axis=1)
+
+    def at_rest(self, R_base_sensor: Array, seed: int = 0) -> Array:
+        """Returns readings (n, 6) N, N m at rest with the sensor turned so (n, 3, 3) (simulated).
+
+        Means over a second: with a scatter of 0.02 N and 0.002 N m.
+        """
+        weight = np.array([0.0, 0.0, -MASS * STANDARD_GRAVITY])
+        held = np.einsum("nba,b->na", R_base_sensor, weight)
+        scatter = np.random.default_rng([seed, 7]).normal(size=(len(held), 6)) * _SCATTER
+        return np.asarray(np.concatenate([held, np.cross(CENTRE, held)], axis=1) + scatter)
 
     def felt(self, time: Array) -> Array:
         """Returns what a sensor at the flange feels (n, 6) N, N m in its axes: weight, too."""
