@@ -1,7 +1,7 @@
 """What a controller's own parameters can take of a calibration: joint zeros, tool and base.
 
 Lengths and angles of links, gears, compliance and all that is learned stay outside. So the numbers
-are not simply copied: zeros, tool and base are fitted to the whole model over the training range,
+are not simply copied: zeros, tool and base are fitted to the whole model over the training range::
 
     min over (dtheta, base, tool) of sum |p_model(q) - p_rigid(q)|^2 + lever^2 |turn|^2
 

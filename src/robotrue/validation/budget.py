@@ -1,7 +1,7 @@
 """The uncertainty budget of a compensated tool point, contribution by contribution (GUM).
 
 The measurand is the position of the tool point along one axis of the base, at a pose of the check;
-every number is the root mean square over the axes and the poses,
+every number is the root mean square over the axes and the poses::
 
     u_i = c_i value_i / divisor_i,   u_c^2 = sum u_i^2,   U = k u_c,   k = 2
 

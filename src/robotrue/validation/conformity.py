@@ -1,4 +1,4 @@
-"""Whether a predicted error keeps a tolerance, with the uncertainty counted against it.
+"""Whether a predicted error keeps a tolerance, with the uncertainty counted against it::
 
     conforms   |e| + U <= T        fails   |e| - U > T        undecided   between
 

@@ -1,7 +1,7 @@
 """Whether a robot still is the one that was calibrated: a few poses measured again.
 
 With residuals r = measured - predicted (all poses in one vector) and their covariance C (what the
-model does not know of these poses together, scatter, instrument),
+model does not know of these poses together, scatter, instrument)::
 
     X = r' C^-1 r ~ chi2(3 n)                                nothing has changed
     d = (A' C^-1 A)^-1 A' C^-1 r,  G = d' (A' C^-1 A) d ~ chi2(k)    one cause of k numbers
