@@ -108,7 +108,7 @@ def _address(process: subprocess.Popen[str], log: Path) -> str:
     raise AssertionError(f"the server did not come up: {log.read_text()[-2000:]}")
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")  # while it is open no other test can run an event loop
 def browser() -> Iterator[Any]:
     """Debian's Chromium, drawing in software."""
     sync_api = pytest.importorskip("playwright.sync_api", reason="pip install playwright")

@@ -6,12 +6,11 @@ that is not one of the known choices counts as not chosen.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Final
 from urllib.parse import parse_qsl
-
-import numpy as np
 
 from robotrue.core.units import MM, UM
 from robotrue.web.language import LANGUAGES, preferred
@@ -58,7 +57,7 @@ class Preferences:
 
     def error(self, length: float) -> str:
         """Returns an error in m as a number in the chosen unit, without it."""
-        if not np.isfinite(length):
+        if not math.isfinite(length):
             return "–"
         return f"{length / self.scale:.0f}" if self.unit == "um" else f"{length / self.scale:.3f}"
 

@@ -5,8 +5,8 @@
 const RAMP = [[47, 109, 179], [63, 167, 160], [140, 194, 106], [240, 176, 64], [216, 67, 43]].map((c) => c.map((v) => (v / 255) ** 2.2));
 const REST_MS = 160;
 const SLOW_MS = 50;
-const COARSEST = 0.5;
-const THIN_PATH = 6000;
+const COARSEST = 0.4;
+const THIN_PATH = 4000;
 
 export const rampCss = "linear-gradient(90deg,#2f6db3,#3fa7a0,#8cc26a,#f0b040,#d8432b)";
 
