@@ -1,4 +1,6 @@
-"""Whether a predicted error keeps a tolerance, with the uncertainty counted against it::
+"""Whether a predicted error keeps a tolerance, with the uncertainty counted against it.
+
+Three answers::
 
     conforms   |e| + U <= T        fails   |e| - U > T        undecided   between
 
