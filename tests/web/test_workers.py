@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+from pathlib import Path
 
 import pytest
 
 from robotrue.errors import RobotrueError
+from robotrue.store import jobs
+from robotrue.store.workspace import Workspace
 from robotrue.web.answers import KEPT, Answers
+from robotrue.web.job_process import JobProcess
 from robotrue.web.workers import Fact, Workers, _Refusal
 
 
@@ -70,3 +74,23 @@ def test_a_question_is_asked_once_and_a_refusal_again() -> None:
         assert workers.asked.count((0,)) == 2  # the oldest one went
 
     asyncio.run(asyncio.wait_for(story(), 20.0))
+
+
+def test_a_job_is_done_by_a_process_that_is_there_only_for_it(tmp_path: Path) -> None:
+    with Workspace.create(tmp_path / "shop") as workspace:
+        id = jobs.submit(workspace, "calibrate", {"shoe_size": 43})
+        process = JobProcess(workspace, "robotrue.cli.job_kinds:KINDS")
+
+        async def story() -> jobs.Job:
+            watching = asyncio.create_task(process.watch())
+            try:
+                return await asyncio.to_thread(jobs.wait, workspace, id, timeout=90.0)
+            finally:
+                watching.cancel()
+                await asyncio.gather(watching, return_exceptions=True)
+
+        found = asyncio.run(story())
+        assert found.state == jobs.FAILED
+        assert found.error is not None
+        assert found.error["message"].startswith("unknown parameter 'shoe_size'")
+        assert not process._alive()
