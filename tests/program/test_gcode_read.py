@@ -161,6 +161,8 @@ def test_zero_offsets_come_from_the_cell() -> None:
 
 def test_zero_offsets_the_program_sets() -> None:
     text = "$P_UIFR[1]=CTRANS(X,100.0,Y,0.0,Z,50.0):CROT(X,0.0,Y,0.0,Z,90.0)\nG54\n" + FIRST
+    far = sinumerik(f"$P_UIFR[1]=CTRANS(X,8E999):CROT(Z,9.0)\nG54\n{FIRST}")
+    assert reasons(far) == [Reason.UNKNOWN_FRAME]
     program = sinumerik(f"{text}\n$P_UIFR[1]=CTRANS(X,R1)\n{FIRST}\nG54\n{FIRST}")
     assert reasons(program) == [Reason.NONE, Reason.NONE, Reason.UNKNOWN_FRAME]
     frame = program.T_base_frame[program.frame[0]]

@@ -21,6 +21,8 @@ from robotrue.program.formats.number_text import WHOLE_NUMBER
 from robotrue.program.program import Reason
 
 _ASSIGNED: Final = re.compile(rb"([A-Z_$][A-Z0-9_$]*+(?:\[[^\]]*\])?+)[ \t]*+=(?!=)[ \t]*+")
+_FARTHEST: Final = 1e9
+"""mm or deg; a frame beyond is none."""
 _VALUE: Final = re.compile(rb"(" + WHOLE_NUMBER + rb")(?=[ \t]|$|[A-DF-Z_$])")
 _NUMBERED: Final = re.compile(
     rb"([A-Z])[ \t]*+(" + WHOLE_NUMBER + rb")(?![=\[#_.\d])(?![ \t]*[=*/+-])"
@@ -404,11 +406,11 @@ def _frame_of(text: bytes) -> Array | None:
 
 
 def _named_numbers(text: bytes) -> Array | None:
-    """Returns x, y, z of ``X,1.0,Y,2.0,Z,3.0``."""
+    """Returns x, y, z of ``X,1.0,Y,2.0,Z,3.0``; None if it is anything else or beyond bounds."""
     fields = text.split(b",")
     out = np.zeros(3)
     for name, value in zip(fields[::2], fields[1::2], strict=False):
         if name not in (b"X", b"Y", b"Z") or not _NUMBER.fullmatch(value):
             return None
         out[b"XYZ".index(name)] = float(value)
-    return out if len(fields) % 2 == 0 else None
+    return out if len(fields) % 2 == 0 and np.abs(out).max() < _FARTHEST else None
