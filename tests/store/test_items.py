@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -378,3 +378,17 @@ def test_registrations_and_drift_checks(workspace: Workspace, tmp_path: Path) ->
     )  # fmt: skip
     found = items.listed(workspace, DRIFT_CHECK, Query(where={"verdict": "keep"})).items
     assert found == (made,)
+
+
+def test_totals_are_known_on_and_beyond_the_last_page(workspace: Workspace) -> None:
+    for k in range(5):
+        a_document(workspace, f"Item {k}")
+    for query in (Query(text="item"), Query(where={"kind": "plan"}), Query()):
+        for offset, names in ((0, 3), (3, 2), (6, 0)):
+            page = items.listed(
+                workspace, DOCUMENT, replace(query, sort="name", offset=offset, limit=3)
+            )
+            assert (page.total, len(page.items)) == (5, names)
+            expected = [f"Item {k}" for k in range(offset, offset + names)]
+            assert [each.name for each in page.items] == expected
+    assert items.listed(workspace, DOCUMENT, Query(text="nothing")).total == 0

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from typing import Any, Final, TypeVar
 
-from sqlalchemy import ColumnElement, Select, false, func, or_, select, true, update
+from sqlalchemy import ColumnElement, Select, false, func, or_, select, true, tuple_, update
 from sqlalchemy.orm import Session
 
 from robotrue.core.json_values import json_values
@@ -149,13 +149,37 @@ def listed(where: Workspace | Transaction, noun: Noun[R], query: Query) -> Page[
     column = _column(noun, field)
     falling = query.sort.startswith("-")
     order = [each.desc() if falling else each.asc() for each in (column, noun.table.id)]
+    page = chosen.order_by(*order).offset(query.offset).limit(query.limit)
     with reading(where) as session:
-        total = (
-            session.scalar(chosen.with_only_columns(func.count(), maintain_column_froms=True)) or 0
-        )
-        page = chosen.order_by(*order).offset(query.offset).limit(query.limit)
-        found = _records(session, noun, session.scalars(page).all())
+        if query.text or query.where:
+            rows, total = _counted(session, noun, page)
+        else:  # both come from an index
+            rows, total = session.scalars(page).all(), None
+        if total is None:
+            counted = chosen.with_only_columns(func.count(), maintain_column_froms=True)
+            total = session.scalar(counted) or 0
+        found = _records(session, noun, rows)
     return Page(items=tuple(found), total=total, offset=query.offset)
+
+
+def _counted(
+    session: Session, noun: Noun[R], page: Select[Versioned]
+) -> tuple[Sequence[Versioned], int | None]:
+    """The rows of a page and how many there are on all pages, in one pass over the table.
+
+    Beyond the last page it is not known how many there are.
+    """
+    table = noun.table
+    keys = session.execute(
+        page.with_only_columns(
+            table.id, table.version, func.count().over(), maintain_column_froms=True
+        )
+    ).all()
+    if not keys:
+        return (), None
+    order = {(id, version): place for place, (id, version, _) in enumerate(keys)}
+    rows = session.scalars(select(table).where(tuple_(table.id, table.version).in_(list(order))))
+    return sorted(rows, key=lambda row: order[row.id, row.version]), int(keys[0][2])
 
 
 def _chosen(noun: Noun[R], query: Query) -> Select[Versioned]:
