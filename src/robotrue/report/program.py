@@ -203,6 +203,7 @@ def _before_after(joined: _Targets, tolerance: float, t: Words) -> Section:
                 axis_label=t("prog.target"),
                 limit=tolerance,
                 title=t("prog.points"),
+                caption=t("prog.points_text"),
             ),
         ),
     )

@@ -217,6 +217,7 @@ TEXT: Final[Mapping[str, str]] = {
     "prog.row_before": "CAM 原程序",
     "prog.row_after": "补偿后的程序",
     "prog.points": "各目标点的预测误差",
+    "prog.points_text": "图中为预测误差本身；判定时还要加上各点的 95 % 界限。",
     "prog.target": "目标点",
     "prog.decision": "判定",
     "prog.counts": "按判定统计的目标点",
