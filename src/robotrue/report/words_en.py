@@ -234,7 +234,7 @@ TEXT: Final[Mapping[str, str]] = {
     "prog.row_before": "program as CAM made it",
     "prog.row_after": "compensated program",
     "prog.points": "Predicted error at every target",
-    "prog.points_text": "The predicted errors themselves; the decision adds the 95 % bound to each.",
+    "prog.points_text": "The predicted errors alone; the decision adds the 95 % bound to each.",
     "prog.target": "target",
     "prog.decision": "Decision",
     "prog.counts": "Targets by decision",
