@@ -36,9 +36,7 @@ class Bench:
                 return bytes(answer.read())
         except urllib.error.HTTPError as refused:
             told = json.loads(refused.read())
-            raise SystemExit(
-                f"{told['title']}: {told.get('detail', '')} {told.get('hint', '')}"
-            ) from None
+            raise SystemExit(f"{told['title']}: {told.get('detail', '')}") from None
 
     def post(self, path: str, **document: Any) -> dict[str, Any]:
         """Returns the JSON answer to a JSON question."""
@@ -47,9 +45,8 @@ class Bench:
 
     def send(self, path: Path) -> str:
         """Returns the id of a file that was sent."""
-        name = urllib.parse.quote(path.name)
-        body = path.read_bytes()
-        answer = self.ask("POST", f"/api/files?name={name}", body, "application/octet-stream")
+        where = f"/api/files?name={urllib.parse.quote(path.name)}"
+        answer = self.ask("POST", where, path.read_bytes(), "application/octet-stream")
         return str(json.loads(answer)["id"])
 
     def done(self, kind: str, **parameters: Any) -> dict[str, Any]:

@@ -75,8 +75,16 @@ def test_from_cell_to_judged_program(watched: Watched, tmp_path: Path, served: S
 
     asked = httpx.get(f"{served.address}/api/items/program").json()["items"]
     assert [each["name"] for each in asked] == ["part.src"]
+    page.goto(f"/programs?id={asked[0]['id']}")
+    watched.find("delete").click()
+    page.wait_for_url("**/programs")
+    assert watched.find("programs").count() == 0
     page.goto("/history")
     assert watched.find("journal").locator("tbody tr").count() >= 5
+    watched.find("undo").click()
+    watched.find("undo").wait_for(state="detached")
+    page.goto("/programs")
+    assert watched.find("programs").locator("tbody tr").count() == 1
 
 
 def test_a_bad_file_is_refused_in_plain_words(watched: Watched, tmp_path: Path) -> None:

@@ -13,7 +13,17 @@ from robotrue.store import items
 from robotrue.store.nouns import CELL, MEASUREMENT, MODEL
 from robotrue.store.records import ModelRecord, Query
 from robotrue.web.bench import Bench, Page
-from robotrue.web.parts.elements import Tile, Tone, facts, link_to, table, tag, tiles, when
+from robotrue.web.parts.elements import (
+    Tile,
+    Tone,
+    delete_button,
+    facts,
+    link_to,
+    table,
+    tag,
+    tiles,
+    when,
+)
 from robotrue.web.parts.frame import html
 from robotrue.web.parts.icons import icon
 from robotrue.web.parts.interval import interval
@@ -59,10 +69,11 @@ def _model(bench: Bench, model: ModelRecord) -> None:
         f'?version={model.version}">{icon("download")}{escape(say("calibration.file"))}</a>'
         for each in model.files("model")
     )
+    gone = delete_button(say("frame.delete"), "model", model.id, "/calibration")
     html(
         f"<h1>{escape(model.name)}</h1>{tag(f'v{model.version}')}"
         f"<span class='note'>{escape(model.robot)}, {when(model.created)}</span>"
-        f"<div class='acts'>{report}{file}</div>"
+        f"<div class='acts'>{gone}{report}{file}</div>"
     ).classes("head")
 
     async def ask() -> bytes:

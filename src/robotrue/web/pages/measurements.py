@@ -14,7 +14,16 @@ from robotrue.store.records import MeasurementRecord, ModelRecord, Query
 from robotrue.web.bench import Bench, Page
 from robotrue.web.pages.measurements_preview import preview
 from robotrue.web.parts.drop import DropZone
-from robotrue.web.parts.elements import Tile, facts, fault, link_to, table, tiles, when
+from robotrue.web.parts.elements import (
+    Tile,
+    delete_button,
+    facts,
+    fault,
+    link_to,
+    table,
+    tiles,
+    when,
+)
 from robotrue.web.parts.frame import html
 from robotrue.web.parts.icons import icon
 from robotrue.web.parts.later import later
@@ -89,9 +98,10 @@ def _one(bench: Bench, record: MeasurementRecord) -> None:
         f'?version={record.version}">{icon("download")}{escape(f.name)}</a>'
         for f in record.attachments
     )
+    gone = delete_button(say("frame.delete"), "measurement", record.id, "/measurements")
     html(
         f"<h1>{escape(record.name)}</h1><span class='note'>{when(record.created)}</span>"
-        f"<div class='acts'>{raw}</div>"
+        f"<div class='acts'>{gone}{raw}</div>"
     ).classes("head")
     html(
         tiles(

@@ -14,7 +14,7 @@ from robotrue.store.nouns import PROGRAM
 from robotrue.store.records import ProgramRecord, Query
 from robotrue.web.bench import Bench, Page
 from robotrue.web.parts.drop import DropZone
-from robotrue.web.parts.elements import Tile, fault, link_to, table, tag, tiles, when
+from robotrue.web.parts.elements import Tile, delete_button, fault, link_to, table, tag, tiles, when
 from robotrue.web.parts.frame import html
 from robotrue.web.parts.icons import icon
 from robotrue.web.parts.job import JobCard, under_way
@@ -80,7 +80,8 @@ async def _one(bench: Bench, record: ProgramRecord) -> None:
     say = bench.say
     after = record.stage == AFTER
     model = bench.model
-    acts = _downloads(bench, record)
+    acts = delete_button(say("frame.delete"), "program", record.id, "/programs")
+    acts += _downloads(bench, record)
     if not after and model is not None:
         parameters = escape(json.dumps({"program": record.id, "model": model.id}), quote=True)
         acts += (

@@ -101,3 +101,11 @@ def fault(title: str, message: str, hint: str | None) -> str:
         f'<div class="card fault" role="alert" data-testid="fault"><b>{escape(title)}</b> '
         f"{escape(message)}{tail}</div>"
     )
+
+
+def delete_button(label: str, noun: str, id: str, go: str) -> str:
+    """Returns a button that deletes an item; History brings it back."""
+    return (
+        f'<button class="act quiet" data-testid="delete" '
+        f"onclick=\"bench.remove('{noun}','{id}','{go}')\">{escape(label)}</button>"
+    )

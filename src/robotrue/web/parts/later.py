@@ -28,7 +28,10 @@ def later(
     """
     place = ui.element("div").props('data-testid="later"')
     with place:
-        html(f'<p class="note">{escape(bench.say("frame.working"))}</p>').classes("card")
+        working = escape(bench.say("frame.working"))
+        html(f'<p class="note">{working}</p><div class="progress idle"><i></i></div>').classes(
+            "card"
+        )
 
     async def come() -> None:
         try:
