@@ -7,7 +7,7 @@ from online_cases import CONFIG, NETFT
 
 from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.online.addresses import EXAMPLES, OPTIONS, SourceSettings, open_source, open_stream
-from robotrue.online.egm_link import EgmSource
+from robotrue.online.answering_link import AVAILABLE, AnsweringLink
 from robotrue.online.rdt import RdtDevice
 from robotrue.online.rdt_link import RdtSource
 from robotrue.online.replay_link import ReplayForce, ReplayJoints
@@ -15,6 +15,7 @@ from robotrue.online.rsi_link import RsiSource
 from robotrue.online.rtde_link import RtdeForce, RtdeSource
 from robotrue.online.samples import CorrectionMode
 
+PROCESS = pytest.mark.skipif(not AVAILABLE, reason="answering processes: Linux")
 FORCE = SourceSettings(role="force")
 
 
@@ -23,11 +24,12 @@ def _closed(source):
     return source
 
 
+@PROCESS
 def test_rsi(tmp_path):
     config = tmp_path / "EthernetConfig.xml"
     config.write_bytes(CONFIG)
     found = _closed(open_source(f"rsi://127.0.0.1:0?config={config}&cycle=12ms&mode=relative"))
-    assert isinstance(found, RsiSource)
+    assert isinstance(found, AnsweringLink)
     assert (found.settings.cycle_ms, found.settings.mode) == (12, CorrectionMode.RELATIVE)
     assert found.settings.config.sen_type == "ImFree"
     with pytest.raises(ConfigurationError, match="port 5000, but the controller sends to 49152"):
@@ -35,15 +37,17 @@ def test_rsi(tmp_path):
 
 
 def test_rsi_without_a_configuration_takes_the_usual_one():
-    found = _closed(open_source("rsi://127.0.0.1:0?mode=relative"))
+    here = SourceSettings(own_process=False)
+    found = _closed(open_source("rsi://127.0.0.1:0?mode=relative", here))
     assert isinstance(found, RsiSource)
     assert found.settings.config.receives("RKorr.X").hold is False
     assert found.settings.cycle_ms == 4
 
 
+@PROCESS
 def test_egm_and_its_force():
     robot = open_stream("egm://127.0.0.1:0?robotware=7&frame=tool", "robot")
-    assert isinstance(robot, EgmSource)
+    assert isinstance(robot, AnsweringLink)
     force = open_source("egm://127.0.0.1:0", SourceSettings(role="force", robot=robot))
     assert force is robot.force()
     with pytest.raises(ConfigurationError, match="the robot is egm://127"):

@@ -56,7 +56,7 @@ def test_it_answers_every_packet_with_its_ipoc_and_gives_the_samples():
 
     def play(robot, source):
         answers.extend(robot.ask(rob(START + 4 * k)) for k in range(20))
-        assert source.health().connected
+        until(lambda: source.health().connected)
 
     health, flags, blocks = _session(play)
     assert [ipoc_of(a) for a in answers] == [START + 4 * k for k in range(20)]
@@ -115,7 +115,7 @@ def test_nan_is_answered_flagged_and_ends_the_correction():
         robot.ask(rob(now, a1="nan"))
         until(lambda: not guard.active)
         assert "NOT_FINITE" in guard.why
-        assert "NOT_FINITE" in source.health().last_fault
+        until(lambda: "NOT_FINITE" in source.health().last_fault)
 
     _, flags, blocks = _session(play, guard, mode=ABSOLUTE)
     last = list(flags.values())[-1]

@@ -27,6 +27,7 @@ from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.online.addresses import SourceSettings, open_stream
+from robotrue.online.answering_link import answering_guard
 from robotrue.online.blocks import ForceBlock, JointBlock
 from robotrue.online.clock_file import read_clock
 from robotrue.online.corrections import Corrections, fixed_axes
@@ -35,6 +36,7 @@ from robotrue.online.link import Health
 from robotrue.online.record import Record, RecordHeader, segments
 from robotrue.online.record_frames import Kind
 from robotrue.online.record_writer import RecordWriter
+from robotrue.online.remote_guard import RemoteGuard
 from robotrue.online.replay_blocks import Repeats, force_blocks
 from robotrue.online.resume import Resumed, recorded_after, resume
 from robotrue.online.samples import CorrectionMode
@@ -187,7 +189,9 @@ async def _served(
     latest: list[Snapshot] = []
     plans = _sinks(options, cell, writer, resumed, lambda: _all_healths(latest))
     guard = None if corrections is None else corrections.guard
-    settings = SourceSettings(corrector=guard if isinstance(guard, CorrectionGuard) else None)
+    settings = SourceSettings(
+        corrector=guard if isinstance(guard, CorrectionGuard | RemoteGuard) else None
+    )
     rows = {"joints": 0, "force": 0} if resumed is None else dict(resumed.rows)
     robot = open_stream(options.robot, "robot", _with(settings, start_row=rows["joints"]))
     try:
@@ -384,7 +388,7 @@ def _corrections(options: SenseOptions, cell: Cell) -> Corrections | None:
         timeout=options.watchdog_ms * 1e-3,
     )
     mode = CorrectionMode.RELATIVE if relative else CorrectionMode.ABSOLUTE
-    guard = CorrectionGuard(limits, mode)
+    guard = answering_guard(limits, mode)
     return Corrections(guard, _axes(options.correct_in, cell), cutoff=options.low_pass_hz)
 
 

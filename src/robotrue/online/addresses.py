@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final, Literal, cast, overload
+from typing import TYPE_CHECKING, Any, Final, Literal, cast, overload
 
 from robotrue.core.files import read_bytes
 from robotrue.errors import ConfigurationError
@@ -16,6 +16,11 @@ from robotrue.online.link import Corrector, Source
 from robotrue.online.net_address import NetAddress, net_address
 from robotrue.online.rdt import RdtDevice, parse_netftapi, parse_rate
 from robotrue.online.samples import CorrectionMode
+
+if TYPE_CHECKING:
+    from robotrue.online.egm_link import EgmSettings
+    from robotrue.online.remote_guard import RemoteGuard
+    from robotrue.online.rsi_link import RsiSettings
 
 Role = Literal["robot", "force"]
 """Whether joints or forces are asked of an address: RTDE, EGM and records have both."""
@@ -65,15 +70,19 @@ class SourceSettings:
 
     Attributes:
         role: Whether joints or forces are wanted.
-        corrector: Asked by a robot's link for each of its answers; None corrects nothing.
+        corrector: Asked by a robot's link for each of its answers; None corrects nothing. A
+            :class:`~robotrue.online.remote_guard.RemoteGuard` stands in the answering process.
         start_row: Samples a record of the service holds already; only a replay can leave them out.
         robot: The robot's source, for a force that comes in the same messages (EGM).
+        own_process: Whether a process of its own answers an RSI or EGM robot, on Linux. A
+            corrector that lives here is asked from a thread here, whatever this says.
     """
 
     role: Role = "robot"
-    corrector: Corrector | None = None
+    corrector: Corrector | RemoteGuard | None = None
     start_row: int = 0
     robot: Source[JointBlock] | None = None
+    own_process: bool = True
 
 
 def open_source(address: str, settings: SourceSettings | None = None) -> Source[Block]:
@@ -132,7 +141,7 @@ def open_stream(
 
 def _rsi(address: str, settings: SourceSettings) -> Source[Block]:
     from robotrue.online.rsi_config import read_rsi_config, usual_rsi_config
-    from robotrue.online.rsi_link import RsiSettings, RsiSource
+    from robotrue.online.rsi_link import RsiSettings
 
     where, options = _listening(address, _RSI_PORT)
     _only("robot", settings, address, "a KUKA controller sends no force by RSI alone")
@@ -148,7 +157,7 @@ def _rsi(address: str, settings: SourceSettings) -> Source[Block]:
                 source=where.shown,
                 hint=f"rsi://{where.host}:{config.port}",
             )
-    return RsiSource(
+    return _answered(
         RsiSettings(
             name=where.shown,
             config=config,
@@ -157,17 +166,21 @@ def _rsi(address: str, settings: SourceSettings) -> Source[Block]:
             host=where.host,
             port=where.port,
         ),
-        settings.corrector,
+        settings,
     )
 
 
 def _egm(address: str, settings: SourceSettings) -> Source[Block]:
+    from robotrue.online.answering_link import AnsweringLink
     from robotrue.online.egm_link import PORT, EgmSettings, EgmSource
 
     where, options = _listening(address, PORT)
     if settings.role == "force":
         link = settings.robot
-        if not isinstance(link, EgmSource):
+        if not (
+            isinstance(link, EgmSource)
+            or (isinstance(link, AnsweringLink) and isinstance(link.settings, EgmSettings))
+        ):
             raise ConfigurationError(
                 "the force of egm:// comes in the messages of the robot, and the robot's source "
                 "is another.",
@@ -189,7 +202,7 @@ def _egm(address: str, settings: SourceSettings) -> Source[Block]:
             hint="egm://0.0.0.0:6510?robotware=7",
         )
     mode = options.word("mode", _MODES)
-    return EgmSource(
+    return _answered(
         EgmSettings(
             name=where.shown,
             generation=RobotWare.SIX if generation == "6" else RobotWare.SEVEN,
@@ -198,8 +211,25 @@ def _egm(address: str, settings: SourceSettings) -> Source[Block]:
             host=where.host,
             port=where.port,
         ),
-        settings.corrector,
+        settings,
     )
+
+
+def _answered(link: RsiSettings | EgmSettings, settings: SourceSettings) -> Source[JointBlock]:
+    """The source of a controller that waits for answers: from a process of its own, or a thread."""
+    from robotrue.online.answering_link import AVAILABLE, AnsweringLink
+    from robotrue.online.egm_link import EgmSource
+    from robotrue.online.remote_guard import RemoteGuard
+    from robotrue.online.rsi_link import RsiSettings, RsiSource
+
+    corrector = settings.corrector
+    if isinstance(corrector, RemoteGuard):
+        return AnsweringLink(link, corrector)
+    if corrector is None and settings.own_process and AVAILABLE:
+        return AnsweringLink(link)
+    if isinstance(link, RsiSettings):
+        return RsiSource(link, corrector)
+    return EgmSource(link, corrector)
 
 
 def _rtde(address: str, settings: SourceSettings) -> Source[Block]:

@@ -22,7 +22,9 @@ come out of step and make the error larger. The static part of a cut is slower t
 class Guard(Protocol):
     """What corrections are handed to (:class:`robotrue.online.guard.CorrectionGuard`)."""
 
-    why: str
+    @property
+    def why(self) -> str:
+        """Why corrections are at zero, or empty."""
 
     def want(self, correction: Correction, host_time: float) -> None:
         """Takes the whole correction to be reached."""

@@ -26,7 +26,7 @@ from robotrue.online.egm import (
     write_path_correction,
 )
 from robotrue.online.link import Corrector, Health
-from robotrue.online.robot_link import RobotLink
+from robotrue.online.robot_link import LinkState, RobotLink
 from robotrue.online.samples import CorrectionMode, Flag, ForceSample
 from robotrue.online.sequence import advance
 from robotrue.online.udp import CROWDED, Address, Inbox
@@ -59,6 +59,23 @@ class EgmSettings:
     port: int = PORT
     waiting: int = CROWDED
 
+    def check_corrections(self) -> CorrectionMode:
+        """Returns the mode, if corrections can be sent safely.
+
+        Raises:
+            ConfigurationError: Another mode than absolute, or none.
+        """
+        if self.mode is not CorrectionMode.ABSOLUTE:
+            given = "none" if self.mode is None else self.mode.value
+            raise ConfigurationError(
+                f"corrections by EGM with mode {given}, expected absolute: the controller plans "
+                "its path less often than it hears of us, and would lose increments or take them "
+                "twice.",
+                source=self.name,
+                hint="mode=absolute, after a try with a small limit.",
+            )
+        return self.mode
+
 
 class EgmSource(RobotLink):
     """An ABB controller as a source of :class:`~robotrue.online.blocks.JointBlock`.
@@ -69,22 +86,22 @@ class EgmSource(RobotLink):
     Args:
         settings: What no message tells.
         corrector: Asked for each answer, from the link's own thread.
+        before: Of the link that this one goes on for.
 
     Raises:
         ConfigurationError: The address cannot be had, or corrections in a mode that is not stated
             or cannot be sent.
     """
 
-    def __init__(self, settings: EgmSettings, corrector: Corrector | None = None) -> None:
-        if corrector is not None and settings.mode is not CorrectionMode.ABSOLUTE:
-            given = "none" if settings.mode is None else settings.mode.value
-            raise ConfigurationError(
-                f"corrections by EGM with mode {given}, expected absolute: the controller plans "
-                "its path less often than it hears of us, and would lose increments or take them "
-                "twice.",
-                source=settings.name,
-                hint="mode=absolute, after a try with a small limit.",
-            )
+    def __init__(
+        self,
+        settings: EgmSettings,
+        corrector: Corrector | None = None,
+        *,
+        before: LinkState | None = None,
+    ) -> None:
+        if corrector is not None:
+            settings.check_corrections()
         super().__init__(
             settings.name,
             settings.host,
@@ -93,6 +110,7 @@ class EgmSource(RobotLink):
             watch=egm_sequence(),
             corrector=corrector,
             waiting=settings.waiting,
+            before=before,
         )
         self.settings = settings
         self._own = 0

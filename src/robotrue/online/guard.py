@@ -78,6 +78,35 @@ class CorrectionLimits:
             )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GuardState:
+    """How a guard stands, in whole steps of the wire.
+
+    Attributes:
+        shift: nm that the robot holds.
+        turn: 1e-6 deg that it holds.
+        bites: How often the watchdog has bitten.
+        why: For the last time, or empty.
+        active: Whether estimates are followed.
+    """
+
+    shift: tuple[int, int, int] = (0, 0, 0)
+    turn: tuple[int, int, int] = (0, 0, 0)
+    bites: int = 0
+    why: str = ""
+    active: bool = True
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the robot holds no correction."""
+        return self.shift == _NONE and self.turn == _NONE
+
+    @property
+    def held(self) -> Correction:
+        """The whole correction that the robot holds."""
+        return _correction(self.shift, self.turn, CorrectionMode.ABSOLUTE)
+
+
 class CorrectionGuard:
     """A :class:`~robotrue.online.link.Corrector` that keeps within its limits whatever is wanted.
 
@@ -115,11 +144,7 @@ class CorrectionGuard:
         Raises:
             ModelMismatchError: It is meant as an increment.
         """
-        if correction.mode is not CorrectionMode.ABSOLUTE:
-            raise ModelMismatchError(
-                "an increment as the wanted correction, expected the whole of it.",
-                hint="CorrectionMode.ABSOLUTE; the guard makes the increments.",
-            )
+        check_whole(correction)
         shift = _within(correction.shift.tolist(), self.limits.shift, _NANOMETRE)
         turn = _within(correction.turn.tolist(), self.limits.turn, _MICRODEGREE)
         with self._lock:
@@ -216,6 +241,31 @@ class CorrectionGuard:
             self._wanted, self._started = None, math.nan
             self._late.clear()
 
+    def state(self) -> GuardState:
+        """Returns how it stands."""
+        with self._lock:
+            return GuardState(
+                shift=self._shift,
+                turn=self._turn,
+                bites=self.bites,
+                why=self.why,
+                active=self.active,
+            )
+
+    def resume(self, state: GuardState, why: str) -> None:
+        """Goes on for a guard that has ended: from what the robot holds back to zero.
+
+        Args:
+            state: Of that guard, as it was last known.
+            why: What ended it; a bite, unless it had bitten before.
+        """
+        with self._lock:
+            self._shift, self._turn = state.shift, state.turn
+            self.bites, self.why = state.bites + state.active, state.why
+            if state.active:
+                self.why = why
+            self._bitten_at = -math.inf
+
     @property
     def at_rest(self) -> bool:
         """Whether the robot holds no correction."""
@@ -272,6 +322,19 @@ class CorrectionGuard:
             self.bites += 1
             self.why = why
         self._bitten_at = -math.inf if math.isnan(self._time) else self._time
+
+
+def check_whole(correction: Correction) -> None:
+    """Checks that a correction is the whole of it.
+
+    Raises:
+        ModelMismatchError: It is meant as an increment.
+    """
+    if correction.mode is not CorrectionMode.ABSOLUTE:
+        raise ModelMismatchError(
+            "an increment as the wanted correction, expected the whole of it.",
+            hint="CorrectionMode.ABSOLUTE; the guard makes the increments.",
+        )
 
 
 def _within(vector: list[float], limit: float, unit: float) -> _Steps:

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
+from dataclasses import dataclass, field
 from typing import Final
 
 from robotrue.errors import FormatError
@@ -25,7 +26,30 @@ _RELEASE: Final = 10.0
 """s, at most, that closing waits for a correction to go to zero."""
 _TOLD: Final = 4
 """Packets after the last answer with a correction: an answer that was late is told in them."""
+_COUNTED: Final = 0.5
+"""Share of the packets nobody answered that a controller which goes on has counted as late."""
 _UNSAFE: Final = Flag.NOT_FINITE | Flag.IMPLAUSIBLE | Flag.CLOCK_JUMP | Flag.SENSOR_FAULT
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkState:
+    """What a link knows of its controller: with it another link goes on where one was ended.
+
+    Attributes:
+        watch: The count of its packets.
+        peer: Host and port of the controller; None before it came.
+        refused: Packets that could not be read.
+        reconnects: Times it came back.
+        turnaround: Bins of :class:`~robotrue.online.turnaround.Turnaround`.
+        slowest: s, the longest of them.
+    """
+
+    watch: SequenceState
+    peer: Address | None = None
+    refused: int = 0
+    reconnects: int = 0
+    turnaround: Mapping[str, int] = field(default_factory=dict)
+    slowest: float = float("nan")
 
 
 class RobotLink:
@@ -39,6 +63,7 @@ class RobotLink:
         watch: Before the first packet.
         corrector: Asked for each answer, from the link's own thread; None corrects nothing.
         waiting: Samples that may wait for their reader before the health says so.
+        before: Of the link that this one goes on for: nobody has answered since.
 
     Raises:
         ConfigurationError: The address cannot be had.
@@ -54,17 +79,22 @@ class RobotLink:
         watch: SequenceState,
         corrector: Corrector | None,
         waiting: int,
+        before: LinkState | None = None,
     ) -> None:
         self._name, self._cycle = name, cycle
-        self._watch = watch
+        self._watch = watch if before is None else before.watch
         self._corrector = corrector
         self._silence = _SILENCE * cycle
-        self._peer: Address | None = None
+        self._peer = None if before is None else before.peer
+        self._unanswered = before is not None
         self._seen = float("-inf")
-        self._refused = self._reconnects = 0
+        self._refused = 0 if before is None else before.refused
+        self._reconnects = 0 if before is None else before.reconnects
         self._fault = ""
         self._inbox: Inbox[JointSample] = Inbox(waiting)
         self.turnaround = Turnaround()
+        if before is not None:
+            self.turnaround = Turnaround.of(before.turnaround, before.slowest)
         self._endpoint = UdpEndpoint(host, port, self._take, closed=self._over)
         self.address = self._endpoint.address
 
@@ -118,6 +148,17 @@ class RobotLink:
             last_fault=self._inbox.crowding or self._fault,
         )
 
+    def state(self) -> LinkState:
+        """Returns what another link needs to go on for this one."""
+        return LinkState(
+            watch=self._watch,
+            peer=self._peer,
+            refused=self._refused,
+            reconnects=self._reconnects,
+            turnaround=self.turnaround.counts(),
+            slowest=self.turnaround.largest,
+        )
+
     def _packet(self, data: bytes, sender: Address, host_time: float, *, begins: bool) -> None:
         """Answers and keeps one packet of the peer.
 
@@ -143,15 +184,31 @@ class RobotLink:
         except FormatError as refused:
             self._refuse(str(refused))
 
-    def _begin(self, sender: Address, count: int) -> None:
-        """Takes a sender as the peer, with a packet that could be read; before it is answered."""
+    def _begin(self, sender: Address, count: int, late_count: int | None = None) -> None:
+        """Takes a sender as the peer, with a packet that could be read; before it is answered.
+
+        Args:
+            sender: Whom.
+            count: Its packet's.
+            late_count: The controller's count of late answers, where it tells.
+        """
         before, self._peer = self._peer, sender
+        unanswered, self._unanswered = self._unanswered, False
         if before is None:
             return
         self._reconnects += 1
         if self._corrector is not None:
-            ahead = count - (self._watch.last or 0)
-            if sender == before and 0 < ahead <= self._watch.window * self._watch.step:
+            watch = self._watch
+            ahead = (count - (watch.last or 0)) / watch.step
+            most: float = watch.window
+            same = sender == before
+            if unanswered:
+                # it went on without answers, for as long as that took, and has counted them
+                most += (time.monotonic() - watch.host_time) / self._cycle
+                same = same and (
+                    late_count is None or late_count - watch.late_count >= _COUNTED * ahead
+                )
+            if same and 0 < ahead <= most:
                 self._corrector.fault("the controller was not heard for a while")
             else:
                 self._corrector.restarted()

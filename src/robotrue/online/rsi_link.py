@@ -13,7 +13,7 @@ from typing import Final
 
 from robotrue.errors import ConfigurationError
 from robotrue.online.link import Corrector
-from robotrue.online.robot_link import RobotLink
+from robotrue.online.robot_link import LinkState, RobotLink
 from robotrue.online.rsi import (
     RobPacket,
     joint_sample,
@@ -105,13 +105,20 @@ class RsiSource(RobotLink):
     Args:
         settings: What no packet tells.
         corrector: Asked for each answer, from the link's own thread.
+        before: Of the link that this one goes on for.
 
     Raises:
         ConfigurationError: The address cannot be had, another cycle, or corrections that cannot be
             sent safely.
     """
 
-    def __init__(self, settings: RsiSettings, corrector: Corrector | None = None) -> None:
+    def __init__(
+        self,
+        settings: RsiSettings,
+        corrector: Corrector | None = None,
+        *,
+        before: LinkState | None = None,
+    ) -> None:
         mode = CorrectionMode.ABSOLUTE if corrector is None else settings.check_corrections()
         super().__init__(
             settings.name,
@@ -121,6 +128,7 @@ class RsiSource(RobotLink):
             watch=rsi_sequence(settings.cycle_ms),
             corrector=corrector,
             waiting=settings.waiting,
+            before=before,
         )
         self.settings = settings
         self._rest = no_correction(mode)
@@ -133,7 +141,7 @@ class RsiSource(RobotLink):
         if begins:
             packet = read_rob(data, self.settings.config)
             joint_sample(packet, host_time)
-            self._begin(sender, packet.ipoc)
+            self._begin(sender, packet.ipoc, packet.late)
             self._answered.clear()
             self._answer(packet.ipoc, sender, host_time)
         else:

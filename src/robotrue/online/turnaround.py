@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Final
 
 _LEAST: Final = 1e-6
@@ -17,6 +18,20 @@ class Turnaround:
         self._bins = [0] * (_PER_DECADE * _DECADES)
         self.count = 0
         self.largest: float = math.nan
+
+    @classmethod
+    def of(cls, counts: Mapping[str, int], largest: float) -> Turnaround:
+        """Returns the histogram that :meth:`counts` told of."""
+        made = cls()
+        for place, count in counts.items():
+            made._bins[int(place)] = count
+            made.count += count
+        made.largest = largest
+        return made
+
+    def counts(self) -> dict[str, int]:
+        """Returns the bins that hold something, by their number as text (for JSON)."""
+        return {str(place): count for place, count in enumerate(self._bins) if count}
 
     def add(self, seconds: float) -> None:
         """Counts one answer."""

@@ -1,0 +1,206 @@
+"""The process that answers a robot controller, and does nothing else.
+
+``python -m robotrue.online.answering FD`` is started by
+:mod:`robotrue.online.answering_link`, with one end of a socket pair. It owns the controller's
+socket, the guard and the answers; samples and counters go to the service, what is wanted comes
+from it. It imports little, and asks to run before other programs: real-time priority where it is
+allowed, else a better nice value, else neither.
+
+When the service is gone, the correction goes to zero at its rate and the process ends.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import signal
+import socket
+import sys
+from collections.abc import AsyncIterator, Callable
+from dataclasses import asdict
+from typing import Any, Final
+
+import numpy as np
+
+from robotrue.errors import RobotrueError
+from robotrue.online.answering_wire import (
+    MOST,
+    Document,
+    LinkSettings,
+    fault_document,
+    frames,
+    guard_of,
+    guard_state,
+    link_state,
+    message,
+    read_message,
+    settings_of,
+)
+from robotrue.online.blocks import Block
+from robotrue.online.egm_link import EgmForce, EgmSource
+from robotrue.online.guard import CorrectionGuard
+from robotrue.online.robot_link import LinkState, RobotLink
+from robotrue.online.rsi_link import RsiSettings, RsiSource
+from robotrue.online.samples import Correction, CorrectionMode
+from robotrue.online.udp import prompt_answers
+
+_BEAT: Final = 0.05
+"""s between two messages with all counters."""
+_NICE: Final = -10
+_LAST: Final = 10.0
+"""s that the last samples have on their way to a slow service."""
+
+
+def main(descriptor: int) -> None:
+    """Answers until the service says so, or is gone."""
+    # Ctrl-C and the end of a session are for the service: it closes the link, or it is gone
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        signal.signal(getattr(signal, name), signal.SIG_IGN)
+    with contextlib.suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, 0, _NICE)
+    with socket.socket(fileno=descriptor) as pipe:
+        opening, _ = read_message(pipe.recv(MOST))
+        try:
+            guard, link = _opened(opening)
+        except RobotrueError as refused:
+            pipe.send(message({"refused": fault_document(refused)}))
+            return
+        pipe.setblocking(False)
+        with prompt_answers(first=True):
+            asyncio.run(_Answering(pipe, link, guard).run())
+
+
+def _opened(opening: Document) -> tuple[CorrectionGuard | None, RobotLink]:
+    guard, before = None, None
+    if opening["guard"] is not None:
+        guard = CorrectionGuard(*guard_of(opening["guard"]))
+    if opening["before"] is not None:
+        before = link_state(opening["before"]["link"])
+        if guard is not None:
+            guard.resume(guard_state(opening["before"]["guard"]), opening["before"]["why"])
+    return guard, _link(settings_of(opening["settings"]), guard, before)
+
+
+def _link(
+    settings: LinkSettings, guard: CorrectionGuard | None, before: LinkState | None
+) -> RobotLink:
+    if isinstance(settings, RsiSettings):
+        return RsiSource(settings, guard, before=before)
+    return EgmSource(settings, guard, before=before)
+
+
+class _Answering:
+    """The loop beside the answering thread: samples and counters out, what is wanted in."""
+
+    def __init__(self, pipe: socket.socket, link: RobotLink, guard: CorrectionGuard | None) -> None:
+        self._pipe, self._link, self._guard = pipe, link, guard
+        self._force: EgmForce | None = None
+        self._sending = asyncio.Lock()
+        self._alone = False
+        self._pumps: list[asyncio.Task[None]] = []
+
+    async def run(self) -> None:
+        """Serves until closed, left alone, or until the link has failed."""
+        await self._send(lambda: {"address": self._link.address, **self._state()})
+        self._pump(self._link.blocks())
+        asked = asyncio.create_task(self._asked())
+        beat = asyncio.create_task(self._beat())
+        await asyncio.wait({asked, *self._pumps}, return_when=asyncio.FIRST_COMPLETED)
+        await self._link.close()
+        await asyncio.wait(self._pumps, timeout=_LAST)
+        beat.cancel()
+        asked.cancel()
+        await self._send(self._state)
+        for pump in self._pumps:
+            if pump.done():
+                pump.result()
+
+    async def _asked(self) -> None:
+        """Does what the service asks for, until it closes or is gone."""
+        loop = asyncio.get_running_loop()
+        while True:
+            try:
+                data = await loop.sock_recv(self._pipe, MOST)
+            except ConnectionError:
+                continue  # what it left unread is told once, then the end
+            if not data:
+                self._alone = True
+                return
+            document, _ = read_message(data)
+            if document["do"] == "close":
+                return
+            if not self._done(document):
+                await self._send(self._state)
+
+    def _done(self, document: Document) -> bool:
+        """Does one thing; returns whether the service need not be told at once how it stands."""
+        what, guard = document["do"], self._guard
+        if what == "force" and isinstance(self._link, EgmSource) and self._force is None:
+            self._force = self._link.force()
+            self._pump(self._force.blocks())
+        elif guard is None:
+            return True
+        elif what == "want":
+            wanted = np.array(document["by"])
+            guard.want(
+                Correction(shift=wanted[:3], turn=wanted[3:], mode=CorrectionMode.ABSOLUTE),
+                document["time"],
+            )
+            return True
+        elif what == "fault":
+            guard.fault(document["why"])
+        elif what == "release":
+            guard.release()
+        elif what == "rearm":
+            guard.rearm()
+        return False
+
+    def _pump(self, blocks: AsyncIterator[Block]) -> None:
+        self._pumps.append(asyncio.create_task(self._pumped(blocks)))
+
+    async def _pumped(self, blocks: AsyncIterator[Block]) -> None:
+        try:
+            async for block in blocks:
+                for frame in frames(block):
+                    await self._send(self._brief, frame)
+        except RobotrueError as fault:
+            told = {"fault": fault_document(fault)}
+            await self._send(lambda: told)
+
+    async def _beat(self) -> None:
+        while True:
+            await asyncio.sleep(_BEAT)
+            await self._send(self._state)
+
+    async def _send(self, document: Callable[[], Document], frame: bytes = b"") -> None:
+        """Waits while the service is slow, then tells it; says nothing to one that is gone."""
+        if self._alone:
+            return
+        async with self._sending:
+            try:
+                data = message(document(), frame)
+                await asyncio.get_running_loop().sock_sendall(self._pipe, data)
+            except OSError:
+                self._alone = True
+
+    def _brief(self) -> dict[str, Any]:
+        """What has to be known of the last answers if this process should end now."""
+        state = self._link.state()
+        return {"watch": asdict(state.watch), "peer": state.peer, "guard": self._held()}
+
+    def _held(self) -> dict[str, Any] | None:
+        return None if self._guard is None else asdict(self._guard.state())
+
+    def _state(self) -> dict[str, Any]:
+        return {
+            "link": asdict(self._link.state()),
+            "guard": self._held(),
+            "health": asdict(self._link.health()),
+            "force": None if self._force is None else asdict(self._force.health()),
+            "preferred": self._link.preferred,
+        }
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]))

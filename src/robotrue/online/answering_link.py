@@ -1,0 +1,385 @@
+"""Robot controllers answered by a process of their own, as sources of this one.
+
+Python runs one thread at a time. Where the service estimates, records and serves pages, an answer
+that is due waits for all of these; so :mod:`robotrue.online.answering` gives it a process that has
+nothing else to do. Linux only: sockets that keep messages whole, and one monotonic clock for both.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import AsyncIterator, Mapping
+from dataclasses import asdict, replace
+from typing import Any, Final, Generic, TypeVar
+
+from robotrue.errors import ConfigurationError, RobotrueError
+from robotrue.online.answering_wire import (
+    MOST,
+    LinkSettings,
+    block_of,
+    fault_of,
+    guard_document,
+    guard_state,
+    health_of,
+    joined,
+    link_state,
+    message,
+    read_message,
+    settings_document,
+)
+from robotrue.online.blocks import ForceBlock, JointBlock
+from robotrue.online.egm_link import EgmSettings
+from robotrue.online.guard import CorrectionGuard, CorrectionLimits
+from robotrue.online.link import Health
+from robotrue.online.remote_guard import RemoteGuard
+from robotrue.online.robot_link import LinkState
+from robotrue.online.samples import CorrectionMode
+from robotrue.online.sequence import SequenceState
+from robotrue.online.turnaround import Turnaround
+from robotrue.online.udp import Inbox
+
+AVAILABLE: Final = sys.platform == "linux" and bool(sys.executable)
+"""Whether this computer can have an answering process; else a thread answers."""
+_START: Final = 30.0
+"""s that it has to listen; a second on a computer with nothing else to do."""
+_END: Final = 20.0
+"""s that it has to bring a correction to zero, hand over the last samples and end."""
+_LOOK: Final = 0.005
+_PATIENCE: Final = 0.2
+"""s that what is asked may wait for a process that is not reading."""
+B = TypeVar("B", JointBlock, ForceBlock)
+
+
+def answering_guard(
+    limits: CorrectionLimits, mode: CorrectionMode
+) -> RemoteGuard | CorrectionGuard:
+    """Returns the guard for a live robot: in its answering process, or here where there is none."""
+    return RemoteGuard(limits, mode) if AVAILABLE else CorrectionGuard(limits, mode)
+
+
+class AnsweringLink:
+    """A controller as a source of :class:`~robotrue.online.blocks.JointBlock`, answered elsewhere.
+
+    Its process listens and answers when this returns. Should it end by itself, ``blocks`` raises,
+    and starts it anew when called again: the correction that the robot held goes to zero from
+    where it was, and stays there until it is armed.
+
+    Args:
+        settings: :class:`~robotrue.online.rsi_link.RsiSettings` or
+            :class:`~robotrue.online.egm_link.EgmSettings`.
+        guard: Asked for each answer, in the other process; None corrects nothing.
+
+    Raises:
+        ConfigurationError: As the link itself, or the process did not begin.
+    """
+
+    def __init__(self, settings: LinkSettings, guard: RemoteGuard | None = None) -> None:
+        if not AVAILABLE:
+            raise ConfigurationError(
+                "an answering process on a system other than Linux.",
+                hint="RsiSource or EgmSource, which answer in a thread.",
+            )
+        if guard is not None:
+            settings.check_corrections()
+            guard.connect(self._tell)
+        self.settings, self._guard = settings, guard
+        self._link = LinkState(watch=SequenceState())
+        self._health = Health(name=settings.name, connected=False)
+        self.preferred = False
+        self._view: AnsweringForce | None = None
+        self._closing = False
+        self._died = ""
+        self._again = asyncio.Lock()
+        self._start(None)
+
+    @property
+    def turnaround(self) -> Turnaround:
+        """How long answers took, over all processes that gave them."""
+        return Turnaround.of(self._link.turnaround, self._link.slowest)
+
+    @property
+    def process_id(self) -> int:
+        """Of the process that answers now."""
+        return self._process.pid
+
+    async def blocks(self) -> AsyncIterator[JointBlock]:
+        """Gives samples as they come; ends when closed.
+
+        Raises:
+            RobotrueError: A correction that this controller cannot take, or a process that ended.
+        """
+        await self._revived()
+        async for block in self._stream.blocks():
+            yield block
+
+    def force(self) -> AnsweringForce:
+        """Returns the measured force of the same messages as a source of its own; always one.
+
+        Raises:
+            ConfigurationError: The controller is no ABB.
+        """
+        if not isinstance(self.settings, EgmSettings):
+            raise ConfigurationError("force of a KUKA controller, which sends none by RSI alone.")
+        if self._view is None:
+            self._view = AnsweringForce(self, self.settings.waiting)
+            self._tell({"do": "force"})
+        return self._view
+
+    async def close(self) -> None:
+        """Has the correction brought to zero at its rate, and the process ended."""
+        async with self._again:
+            self._closing = True
+            self._tell({"do": "close"})
+            until = time.monotonic() + _END
+            while self._thread.is_alive():
+                if time.monotonic() > until:
+                    self._process.kill()
+                await asyncio.sleep(_LOOK)
+            self._pipe.close()
+
+    def health(self) -> Health:
+        """Returns the counters as they stood when they were last told."""
+        health, fault = self._health, self._stream.crowding or self._died
+        if not fault:
+            return health
+        return replace(health, connected=health.connected and not self._died, last_fault=fault)
+
+    def _start(self, before: Mapping[str, Any] | None) -> None:
+        """Starts a process, and waits until it listens."""
+        settings = self.settings
+        if before is not None:
+            settings = replace(settings, port=self.address[1])
+        self._pipe, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with other:
+            # a process group of its own: Ctrl-C is for the service
+            self._process = subprocess.Popen(  # noqa: S603 (our own interpreter and module)
+                [sys.executable, "-P", "-m", "robotrue.online.answering", str(other.fileno())],
+                pass_fds=(other.fileno(),),
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                env=os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
+                process_group=0,
+            )
+        guard = self._guard
+        opening = {
+            "settings": settings_document(settings),
+            "guard": None if guard is None else guard_document(guard.limits, guard.mode),
+            "before": before,
+        }
+        try:
+            document = self._opened(opening)
+        except BaseException:
+            self._pipe.close()
+            self._process.kill()
+            self._process.wait()
+            raise
+        self.address: tuple[str, int] = (document["address"][0], document["address"][1])
+        self._stream: _Stream[JointBlock] = _Stream(settings.waiting)
+        self._died = ""
+        self._heard(document)
+        self._thread = threading.Thread(
+            target=self._listen, name=f"answers {settings.name}", daemon=True
+        )
+        self._thread.start()
+        if self._view is not None:
+            self._view.begin(settings.waiting)
+            self._tell({"do": "force"})
+
+    def _opened(self, opening: Mapping[str, Any]) -> dict[str, Any]:
+        self._pipe.settimeout(_START)
+        data, slow = b"", ""
+        try:
+            self._pipe.send(message(opening))
+            data = self._pipe.recv(MOST)
+        except TimeoutError:
+            slow = f" within {_START:g} s"
+        except OSError:
+            pass
+        if not data:
+            raise ConfigurationError(
+                f"the process that is to answer {self.settings.name} did not begin{slow}.",
+                hint=f"{sys.executable} -P -m robotrue.online.answering",
+            )
+        self._pipe.settimeout(None)
+        document, _ = read_message(data)
+        if "refused" in document:
+            raise fault_of(document["refused"])
+        return document
+
+    async def _revived(self) -> None:
+        """Starts a process anew where one has ended by itself."""
+        async with self._again:
+            if not self._died or self._closing:
+                return
+            self._pipe.close()
+            before = {
+                "link": asdict(self._link),
+                "guard": None if self._guard is None else asdict(self._before),
+                "why": self._died,
+            }
+            await asyncio.to_thread(self._start, before)
+
+    def _tell(self, what: Mapping[str, Any]) -> None:
+        """Asks something of the process; one that does not read misses what is wanted of it."""
+        if self._died:
+            return
+        data = message(what)
+        # a correction that has to wait is old; all else may wait for a moment
+        until = time.monotonic() + (0.0 if what["do"] == "want" else _PATIENCE)
+        while True:
+            try:
+                self._pipe.send(data, socket.MSG_DONTWAIT)
+            except BlockingIOError:
+                if time.monotonic() < until:
+                    time.sleep(_LOOK)
+                    continue
+            except OSError:
+                pass  # it has ended, and the listening thread says so
+            return
+
+    def _listen(self) -> None:
+        """Takes what the process tells until it ends; in a thread."""
+        fault: RobotrueError | None = None
+        while True:
+            try:
+                data = self._pipe.recv(MOST)
+            except ConnectionError:
+                continue  # what it left unread is told once, then the rest, then the end
+            except OSError:
+                break
+            if not data:
+                break
+            document, frame = read_message(data)
+            if "fault" in document:
+                fault = fault_of(document["fault"])
+            else:
+                self._heard(document)
+            if frame:
+                self._take(frame)
+        self._ended(fault)
+
+    def _take(self, frame: bytes) -> None:
+        block = block_of(frame)
+        if isinstance(block, JointBlock):
+            self._stream.put(block)
+        elif self._view is not None:
+            self._view.put(block)
+
+    def _heard(self, document: Mapping[str, Any]) -> None:
+        if self._guard is not None:
+            self._guard.heard(guard_state(document["guard"]))
+        if "link" in document:
+            self._link = link_state(document["link"])
+            self._health = health_of(document["health"])
+            self.preferred = document["preferred"]
+            if self._view is not None and document["force"] is not None:
+                self._view.heard(health_of(document["force"]))
+        else:
+            told = asdict(self._link) | {"watch": document["watch"], "peer": document["peer"]}
+            self._link = link_state(told)
+
+    def _ended(self, fault: RobotrueError | None) -> None:
+        code = self._process.wait()
+        if fault is None and not self._closing:
+            how = f"exit code {code}"
+            if code < 0:
+                with contextlib.suppress(ValueError):
+                    how = signal.Signals(-code).name
+            fault = RobotrueError(
+                f"the process that answers {self.settings.name} has ended ({how}): "
+                "the controller is without answers until another has begun."
+            )
+        self._health = replace(self._health, connected=False)
+        if fault is not None:
+            if self._guard is not None:
+                self._before = self._guard.ended(fault.message)
+            self._died = fault.message
+        self._stream.close(fault)
+        if self._view is not None:
+            self._view.end(fault)
+
+
+class AnsweringForce:
+    """The measured force of an EGM link as a source of its own; ends with the link."""
+
+    def __init__(self, link: AnsweringLink, waiting: int) -> None:
+        self._link = link
+        self._health = Health(name=f"{link.settings.name} force", connected=False)
+        self.begin(waiting)
+
+    async def blocks(self) -> AsyncIterator[ForceBlock]:
+        """Gives samples as they come; ends when the link is closed.
+
+        Raises:
+            RobotrueError: The process that answers has ended.
+        """
+        await self._link._revived()
+        async for block in self._stream.blocks():
+            yield block
+
+    async def close(self) -> None:
+        """Gives no more; the link itself stays open."""
+        self._stream.close(None)
+
+    def health(self) -> Health:
+        """Returns the counters as they stood when they were last told."""
+        fault = self._stream.crowding or self._fault
+        if not fault:
+            return self._health
+        there = self._health.connected and not self._fault
+        return replace(self._health, connected=there, last_fault=fault)
+
+    def begin(self, waiting: int) -> None:
+        """Begins a stream, the first or after a process that has ended."""
+        self._stream: _Stream[ForceBlock] = _Stream(waiting)
+        self._fault = ""
+
+    def put(self, block: ForceBlock) -> None:
+        """Keeps what came."""
+        self._stream.put(block)
+
+    def heard(self, health: Health) -> None:
+        """Takes note of the counters."""
+        self._health = health
+
+    def end(self, fault: RobotrueError | None) -> None:
+        """Says that no more will come."""
+        self._fault = "" if fault is None else fault.message
+        self._stream.close(fault)
+
+
+class _Stream(Generic[B]):
+    """Blocks on their way from the listening thread to their reader."""
+
+    def __init__(self, limit: int) -> None:
+        self._inbox: Inbox[B] = Inbox(limit)
+        self._limit = limit
+        self._put = self._taken = 0
+
+    def put(self, block: B) -> None:
+        self._put += len(block)
+        self._inbox.put(block)
+
+    def close(self, fault: RobotrueError | None) -> None:
+        self._inbox.close(fault)
+
+    async def blocks(self) -> AsyncIterator[B]:
+        while found := await self._inbox.take():
+            self._taken += sum(map(len, found))
+            for block in joined(found):
+                yield block
+
+    @property
+    def crowding(self) -> str:
+        waiting = self._put - self._taken
+        if waiting <= self._limit:
+            return ""
+        return f"{waiting} samples wait to be read, more than {self._limit}"
