@@ -23,7 +23,7 @@ from robotrue.dynamics.paper_regression import fit_paper
 from robotrue.dynamics.windows import WindowSet
 from robotrue.report.figure import AFTER, BAND, BEFORE, CAUTION, INK, png
 from robotrue.simulation.milling_experiment import MillingExperiment, milling_experiment
-from robotrue.simulation.reproduce_jin2022 import arm_of
+from robotrue.simulation.reproduce_jin2022 import arm_of, row_of_hammer
 
 OUT: Final = Path(__file__).resolve().parent / "_static" / "dynamic_error.png"
 SEED: Final = 6
@@ -58,11 +58,12 @@ def panel(
     title: str,
 ) -> None:
     """Draws measured, paper's and our error of the windows held out, along the pass."""
-    arm, held = arm_of(experiment.arm), np.concatenate([test for _, test in parts])
+    arm, row = arm_of(experiment.arm), row_of_hammer(experiment)
+    held = np.concatenate([test for _, test in parts])
     ours, sd, paper = (np.full(len(data), np.nan) for _ in range(3))
     for train, test in parts:
         known, asked = data.subset(train), data.subset(test)
-        found = fit_deviation(known, arm).predict(asked)
+        found = fit_deviation(known, arm, row=row).predict(asked)
         ours[test], sd[test] = found.error, found.sd
         paper[test] = fit_paper(known).predict(asked)
     along = experiment.along[: len(data)][held] / MM
