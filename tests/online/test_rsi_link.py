@@ -20,6 +20,7 @@ from robotrue.online.samples import Correction, CorrectionMode, Flag
 from robotrue.online.turnaround import Turnaround
 from robotrue.robot.presets import preset
 from robotrue.simulation.joint_motion import Jog
+from robotrue.simulation.pace import Pace
 from robotrue.simulation.rsi_controller import RsiController, RsiControllerSettings, run
 
 ABSOLUTE, RELATIVE = CorrectionMode.ABSOLUTE, CorrectionMode.RELATIVE
@@ -418,6 +419,27 @@ def test_the_simulated_robot_judges_as_a_controller_does():
     assert (report.late, report.faulty, report.broke_off) == (1, 1, "")
     assert "1 late and 2 faulty answers" in cycle(b"<Sen/>").broke_off
     assert robot.next_packet() is None
+
+
+def test_a_late_answer_to_a_cycle_that_was_cut_short_is_told_apart():
+    robot = RsiController(RsiControllerSettings(config=HOLD, mode=ABSOLUTE, motion=_jog()))
+    for short in (None, False, True, True):
+        robot.next_packet()
+        if short is None:
+            rest = Correction(shift=np.zeros(3), turn=np.zeros(3), mode=ABSOLUTE)
+            robot.take(write_sen(HOLD, robot.settings.first_ipoc, rest, ABSOLUTE))
+        robot.close_cycle(short=bool(short))
+    assert (robot.report.answered, robot.report.late, robot.report.overslept) == (1, 3, 2)
+
+
+def test_the_pace_says_which_cycles_it_cut_short():
+    async def paced():
+        pace = Pace(0.02)
+        whole = await pace.wait()
+        time.sleep(0.05)
+        return whole, await pace.wait(), await pace.wait()
+
+    assert asyncio.run(paced()) == (False, True, True)
 
 
 def test_the_simulated_robot_holds_or_drops_and_limits():

@@ -55,6 +55,7 @@ _LABELS: Final[Mapping[str, str]] = {
     "offset": "offset at the end, mm",
     "withheld": "withheld by a fault",
     "late": "late",
+    "overslept": "of these, in cycles the simulator cut short",
     "broke_off": "broke off",
     "stopped": "stopped",
 }

@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 from typing import Final
 
+_WHOLE: Final = 0.9
+"""Of a cycle; a shorter one gives less time for an answer than a controller would."""
 _SHORTEST: Final = 0.5
 """Of a cycle; what a computer that slept makes up for, cycle by cycle."""
 
@@ -20,8 +22,10 @@ class Pace:
         self._cycle = cycle
         self._due = asyncio.get_running_loop().time()
 
-    async def wait(self) -> None:
+    async def wait(self) -> bool:
         """Waits for the end of the cycle that runs; call it right after its packet was sent.
+
+        Returns whether the cycle was cut short, because this computer has overslept before.
 
         Cycles that lie behind are made up for with shorter ones. A controller never sends two
         packets at once, and a computer that plays one must not, either: the answer to the first
@@ -29,4 +33,6 @@ class Pace:
         """
         now = asyncio.get_running_loop().time()
         self._due += self._cycle
-        await asyncio.sleep(max(self._due - now, _SHORTEST * self._cycle))
+        room = self._due - now
+        await asyncio.sleep(max(room, _SHORTEST * self._cycle))
+        return room < _WHOLE * self._cycle

@@ -77,6 +77,8 @@ class RsiControllerReport:
         cycles: Packets sent.
         answered: Answers taken.
         late: Cycles without an answer in time, from the first answer on.
+        overslept: Of these, cycles that the simulator cut short, because this computer had slept
+            over the end of one before: nobody who answers is to blame for them.
         faulty: Answers of another type or IPOC, or that cannot be read.
         broke_off: Why RSI broke off; empty if it did not.
         correction: (6,) total at the end, mm and deg.
@@ -87,6 +89,7 @@ class RsiControllerReport:
     cycles: int = 0
     answered: int = 0
     late: int = 0
+    overslept: int = 0
     faulty: int = 0
     broke_off: str = ""
     correction: Array = field(default_factory=lambda: np.zeros(6))
@@ -117,8 +120,8 @@ async def run(
                 break
             for datagram in controller.wire.passed(packet, controller.elapsed):
                 transport.sendto(datagram, target)
-            await pace.wait()
-            controller.close_cycle()
+            short = await pace.wait()
+            controller.close_cycle(short=short)
     finally:
         transport.close()
     return controller.report
@@ -187,8 +190,12 @@ class RsiController:
             return
         self._answer = dict(answer.signals)
 
-    def close_cycle(self) -> None:
-        """Judges the cycle and moves by what was answered, or by what HOLDON says."""
+    def close_cycle(self, *, short: bool = False) -> None:
+        """Judges the cycle and moves by what was answered, or by what HOLDON says.
+
+        Args:
+            short: Whether the simulator gave it less time than a controller would.
+        """
         if self.settings.config.only_send or self._silent:
             return
         report = self.report
@@ -196,7 +203,8 @@ class RsiController:
             self._attached = True
             report = replace(report, answered=report.answered + 1)
         elif self._attached and not self._faulty:
-            report = replace(report, late=report.late + 1)
+            late, overslept = report.late + 1, report.overslept + short
+            report = replace(report, late=late, overslept=overslept)
         if self._faulty:
             report = replace(report, faulty=report.faulty + 1)
         if self._attached:
