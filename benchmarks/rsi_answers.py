@@ -3,8 +3,11 @@
 The controller is RSIPI's echo server, then our own simulated controller, each in a process of its
 own on this computer; the answers carry corrections through the guard. A late answer is one that
 the controller counts: it did not come before the packet after the next (RSIPI) or the next (ours).
+Answers come from the answering process, as in ``robotrue sense``; with ``--service`` this process
+does what a service does meanwhile: takes forces at 1 kHz from a simulated sensor in yet another
+process, and estimates. ``--thread`` answers from a thread of this process instead.
 
-    python benchmarks/rsi_answers.py [--cycles 150000] [--ours 15000]
+    python benchmarks/rsi_answers.py [--cycles 150000] [--ours 15000] [--service] [--thread]
 """
 
 from __future__ import annotations
@@ -13,35 +16,52 @@ import argparse
 import asyncio
 import json
 import os
+import resource
+import socket
+import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from robotrue.core.units import MM
+from robotrue.online.answering_link import AnsweringLink
 from robotrue.online.guard import CorrectionGuard, CorrectionLimits
+from robotrue.online.rdt import parse_netftapi
+from robotrue.online.rdt_link import RdtSettings, RdtSource
+from robotrue.online.remote_guard import RemoteGuard
 from robotrue.online.rsi_config import RsiConfig, usual_rsi_config, write_rsi_config
 from robotrue.online.rsi_link import RsiSettings, RsiSource
 from robotrue.online.samples import Correction, CorrectionMode
+from robotrue.online.sensing import Sensing
+from robotrue.online.sensing_chain import SensingChain
 from robotrue.online.udp import prompt_answers
+from robotrue.simulation.rdt_sensor import RdtSensorSettings, netftapi_page
 
 HERE = Path(__file__).resolve()
 RSIPI = HERE.parents[1] / "tests" / "online" / "rsipi_robot.py"
 MODE = CorrectionMode.ABSOLUTE
 
 
-async def answered(command: list[str], config: RsiConfig, source: RsiSource, folder: Path) -> dict:
+async def answered(
+    command: list[str],
+    config: RsiConfig,
+    source: RsiSource | AnsweringLink,
+    guard: CorrectionGuard | RemoteGuard,
+    folder: Path,
+    beside: Service | None,
+) -> dict:
     """Runs a controller and answers it; returns what it counted."""
     path = folder / "RSI_EthernetConfig.xml"
     path.write_bytes(write_rsi_config(config))
     robot = await asyncio.create_subprocess_exec(
         sys.executable, *command[:1], str(path), *command[1:], cwd=folder, stdout=-1
     )
-    guard = source._corrector
-    assert isinstance(guard, CorrectionGuard)
     rows = 0
+    estimating = None if beside is None else asyncio.create_task(beside.run())
 
     async def read() -> None:
         nonlocal rows
@@ -50,35 +70,102 @@ async def answered(command: list[str], config: RsiConfig, source: RsiSource, fol
             sway = 0.1 * MM * np.sin(0.5 * block.host_time[-1] + np.arange(3))
             wanted = Correction(shift=sway, turn=np.zeros(3), mode=MODE)
             guard.want(wanted, float(block.host_time[-1]))
+            if beside is not None:
+                beside.chain.joints(block)
 
     reader = asyncio.create_task(read())
     out, _ = await robot.communicate()
     await source.close()
     await reader
+    if beside is not None and estimating is not None:
+        await beside.close()
+        await estimating
+        print(f"  beside it: {beside.estimates} estimates of forces at 1 kHz, SIMULATED")
     return json.loads(out.splitlines()[-1]) | {"rows": rows}
 
 
-def measured(name: str, command: list[str]) -> int:
+class Service:
+    """What a service does beside answering: forces at 1 kHz made into estimates."""
+
+    def __init__(self, folder: Path) -> None:
+        from sensing import models
+
+        scale = folder / "netftapi2.xml"
+        scale.write_bytes(netftapi_page(RdtSensorSettings(rate=1000.0)))
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+            free.bind(("127.0.0.1", 0))
+            port = free.getsockname()[1]
+        command = ["simulate", "rdt", "--port", str(port)]
+        begin = "from robotrue.cli.main import run; run()"
+        self._sensor = subprocess.Popen(
+            [sys.executable, "-c", begin, *command],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        self.force = RdtSource(
+            RdtSettings(
+                name="rdt",
+                host="127.0.0.1",
+                port=port,
+                scale=parse_netftapi(scale.read_bytes(), str(scale)),
+                rate=1000.0,
+                frame="base",
+            )
+        )
+        self.chain = SensingChain(Sensing(replace(models(), rate=1000.0, response=None)))
+        self.estimates = 0
+
+    async def run(self) -> None:
+        """Until the force is closed."""
+        async for block in self.force.blocks():
+            self.estimates += sum(len(made) for made in self.chain.force(block))
+
+    async def close(self) -> None:
+        """Ends the force and its sensor."""
+        await self.force.close()
+        self._sensor.terminate()
+        self._sensor.wait()
+
+
+def opened(
+    settings: RsiSettings, guard: CorrectionGuard | RemoteGuard
+) -> RsiSource | AnsweringLink:
+    """The source, answering from where its guard stands."""
+    if isinstance(guard, RemoteGuard):
+        return AnsweringLink(settings, guard)
+    return RsiSource(settings, guard)
+
+
+def spent() -> float:
+    """Processor time in s of this process and of those that it has seen end."""
+    own, ended = (
+        resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+    )
+    return own.ru_utime + own.ru_stime + ended.ru_utime + ended.ru_stime
+
+
+def measured(name: str, command: list[str], *, thread: bool, service: bool) -> int:
     """Prints a row; returns the answers that were late or faulty."""
     limits = CorrectionLimits(
         shift=0.5 * MM, shift_rate=1.0 * MM, cycle=4e-3, late_answers=2, latch=False
     )
-    guard = CorrectionGuard(limits, MODE)
+    guard = CorrectionGuard(limits, MODE) if thread else RemoteGuard(limits, MODE)
     config = usual_rsi_config("127.0.0.1", 1)
     settings = RsiSettings(
         name=name, config=config, cycle_ms=4, mode=MODE, host="127.0.0.1", port=0
     )
-    with tempfile.TemporaryDirectory() as folder, prompt_answers(first=True):
-        source = RsiSource(settings, guard)
-        began, busy = time.monotonic(), time.process_time()
-        counted = asyncio.run(
-            answered(command, usual_rsi_config(*source.address), source, Path(folder))
-        )
-        wall, busy = time.monotonic() - began, time.process_time() - busy
+    with tempfile.TemporaryDirectory() as text, prompt_answers(first=thread and not service):
+        folder, source = Path(text), opened(settings, guard)
+        beside = Service(folder) if service else None
+        began, busy = time.monotonic(), spent()
+        agreed = usual_rsi_config(*source.address)
+        counted = asyncio.run(answered(command, agreed, source, guard, folder, beside))
+        wall, busy = time.monotonic() - began, spent() - busy
     health, took = source.health(), source.turnaround
     times = [took.quantile(0.5), took.quantile(0.99), took.quantile(0.9999), took.largest]
     print(
-        f"{name:<28} {counted['taken']:>8} {counted['faulty']:>6} {health.refused:>7} "
+        f"{name:<28} {counted['taken']:>8} {counted['faulty']:>6} "
+        f"{counted.get('overslept', '-'):>6} {health.refused:>7} "
         f"{counted['rows']:>8} {guard.bites:>5} "
         + " ".join(f"{1e6 * t:>8.0f}" for t in times)
         + f" {1e6 * busy / counted['taken']:>8.0f} {wall:>6.0f}s"
@@ -104,24 +191,35 @@ def ours(config: str, cycles: str) -> None:
         timeout_packets=int(cycles),
     )
     report = asyncio.run(run(settings))
-    print(json.dumps({"taken": report.answered, "faulty": report.late + report.faulty}))
+    faulty = report.late + report.faulty
+    own = report.overslept
+    print(json.dumps({"taken": report.answered, "faulty": faulty, "overslept": own}))
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cycles", type=int, default=150_000, help="answers to RSIPI")
     parser.add_argument("--ours", type=int, default=15_000, help="to our simulated controller")
+    parser.add_argument("--service", action="store_true", help="estimate meanwhile")
+    parser.add_argument("--thread", action="store_true", help="answer from a thread")
     given = parser.parse_args()
+    how = {"thread": given.thread, "service": given.service}
+    where = "a thread" if given.thread else "a process of its own"
+    print(f"answers from {where}" + (", a service beside them" if given.service else ""))
     load = os.getloadavg()[0]
     print(f"{os.cpu_count()} processors, load before {load:.1f}")
     print(
-        f"{'controller, 4 ms':<28} {'answers':>8} {'late':>6} {'refused':>7} {'samples':>8} "
+        f"{'controller, 4 ms':<28} {'answers':>8} {'late':>6} {'of own':>6} "
+        f"{'refused':>7} {'samples':>8} "
         f"{'bites':>5} {'p50 us':>8} {'p99':>8} {'p99.99':>8} {'max':>8} {'CPU us':>8} {'wall':>7}"
     )
-    late = measured("RSIPI echo server", [str(RSIPI), MODE.value, str(given.cycles)])
+    late = measured("RSIPI echo server", [str(RSIPI), MODE.value, str(given.cycles)], **how)
     if given.ours:
-        measured("our simulated controller", [str(HERE), str(given.ours)])
-    print(f"load after {os.getloadavg()[0]:.1f}; late counts faulty answers, too")
+        measured("our simulated controller", [str(HERE), str(given.ours)], **how)
+    print(
+        f"load after {os.getloadavg()[0]:.1f}; late counts faulty answers, too; of own: "
+        "of these, in cycles that the simulated controller itself cut short"
+    )
     print(
         f"RESULT | RSI answers at 4 ms, RSIPI, late or faulty of {given.cycles} | 0 of 1,400 | "
         f"0 of 150,000 | {late} | {'reached' if late == 0 else 'missed'}"

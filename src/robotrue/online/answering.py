@@ -34,6 +34,7 @@ from robotrue.online.answering_wire import (
     guard_state,
     link_state,
     message,
+    plain,
     read_message,
     settings_of,
 )
@@ -47,6 +48,8 @@ from robotrue.online.udp import prompt_answers
 
 _BEAT: Final = 0.05
 """s between two messages with all counters."""
+_GATHER: Final = 0.01
+"""s for which samples are gathered before they are sent on."""
 _NICE: Final = -10
 _LAST: Final = 10.0
 """s that the last samples have on their way to a slow service."""
@@ -164,6 +167,8 @@ class _Answering:
             async for block in blocks:
                 for frame in frames(block):
                     await self._send(self._brief, frame)
+                # every message wakes the service: a few samples each
+                await asyncio.sleep(_GATHER)
         except RobotrueError as fault:
             told = {"fault": fault_document(fault)}
             await self._send(lambda: told)
@@ -186,11 +191,11 @@ class _Answering:
 
     def _brief(self) -> dict[str, Any]:
         """What has to be known of the last answers if this process should end now."""
-        state = self._link.state()
-        return {"watch": asdict(state.watch), "peer": state.peer, "guard": self._held()}
+        watch, peer = self._link.seen
+        return {"watch": plain(watch), "peer": peer, "guard": self._held()}
 
     def _held(self) -> dict[str, Any] | None:
-        return None if self._guard is None else asdict(self._guard.state())
+        return None if self._guard is None else plain(self._guard.state())
 
     def _state(self) -> dict[str, Any]:
         return {

@@ -33,6 +33,7 @@ from robotrue.online.answering_wire import (
     link_state,
     message,
     read_message,
+    seen_of,
     settings_document,
 )
 from robotrue.online.blocks import ForceBlock, JointBlock
@@ -283,8 +284,8 @@ class AnsweringLink:
             if self._view is not None and document["force"] is not None:
                 self._view.heard(health_of(document["force"]))
         else:
-            told = asdict(self._link) | {"watch": document["watch"], "peer": document["peer"]}
-            self._link = link_state(told)
+            watch, peer = seen_of(document)
+            self._link = replace(self._link, watch=watch, peer=peer)
 
     def _ended(self, fault: RobotrueError | None) -> None:
         code = self._process.wait()

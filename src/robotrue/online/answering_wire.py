@@ -27,6 +27,7 @@ from robotrue.online.rsi_config import parse_rsi_config, write_rsi_config
 from robotrue.online.rsi_link import RsiSettings
 from robotrue.online.samples import CorrectionMode
 from robotrue.online.sequence import SequenceState
+from robotrue.online.udp import Address
 
 LinkSettings = RsiSettings | EgmSettings
 Document = Mapping[str, Any]
@@ -50,6 +51,11 @@ def read_message(data: bytes) -> tuple[dict[str, Any], bytes]:
     end = _LENGTH.size + _LENGTH.unpack_from(data)[0]
     document: dict[str, Any] = json.loads(data[_LENGTH.size : end])
     return document, data[end:]
+
+
+def plain(state: SequenceState | GuardState) -> dict[str, Any]:
+    """Returns the fields of a state, all of them plain values; sooner than ``asdict`` does."""
+    return {name: getattr(state, name) for name in state.__slots__}
 
 
 def frames(block: Block) -> Iterator[bytes]:
@@ -107,9 +113,15 @@ def guard_state(document: Document) -> GuardState:
 
 def link_state(document: Document) -> LinkState:
     """Returns the state of a link from its fields."""
-    watch, peer = SequenceState(**document["watch"]), document["peer"]
-    peer = None if peer is None else (str(peer[0]), int(peer[1]))
+    watch, peer = seen_of(document)
     return LinkState(**{**document, "watch": watch, "peer": peer})
+
+
+def seen_of(document: Document) -> tuple[SequenceState, Address | None]:
+    """Returns the count of a controller's packets, and who sends them."""
+    peer = document["peer"]
+    peer = None if peer is None else (str(peer[0]), int(peer[1]))
+    return SequenceState(**document["watch"]), peer
 
 
 def health_of(document: Document) -> Health:

@@ -148,6 +148,11 @@ class RobotLink:
             last_fault=self._inbox.crowding or self._fault,
         )
 
+    @property
+    def seen(self) -> tuple[SequenceState, Address | None]:
+        """The count of its packets, and who sends them."""
+        return self._watch, self._peer
+
     def state(self) -> LinkState:
         """Returns what another link needs to go on for this one."""
         return LinkState(

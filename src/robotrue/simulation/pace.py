@@ -25,7 +25,7 @@ class Pace:
     async def wait(self) -> bool:
         """Waits for the end of the cycle that runs; call it right after its packet was sent.
 
-        Returns whether the cycle was cut short, because this computer has overslept before.
+        Returns whether it was shorter than a controller's, to make up for one that was overslept.
 
         Cycles that lie behind are made up for with shorter ones. A controller never sends two
         packets at once, and a computer that plays one must not, either: the answer to the first
@@ -35,4 +35,4 @@ class Pace:
         self._due += self._cycle
         room = self._due - now
         await asyncio.sleep(max(room, _SHORTEST * self._cycle))
-        return room < _WHOLE * self._cycle
+        return asyncio.get_running_loop().time() - now < _WHOLE * self._cycle
