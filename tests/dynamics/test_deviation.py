@@ -94,6 +94,23 @@ def test_model_opens_again_with_the_same_numbers(model, tmp_path):
         deviation_from_archive(replace(model.to_archive(), kind="error-model/learned"))
 
 
+def test_model_of_the_first_schema_opens(model, tmp_path):
+    """Written before there was a static row: no such arrays, schema 1."""
+    new = replace(model, row=None).to_archive()
+    assert new.schema == 2
+    arrays = {name: v for name, v in new.arrays.items() if name not in ("row", "row_sd")}
+    path = tmp_path / "first.robotrue"
+    path.write_bytes(archive_bytes(replace(new, schema=1, arrays=arrays)))
+    again = deviation_from_archive(read_archive(path))
+    assert again.row is None
+    windows = planted(passes=(1, 3), each=20, seed=4)
+    found, asked = again.predict(windows), replace(model, row=None).predict(windows)
+    np.testing.assert_array_equal(found.error, asked.error)
+    np.testing.assert_array_equal(found.sd, asked.sd)
+    with pytest.raises(ArchiveError, match="schema up to 2"):
+        deviation_from_archive(replace(new, schema=3))
+
+
 def test_variance_is_the_diagonal_of_the_covariance():
     rng = np.random.default_rng(5)
     rows = WindowRows(
