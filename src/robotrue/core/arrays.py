@@ -39,15 +39,24 @@ def frozen(
         array = values
     else:
         array = np.array(values, dtype=dtype)
-    if array.ndim != len(shape) or any(
-        want is not None and have != want for have, want in zip(array.shape, shape, strict=False)
-    ):
+    if array.shape != shape and not _fits(array.shape, shape):
         wanted = "(" + ", ".join("any" if s is None else str(s) for s in shape) + ")"
         raise ShapeError(f"{name} has shape {array.shape}, expected {wanted}.")
-    if np.issubdtype(array.dtype, np.floating):
+    if array.dtype.kind == "f":
         bad = np.isinf(array) if allow_nan else ~np.isfinite(array)
-        if bad.any():
+        if np.count_nonzero(bad):
             where = tuple(int(i) for i in np.argwhere(bad)[0])
             raise ShapeError(f"{name}{list(where)} is {array[where]}, expected a finite number.")
-    array.flags.writeable = False
+    if array.flags.writeable:
+        array.flags.writeable = False
     return array
+
+
+def _fits(have: tuple[int, ...], want: tuple[int | None, ...]) -> bool:
+    """Whether a shape is one with dimensions left free."""
+    if len(have) != len(want):
+        return False
+    for size, wanted in zip(have, want, strict=True):  # no generator: this is asked all the time
+        if wanted is not None and size != wanted:
+            return False
+    return True

@@ -73,7 +73,7 @@ class EstimateBlock:
             set_(self, name, frozen(getattr(self, name), shape, name, allow_nan=True))
         for name in ("sequence", "doubt"):
             set_(self, name, frozen(getattr(self, name), (n,), name, dtype=np.int64))
-        if not np.isnan(self.error[~self.valid]).all() or np.isnan(self.error[self.valid]).any():
+        if np.count_nonzero(np.isnan(self.error) == self.valid[:, None]):
             raise ShapeError("an estimate is NaN where it is invalid, and nowhere else.")
 
     def __len__(self) -> int:

@@ -462,8 +462,8 @@ def combined(
 def _peak(bent: float, pushed: float, turn: float, window: Array) -> None:
     """Keeps the largest of every turn of the spindle in the window, as ``peaks_per_turn``."""
     seen, turns = window[SEEN], window[TURN_COUNT]
-    edge = math.floor(turns * turn + 0.5)
-    if seen >= math.floor((turns + 1.0) * turn + 0.5):
+    edge = np.rint(turns * turn)
+    if seen >= np.rint((turns + 1.0) * turn):
         window[PEAKS] += window[TURN_PEAK]
         window[FORCE_PEAKS] += window[TURN_FORCE]
         window[TURN_COUNT] = turns + 1.0

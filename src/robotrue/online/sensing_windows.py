@@ -19,6 +19,8 @@ from robotrue.online.sensing_models import SensingModels
 
 _NAME: Final = "online"
 INSIDE, EXTRAPOLATED, INVALID = 0.0, 1.0, 2.0
+_WHOLE: Final = 1e-9
+"""Turn; a turn is whole but for rounding."""
 
 
 class WindowDeviation:
@@ -53,19 +55,16 @@ class WindowDeviation:
         if self._learned is None:
             return
         model, dof = self._learned.model, self._learned.model.arm.robot.dof
-        rows, turns = sums[kernels.ROWS], sums[kernels.TURN_COUNT]
-        peaks, pushes = sums[kernels.PEAKS], sums[kernels.FORCE_PEAKS]
-        if turns == 0.0 or sums[kernels.SEEN] >= np.floor((turns + 1.0) * self.turn + 0.5):
-            peaks, pushes = peaks + sums[kernels.TURN_PEAK], pushes + sums[kernels.TURN_FORCE]
-            turns += 1.0
+        rows = sums[kernels.ROWS]
+        peak, push = peaks(sums, self.turn)
         force = sums[kernels.FORCE_SUM : kernels.FORCE_SUM + 3] / rows
         window = WindowSet(
             passes=(_NAME,),
             joints=sums[kernels.WINDOW_SUMS : kernels.WINDOW_SUMS + dof][None] / rows,
             force=force[None],
-            force_peak=np.array([pushes / turns]),
+            force_peak=np.array([push]),
             force_mean=np.array([force @ self.direction]),
-            predicted=np.array([peaks / turns]),
+            predicted=np.array([peak]),
             measured=np.array([np.nan]),
         )
         found = model.predict(window)
@@ -76,3 +75,17 @@ class WindowDeviation:
         self.correction[0] = found.deviation[0] - found.physics[0] + gain
         self.correction[1] = found.sd[0] ** 2
         self.correction[2] = float(found.standing[0])
+
+
+def peaks(sums: Array, turn: float) -> tuple[float, float]:
+    """Returns mean peak of displacement (m) and force (N) over the whole turns of a window.
+
+    As :func:`robotrue.dynamics.windows.peaks_per_turn`: a turn begun at the end does not count.
+    """
+    turns, bent, pushed = (
+        float(sums[k]) for k in (kernels.TURN_COUNT, kernels.PEAKS, kernels.FORCE_PEAKS)
+    )
+    if turns == 0.0 or sums[kernels.SEEN] / turn + _WHOLE >= turns + 1.0:
+        bent, pushed = bent + sums[kernels.TURN_PEAK], pushed + sums[kernels.TURN_FORCE]
+        turns += 1.0
+    return bent / turns, pushed / turns
