@@ -109,7 +109,11 @@ def main(arguments: list[str]) -> None:
         if size == COMPARED:
             first = error
     same = whole is not None and np.array_equal(first, whole[: len(first)], equal_nan=True)
-    print(f"blocks of {COMPARED} and of {BLOCKS[-1]}: {'the same bits' if same else 'DIFFERENT'}")
+    settled = int(np.isfinite(first).all(axis=1).sum())
+    print(
+        f"blocks of {COMPARED} and of {BLOCKS[-1]}: {'the same bits' if same else 'DIFFERENT'}, "
+        f"{settled} of {len(first)} rows settled"
+    )
 
 
 if __name__ == "__main__":
