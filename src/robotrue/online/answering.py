@@ -49,7 +49,7 @@ from robotrue.online.udp import prompt_answers
 _BEAT: Final = 0.05
 """s between two messages with all counters."""
 _GATHER: Final = 0.01
-"""s for which samples are gathered before they are sent on."""
+"""s for which samples are gathered before they are sent on, while no correction is held."""
 _NICE: Final = -10
 _LAST: Final = 10.0
 """s that the last samples have on their way to a slow service."""
@@ -167,8 +167,9 @@ class _Answering:
             async for block in blocks:
                 for frame in frames(block):
                     await self._send(self._brief, frame)
-                # every message wakes the service: a few samples each
-                await asyncio.sleep(_GATHER)
+                # every message wakes the service; but what the robot holds is told at once
+                if self._guard is None or self._guard.at_rest:
+                    await asyncio.sleep(_GATHER)
         except RobotrueError as fault:
             told = {"fault": fault_document(fault)}
             await self._send(lambda: told)
