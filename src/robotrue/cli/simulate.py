@@ -53,6 +53,7 @@ _LABELS: Final[Mapping[str, str]] = {
     "largest_step_mm": "largest step of it, mm",
     "correction": "correction at the end, mm and deg",
     "offset": "offset at the end, mm",
+    "left_out": "left out, this computer was busy",
     "withheld": "withheld by a fault",
     "late": "late",
     "overslept": "of these, in cycles the simulator cut short",
@@ -88,6 +89,7 @@ def run_rsi(
         cycle_ms=cycle_ms,
         motion=ScenarioMotion(scenario=scenario, begun=time.monotonic()),
         faults=tuple(parse_fault(text, UDP_FAULTS) for text in faults),
+        keeps_time=True,
     )
     options = f"?cycle={cycle_ms}ms&mode={kind.value}"
     options += f"&config={config}" if config is not None else ""
@@ -130,6 +132,7 @@ def run_egm(
         motion=ScenarioMotion(scenario=scenario, begun=begun),
         force=felt if force else None,
         faults=tuple(parse_fault(text, UDP_FAULTS) for text in faults),
+        keeps_time=True,
     )
     address = f"'egm://{host}:{port}?robotware={robotware}'"
     _announce(

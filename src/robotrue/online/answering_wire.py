@@ -153,7 +153,7 @@ def joined(blocks: list[B]) -> list[B]:
     if len({_alike(block) for block in blocks}) != 1:
         return blocks
     names = [f.name for f in fields(blocks[0]) if f.name != "frame"]
-    whole = {n: np.concatenate([getattr(b, n) for b in blocks]) for n in names}
+    whole: dict[str, Any] = {n: np.concatenate([getattr(b, n) for b in blocks]) for n in names}
     return [replace(blocks[0], **whole)]
 
 

@@ -62,6 +62,7 @@ class EgmControllerSettings:
         host: Its own address.
         own_port: Its own port; 0 takes a free one.
         faults: What goes wrong, and when.
+        keeps_time: A computer too busy for all cycles leaves some out, instead of going slower.
     """
 
     target: tuple[str, int]
@@ -76,6 +77,7 @@ class EgmControllerSettings:
     host: str = "127.0.0.1"
     own_port: int = 0
     faults: tuple[Fault, ...] = ()
+    keeps_time: bool = False
 
     def __post_init__(self) -> None:
         """Checks."""
@@ -91,7 +93,8 @@ class EgmControllerReport:
     """What came of it.
 
     Attributes:
-        cycles: Messages sent.
+        cycles: Of its clock.
+        left_out: Cycles without a message, because this computer was too busy for them.
         corrections: Path corrections taken.
         targets: Joint or pose targets that came; read, counted, not followed.
         faulty: Messages that could not be read or taken.
@@ -101,6 +104,7 @@ class EgmControllerReport:
     """
 
     cycles: int = 0
+    left_out: int = 0
     corrections: int = 0
     targets: int = 0
     faulty: int = 0
@@ -132,6 +136,8 @@ async def run(
             for datagram in controller.wire.passed(message, controller.elapsed):
                 transport.sendto(datagram, settings.target)
             await pace.wait()
+            if settings.keeps_time:
+                controller.leave_out(pace.left_out())
     finally:
         transport.close()
     return controller.report
@@ -152,7 +158,8 @@ class EgmController:
         """Returns the message of the cycle that begins; None when there is no more to send."""
         settings, made = self.settings, self.report.cycles
         elapsed = made * _CYCLE
-        if made == settings.cycles or elapsed > settings.motion.duration:
+        over = settings.cycles is not None and made >= settings.cycles
+        if over or elapsed > settings.motion.duration:
             return None
         self.elapsed = elapsed
         self._follow(made)
@@ -179,6 +186,13 @@ class EgmController:
         )
         self.report = replace(self.report, cycles=made + 1)
         return write_robot(robot, settings.generation)
+
+    def leave_out(self, cycles: int) -> None:
+        """Lets cycles pass without a message."""
+        report = self.report
+        self.report = replace(
+            report, cycles=report.cycles + cycles, left_out=report.left_out + cycles
+        )
 
     def take(self, data: bytes) -> None:
         """Takes a datagram of the computer."""

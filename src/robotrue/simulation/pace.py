@@ -9,6 +9,8 @@ _WHOLE: Final = 0.9
 """Of a cycle; a shorter one gives less time for an answer than a controller would."""
 _SHORTEST: Final = 0.5
 """Of a cycle; what a computer that slept makes up for, cycle by cycle."""
+_BEHIND: Final = 5
+"""Cycles that are made up for so; what lies farther behind is left out where time is kept."""
 
 
 class Pace:
@@ -36,3 +38,15 @@ class Pace:
         room = self._due - now
         await asyncio.sleep(max(room, _SHORTEST * self._cycle))
         return asyncio.get_running_loop().time() - now < _WHOLE * self._cycle
+
+    def left_out(self) -> int:
+        """Returns cycles that lie too far behind, and takes them for over.
+
+        A controller's clock does not go slower because a computer is busy; one that plays it sends
+        fewer packets instead, as if they had been lost on their way.
+        """
+        behind = int((asyncio.get_running_loop().time() - self._due) / self._cycle)
+        if behind <= _BEHIND:
+            return 0
+        self._due += behind * self._cycle
+        return behind

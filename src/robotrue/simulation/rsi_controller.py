@@ -45,6 +45,7 @@ class RsiControllerSettings:
         host: Its own address.
         own_port: Its own port; 0 takes a free one.
         faults: What goes wrong, and when.
+        keeps_time: A computer too busy for all cycles leaves some out, instead of going slower.
     """
 
     config: RsiConfig
@@ -59,6 +60,7 @@ class RsiControllerSettings:
     host: str = "127.0.0.1"
     own_port: int = 0
     faults: tuple[Fault, ...] = ()
+    keeps_time: bool = False
 
     def __post_init__(self) -> None:
         """Checks."""
@@ -74,11 +76,12 @@ class RsiControllerReport:
     """What came of it.
 
     Attributes:
-        cycles: Packets sent.
+        cycles: Of its clock.
         answered: Answers taken.
         late: Cycles without an answer in time, from the first answer on.
         overslept: Of these, cycles that the simulator cut short, because this computer had slept
             over the end of one before: nobody who answers is to blame for them.
+        left_out: Cycles without a packet, because this computer was too busy for them.
         faulty: Answers of another type or IPOC, or that cannot be read.
         broke_off: Why RSI broke off; empty if it did not.
         correction: (6,) total at the end, mm and deg.
@@ -90,6 +93,7 @@ class RsiControllerReport:
     answered: int = 0
     late: int = 0
     overslept: int = 0
+    left_out: int = 0
     faulty: int = 0
     broke_off: str = ""
     correction: Array = field(default_factory=lambda: np.zeros(6))
@@ -122,6 +126,8 @@ async def run(
                 transport.sendto(datagram, target)
             short = await pace.wait()
             controller.close_cycle(short=short)
+            if settings.keeps_time:
+                controller.leave_out(pace.left_out())
     finally:
         transport.close()
     return controller.report
@@ -145,7 +151,8 @@ class RsiController:
     def next_packet(self) -> bytes | None:
         """Returns the packet of the cycle that begins; None when there is no more to send."""
         made = self.report.cycles
-        if self.report.broke_off or made == self.settings.cycles:
+        end = self.settings.cycles
+        if self.report.broke_off or (end is not None and made >= end):
             return None
         elapsed = made * self.settings.cycle_ms * 1e-3
         if elapsed > self.settings.motion.duration:
@@ -172,6 +179,13 @@ class RsiController:
                 pose_mm_deg=None if pose is None else _six(pose),
                 signals=self._further(),
             )
+        )
+
+    def leave_out(self, cycles: int) -> None:
+        """Lets cycles pass without a packet."""
+        report = self.report
+        self.report = replace(
+            report, cycles=report.cycles + cycles, left_out=report.left_out + cycles
         )
 
     def take(self, data: bytes) -> None:
