@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from conftest import Command
 from robotrue.cli.job_kinds import KINDS
 from robotrue.cli.jobs import _parameters
 from robotrue.core.files import sha256
@@ -18,6 +18,8 @@ from robotrue.store.jobs_claim import claim
 from robotrue.store.jobs_work import attempt
 from robotrue.store.nouns import DOCUMENT, MODEL, PROGRAM
 from robotrue.store.workspace import Workspace
+
+Command = Callable[..., Any]
 
 
 @pytest.fixture

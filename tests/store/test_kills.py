@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import importlib.util
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-
-from conftest import NewUrl
 
 AT = Path(__file__).resolve().parents[2] / "benchmarks" / "kill_store.py"
 pytestmark = pytest.mark.skipif(
     not sys.platform.startswith("linux"), reason="needs fork and /proc, which Linux has"
 )
+
+NewUrl = Callable[[], str | None]
 
 
 def test_killed_processes_lose_nothing(tmp_path: Path, new_url: NewUrl) -> None:

@@ -14,7 +14,6 @@ from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
 from sqlalchemy import insert, text
 
-from conftest import NewUrl
 from robotrue.errors import ArchiveError, ConfigurationError, MissingExtraError
 from robotrue.store import documents, items, jobs, journal, migrate, workspace
 from robotrue.store.database import engine_at
@@ -27,6 +26,8 @@ FIRST = Path(__file__).parents[1] / "archives" / "workspace_0001.sql"
 SECOND = """
 import sqlalchemy as sa
 from alembic import op
+
+NewUrl = Callable[[], str | None]
 revision, down_revision, branch_labels, depends_on = "0002", "0001", None, None
 
 def upgrade():
