@@ -6,6 +6,7 @@ import json
 import shutil
 import sqlite3
 import threading
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
@@ -22,12 +23,12 @@ from robotrue.store.records import Query
 from robotrue.store.schema import Base, WorkspaceRow
 from robotrue.store.workspace import Workspace, now, writing
 
+NewUrl = Callable[[], str | None]
 FIRST = Path(__file__).parents[1] / "archives" / "workspace_0001.sql"
 SECOND = """
 import sqlalchemy as sa
 from alembic import op
 
-NewUrl = Callable[[], str | None]
 revision, down_revision, branch_labels, depends_on = "0002", "0001", None, None
 
 def upgrade():
