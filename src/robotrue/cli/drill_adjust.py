@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from robotrue.calibration.model import ErrorModel
 from robotrue.cli.console import emit_facts, emit_json, say
 from robotrue.core.arrays import Array
 from robotrue.core.rotations import abc_from_matrix, matrix_from_abc
@@ -20,6 +21,7 @@ from robotrue.drilling.model import NormalModel
 from robotrue.drilling.model_archive import read_model
 from robotrue.drilling.robot_adjust import RobotMove, squaring_joints
 from robotrue.errors import ConfigurationError
+from robotrue.robot.statics import Load
 
 
 def run(
@@ -93,22 +95,32 @@ def _head_text(language: str | None, found: Adjustment, feed_mm_per_min: float) 
 def _robot_move(
     model: NormalModel, found: Adjustment, path: Path, joints_deg: str | None, foot_abc_deg: str
 ) -> RobotMove:
-    from robotrue.cli.registered import opened
-
     if joints_deg is None:
         raise ConfigurationError(
             "--robot without --joints-deg: where does the robot stand?",
             hint="--joints-deg J1,J2,J3,J4,J5,J6",
         )
+    robot, load, seat = carrying_robot(path, foot_abc_deg)
+    joints = numbers(joints_deg, robot.robot.dof, "--joints-deg", "J1,..,J6") * DEG
+    normal = normal_from_tilt(model.head.order, found.tilt)
+    return squaring_joints(robot, joints, normal, R_tool_foot=seat, load=load)
+
+
+def carrying_robot(path: Path, foot_abc_deg: str) -> tuple[ErrorModel, Load, Array]:
+    """Returns the calibrated robot that carries a foot, its load, and the foot in tool (3, 3).
+
+    Raises:
+        ConfigurationError: A cell instead of a calibrated model, or no three angles.
+    """
+    from robotrue.cli.registered import opened
+
     cell, robot = opened(path, None)
     if robot is None:
         raise ConfigurationError(
             "a cell, not a calibrated model.", source=path, hint="pass a model of `calibrate`."
         )
-    joints = numbers(joints_deg, robot.robot.dof, "--joints-deg", "J1,..,J6") * DEG
     seat = matrix_from_abc(numbers(foot_abc_deg, 3, "--foot-abc-deg", "A,B,C") * DEG)
-    normal = normal_from_tilt(model.head.order, found.tilt)
-    return squaring_joints(robot, joints, normal, R_tool_foot=seat, load=cell.payload)
+    return robot, cell.payload, seat
 
 
 def _surface(found: Adjustment) -> dict[str, Any]:

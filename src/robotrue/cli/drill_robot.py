@@ -13,10 +13,9 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel
-from robotrue.cli.drill_adjust import numbers
-from robotrue.cli.registered import opened
+from robotrue.cli.drill_adjust import carrying_robot
 from robotrue.core.arrays import Array
-from robotrue.core.rotations import abc_from_matrix, matrix_from_abc
+from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.adjust import Adjustment
 from robotrue.drilling.head import AxisOrder, normal_from_tilt
@@ -158,14 +157,9 @@ def drilling_robot(
             "--robot without --joints: where does the robot stand?",
             hint="--joints rsi://0.0.0.0:49152?cycle=4ms, or rtde://HOST.",
         )
-    cell, model = opened(path, None)
-    if model is None:
-        raise ConfigurationError(
-            "a cell, not a calibrated model.", source=path, hint="pass a model of `calibrate`."
-        )
-    seat = matrix_from_abc(numbers(foot_abc_deg, 3, "--foot-abc-deg", "A,B,C") * DEG)
+    model, load, seat = carrying_robot(path, foot_abc_deg)
     source = open_stream(address, "robot", SourceSettings())
-    return DrillingRobot(model, cell.payload, order, seat, source, still=still)
+    return DrillingRobot(model, load, order, seat, source, still=still)
 
 
 @contextlib.asynccontextmanager

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import base64
 import json
-import math
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from robotrue.core.arrays import Array
+from robotrue.core.json_values import json_values
 
 
 def packed(values: Array) -> dict[str, Any]:
@@ -21,16 +21,4 @@ def packed(values: Array) -> dict[str, Any]:
 
 def answer(document: Mapping[str, Any]) -> bytes:
     """Returns a document as JSON; numbers that are not finite become null."""
-    return json.dumps(_finite(document), allow_nan=False, separators=(",", ":")).encode()
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(k): _finite(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(v) for v in value]
-    if isinstance(value, np.ndarray | np.generic):
-        return _finite(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+    return json.dumps(json_values(document), allow_nan=False, separators=(",", ":")).encode()
