@@ -53,7 +53,7 @@ def test_chinese_is_chinese() -> None:
 
 
 def test_a_text_that_is_not_there_is_said_so() -> None:
-    with pytest.raises(ConfigurationError, match=r"no text 'cell\.nothing' in en\.toml"):
+    with pytest.raises(ConfigurationError, match=r"no text 'cell\.nothing' in languages/en"):
         Wording("en")("cell.nothing")
 
 

@@ -1,4 +1,7 @@
-"""The words of the pages: one file per language, every one with the same keys."""
+"""The words of the pages: a folder per language, in it a file per page and one for the shell.
+
+Every language has the same keys.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,10 @@ def words(language: str) -> dict[str, str]:
     """
     if language not in LANGUAGES:
         raise ConfigurationError(f"language {language!r}, expected {', '.join(LANGUAGES)}.")
-    return _flat(tomllib.loads((FOLDER / f"{language}.toml").read_text(encoding="utf-8")), "")
+    out: dict[str, str] = {}
+    for path in sorted((FOLDER / language).glob("*.toml")):
+        out |= _flat(tomllib.loads(path.read_text(encoding="utf-8")), "")
+    return out
 
 
 class Wording:
@@ -41,7 +47,7 @@ class Wording:
         try:
             text = self._words[key]
         except KeyError:
-            raise ConfigurationError(f"no text {key!r} in {self.language}.toml.") from None
+            raise ConfigurationError(f"no text {key!r} in languages/{self.language}.") from None
         return text.format(**values) if values else text
 
     def known(self, key: str) -> bool:

@@ -1,7 +1,7 @@
 """The screens of the workbench: one file each, listed here in the order of the navigation.
 
-A new one is a file with a ``PAGE``, its name in :data:`PAGES`, its texts in every language file
-(``nav.<name>`` and a section ``[<name>]``) and its icon in ``parts/icons.py``.
+A new one is a file with a ``PAGE``, its name in :data:`PAGES`, its texts in every language
+(``nav.<name>`` in ``shell.toml`` and a file ``<name>.toml``) and its icon in ``parts/icons.py``.
 """
 
 from __future__ import annotations

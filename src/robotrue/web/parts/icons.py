@@ -14,6 +14,7 @@ PATHS: Final = {
     "registration": "M12 21s7-6 7-11a7 7 0 1 0-14 0c0 5 7 11 7 11M12 10h.01",
     "drilling": "M12 3v12M9 6l6 2M9 10l6 2M12 15l-1 4 1 2 1-2zM4 21h5M15 21h5",
     "live": "M3 12h4l3-8 4 16 3-8h4",
+    "drift": "M12 4v16M4 12h16M12 12l5-5M13 7h4v4",
     "moon": "M20 14A8 8 0 1 1 10 4a6.5 6.5 0 0 0 10 10",
     "settings": (
         "M4 7h10M18 7h2M4 17h2M10 17h10M14 7a2 2 0 1 0 4 0 2 2 0 1 0-4 "
