@@ -30,7 +30,7 @@ def cell(tmp_path):
 
 
 def test_stated_stiffness_alone_is_enough_and_says_what_it_leaves_out(cell):
-    sensing, remarks = sensing_of(SensingFiles(cell=cell, rate=5000.0))
+    sensing, remarks = sensing_of(SensingFiles(cell=cell), 5000.0)
     assert sensing.models.response is None
     np.testing.assert_allclose(sensing.models.compliance.compliance[0], 1.0 / 1.3e6)
     said = " ".join(remarks)
@@ -47,13 +47,13 @@ def test_held_tool_and_place_of_the_sensor(cell, tmp_path):
     )  # fmt: skip
     path = tmp_path / "tool.robotrue"
     write_archive(path, tool.to_archive(source="poses.csv"))
-    files = SensingFiles(cell=cell, rate=5000.0, tool=path, sensor="0,0,25,90,0,0")
-    sensing, remarks = sensing_of(files)
+    files = SensingFiles(cell=cell, tool=path, sensor="0,0,25,90,0,0")
+    sensing, remarks = sensing_of(files, 5000.0)
     assert sensing.models.held.mass == 18.5
     np.testing.assert_allclose(sensing.models.T_flange_sensor[:3, 3], [0.0, 0.0, 0.025])
     assert "18.50 kg hang on the sensor" in " ".join(remarks)
     with pytest.raises(ArchiveError, match="expected 'dynamic-deviation'"):
-        sensing_of(SensingFiles(cell=cell, rate=5e3, deviation=path, spindle_rpm=3600.0))
+        sensing_of(SensingFiles(cell=cell, deviation=path, spindle_rpm=3600.0), 5000.0)
 
 
 def test_options_that_need_another(cell, tmp_path):
@@ -66,14 +66,14 @@ def test_options_that_need_another(cell, tmp_path):
         ({"sensor": "1,2,3"}, "expected 6 numbers"),
     ):
         with pytest.raises(ConfigurationError, match=words):
-            sensing_of(SensingFiles(cell=cell, rate=5000.0, **changes))
+            sensing_of(SensingFiles(cell=cell, **changes), 5000.0)
 
 
 def test_nothing_that_bends_is_refused(tmp_path):
     path = tmp_path / "cell.toml"
     path.write_text(CELL.replace("stiffness", "# stiffness"))
     with pytest.raises(ConfigurationError, match="neither stiffness nor frequency response"):
-        sensing_of(SensingFiles(cell=path, rate=5000.0))
+        sensing_of(SensingFiles(cell=path), 5000.0)
 
 
 def frf_csv(path, times=1.0):
@@ -92,10 +92,10 @@ def frf_csv(path, times=1.0):
 def test_response_with_its_pose_and_frame(cell, tmp_path):
     joints = "-26,-12,52,-32,-57,19"
     files = SensingFiles(
-        cell=cell, rate=5000.0, frf=frf_csv(tmp_path / "frf.csv"), frf_joints=joints,
+        cell=cell, frf=frf_csv(tmp_path / "frf.csv"), frf_joints=joints,
         frf_frame="base",
     )  # fmt: skip
-    sensing, remarks = sensing_of(files)
+    sensing, remarks = sensing_of(files, 5000.0)
     response = sensing.models.response
     np.testing.assert_allclose(response.oscillators.static[1, 1], 2.1e-6, rtol=0.02)
     shown = sensing.models.robot.controller.to_controller(response.joints) / DEG
@@ -105,8 +105,8 @@ def test_response_with_its_pose_and_frame(cell, tmp_path):
 
 def test_response_of_another_unit_is_refused(cell, tmp_path):
     files = SensingFiles(
-        cell=cell, rate=5000.0, frf=frf_csv(tmp_path / "frf.csv", 100.0),
+        cell=cell, frf=frf_csv(tmp_path / "frf.csv", 100.0),
         frf_joints="-26,-12,52,-32,-57,19", frf_frame="base",
     )  # fmt: skip
     with pytest.raises(ModelMismatchError, match="a receptance in m/N"):
-        sensing_of(files)
+        sensing_of(files, 5000.0)

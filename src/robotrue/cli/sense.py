@@ -60,25 +60,15 @@ _BLOCKS: Final = 4096
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SenseOptions:
+class SenseOptions(SensingFiles):
     """The command line; names as there."""
 
-    cell: Path
     robot: str
     force: str
     out: tuple[str, ...] = ()
     record: Path | None = None
     resume: bool = False
     rate: float | None = None
-    model: Path | None = None
-    frf: Path | None = None
-    frf_joints: str | None = None
-    frf_frame: str | None = None
-    tool: Path | None = None
-    sensor: str | None = None
-    deviation: Path | None = None
-    spindle_rpm: float | None = None
-    force_most: float | None = None
     clock: Path | None = None
     correct: bool = False
     limit_mm: float | None = None
@@ -108,21 +98,7 @@ def run_sense(options: SenseOptions, *, as_json: bool) -> None:
     if options.resume and options.record is None:
         raise ConfigurationError("--resume without --record: nothing to go on with.")
     rate = _force_rate(options)
-    sensing, remarks = sensing_of(
-        SensingFiles(
-            cell=options.cell,
-            rate=rate,
-            model=options.model,
-            frf=options.frf,
-            frf_joints=options.frf_joints,
-            frf_frame=options.frf_frame,
-            tool=options.tool,
-            sensor=options.sensor,
-            deviation=options.deviation,
-            spindle_rpm=options.spindle_rpm,
-            force_most=options.force_most,
-        )
-    )
+    sensing, remarks = sensing_of(options, rate)
     for remark in remarks:
         say(f"note: {remark}")
     _warmed(sensing)

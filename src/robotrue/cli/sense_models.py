@@ -46,7 +46,6 @@ class SensingFiles:
 
     Attributes:
         cell: cell.toml.
-        rate: Force samples per second.
         model: Of ``robotrue calibrate``, for the stiffness of the joints.
         frf: Frequency response of the tool.
         frf_joints: Joints of the hammer test as the controller displays them, "A1,..,A6" in deg.
@@ -59,7 +58,6 @@ class SensingFiles:
     """
 
     cell: Path
-    rate: float
     model: Path | None = None
     frf: Path | None = None
     frf_joints: str | None = None
@@ -71,8 +69,8 @@ class SensingFiles:
     force_most: float | None = None
 
 
-def sensing_of(files: SensingFiles) -> tuple[Sensing, tuple[str, ...]]:
-    """Returns the estimator and what to know of it, one sentence each.
+def sensing_of(files: SensingFiles, rate: float) -> tuple[Sensing, tuple[str, ...]]:
+    """Returns the estimator for so many force samples a second, and what to know of it.
 
     Raises:
         ConfigurationError: An option that needs another, or neither stiffness nor response.
@@ -88,7 +86,7 @@ def sensing_of(files: SensingFiles) -> tuple[Sensing, tuple[str, ...]]:
     held = _held(files, remarks)
     models = SensingModels(
         robot=cell.robot,
-        rate=files.rate,
+        rate=rate,
         compliance=compliance,
         response=response,
         held=held,
