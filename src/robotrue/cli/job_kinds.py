@@ -169,7 +169,7 @@ def plan(work: Work) -> Publish:
     if before is not None:
         (work.folder / "before").mkdir()
         targets = programs.laid(work.workspace, before, work.folder / "before")[0]
-    work.step("planning", 0, 1)
+    work.step("drawing postures", 0, 1)
     with _heard(work):
         found = planned(
             cell,
@@ -184,6 +184,7 @@ def plan(work: Work) -> Publish:
             candidates=asked.whole("candidates", 2000),
             tolerance_um=asked.number("tolerance_um", 0.0),
             seed=asked.whole("seed", 1),
+            told=work.step,
         )
     files = [work.folder / "poses.csv", work.folder / PAGE]
     write_atomic(files[0], plan_sheet(found))

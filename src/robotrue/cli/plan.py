@@ -16,6 +16,7 @@ from robotrue.cli.inputs import check_output
 from robotrue.core.arrays import Array
 from robotrue.core.files import write_atomic
 from robotrue.core.poses import pose
+from robotrue.core.progress import Progress, unheard
 from robotrue.core.regions import CubeRegion, CylinderRegion, Region
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError, ModelMismatchError, ReachError
@@ -114,6 +115,7 @@ def planned(
     candidates: int,
     tolerance_um: float,
     seed: int,
+    told: Progress = unheard,
 ) -> PosePlan:
     """Returns the poses, chosen by what the options of the command say.
 
@@ -154,6 +156,7 @@ def planned(
         model=None if model_path is None else read_model(model_path).model,
         work=work,
         T_flange_tool=tool,
+        progress=told,
     )
 
 

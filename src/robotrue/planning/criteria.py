@@ -14,6 +14,7 @@ with three columns: a step costs little more than reading the rows once.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
@@ -105,6 +106,7 @@ def greedy(
     covariance: Array | None = None,
     allowed: BoolArray | None = None,
     enough: float = 0.0,
+    told: Callable[[int], None] | None = None,
 ) -> Choice:
     """Returns up to n candidates, each the best after those before; none is taken twice.
 
@@ -116,6 +118,7 @@ def greedy(
         covariance: (k, k) P before the first; I if not given.
         allowed: (c,) candidates that may be taken; all if not given.
         enough: m^2; stops when the best candidate lowers the mean variance by less.
+        told: Called with how many are chosen, before each.
 
     Raises:
         ConfigurationError: More poses are asked for than there are candidates.
@@ -130,6 +133,8 @@ def greedy(
     chosen: list[int] = []
     variance, log_det = [at.variance], [0.0]
     while len(chosen) < n:
+        if told is not None:
+            told(len(chosen))
         gains = np.where(free, at.gains(criterion), -np.inf)
         best = int(np.argmax(gains))
         step = float(np.linalg.slogdet(at.inner[best])[1])
@@ -157,6 +162,7 @@ def exchanged(
     covariance: Array | None = None,
     allowed: BoolArray | None = None,
     sweeps: int | None = None,
+    told: Callable[[int], None] | None = None,
 ) -> Choice:
     """Returns the start with single poses exchanged as long as the criterion improves.
 
@@ -172,6 +178,7 @@ def exchanged(
         covariance: (k, k) P before the first; I if not given.
         allowed: (c,) candidates that may be taken; all if not given.
         sweeps: Most passes over the plan; as many as :data:`EXCHANGES` allow if not given.
+        told: Called with how many exchanges were tried, before each.
     """
     free = np.ones(len(rows), dtype=bool) if allowed is None else np.array(allowed)
     at = _Posterior(rows, weight, covariance)
@@ -179,10 +186,12 @@ def exchanged(
     for k in chosen:
         at.add(k)
         free[k] = False
-    most = max(1, EXCHANGES // max(len(chosen), 1)) if sweeps is None else sweeps
-    for _ in range(most):
+    most = passes(len(chosen)) if sweeps is None else sweeps
+    for sweep in range(most):
         moved = False
         for place, old in enumerate(chosen):
+            if told is not None:
+                told(sweep * len(chosen) + place)
             at.add(old, sign=-1.0)
             gains = at.gains(criterion)
             best = int(np.argmax(np.where(free, gains, -np.inf)))
@@ -194,6 +203,11 @@ def exchanged(
         if not moved:
             break
     return follow(rows, weight, np.array(chosen, dtype=np.int64), covariance=covariance)
+
+
+def passes(n: int) -> int:
+    """Returns how often :func:`exchanged` goes over n poses at most."""
+    return max(1, EXCHANGES // max(n, 1))
 
 
 def follow(

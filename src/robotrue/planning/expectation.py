@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -100,7 +101,13 @@ def mean_error(work: Work, covariance: Array) -> float:
 
 
 def expected(
-    work: Work, rows: Array, order: IntArray, *, seed: int, covariance: Array | None = None
+    work: Work,
+    rows: Array,
+    order: IntArray,
+    *,
+    seed: int,
+    covariance: Array | None = None,
+    told: Callable[[int], None] | None = None,
 ) -> Expected:
     """Returns the accuracy expected after each pose of an order, and after random poses.
 
@@ -110,17 +117,18 @@ def expected(
         order: (n,) chosen candidates, in the order of choice.
         seed: Of the random plans.
         covariance: (k, k) before the first pose; I if not given.
+        told: Called with how many random plans are done, before each.
     """
     fixed = work.rest + work.instrument
     rms, mean = _curve(work, rows, order, fixed, covariance)
     rng = np.random.default_rng([seed, 43])
     n = len(order)
-    random = np.array(
-        [
-            _curve(work, rows, rng.choice(len(rows), n, replace=False), fixed, covariance)[1]
-            for _ in range(RANDOM)
-        ]
-    )
+    random = np.empty((RANDOM, n + 1))
+    for k in range(RANDOM):
+        if told is not None:
+            told(k)
+        other = rng.choice(len(rows), n, replace=False)
+        random[k] = _curve(work, rows, other, fixed, covariance)[1]
     low, middle, high = np.percentile(random, [25, 50, 75], axis=0)
     return Expected(
         rms=rms,

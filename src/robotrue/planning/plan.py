@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final, Literal, TypeAlias
 
@@ -11,12 +12,13 @@ from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.settings import FitSettings
 from robotrue.cell.cell import Cell
 from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.core.progress import Progress, unheard
 from robotrue.core.regions import Region
 from robotrue.core.units import DEG
 from robotrue.errors import ConfigurationError, ReachError
 from robotrue.planning.candidates import draw_candidates, nothing_left, reachable_in, usable
-from robotrue.planning.criteria import CRITERIA, Choice, Criterion, exchanged, greedy
-from robotrue.planning.expectation import Expected, Work, expected, work_of
+from robotrue.planning.criteria import CRITERIA, Choice, Criterion, exchanged, greedy, passes
+from robotrue.planning.expectation import RANDOM, Expected, Work, expected, work_of
 from robotrue.planning.information import (
     LinearModel,
     Postures,
@@ -155,6 +157,7 @@ def plan_poses(
     candidates: Array | None = None,
     work: Postures | None = None,
     T_flange_tool: Array | None = None,
+    progress: Progress = unheard,
 ) -> PosePlan:
     """Returns n poses worth measuring, ordered for short travel.
 
@@ -170,6 +173,7 @@ def plan_poses(
             be measured are left out.
         work: Postures in which the arm will work, instead of ``settings.work``.
         T_flange_tool: (4, 4) the point whose accuracy counts there; the reflector if not given.
+        progress: Told what is done, and how far it is.
 
     Raises:
         ConfigurationError: Fewer than 4 poses, or a cell that cannot be.
@@ -182,6 +186,8 @@ def plan_poses(
             f"{n} poses, expected at least {LEAST}: even base and tool need as many.",
             hint="10 poses give a first model, 30 a good one.",
         )
+    meter = _Meter(progress, n)
+    meter.at("drawing postures", 0)
     scene = scene_of(cell, clearance=settings.clearance)
     joints, index, drawn, rejected = _choices(scene, n, settings, candidates)
     known = (
@@ -197,7 +203,7 @@ def plan_poses(
         )
     rows = np.concatenate([known.rows(_visits(joints, load, settings)) for load in loads])
     wanted = work_of(known, _where(known, joints, settings, work, loads[0]), T_flange_tool)
-    choice, stopped = _chosen(rows, wanted, n, settings)
+    choice, stopped = _chosen(rows, wanted, n, settings, meter)
     posture, load = choice.chosen % len(joints), choice.chosen // len(joints)
     order = _visiting_order(joints[posture], load, len(loads))
     taken = joints[posture]
@@ -211,7 +217,9 @@ def plan_poses(
         loads=loads,
         position=scene.tubes(taken[order])[1],
         rank=order,
-        expected=expected(wanted, rows, choice.chosen, seed=settings.seed),
+        expected=expected(
+            wanted, rows, choice.chosen, seed=settings.seed, told=meter.phase("comparing plans", 4)
+        ),
         criterion=settings.criterion,
         candidates=len(joints),
         drawn=drawn,
@@ -284,11 +292,34 @@ def _spread(n: int) -> IntArray:
     return np.unique(np.linspace(0, n - 1, min(n, EVALUATED)).astype(np.int64))
 
 
-def _chosen(rows: Array, work: Work, n: int, settings: PlanSettings) -> tuple[Choice, bool]:
+class _Meter:
+    """How far a plan is: parts of a plan of n poses, each of some steps of about the same time."""
+
+    def __init__(self, progress: Progress, n: int) -> None:
+        self._progress = progress
+        drawing = max(n // 4, 1)
+        self._start = np.cumsum([0, drawing, n, 2 * n * passes(n), n // 4 + 1, RANDOM]).tolist()
+
+    def at(self, text: str, part: int, step: int = 0) -> None:
+        """Tells that a step of a part is done next."""
+        start, end = self._start[part : part + 2]
+        self._progress(text, min(start + step, end), self._start[-1])
+
+    def phase(self, text: str, part: int, weight: int = 1) -> Callable[[int], None]:
+        """Returns what a part calls with the number of its steps done, ``weight`` of time each."""
+        return lambda step: self.at(text, part, weight * step)
+
+
+def _chosen(
+    rows: Array, work: Work, n: int, settings: PlanSettings, meter: _Meter
+) -> tuple[Choice, bool]:
     """Greedy, then exchanged, then sorted so that each pose is the best after those before."""
-    weight = work.weight
-    first = greedy(rows, weight, n, criterion=settings.criterion)
-    better = exchanged(rows, weight, first.chosen, criterion=settings.criterion)
+    weight, text = work.weight, "choosing poses"
+    first = greedy(rows, weight, n, criterion=settings.criterion, told=meter.phase(text, 1))
+    better = exchanged(
+        rows, weight, first.chosen, criterion=settings.criterion,
+        told=meter.phase("exchanging poses", 2, 2),
+    )  # fmt: skip
     sorted_rows = greedy(rows[better.chosen], weight, n, criterion=settings.criterion)
     chosen = better.chosen[sorted_rows.chosen]
     kept = n

@@ -9,9 +9,10 @@ from robotrue.calibration.methods import METHODS
 from robotrue.calibration.methods import FitFunction as MethodFunction
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.settings import FitSettings
+from robotrue.core.progress import Progress
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel
-from robotrue.validation.selection import FitFunction, Progress, select, with_evidence
+from robotrue.validation.selection import FitFunction, select, with_evidence
 from robotrue.validation.splits import Split
 
 

@@ -17,6 +17,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel
+from robotrue.core.progress import Progress
 from robotrue.core.units import MM
 from robotrue.errors import ObservabilityError, RobotrueError
 from robotrue.measurement.measurement_set import MeasurementSet
@@ -29,7 +30,7 @@ from robotrue.validation.contest import (
     selection_from_summary,
 )
 from robotrue.validation.metrics import wilson_interval
-from robotrue.validation.selection import Progress, Trials, hold_out, with_evidence, with_summary
+from robotrue.validation.selection import Trials, hold_out, with_evidence, with_summary
 from robotrue.validation.splits import random_folds
 
 Candidate: TypeAlias = Callable[[MeasurementSet | None], ErrorModel]

@@ -22,11 +22,12 @@ from robotrue.calibration.pose_transfer import fit_boosted_poses
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.sources import Source
 from robotrue.calibration.transfer import fit_transfer
+from robotrue.core.progress import Progress
 from robotrue.errors import ObservabilityError, RobotrueError
 from robotrue.measurement.measurement_set import MeasurementSet, concatenate
 from robotrue.robot.model import RobotModel
 from robotrue.validation.guard import Candidate, guarded
-from robotrue.validation.selection import Progress, with_summary
+from robotrue.validation.selection import with_summary
 from robotrue.validation.source_check import (
     admitted,
     check_rows,

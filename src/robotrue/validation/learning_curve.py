@@ -14,6 +14,7 @@ import numpy as np
 
 from robotrue.calibration.model import ErrorModel
 from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.core.progress import Progress
 from robotrue.core.units import MM
 from robotrue.errors import RobotrueError, ShapeError
 from robotrue.measurement.measurement_set import MeasurementSet
@@ -21,7 +22,6 @@ from robotrue.robot.statics import Load
 from robotrue.validation.evaluation import evaluate
 from robotrue.validation.guard import Candidate
 from robotrue.validation.metrics import coverage
-from robotrue.validation.selection import Progress
 
 COUNTS: Final = (0, 5, 10, 20, 40)
 """Numbers of target poses of a curve."""

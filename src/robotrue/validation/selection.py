@@ -19,6 +19,7 @@ import numpy as np
 
 from robotrue.calibration.model import ErrorModel
 from robotrue.core.arrays import IntArray
+from robotrue.core.progress import Progress
 from robotrue.errors import RobotrueError, ShapeError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.statics import Load
@@ -46,8 +47,6 @@ __all__ = [
 
 FitFunction: TypeAlias = Callable[[MeasurementSet], ErrorModel]
 """Fits a model on the rows it is given."""
-Progress: TypeAlias = Callable[[str, int, int], None]
-"""Called with what is done next, the number of fits done, and their total."""
 
 MOST_TRAIN: Final = 1000
 MOST_TEST: Final = 500
