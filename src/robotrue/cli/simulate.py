@@ -59,6 +59,11 @@ _LABELS: Final[Mapping[str, str]] = {
     "overslept": "of these, in cycles the simulator cut short",
     "broke_off": "broke off",
     "stopped": "stopped",
+    "moved": "holes moved for",
+    "tilt_before_mean_deg": "true tilt before, mean deg",
+    "tilt_left_mean_deg": "true tilt left, mean deg",
+    "tilt_left_max_deg": "true tilt left, largest deg",
+    "without_answer": "without an answer",
 }
 
 
@@ -98,7 +103,7 @@ def run_rsi(
         scenario,
         f"--robot 'rsi://{agreed.host}:{agreed.port}{options}'",
     )
-    _until_stopped(
+    until_stopped(
         "KUKA controller",
         lambda stop: rsi_controller.run(settings, stop=stop),
         seconds=seconds,
@@ -140,7 +145,7 @@ def run_egm(
         scenario,
         f"--robot {address}" + (f" --force {address}" if force else ""),
     )
-    _until_stopped(
+    until_stopped(
         "ABB controller",
         lambda stop: egm_controller.run(settings, stop=stop),
         seconds=seconds,
@@ -181,7 +186,7 @@ def run_rtde(
             )
         return await serving
 
-    _until_stopped("Universal Robots controller", serve, seconds=seconds, as_json=as_json)
+    until_stopped("Universal Robots controller", serve, seconds=seconds, as_json=as_json)
 
 
 def run_rdt(
@@ -235,7 +240,7 @@ def run_rdt(
         )
         return await serving
 
-    _until_stopped("ATI force sensor", serve, seconds=seconds, as_json=as_json)
+    until_stopped("ATI force sensor", serve, seconds=seconds, as_json=as_json)
 
 
 def _announce(what: str, scenario: OnlineScenario, option: str) -> None:
@@ -248,14 +253,14 @@ def _announce(what: str, scenario: OnlineScenario, option: str) -> None:
     say("Ctrl-C ends it.")
 
 
-def _until_stopped(
+def until_stopped(
     what: str,
     run: Callable[[asyncio.Event], Awaitable[Any]],
     *,
     seconds: float | None,
     as_json: bool,
 ) -> None:
-    """Runs until Ctrl-C or the time is over, then says what came of it."""
+    """Runs until Ctrl-C, its own end or that of the time, then says what came of it."""
     if seconds is not None and not seconds > 0.0:
         raise ConfigurationError(f"{seconds:g} seconds, expected more than none.")
     begun = time.monotonic()
@@ -308,4 +313,4 @@ def _text(value: Any) -> str:
         return ", ".join(f"{v:.4f}" for v in value)
     if isinstance(value, float):
         return f"{value:.4f}"
-    return str(value) if value != "" else "no"
+    return "no" if value in ("", None) else str(value)

@@ -1,4 +1,4 @@
-"""Signatures of ``robotrue simulate ...``: controllers and a force sensor to practise with."""
+"""Signatures of ``robotrue simulate ...``: controllers, a force sensor, a drilling head."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ simulate = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
-    help="Simulated controllers and a simulated force sensor, to practise `sense` with.",
+    help="Simulated controllers and sensors for `sense`, and a drilling head for `drill run`.",
 )
 app.add_typer(simulate)
 
@@ -144,5 +144,57 @@ def rdt(
         seconds=seconds,
         seed=seed,
         faults=fault or [],
+        as_json=json,
+    )
+
+
+@simulate.command(name="drill")
+def drilling_head(
+    to: Annotated[str, typer.Option(help="Where `drill run` listens.")] = "udp://127.0.0.1:47600",
+    write: Annotated[
+        Path | None,
+        typer.Option(help="Writes foot, campaign and test of this machine to a folder and ends."),
+    ] = None,
+    holes: Annotated[int, typer.Option(help="How many it clamps.")] = 20,
+    pause_s: Annotated[float, typer.Option(help="Between two holes, s.")] = 0.5,
+    damaged: Annotated[
+        float, typer.Option(help="Share of datagrams that are lost, repeated or cut short.")
+    ] = 0.0,
+    shift_at: Annotated[
+        int, typer.Option(help="Hole from which a sensor's zero is shifted; 0 for never.")
+    ] = 0,
+    shift_um: Annotated[float, typer.Option(help="By how much.")] = 50.0,
+    gauge_deg: Annotated[
+        float, typer.Option(help="Scatter of the gauge that measures each hole; 0 for no gauge.")
+    ] = 0.005,
+    nonlinear: Annotated[
+        bool, typer.Option("--nonlinear", help="A foot that bends with force and tilt.")
+    ] = False,
+    friction: Annotated[
+        bool, typer.Option("--friction", help="With friction in the foot's joint.")
+    ] = False,
+    seconds: Seconds = None,
+    seed: Annotated[int, typer.Option(help="Of the machine, its surfaces and its noise.")] = 0,
+    json: Json = False,
+) -> None:
+    """A drilling head: clamps, asks for its move, turns, and has the hole measured."""
+    from robotrue.cli.simulate_drill import run_drill, write_campaign_files
+    from robotrue.simulation.drilling_machine import drilling_machine
+
+    machine = drilling_machine(seed, nonlinear=nonlinear, friction=friction)
+    if write is not None:
+        write_campaign_files(machine, write, seed=seed, as_json=json)
+        return
+    run_drill(
+        machine,
+        to,
+        holes=holes,
+        pause_s=pause_s,
+        damaged=damaged,
+        shift_at=shift_at,
+        shift_um=shift_um,
+        gauge_deg=gauge_deg,
+        seconds=seconds,
+        seed=seed,
         as_json=json,
     )

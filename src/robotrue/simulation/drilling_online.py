@@ -7,7 +7,7 @@ really left, which it sends as the reference of a hole gauge with its own scatte
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -42,6 +42,7 @@ class DrillingRun:
         shift_at: Hole from which the first sensor's zero is shifted; 0 for never.
         shift: m.
         damaged: Share of datagrams that are lost, repeated or not finite.
+        pause: s between two holes.
     """
 
     machine: DrillingMachine
@@ -53,6 +54,7 @@ class DrillingRun:
     shift_at: int = 0
     shift: float = 50.0 * UM
     damaged: float = 0.0
+    pause: float = 0.0
 
 
 @dataclass(slots=True)
@@ -76,13 +78,22 @@ class DrillingTally:
     sent: int = 0
 
 
-async def run(settings: DrillingRun, host: str, port: int) -> DrillingTally:
+async def run(
+    settings: DrillingRun,
+    host: str,
+    port: int,
+    *,
+    stop: asyncio.Event | None = None,
+    told: Callable[[str, DrillingTally], None] = lambda hole, tally: None,
+) -> DrillingTally:
     """Returns the tally after all holes.
 
     Args:
         settings: What it does.
         host: Where ``robotrue drill run`` listens.
         port: Likewise.
+        stop: Ends it after the hole under way.
+        told: Hears the name of every hole once it is done, and the tally so far.
     """
     loop = asyncio.get_running_loop()
     answers: asyncio.Queue[Mapping[str, Any]] = asyncio.Queue()
@@ -93,9 +104,21 @@ async def run(settings: DrillingRun, host: str, port: int) -> DrillingTally:
     try:
         for number in range(1, settings.holes + 1):
             await machine.drill(number)
+            told(f"H{number}", machine.tally)
+            if stop is not None and (stop.is_set() or await _waited(stop, settings.pause)):
+                break
     finally:
         transport.close()
     return machine.tally
+
+
+async def _waited(stop: asyncio.Event, seconds: float) -> bool:
+    """Waits between two holes; whether it was told to stop meanwhile."""
+    try:
+        await asyncio.wait_for(stop.wait(), max(seconds, 1e-3))
+    except TimeoutError:
+        return False
+    return True
 
 
 class _Machine:
