@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from importlib import resources
+from importlib.resources.abc import Traversable
 from typing import Final
 
 _KINDS: Final = {"html": "text/html", "css": "text/css", "js": "text/javascript"}
-_FILES: Final = ("live.html", "live.css", "live.js", "plot.js", "history.js", "words.js")
+_FILES: Final = (
+    "live.html", "page.css", "live.css", "page.js", "live.js", "plot.js", "history.js", "words.js",
+)  # fmt: skip
 HEADERS: Final = (
     (
         "Content-Security-Policy",
@@ -36,7 +39,7 @@ class PageFile:
 
 def page_files() -> dict[str, PageFile]:
     """Returns every file of the page by the path it is asked for, ``/`` among them."""
-    folder = resources.files("robotrue.online") / "live"
+    folder = _folder()
     found = {
         f"/{name}": PageFile(
             kind=f"{_KINDS[name.rpartition('.')[2]]}; charset=utf-8",
@@ -45,3 +48,14 @@ def page_files() -> dict[str, PageFile]:
         for name in _FILES
     }
     return {"/": found["/live.html"], **found}
+
+
+def view_markup() -> str:
+    """Returns the view alone as HTML, for a page that has its own things around it."""
+    page = (_folder() / "live.html").read_text(encoding="utf-8")
+    view = page.partition('<div class="live">')[2].partition("</footer>")[0]
+    return f"{view}</footer>"
+
+
+def _folder() -> Traversable:
+    return resources.files("robotrue.online") / "live"

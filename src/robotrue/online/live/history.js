@@ -1,16 +1,18 @@
 // The bins of the last minute in flat arrays: pushed as they come, walked when something is drawn.
 
-export const TRACES = 6; // ex, ey, ez, fx, fy, fz
+export const TRACES = 6; // ex, ey, ez, fx, fy, fz; the joints follow
 
 export class History {
-  constructor(capacity) {
+  constructor(capacity, joints = 0) {
     this.capacity = capacity;
+    this.joints = joints;
+    this.traces = TRACES + joints;
     this.count = 0; // ever pushed
     this.t = new Float64Array(capacity);
     this.invalid = new Int32Array(capacity);
     this.doubt = new Int32Array(capacity);
-    this.low = new Float64Array(capacity * TRACES);
-    this.high = new Float64Array(capacity * TRACES);
+    this.low = new Float64Array(capacity * this.traces);
+    this.high = new Float64Array(capacity * this.traces);
     this.sd = new Float64Array(capacity * 3);
   }
 
@@ -19,9 +21,13 @@ export class History {
     this.t[at] = bin.t_s;
     this.invalid[at] = bin.invalid;
     this.doubt[at] = bin.doubt;
+    const first = at * this.traces;
     for (let k = 0; k < TRACES; k++) {
-      this.low[at * TRACES + k] = bin.low[k] ?? NaN;
-      this.high[at * TRACES + k] = bin.high[k] ?? NaN;
+      this.low[first + k] = bin.low[k] ?? NaN;
+      this.high[first + k] = bin.high[k] ?? NaN;
+    }
+    for (let k = 0; k < this.joints; k++) {
+      this.low[first + TRACES + k] = this.high[first + TRACES + k] = bin.joints_deg[k] ?? NaN;
     }
     for (let k = 0; k < 3; k++) this.sd[at * 3 + k] = bin.sd_um[k] ?? NaN;
   }
@@ -32,7 +38,7 @@ export class History {
 
   // A copy that does not move any more, for the pause.
   copy() {
-    const other = new History(this.capacity);
+    const other = new History(this.capacity, this.joints);
     other.count = this.count;
     for (const name of ["t", "invalid", "doubt", "low", "high", "sd"]) other[name].set(this[name]);
     return other;
@@ -57,16 +63,16 @@ export class History {
       if (!open || open.cell !== cell || gap) {
         open = {
           cell, t, gap, invalid: 0, doubt: 0, sd: [NaN, NaN, NaN],
-          low: new Array(TRACES).fill(NaN), high: new Array(TRACES).fill(NaN),
+          low: new Array(this.traces).fill(NaN), high: new Array(this.traces).fill(NaN),
         };
         out.push(open);
       }
       open.t = t;
       open.invalid += this.invalid[at];
       open.doubt |= this.doubt[at];
-      for (let k = 0; k < TRACES; k++) {
-        open.low[k] = least(open.low[k], this.low[at * TRACES + k]);
-        open.high[k] = most_(open.high[k], this.high[at * TRACES + k]);
+      for (let k = 0; k < this.traces; k++) {
+        open.low[k] = least(open.low[k], this.low[at * this.traces + k]);
+        open.high[k] = most_(open.high[k], this.high[at * this.traces + k]);
       }
       for (let k = 0; k < 3; k++) open.sd[k] = most_(open.sd[k], this.sd[at * 3 + k]);
       before = t;

@@ -1,8 +1,8 @@
-// The live page: frames into the history as they come, one painting per frame of the screen.
+// The live view: frames into the history as they come, one painting per frame of the screen.
 
-import { History } from "./history.js";
+import { History, TRACES } from "./history.js";
 import { Range, colours, panel, strip } from "./plot.js";
-import { otherLanguage, settle, word } from "./words.js";
+import { otherLanguage, settle, speak, word } from "./words.js";
 
 const AXES = ["x", "y", "z"];
 const MOST_GROUPS = 600;
@@ -12,24 +12,25 @@ const byId = (id) => document.getElementById(id);
 
 const state = {
   hello: null, history: null, shown: null, last: null, cameAt: 0, links: [], dropped: 0,
-  paused: false, span: 10, limit: 0, same: true, dirty: true, link: "waiting",
+  paused: false, span: 10, limits: [0, 0, 0], same: true, dirty: true, link: "waiting",
   received: 0, painted: 0, spent: 0, notBefore: 0, groups: [], token: "",
 };
-const ranges = [new Range(5), new Range(5), new Range(5), new Range(20)];
-let colour = colours();
+const ranges = [new Range(5), new Range(5), new Range(5), new Range(20), new Range(0.5)];
+let colour = null;
+let asked = {}; // what the page around the view asked for
 
 // ---- the connection -------------------------------------------------------------------------
 
 function connect(wait = 500) {
   const scheme = location.protocol === "https:" ? "wss:" : "ws:";
   const query = state.token ? `?token=${encodeURIComponent(state.token)}` : "";
-  const socket = new WebSocket(`${scheme}//${location.host}/frames${query}`);
+  const socket = new WebSocket(`${scheme}//${location.host}${asked.path ?? "/frames"}${query}`);
   let opened = false;
-  socket.onopen = () => { opened = true; wait = 500; show("connected"); };
+  socket.onopen = () => { opened = true; wait = 500; show(asked.path ? "waiting" : "connected"); };
   socket.onmessage = (event) => take(JSON.parse(event.data));
   socket.onclose = () => {
-    show(opened || state.hello ? "gone" : "refusedToken");
-    if (!opened && !state.hello) byId("door").hidden = false;
+    show(opened || state.hello || asked.path ? "gone" : "refusedToken");
+    if (!opened && !state.hello && !asked.path) byId("door").hidden = false;
     setTimeout(() => connect(Math.min(wait * 1.6, 5000)), wait);
   };
 }
@@ -37,13 +38,13 @@ function connect(wait = 500) {
 function show(link) {
   state.link = link;
   state.dirty = true;
-  if (link === "connected") byId("door").hidden = true;
+  if (link === "connected" && !asked.path) byId("door").hidden = true;
 }
 
 function take(frame) {
   if (frame.type === "hello") {
     if (!state.history || JSON.stringify(frame) !== JSON.stringify(state.hello)) {
-      state.history = new History(Math.ceil(frame.per_second * 61));
+      state.history = new History(Math.ceil(frame.per_second * 61), frame.joints);
       state.shown = null;
       state.paused = false;
     }
@@ -58,7 +59,8 @@ function take(frame) {
     state.links = frame.links;
     state.dropped = frame.dropped;
     links();
-  }
+  } else if (frame.type === "source") show(frame.state);
+  asked.onFrame?.(frame);
   state.dirty = true;
 }
 
@@ -79,17 +81,36 @@ function paint() {
   scales(groups);
   AXES.forEach((a, k) => {
     const trace = { index: k, colour: colour.axes[k], band: true };
-    const text = { title: word("errorTitle", { a }), limit: state.limit };
+    const text = { title: word("errorTitle", { a }), limit: state.limits[k] };
     panel(byId(`error-${a}`), groups, [trace], ranges[k], box, colour, text);
   });
   const forces = AXES.map((a, k) => ({ index: 3 + k, colour: colour.axes[k], label: `f${a}` }));
-  panel(byId("force"), groups, forces, ranges[3], box, colour, { title: word("forceTitle"), limit: 0, times: true });
+  panel(byId("force"), groups, forces, ranges[3], box, colour, { title: word("forceTitle"), limit: 0 });
+  panel(byId("turns"), groups, turns(groups, history.joints), ranges[4], box, colour, { title: word("turnsTitle"), limit: 0, times: true });
   strip(byId("doubts"), groups, box, colour, reason);
   state.groups = groups;
   const spent = performance.now() - begun;
   state.spent += spent;
   // on a slow screen most of the time is left to buttons and numbers
   state.notBefore = spent > 10 ? begun + Math.min(3 * spent, 1000) : 0;
+}
+
+// A joint is drawn less its mean over the window: a pass turns it by less than a line is wide.
+function turns(groups, joints) {
+  let [low, high] = [Infinity, -Infinity];
+  const traces = Array.from({ length: joints }, (_, j) => {
+    const index = TRACES + j;
+    const known = groups.filter((g) => !Number.isNaN(g.low[index]));
+    const less = known.reduce((sum, g) => sum + (g.low[index] + g.high[index]) / 2, 0) / Math.max(1, known.length);
+    for (const g of known) {
+      low = Math.min(low, g.low[index] - less);
+      high = Math.max(high, g.high[index] - less);
+    }
+    const dashed = j > 2;
+    return { index, colour: colour.axes[j % 3], line: true, dashed, less, label: `A${j + 1}${dashed ? " ┄" : ""}` };
+  });
+  ranges[4].fit(low, high, performance.now());
+  return traces;
 }
 
 function scales(groups) {
@@ -106,7 +127,8 @@ function scales(groups) {
   const all = [Math.min(...spans.slice(0, 3).map((s) => s[0])), Math.max(...spans.slice(0, 3).map((s) => s[1]))];
   const errors = state.same ? [all, all, all] : spans.slice(0, 3);
   errors.forEach(([low, high], k) => {
-    ranges[k].fit(Math.min(low, -state.limit), Math.max(high, state.limit), now);
+    const limit = state.same ? Math.max(...state.limits) : state.limits[k];
+    ranges[k].fit(Math.min(low, -limit), Math.max(high, limit), now);
   });
   ranges[3].fit(spans[3][0], spans[3][1], now);
 }
@@ -135,7 +157,7 @@ function values() {
     const sd = typeof last.error_um[k] === "number" ? 2 * last.sd_um[k] : null;
     const cells = [`e${a}`, number(last.error_um[k]), number(sd), number(last.static_um[k]), number(peak)];
     cells.forEach((text, i) => put(row.cells[i], text));
-    row.classList.toggle("over", state.limit > 0 && peak > state.limit);
+    row.classList.toggle("over", state.limits[k] > 0 && peak > state.limits[k]);
   });
   AXES.forEach((a, k) => {
     const row = byId("forces").tBodies[0].rows[k];
@@ -196,7 +218,7 @@ function title() {
   put(byId("cell"), cell);
   byId("note").hidden = !note;
   put(byId("note"), word(note));
-  document.title = `${note ? `${note}: ` : ""}${cell} · robotrue`;
+  if (!asked.path) document.title = `${note ? `${note}: ` : ""}${cell} · robotrue`;
   const list = byId("joints");
   list.replaceChildren(...Array.from({ length: joints }, (_, k) => {
     const item = document.createElement("li");
@@ -214,6 +236,7 @@ function texts() {
   byId("veil").hidden = !state.paused;
   for (const a of AXES) byId(`error-${a}`).setAttribute("aria-label", word("errorTitle", { a }));
   byId("force").setAttribute("aria-label", word("forceTitle"));
+  byId("turns").setAttribute("aria-label", word("turnsTitle"));
   if (state.hello) title();
   links();
   state.dirty = true;
@@ -235,37 +258,59 @@ function rows(id, columns) {
   }
 }
 
-function start() {
-  rows("errors", 5);
-  rows("forces", 4);
+// ---- the page it stands on -------------------------------------------------------------------
+
+// On its own: a token, a language and one limit for all axes, kept by the browser.
+function alone() {
   const query = new URLSearchParams(location.search);
   state.token = query.get("token") ?? sessionStorage.getItem("token") ?? "";
   if (query.has("token")) { // not left standing in the address bar
     sessionStorage.setItem("token", state.token);
     history.replaceState(null, "", location.pathname);
   }
-  byId("pause").onclick = pause;
   byId("language").onclick = () => { otherLanguage(); texts(); };
-  byId("scale").onclick = () => { state.same = !state.same; texts(); };
-  byId("window").onchange = (event) => { state.span = Number(event.target.value); state.dirty = true; };
+  const limit = () => limits(Array(3).fill(Number(byId("limit").value)));
   byId("limit").value = localStorage.getItem("limit") ?? "";
   byId("limit").oninput = (event) => {
-    state.limit = Math.max(0, Number(event.target.value) || 0);
     localStorage.setItem("limit", event.target.value);
-    state.dirty = true;
+    limit();
   };
-  state.limit = Math.max(0, Number(byId("limit").value) || 0);
+  limit();
   byId("door").onsubmit = (event) => {
     event.preventDefault();
     state.token = byId("token").value;
     sessionStorage.setItem("token", state.token);
   };
+}
+
+// um along x, y and z; 0 is none.
+export function limits(um) {
+  state.limits = um.map((v) => Math.max(0, v || 0));
+  state.dirty = true;
+}
+
+export function recolour() {
+  colour = colours();
+  state.dirty = true;
+}
+
+// Begins. `options`, where another page holds the view: { path, language, onFrame }.
+export function start(options = {}) {
+  asked = options;
+  colour = colours();
+  rows("errors", 5);
+  rows("forces", 4);
+  if (asked.path) speak(asked.language);
+  else alone();
+  byId("pause").onclick = pause;
+  byId("scale").onclick = () => { state.same = !state.same; texts(); };
+  byId("window").onchange = (event) => { state.span = Number(event.target.value); state.dirty = true; };
   document.addEventListener("keydown", (event) => {
-    if (event.code !== "Space" || ["INPUT", "SELECT", "BUTTON"].includes(event.target.tagName)) return;
+    if (event.code !== "Space" || event.target.closest("input, select, button, a, summary, [tabindex]")) return;
     event.preventDefault();
     pause();
   });
-  matchMedia("(prefers-color-scheme: dark)").onchange = () => { colour = colours(); state.dirty = true; };
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", recolour);
   new ResizeObserver(() => { state.dirty = true; }).observe(document.querySelector(".plots"));
   texts();
   connect();
@@ -285,5 +330,3 @@ function start() {
     byId("link").dataset.state = state.link === "connected" ? "up" : state.link === "waiting" ? "waiting" : "lost";
   }, 100);
 }
-
-start();

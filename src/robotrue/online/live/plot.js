@@ -4,7 +4,7 @@ const LEFT = 58;
 const RIGHT = 8;
 
 export function colours() {
-  const style = getComputedStyle(document.documentElement);
+  const style = getComputedStyle(document.querySelector(".live"));
   const read = (name) => style.getPropertyValue(name).trim();
   return {
     card: read("--card"), ink: read("--ink"), soft: read("--soft"), rule: read("--rule"),
@@ -67,7 +67,8 @@ function tick(span, count) {
   return 10 * power;
 }
 
-// Draws one panel. `traces`: [{ index, colour, band, label }]; `box`: { end, span } of time in s.
+// Draws one panel. `traces`: [{ index, colour, band, label }], and of a plain line { line, less, dashed }:
+// drawn less a number, also where no estimate is valid. `box`: { end, span } of time in s.
 export function panel(canvas, groups, traces, range, box, colour, text) {
   const { pen, width, height } = begin(canvas, colour);
   const x = (t) => width - RIGHT - ((box.end - t) / box.span) * (width - LEFT - RIGHT);
@@ -79,7 +80,7 @@ export function panel(canvas, groups, traces, range, box, colour, text) {
   pen.rect(LEFT, 0, width - LEFT - RIGHT, height);
   pen.clip();
   for (const trace of traces) {
-    for (const run of runs(groups)) draw(pen, run, trace, x, y);
+    for (const run of runs(groups, trace.line)) (trace.line ? line : draw)(pen, run, trace, x, y);
   }
   if (text.limit > 0) limits(pen, width, y, text.limit, colour);
   pen.restore();
@@ -105,17 +106,35 @@ function clock(pen, height, x, box, colour) {
   }
 }
 
-// Stretches that lines may join, each a list of groups.
-function* runs(groups) {
+// Stretches that lines may join, each a list of groups; `any`: also those that are not valid.
+function* runs(groups, any) {
   let run = [];
   for (const group of groups) {
-    if (!group.joined && run.length) {
+    if (!(any ? !group.gap : group.joined) && run.length) {
       yield run;
       run = [];
     }
     run.push(group);
   }
   if (run.length) yield run;
+}
+
+function line(pen, run, trace, x, y) {
+  const k = trace.index;
+  pen.strokeStyle = trace.colour;
+  pen.lineWidth = 1.4;
+  pen.setLineDash(trace.dashed ? [6, 4] : []);
+  pen.beginPath();
+  let begun = false;
+  for (const g of run) {
+    const v = (g.low[k] + g.high[k]) / 2 - trace.less;
+    if (Number.isNaN(v)) begun = false;
+    else if (begun) pen.lineTo(x(g.t), y(v));
+    else pen.moveTo(x(g.t), y(v));
+    begun ||= !Number.isNaN(v);
+  }
+  pen.stroke();
+  pen.setLineDash([]);
 }
 
 function draw(pen, run, trace, x, y) {

@@ -12,7 +12,7 @@ const WORDS = {
     gone: "no connection to the service, trying again",
     good: "✓ Valid", wary: "! Valid, with a wider band", bad: "✕ No estimate",
     stale: "✕ Nothing has come for {s} s", idle: "Waiting for the first estimate",
-    errorTitle: "e{a}  um", forceTitle: "force  N", nothing: "nothing came",
+    errorTitle: "e{a}  um", forceTitle: "force  N", turnsTitle: "joints less their mean  deg", nothing: "nothing came",
     simulated: "simulated", token: "Token of this cell", refusedToken: "The service let nobody in: token, origin or host.",
     counts: "{r} updates/s come, {p} painted/s, {d} left out for this viewer",
     legend: "Filled: smallest to largest. Pale: ± 2σ. Hatched: no valid estimate, never joined by a line. Base axes, actual minus programmed. Space: pause.",
@@ -30,7 +30,7 @@ const WORDS = {
     gone: "与服务的连接中断，正在重试",
     good: "✓ 有效", wary: "! 有效，误差带较宽", bad: "✕ 无估计值",
     stale: "✕ {s} s 内无数据", idle: "等待首个估计值",
-    errorTitle: "e{a}  um", forceTitle: "力  N", nothing: "无数据",
+    errorTitle: "e{a}  um", forceTitle: "力  N", turnsTitle: "关节角减窗内均值  deg", nothing: "无数据",
     simulated: "仿真数据", token: "本单元的令牌", refusedToken: "服务拒绝访问：令牌、来源或主机不符。",
     counts: "每秒到达 {r} 次更新，绘制 {p} 次，本页略去 {d} 次",
     legend: "深色：最小至最大值。浅色：± 2σ。斜线：无有效估计，绝不连线。基座坐标系，实际减编程。空格键：暂停。",
@@ -42,6 +42,10 @@ const WORDS = {
 let language = localStorage.getItem("language") ??
   (navigator.languages?.[0] ?? navigator.language ?? "en").toLowerCase();
 language = language.startsWith("zh") ? "zh" : "en";
+
+export function speak(chosen) {
+  language = chosen;
+}
 
 export function word(name, values = {}) {
   const text = WORDS[language][name] ?? name;

@@ -1,0 +1,5 @@
+// The live page on its own.
+
+import { start } from "./live.js";
+
+start();
