@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import os
 import sys
+from copy import copy
 from pathlib import Path
 from typing import Annotated
 
@@ -105,7 +106,7 @@ def warm_up() -> None:
 def run() -> None:
     """Runs the command line and exits with 0, 1 or 2."""
     try:
-        app(prog_name="robotrue")
+        _asked()(prog_name="robotrue")
     except RobotrueError as error:
         _report(error)
         raise SystemExit(1) from None
@@ -118,6 +119,23 @@ def run() -> None:
         # Whoever read the result has closed the pipe (``| head``); the flush at exit must not fail.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise SystemExit(1) from None
+
+
+def _asked() -> typer.Typer:
+    """The command that was asked for, without reading the options of the others; else all."""
+    word = sys.argv[1] if len(sys.argv) > 1 else ""
+    only = copy(app)
+    only.registered_commands = [
+        each
+        for each in app.registered_commands
+        if each.callback and word == (each.name or each.callback.__name__.replace("_", "-"))
+    ]
+    only.registered_groups = [
+        each
+        for each in app.registered_groups
+        if each.typer_instance and word == each.typer_instance.info.name
+    ]
+    return only if only.registered_commands or only.registered_groups else app
 
 
 def _report(error: RobotrueError) -> None:

@@ -25,7 +25,8 @@ def run(
     **settings: Any,
 ) -> None:
     """Serves a workspace until Ctrl-C."""
-    server, made = _room("server"), _room("settings")
+    with _room("starting").lightly():
+        server, made = _room("server"), _room("settings")
     wanted = made.ServeSettings(
         workspace=workspace,
         password=_secret("--password-env", password_env),

@@ -26,14 +26,13 @@ from sqlalchemy import (
     Text,
     TypeDecorator,
 )
-from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.orm import DeclarativeBase, Mapped, declared_attr, mapped_column
+from sqlalchemy.types import TypeEngine
 
 ID: Final = String(36)
 HASH: Final = String(64)
 NAME: Final = String(200)
 WORD: Final = String(40)
-DOCUMENT: Final = JSON().with_variant(JSONB(), "postgresql")
 
 
 class UtcDateTime(TypeDecorator[datetime]):
@@ -51,6 +50,25 @@ class UtcDateTime(TypeDecorator[datetime]):
         if value is None:
             return None
         return value.replace(tzinfo=UTC) if value.tzinfo is None else value.astimezone(UTC)
+
+
+class Document(TypeDecorator[Any]):
+    """JSON values; on PostgreSQL as it keeps them best, whose types are loaded only for it."""
+
+    impl = JSON
+    cache_ok = True
+    should_evaluate_none = True  # as JSON itself: None is a value, too
+
+    def load_dialect_impl(self, dialect: Dialect) -> TypeEngine[Any]:
+        """Returns the type of one database."""
+        if dialect.name != "postgresql":
+            return dialect.type_descriptor(JSON())
+        from sqlalchemy.dialects.postgresql import JSONB
+
+        return dialect.type_descriptor(JSONB())
+
+
+DOCUMENT: Final = Document()
 
 
 class Base(DeclarativeBase):

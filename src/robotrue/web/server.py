@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import logging
 import socket
 from collections.abc import AsyncIterator, Callable
@@ -69,6 +70,7 @@ def serve(settings: ServeSettings, *, ready: Callable[[str], None]) -> None:
             ws_max_size=4 * 1024 * 1024,
             timeout_graceful_shutdown=3,
         )
+        gc.freeze()  # all of it stays: nobody need go through it again
         shown = f"[{settings.host}]" if ":" in settings.host else settings.host
         ready(f"{'https' if settings.secure else 'http'}://{shown}:{port}/")
         uvicorn.Server(config).run(sockets=[bound])
