@@ -112,7 +112,7 @@ def test_language_light_and_keys(watched: Watched) -> None:
     page.keyboard.press("?")
     watched.find("shortcuts").wait_for()
     page.keyboard.press("Escape")
-    page.keyboard.press("4")
+    page.keyboard.press(watched.find("nav-programs").get_attribute("data-shortcut"))
     page.wait_for_url("**/programs")
     assert page.evaluate("document.documentElement.scrollWidth") <= 1280
 

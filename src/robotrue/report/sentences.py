@@ -112,6 +112,27 @@ _PATTERNS: Final[tuple[tuple[str, str], ...]] = (
         r"stated uncertainty is too large here\.",
         r"声明的 \1 % 区域包含了 \2 % 的位姿（区间 \3 至 \4 %）：此处声明的不确定度偏大。",
     ),
+    # Notes of a plan
+    (
+        r"The tracker's place in the base is not known: line of sight was not checked, and every "
+        r"point counts as 3 m away \(tracker\.place_mm\)\.",
+        r"跟踪仪在基座中的位置未知：未检查视线，所有点按 3 m 距离计（tracker.place_mm）。",
+    ),
+    (
+        r"The way the reflector looks is not known: its acceptance angle was not checked "
+        r"\(target\.axis, target\.acceptance_deg\)\.",
+        r"靶球朝向未知：未检查其接收角（target.axis、target.acceptance_deg）。",
+    ),
+    (
+        rf"The links were taken as tubes of {_N} % and {_N} % of the reach\.",
+        r"各连杆按半径为臂展 \1 % 与 \2 % 的圆管处理。",
+    ),
+    (r"No obstacles are stated, not even the floor\.", r"未给出任何障碍物，包括地面。"),
+    (
+        r"Every joint enters every pose in its positive sense: backlash then looks like an offset "
+        r"and holds for poses that are entered from that side\.",
+        r"各关节均沿正方向进入每个位姿：反向间隙表现为固定偏移，仅对从该侧进入的位姿成立。",
+    ),
     # Notes of a check
     (
         r"Positions were measured in the tracker's frame; 'before' uses the station the model "

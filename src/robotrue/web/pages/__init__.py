@@ -9,12 +9,14 @@ from __future__ import annotations
 from typing import Final
 
 from robotrue.web.bench import Page
-from robotrue.web.pages import calibration, cell, history, measurements, programs
+from robotrue.web.pages import calibration, cell, history, live, measurements, plan, programs
 
 PAGES: Final[tuple[Page, ...]] = (
     cell.PAGE,
+    plan.PAGE,
     measurements.PAGE,
     calibration.PAGE,
     programs.PAGE,
+    live.PAGE,
     history.PAGE,
 )

@@ -13,6 +13,11 @@ from robotrue.web.bench import Bench
 TEXTS: Final = (
     "cancel", "state_queued", "state_running", "state_done", "state_failed", "state_cancelled",
 )  # fmt: skip
+STEPS: Final = (
+    "drawing postures", "choosing poses", "exchanging poses", "comparing plans", "reading",
+    "predicting", "compensating", "writing", "writing the report", "judging", "setting pages",
+)  # fmt: skip
+"""What jobs say they are at, as far as it is known; a text of the group ``step`` each."""
 
 
 class JobCard(Element, component="job.js"):
@@ -30,7 +35,10 @@ class JobCard(Element, component="job.js"):
         """
         super().__init__()
         words = {name: bench.say(f"job.{name}") for name in TEXTS} | {"title": title}
-        for name, value in (("id", job.id), ("text", words), ("go", go), ("field", field)):
+        steps = {each: bench.say(f"step.{each.replace(' ', '_')}") for each in STEPS}
+        for name, value in (
+            ("id", job.id), ("text", words), ("steps", steps), ("go", go), ("field", field),
+        ):  # fmt: skip
             self._props[name] = value
 
 

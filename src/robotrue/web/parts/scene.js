@@ -11,10 +11,10 @@ export default {
     <div class="scene-wait" v-if="state === 'loading'">{{ text.loading }}</div>
     <div class="scene-wait bad" v-if="state === 'fault'"><b>{{ text.fault }}</b><span>{{ fault }}</span></div>
     <div class="scene-tools" v-if="state === 'ready'">
-      <div class="seg" v-if="hasPoints || compared" role="radiogroup">
+      <div class="seg" v-if="hasErrors || compared" role="radiogroup">
         <button v-for="w in ['before','after']" :key="w" :class="{on: which === w}" :data-testid="'show-' + w" @click="which = w">{{ text[w] }}</button>
       </div>
-      <label v-if="hasPoints" class="slide">{{ text.scale }} <b>×{{ steps[scale] }}</b>
+      <label v-if="hasErrors" class="slide">{{ text.scale }} <b>×{{ steps[scale] }}</b>
         <input type="range" min="0" :max="steps.length - 1" v-model.number="scale" data-testid="scale"></label>
       <div class="note" v-if="hasField">{{ text.field }}</div>
       <div class="seg" v-if="hasField">
@@ -24,7 +24,7 @@ export default {
         <label v-for="l in layers" :key="l"><input type="checkbox" :checked="visible[l]" :data-testid="'layer-' + l" @change="toggle(l)">{{ text['layer_' + l] }}</label>
       </div>
     </div>
-    <div class="scene-legend" v-if="state === 'ready' && (hasPoints || hasPath || field !== 'none')">
+    <div class="scene-legend" v-if="state === 'ready' && (hasErrors || hasPath || field !== 'none')">
       <span class="simulated" v-if="simulated">{{ text.simulated }}</span>
       <span>0</span><i :style="{background: ramp}"></i><span>{{ shown(top) }} {{ unitName }}</span>
     </div>
@@ -37,7 +37,7 @@ export default {
   props: { src: String, text: Object, unit: String, angles: String, letters: String },
   data: () => ({
     state: "loading", fault: "", which: "before", scale: 6, field: "none", steps: STEPS, ramp: "",
-    hasPoints: false, hasField: false, hasPath: false, compared: false, simulated: false, picked: null, facts: [], top: 0,
+    hasErrors: false, hasField: false, hasPath: false, compared: false, simulated: false, picked: null, facts: [], top: 0,
     layers: ["robot", "reach", "frames"], visible: { robot: true, reach: true, frames: true },
   }),
   computed: {
@@ -79,8 +79,8 @@ export default {
       this.view.frameAxes(doc.frames ?? []);
       if (doc.points) {
         const p = doc.points;
-        this.points = { at: tools.floats(p.position), before: tools.floats(p.before), after: tools.floats(p.after), joints: tools.floats(p.joints_deg), row: p.row, dof: doc.robot.dof, turn: tools.floats(doc.robot.orientation[this.angles]), terms: doc.robot.orientation[this.angles].shape[1] };
-        this.hasPoints = true;
+        this.points = { at: tools.floats(p.position), before: p.before && tools.floats(p.before), after: p.after && tools.floats(p.after), seenFrom: p.seen_from, joints: tools.floats(p.joints_deg), row: p.row, dof: doc.robot.dof, turn: tools.floats(doc.robot.orientation[this.angles]), terms: doc.robot.orientation[this.angles].shape[1] };
+        this.hasErrors = Boolean(p.before);
       }
       if (doc.path) {
         const p = doc.path;
@@ -99,7 +99,8 @@ export default {
     drawErrors() {
       if (!this.view) return;
       const { lengths, quantile } = this.tools;
-      if (this.points) {
+      if (this.points && !this.hasErrors) this.view.dots("arrows", this.points.at, this.points.seenFrom);
+      else if (this.points) {
         this.top = quantile(lengths(this.points[this.which]), 0.98) || 1e-6;
         this.view.arrows("arrows", this.points.at, this.points[this.which], { top: this.top });
       } else if (this.path) {
@@ -116,7 +117,7 @@ export default {
       }
       this.top = this.tools.quantile(values, 0.98) || 1e-6;
       this.view.field(this.fieldData.at, values, this.top, this.fieldData.width);
-      if (this.points) this.view.arrows("arrows", this.points.at, this.points[this.which], { top: this.top });
+      if (this.hasErrors) this.view.arrows("arrows", this.points.at, this.points[this.which], { top: this.top });
     },
     toggle(name) {
       this.visible[name] = !this.visible[name];
@@ -150,7 +151,7 @@ export default {
         const { turn, terms } = this.points, digits = terms === 4 || this.angles === "ur" ? 4 : 2;
         facts.push([this.letters, [...turn.slice(terms * i, terms * (i + 1))].map((v) => v.toFixed(digits)).join(", ")]);
       }
-      for (const w of ["before", "after"]) {
+      for (const w of this.hasErrors || this.path ? ["before", "after"] : []) {
         const value = this.points ? Math.hypot(...source[w].slice(3 * i, 3 * i + 3)) : source[w][i];
         facts.push([this.text[w], Number.isFinite(value) ? `${this.shown(value)} ${this.unitName}` : "–"]);
       }

@@ -40,7 +40,7 @@ def cell_scene(folder: str, cell_id: str, version: int) -> bytes:
         cell = parse_cell(workspace.content(file.sha256), workspace.path_of(file.sha256))
     middle = cell.robot.limits.mean(axis=1) if np.isfinite(cell.robot.limits).all() else None
     joints = np.zeros(cell.robot.dof) if middle is None else middle
-    return answer({"robot": body_document(cell, joints[None]), "frames": _frames(cell)})
+    return answer({"robot": body_document(cell, joints[None]), "frames": frame_documents(cell)})
 
 
 def model_scene(folder: str, model_id: str, version: int) -> bytes:
@@ -54,7 +54,10 @@ def model_scene(folder: str, model_id: str, version: int) -> bytes:
             )
             for to in record.linked("data")
         ]
-    document = {"frames": _frames(held.cell), "simulated": from_simulation(held.model, rows)}
+    document = {
+        "frames": frame_documents(held.cell),
+        "simulated": from_simulation(held.model, rows),
+    }
     if not rows:
         joints = _posture(held.cell, held.model)
         return answer({**document, "robot": body_document(held.cell, joints[None])})
@@ -74,7 +77,7 @@ def set_scene(folder: str, set_id: str, version: int, model_id: str, model_versi
         )
     seen = evaluate(held.model, rows, payload=held.cell.payload)
     simulated = from_simulation(held.model, [rows])
-    frames = _frames(held.cell)
+    frames = frame_documents(held.cell)
     return answer({"frames": frames, "simulated": simulated, **_points(held.cell, seen)})
 
 
@@ -95,7 +98,8 @@ def _points(cell: Cell, seen: Evaluation) -> dict[str, Any]:
     }
 
 
-def _frames(cell: Cell) -> list[dict[str, Any]]:
+def frame_documents(cell: Cell) -> list[dict[str, Any]]:
+    """Returns the frames of a cell by name: base, part frames or work frame, tracker."""
     frames = [("base", np.eye(4))]
     if cell.part is not None:
         frames += [(frame.name, frame.T_base_part) for frame in cell.part.frames]

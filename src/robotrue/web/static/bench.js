@@ -87,12 +87,14 @@
       if (button) button.disabled = false;
     }
   };
-  // A form whose fields are the parameters of a job; a name that ends in [] is a list.
+  // A form whose fields are the parameters of a job; a name that ends in [] is a list, a checked box true.
   const jobForm = (kind, form) => {
     const parameters = {};
     for (const [name, value] of new FormData(form)) {
+      if (value === "") continue;
+      const type = form.elements[name].type;
       if (name.endsWith("[]")) (parameters[name.slice(0, -2)] ??= []).push(value);
-      else if (value !== "") parameters[name] = form.elements[name].type === "number" ? Number(value) : value;
+      else parameters[name] = type === "number" ? Number(value) : type === "checkbox" ? true : value;
     }
     job(kind, parameters, form.querySelector("button"));
     return false;

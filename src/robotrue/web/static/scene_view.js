@@ -423,6 +423,27 @@ export class SceneView {
     if (best >= 0) this.onPick(best);
   }
 
+  // Points without errors, and thin lines of sight to where they are seen from, if that is known.
+  dots(name, points, seenFrom) {
+    const T = this.THREE;
+    const group = this.layer(name);
+    const n = points.length / 3;
+    const balls = new T.InstancedMesh(new T.SphereGeometry(0.013, 12, 8), new T.MeshLambertMaterial({ color: this.colours.after }), n);
+    const m = new T.Matrix4();
+    for (let i = 0; i < n; i++) balls.setMatrixAt(i, m.makeTranslation(points[3 * i], points[3 * i + 1], points[3 * i + 2]));
+    balls.frustumCulled = false;
+    group.add(balls);
+    if (seenFrom) {
+      const ends = [];
+      for (let i = 0; i < n; i++) ends.push(...seenFrom, points[3 * i], points[3 * i + 1], points[3 * i + 2]);
+      const geometry = new T.BufferGeometry();
+      geometry.setAttribute("position", new T.Float32BufferAttribute(ends, 3));
+      group.add(new T.LineSegments(geometry, new T.LineBasicMaterial({ color: 0x8895a3, transparent: true, opacity: 0.35 })));
+    }
+    this.pickable = { points, errors: null };
+    this.wanted();
+  }
+
   mark(i) {
     const T = this.THREE;
     const group = this.layer("mark");

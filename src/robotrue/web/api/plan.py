@@ -1,0 +1,31 @@
+"""Plans of poses to measure."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Annotated
+
+from fastapi import APIRouter, Path, Query
+from fastapi.responses import Response
+
+from robotrue.store.nouns import DOCUMENT
+from robotrue.web.api.items import found
+from robotrue.web.bench import House
+
+Id = Annotated[str, Path(max_length=40)]
+Version = Annotated[int | None, Query(ge=1, le=1_000_000)]
+
+
+def router(house: House) -> APIRouter:
+    """Returns the routes of plans."""
+    routes = APIRouter(tags=["plans"])
+    workspace, folder = house.workspace, str(house.workspace.folder)
+
+    @routes.get("/plans/{id}")
+    async def show_plan(id: Id, version: Version = None) -> Response:
+        """Poses, what to expect of them, how the instrument sees them, and their scene."""
+        record = await asyncio.to_thread(found, workspace, DOCUMENT.name, id, version)
+        answer = await house.answers.once("plan.shown", folder, id, record.version)
+        return Response(answer, media_type="application/json")
+
+    return routes
