@@ -1,9 +1,11 @@
 // The cell in three dimensions: what is drawn, and when. Drawn on demand only; while one turns the
-// view on a slow machine the picture gets coarser and the path thinner, and whole again at rest.
+// view on a slow machine the picture gets coarser, the path thinner and the arrows lose their heads,
+// and all is whole again at rest.
 "use strict";
 
 const RAMP = [[47, 109, 179], [63, 167, 160], [140, 194, 106], [240, 176, 64], [216, 67, 43]].map((c) => c.map((v) => (v / 255) ** 2.2));
 const REST_MS = 160;
+const HELD_MS = 500; // a whole picture between two of a slow machine would make all of them late
 const SLOW_MS = 50;
 const COARSEST = 0.4;
 const THIN_PATH = 4000;
@@ -74,6 +76,11 @@ export class SceneView {
     this.camera.up.set(0, 0, 1);
     this.controls = new this.OrbitControls(this.camera, this.renderer.domElement);
     this.controls.addEventListener("change", () => this.moved());
+    this.controls.addEventListener("start", () => (this.held = true));
+    this.controls.addEventListener("end", () => {
+      this.held = false;
+      if (this.rest) this.moved();
+    });
     this.scene.add(new T.HemisphereLight(0xffffff, 0x8a94a0, 2.2));
     const sun = new T.DirectionalLight(0xffffff, 1.9);
     sun.position.set(2, -3, 5);
@@ -143,12 +150,15 @@ export class SceneView {
     this.last = now;
     if (took < 2000) this.mean = 0.6 * (this.mean ?? took) + 0.4 * took;
     if (this.mean > SLOW_MS && this.coarse > COARSEST) this.sharpness(Math.max(COARSEST, this.coarse * 0.8));
+    else if (this.mean > SLOW_MS) this.headless(true);
     if (this.path && !this.thin) this.thinned(true);
     clearTimeout(this.rest);
     this.rest = setTimeout(() => {
+      this.rest = null;
       this.thinned(false);
+      this.headless(false);
       this.sharpness(1);
-    }, REST_MS);
+    }, this.held ? HELD_MS : REST_MS);
     this.wanted();
   }
 
@@ -163,6 +173,11 @@ export class SceneView {
     if (this.path) this.path.visible = !on;
     if (this.pathThin) this.pathThin.visible = on;
     this.wanted();
+  }
+
+  // Heads have three faces each and take longer than anything else.
+  headless(on) {
+    for (const tips of Object.values(this.layers).map((group) => group.userData.tips)) if (tips) tips.visible = !on;
   }
 
   layer(name) {
@@ -191,16 +206,17 @@ export class SceneView {
     this.tubes = { ends: floats(doc.tubes), count: doc.tubes.shape[1], meshes: [] };
     this.drums = { ends: floats(doc.drums), count: doc.drums.shape[1], meshes: [] };
     this.tools = floats(doc.tool);
+    const sides = this.software ? 14 : 28; // twice the faces are twice the time without a graphics card
     this.material = new T.MeshLambertMaterial({ color: this.colours.body });
     this.drumMaterial = new T.MeshLambertMaterial({ color: this.colours.drum });
     for (let k = 0; k < this.tubes.count; k++) {
-      const mesh = new T.Mesh(new T.CylinderGeometry(1, 1, 1, 24), this.material);
-      const knob = new T.Mesh(new T.SphereGeometry(1, 20, 14), this.material);
+      const mesh = new T.Mesh(new T.CylinderGeometry(1, 1, 1, sides), this.material);
+      const knob = new T.Mesh(new T.SphereGeometry(1, sides, sides / 2), this.material);
       this.tubes.meshes.push([mesh, knob, doc.tube_radius_m[k]]);
       group.add(mesh, knob);
     }
     for (let k = 0; k < this.drums.count; k++) {
-      const mesh = new T.Mesh(new T.CylinderGeometry(1, 1, 1, 28), this.drumMaterial);
+      const mesh = new T.Mesh(new T.CylinderGeometry(1, 1, 1, sides), this.drumMaterial);
       this.drums.meshes.push([mesh, doc.drum_radius_m[k]]);
       group.add(mesh);
     }
@@ -357,6 +373,7 @@ export class SceneView {
       each.frustumCulled = false;
       group.add(each);
     }
+    group.userData.tips = tips;
     this.pickable = { points, errors };
     this.wanted();
   }
