@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import os
-import re
-import subprocess
 import sys
-import time
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,6 +16,7 @@ pytest.importorskip("nicegui", reason="needs nicegui: pip install 'robotrue[web]
 sys.path.insert(0, str(Path(__file__).parents[1] / "cli"))
 sys.path.insert(0, str(Path(__file__).parent))
 
+from serving import serving
 from web_shop import Client, Served, Shop, fill, write_files
 
 from robotrue.web import server
@@ -76,36 +73,8 @@ def client(filled: Shop, monkeypatch: pytest.MonkeyPatch) -> Iterator[Client]:
 @pytest.fixture(scope="session")
 def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     """``robotrue serve`` of an empty workspace on a free port."""
-    folder = tmp_path_factory.mktemp("served") / "shop"
-    start = "from robotrue.cli.main import run; run()"
-    command = [sys.executable, "-c", start, "serve", str(folder), "--port", "0"]
-    environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    environment.pop("ROBOTRUE_DB", None)
-    log = folder.parent / "log"
-    with log.open("w") as told:
-        process = subprocess.Popen(  # noqa: S603
-            command, stderr=told, stdout=told, text=True, env=environment
-        )
-    try:
-        yield Served(address=_address(process, log), process=process, folder=folder)
-    finally:
-        process.terminate()
-        try:
-            process.wait(15.0)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait(5.0)
-
-
-def _address(process: subprocess.Popen[str], log: Path) -> str:
-    until = time.monotonic() + 60.0
-    while time.monotonic() < until:
-        if found := re.search(r"at (http://\S+)/", log.read_text()):
-            return found[1]
-        if process.poll() is not None:
-            break
-        time.sleep(0.05)
-    raise AssertionError(f"the server did not come up: {log.read_text()[-2000:]}")
+    with serving(tmp_path_factory.mktemp("served") / "shop") as found:
+        yield found
 
 
 @pytest.fixture(scope="module")  # while it is open no other test can run an event loop

@@ -5,42 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
 
 import httpx
 import pytest
 import shop
+from serving import Watched, watching
 from web_shop import POSES, SEED, Served, write_files
-
-WAIT = 60_000
-"""ms: the machine may have other things to do."""
-
-
-class Watched:
-    """A page that keeps what went wrong in it and whom it asked."""
-
-    def __init__(self, page: Any) -> None:
-        self.page, self.faults, self.hosts = page, [], set()
-        page.set_default_timeout(WAIT)
-        page.on("console", lambda m: m.type == "error" and self.faults.append(m.text))
-        page.on("pageerror", lambda e: self.faults.append(str(e)))
-        page.on("request", lambda r: self.hosts.add(urlsplit(r.url).netloc))
-
-    def find(self, mark: str) -> Any:
-        return self.page.locator(f'[data-testid="{mark}"]')
-
-    def drop(self, *paths: Path) -> None:
-        self.find("file-input").set_input_files([str(path) for path in paths])
 
 
 @pytest.fixture
 def watched(browser: Any, served: Served) -> Iterator[Watched]:
-    context = browser.new_context(base_url=served.address, viewport={"width": 1280, "height": 800})
-    found = Watched(context.new_page())
-    yield found
-    context.close()
-    assert found.hosts <= {urlsplit(served.address).netloc, ""}
-    assert not found.faults
+    with watching(browser, served) as found:
+        yield found
 
 
 def test_from_cell_to_judged_program(watched: Watched, tmp_path: Path, served: Served) -> None:
