@@ -1,14 +1,21 @@
 """Live page: updates that come and are painted each second, and what the server costs.
 
 A formula makes 1,000 estimates a second (nothing here is measured on a robot); they go through the
-WebSocket sink to a headless Chromium, which draws them in software.
+WebSocket sink to a headless Chromium, which draws them in software: once the sink's own page, once
+the page Live of the workbench, past `robotrue serve` in a process of its own.
 
-    python benchmarks/live_page.py [--seconds 10] [--shots FOLDER] [--rate 50]
+    python benchmarks/live_page.py [--seconds 10] [--shots DIR] [--rate 50] [--only sink|workbench]
 """
 
 import argparse
 import asyncio
+import contextlib
+import os
 import pathlib
+import re
+import subprocess
+import sys
+import tempfile
 import time
 
 import numpy as np
@@ -92,7 +99,44 @@ async def alone(seconds=5.0):
     return cpu
 
 
-async def look(port, seconds, shots):
+@contextlib.asynccontextmanager
+async def workbench(port):
+    """Serves an empty workspace that listens to the sink; yields its page and the process."""
+    import httpx
+
+    start = "from robotrue.cli.main import run; run()"
+    with tempfile.TemporaryDirectory() as place, open(f"{place}/log", "w") as log:
+        command = [sys.executable, "-c", start, "serve", f"{place}/shop", "--port", "0"]
+        process = subprocess.Popen(command, stdout=log, stderr=log)
+        try:
+            while not (found := re.search(r"at (http://\S+)/", open(f"{place}/log").read())):
+                await asyncio.sleep(0.05)
+            async with httpx.AsyncClient(base_url=found[1], trust_env=False) as client:
+                body = {"address": f"ws://127.0.0.1:{port}", "name": "cell-3"}
+                made = (await client.post("/api/live/sources", json=body)).json()
+                limits = {"x_um": 40.0, "y_um": 0.0, "z_um": 0.0}
+                where = f"/api/live/sources/{made['id']}"
+                await client.put(f"{where}/limits", json=limits)
+                await asyncio.sleep(2.0)
+                yield f"{found[1]}/live", process
+                alarms = (await client.get(f"{where}/alarms")).json()["items"]
+                print(f"alarms kept by the workbench: {len(alarms)}")
+        finally:
+            process.terminate()
+            process.wait()
+
+
+def spent(process):
+    """CPU-seconds of this process, or of another one, and its memory in MB."""
+    if process is None:
+        return time.process_time(), float("nan")
+    fields = pathlib.Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
+    ticks = os.sysconf("SC_CLK_TCK")
+    memory = int(fields[21]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+    return (int(fields[11]) + int(fields[12])) / ticks, memory
+
+
+async def look(address, seconds, shots, process=None):
     from playwright.async_api import async_playwright
 
     flags = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
@@ -116,17 +160,19 @@ async def look(port, seconds, shots):
             page.on("console", lambda m, f=faults: m.type == "error" and f.append(m.text))
             page.on("pageerror", lambda e, f=faults: f.append(str(e)))
             page.on("request", lambda r, h=hosts: h.add(r.url.split("/")[2]))
-            await page.goto(f"http://127.0.0.1:{port}/")
+            await page.goto(address)
             await page.wait_for_selector("#counts[data-painted]:not([data-painted='0'])")
             first = await page.evaluate(
                 "[performance.now(), +counts.dataset.received, +counts.dataset.painted]"
             )
-            cpu = time.process_time()
+            cpu = spent(process)[0]
             await asyncio.sleep(wait)
             last = await page.evaluate(
                 "[performance.now(), +counts.dataset.received, +counts.dataset.painted]"
             )
-            cpu = (time.process_time() - cpu) / wait
+            cpu = (spent(process)[0] - cpu) / wait
+            who = "server and feed" if process is None else "server"
+            memory = "" if process is None else f"  {spent(process)[1]:.0f} MB"
             each = await page.evaluate("counts.dataset.paintMs")
             span = (last[0] - first[0]) / 1e3
             if shots:
@@ -134,13 +180,13 @@ async def look(port, seconds, shots):
             found.append((name, (last[1] - first[1]) / span, (last[2] - first[2]) / span, cpu))
             print(f"{name:8s} come {found[-1][1]:5.1f}/s  painted {found[-1][2]:5.1f}/s, "
                 f"{each} ms each  "
-                  f"server and feed {100 * cpu:4.1f} % of one core  "
+                  f"{who} {100 * cpu:4.1f} % of one core{memory}  "
                   f"hosts {sorted(hosts)}  faults {faults}")  # fmt: skip
             await context.close()
         await browser.close()
 
 
-async def main(seconds, shots, rate):
+async def main(seconds, shots, rate, only):
     print(f"without a sink: {100 * await alone():4.1f} % of one core")
     settings = SinkSettings(cell="cell-3", note="simulated", healths=healths)
     sink = open_sink(f"ws://127.0.0.1:0?rate={rate}", settings)
@@ -148,7 +194,12 @@ async def main(seconds, shots, rate):
     stop = asyncio.Event()
     feeding = asyncio.create_task(feed(sink, stop))
     try:
-        await look(sink.port, seconds, shots)
+        if only != "workbench":
+            await look(f"http://127.0.0.1:{sink.port}/", seconds, shots)
+        if only != "sink":
+            print("the page of the workbench")
+            async with workbench(sink.port) as (address, process):
+                await look(address, seconds, shots, process)
     finally:
         stop.set()
         await feeding
@@ -160,5 +211,6 @@ if __name__ == "__main__":
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--rate", type=float, default=50.0)
     parser.add_argument("--shots", type=pathlib.Path)
+    parser.add_argument("--only", choices=("sink", "workbench"))
     args = parser.parse_args()
-    asyncio.run(main(args.seconds, args.shots, args.rate))
+    asyncio.run(main(args.seconds, args.shots, args.rate, args.only))

@@ -12,6 +12,7 @@ from robotrue.store.workspace import Workspace
 from robotrue.web.answers import Answers
 from robotrue.web.job_process import JobProcess
 from robotrue.web.language import Wording
+from robotrue.web.live_relay import Relays
 from robotrue.web.preferences import Preferences
 from robotrue.web.settings import ServeSettings
 from robotrue.web.workers import Workers
@@ -30,6 +31,7 @@ class House:
         workers: The process for what takes longer than a blink.
         answers: Of that process, kept for a while.
         job_process: The process that does jobs.
+        relays: Of live data.
     """
 
     settings: ServeSettings
@@ -37,6 +39,7 @@ class House:
     workers: Workers
     answers: Answers
     job_process: JobProcess
+    relays: Relays
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

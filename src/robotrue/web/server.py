@@ -26,10 +26,12 @@ from robotrue.web.bench import Bench, House, Page
 from robotrue.web.gate import Gate
 from robotrue.web.job_process import JobProcess
 from robotrue.web.language import Wording
+from robotrue.web.live_relay import Relays
 from robotrue.web.login import login_router
 from robotrue.web.models import shown_model
 from robotrue.web.pages import PAGES
 from robotrue.web.parts.frame import frame
+from robotrue.web.parts.live import FILES as LIVE_FILES
 from robotrue.web.preferences import preferences_from
 from robotrue.web.problems import answer_with_problems
 from robotrue.web.reports import reports_router
@@ -85,6 +87,7 @@ def house_of(settings: ServeSettings, workspace: Workspace) -> House:
         workers=workers,
         answers=Answers(workers),
         job_process=JobProcess(workspace, settings.kinds),
+        relays=Relays(workspace),
     )
 
 
@@ -126,9 +129,11 @@ def core_app(house: House) -> FastAPI:
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         await asyncio.to_thread(forget_old, house.workspace)
-        watching = asyncio.create_task(house.job_process.watch())
+        watching = [asyncio.create_task(each.watch()) for each in (house.job_process, house.relays)]
         yield
-        watching.cancel()
+        for each in watching:
+            each.cancel()
+        await asyncio.gather(*watching, return_exceptions=True)
         house.job_process.stop()
         house.workers.stop()
 
@@ -146,6 +151,7 @@ def core_app(house: House) -> FastAPI:
     app.include_router(login_router(house.settings, sessions, Tries()))
     app.include_router(reports_router(house))
     app.include_router(api_router(house), prefix="/api")
+    app.mount(LIVE_FILES, StaticFiles(packages=[("robotrue.online", "live")]))
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
     app.add_middleware(Gate, settings=house.settings, sessions=sessions)
     return app

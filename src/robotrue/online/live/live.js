@@ -8,6 +8,7 @@ const AXES = ["x", "y", "z"];
 const MOST_GROUPS = 600;
 const STALE_MS = 1000;
 const READ_MS = 200; // numbers that change faster cannot be read
+const ACKNOWLEDGED = 10; // frames
 const byId = (id) => document.getElementById(id);
 
 const state = {
@@ -27,7 +28,12 @@ function connect(wait = 500) {
   const socket = new WebSocket(`${scheme}//${location.host}${asked.path ?? "/frames"}${query}`);
   let opened = false;
   socket.onopen = () => { opened = true; wait = 500; show(asked.path ? "waiting" : "connected"); };
-  socket.onmessage = (event) => take(JSON.parse(event.data));
+  let had = 0;
+  socket.onmessage = (event) => {
+    take(JSON.parse(event.data));
+    // a relay sends no more than a second ahead of what was had: nothing waits in buffers and comes late
+    if (asked.path && ++had % ACKNOWLEDGED === 0) socket.send(String(ACKNOWLEDGED));
+  };
   socket.onclose = () => {
     show(opened || state.hello || asked.path ? "gone" : "refusedToken");
     if (!opened && !state.hello && !asked.path) byId("door").hidden = false;
@@ -157,7 +163,9 @@ function values() {
     const sd = typeof last.error_um[k] === "number" ? 2 * last.sd_um[k] : null;
     const cells = [`e${a}`, number(last.error_um[k]), number(sd), number(last.static_um[k]), number(peak)];
     cells.forEach((text, i) => put(row.cells[i], text));
-    row.classList.toggle("over", state.limits[k] > 0 && peak > state.limits[k]);
+    const beyond = (v) => state.limits[k] > 0 && Math.abs(v ?? 0) > state.limits[k];
+    row.classList.toggle("over", beyond(peak));
+    row.classList.toggle("now-over", beyond(last.error_um[k]));
   });
   AXES.forEach((a, k) => {
     const row = byId("forces").tBodies[0].rows[k];

@@ -1,0 +1,120 @@
+"""Live data: sources, limits, alarms, and the frames themselves."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Path, Query, WebSocket, WebSocketDisconnect
+from fastapi.responses import Response
+from pydantic import BaseModel, Field
+
+from robotrue.errors import ConfigurationError
+from robotrue.web import live_sources
+from robotrue.web.api.documents import record_document
+from robotrue.web.bench import House
+from robotrue.web.live_relay import Viewer
+from robotrue.web.live_sources import LiveSource
+from robotrue.web.problems import MissingError
+
+Id = Annotated[str, Path(max_length=40)]
+Limit = Annotated[float, Field(ge=0.0, le=1e6, allow_inf_nan=False)]
+MOST: int = 5000
+"""Alarms told at once."""
+
+
+class NewSource(BaseModel):
+    """A sensing service to listen to.
+
+    Attributes:
+        address: ``ws://host:port`` of ``robotrue sense --out``.
+        name: For people; empty: its address.
+    """
+
+    address: Annotated[str, Field(min_length=1, max_length=200)]
+    name: Annotated[str, Field(max_length=200)] = ""
+
+
+class NewLimits(BaseModel):
+    """Beyond these an alarm is raised, um along x, y and z of the base; 0 is none."""
+
+    x_um: Limit
+    y_um: Limit
+    z_um: Limit
+
+
+class Alarms(BaseModel):
+    """Alarms, the newest first."""
+
+    items: list[dict[str, Any]]
+
+
+def router(house: House) -> APIRouter:
+    """Returns the routes of live data."""
+    routes = APIRouter(tags=["live"])
+    workspace = house.workspace
+
+    def found(id: str) -> LiveSource:
+        try:
+            return live_sources.source(workspace, id)
+        except ConfigurationError as cause:
+            raise MissingError(cause.message, hint=cause.hint) from cause
+
+    @routes.post("/live/sources", status_code=201)
+    async def add_source(asked: NewSource) -> dict[str, Any]:
+        """A sensing service that is listened to from now on."""
+        record = await asyncio.to_thread(
+            live_sources.add_source, workspace, asked.address, asked.name
+        )
+        house.relays.wake()
+        return record_document(record, "document")
+
+    @routes.put("/live/sources/{id}/limits")
+    async def set_limits(id: Id, asked: NewLimits) -> dict[str, Any]:
+        """Other limits of a source."""
+        await asyncio.to_thread(found, id)
+        limits = (asked.x_um, asked.y_um, asked.z_um)
+        record = await asyncio.to_thread(live_sources.set_limits, workspace, id, limits)
+        house.relays.wake()
+        return record_document(record, "document")
+
+    @routes.get("/live/sources/{id}/alarms")
+    def list_alarms(id: Id, limit: Annotated[int, Query(ge=1, le=MOST)] = 200) -> Alarms:
+        """The alarms of a source, the newest first."""
+        return Alarms(items=live_sources.alarms(workspace, found(id).id, limit=limit))
+
+    @routes.get("/live/sources/{id}/alarms.csv")
+    def download_alarms(id: Id) -> Response:
+        """The alarms of a source as a table, the oldest first."""
+        text = live_sources.alarms_csv(live_sources.alarms(workspace, found(id).id, limit=MOST))
+        headers = {"Content-Disposition": 'attachment; filename="alarms.csv"'}
+        return Response(text, media_type="text/csv; charset=utf-8", headers=headers)
+
+    @routes.websocket("/live/sources/{id}/frames")
+    async def frames(socket: WebSocket, id: str) -> None:
+        relay = house.relays.of(id)
+        viewer = None if relay is None else relay.join()
+        if relay is None or viewer is None:
+            await socket.close(1013)  # try again later: it is not yet listened to, or too many look
+            return
+        await socket.accept()
+        sending = asyncio.create_task(_send(socket, viewer))
+        try:
+            while True:
+                said = await socket.receive_text()
+                viewer.had(int(said) if said.isdigit() and len(said) < 4 else 0)
+        except (WebSocketDisconnect, KeyError):  # a binary message has no text
+            pass
+        finally:
+            relay.leave(viewer)
+            sending.cancel()
+
+    return routes
+
+
+async def _send(socket: WebSocket, viewer: Viewer) -> None:
+    with contextlib.suppress(WebSocketDisconnect, RuntimeError):  # one who went away
+        while (frame := await viewer.take()) is not None:
+            await socket.send_text(frame)
+        await socket.close(1012)

@@ -1,0 +1,136 @@
+"""Where live data come from: sensing services by address, with their limits and alarms."""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import dataclass
+from typing import Any, Final
+
+from robotrue.errors import ConfigurationError
+from robotrue.online.net_address import net_address
+from robotrue.store import documents, items, journal
+from robotrue.store.nouns import DOCUMENT
+from robotrue.store.records import DocumentRecord, Query
+from robotrue.store.workspace import Workspace
+from robotrue.web.alarms import Alarm, Limits
+
+KIND: Final = "live source"
+PORT: Final = 8765
+BEGUN: Final = "alarm"
+OVER: Final = "alarm over"
+MOST: Final = 20
+"""Sources; each is a connection that stands."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LiveSource:
+    """A sensing service that is listened to.
+
+    Attributes:
+        id: Of its document.
+        version: Likewise.
+        name: For people.
+        address: ``ws://host:port`` of ``robotrue sense --out``.
+        limits: Beyond which an alarm is raised.
+    """
+
+    id: str
+    version: int
+    name: str
+    address: str
+    limits: Limits
+
+
+def sources(workspace: Workspace) -> tuple[LiveSource, ...]:
+    """Returns all sources, the oldest first."""
+    query = Query(where={"kind": KIND}, sort="created", limit=MOST)
+    return tuple(_source(each) for each in items.listed(workspace, DOCUMENT, query).items)
+
+
+def source(workspace: Workspace, id: str) -> LiveSource:
+    """Returns a source by its id.
+
+    Raises:
+        ConfigurationError: There is none.
+    """
+    record = items.get(workspace, DOCUMENT, id)
+    if record.kind != KIND or record.deleted:
+        raise ConfigurationError(f"{record.name!r} is no live source.")
+    return _source(record)
+
+
+def add_source(workspace: Workspace, address: str, name: str) -> DocumentRecord:
+    """Returns the document of a new source.
+
+    Raises:
+        ConfigurationError: No address of a sensing service, or more than are listened to.
+    """
+    where = net_address(address.strip(), default_port=PORT).only()
+    if where.scheme != "ws" or where.user or where.path:
+        raise ConfigurationError(
+            f"{where.scheme}:// is no address of robotrue sense --out ws://..., expected "
+            "ws://host:port.",
+            hint=f"ws://127.0.0.1:{PORT}",
+        )
+    if len(sources(workspace)) >= MOST:
+        raise ConfigurationError(f"{MOST} sources are listened to, no more.", hint="delete one.")
+    shown = name.strip() or where.shown.removeprefix("ws://")
+    return documents.add(
+        workspace, KIND, name=shown, detail={"address": where.shown, "limits_um": [0.0, 0.0, 0.0]}
+    )
+
+
+def set_limits(workspace: Workspace, id: str, limits: Limits) -> DocumentRecord:
+    """Returns the new version of a source, with other limits.
+
+    Raises:
+        ConfigurationError: There is no such source.
+    """
+    kept = source(workspace, id)
+    detail = {"address": kept.address, "limits_um": list(limits)}
+    return documents.add(workspace, KIND, name=kept.name, detail=detail, id=id)
+
+
+def record_alarm(workspace: Workspace, id: str, alarm: Alarm) -> None:
+    """Puts the beginning or the end of an alarm into the journal of the workspace.
+
+    Raises:
+        RobotrueError: The database does not take it.
+    """
+    with workspace.write() as into:
+        journal.record(into, OVER if alarm.over else BEGUN, "live", id, detail=alarm.document)
+
+
+def alarms(workspace: Workspace, id: str, *, limit: int) -> list[dict[str, Any]]:
+    """Returns the latest alarms of a source, the newest first.
+
+    One whose end was never written, because the server was ended in it, is told as it began.
+    """
+    out: dict[str, dict[str, Any]] = {}
+    for entry in journal.entries(workspace, item=id, limit=2 * limit).items:
+        if entry.action in (BEGUN, OVER):
+            out.setdefault(str(entry.detail.get("key")), dict(entry.detail))
+    return sorted(out.values(), key=lambda each: str(each["begun"]), reverse=True)[:limit]
+
+
+def alarms_csv(found: list[dict[str, Any]]) -> str:
+    """Returns alarms as a table, the oldest first."""
+    buffer = io.StringIO()
+    out = csv.writer(buffer, lineterminator="\n")
+    names = ("begun", "axis", "value_um", "band_um", "limit_um", "duration_s", "over")
+    out.writerow(names)
+    for each in reversed(found):
+        out.writerow([each[name] for name in names])
+    return buffer.getvalue()
+
+
+def _source(record: DocumentRecord) -> LiveSource:
+    x, y, z = (float(v) for v in record.detail["limits_um"])
+    return LiveSource(
+        id=record.id,
+        version=record.version,
+        name=record.name,
+        address=str(record.detail["address"]),
+        limits=(x, y, z),
+    )
