@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
@@ -27,6 +28,8 @@ def add(
     name: str,
     cell: Ref,
     model: Ref | None = None,
+    session: Ref | None = None,
+    reports: Sequence[Path] = (),
     note: str = "",
     id: str | None = None,
 ) -> RegistrationRecord:
@@ -39,6 +42,8 @@ def add(
         name: In the workspace.
         cell: The cell it belongs to.
         model: Of the arm that touched; None: the nominal one.
+        session: Document the touches were entered in, if they were.
+        reports: Pages about it.
         note: Of the user.
         id: Of the registration that gets this as its new version.
 
@@ -57,10 +62,13 @@ def add(
     links = [Link(role="cell", to=cell)]
     if model is not None:
         links.append(Link(role="model", to=model))
+    if session is not None:
+        links.append(Link(role="session", to=session))
     good = all(frame.verdict == "GO" for frame in part.frames)
     with transaction(where) as into:
+        pages = [("report", page.name, page) for page in reports]
         attachments = attached(
-            into, [(CELL_FILE, registered.name, registered), (POINTS, points.name, points)]
+            into, [(CELL_FILE, registered.name, registered), (POINTS, points.name, points), *pages]
         )
         columns = {
             "name": name,

@@ -1,0 +1,254 @@
+"""A session at the part: what can be touched, what was read, and what became of every reading.
+
+Numbers are those people typed, in mm and deg, so that a session written out as a file of touched
+points and read again is the same to the last bit. Nothing is taken out: what was undone stays, and
+says so.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Any, Final, Literal, TypeAlias
+
+from robotrue.errors import ConfigurationError
+
+State: TypeAlias = Literal["kept", "held", "dropped", "replaced", "skipped", "undone"]
+"""``held``: not as expected, somebody has to decide. ``dropped``: to be touched again.
+``replaced``: its feature was touched again since."""
+Reads: TypeAlias = Literal["joints", "position"]
+COUNTED: Final = ("kept", "held", "skipped")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TouchFeature:
+    """A place of the part that can be touched.
+
+    Attributes:
+        name: Of the feature.
+        part: Number of its part.
+        point_mm: In the part.
+        normal: Outward, of a surface; None: a full point.
+        postures_deg: Joints it can be touched with, as planned, in the model's sense; the first is
+            also the one it is taken to be machined in. Empty: out of reach as far as is known.
+    """
+
+    name: str
+    part: int
+    point_mm: tuple[float, float, float]
+    normal: tuple[float, float, float] | None = None
+    postures_deg: tuple[tuple[float, ...], ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TouchReading:
+    """What was entered for a feature.
+
+    Attributes:
+        feature: Its number.
+        state: What became of it.
+        values: Joints in deg, in the model's sense, or x, y, z in mm; empty where skipped.
+        text: As it was typed or pasted.
+        at: When, ISO 8601.
+        sigmas: How far from what was expected, in its standard deviations.
+        off_mm: The same as a length.
+        radius_mm: After it, what a point machined at the worst feature is known to, 95 %.
+        suspicions: What would explain it, as JSON values.
+    """
+
+    feature: int
+    state: State
+    values: tuple[float, ...] = ()
+    text: str = ""
+    at: str = ""
+    sigmas: float | None = None
+    off_mm: float | None = None
+    radius_mm: float | None = None
+    suspicions: tuple[Mapping[str, Any], ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TouchSession:
+    """All of it.
+
+    Attributes:
+        features: That can be touched.
+        parts: Names of the parts.
+        rough: Where each part stands, roughly: T_base_part, (4, 4) nested, m.
+        reads: What a reading is.
+        settings: Of the registration and of reading, JSON values in mm and deg.
+        readings: In the order they came.
+        simulated: Whether the readings come from a simulation, as its files say.
+    """
+
+    features: tuple[TouchFeature, ...]
+    parts: tuple[str, ...]
+    rough: tuple[tuple[tuple[float, ...], ...], ...]
+    reads: Reads
+    settings: Mapping[str, Any]
+    readings: tuple[TouchReading, ...] = ()
+    simulated: bool = False
+
+    @property
+    def held(self) -> TouchReading | None:
+        """The reading that waits for a decision, if one does."""
+        return next((each for each in self.readings if each.state == "held"), None)
+
+    @property
+    def kept(self) -> tuple[TouchReading, ...]:
+        """Readings that count."""
+        return tuple(each for each in self.readings if each.state == "kept")
+
+    @property
+    def open(self) -> tuple[int, ...]:
+        """Features without a reading that counts, and not skipped."""
+        done = {each.feature for each in self.readings if each.state in COUNTED}
+        return tuple(k for k in range(len(self.features)) if k not in done)
+
+    def with_reading(self, reading: TouchReading) -> TouchSession:
+        """Returns the session with one more reading.
+
+        Raises:
+            ConfigurationError: Another one waits for a decision, or there is no such feature.
+        """
+        if self.held is not None:
+            raise ConfigurationError(
+                f"the reading of {self.features[self.held.feature].name!r} waits for a decision.",
+                hint="keep it, touch again, or skip the point.",
+            )
+        if not 0 <= reading.feature < len(self.features):
+            raise ConfigurationError(
+                f"feature {reading.feature + 1} of {len(self.features)}: there is none."
+            )
+        found = replace(self, readings=(*self.readings, reading))
+        return found._settled() if reading.state == "kept" else found
+
+    def decided(self, state: Literal["kept", "dropped", "skipped"]) -> TouchSession:
+        """Returns the session in which the reading that waits is kept, dropped, or its point left.
+
+        Raises:
+            ConfigurationError: None waits.
+        """
+        found = self._changed(("held",), state)
+        return found._settled() if state == "kept" else found
+
+    def undone(self) -> TouchSession:
+        """Returns the session as if what was entered last had not been; it stays on record.
+
+        Raises:
+            ConfigurationError: Nothing was entered.
+        """
+        last = next((each for each in reversed(self.readings) if each.state in COUNTED), None)
+        found = self._changed(COUNTED, "undone")
+        if last is not None and last.state == "kept":  # the touch it had replaced is back
+            back = [
+                k
+                for k, each in enumerate(found.readings)
+                if each.feature == last.feature and each.state == "replaced"
+            ]
+            return found._with_state(back[-1], "kept") if back else found
+        return found
+
+    def _changed(self, among: Sequence[str], state: State) -> TouchSession:
+        for k in range(len(self.readings) - 1, -1, -1):
+            if self.readings[k].state in among:
+                return self._with_state(k, state)
+        raise ConfigurationError(
+            "no reading waits for a decision."
+            if among == ("held",)
+            else "nothing was entered yet: nothing to undo."
+        )
+
+    def _with_state(self, number: int, state: State) -> TouchSession:
+        changed = replace(self.readings[number], state=state)
+        readings = (*self.readings[:number], changed, *self.readings[number + 1 :])
+        return replace(self, readings=readings)
+
+    def _settled(self) -> TouchSession:
+        """One reading of each feature counts: the last that was kept."""
+        last = {each.feature: k for k, each in enumerate(self.readings) if each.state == "kept"}
+        found = self
+        for k, each in enumerate(self.readings):
+            if each.state == "kept" and last[each.feature] != k:
+                found = found._with_state(k, "replaced")
+        return found
+
+
+def session_document(session: TouchSession) -> dict[str, Any]:
+    """Returns a session as JSON values."""
+    return asdict(session)
+
+
+def session_of(document: Mapping[str, Any]) -> TouchSession:
+    """Returns a session from its JSON values.
+
+    Raises:
+        ConfigurationError: They are those of something else.
+    """
+    try:
+        return TouchSession(
+            features=tuple(
+                TouchFeature(
+                    name=str(each["name"]),
+                    part=int(each["part"]),
+                    point_mm=_three(each["point_mm"]),
+                    normal=None if each["normal"] is None else _three(each["normal"]),
+                    postures_deg=tuple(tuple(map(float, row)) for row in each["postures_deg"]),
+                )
+                for each in document["features"]
+            ),
+            parts=tuple(map(str, document["parts"])),
+            rough=tuple(
+                tuple(tuple(map(float, row)) for row in each) for each in document["rough"]
+            ),
+            reads="joints" if document["reads"] == "joints" else "position",
+            settings=dict(document["settings"]),
+            readings=tuple(_reading(each) for each in document["readings"]),
+            simulated=bool(document["simulated"]),
+        )
+    except (KeyError, TypeError, ValueError) as cause:
+        raise ConfigurationError(f"no session of touches: {cause!r}.") from cause
+
+
+def _reading(stated: Mapping[str, Any]) -> TouchReading:
+    known = {field.name for field in fields(TouchReading)}
+    values = {key: value for key, value in stated.items() if key in known}
+    values["values"] = tuple(map(float, values.get("values", ())))
+    values["suspicions"] = tuple(dict(each) for each in values.get("suspicions", ()))
+    return TouchReading(**values)
+
+
+def _three(values: Sequence[float]) -> tuple[float, float, float]:
+    x, y, z = values
+    return float(x), float(y), float(z)
+
+
+def session_csv(session: TouchSession, readings: Sequence[TouchReading]) -> bytes:
+    """Returns readings as the file of touched points that ``robotrue register`` reads.
+
+    Args:
+        session: Whose features they are of.
+        readings: With values; every number is written with all its digits.
+    """
+    dof = max((len(each.values) for each in readings), default=0)
+    axes = ["x_mm", "y_mm", "z_mm"]
+    if session.reads == "joints":
+        axes = [f"j{k + 1}_deg" for k in range(dof)]
+    with_normals = any(session.features[each.feature].normal for each in readings)
+    header = ["name", "px_mm", "py_mm", "pz_mm", *axes]
+    header += ["nx", "ny", "nz"] if with_normals else []
+    header += ["part"] if len(session.parts) > 1 else []
+    buffer = io.StringIO(newline="")
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(header)
+    for each in readings:
+        feature = session.features[each.feature]
+        row = [feature.name, *map(repr, feature.point_mm), *map(repr, each.values)]
+        if with_normals:
+            row += [""] * 3 if feature.normal is None else [repr(v) for v in feature.normal]
+        if len(session.parts) > 1:
+            row.append(session.parts[feature.part])
+        writer.writerow(row)
+    return buffer.getvalue().encode()

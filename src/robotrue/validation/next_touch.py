@@ -1,0 +1,281 @@
+"""One more touch: what it should read after those before it, and how well the part is known then.
+
+From the first touch on, when no frame can be fitted yet, the arm's errors w and a step f of every
+frame about a rough place are believed together. With the tip where the model has it and R the
+part's attitude, a touch of nominal point p reads
+
+    tip - T p = G f - B w + e,        G = [I, -(R p) x],   w ~ N(0, I),   f ~ N(rough, S)
+
+and Gauss-Newton over all touches gives mean and covariance of both, so also of the next reading and
+of every machined point. ``register`` decides what the frame is; this says what to expect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from robotrue.calibration.belief import Belief
+from robotrue.calibration.machined import tip_columns, uncarried
+from robotrue.calibration.model import ErrorModel
+from robotrue.cell.registration.fit import moved
+from robotrue.core.arrays import Array
+from robotrue.core.rotations import rotation_vector_from_matrix, skew
+from robotrue.measurement.probing_set import ProbingSet
+from robotrue.robot.model import RobotModel
+from robotrue.validation.registered_part import REGION
+from robotrue.validation.registration_frame import (
+    CALIBRATED_ROBOT,
+    GOOD,
+    NOMINAL_ROBOT,
+    arm_belief,
+    tips,
+    touch_query,
+)
+from robotrue.validation.registration_settings import RegistrationSettings
+
+ROUNDS: Final = 12
+STILL: Final = 1e-10
+"""m and rad; a step below this ends the iteration."""
+TURN_PER_SHIFT: Final = 2.0
+"""rad per m: a rough frame that is off by 20 mm may be turned by 0.04 rad."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TouchBelief:
+    """Arm and frames after some touches.
+
+    Attributes:
+        arm: Model or nominal arm that touches.
+        settings: Of the registration.
+        T_base_part: (4, 4) of every part, by its number.
+        belief: Of the arm; None where touches say nothing about it (no joints): the arm's share is
+            noise then.
+        mean: (k + 6 f,) what was learned of the arm, in units of its prior, then zeros.
+        covariance: (k + 6 f, k + 6 f), of the same and of the steps of the frames (m, rad).
+        touches: How many it rests on.
+    """
+
+    arm: ErrorModel | RobotModel
+    settings: RegistrationSettings
+    T_base_part: Mapping[int, Array]
+    belief: Belief | None
+    mean: Array
+    covariance: Array
+    touches: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Expected:
+    """What touches should read, in base.
+
+    Attributes:
+        position: (n, 3) m of the tip, as the model or the instrument has it.
+        covariance: (n, 3, 3) m^2, of one reading.
+    """
+
+    position: Array
+    covariance: Array
+
+    @property
+    def band(self) -> Array:
+        """Distance (n,) m within which 95 of 100 readings lie, or more."""
+        return np.asarray(REGION * np.sqrt(np.linalg.eigvalsh(self.covariance)[:, -1]))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judged:
+    """A reading beside what was expected.
+
+    Attributes:
+        off: (3,) m in base, read minus expected; along the normal alone of a surface.
+        sigmas: Its length in standard deviations of what was expected.
+    """
+
+    off: Array
+    sigmas: float
+
+    @property
+    def distance(self) -> float:
+        """Length of ``off``, m."""
+        return float(np.linalg.norm(self.off))
+
+    @property
+    def outlier(self) -> bool:
+        """Whether a good touch would hardly read so."""
+        return self.sigmas > GOOD
+
+
+def believed(
+    arm: ErrorModel | RobotModel,
+    touches: ProbingSet | None,
+    rough: Mapping[int, Array],
+    *,
+    settings: RegistrationSettings,
+    rough_sigma: float,
+    joints: bool,
+) -> TouchBelief:
+    """Returns arm and frames as believed after the touches; none yet: the rough place.
+
+    Args:
+        arm: That touches.
+        touches: Made so far, with joints if ``joints``, else with positions; None: none.
+        rough: (4, 4) roughly ``T_base_part`` of every part.
+        settings: Noise and tool.
+        rough_sigma: m per axis, how far off that may be.
+        joints: Whether readings are joints of the arm.
+    """
+    belief = arm_belief(arm, settings) if joints else None
+    size = 0 if belief is None else len(belief.root)
+    numbers = {part: k for k, part in enumerate(sorted(rough))}
+    T = dict(rough)
+    sd = np.tile(np.repeat([rough_sigma, TURN_PER_SHIFT * rough_sigma], 3), len(rough))
+    precision = np.concatenate([np.ones(size), sd**-2.0])
+    start = TouchBelief(
+        arm=arm, settings=settings, T_base_part=T, belief=belief, mean=np.zeros(len(precision)),
+        covariance=np.diag(1.0 / precision), touches=0,
+    )  # fmt: skip
+    if touches is None or not len(touches):
+        return start
+    in_base = tips(arm, touches.joints, settings) if joints else touches.position
+    at = start.mean
+    for _ in range(ROUNDS):
+        now = _replaced(start, T, at, start.covariance, len(touches))
+        rows, gap, weight = _observed(now, touches, in_base)
+        prior = np.concatenate(
+            [np.zeros(size), *(_step(T[part], rough[part]) for part in sorted(rough))]
+        )
+        normal = np.diag(precision) + (rows * weight[:, None]).T @ rows
+        at = np.linalg.solve(normal, precision * prior + rows.T @ (weight * gap))
+        steps = at[size:].reshape(-1, 6)
+        T = {part: moved(T[part], steps[k]) for part, k in numbers.items()}
+        if np.abs(steps).max() < STILL:
+            break
+    at[size:] = 0.0
+    covariance = np.linalg.inv(normal)
+    return _replaced(start, T, at, 0.5 * (covariance + covariance.T), len(touches))
+
+
+def expected_readings(known: TouchBelief, touches: ProbingSet) -> Expected:
+    """Returns what touches should read that have not been made.
+
+    Args:
+        known: After the touches made.
+        touches: With the joints they will have, where joints are read; of surfaces the reading is
+            expected where the nominal point is touched.
+    """
+    columns, centre, _ = _columns(known, touches)
+    noise = _noise(known, touches)
+    spread = columns @ known.covariance @ np.swapaxes(columns, 1, 2)
+    position = centre + columns @ known.mean
+    return Expected(position=position, covariance=spread + noise[:, None, None] * np.eye(3))
+
+
+def judged_reading(known: TouchBelief, touch: ProbingSet) -> Judged:
+    """Returns how far a reading is from what was expected of it.
+
+    Args:
+        known: After the touches before it.
+        touch: One touch, with the joints or the position that was read.
+    """
+    has_arm = known.belief is not None or touch.has_joints
+    tip = tips(known.arm, touch.joints, known.settings) if has_arm else touch.position
+    expected = expected_readings(known, touch)
+    off = tip[0] - expected.position[0]
+    if touch.full[0]:
+        square = float(off @ np.linalg.solve(expected.covariance[0], off))
+        return Judged(off=off, sigmas=float(np.sqrt(square)))
+    normal = known.T_base_part[int(touch.part[0])][:3, :3] @ touch.normal[0]
+    along = float(off @ normal)
+    sd = float(np.sqrt(normal @ expected.covariance[0] @ normal))
+    return Judged(off=along * normal, sigmas=abs(along) / sd)
+
+
+def machined_radius(known: TouchBelief, places: ProbingSet) -> Array:
+    """Returns the distance (n,) m that points machined at places keep 95 times in 100.
+
+    With joints frame and arm together, of a run compensated by what the touches tell; without, the
+    frame's share alone.
+
+    Args:
+        known: After some touches.
+        places: Nominal points and the joints they are machined with.
+    """
+    columns, _, _ = _columns(known, places)
+    covariance = columns @ known.covariance @ np.swapaxes(columns, 1, 2)
+    belief = known.belief
+    if belief is not None:
+        rest = _visit(known, belief, places)
+        covariance = covariance + rest[:, None, None] * np.eye(3)
+    return np.asarray(REGION * np.sqrt(np.linalg.eigvalsh(covariance)[:, -1]))
+
+
+def _replaced(
+    of: TouchBelief, T: Mapping[int, Array], mean: Array, covariance: Array, touches: int
+) -> TouchBelief:
+    return TouchBelief(
+        arm=of.arm, settings=of.settings, T_base_part=dict(T), belief=of.belief, mean=mean,
+        covariance=covariance, touches=touches,
+    )  # fmt: skip
+
+
+def _step(T: Array, to: Array) -> Array:
+    """The step (6,) from one frame to another: origin, left rotation vector."""
+    turn = rotation_vector_from_matrix(to[:3, :3] @ T[:3, :3].T)
+    return np.concatenate([to[:3, 3] - T[:3, 3], turn])
+
+
+def _columns(known: TouchBelief, touches: ProbingSet) -> tuple[Array, Array, Array]:
+    """Derivative (n, 3, k + 6 f) of the readings, the readings (n, 3) without the arm, normals."""
+    parts = sorted(known.T_base_part)
+    place = np.stack([known.T_base_part[int(part)] for part in touches.part])
+    lever = (place[:, :3, :3] @ touches.point[:, :, None])[:, :, 0]
+    normal = (place[:, :3, :3] @ np.nan_to_num(touches.normal)[:, :, None])[:, :, 0]
+    centre = place[:, :3, 3] + lever + touches.radius * normal
+    size = len(known.mean) - 6 * len(parts)
+    out = np.zeros((len(touches), 3, len(known.mean)))
+    belief = known.belief
+    if belief is not None:
+        query = touch_query(touches.joints, belief.robot, known.settings)
+        scale = np.sqrt(belief.inflation)
+        out[:, :, :size] = -scale * (tip_columns(belief, query) @ belief.root.T)
+    frame = np.concatenate([np.broadcast_to(np.eye(3), (len(lever), 3, 3)), -skew(lever)], axis=2)
+    for k, part in enumerate(parts):
+        mine = touches.part == part
+        first = size + 6 * k
+        out[mine, :, first : first + 6] = frame[mine]
+    return out, centre, normal
+
+
+def _noise(known: TouchBelief, touches: ProbingSet) -> Array:
+    """Variance (n,) m^2 per axis of one reading besides what is learned."""
+    touch = known.settings.touch**2
+    if known.belief is None:
+        stated = known.settings.robot
+        usual = NOMINAL_ROBOT if isinstance(known.arm, RobotModel) else CALIBRATED_ROBOT
+        return np.full(len(touches), touch + (usual if stated is None else stated) ** 2)
+    return _visit(known, known.belief, touches) + touch
+
+
+def _visit(known: TouchBelief, belief: Belief, touches: ProbingSet) -> Array:
+    query = touch_query(touches.joints, belief.robot, known.settings)
+    rest = uncarried(belief, query) + belief.white**2 + belief.repeatability**2
+    return np.asarray(belief.inflation * rest)
+
+
+def _observed(
+    known: TouchBelief, touches: ProbingSet, in_base: Array
+) -> tuple[Array, Array, Array]:
+    """Rows (m, k + 6 f), what they read (m,), and one over their variances (m,)."""
+    columns, centre, normal = _columns(known, touches)
+    gap = in_base - centre
+    weight = 1.0 / _noise(known, touches)
+    full = touches.full
+    rows = [columns[full].reshape(-1, columns.shape[2])]
+    rows.append(np.einsum("ni,nik->nk", normal[~full], columns[~full]))
+    gaps = [gap[full].reshape(-1), np.einsum("ni,ni->n", normal[~full], gap[~full])]
+    weights = [np.repeat(weight[full], 3), weight[~full]]
+    return np.concatenate(rows), np.concatenate(gaps), np.concatenate(weights)
