@@ -1,10 +1,12 @@
 """RSIPI's echo server on a free port of this computer, until it has taken so many answers.
 
-usage: rsipi_robot.py ETHERNETCONFIG MODE ANSWERS; its last line of output is a JSON object.
+usage: rsipi_robot.py ETHERNETCONFIG MODE ANSWERS [first]; its last line of output is a JSON object.
+With ``first`` it asks to run before other programs: a controller's cycle waits for nobody.
 """
 
 import json
 import logging
+import os
 import socket
 import sys
 import time
@@ -20,7 +22,16 @@ class LoopbackSocket(socket.socket):
         super().bind(("127.0.0.1", 0) if address == ANY else address)
 
 
-def main(config, mode, answers):
+def first():
+    """Whether it runs before other programs from now on."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
+    except OSError:
+        return False
+    return True
+
+
+def main(config, mode, answers, *, preferred=False):
     socket.socket = LoopbackSocket
     from RSIPI import rsi_echo_server
 
@@ -30,11 +41,14 @@ def main(config, mode, answers):
     class Counting(rsi_echo_server.EchoServer):
         taken = sent = 0
         heard = time.monotonic()
+        missed = ()
+        answered = None
 
         def process_reply(self, xml_string):
             accepted = super().process_reply(xml_string)
             if accepted:
                 self.taken += 1
+                self.answered = self.last_sent_ipoc
                 self.heard = time.monotonic()
                 if self.taken >= answers:
                     self.running = False
@@ -42,6 +56,8 @@ def main(config, mode, answers):
 
         def send_once(self):
             if self.running:
+                if self.taken and self.answered != self.last_sent_ipoc:
+                    self.missed += (self.last_sent_ipoc,)
                 self.sent += 1
                 super().send_once()
 
@@ -51,8 +67,9 @@ def main(config, mode, answers):
         time.sleep(0.01)
     server.stop()
     result = {"sent": server.sent, "taken": server.taken, "faulty": server.faulty_packets}
-    sys.stdout.write("\n" + json.dumps(result | {"pose": server.state["RIst"]}) + "\n")
+    result |= {"missed": server.missed, "preferred": preferred, "pose": server.state["RIst"]}
+    sys.stdout.write("\n" + json.dumps(result) + "\n")
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], sys.argv[2], int(sys.argv[3]))
+    main(*sys.argv[1:3], int(sys.argv[3]), preferred=sys.argv[4:] == ["first"] and first())

@@ -13,12 +13,13 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import ctypes
 import os
 import signal
 import socket
 import sys
+import time
 from collections.abc import AsyncIterator, Callable
-from dataclasses import asdict
 from typing import Any, Final
 
 import numpy as np
@@ -46,10 +47,14 @@ from robotrue.online.rsi_link import RsiSettings, RsiSource
 from robotrue.online.samples import Correction, CorrectionMode
 from robotrue.online.udp import prompt_answers
 
-_BEAT: Final = 0.05
-"""s between two messages with all counters."""
+_BEAT: Final = 0.03
+"""s between two messages with all counters; a controller is gone after 0.1 s of silence."""
 _GATHER: Final = 0.01
 """s for which samples are gathered before they are sent on, while no correction is held."""
+_SWITCH: Final = 20e-6
+"""s after which the loop's thread gives way to the one that answers."""
+_RESIDENT: Final = 1
+"""MCL_CURRENT: what is in memory stays there."""
 _NICE: Final = -10
 _LAST: Final = 10.0
 """s that the last samples have on their way to a slow service."""
@@ -70,11 +75,18 @@ def main(descriptor: int) -> None:
             pipe.send(message({"refused": fault_document(refused)}))
             return
         pipe.setblocking(False)
-        with prompt_answers(first=True):
+        _stay_in_memory()
+        with prompt_answers(first=True, switch=_SWITCH):
             asyncio.run(_Answering(pipe, link, guard).run())
 
 
-def _opened(opening: Document) -> tuple[CorrectionGuard | None, RobotLink]:
+def _stay_in_memory() -> None:
+    """Keeps what is loaded from being fetched again while an answer is due; where it is allowed."""
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).mlockall(_RESIDENT)
+
+
+def _opened(opening: Document) -> tuple[CorrectionGuard | None, RobotLink[Any]]:
     guard, before = None, None
     if opening["guard"] is not None:
         guard = CorrectionGuard(*guard_of(opening["guard"]))
@@ -87,7 +99,7 @@ def _opened(opening: Document) -> tuple[CorrectionGuard | None, RobotLink]:
 
 def _link(
     settings: LinkSettings, guard: CorrectionGuard | None, before: LinkState | None
-) -> RobotLink:
+) -> RobotLink[Any]:
     if isinstance(settings, RsiSettings):
         return RsiSource(settings, guard, before=before)
     return EgmSource(settings, guard, before=before)
@@ -96,11 +108,14 @@ def _link(
 class _Answering:
     """The loop beside the answering thread: samples and counters out, what is wanted in."""
 
-    def __init__(self, pipe: socket.socket, link: RobotLink, guard: CorrectionGuard | None) -> None:
+    def __init__(
+        self, pipe: socket.socket, link: RobotLink[Any], guard: CorrectionGuard | None
+    ) -> None:
         self._pipe, self._link, self._guard = pipe, link, guard
         self._force: EgmForce | None = None
         self._sending = asyncio.Lock()
         self._alone = False
+        self._told = float("-inf")
         self._pumps: list[asyncio.Task[None]] = []
 
     async def run(self) -> None:
@@ -165,8 +180,11 @@ class _Answering:
     async def _pumped(self, blocks: AsyncIterator[Block]) -> None:
         try:
             async for block in blocks:
+                # right behind an answer there is time for the counters
+                due = time.monotonic() - self._told >= _BEAT
                 for frame in frames(block):
-                    await self._send(self._brief, frame)
+                    await self._send(self._state if due else self._brief, frame)
+                    due = False
                 # every message wakes the service; but what the robot holds is told at once
                 if self._guard is None or self._guard.at_rest:
                     await asyncio.sleep(_GATHER)
@@ -175,9 +193,11 @@ class _Answering:
             await self._send(lambda: told)
 
     async def _beat(self) -> None:
+        """Tells the counters of a controller that is silent."""
         while True:
             await asyncio.sleep(_BEAT)
-            await self._send(self._state)
+            if time.monotonic() - self._told >= 1.3 * _BEAT:
+                await self._send(self._state)
 
     async def _send(self, document: Callable[[], Document], frame: bytes = b"") -> None:
         """Waits while the service is slow, then tells it; says nothing to one that is gone."""
@@ -199,11 +219,12 @@ class _Answering:
         return None if self._guard is None else plain(self._guard.state())
 
     def _state(self) -> dict[str, Any]:
+        self._told = time.monotonic()
         return {
-            "link": asdict(self._link.state()),
+            "link": plain(self._link.state()),
             "guard": self._held(),
-            "health": asdict(self._link.health()),
-            "force": None if self._force is None else asdict(self._force.health()),
+            "health": plain(self._link.health()),
+            "force": None if self._force is None else plain(self._force.health()),
             "preferred": self._link.preferred,
         }
 

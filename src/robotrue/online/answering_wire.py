@@ -53,9 +53,12 @@ def read_message(data: bytes) -> tuple[dict[str, Any], bytes]:
     return document, data[end:]
 
 
-def plain(state: SequenceState | GuardState) -> dict[str, Any]:
-    """Returns the fields of a state, all of them plain values; sooner than ``asdict`` does."""
-    return {name: getattr(state, name) for name in state.__slots__}
+def plain(state: SequenceState | GuardState | LinkState | Health) -> dict[str, Any]:
+    """Returns the fields of a state as JSON values; sooner than ``asdict`` does."""
+    found = {name: getattr(state, name) for name in state.__slots__}
+    if isinstance(state, LinkState):
+        found["watch"] = plain(state.watch)
+    return found
 
 
 def frames(block: Block) -> Iterator[bytes]:

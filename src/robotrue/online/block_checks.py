@@ -31,6 +31,8 @@ def checked_joints(joints: Array, flags: IntArray) -> tuple[Array, IntArray]:
 
 def checked_poses(poses: Array, flags: IntArray) -> tuple[Array, IntArray]:
     """Returns poses (n, 4, 4) m, known whole or NaN whole, and the flags (n,) with it."""
+    if (np.abs(poses) <= FARTHEST).all():  # as nearly all are; no entry of a rotation is larger
+        return poses, flags
     known = ~np.isnan(poses).all(axis=(1, 2))
     finite = np.isfinite(poses).all(axis=(1, 2))
     near = finite & ~(np.abs(poses[:, :3, 3]).max(axis=1) > FARTHEST)

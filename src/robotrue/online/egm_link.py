@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from robotrue.errors import ConfigurationError, FormatError
-from robotrue.online.blocks import ForceBlock, force_block
+from robotrue.online.blocks import ForceBlock, JointBlock, force_block, joint_block
 from robotrue.online.egm import (
     EgmRobot,
     GuidanceState,
@@ -27,7 +27,7 @@ from robotrue.online.egm import (
 )
 from robotrue.online.link import Corrector, Health
 from robotrue.online.robot_link import LinkState, RobotLink
-from robotrue.online.samples import CorrectionMode, Flag, ForceSample
+from robotrue.online.samples import CorrectionMode, Flag, ForceSample, JointSample
 from robotrue.online.sequence import advance
 from robotrue.online.udp import CROWDED, Address, Inbox
 
@@ -77,7 +77,7 @@ class EgmSettings:
         return self.mode
 
 
-class EgmSource(RobotLink):
+class EgmSource(RobotLink[JointSample]):
     """An ABB controller as a source of :class:`~robotrue.online.blocks.JointBlock`.
 
     Listens from the moment it is made; answers only where a corrector is given, and only while the
@@ -137,9 +137,14 @@ class EgmSource(RobotLink):
             missed = max(0, self._watch.lost - lost) + bool(flags & Flag.LATE)
             if missed:
                 self._corrector.missed(missed, host_time)
-        self._keep(joint_sample(robot, host_time, flags) if flags else sample)
+        if flags:
+            sample = joint_sample(robot, host_time, flags)
+        self._keep(sample, sample.sequence, host_time, sample.flags)
         if self._view is not None:
             self._view.take(robot, host_time, flags)
+
+    def _block(self, kept: list[JointSample]) -> JointBlock:
+        return joint_block(kept)
 
     def _answer(self, corrector: Corrector, sender: Address, host_time: float) -> None:
         # asked for now: the message may have waited, and estimates have come since

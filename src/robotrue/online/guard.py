@@ -15,6 +15,7 @@ from typing import Final
 
 import numpy as np
 
+from robotrue.core.arrays import Array, frozen
 from robotrue.core.units import DEG
 from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.online.samples import Correction, CorrectionMode
@@ -33,6 +34,7 @@ _WIDEST_TURN: Final = 5.0 * DEG
 
 _Steps = tuple[int, int, int]
 _NONE: Final[_Steps] = (0, 0, 0)
+_ZEROS: Final[Array] = frozen(np.zeros(3), (3,), "zeros")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -375,6 +377,13 @@ def _scaled(steps: _Steps, gain: float) -> _Steps:
 
 
 def _correction(shift: _Steps, turn: _Steps, mode: CorrectionMode) -> Correction:
-    return Correction(
-        shift=np.array(shift) * _NANOMETRE, turn=np.array(turn) * _MICRODEGREE, mode=mode
-    )
+    return Correction(shift=_vector(shift, _NANOMETRE), turn=_vector(turn, _MICRODEGREE), mode=mode)
+
+
+def _vector(steps: _Steps, unit: float) -> Array:
+    """Whole steps in SI; not to be written to, so that nobody copies it."""
+    if steps == _NONE:
+        return _ZEROS
+    vector = np.array([step * unit for step in steps])
+    vector.flags.writeable = False
+    return vector

@@ -10,15 +10,17 @@ import asyncio
 import time
 from collections.abc import AsyncIterator, Mapping
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, Generic, TypeVar
 
 from robotrue.errors import FormatError
-from robotrue.online.blocks import JointBlock, joint_block
+from robotrue.online.blocks import JointBlock
 from robotrue.online.link import Corrector, Health
-from robotrue.online.samples import Flag, JointSample
+from robotrue.online.samples import Flag
 from robotrue.online.sequence import SequenceState
 from robotrue.online.turnaround import Turnaround
 from robotrue.online.udp import Address, Inbox, UdpEndpoint
+
+S = TypeVar("S")
 
 _SILENCE: Final = 25
 """Cycles without a packet after which the controller is taken as gone."""
@@ -52,8 +54,11 @@ class LinkState:
     slowest: float = float("nan")
 
 
-class RobotLink:
+class RobotLink(Generic[S]):
     """A controller on UDP as a source of :class:`~robotrue.online.blocks.JointBlock`.
+
+    What it keeps of a packet (``S``) is made into a block by its reader, not by the thread that
+    answers.
 
     Args:
         name: What messages and health call it.
@@ -91,7 +96,7 @@ class RobotLink:
         self._refused = 0 if before is None else before.refused
         self._reconnects = 0 if before is None else before.reconnects
         self._fault = ""
-        self._inbox: Inbox[JointSample] = Inbox(waiting)
+        self._inbox: Inbox[S] = Inbox(waiting)
         self.turnaround = Turnaround()
         if before is not None:
             self.turnaround = Turnaround.of(before.turnaround, before.slowest)
@@ -104,8 +109,8 @@ class RobotLink:
         Raises:
             RobotrueError: A correction that this controller cannot take.
         """
-        while samples := await self._inbox.take():
-            yield joint_block(samples)
+        while kept := await self._inbox.take():
+            yield self._block(kept)
 
     async def close(self) -> None:
         """Lets a correction go to zero at its rate, then stops answering."""
@@ -178,6 +183,10 @@ class RobotLink:
         """
         raise NotImplementedError
 
+    def _block(self, kept: list[S]) -> JointBlock:
+        """Returns what was kept of consecutive packets as a block."""
+        raise NotImplementedError
+
     def _take(self, data: bytes, sender: Address, host_time: float) -> None:
         """One datagram, in the endpoint's thread."""
         silent = host_time - self._seen > self._silence
@@ -218,14 +227,15 @@ class RobotLink:
             else:
                 self._corrector.restarted()
 
-    def _keep(self, sample: JointSample) -> None:
-        """Hands a sample on, and tells the corrector of what makes it unsafe."""
-        self._seen = sample.host_time
-        if sample.flags & Flag.INVALID:
-            self._fault = f"packet {sample.sequence}: {sample.flags.name}"
-        if self._corrector is not None and sample.flags & _UNSAFE:
-            self._corrector.fault(f"a packet with {(sample.flags & _UNSAFE).name}")
-        self._inbox.put(sample)
+    def _keep(self, kept: S, sequence: int, host_time: float, flags: Flag) -> None:
+        """Hands on what is kept of a packet, and tells the corrector of what makes it unsafe."""
+        self._seen = host_time
+        if flags:
+            if flags & Flag.INVALID:
+                self._fault = f"packet {sequence}: {flags.name}"
+            if self._corrector is not None and flags & _UNSAFE:
+                self._corrector.fault(f"a packet with {(flags & _UNSAFE).name}")
+        self._inbox.put(kept)
 
     def _refuse(self, why: str) -> None:
         self._refused += 1

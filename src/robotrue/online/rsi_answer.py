@@ -9,6 +9,7 @@ from robotrue.online.rsi import write_sen
 from robotrue.online.rsi_config import RsiConfig
 from robotrue.online.samples import Correction, CorrectionMode, no_correction
 
+_STRAIGHT: Final = [0.0, 0.0, 0.0]
 _SHIFT: Final = ("RKorr.X", "RKorr.Y", "RKorr.Z")
 
 
@@ -40,8 +41,10 @@ class SenWriter:
             ConfigurationError: The controller does not take this direction.
             ModelMismatchError: A correction for the other mode.
         """
-        if not self._head or correction.mode is not self._mode or correction.turn.any():
+        plain = correction.mode is self._mode and correction.turn.tolist() == _STRAIGHT
+        if not self._head or not plain:
             return write_sen(self._config, ipoc, correction, self._mode)
-        x, y, z = (correction.shift / MM + 0.0).tolist()
+        # without the sign of a zero
+        x, y, z = (v / MM + 0.0 for v in correction.shift.tolist())
         values = b' X="%.6f" Y="%.6f" Z="%.6f"' % (x, y, z)
         return b"%b%b%b%d</IPOC></Sen>" % (self._head, values, self._tail, ipoc)

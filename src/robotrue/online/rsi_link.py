@@ -12,17 +12,18 @@ from dataclasses import dataclass
 from typing import Final
 
 from robotrue.errors import ConfigurationError
+from robotrue.online.blocks import JointBlock
 from robotrue.online.link import Corrector
 from robotrue.online.robot_link import LinkState, RobotLink
 from robotrue.online.rsi import (
     RobPacket,
-    joint_sample,
     read_ipoc,
     read_rob,
     read_rob_fast,
     rsi_sequence,
 )
 from robotrue.online.rsi_answer import SenWriter
+from robotrue.online.rsi_block import SeenPacket, packet_flags, rob_block
 from robotrue.online.rsi_config import RsiConfig
 from robotrue.online.samples import CorrectionMode, no_correction
 from robotrue.online.sequence import advance
@@ -97,7 +98,7 @@ class RsiSettings:
         return self.mode
 
 
-class RsiSource(RobotLink):
+class RsiSource(RobotLink[SeenPacket]):
     """A KUKA controller as a source of :class:`~robotrue.online.blocks.JointBlock`.
 
     Listens and answers from the moment it is made, with no correction unless a corrector is given.
@@ -140,7 +141,7 @@ class RsiSource(RobotLink):
         """Answers first, by the IPOC alone; the first of a session is read whole before."""
         if begins:
             packet = read_rob(data, self.settings.config)
-            joint_sample(packet, host_time)
+            packet_flags(packet)
             self._begin(sender, packet.ipoc, packet.late)
             self._answered.clear()
             self._answer(packet.ipoc, sender, host_time)
@@ -175,4 +176,8 @@ class RsiSource(RobotLink):
                 self._corrector.missed(now - before, host_time)
             elif now < before:
                 self._corrector.restarted()
-        self._keep(joint_sample(packet, host_time, flags))
+        wrong = packet_flags(packet) | flags
+        self._keep((packet, host_time, flags), packet.ipoc, host_time, wrong)
+
+    def _block(self, kept: list[SeenPacket]) -> JointBlock:
+        return rob_block(kept)

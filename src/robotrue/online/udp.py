@@ -37,7 +37,8 @@ _LONGEST: Final = 1.0
 """s a datagram can have waited; a longer wait is a clock that was set."""
 _WAKE: Final = 0.05
 """s between two looks at whether the endpoint was closed."""
-_SWITCH: Final = 0.5e-3
+_WAIT: Final = struct.pack("@ll", 0, round(1e6 * _WAKE))
+SWITCH: Final = 0.5e-3
 """s after which Python takes a running thread off for one that waits; its own 5 ms are a cycle."""
 _STAMPED: Final = sys.platform == "linux" and sys.maxsize > 2**32
 _ROOM: Final = 64
@@ -50,7 +51,7 @@ _AT_ONCE: Final = 4096
 class UdpEndpoint:
     """A bound socket and its thread.
 
-    The thread asks the system to run before all others (round robin, lowest real-time priority);
+    The thread asks the system to run before all others (round robin, a low real-time priority);
     ``preferred`` tells whether that was granted. It sleeps but for the datagram that came.
 
     Args:
@@ -85,7 +86,11 @@ class UdpEndpoint:
                 f"{host}:{port} cannot be listened on: {cause}.",
                 hint="another program on this port, or an address of another computer.",
             ) from cause
-        self._socket.settimeout(_WAKE)
+        if _STAMPED:
+            # the system's own limit: one call that waits, and the interpreter asked for once
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, _WAIT)
+        else:
+            self._socket.settimeout(_WAKE)
         name = self._socket.getsockname()
         self.address: Address = (str(name[0]), int(name[1]))
         self.unsent = 0
@@ -117,7 +122,7 @@ class UdpEndpoint:
 
     def _serve(self) -> None:
         fault: BaseException | None = None
-        self.preferred = _preferred()
+        self.preferred = _preferred(above=1)
         latest = float("-inf")
         try:
             while not self._stopping.is_set():
@@ -223,17 +228,22 @@ def _waited(told: list[tuple[int, int, bytes]]) -> float:
     return waited if 0.0 <= waited < _LONGEST else 0.0
 
 
-def _preferred() -> bool:
-    """Whether this thread may run before all others from now on; where that can be asked."""
+def _preferred(above: int = 0) -> bool:
+    """Whether this thread may run before all others from now on; where that can be asked.
+
+    Args:
+        above: Levels above the lowest real-time priority.
+    """
     if sys.platform != "linux":
         return False
     # what this thread starts is to be as everything else
     policy = os.SCHED_RR | os.SCHED_RESET_ON_FORK
-    try:
-        os.sched_setscheduler(0, policy, os.sched_param(os.sched_get_priority_min(os.SCHED_RR)))
-    except OSError:
-        return False
-    return True
+    least = os.sched_get_priority_min(os.SCHED_RR)
+    for level in {least + above: None, least: None}:  # the lowest may be all that is allowed
+        with contextlib.suppress(OSError):
+            os.sched_setscheduler(0, policy, os.sched_param(level))
+            return True
+    return False
 
 
 def _done(future: asyncio.Future[None]) -> None:
@@ -242,22 +252,23 @@ def _done(future: asyncio.Future[None]) -> None:
 
 
 @contextlib.contextmanager
-def prompt_answers(*, first: bool = False) -> Iterator[None]:
+def prompt_answers(*, first: bool = False, switch: float = SWITCH) -> Iterator[None]:
     """Keeps the interpreter from holding up an answer while this context lasts.
 
     What lives at the start is left out of the collector's walks, which stop every thread; a thread
-    that computes gives way to one that answers after 0.5 ms, not 5. Both hold for the whole
-    process: enter it once, when all is opened, around the loop.
+    that computes gives way to one that answers after ``switch``, not after 5 ms. Both hold for the
+    whole process: enter it once, when all is opened, around the loop.
 
     Args:
         first: The thread that enters is to run before other programs, too, where the system lets
             it: it may hold the interpreter when an answer is due. Only for a loop that sleeps most
             of the time; one that computes would keep everybody else from a processor.
+        switch: s; a shorter one costs threads that compute time.
     """
     before = sys.getswitchinterval()
     gc.collect()
     gc.freeze()
-    sys.setswitchinterval(_SWITCH)
+    sys.setswitchinterval(switch)
     preferred = first and _preferred()
     try:
         yield
