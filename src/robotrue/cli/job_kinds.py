@@ -7,18 +7,21 @@ are in the reference of the workspace.
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from robotrue.cell.cell import Cell
-from robotrue.cell.config import read_cell
 from robotrue.cli.calibrate import calibrated, require_method, screened_remarks, write_report
 from robotrue.cli.compensate import Request, compensated
-from robotrue.cli.console import stderr
-from robotrue.cli.inputs import joined
-from robotrue.cli.job_parameters import Parameters
+from robotrue.cli.job_items import (
+    asked_of,
+    cell_file,
+    cell_of,
+    heard,
+    leave_document,
+    ref_document,
+    rows_of,
+)
 from robotrue.cli.pages import write_page
 from robotrue.cli.plan import document as plan_document
 from robotrue.cli.plan import planned, program_text
@@ -26,33 +29,31 @@ from robotrue.cli.plan_page import plan_page
 from robotrue.cli.split import SplitOptions
 from robotrue.core.files import write_atomic
 from robotrue.errors import ConfigurationError
-from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.planning.sheet import plan_sheet
 from robotrue.program.identity import SUFFIX
 from robotrue.report.model_view import remarks
-from robotrue.store import cells, documents, measurements, models, programs
+from robotrue.store import models, programs
 from robotrue.store.jobs_work import Publish, Work
 from robotrue.store.layout import laid_out
 from robotrue.store.model_file import write_model
 from robotrue.store.nouns import CELL, MEASUREMENT, MODEL, PROGRAM, REGISTRATION
-from robotrue.store.records import CellRecord, Link, MeasurementRecord, Record, Ref
+from robotrue.store.records import Link
 from robotrue.store.registrations import CELL_FILE
 from robotrue.store.workspace import Transaction
 from robotrue.validation.validate import validate as validated
 
 PAGE: Final = "report.html"
-NAMED: Final = ("name", "note")
 
 
 def calibrate(work: Work) -> Publish:
     """Fits a model to measurement sets in a cell; leaves a model with its report page."""
-    asked = _asked(work, "cell", "measurements", "method")
+    asked = asked_of(work, "cell", "measurements", "method")
     record, sets = asked.item(CELL, "cell"), asked.items(MEASUREMENT, "measurements")
     method = asked.text("method", "auto")
     require_method(method)
-    with _heard(work):
-        cell = _cell(work, record)
-        rows = _rows(work, cell, sets)
+    with heard(work):
+        cell = cell_of(work, record)
+        rows = rows_of(work, cell, sets)
         model, selection = calibrated(cell, rows, method, told=work.step)
         path, page = work.folder / "model.rtm", work.folder / PAGE
         write_model(path, model, cell)
@@ -74,18 +75,18 @@ def calibrate(work: Work) -> Publish:
             reports=[page],
             job=work.job.id,
         )
-        return {"model": _ref(made.ref), "method": made.method, "rows": len(rows)}
+        return {"model": ref_document(made.ref), "method": made.method, "rows": len(rows)}
 
     return publish
 
 
 def validate(work: Work) -> Publish:
     """Judges a model on measurement sets it has not seen; leaves a validation with its page."""
-    asked = _asked(work, "model", "measurements")
+    asked = asked_of(work, "model", "measurements")
     record, sets = asked.item(MODEL, "model"), asked.items(MEASUREMENT, "measurements")
     held = models.model_of(work.workspace, record)
-    with _heard(work):
-        rows = _rows(work, held.cell, sets)
+    with heard(work):
+        rows = rows_of(work, held.cell, sets)
         work.step("validating", 0, 1)
         result = validated(held.model, rows, payload=held.cell.payload)
         page = work.folder / PAGE
@@ -93,12 +94,12 @@ def validate(work: Work) -> Publish:
     for doubt in result.doubts:
         work.remark(doubt)
     links = [Link(role="model", to=record.ref), *(Link(role="data", to=s.ref) for s in sets)]
-    return _document(work, asked, "validation", record.name, [page], links, result.to_json())
+    return leave_document(work, asked, "validation", record.name, [page], links, result.to_json())
 
 
 def compensate(work: Work) -> Publish:
     """Compensates a program with a model, a cell or a registration; leaves the program after."""
-    asked = _asked(
+    asked = asked_of(
         work, "program", "model", "cell", "registration", "part", "wrench", "cutter", "free_spin",
         "axis_targets", "max_shift_mm", "split_um", "deviation",
     )  # fmt: skip
@@ -111,7 +112,7 @@ def compensate(work: Work) -> Publish:
     files = programs.laid(work.workspace, before, sources)
     paths = [
         *([models.laid(work.workspace, model, work.folder)] if model is not None else []),
-        *([_cell_file(work, cell)] if cell is not None else []),
+        *([cell_file(work, cell)] if cell is not None else []),
         *(laid_out(work.workspace, place, work.folder, CELL_FILE) if place is not None else ()),
     ]
     _require_ground(paths)
@@ -131,7 +132,7 @@ def compensate(work: Work) -> Publish:
         ),
     )
     work.step("compensating", 0, 1)
-    with _heard(work):
+    with heard(work):
         detail = compensated(request)
     made = [out / path.name for path in files if (out / path.name).is_file()]
     identities = sorted(out.glob(f"*{SUFFIX}"))
@@ -152,25 +153,25 @@ def compensate(work: Work) -> Publish:
             detail=_portable(detail),
         )
         counts = {key: detail[key] for key in ("targets", "compensated", "unchanged")}
-        return {"program": _ref(after.ref), **counts}
+        return {"program": ref_document(after.ref), **counts}
 
     return publish
 
 
 def plan(work: Work) -> Publish:
     """Chooses poses worth measuring in a cell; leaves a plan: table, page, KRL if asked for."""
-    asked = _asked(
+    asked = asked_of(
         work, "cell", "model", "program", "poses", "criterion", "region", "within", "payloads",
         "approach", "candidates", "tolerance_um", "seed", "krl", "trigger_output",
     )  # fmt: skip
     record, model = asked.item(CELL, "cell"), asked.item_or_none(MODEL, "model")
     before = asked.item_or_none(PROGRAM, "program")
-    cell, targets = _cell(work, record), None
+    cell, targets = cell_of(work, record), None
     if before is not None:
         (work.folder / "before").mkdir()
         targets = programs.laid(work.workspace, before, work.folder / "before")[0]
     work.step("drawing postures", 0, 1)
-    with _heard(work):
+    with heard(work):
         found = planned(
             cell,
             asked.whole("poses", 30),
@@ -200,68 +201,17 @@ def plan(work: Work) -> Publish:
         *([Link(role="model", to=model.ref)] if model is not None else []),
         *([Link(role="before", to=before.ref)] if before is not None else []),
     ]
-    return _document(work, asked, "plan", record.name, files, links, plan_document(found))
+    return leave_document(work, asked, "plan", record.name, files, links, plan_document(found))
 
 
 KINDS: Final[Mapping[str, str]] = {
-    each.__name__: f"{__name__}:{each.__name__}" for each in (calibrate, compensate, plan, validate)
+    **{each.__name__: f"{__name__}:{each.__name__}" for each in (calibrate, compensate, plan)},
+    "drift": "robotrue.cli.job_drift:drift",
+    "drift_plan": "robotrue.cli.job_drift:drift_plan",
+    "transfer": "robotrue.cli.job_drift:transfer",
+    "validate": f"{__name__}:validate",
 }
 """What workers started by robotrue can do."""
-
-
-def _asked(work: Work, *known: str) -> Parameters:
-    return Parameters(work.workspace, work.parameters, (*known, *NAMED))
-
-
-def _cell_file(work: Work, record: CellRecord) -> Path:
-    folder = work.folder / "cell"
-    folder.mkdir()
-    return cells.laid(work.workspace, record, folder)
-
-
-def _cell(work: Work, record: CellRecord) -> Cell:
-    cell = read_cell(_cell_file(work, record))
-    for doubt in cell.doubts:
-        work.remark(doubt)
-    return cell
-
-
-def _rows(work: Work, cell: Cell, sets: list[MeasurementRecord]) -> MeasurementSet:
-    rows = [measurements.rows_of(work.workspace, each) for each in sets]
-    return joined(cell, rows, [each.name for each in sets])
-
-
-@contextlib.contextmanager
-def _heard(work: Work) -> Iterator[None]:
-    """Keeps what the commands say to the terminal as remarks of the job."""
-    with stderr.capture() as heard:
-        yield
-    for line in heard.get().splitlines():
-        work.remark(line.removeprefix("note: "))
-
-
-def _document(
-    work: Work,
-    asked: Parameters,
-    kind: str,
-    about: str,
-    files: list[Path],
-    links: list[Link],
-    detail: Mapping[str, Any],
-) -> Publish:
-    def publish(into: Transaction) -> Mapping[str, Any]:
-        made: Record = documents.add(
-            into,
-            kind,
-            name=asked.text("name", f"{kind} of {about}"),
-            note=asked.text("note", ""),
-            files=files,
-            about=links,
-            detail={**detail, "job": work.job.id},
-        )
-        return {"document": _ref(made.ref)}
-
-    return publish
 
 
 def _require_ground(paths: list[Path]) -> None:
@@ -280,7 +230,3 @@ def _portable(detail: Mapping[str, Any]) -> dict[str, Any]:
     if "files" in kept:
         kept["files"] = [_portable(each) for each in kept["files"]]
     return kept
-
-
-def _ref(ref: Ref) -> dict[str, Any]:
-    return {"id": ref.id, "version": ref.version}

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Final
 
 from robotrue.web.bench import Page
-from robotrue.web.pages import calibration, cell, history, live, measurements, plan, programs
+from robotrue.web.pages import calibration, cell, drift, history, live, measurements, plan, programs
 
 PAGES: Final[tuple[Page, ...]] = (
     cell.PAGE,
@@ -17,6 +17,7 @@ PAGES: Final[tuple[Page, ...]] = (
     measurements.PAGE,
     calibration.PAGE,
     programs.PAGE,
+    drift.PAGE,
     live.PAGE,
     history.PAGE,
 )

@@ -100,7 +100,7 @@ def cell_of(workspace: Workspace, record: CellRecord) -> Cell:
 
 
 def read_sets(
-    cell: Cell, paths: list[Path], layout: ColumnMapping | None
+    cell: Cell, paths: list[Path], layout: ColumnMapping | None, *, minimum: int = 6
 ) -> tuple[MeasurementSet, list[str]]:
     """Returns all files as one set, and what is odd about it but harmless.
 
@@ -125,7 +125,11 @@ def read_sets(
         return forward(robot, joints)[:, :3, 3]
 
     remarks = check_plausible(
-        joined, measured_point(joined.joints), robot.reach, forward=measured_point
+        joined,
+        measured_point(joined.joints),
+        robot.reach,
+        forward=measured_point,
+        minimum=minimum,
     )
     return joined, list(remarks)
 
