@@ -146,7 +146,8 @@ def test_cell_measurements_and_program_come_in(client: Client, filled: Shop) -> 
     assert (program["dialect"], program["stage"]) == ("krl", "before")
     for noun, made in (("cell", cell), ("measurement", measured), ("program", program)):
         assert here.delete(f"/api/items/{noun}/{made['id']}").json()["deleted"] is True
-        back = here.post(f"/api/items/{noun}/{made['id']}/undo").json()
+        assert here.post(f"/api/items/{noun}/{made['id']}/undo?version=1").status_code == 409
+        back = here.post(f"/api/items/{noun}/{made['id']}/undo?version=2").json()
         assert (back["deleted"], back["version"]) == (False, 3)
         here.delete(f"/api/items/{noun}/{made['id']}")
 

@@ -12,7 +12,7 @@ from sqlalchemy import ColumnElement, Select, false, func, or_, select, true, tu
 from sqlalchemy.orm import Session
 
 from robotrue.core.json_values import json_values
-from robotrue.errors import ConfigurationError
+from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.store import journal
 from robotrue.store.nouns import NOUNS, Noun, noun_of
 from robotrue.store.records import Attachment, Link, Page, Query, Record, Ref
@@ -260,17 +260,32 @@ def delete(where: Workspace | Transaction, noun: Noun[R], id: str) -> R:
         return _again(into, noun, _living(into, noun, id), "deleted", deleted=True)
 
 
-def undo(where: Workspace | Transaction, noun: Noun[R], id: str) -> R:
+def undo(
+    where: Workspace | Transaction, noun: Noun[R], id: str, *, version: int | None = None
+) -> R:
     """Returns the item as it was before its latest version: undeleted, or with its earlier content.
 
     That is a new version, too: to undo twice is to be where one was.
 
+    Args:
+        where: Workspace or transaction.
+        noun: Its noun.
+        id: Of the item.
+        version: That is to be taken back; None: the latest, whatever others did meanwhile.
+
     Raises:
         ConfigurationError: It is not there, or has only its first version.
+        ModelMismatchError: The version is not the latest any more.
     """
     with transaction(where) as into:
         _locked(into.session, noun, id)
         latest = get(into, noun, id)
+        if version is not None and latest.version != version:
+            raise ModelMismatchError(
+                f"version {version} of {noun.name} {latest.name!r} is not its latest any more, "
+                f"version {latest.version} is.",
+                hint="look at it again.",
+            )
         if latest.version == 1:
             raise ConfigurationError(
                 f"{noun.name} {latest.name!r} has only its first version: nothing to undo.",

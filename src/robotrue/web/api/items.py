@@ -100,10 +100,10 @@ def router(house: House) -> APIRouter:
         return record_document(items.delete(workspace, _noun(noun), id), noun)
 
     @routes.post("/items/{noun}/{id}/undo")
-    def undo(noun: NounName, id: Id) -> dict[str, Any]:
-        """The item as it was before its latest version."""
+    def undo(noun: NounName, id: Id, version: Version = None) -> dict[str, Any]:
+        """The item as it was before its latest version; if that is no longer the one named: 409."""
         found(workspace, noun, id)
-        return record_document(items.undo(workspace, _noun(noun), id), noun)
+        return record_document(items.undo(workspace, _noun(noun), id, version=version), noun)
 
     @routes.get("/journal")
     def list_journal(

@@ -22,6 +22,7 @@ from robotrue.web.parts.elements import (
     table,
     tag,
     tiles,
+    undo_button,
     when,
 )
 from robotrue.web.parts.frame import html
@@ -69,9 +70,12 @@ def _model(bench: Bench, model: ModelRecord) -> None:
         f'?version={model.version}">{icon("download")}{escape(say("calibration.file"))}</a>'
         for each in model.files("model")
     )
-    gone = delete_button(say("frame.delete"), "model", model.id, "/calibration")
+    gone, state = delete_button(say("frame.delete"), "model", model.id, "/calibration"), ""
+    if model.deleted:
+        gone = undo_button(say("history.undo"), "model", model.id, model.version)
+        state = tag(say("history.action_deleted"), "caution")
     html(
-        f"<h1>{escape(model.name)}</h1>{tag(f'v{model.version}')}"
+        f"<h1>{escape(model.name)}</h1>{tag(f'v{model.version}')}{state}"
         f"<span class='note'>{escape(model.robot)}, {when(model.created)}</span>"
         f"<div class='acts'>{gone}{report}{file}</div>"
     ).classes("head")

@@ -10,7 +10,7 @@ from robotrue.store.nouns import NOUNS
 from robotrue.store.records import Query, Record
 from robotrue.store.workspace import Workspace
 from robotrue.web.bench import Bench, Page
-from robotrue.web.parts.elements import Tone, table, tag, when
+from robotrue.web.parts.elements import Tone, table, tag, undo_button, when
 from robotrue.web.parts.frame import html
 
 PER_PAGE: Final = 100
@@ -20,6 +20,7 @@ TONES: Final[dict[str, Tone]] = {
 }  # fmt: skip
 PAGES_OF: Final = {
     "measurement": "/measurements?id=", "model": "/calibration?model=", "program": "/programs?id=",
+    "drift-check": "/drift?id=",
 }  # fmt: skip
 
 
@@ -80,8 +81,7 @@ def _deleted(bench: Bench, gone: list[tuple[str, Record]]) -> str:
             f"<b>{escape(each.name)}</b>",
             escape(_word(bench, "noun", noun)),
             when(each.created),
-            f"<button class='act quiet' data-testid='undo' onclick=\"bench.undo('{noun}',"
-            f"'{each.id}',this)\">{escape(say('history.undo'))}</button>",
+            undo_button(say("history.undo"), noun, each.id, each.version),
         )
         for noun, each in gone
     ]

@@ -21,7 +21,9 @@ from robotrue.web.parts.elements import (
     fault,
     link_to,
     table,
+    tag,
     tiles,
+    undo_button,
     when,
 )
 from robotrue.web.parts.frame import html
@@ -98,9 +100,12 @@ def _one(bench: Bench, record: MeasurementRecord) -> None:
         f'?version={record.version}">{icon("download")}{escape(f.name)}</a>'
         for f in record.attachments
     )
-    gone = delete_button(say("frame.delete"), "measurement", record.id, "/measurements")
+    gone, state = delete_button(say("frame.delete"), "measurement", record.id, "/measurements"), ""
+    if record.deleted:
+        gone = undo_button(say("history.undo"), "measurement", record.id, record.version)
+        state = tag(say("history.action_deleted"), "caution")
     html(
-        f"<h1>{escape(record.name)}</h1><span class='note'>{when(record.created)}</span>"
+        f"<h1>{escape(record.name)}</h1>{state}<span class='note'>{when(record.created)}</span>"
         f"<div class='acts'>{gone}{raw}</div>"
     ).classes("head")
     html(

@@ -14,7 +14,17 @@ from robotrue.store.nouns import PROGRAM
 from robotrue.store.records import ProgramRecord, Query
 from robotrue.web.bench import Bench, Page
 from robotrue.web.parts.drop import DropZone
-from robotrue.web.parts.elements import Tile, delete_button, fault, link_to, table, tag, tiles, when
+from robotrue.web.parts.elements import (
+    Tile,
+    delete_button,
+    fault,
+    link_to,
+    table,
+    tag,
+    tiles,
+    undo_button,
+    when,
+)
 from robotrue.web.parts.frame import html
 from robotrue.web.parts.icons import icon
 from robotrue.web.parts.job import JobCard, under_way
@@ -80,9 +90,13 @@ async def _one(bench: Bench, record: ProgramRecord) -> None:
     say = bench.say
     after = record.stage == AFTER
     model = bench.model
-    acts = delete_button(say("frame.delete"), "program", record.id, "/programs")
+    acts = (
+        undo_button(say("history.undo"), "program", record.id, record.version)
+        if record.deleted
+        else delete_button(say("frame.delete"), "program", record.id, "/programs")
+    )
     acts += _downloads(bench, record)
-    if not after and model is not None:
+    if not after and not record.deleted and model is not None:
         parameters = escape(json.dumps({"program": record.id, "model": model.id}), quote=True)
         acts += (
             f'<button class="act" data-testid="compensate" data-parameters="{parameters}" '
@@ -90,8 +104,9 @@ async def _one(bench: Bench, record: ProgramRecord) -> None:
             f"{escape(say('programs.compensate'))}</button>"
         )
     stage = say("programs.stage_after" if after else "programs.stage_before")
+    gone = tag(say("history.action_deleted"), "caution") if record.deleted else ""
     html(
-        f"<h1>{escape(record.name)}</h1>{tag(stage, 'good' if after else 'plain')}"
+        f"<h1>{escape(record.name)}</h1>{tag(stage, 'good' if after else 'plain')}{gone}"
         f"<span class='note'>{escape(record.dialect)}, {when(record.created)}</span>"
         f"<div class='acts'>{acts}</div>"
     ).classes("head")

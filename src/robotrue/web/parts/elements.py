@@ -103,6 +103,14 @@ def fault(title: str, message: str, hint: str | None) -> str:
     )
 
 
+def undo_button(label: str, noun: str, id: str, version: int) -> str:
+    """Returns a button that takes back the version that is seen, unless somebody has since."""
+    return (
+        f"<button class='act quiet' data-testid='undo' "
+        f"onclick=\"bench.undo('{noun}','{id}',this,{version})\">{escape(label)}</button>"
+    )
+
+
 def delete_button(label: str, noun: str, id: str, go: str) -> str:
     """Returns a button that deletes an item; History brings it back."""
     return (

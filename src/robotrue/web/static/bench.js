@@ -110,9 +110,10 @@
       button.disabled = false;
     }
   };
-  const undo = async (noun, id, button) => {
+  // Takes back the version that was seen; if somebody else has done so, it is not turned round again.
+  const undo = async (noun, id, button, version) => {
     button.disabled = true;
-    await fetch(`/api/items/${noun}/${id}/undo`, { method: "POST" });
+    await fetch(`/api/items/${noun}/${id}/undo?version=${version}`, { method: "POST" });
     location.reload();
   };
   const remove = async (noun, id, go) => {
