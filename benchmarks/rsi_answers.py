@@ -7,25 +7,35 @@ Answers come from the answering process, as in ``robotrue sense``; with ``--serv
 does what a service does meanwhile: takes forces at 1 kHz from a simulated sensor in yet another
 process, and estimates. ``--thread`` answers from a thread of this process instead.
 
-    python benchmarks/rsi_answers.py [--cycles 150000] [--ours 15000] [--service] [--thread]
+Whose lateness it is, is measured in the same run: the kernel's own times of packet and answer
+(``answer_times.py``), and the stalls of every processor (``machine_stalls.py``). The floor is what
+this computer can do: a loop of three lines that answers with a constant, at the same priority.
+
+    python benchmarks/rsi_answers.py [--cycles 150000] [--ours 15000] [--floor 15000] [--service]
+        [--thread]
 """
 
 from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
 import json
 import os
+import re
 import resource
 import socket
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from answer_times import AnswerTimes, Tap
+from machine_stalls import Probe, Stalls
 
 from robotrue.core.units import MM
 from robotrue.online.answering_link import AnsweringLink
@@ -45,6 +55,8 @@ HERE = Path(__file__).resolve()
 RSIPI = HERE.parents[1] / "tests" / "online" / "rsipi_robot.py"
 MODE = CorrectionMode.ABSOLUTE
 _GOAL = 150_000
+_DUE = 4e-3
+"""s: an answer given within a cycle of its packet is in time, whoever reads it when."""
 
 
 async def answered(
@@ -82,7 +94,12 @@ async def answered(
         await beside.close()
         await estimating
         print(f"  beside it: {beside.estimates} estimates of forces at 1 kHz, SIMULATED")
-    return json.loads(out.splitlines()[-1]) | {"rows": rows}
+    return told_by(out) | {"rows": rows}
+
+
+def told_by(out: bytes) -> dict:
+    """What a controller says in its last line."""
+    return dict(json.loads(out.splitlines()[-1]))
 
 
 class Service:
@@ -145,8 +162,51 @@ def spent() -> float:
     return own.ru_utime + own.ru_stime + ended.ru_utime + ended.ru_stime
 
 
-def measured(name: str, command: list[str], *, thread: bool, service: bool) -> int:
-    """Prints a row; returns the answers that were late or faulty."""
+def floor(cycles: int) -> None:
+    """Prints what a loop of three lines does with RSIPI's packets, on the same computer."""
+    with tempfile.TemporaryDirectory() as text:
+        folder = Path(text)
+        loop = subprocess.Popen(
+            [sys.executable, str(HERE), "floor"], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        )
+        port = int(loop.stdout.readline()) if loop.stdout is not None else 0
+        path = folder / "RSI_EthernetConfig.xml"
+        path.write_bytes(write_rsi_config(usual_rsi_config("127.0.0.1", port)))
+        with Probe() as probe, Tap(port, folder) as tap:
+            out = subprocess.run(
+                [sys.executable, *rsipi(cycles)[:1], str(path), *rsipi(cycles)[1:]],
+                cwd=folder,
+                stdout=subprocess.PIPE,
+                check=True,
+            ).stdout
+        loop.kill()
+        loop.wait()
+    counted = told_by(out)
+    print(f"{'floor: three lines':<28} {counted['taken']:>8} {counted['faulty']:>6}")
+    judged(counted, tap.times, probe.stalls)
+
+
+def three_lines() -> None:
+    """Answers with a constant, for ever."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
+        link.bind(("127.0.0.1", 0))
+        sys.stdout.write(f"{link.getsockname()[1]}\n")
+        sys.stdout.flush()
+        with contextlib.suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(2))
+        ipoc: Callable[[bytes], list[bytes]] = re.compile(rb"<IPOC>\d+</IPOC>").findall
+        while True:
+            data, sender = link.recvfrom(4096)
+            link.sendto(b'<Sen Type="ImFree">%b</Sen>' % ipoc(data)[0], sender)
+
+
+def rsipi(cycles: int) -> list[str]:
+    """The command of RSIPI's echo server."""
+    return [str(RSIPI), MODE.value, str(cycles), "first"]
+
+
+def measured(name: str, command: list[str], *, thread: bool, service: bool) -> tuple[int, int]:
+    """Prints a row; returns the answers that were late or faulty, and how many of them are ours."""
     limits = CorrectionLimits(
         shift=0.5 * MM, shift_rate=1.0 * MM, cycle=4e-3, late_answers=2, latch=False
     )
@@ -160,8 +220,9 @@ def measured(name: str, command: list[str], *, thread: bool, service: bool) -> i
         beside = Service(folder) if service else None
         began, busy = time.monotonic(), spent()
         agreed = usual_rsi_config(*source.address)
-        counted = asyncio.run(answered(command, agreed, source, guard, folder, beside))
-        wall, busy = time.monotonic() - began, spent() - busy
+        with Probe() as probe, Tap(source.address[1], folder) as tap:
+            counted = asyncio.run(answered(command, agreed, source, guard, folder, beside))
+            wall, busy = time.monotonic() - began, spent() - busy
     health, took = source.health(), source.turnaround
     times = [took.quantile(0.5), took.quantile(0.99), took.quantile(0.9999), took.largest]
     print(
@@ -173,7 +234,49 @@ def measured(name: str, command: list[str], *, thread: bool, service: bool) -> i
         + ("" if source.preferred else "  (no real-time priority)"),
         flush=True,
     )
-    return int(counted["faulty"])
+    return int(counted["faulty"]), judged(counted, tap.times, probe.stalls)
+
+
+def judged(counted: dict, times: AnswerTimes | None, stalls: Stalls) -> int:
+    """Prints whose the late answers were; returns those that were ours, of which -1 is unknown."""
+    if not counted.get("preferred", True):
+        print("  the controller had no real-time priority: it may have read late what came in time")
+    print(f"  {stalls.told()}")
+    if times is None:
+        print("  the interface could not be heard: nothing is known of the answers on their way")
+        return -1
+    took = times.took[np.isfinite(times.took)]
+    spread = 1e3 * np.quantile(took, [0.5, 0.99, 0.999, 1.0])
+    print(
+        "  by the kernel, from packet to answer: p50 {:.3f} ms, p99 {:.3f}, p99.9 {:.3f}, "
+        "max {:.1f}".format(*spread)
+        + f"; over 4 ms {int((took > _DUE).sum())}, of these with no processor stalled "
+        f"{sum(not excused(times, k, stalls) for k in np.flatnonzero(times.took > _DUE))}"
+    )
+    places = {int(ipoc): k for k, ipoc in enumerate(times.ipoc)}
+    missed = [places[ipoc] for ipoc in counted["missed"] if ipoc in places]
+    in_time = [k for k in missed if times.took[k] <= _DUE]
+    late = [k for k in missed if k not in in_time]
+    stalled = [k for k in late if excused(times, k, stalls)]
+    ours = len(counted["missed"]) - len(in_time) - len(stalled)
+    for k in late[:10]:
+        stall = stalls.within(times.came[k], times.came[k] + float(times.took[k]))
+        print(
+            f"    late: IPOC {times.ipoc[k]} answered after {1e3 * times.took[k]:.1f} ms, "
+            f"a processor stalled for {1e3 * stall:.1f} ms of them"
+        )
+    print(
+        f"  missed by the controller {len(counted['missed'])}: given within 4 ms all the same "
+        f"{len(in_time)}, while a processor stalled for half the time or more {len(stalled)}, "
+        f"ours {ours}"
+    )
+    return ours
+
+
+def excused(times: AnswerTimes, k: int, stalls: Stalls) -> bool:
+    """Whether a processor stood still for at least half of the time that an answer took."""
+    took = float(times.took[k])
+    return stalls.within(times.came[k], times.came[k] + took) >= 0.5 * took
 
 
 def ours(config: str, cycles: str) -> None:
@@ -194,13 +297,15 @@ def ours(config: str, cycles: str) -> None:
     report = asyncio.run(run(settings))
     faulty = report.late + report.faulty
     own = report.overslept
-    print(json.dumps({"taken": report.answered, "faulty": faulty, "overslept": own}))
+    told = {"taken": report.answered, "faulty": faulty, "overslept": own, "missed": []}
+    print(json.dumps(told))
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cycles", type=int, default=150_000, help="answers to RSIPI")
     parser.add_argument("--ours", type=int, default=15_000, help="to our simulated controller")
+    parser.add_argument("--floor", type=int, default=15_000, help="to RSIPI by a bare loop")
     parser.add_argument("--service", action="store_true", help="estimate meanwhile")
     parser.add_argument("--thread", action="store_true", help="answer from a thread")
     given = parser.parse_args()
@@ -214,7 +319,9 @@ def main() -> None:
         f"{'refused':>7} {'samples':>8} "
         f"{'bites':>5} {'p50 us':>8} {'p99':>8} {'p99.99':>8} {'max':>8} {'CPU us':>8} {'wall':>7}"
     )
-    late = measured("RSIPI echo server", [str(RSIPI), MODE.value, str(given.cycles)], **how)
+    if given.floor:
+        floor(given.floor)
+    late, own = measured("RSIPI echo server", rsipi(given.cycles), **how)
     if given.ours:
         measured("our simulated controller", [str(HERE), str(given.ours)], **how)
     print(
@@ -224,12 +331,14 @@ def main() -> None:
     verdict = "missed" if late else "reached" if given.cycles >= _GOAL else "too short to say"
     print(
         f"RESULT | RSI answers at 4 ms, RSIPI, late or faulty of {given.cycles} | 0 of 1,400 | "
-        f"0 of 150,000 | {late} | {verdict}"
+        f"0 of 150,000 | {late}{'' if own < 0 else f', {own} of them ours'} | {verdict}"
     )
 
 
 if __name__ == "__main__":
-    if len(sys.argv) == 3 and sys.argv[1].endswith(".xml"):
+    if sys.argv[1:] == ["floor"]:
+        three_lines()
+    elif len(sys.argv) == 3 and sys.argv[1].endswith(".xml"):
         ours(sys.argv[1], sys.argv[2])
     else:
         main()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -152,8 +153,21 @@ class Correction:
 
     def __post_init__(self) -> None:
         """Freezes and checks; a correction that is not finite never reaches a robot."""
-        object.__setattr__(self, "shift", frozen(self.shift, (3,), "shift"))
-        object.__setattr__(self, "turn", frozen(self.turn, (3,), "turn"))
+        if not _is_settled(self.shift):
+            object.__setattr__(self, "shift", frozen(self.shift, (3,), "shift"))
+        if not _is_settled(self.turn):
+            object.__setattr__(self, "turn", frozen(self.turn, (3,), "turn"))
+
+
+def _is_settled(vector: Array) -> bool:
+    """Whether ``frozen`` would leave it as it is; asked while a controller waits."""
+    return (
+        isinstance(vector, np.ndarray)
+        and not vector.flags.writeable
+        and vector.shape == (3,)
+        and vector.dtype == np.float64
+        and math.isfinite(sum(vector.tolist()))
+    )
 
 
 def unknown_pose() -> Array:
