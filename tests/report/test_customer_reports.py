@@ -13,7 +13,7 @@ from validation_fakes import FakeModel, measured
 from robotrue.cell.part import PartFrame, PartTable
 from robotrue.compensation.difference import Difference
 from robotrue.core.identity import ModelIdentity
-from robotrue.errors import ConfigurationError, ModelMismatchError
+from robotrue.errors import ConfigurationError, ModelMismatchError, ObservabilityError
 from robotrue.report.certificate import CertificateFacts, certificate_content, check_regions
 from robotrue.report.content import Fact, ReportContent, Table, Verdict
 from robotrue.report.json import content_sha256, is_intact, report_json
@@ -231,6 +231,18 @@ def test_a_target_without_a_prediction_is_no_go_and_an_axis_target_is_not_judged
     content = judged(axis)
     assert content.verdict.tone == "good"
     assert table(content, "Targets by decision").rows[-1][1:] == (1, 1)
+    assert "Axis targets, 1, state no place" in content.verdict.detail
+    assert "轴目标点 1 个" in judged(axis, lang="zh").verdict.detail
+    assert "Axis targets" not in judged(found([0.05])).verdict.detail
+    every = judged(axis, strict=True)
+    assert every.verdict.tone == "bad"
+    assert "1 of 2 targets are not proven" in every.verdict.text
+
+
+def test_axis_targets_alone_prove_nothing():
+    axis = replace(found([np.nan, np.nan]), shift=np.full((2, 3), np.nan))
+    with pytest.raises(ObservabilityError, match="all of 2 targets state axes"):
+        judged(axis)
 
 
 def test_a_program_without_predictions_is_refused():

@@ -188,14 +188,17 @@ def test_a_program_is_judged_by_predicted_error_and_its_bound(client: Client, fi
     here = client()
     asked = {"model": filled.model.id}
     address = f"/api/programs/{filled.program.id}/judgement"
-    strict = here.get(address, params={**asked, "tolerance_mm": 0.01}).json()
-    assert strict["go"] is False
-    assert strict["states"]["fails"] == 3
-    assert strict["states"]["unknown"] == 2  # out of reach, and an axis target: not waved through
+    close = here.get(address, params={**asked, "tolerance_mm": 0.01}).json()
+    assert close["go"] is False
+    assert close["states"]["fails"] == 3
+    assert close["states"]["unknown"] == 1  # out of reach: not waved through
+    assert (close["targets"], close["axis_targets"]) == (4, 1)  # states no place: listed apart
     wide = here.get(address, params={**asked, "tolerance_mm": 500}).json()
     assert wide["states"]["conforms"] == 3
     assert wide["go"] is False
-    assert strict["worst"][0]["after_m"] == strict["after_m"]["max"]
+    assert close["worst"][0]["after_m"] == close["after_m"]["max"]
+    every = here.get(address, params={**asked, "tolerance_mm": 500, "strict": True}).json()
+    assert (every["targets"], every["states"]["unknown"]) == (5, 2)
 
 
 def test_a_job_is_asked_for_watched_and_cancelled(client: Client, filled: Shop) -> None:

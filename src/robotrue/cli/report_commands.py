@@ -92,6 +92,10 @@ def program(
     cutter: Annotated[
         str | None, typer.Option(help="Axis of [tool] from spindle to tip, for --force.")
     ] = None,
+    strict: Annotated[
+        bool,
+        typer.Option("--strict", help="Axis targets count as targets that are not proven."),
+    ] = False,
     simulated: Simulated = False,
     json: Json = False,
 ) -> None:
@@ -109,6 +113,7 @@ def program(
         wrench=wrench,
         force=force,
         cutter=cutter,
+        strict=strict,
         simulated=simulated,
         as_json=json,
     )

@@ -30,6 +30,7 @@ def run(
     force: Path | None,
     cutter: str | None,
     simulated: bool,
+    strict: bool,
     as_json: bool,
 ) -> None:
     """Writes the report; exits like any command whatever the verdict: it is in the report."""
@@ -63,6 +64,7 @@ def run(
             *(fact(t, "fact.force", w) for w in (wrench,) if w is not None),
         ],
         lang=speech,
+        strict=strict,
     )
     written = write_reports(outputs, content)
     if as_json:

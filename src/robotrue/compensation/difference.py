@@ -87,6 +87,11 @@ class Difference:
             object.__setattr__(self, name, value)
 
     @property
+    def axis_target(self) -> BoolArray:
+        """(n,) targets that state axes and no place: they turn, and have no shift."""
+        return np.asarray(~np.isfinite(self.shift).all(axis=1) & np.isfinite(self.turn))
+
+    @property
     def has_errors(self) -> bool:
         """Whether a model spoke."""
         return len(self.error_before) == len(self.change) > 0

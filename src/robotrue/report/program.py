@@ -24,7 +24,7 @@ from robotrue.report.content import (
     Verdict,
 )
 from robotrue.report.words import ENGLISH, Lang, Words
-from robotrue.validation.conformity import Conformity, conformity
+from robotrue.validation.conformity import Conformity, all_conform, conformity, to_judge
 from robotrue.validation.error_map import radius_95
 from robotrue.validation.metrics import error_statistics
 
@@ -44,6 +44,7 @@ def program_content(
     doubts: Sequence[str] = (),
     provenance: Sequence[Fact] = (),
     lang: Lang = "en",
+    strict: bool = False,
 ) -> ReportContent:
     """Returns the content of a report about a compensated program.
 
@@ -57,16 +58,17 @@ def program_content(
         doubts: Of the model.
         provenance: Files and hashes.
         lang: Language of the report.
+        strict: Whether axis targets count as targets that are not proven.
 
     Raises:
         ModelMismatchError: Differences without predicted errors, or no target with one.
         ConfigurationError: A tolerance that is not above zero.
     """
     t = Words(lang=lang)
-    joined = _joined(found)
+    joined = _joined(found, strict=strict)
     states = conformity(joined.after, joined.bound, tolerance)
     not_proven = int((states != Conformity.CONFORMS).sum())
-    go = not not_proven
+    go = all_conform(states)
     text = (
         t("prog.go", tolerance=tolerance / MM)
         if go
@@ -76,7 +78,11 @@ def program_content(
         title=t("prog.title", name=after),
         subtitle=t("prog.subtitle", before=before, after=after, robot=robot),
         simulated=simulated,
-        verdict=Verdict(text=text, tone="good" if go else "bad", detail=t("prog.rule")),
+        verdict=Verdict(
+            text=text,
+            tone="good" if go else "bad",
+            detail=t("prog.rule") + _apart(joined, t),
+        ),
         tiles=_tiles(joined, states, t),
         sections=(
             _before_after(joined, tolerance, t),
@@ -114,7 +120,12 @@ class _Targets:
         return np.asarray(np.isfinite(self.before + self.after + self.bound))
 
 
-def _joined(found: Sequence[tuple[str, Difference]]) -> _Targets:
+def _apart(joined: _Targets, t: Words) -> str:
+    """What is said of targets that were not judged."""
+    return "" if not joined.axis_targets else t("prog.apart", n=joined.axis_targets)
+
+
+def _joined(found: Sequence[tuple[str, Difference]], *, strict: bool) -> _Targets:
     for name, one in found:
         if len(one.change) and not one.has_errors:
             raise ModelMismatchError(
@@ -124,9 +135,7 @@ def _joined(found: Sequence[tuple[str, Difference]]) -> _Targets:
     if not parts:
         raise ModelMismatchError("no targets to judge.", hint="check the programs.")
     shift = np.concatenate([one.shift for one in parts])
-    turn = np.concatenate([one.turn for one in parts])
-    # A target that states axes names no place; whether it is missed is nobody's question.
-    axis = ~np.isfinite(shift).all(axis=1) & np.isfinite(turn)
+    axis = ~to_judge(np.concatenate([one.axis_target for one in parts]), strict=strict)
     covariance = np.concatenate([one.covariance for one in parts])[~axis]
     bound = np.full(len(covariance), np.nan)
     spread = np.isfinite(covariance).all(axis=(1, 2))

@@ -223,6 +223,8 @@ TEXT: Final[Mapping[str, str]] = {
     "prog.rule": "Rule: a target conforms if predicted error + 95 % bound <= tolerance. The "
     "uncertainty counts against the program (guard band, ISO 14253-1); each target is judged by "
     "itself.",
+    "prog.apart": " Axis targets, {n}, state no place to hold a tolerance to: listed apart, not "
+    "judged.",
     "prog.tile_after": "predicted error after, mean",
     "prog.tile_worst": "worst target, with its bound",
     "prog.tile_proven": "targets proven within tolerance",

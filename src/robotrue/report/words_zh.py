@@ -207,6 +207,7 @@ TEXT: Final[Mapping[str, str]] = {
     "内。",
     "prog.rule": "判定规则：预测误差 + 95 % 界限 <= 公差，则该目标点合格。不确定度不利于程序（保"
     "护带，ISO 14253-1）；各目标点单独判定。",
+    "prog.apart": "轴目标点 {n} 个，未给出可套用公差的位置：单独列出，不判定。",
     "prog.tile_after": "补偿后平均预测误差",
     "prog.tile_worst": "最差目标点（含界限）",
     "prog.tile_proven": "证明在公差内的目标点",

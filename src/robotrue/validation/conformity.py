@@ -7,6 +7,10 @@ Three answers::
 U is the radius that holds 95 % about the prediction, so the true error of a conforming target is
 within T with at least 95 %. This is the guard band of ISO 14253-1 taken as a decision rule; each
 target is judged by itself.
+
+A target that states axes names no place a tolerance could be held to: whether it is missed is
+nobody's question. It is counted apart and not judged, unless the strict rule is asked for, by which
+a target of which nothing can be said is one that is not proven. Nothing judged is nothing proven.
 """
 
 from __future__ import annotations
@@ -15,8 +19,8 @@ from enum import IntEnum
 
 import numpy as np
 
-from robotrue.core.arrays import Array, IntArray
-from robotrue.errors import ConfigurationError
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.errors import ConfigurationError, ObservabilityError
 
 
 class Conformity(IntEnum):
@@ -48,3 +52,27 @@ def conformity(length: Array, bound: Array, tolerance: float) -> IntArray:
     out[length - bound > tolerance] = Conformity.FAILS
     out[~np.isfinite(length + bound)] = Conformity.UNKNOWN
     return out
+
+
+def to_judge(axis_target: BoolArray, *, strict: bool) -> BoolArray:
+    """Returns which targets (n,) are held to a tolerance: those that state a place; strictly, all.
+
+    Args:
+        axis_target: (n,) targets that state axes.
+        strict: Whether those count, too, as targets of which nothing is known.
+
+    Raises:
+        ObservabilityError: Every target states axes; there is nothing to judge.
+    """
+    if axis_target.all():
+        raise ObservabilityError(
+            f"all of {len(axis_target)} targets state axes: none names a place that a tolerance "
+            "could be held to.",
+            hint="judge a program with linear or circular moves.",
+        )
+    return np.ones_like(axis_target) if strict else ~axis_target
+
+
+def all_conform(states: IntArray) -> bool:
+    """Returns whether targets were judged, and every one of them conforms."""
+    return bool(len(states) and (states == Conformity.CONFORMS).all())

@@ -53,17 +53,26 @@ def router(house: House) -> APIRouter:
         id: Id,
         model: Annotated[str, Query(max_length=40)],
         tolerance_mm: Annotated[float, Query(gt=0.0, le=1000.0)] = 0.5,
+        strict: bool = False,
         version: Version = None,
     ) -> Response:
         """Predicted errors of a program's targets, and GO or NO-GO against a tolerance.
 
         A compensated program is compared with the one it was made from, and judged by the model it
-        was compensated with; a program as the CAM made it is judged as it stands.
+        was compensated with; a program as the CAM made it is judged as it stands. Axis targets
+        state no place and are counted apart, unless the judgement is to be strict.
         """
         program = await asyncio.to_thread(found, workspace, PROGRAM.name, id, version)
         judge = await asyncio.to_thread(found, workspace, MODEL.name, model)
         answer = await house.answers.once(
-            "program.judged", folder, id, program.version, model, judge.version, tolerance_mm
+            "program.judged",
+            folder,
+            id,
+            program.version,
+            model,
+            judge.version,
+            tolerance_mm,
+            strict,
         )
         return Response(answer, media_type=JSON)
 

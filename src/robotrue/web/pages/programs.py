@@ -127,19 +127,19 @@ async def _one(bench: Bench, record: ProgramRecord) -> None:
 
 
 def _judged(bench: Bench, record: ProgramRecord, model: str) -> None:
-    tolerance = _tolerance(bench)
+    tolerance, strict = _tolerance(bench), bench.query.get("strict") == "on"
     house = bench.house
     folder = str(house.workspace.folder)
     version = bench.model.version if bench.model is not None else 1
 
     async def ask() -> bytes:
         return await house.answers.once(
-            "program.judged", folder, record.id, record.version, model, version, tolerance
+            "program.judged", folder, record.id, record.version, model, version, tolerance, strict
         )
 
     source = (
         f"/api/programs/{record.id}/judgement?model={model}&tolerance_mm={tolerance:g}"
-        f"&version={record.version}"
+        f"&version={record.version}{'&strict=true' if strict else ''}"
     )
     later(bench, ask, lambda found: _show(bench, record, found, source, tolerance))
 
@@ -201,6 +201,9 @@ def _verdict(bench: Bench, record: ProgramRecord, found: dict[str, Any], toleran
     rule = say("programs.rule", model=found["model"]["name"])
     if record.stage == AFTER:
         rule += " " + say("programs.rule_after")
+    if found["axis_targets"]:
+        key = "programs.axis_strict" if found["strict"] else "programs.axis_apart"
+        rule += " " + say(key, count=found["axis_targets"])
     return (
         f"<b>{'GO' if found['go'] else 'NO-GO'}</b><div><div>{escape(text)}{simulated}</div>"
         f'<div class="note">{escape(rule)}</div></div>'
@@ -209,7 +212,20 @@ def _verdict(bench: Bench, record: ProgramRecord, found: dict[str, Any], toleran
         f"{escape(say('programs.tolerance'))}"
         f'<input type="number" name="tolerance_mm" min="0.001" step="any" value="{tolerance:g}" '
         'style="width:110px" data-testid="tolerance"></label>'
+        f"{_strictness(bench, found)}"
         f'<button class="act quiet">{escape(say("programs.judge"))}</button></form>'
+    )
+
+
+def _strictness(bench: Bench, found: dict[str, Any]) -> str:
+    """A box for the strict rule, where there are targets it would change."""
+    if not found["axis_targets"]:
+        return ""
+    checked = " checked" if found["strict"] else ""
+    return (
+        '<label class="note" style="display:flex;gap:8px;align-items:center;min-height:44px">'
+        f'<input type="checkbox" name="strict" data-testid="strict"{checked}>'
+        f"{escape(bench.say('programs.strict'))}</label>"
     )
 
 

@@ -25,7 +25,7 @@ from robotrue.store import cells, items, jobs, measurements, models, programs
 from robotrue.store.nouns import CELL, MEASUREMENT, MODEL, PROGRAM
 from robotrue.store.records import ModelRecord, ProgramRecord
 from robotrue.store.workspace import Workspace
-from robotrue.validation.conformity import Conformity, conformity
+from robotrue.validation.conformity import Conformity, all_conform, conformity, to_judge
 from robotrue.validation.error_map import radius_95
 from robotrue.validation.metrics import error_statistics
 from robotrue.web.questions.body import body_document
@@ -38,7 +38,13 @@ WORST: Final = 25
 
 
 def judged(
-    folder: str, program: str, version: int, model: str, model_version: int, tolerance_mm: float
+    folder: str,
+    program: str,
+    version: int,
+    model: str,
+    model_version: int,
+    tolerance_mm: float,
+    strict: bool = False,
 ) -> bytes:
     """Returns path, predicted errors, worst targets and verdict of a program.
 
@@ -49,6 +55,7 @@ def judged(
         model: Model that predicts, for a program as the CAM made it.
         model_version: Of it.
         tolerance_mm: Largest distance of a target from where it should be.
+        strict: Whether axis targets count as targets that are not proven.
     """
     with Workspace.open(folder) as workspace, TemporaryDirectory() as scratch:
         asked = items.get(workspace, PROGRAM, program, version=version)
@@ -61,7 +68,7 @@ def judged(
     parts = [(program, one) for program, one in parts if len(one.change)]
     if not parts:
         raise ModelMismatchError("no targets in this program.", hint="drop its main file, too.")
-    return answer(_document(found, parts, tolerance_mm * MM))
+    return answer(_document(found, parts, tolerance_mm * MM, strict=strict))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,14 +150,17 @@ def _load(workspace: Workspace, record: ProgramRecord, payload: Load) -> Load:
 
 
 def _document(
-    found: _Found, parts: list[tuple[Program, Difference]], tolerance: float
+    found: _Found, parts: list[tuple[Program, Difference]], tolerance: float, *, strict: bool
 ) -> dict[str, Any]:
-    position = np.concatenate([_position(program) for program, _ in parts])
+    axis = np.concatenate([one.axis_target for _, one in parts])
+    kept = np.flatnonzero(to_judge(axis, strict=strict))
+    position = np.concatenate([_position(program) for program, _ in parts])[kept]
     lengths = [_lengths(one) for _, one in parts]
-    before, after, bound = (np.concatenate(each) for each in zip(*lengths, strict=True))
-    line = np.concatenate([one.line for _, one in parts])
-    shift = np.concatenate([np.linalg.norm(one.shift, axis=1) for _, one in parts])
-    names = [program.name for program, one in parts for _ in range(len(one.change))]
+    before, after, bound = (np.concatenate(each)[kept] for each in zip(*lengths, strict=True))
+    line = np.concatenate([one.line for _, one in parts])[kept]
+    shift = np.concatenate([np.linalg.norm(one.shift, axis=1) for _, one in parts])[kept]
+    every = [program.name for program, one in parts for _ in range(len(one.change))]
+    names = [every[row] for row in kept]
     known = np.isfinite(before + after + bound)
     if not known.any():
         raise ModelMismatchError(
@@ -179,12 +189,14 @@ def _document(
         "simulated": found.simulated,
         "model": {"name": found.record.name, "version": found.record.version},
         "targets": len(names),
+        "axis_targets": int(axis.sum()),
+        "strict": strict,
         "unknown": int((~known).sum()),
         "before_m": _statistics(before[known]),
         "after_m": _statistics(after[known]),
         "bound_m": float(bound[known].max()),
         "states": {each.name.lower(): int((states == each).sum()) for each in Conformity},
-        "go": bool((states == Conformity.CONFORMS).all()),
+        "go": all_conform(states),
         "worst": [
             {
                 "file": names[row],
