@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= demo-out
 
-.PHONY: demo test check bench fuzz fuzz-guided postgres clean
+.PHONY: demo test check bench fuzz fuzz-guided openapi postgres clean
 
 demo: $(VENV)/.runtime
 	$(BIN)/robotrue demo --out $(OUT)
@@ -23,6 +23,10 @@ fuzz: $(VENV)/.development
 fuzz-guided: $(VENV)/.development
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[fuzz]"
 	$(BIN)/python tests/fuzz/guided.py $(DIALECTS) $(or $(SECONDS),600) fuzz-out/corpus/$(DIALECTS)
+
+# The HTTP interface asked by schemathesis, EXAMPLES requests of each sort for each operation.
+openapi: $(VENV)/.development
+	ROBOTRUE_OPENAPI_EXAMPLES=$(or $(EXAMPLES),200) $(BIN)/python -m pytest -q tests/web/test_openapi.py
 
 # A PostgreSQL in a temporary folder, as tests start it; prints its URL, ends with Ctrl-C.
 postgres: $(VENV)/.development

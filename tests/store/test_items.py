@@ -352,7 +352,7 @@ def test_versions_follow_each_other_whoever_writes(workspace: Workspace) -> None
     assert [each.latest for each in versions] == [False] * 10 + [True]
 
 
-@pytest.mark.parametrize("text", ["a\0b", "\0"])
+@pytest.mark.parametrize("text", ["a\0b", "\0", "\ud800"])
 def test_nul_characters_are_refused(workspace: Workspace, text: str) -> None:
     for detail, note in (({"x": text}, ""), ({}, text)):
         with pytest.raises(ConfigurationError, match="NUL character"):

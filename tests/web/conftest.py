@@ -56,13 +56,14 @@ def filled(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shop]:
 
 @pytest.fixture
 def client(filled: Shop, monkeypatch: pytest.MonkeyPatch) -> Iterator[Client]:
-    """Makes clients of the interface; what is given are settings of the server."""
+    """Makes clients of the interface, of this shop or another; else settings of the server."""
     with contextlib.ExitStack() as stack:
 
-        def make(host: str = "127.0.0.1", **settings: Any) -> TestClient:
+        def make(host: str = "127.0.0.1", shop: Shop | None = None, **settings: Any) -> TestClient:
             monkeypatch.setattr(server, "Workers", InProcess)
-            wanted = ServeSettings(workspace=filled.workspace.folder, host=host, **settings)
-            house = server.house_of(wanted, filled.workspace)
+            workspace = (shop or filled).workspace
+            wanted = ServeSettings(workspace=workspace.folder, host=host, **settings)
+            house = server.house_of(wanted, workspace)
             base = "http://127.0.0.1" if host == "127.0.0.1" else "http://cell.example"
             made = TestClient(server.core_app(house), base_url=base)
             return stack.enter_context(made)

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Final
+
+_ODD: Final = re.compile("[\\0\\ud800-\\udfff]")
 
 
 def json_values(value: Any) -> Any:
@@ -18,3 +21,17 @@ def json_values(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
+
+
+def plain_text(value: Any) -> bool:
+    """Returns whether any database and any file keeps the text in JSON values.
+
+    None keeps a NUL, nor half a character (a surrogate without its pair).
+    """
+    if isinstance(value, Mapping):
+        return all(plain_text(k) and plain_text(v) for k, v in value.items())
+    if isinstance(value, list | tuple):
+        return all(plain_text(v) for v in value)
+    if not isinstance(value, str):
+        return True
+    return _ODD.search(value) is None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import uuid
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
@@ -11,7 +10,7 @@ from typing import Any, Final, TypeVar
 from sqlalchemy import ColumnElement, Select, false, func, or_, select, true, tuple_, update
 from sqlalchemy.orm import Session
 
-from robotrue.core.json_values import json_values
+from robotrue.core.json_values import json_values, plain_text
 from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.store import journal
 from robotrue.store.nouns import NOUNS, Noun, noun_of
@@ -62,7 +61,7 @@ def insert(
 
 
 def _clean(columns: Mapping[str, Any]) -> dict[str, Any]:
-    """The columns as any database keeps them: JSON values, no NUL in text."""
+    """The columns as any database keeps them: JSON values, text of whole characters, no NUL."""
     kept = {
         key: json_values(value) if isinstance(value, Mapping) else value
         for key, value in columns.items()
@@ -73,9 +72,9 @@ def _clean(columns: Mapping[str, Any]) -> dict[str, Any]:
             f"a name of {len(kept['name'])} characters, expected 1 to {LONGEST_NAME}.",
             hint="--name",
         )
-    if "\0" in kept["name"] + kept["note"] or "\\u0000" in json.dumps(kept, default=str):
+    if not plain_text(kept):
         raise ConfigurationError(
-            f"{kept['name'][:40]!r} or what is said of it holds a NUL character.",
+            f"{kept['name'][:40]!a} or what is said of it holds a NUL character or half of one.",
             hint="type it anew.",
         )
     return kept
@@ -365,7 +364,8 @@ def _row(session: Session, noun: Noun[R], id: str, version: int | None) -> Versi
     table = noun.table
     chosen = select(table).where(table.id == id)
     number = table.latest == true() if version is None else table.version == version
-    found = session.scalars(chosen.where(number).execution_options(populate_existing=True)).first()
+    asked = chosen.where(number).execution_options(populate_existing=True)
+    found = session.scalars(asked).first() if plain_text(id) else None
     if found is None:
         which = "" if version is None else f" version {version} of"
         raise ConfigurationError(

@@ -18,6 +18,7 @@ from typing import Any, Final, NewType
 from sqlalchemy import ColumnElement, extract, func, literal_column, select
 from sqlalchemy.orm import Session
 
+from robotrue.core.json_values import plain_text
 from robotrue.errors import ConfigurationError, ConvergenceError
 from robotrue.store import journal
 from robotrue.store.records import Page
@@ -99,8 +100,8 @@ def submit(
     """
     try:
         text = json.dumps(dict(parameters), allow_nan=False)
-        if "\\u0000" in text:
-            raise ValueError("a NUL character")
+        if not plain_text([kind, parameters]):
+            raise ValueError("a NUL character or half of one")
         stated = json.loads(text)
     except (TypeError, ValueError) as cause:
         raise ConfigurationError(

@@ -92,6 +92,8 @@ class Gate:
             return problem(403, "cross-site request", detail="sent by a page of another site.")
         if self._settings.guarded and not self._is_known(scope, headers):
             return _ask_who(scope)
+        if "\0" in scope["path"] or b"%00" in scope.get("query_string", b""):
+            return problem(400, "bad address", detail="it holds a NUL character.")
         length = headers.get("content-length", "0")
         if not length.isdigit():
             return problem(400, "bad content-length")

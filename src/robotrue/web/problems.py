@@ -7,6 +7,7 @@ from typing import Any, Final
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
+from pydantic import BaseModel
 from starlette.exceptions import HTTPException
 
 from robotrue.errors import (
@@ -29,6 +30,35 @@ STATUS: Final[dict[type[RobotrueError], int]] = {
 
 class MissingError(ConfigurationError):
     """Something asked for by name that is not in the workspace."""
+
+
+class Problem(BaseModel):
+    """What was wrong, and one thing to try (RFC 9457)."""
+
+    type: str
+    title: str
+    status: int
+    detail: str = ""
+    hint: str = ""
+    source: str = ""
+    line: int = 0
+
+
+DOCUMENTED: Final[dict[int | str, dict[str, Any]]] = {
+    status: {
+        "description": said,
+        "content": {MEDIA_TYPE: {"schema": Problem.model_json_schema()}},
+    }
+    for status, said in (
+        (400, "A file, a name or a value that cannot be used."),
+        (404, "Not in this workspace."),
+        (409, "Two things that do not belong together, or somebody else was first."),
+        (413, "Larger than is taken in."),
+        (422, "Understood, and refused for what the data are; or a request of another form."),
+        (501, "Needs an optional package that is not installed here."),
+    )
+}
+"""What every operation of the interface may answer besides, for its description."""
 
 
 def problem(

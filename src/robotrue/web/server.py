@@ -33,7 +33,7 @@ from robotrue.web.pages import PAGES
 from robotrue.web.parts.frame import frame
 from robotrue.web.parts.live import FILES as LIVE_FILES
 from robotrue.web.preferences import preferences_from
-from robotrue.web.problems import answer_with_problems
+from robotrue.web.problems import DOCUMENTED, answer_with_problems
 from robotrue.web.reports import reports_router
 from robotrue.web.sessions import Sessions, Tries
 from robotrue.web.settings import ServeSettings
@@ -150,7 +150,7 @@ def core_app(house: House) -> FastAPI:
     answer_with_problems(app)
     app.include_router(login_router(house.settings, sessions, Tries()))
     app.include_router(reports_router(house))
-    app.include_router(api_router(house), prefix="/api")
+    app.include_router(api_router(house), prefix="/api", responses=DOCUMENTED)
     app.mount(LIVE_FILES, StaticFiles(packages=[("robotrue.online", "live")]))
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
     app.add_middleware(Gate, settings=house.settings, sessions=sessions)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Request
+from fastapi import APIRouter, Path, Query, Request
 from pydantic import BaseModel
 
 from robotrue.web.bench import House
@@ -44,7 +44,7 @@ def router(house: House) -> APIRouter:
         return Uploaded(id=found.id, name=found.name, size=found.size, sha256=found.sha256)
 
     @routes.delete("/files/{id}", status_code=204)
-    def drop_file(id: str) -> None:
+    def drop_file(id: Annotated[str, Path(max_length=40)]) -> None:
         """Removes a file of which nothing is to be made."""
         uploaded(house.workspace, id)
         forget(house.workspace, id)

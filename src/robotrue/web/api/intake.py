@@ -17,7 +17,7 @@ from robotrue.web.workers import Fact
 UploadId = Annotated[str, Field(pattern="^[0-9a-f]{32}$")]
 
 
-class FromFiles(BaseModel):
+class FromFiles(BaseModel, extra="forbid"):
     """Uploads of which one thing is made.
 
     Attributes:

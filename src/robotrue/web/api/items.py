@@ -32,7 +32,7 @@ class Listing(BaseModel):
     offset: int
 
 
-class Change(BaseModel):
+class Change(BaseModel, extra="forbid"):
     """Another name or note; what is left out stays."""
 
     name: str | None = None
@@ -90,6 +90,8 @@ def router(house: House) -> APIRouter:
     def change_item(noun: NounName, id: Id, change: Change) -> dict[str, Any]:
         """The new version of an item with another name or note."""
         found(workspace, noun, id)
+        if change.name is None and change.note is None:
+            raise ConfigurationError("neither another name nor another note.", hint="name, note")
         changed = items.change(workspace, _noun(noun), id, name=change.name, note=change.note)
         return record_document(changed, noun)
 

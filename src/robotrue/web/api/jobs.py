@@ -19,7 +19,7 @@ from robotrue.web.problems import MissingError
 Id = Annotated[str, Path(max_length=40)]
 
 
-class Asked(BaseModel):
+class Asked(BaseModel, extra="forbid"):
     """A job that is wanted.
 
     Attributes:
