@@ -141,10 +141,11 @@ def believed(
     if touches is None or not len(touches):
         return start
     in_base = tips(arm, touches.joints, settings) if joints else touches.position
-    at = start.mean
+    at, arm_columns = start.mean, _arm_columns(start, touches)
+    weights = 1.0 / _noise(start, touches)
     for _ in range(ROUNDS):
         now = _replaced(start, T, at, start.covariance, len(touches))
-        rows, gap, weight = _observed(now, touches, in_base)
+        rows, gap, weight = _observed(now, touches, in_base, arm_columns, weights)
         prior = np.concatenate(
             [np.zeros(size), *(_step(T[part], rough[part]) for part in sorted(rough))]
         )
@@ -167,7 +168,7 @@ def expected_readings(known: TouchBelief, touches: ProbingSet) -> Expected:
         touches: With the joints they will have, where joints are read; of surfaces the reading is
             expected where the nominal point is touched.
     """
-    columns, centre, _ = _columns(known, touches)
+    columns, centre, _ = _columns(known, touches, _arm_columns(known, touches))
     noise = _noise(known, touches)
     spread = columns @ known.covariance @ np.swapaxes(columns, 1, 2)
     position = centre + columns @ known.mean
@@ -204,7 +205,7 @@ def machined_radius(known: TouchBelief, places: ProbingSet) -> Array:
         known: After some touches.
         places: Nominal points and the joints they are machined with.
     """
-    columns, _, _ = _columns(known, places)
+    columns, _, _ = _columns(known, places, _arm_columns(known, places))
     covariance = columns @ known.covariance @ np.swapaxes(columns, 1, 2)
     belief = known.belief
     if belief is not None:
@@ -228,7 +229,18 @@ def _step(T: Array, to: Array) -> Array:
     return np.concatenate([to[:3, 3] - T[:3, 3], turn])
 
 
-def _columns(known: TouchBelief, touches: ProbingSet) -> tuple[Array, Array, Array]:
+def _arm_columns(known: TouchBelief, touches: ProbingSet) -> Array:
+    """Derivative (n, 3, k) of the readings by what is not known of the arm; k is 0 without."""
+    belief = known.belief
+    if belief is None:
+        return np.zeros((len(touches), 3, 0))
+    query = touch_query(touches.joints, belief.robot, known.settings)
+    return np.asarray(-np.sqrt(belief.inflation) * (tip_columns(belief, query) @ belief.root.T))
+
+
+def _columns(
+    known: TouchBelief, touches: ProbingSet, arm_columns: Array
+) -> tuple[Array, Array, Array]:
     """Derivative (n, 3, k + 6 f) of the readings, the readings (n, 3) without the arm, normals."""
     parts = sorted(known.T_base_part)
     place = np.stack([known.T_base_part[int(part)] for part in touches.part])
@@ -237,11 +249,7 @@ def _columns(known: TouchBelief, touches: ProbingSet) -> tuple[Array, Array, Arr
     centre = place[:, :3, 3] + lever + touches.radius * normal
     size = len(known.mean) - 6 * len(parts)
     out = np.zeros((len(touches), 3, len(known.mean)))
-    belief = known.belief
-    if belief is not None:
-        query = touch_query(touches.joints, belief.robot, known.settings)
-        scale = np.sqrt(belief.inflation)
-        out[:, :, :size] = -scale * (tip_columns(belief, query) @ belief.root.T)
+    out[:, :, :size] = arm_columns
     frame = np.concatenate([np.broadcast_to(np.eye(3), (len(lever), 3, 3)), -skew(lever)], axis=2)
     for k, part in enumerate(parts):
         mine = touches.part == part
@@ -267,12 +275,11 @@ def _visit(known: TouchBelief, belief: Belief, touches: ProbingSet) -> Array:
 
 
 def _observed(
-    known: TouchBelief, touches: ProbingSet, in_base: Array
+    known: TouchBelief, touches: ProbingSet, in_base: Array, arm_columns: Array, weight: Array
 ) -> tuple[Array, Array, Array]:
     """Rows (m, k + 6 f), what they read (m,), and one over their variances (m,)."""
-    columns, centre, normal = _columns(known, touches)
+    columns, centre, normal = _columns(known, touches, arm_columns)
     gap = in_base - centre
-    weight = 1.0 / _noise(known, touches)
     full = touches.full
     rows = [columns[full].reshape(-1, columns.shape[2])]
     rows.append(np.einsum("ni,nik->nk", normal[~full], columns[~full]))

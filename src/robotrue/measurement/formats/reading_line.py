@@ -107,6 +107,7 @@ def _pointed(text: str) -> str:
     """The text with decimal points: a comma between digits is one where others separate."""
     if len(text) > LONGEST:
         raise FormatError(f"{len(text)} characters, expected one line of up to {LONGEST}.")
+    text = text.replace("\u2212", "-")  # as pages print it
     commas = len(_COMMA.findall(text))
     spaced = re.search(r"[;\t]|\d[ ]+[-+]?\d|\d[ ]+[A-Za-z]", text) is not None
     if commas and spaced and "." not in text and not re.search(r"\d,\s", text):

@@ -9,13 +9,24 @@ from __future__ import annotations
 from typing import Final
 
 from robotrue.web.bench import Page
-from robotrue.web.pages import calibration, cell, drift, history, live, measurements, plan, programs
+from robotrue.web.pages import (
+    calibration,
+    cell,
+    drift,
+    history,
+    live,
+    measurements,
+    plan,
+    programs,
+    registration,
+)
 
 PAGES: Final[tuple[Page, ...]] = (
     cell.PAGE,
     plan.PAGE,
     measurements.PAGE,
     calibration.PAGE,
+    registration.PAGE,
     programs.PAGE,
     drift.PAGE,
     live.PAGE,

@@ -1,0 +1,171 @@
+"""Sessions at the part: begun, read, entered into, decided, finished."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Path, Query
+from fastapi.responses import Response
+from pydantic import BaseModel, Field
+
+from robotrue.store.nouns import DOCUMENT
+from robotrue.store.workspace import Workspace
+from robotrue.web.api.intake import UploadId
+from robotrue.web.api.items import found
+from robotrue.web.bench import House
+from robotrue.web.uploads import forget, uploaded
+from robotrue.web.workers import Fact
+
+Id = Annotated[str, Path(max_length=40)]
+Version = Annotated[int, Field(ge=1, le=1_000_000)]
+Feature = Annotated[int, Field(ge=-1, le=100_000)]
+Length = Annotated[float, Field(ge=0.0, le=1000.0, allow_inf_nan=False)]
+JSON = "application/json"
+
+
+class Begin(BaseModel):
+    """A session that is wanted; lengths in mm as ``robotrue register`` takes them.
+
+    Attributes:
+        uploads: One table: features, touched points, or a plan of ``robotrue probe-plan``.
+        cell: Id of the cell the part stands in.
+        model: Id of the model of the arm; None: the nominal arm.
+        name: In the workspace; empty: that of the file.
+        reads: What a reading is.
+        axes: How joints are counted where a reading does not say.
+        frame: ``X, Y, Z, A, B, C`` in mm and deg, roughly where the part stands; empty: as planned,
+            or as the cell has it.
+        tip_axis: The way from the flange to the tip, in the tool frame.
+        lean_deg: By which the tool may be leaned where postures are chosen.
+        fit: auto, frame or joint.
+    """
+
+    uploads: Annotated[list[UploadId], Field(min_length=1, max_length=1)]
+    cell: Annotated[str, Field(max_length=40)]
+    model: Annotated[str, Field(max_length=40)] | None = None
+    name: Annotated[str, Field(max_length=200)] = ""
+    reads: Literal["joints", "position"] = "joints"
+    axes: Literal["controller", "model"] = "controller"
+    frame: Annotated[str, Field(max_length=200)] = ""
+    tip_axis: Literal["+x", "-x", "+y", "-y", "+z", "-z"] = "+z"
+    lean_deg: Annotated[float, Field(ge=0.0, le=60.0)] = 15.0
+    rough_mm: Annotated[float, Field(ge=0.1, le=1000.0)] = 20.0
+    touch_sigma_mm: Annotated[float, Field(gt=0.0, lt=100.0)] | None = None
+    robot_sigma_mm: Length | None = None
+    tool_sigma_mm: Length | None = None
+    tolerance_mm: Length | None = None
+    probe_radius_mm: Length = 0.0
+    fit: Literal["auto", "frame", "joint"] = "auto"
+
+
+class Entered(BaseModel):
+    """A reading of a feature, as the controller shows it or as typed."""
+
+    version: Version
+    feature: Annotated[int, Field(ge=0, le=100_000)]
+    text: Annotated[str, Field(min_length=1, max_length=2000)]
+
+
+class Decision(BaseModel):
+    """What becomes of the reading that waits, of a feature, or of what was entered last."""
+
+    version: Version
+    decision: Literal["keep", "retake", "skip", "undo"]
+    feature: Feature = -1
+
+
+class Taken(BaseModel):
+    """A file of readings."""
+
+    version: Version
+    uploads: Annotated[list[UploadId], Field(min_length=1, max_length=1)]
+
+
+class Finish(BaseModel):
+    """The registration that is wanted."""
+
+    version: Version
+    name: Annotated[str, Field(min_length=1, max_length=200)]
+
+
+class Latest(BaseModel):
+    """The latest version of a session."""
+
+    version: int
+
+
+def router(house: House) -> APIRouter:
+    """Returns the routes of sessions at the part."""
+    routes = APIRouter(tags=["touching"])
+    workspace, folder = house.workspace, str(house.workspace.folder)
+
+    async def asked(question: str, id: str, *facts: Fact) -> Response:
+        await asyncio.to_thread(found, workspace, DOCUMENT.name, id)
+        answer = await house.workers.ask(question, folder, id, *facts)
+        return Response(answer, status_code=201, media_type=JSON)
+
+    @routes.post("/touching", status_code=201)
+    async def begin_session(asked_for: Begin) -> Response:
+        """A session: features, where the part is roughly, and postures to touch them with."""
+        paths = [str(uploaded(workspace, each)) for each in asked_for.uploads]
+        stated = {**asked_for.model_dump(exclude={"uploads"}), "paths": paths}
+        answer = await house.workers.ask("touch_begin.begun", folder, json.dumps(stated))
+        await asyncio.to_thread(_forget, workspace, asked_for.uploads)
+        return Response(answer, status_code=201, media_type=JSON)
+
+    @routes.get("/touching/{id}")
+    async def show_session(
+        id: Id,
+        feature: Annotated[int, Query(ge=-1, le=100_000)] = -1,
+    ) -> Response:
+        """What to touch next, what it should read, and where the part stands as far as is known."""
+        record = await asyncio.to_thread(found, workspace, DOCUMENT.name, id)
+        answer = await house.answers.once("touch_view.shown", folder, id, record.version, feature)
+        return Response(answer, media_type=JSON)
+
+    @routes.get("/touching/{id}/version")
+    async def look_for_news(id: Id) -> Latest:
+        """At which version the session is: whether somebody has entered something."""
+        record = await asyncio.to_thread(found, workspace, DOCUMENT.name, id)
+        return Latest(version=record.version)
+
+    @routes.post("/touching/{id}/readings", status_code=201)
+    async def enter_reading(id: Id, entered: Entered) -> Response:
+        """The session with one more reading; held, if it is not as expected."""
+        facts = (entered.version, entered.feature, entered.text)
+        return await asked("touching.entered", id, *facts)
+
+    @routes.post("/touching/{id}/decisions", status_code=201)
+    async def decide(id: Id, made: Decision) -> Response:
+        """The session after keep, retake, skip or undo."""
+        return await asked("touching.decided", id, made.version, made.decision, made.feature)
+
+    @routes.post("/touching/{id}/files", status_code=201)
+    async def take_readings(id: Id, taken: Taken) -> Response:
+        """The session with the readings of a file; those not as expected are set aside."""
+        path = str(uploaded(workspace, taken.uploads[0]))
+        out = await asked("touching.taken_in", id, taken.version, path)
+        await asyncio.to_thread(_forget, workspace, taken.uploads)
+        return out
+
+    @routes.post("/touching/{id}/registration", status_code=201)
+    async def finish(id: Id, wanted: Finish) -> Response:
+        """The registration that the readings give, and the refined model where there is one."""
+        return await asked("touch_finish.finished", id, wanted.version, wanted.name)
+
+    @routes.get("/touching/{id}/readings.csv")
+    async def download_readings(id: Id) -> Response:
+        """The readings that count, as ``robotrue register`` reads them."""
+        await asyncio.to_thread(found, workspace, DOCUMENT.name, id)
+        data = await house.workers.ask("touch_finish.readings_csv", folder, id)
+        headers = {"Content-Disposition": 'attachment; filename="readings.csv"'}
+        return Response(data, media_type="text/csv; charset=utf-8", headers=headers)
+
+    return routes
+
+
+def _forget(workspace: Workspace, uploads: list[str]) -> None:
+    for each in uploads:
+        forget(workspace, each)

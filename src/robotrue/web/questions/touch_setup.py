@@ -1,0 +1,245 @@
+"""A session at the part, opened with all it rests on: cell, arm, settings, touches."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Final
+
+import numpy as np
+
+from robotrue.calibration.model import ErrorModel
+from robotrue.cell.cell import Cell
+from robotrue.core.arrays import Array
+from robotrue.core.units import DEG, MM
+from robotrue.errors import ConfigurationError, ModelMismatchError, RobotrueError
+from robotrue.measurement.formats.points import PointsFile, read_points
+from robotrue.measurement.probing_set import ProbingSet
+from robotrue.measurement.touch_session import TouchReading, TouchSession, session_csv
+from robotrue.planning.information import settings_of
+from robotrue.robot.identity import nominal_identity
+from robotrue.robot.model import RobotModel
+from robotrue.store import items, models
+from robotrue.store.nouns import CELL, DOCUMENT, MODEL
+from robotrue.store.records import CellRecord, DocumentRecord, ModelRecord
+from robotrue.store.touchings import session_in
+from robotrue.store.workspace import Workspace
+from robotrue.validation.next_touch import TouchBelief, believed
+from robotrue.validation.registered_part import RegisteredPart
+from robotrue.validation.registration import register
+from robotrue.validation.registration_settings import RegistrationSettings
+from robotrue.web.questions.intake import cell_of
+
+READINGS: Final = "readings.csv"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Opened:
+    """A session and what it rests on.
+
+    Attributes:
+        record: The version that was opened.
+        session: In it.
+        cell: Where the part stands.
+        cell_record: Its record.
+        model: Of the arm; None: the nominal one.
+        model_record: Its record.
+    """
+
+    record: DocumentRecord
+    session: TouchSession
+    cell: Cell
+    cell_record: CellRecord
+    model: ErrorModel | None
+    model_record: ModelRecord | None
+
+    @property
+    def arm(self) -> ErrorModel | RobotModel:
+        """What touches, as ``robotrue register`` takes it."""
+        return self.cell.robot.nominal() if self.model is None else self.model
+
+    @property
+    def joints(self) -> bool:
+        """Whether readings are joints."""
+        return self.session.reads == "joints"
+
+    @property
+    def tip_axis(self) -> Array:
+        """(3,) the way from the flange to the tip, in the tool frame."""
+        return np.array(self.session.settings["tip_axis"], dtype=np.float64)
+
+    @property
+    def settings(self) -> RegistrationSettings:
+        """Those of ``robotrue register`` for the same words."""
+        return settings_from(self.session.settings, self.cell)
+
+    @property
+    def rough(self) -> dict[int, Array]:
+        """(4, 4) roughly ``T_base_part`` of every part."""
+        return {k: np.array(T) for k, T in enumerate(self.session.rough)}
+
+
+def opened(workspace: Workspace, id: str, version: int | None = None) -> Opened:
+    """Returns a session with its cell and its model."""
+    record = items.get(workspace, DOCUMENT, id, version=version)
+    session = session_in(record)
+    (place,) = record.linked("cell")
+    cell_record = items.get(workspace, CELL, place.id, version=place.version)
+    linked = record.linked("model")
+    model_record = None
+    if linked:
+        model_record = items.get(workspace, MODEL, linked[0].id, version=linked[0].version)
+    return Opened(
+        record=record,
+        session=session,
+        cell=cell_of(workspace, cell_record),
+        cell_record=cell_record,
+        model=None if model_record is None else models.model_of(workspace, model_record).model,
+        model_record=model_record,
+    )
+
+
+def settings_from(stated: Any, cell: Cell) -> RegistrationSettings:
+    """Returns the settings of a registration from words in mm."""
+
+    def length(name: str) -> float | None:
+        value = stated.get(name)
+        return None if value is None else float(value) * MM
+
+    fit = stated.get("fit", "auto")
+    return RegistrationSettings(
+        touch=float(stated["touch_sigma_mm"]) * MM,
+        robot=length("robot_sigma_mm"),
+        tool_sigma=length("tool_sigma_mm"),
+        tolerance=length("tolerance_mm"),
+        fit=fit,
+        T_flange_tool=cell.robot.T_flange_tool,
+        arm=settings_of(cell),
+    )
+
+
+def require_same_arm(cell: Cell, model: ErrorModel | None) -> None:
+    """Passes if a model is of the arm that stands in the cell.
+
+    Raises:
+        ModelMismatchError: It is of another.
+    """
+    if model is None:
+        return
+    mine, other = nominal_identity(cell.robot.nominal()), nominal_identity(model.robot.nominal())
+    if not mine.same(other):
+        raise ModelMismatchError(
+            f"the model is of {model.robot.name}, the arm of the cell is {cell.robot.name}.",
+            hint="choose the model that was calibrated in this cell.",
+        )
+
+
+def file_of(at: Opened, readings: Sequence[TouchReading]) -> PointsFile:
+    """Returns readings as ``robotrue register`` reads them from a file."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / READINGS
+        path.write_bytes(session_csv(at.session, readings))
+        found = read_points(path)
+    radius = float(at.session.settings["probe_radius_mm"]) * MM
+    return replace(found, touches=replace(found.touches, radius=radius))
+
+
+def touches_of(at: Opened, readings: Sequence[TouchReading]) -> ProbingSet | None:
+    """Returns readings as touches whose part counts the parts of the session; None: no reading."""
+    if not readings:
+        return None
+    found = file_of(at, readings).touches
+    part = np.array([at.session.features[each.feature].part for each in readings], dtype=np.int64)
+    return replace(found, part=part)
+
+
+def places(at: Opened, rows: Sequence[tuple[int, int]]) -> ProbingSet:
+    """Returns features, each in one of its postures, as touches that are not made yet.
+
+    Args:
+        at: The session.
+        rows: Number of the feature, and of its posture.
+    """
+    features = [at.session.features[k] for k, _ in rows]
+    nan = (np.nan, np.nan, np.nan)
+    joints = [
+        at.session.features[k].postures_deg[which]
+        for k, which in rows
+        if at.session.features[k].postures_deg
+    ]
+    if len(joints) < len(rows):
+        joints = []
+    return ProbingSet(
+        names=tuple(each.name for each in features),
+        point=np.array([each.point_mm for each in features]).reshape(-1, 3) * MM,
+        joints=np.array(joints) * DEG if joints else np.empty((0, 0)),
+        position=np.zeros((len(rows), 3)),
+        normal=np.array([each.normal or nan for each in features]).reshape(-1, 3),
+        part=np.array([each.part for each in features], dtype=np.int64),
+        radius=float(at.session.settings["probe_radius_mm"]) * MM,
+    )
+
+
+def registered(at: Opened, readings: Sequence[TouchReading]) -> RegisteredPart:
+    """Returns what ``robotrue register`` says of the readings.
+
+    Raises:
+        RobotrueError: What it refuses them for.
+    """
+    found = file_of(at, readings)
+    return register(at.arm, found.touches, parts=found.parts, settings=at.settings)
+
+
+def fitted(
+    at: Opened, readings: Sequence[TouchReading]
+) -> tuple[RegisteredPart | None, RobotrueError | None]:
+    """Returns the registration, or why there is none yet."""
+    if not readings:
+        return None, None
+    try:
+        return registered(at, readings), None
+    except RobotrueError as error:
+        return None, error
+
+
+def trusted(
+    at: Opened, readings: Sequence[TouchReading], found: RegisteredPart | None
+) -> tuple[TouchReading, ...]:
+    """Returns the readings that the registration believes; all where there is none yet."""
+    if found is None:
+        return tuple(readings)
+    wrong = {(frame.name, name) for frame in found.frames for name in frame.registration.outliers}
+    parts, seen, out = at.session.parts, dict[tuple[str, str], int](), []
+    for each in readings:
+        feature = at.session.features[each.feature]
+        key = (parts[feature.part], feature.name)
+        seen[key] = seen.get(key, 0) + 1
+        label = feature.name if seen[key] == 1 else f"{feature.name} ({seen[key]})"
+        if (key[0], label) not in wrong:
+            out.append(each)
+    return tuple(out)
+
+
+def belief_after(at: Opened, readings: Sequence[TouchReading]) -> TouchBelief:
+    """Returns arm and frames as believed after readings."""
+    return believed(
+        at.arm,
+        touches_of(at, readings),
+        at.rough,
+        settings=at.settings,
+        rough_sigma=float(at.session.settings["rough_mm"]) * MM,
+        joints=at.joints,
+    )
+
+
+def require_kind(value: str, allowed: Sequence[str], what: str) -> str:
+    """Returns a word that is one of those allowed.
+
+    Raises:
+        ConfigurationError: Another one.
+    """
+    if value not in allowed:
+        raise ConfigurationError(f"{what} {value!r}, expected {', '.join(allowed)}.")
+    return value

@@ -1,0 +1,230 @@
+"""A session at the part: every reading judged and kept, decided, undone, or taken in by file."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from robotrue.core.units import DEG, MM
+from robotrue.errors import ConfigurationError, FormatError
+from robotrue.measurement.formats.points import read_points
+from robotrue.measurement.formats.reading_line import joints_line, position_line
+from robotrue.measurement.probing_set import ProbingSet
+from robotrue.measurement.touch_session import TouchReading, TouchSession
+from robotrue.store.records import DocumentRecord
+from robotrue.store.touchings import changed
+from robotrue.store.workspace import Workspace
+from robotrue.validation.next_touch import TouchBelief, judged_reading, machined_radius
+from robotrue.validation.touch_suspicions import Suspicion, suspicions
+from robotrue.web.api.documents import record_document
+from robotrue.web.questions.packing import answer
+from robotrue.web.questions.touch_setup import (
+    Opened,
+    belief_after,
+    fitted,
+    opened,
+    places,
+    touches_of,
+    trusted,
+)
+
+LONGEST_TEXT: Final = 500
+DECISIONS: Final = ("keep", "retake", "skip", "undo")
+
+
+def entered(folder: str, id: str, version: int, feature: int, text: str) -> bytes:
+    """Returns the session with one more reading: kept, or held because it is not as expected."""
+    with Workspace.open(folder) as workspace:
+        at = opened(workspace, id, version)
+        if not 0 <= feature < len(at.session.features):
+            raise ConfigurationError(f"feature {feature + 1} of {len(at.session.features)}.")
+        values = reading_values(at, text)
+        session = _with(at, feature, values, text, hold=True)
+        return _told(changed(workspace, id, version, session))
+
+
+def decided(folder: str, id: str, version: int, decision: str, feature: int) -> bytes:
+    """Returns the session after keep, retake, skip (of what waits, or of a feature) or undo."""
+    with Workspace.open(folder) as workspace:
+        at = opened(workspace, id, version)
+        session = at.session
+        if decision == "undo":
+            session = session.undone()
+        elif decision == "skip" and session.held is None:
+            session = session.with_reading(
+                TouchReading(feature=feature, state="skipped", at=_now())
+            )
+        elif decision in DECISIONS:
+            words: dict[str, Literal["kept", "dropped", "skipped"]] = {
+                "keep": "kept", "retake": "dropped", "skip": "skipped",
+            }  # fmt: skip
+            session = _with_radius(at, session.decided(words[decision]))
+        else:
+            raise ConfigurationError(
+                f"decision {decision!r}, expected one of {', '.join(DECISIONS)}."
+            )
+        return _told(changed(workspace, id, version, session))
+
+
+def taken_in(folder: str, id: str, version: int, path: str) -> bytes:
+    """Returns the session with the readings of a file; those not as expected are set aside."""
+    with Workspace.open(folder) as workspace:
+        at = opened(workspace, id, version)
+        at = replace(at, session=_with_file(at, Path(path)))
+        simulated = at.session.simulated or "simulated" in Path(path).name.lower()
+        session = replace(at.session, simulated=simulated)
+        return _told(changed(workspace, id, version, session))
+
+
+def reading_values(at: Opened, text: str) -> tuple[float, ...]:
+    """Returns what was read: joints in deg in the model's sense, or x, y, z in mm.
+
+    Raises:
+        FormatError: Not a reading of this session's kind.
+    """
+    if not at.joints:
+        return position_line(text).values
+    found = joints_line(text, at.cell.robot.dof)
+    counting = at.session.settings["axes"] if found.counting == "stated" else found.counting
+    if counting == "model" or at.cell.robot.controller is None:
+        return found.values
+    axes = np.array(found.values)
+    own = at.cell.robot.controller
+    return tuple(np.round(own.sign * (axes - own.offset / DEG), 9).tolist())
+
+
+def _with(
+    at: Opened, feature: int, values: tuple[float, ...], text: str, *, hold: bool
+) -> TouchSession:
+    """The session with a reading that was judged by those before it."""
+    before = [each for each in at.session.kept if each.feature != feature]
+    found, _ = fitted(at, before)
+    known = belief_after(at, trusted(at, before, found))
+    reading = TouchReading(
+        feature=feature, state="kept", values=values, text=text[:LONGEST_TEXT], at=_now()
+    )
+    touch = touches_of(at, [reading])
+    if touch is None:
+        raise FormatError("an empty reading.", hint="paste the line of the controller.")
+    judged = judged_reading(known, touch)
+    why: tuple[Suspicion, ...] = ()
+    if judged.outlier:
+        why = suspicions(
+            known, touch, judged, others=_others(at, feature), before=touches_of(at, before),
+            tip_axis=at.tip_axis,
+        )  # fmt: skip
+    reading = replace(
+        reading,
+        state=("held" if hold else "dropped") if judged.outlier else "kept",
+        sigmas=judged.sigmas,
+        off_mm=judged.distance / MM,
+        suspicions=tuple(_plain(each) for each in why),
+    )
+    return _with_radius(at, at.session.with_reading(reading))
+
+
+def _with_file(at: Opened, path: Path) -> TouchSession:
+    """The session with the readings of a file: judged together where they fix a frame."""
+    rows, session = _rows_of_file(at, path), at.session
+    for feature, values in rows:
+        reading = TouchReading(
+            feature=feature, state="kept", values=values, text=path.name, at=_now()
+        )
+        session = session.with_reading(reading)
+    found, _ = fitted(at, session.kept)
+    if found is None:  # too few to judge one by the others
+        for feature, values in rows:
+            at = replace(at, session=_with(at, feature, values, path.name, hold=False))
+        return at.session
+    good = trusted(at, session.kept, found)
+    readings = tuple(
+        replace(each, state="dropped") if each.state == "kept" and each not in good else each
+        for each in session.readings
+    )
+    return _with_radius(at, replace(session, readings=readings))
+
+
+def _others(at: Opened, feature: int) -> ProbingSet:
+    part = at.session.features[feature].part
+    own = at.session.features[feature].point_mm
+    rows = [
+        (k, 0)
+        for k, each in enumerate(at.session.features)
+        if k != feature and each.part == part and each.point_mm != own
+    ]
+    return places(at, rows)
+
+
+def _with_radius(at: Opened, session: TouchSession) -> TouchSession:
+    """The session whose last kept reading says how well the worst place is known after it."""
+    kept = [k for k, each in enumerate(session.readings) if each.state == "kept"]
+    if not kept or session.readings[kept[-1]].radius_mm is not None:
+        return session
+    now = replace(at, session=session)
+    found, _ = fitted(now, session.kept)
+    radius = worst_place(now, belief_after(now, trusted(now, session.kept, found)))[1]
+    last = replace(session.readings[kept[-1]], radius_mm=radius)
+    readings = (*session.readings[: kept[-1]], last, *session.readings[kept[-1] + 1 :])
+    return replace(session, readings=readings)
+
+
+def worst_place(at: Opened, known: TouchBelief) -> tuple[int, float, dict[int, float]]:
+    """Returns the feature known worst, to how many mm (95 %), and that of every feature."""
+    features = at.session.features
+    rows = [(k, 0) for k, each in enumerate(features) if each.postures_deg or not at.joints]
+    radius = machined_radius(known, places(at, rows)) / MM
+    each = {k: float(r) for (k, _), r in zip(rows, radius, strict=True)}
+    worst = max(each, key=lambda k: each[k])
+    return worst, each[worst], each
+
+
+def _rows_of_file(at: Opened, path: Path) -> list[tuple[int, tuple[float, ...]]]:
+    """Features and values of a file of touched points, or of lines ``name: reading``."""
+    file = read_points(path)
+    touches = file.touches
+    if touches.has_joints != at.joints:
+        raise FormatError(
+            f"it holds {'joints' if touches.has_joints else 'positions'}, this session reads "
+            f"{'joints' if at.joints else 'positions'}.",
+            source=path.name,
+            hint="begin a session that reads what the file holds.",
+        )
+    values = touches.joints / DEG if at.joints else touches.position / MM
+    out, used = [], set[int]()
+    for n, name in enumerate(touches.names):
+        part = file.parts[int(touches.part[n])] if len(at.session.parts) > 1 else None
+        able = [
+            k
+            for k, each in enumerate(at.session.features)
+            if each.name == name and part in (None, at.session.parts[each.part])
+        ]
+        free = [k for k in able if k not in used]
+        if not able:
+            raise FormatError(
+                f"no feature {name!r} in this session.",
+                source=path.name,
+                line=int(touches.lines[n]),
+                hint="the same names as in the list of features.",
+            )
+        chosen = (free or able)[0]
+        used.add(chosen)
+        out.append((chosen, tuple(float(v) for v in np.round(values[n], 10))))
+    return out
+
+
+def _plain(each: Suspicion) -> dict[str, Any]:
+    out = asdict(each)
+    out["length_mm"] = out.pop("length") / MM
+    return {k: v for k, v in out.items() if not (isinstance(v, float) and np.isnan(v))}
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def _told(record: DocumentRecord) -> bytes:
+    return answer(record_document(record, "document"))
