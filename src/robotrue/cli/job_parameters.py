@@ -31,6 +31,10 @@ class Parameters:
             )
         self._workspace, self._stated = workspace, stated
 
+    def stated(self, name: str) -> bool:
+        """Returns whether anything is stated."""
+        return self._stated.get(name) is not None
+
     def text(self, name: str, default: str) -> str:
         """Returns a text."""
         value = self._stated.get(name, default)

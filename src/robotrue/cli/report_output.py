@@ -34,6 +34,13 @@ def check_reports(outputs: Sequence[Path], sources: Sequence[Path]) -> None:
 
 
 def write_reports(outputs: Sequence[Path], content: ReportContent) -> list[Path]:
+    """Writes as :func:`put_reports`, and says so; returns what was written."""
+    made = put_reports(outputs, content)
+    say(f"report written to {', '.join(str(path) for path in made)}")
+    return made
+
+
+def put_reports(outputs: Sequence[Path], content: ReportContent) -> list[Path]:
     """Writes the report to every output, and its JSON twin beside each; returns what was written.
 
     Raises:
@@ -56,7 +63,6 @@ def write_reports(outputs: Sequence[Path], content: ReportContent) -> list[Path]
         made[_twin(output)] = report_json(content).encode("utf-8")
     for path, data in made.items():
         write_atomic(path, data)
-    say(f"report written to {', '.join(str(path) for path in made)}")
     return list(made)
 
 

@@ -13,8 +13,9 @@ from robotrue.cli.report_output import check_reports, file_fact, write_reports
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
 from robotrue.report.calibration import fact
+from robotrue.report.content import ReportContent
 from robotrue.report.program import program_content
-from robotrue.report.words import Words, language
+from robotrue.report.words import Lang, Words, language
 
 
 def run(
@@ -36,7 +37,64 @@ def run(
     """Writes the report; exits like any command whatever the verdict: it is in the report."""
     files = [p for p in (before, after, model_path, registered, force) if p is not None]
     check_reports(outputs, files)
-    speech = language(lang)
+    content = program_report(
+        before,
+        after,
+        model_path,
+        tolerance=tolerance_mm * MM,
+        lang=language(lang),
+        registered=registered,
+        wrench=wrench,
+        force=force,
+        cutter=cutter,
+        simulated=simulated,
+        strict=strict,
+    )
+    written = write_reports(outputs, content)
+    if as_json:
+        emit_json(
+            {
+                "written": [str(path) for path in written],
+                "verdict": verdict_word(content),
+                "text": content.verdict.text,
+                "tolerance_mm": tolerance_mm,
+            }
+        )
+
+
+def program_report(
+    before: Path,
+    after: Path,
+    model_path: Path,
+    *,
+    tolerance: float,
+    lang: Lang,
+    registered: Path | None = None,
+    wrench: str | None = None,
+    force: Path | None = None,
+    cutter: str | None = None,
+    simulated: bool = False,
+    strict: bool = False,
+) -> ReportContent:
+    """Returns the content of the report about a compensated program.
+
+    Args:
+        before: Program as CAM made it, a file or the folder of a job.
+        after: The compensated one.
+        model_path: Model file, or a registered cell.
+        tolerance: m, largest distance of a target from where it should be.
+        lang: Language of the report.
+        registered: Cell whose frames the program uses.
+        wrench: Process force, as for ``robotrue compensate``.
+        force: Process force along the path.
+        cutter: Axis of the tool from spindle to tip, for ``force``.
+        simulated: Whether the data are; also taken from what the sources call themselves.
+        strict: Whether axis targets count as targets that are not proven.
+
+    Raises:
+        ConfigurationError: The nominal arm, or a tolerance that is not above zero.
+        ModelMismatchError: Programs that do not belong together, or no target to judge.
+    """
     cell, model = opened(model_path, registered)
     if model is None:
         raise ConfigurationError(
@@ -46,33 +104,37 @@ def run(
         )
     found = differences(before, after, cell, model, described(cell, wrench, force, cutter))
     summary = model.training_summary()
-    t = Words(lang=speech)
-    content = program_content(
+    t = Words(lang=lang)
+    return program_content(
         found,
         robot=model.robot.name,
         before=before.name,
         after=after.name,
-        tolerance=tolerance_mm * MM,
+        tolerance=tolerance,
         simulated=simulated
         or any("simulated" in str(s).lower() for s in summary.get("sources", ())),
         doubts=[str(d) for d in summary.get("doubts", ())],
         provenance=[
-            *(fact(t, "fact.program", file_fact(p)) for p in (before, after)),
+            *(
+                fact(t, "fact.program", file_fact(p))
+                for job in (before, after)
+                for p in files_of(job)
+            ),
             fact(t, "fact.model", file_fact(model_path)),
             *(fact(t, "fact.cell", file_fact(p)) for p in (registered,) if p is not None),
             *(fact(t, "fact.force", file_fact(p)) for p in (force,) if p is not None),
             *(fact(t, "fact.force", w) for w in (wrench,) if w is not None),
         ],
-        lang=speech,
+        lang=lang,
         strict=strict,
     )
-    written = write_reports(outputs, content)
-    if as_json:
-        emit_json(
-            {
-                "written": [str(path) for path in written],
-                "verdict": "GO" if content.verdict.tone == "good" else "NO-GO",
-                "text": content.verdict.text,
-                "tolerance_mm": tolerance_mm,
-            }
-        )
+
+
+def verdict_word(content: ReportContent) -> str:
+    """Returns GO or NO-GO."""
+    return "GO" if content.verdict.tone == "good" else "NO-GO"
+
+
+def files_of(job: Path) -> list[Path]:
+    """Returns the files of a job: those of its folder, or the one it is."""
+    return sorted(p for p in job.iterdir() if p.is_file()) if job.is_dir() else [job]

@@ -8,10 +8,12 @@ from pathlib import Path
 from robotrue.cell.config import read_cell
 from robotrue.cli.console import emit_json
 from robotrue.cli.report_output import check_reports, file_fact, write_reports
+from robotrue.cli.report_program import verdict_word
 from robotrue.errors import ConfigurationError
 from robotrue.report.calibration import fact
+from robotrue.report.content import ReportContent
 from robotrue.report.registration import registration_content
-from robotrue.report.words import Words, language
+from robotrue.report.words import Lang, Words, language
 
 
 def run(
@@ -23,7 +25,32 @@ def run(
         ConfigurationError: A cell without a part frame.
     """
     check_reports(outputs, [cell_path])
-    speech = language(lang)
+    content = registration_report(cell_path, lang=language(lang), simulated=simulated)
+    written = write_reports(outputs, content)
+    if as_json:
+        emit_json(
+            {
+                "written": [str(path) for path in written],
+                "verdict": verdict_word(content),
+                "text": content.verdict.text,
+            }
+        )
+
+
+def registration_report(
+    cell_path: Path, *, lang: Lang, simulated: bool, name: str | None = None
+) -> ReportContent:
+    """Returns the content of the report of a registered cell.
+
+    Args:
+        cell_path: What ``robotrue register`` wrote.
+        lang: Language of the report.
+        simulated: Whether the data are.
+        name: Of the registration in the report; None: that of the file.
+
+    Raises:
+        ConfigurationError: A cell without a part frame.
+    """
     cell = read_cell(cell_path)
     if cell.part is None:
         raise ConfigurationError(
@@ -31,20 +58,11 @@ def run(
             source=cell_path,
             hint="robotrue register CELL|MODEL POINTS -o CELL_OUT.",
         )
-    content = registration_content(
+    return registration_content(
         cell.part,
-        name=cell_path.name,
+        name=name or cell_path.name,
         robot=cell.robot.name,
         simulated=simulated,
-        provenance=[fact(Words(lang=speech), "fact.cell", file_fact(cell_path))],
-        lang=speech,
+        provenance=[fact(Words(lang=lang), "fact.cell", file_fact(cell_path))],
+        lang=lang,
     )
-    written = write_reports(outputs, content)
-    if as_json:
-        emit_json(
-            {
-                "written": [str(path) for path in written],
-                "verdict": "GO" if content.verdict.tone == "good" else "NO-GO",
-                "text": content.verdict.text,
-            }
-        )

@@ -30,6 +30,8 @@ from robotrue.web.parts.icons import icon
 from robotrue.web.parts.interval import interval
 from robotrue.web.parts.job import JobCard, under_way
 from robotrue.web.parts.later import later
+from robotrue.web.parts.naming import heading
+from robotrue.web.parts.reports import reports
 
 METHODS: Final = ("auto", "geometric", "elastic", "ripple", "gp")
 KNOWN: Final[Mapping[str, Tone]] = {
@@ -54,6 +56,7 @@ async def _build(bench: Bench) -> None:
         ).classes("head")
     else:
         _model(bench, bench.model)
+        await _certificate(bench, bench.model)
     await _new(bench)
     await _others(bench)
 
@@ -75,7 +78,7 @@ def _model(bench: Bench, model: ModelRecord) -> None:
         gone = undo_button(say("history.undo"), "model", model.id, model.version)
         state = tag(say("history.action_deleted"), "caution")
     html(
-        f"<h1>{escape(model.name)}</h1>{tag(f'v{model.version}')}{state}"
+        f"{heading(bench, 'model', model)}{tag(f'v{model.version}')}{state}"
         f"<span class='note'>{escape(model.robot)}, {when(model.created)}</span>"
         f"<div class='acts'>{gone}{report}{file}</div>"
     ).classes("head")
@@ -234,6 +237,25 @@ def _joints(bench: Bench, found: dict[str, Any]) -> str:
         say("calibration.backlash"),
     ]  # fmt: skip
     return f"<h2>{escape(say('calibration.joints'))}</h2>{table(columns, rows, mark='joints')}"
+
+
+async def _certificate(bench: Bench, model: ModelRecord) -> None:
+    """The certificate of a model; poses it has not seen make it worth more."""
+    say, workspace = bench.say, bench.house.workspace
+    used = {each.id for each in model.linked("data")}
+    found = (await bench.ask(items.listed, workspace, MEASUREMENT, Query(limit=50))).items
+    options = f'<option value="">{escape(say("reports.checked_on_none"))}</option>' + "".join(
+        f'<option value="{each.id}">{escape(each.name)} · {each.poses:,}</option>'
+        for each in found
+        if each.id not in used
+    )
+    fields = (
+        f"<label class='field'>{escape(say('reports.checked_on'))}"
+        f"<select name='measurements' data-testid='report-set'>{options}</select></label>"
+        f"<label class='field'>{escape(say('programs.tolerance'))}<input type='number' min='0.001' "
+        "step='any' name='tolerance_mm' style='width:130px'></label>"
+    )
+    await reports(bench, model, "model", page=f"/calibration?model={model.id}", fields=fields)
 
 
 async def _new(bench: Bench) -> None:

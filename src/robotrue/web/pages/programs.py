@@ -29,6 +29,8 @@ from robotrue.web.parts.frame import html
 from robotrue.web.parts.icons import icon
 from robotrue.web.parts.job import JobCard, under_way
 from robotrue.web.parts.later import later
+from robotrue.web.parts.naming import heading
+from robotrue.web.parts.reports import reports
 from robotrue.web.parts.scene import SceneView
 
 TOLERANCE_MM: Final = 0.5
@@ -106,7 +108,7 @@ async def _one(bench: Bench, record: ProgramRecord) -> None:
     stage = say("programs.stage_after" if after else "programs.stage_before")
     gone = tag(say("history.action_deleted"), "caution") if record.deleted else ""
     html(
-        f"<h1>{escape(record.name)}</h1>{tag(stage, 'good' if after else 'plain')}{gone}"
+        f"{heading(bench, 'program', record)}{tag(stage, 'good' if after else 'plain')}{gone}"
         f"<span class='note'>{escape(record.dialect)}, {when(record.created)}</span>"
         f"<div class='acts'>{acts}</div>"
     ).classes("head")
@@ -124,10 +126,13 @@ async def _one(bench: Bench, record: ProgramRecord) -> None:
         html(f"<p>{escape(say('programs.no_model'))}</p>").classes("card")
         return
     _judged(bench, record, model.id)
+    if after and record.linked("model"):
+        page = f"/programs?id={record.id}&tolerance_mm={_tolerance(bench):g}"
+        await reports(bench, record, "program", page=page, fields=_report_fields(bench))
 
 
 def _judged(bench: Bench, record: ProgramRecord, model: str) -> None:
-    tolerance, strict = _tolerance(bench), bench.query.get("strict") == "on"
+    tolerance, strict = _tolerance(bench), _strict(bench)
     house = bench.house
     folder = str(house.workspace.folder)
     version = bench.model.version if bench.model is not None else 1
@@ -253,6 +258,16 @@ def _worst(bench: Bench, found: dict[str, Any]) -> str:
     return table(columns, rows, words=(0, len(columns) - 1), attributes=links, mark="worst")
 
 
+def _report_fields(bench: Bench) -> str:
+    """The report is judged by the tolerance and the rule that stand on the page."""
+    strict = "<input type='checkbox' name='strict' checked hidden>" if _strict(bench) else ""
+    return (
+        f"<label class='field'>{escape(bench.say('programs.tolerance'))}<input type='number' "
+        f"min='0.001' step='any' required name='tolerance_mm' value='{_tolerance(bench):g}' "
+        f"style='width:130px'></label>{strict}"
+    )
+
+
 def _downloads(bench: Bench, record: ProgramRecord) -> str:
     return "".join(
         f'<a class="act quiet" data-testid="download" download '
@@ -260,6 +275,10 @@ def _downloads(bench: Bench, record: ProgramRecord) -> str:
         f"{icon('download')}{escape(each.name)}</a>"
         for each in record.files("program")
     )
+
+
+def _strict(bench: Bench) -> bool:
+    return bench.query.get("strict") == "on"
 
 
 def _tolerance(bench: Bench) -> float:
