@@ -29,6 +29,7 @@ from robotrue.web.parts.elements import (
 from robotrue.web.parts.frame import html
 from robotrue.web.parts.icons import icon
 from robotrue.web.parts.later import later
+from robotrue.web.parts.naming import heading
 from robotrue.web.parts.rows import row_pages
 from robotrue.web.parts.scene import SceneView
 
@@ -105,7 +106,8 @@ def _one(bench: Bench, record: MeasurementRecord) -> None:
         gone = undo_button(say("history.undo"), "measurement", record.id, record.version)
         state = tag(say("history.action_deleted"), "caution")
     html(
-        f"<h1>{escape(record.name)}</h1>{state}<span class='note'>{when(record.created)}</span>"
+        f"{heading(bench, 'measurement', record)}{state}"
+        f"<span class='note'>{when(record.created)}</span>"
         f"<div class='acts'>{gone}{raw}</div>"
     ).classes("head")
     html(

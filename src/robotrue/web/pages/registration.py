@@ -18,6 +18,7 @@ from robotrue.web.bench import Bench, Page
 from robotrue.web.parts.elements import delete_button, facts, fault, link_to, table, tag, when
 from robotrue.web.parts.frame import html
 from robotrue.web.parts.icons import icon
+from robotrue.web.parts.naming import heading
 from robotrue.web.parts.touch import TouchBegin, TouchSession
 
 KIND: Final = "touching"
@@ -110,7 +111,7 @@ def _session(bench: Bench, record: DocumentRecord) -> None:
     session = session_of(record.detail["session"])
     gone = delete_button(bench.say("frame.delete"), "document", record.id, "/registration")
     html(
-        f"<h1>{escape(record.name)}</h1>{_mark(bench, session.simulated)}"
+        f"{heading(bench, 'document', record)}{_mark(bench, session.simulated)}"
         f"<span class='note'>{when(record.created)}</span><div class='acts'>{gone}</div>"
     ).classes("head")
     TouchSession(bench, record.id)
@@ -129,7 +130,8 @@ async def _registered(bench: Bench, record: RegistrationRecord) -> None:
         )
     gone = delete_button(say("frame.delete"), "registration", record.id, "/registration")
     html(
-        f"<h1>{escape(record.name)}</h1>{_verdict(record.verdict)}{_mark(bench, simulated)}"
+        f"{heading(bench, 'registration', record)}{_verdict(record.verdict)}"
+        f"{_mark(bench, simulated)}"
         f"<span class='note'>{when(record.created)}</span>"
         f"<div class='acts'>{gone}{session}{_files(bench, record)}</div>"
     ).classes("head")

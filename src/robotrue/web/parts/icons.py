@@ -23,6 +23,7 @@ PATHS: Final = {
     "keyboard": "M3 7h18v10H3zM7 11h.01M11 11h.01M15 11h.01M8 14h8",
     "leave": "M14 4h5v16h-5M10 8l-4 4 4 4M6 12h9",
     "download": "M12 4v11M7 11l5 5 5-5M4 20h16",
+    "pen": "M4 20l1-4L16 5l3 3L8 19zM14 7l3 3",
     "upload": "M12 16V5M7 9l5-5 5 5M4 20h16",
 }
 

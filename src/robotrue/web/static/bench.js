@@ -120,5 +120,37 @@
     await fetch(`/api/items/${noun}/${id}`, { method: "DELETE" });
     location.href = go;
   };
-  window.bench = { job, jobForm, make, undo, remove, prefer, send, read, theme };
+  // Name and note of an item, changed in place: a new version, and the one before comes back.
+  const rename = ({ noun, id, version, name, note, text }) => {
+    const dialog = document.createElement("dialog");
+    dialog.dataset.testid = "naming";
+    dialog.innerHTML = `<form method="dialog" style="display:grid;gap:12px;width:min(460px,80vw)"><h2></h2>
+      <label class="field"><span></span><input type="text" name="name" maxlength="200" required data-testid="naming-name"></label>
+      <label class="field"><span></span><textarea name="note" rows="4" maxlength="2000" data-testid="naming-note"></textarea></label>
+      <p class="bad" role="alert" data-testid="naming-fault" style="color:var(--bad)"></p>
+      <div style="display:flex;flex-wrap:wrap;gap:8px"><button class="act" value="keep" data-testid="naming-keep"></button>
+      <button type="button" class="act quiet" data-testid="naming-before"></button><button type="button" class="act quiet"></button></div></form>`;
+    const form = dialog.firstElementChild, [keep, before, close] = form.querySelectorAll("button");
+    form.querySelector("h2").textContent = text.edit;
+    form.querySelectorAll("label span").forEach((each, k) => (each.textContent = [text.name, text.note][k]));
+    [keep, before, close].forEach((each, k) => (each.textContent = [text.keep, text.before, text.close][k]));
+    form.elements.name.value = name;
+    form.elements.note.value = note;
+    before.hidden = version < 2;
+    before.onclick = () => undo(noun, id, before, version);
+    close.onclick = () => dialog.close();
+    dialog.onclose = () => dialog.remove();
+    form.onsubmit = async (e) => {
+      e.preventDefault();
+      keep.disabled = true;
+      const body = JSON.stringify({ name: form.elements.name.value, note: form.elements.note.value });
+      const answer = await fetch(`/api/items/${noun}/${id}`, { method: "PATCH", headers: { "Content-Type": "application/json" }, body });
+      if (answer.ok) return location.reload();
+      form.querySelector("[role=alert]").textContent = (await answer.json()).detail;
+      keep.disabled = false;
+    };
+    document.body.append(dialog);
+    dialog.showModal();
+  };
+  window.bench = { job, jobForm, make, rename, undo, remove, prefer, send, read, theme };
 })();
