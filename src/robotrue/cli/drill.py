@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final, get_args
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from robotrue.cli.console import emit_json, emit_table, say
 from robotrue.cli.inputs import check_output
-from robotrue.core.units import DEG, MM, UM
+from robotrue.core.units import DEG, UM
 from robotrue.drilling.campaign import Campaign, reading_errors
 from robotrue.drilling.campaign_checks import check_campaign
 from robotrue.drilling.campaign_csv import read_campaign
@@ -21,6 +20,7 @@ from robotrue.drilling.foot_file import FootSetup, read_foot
 from robotrue.drilling.head import Head
 from robotrue.drilling.model import NormalModel, fit_model
 from robotrue.drilling.model_archive import read_model, write_model
+from robotrue.drilling.model_document import model_document
 from robotrue.drilling.regression import LinearCorrection, fit_linear, significance
 from robotrue.drilling.terms import conditions
 from robotrue.errors import ConfigurationError
@@ -35,7 +35,7 @@ CLEAR: Final = 3.0
 def run_fit(foot: Path, campaign: Path, output: Path, *, kind: str, as_json: bool) -> None:
     """Learns a model from a campaign and writes it."""
     check_output(output, [foot, campaign])
-    wanted = _kind(kind)
+    wanted = kind_of(kind)
     setup = read_foot(foot)
     head = setup.head or Head(p_pivot_tip=np.full(3, np.nan))
     if setup.head is None:
@@ -44,9 +44,9 @@ def run_fit(foot: Path, campaign: Path, output: Path, *, kind: str, as_json: boo
     check_campaign(setup.foot, data)
     model, trials = fit_model(setup.foot, head, data, kind=wanted, digest=digest)
     write_model(output, model)
-    terms = _terms(model, data)
+    terms = terms_of(model, data)
     if as_json:
-        emit_json(_fit_document(model, trials, terms, output))
+        emit_json({"output": str(output), **model_document(model, trials), "terms": terms})
         return
     _show_trials(model, trials)
     _show_terms(terms)
@@ -110,7 +110,8 @@ def residuals_document(left: Residuals) -> dict[str, float]:
     }
 
 
-def _kind(word: str) -> Kind | None:
+def kind_of(word: str) -> Kind | None:
+    """Returns the correction a word means; None chooses by trials."""
     if word == AUTO:
         return None
     known: tuple[Kind, ...] = get_args(Kind)
@@ -122,8 +123,8 @@ def _kind(word: str) -> Kind | None:
     )
 
 
-def _terms(model: NormalModel, data: Campaign) -> list[dict[str, Any]]:
-    """Significance of each term of the interactions, or of the patent's where clamps are few."""
+def terms_of(model: NormalModel, data: Campaign) -> list[dict[str, Any]]:
+    """Returns the significance of each term of the interactions, or of the patent's."""
     if model.patent is None:
         return []
     causes = conditions(model.foot, data.order, data.clamps)
@@ -142,37 +143,6 @@ def _terms(model: NormalModel, data: Campaign) -> list[dict[str, Any]]:
         }
         for term in significance(fitted, causes)
     ]
-
-
-def _fit_document(
-    model: NormalModel, trials: tuple[Trial, ...], terms: list[dict[str, Any]], output: Path
-) -> dict[str, Any]:
-    return {
-        "output": str(output),
-        "kind": model.kind,
-        "held_out_mean_deg": model.left / DEG,
-        "trials": [
-            {
-                "kind": trial.kind,
-                "held_out_mean_deg": trial.mean / DEG,
-                "held_out_p95_deg": float(np.percentile(trial.residual, 95.0)) / DEG
-                if len(trial.residual)
-                else None,
-                "reason": trial.reason,
-            }
-            for trial in trials
-        ],
-        "terms": terms,
-        "envelope": {
-            "force_N": model.envelope.force.tolist(),
-            "z_mm": (model.envelope.height / MM).tolist(),
-            "tilt_deg": model.envelope.tilt / DEG,
-            "approach": list(model.envelope.approach),
-        },
-        "campaign_sha256": model.campaign,
-        "version": model.version,
-        "frozen": None if model.frozen is None else asdict(model.frozen),
-    }
 
 
 def _show_trials(model: NormalModel, trials: tuple[Trial, ...]) -> None:

@@ -208,6 +208,8 @@ KINDS: Final[Mapping[str, str]] = {
     **{each.__name__: f"{__name__}:{each.__name__}" for each in (calibrate, compensate, plan)},
     "drift": "robotrue.cli.job_drift:drift",
     "drift_plan": "robotrue.cli.job_drift:drift_plan",
+    "drill_fit": "robotrue.cli.job_drilling:drill_fit",
+    "drill_report": "robotrue.cli.job_drilling:drill_report",
     "report": "robotrue.cli.job_report:report",
     "transfer": "robotrue.cli.job_drift:transfer",
     "validate": f"{__name__}:validate",

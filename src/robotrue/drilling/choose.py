@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from robotrue.drilling.foot import Foot
 from robotrue.drilling.terms import conditions
 from robotrue.errors import ObservabilityError
 
+Step: TypeAlias = Callable[[str, int, int], None]
 LEVELS: Final = 5
 """Blocks of force where the campaign does not keep to fewer levels."""
 SECTORS: Final = 4
@@ -116,6 +118,18 @@ def chosen(trials: tuple[Trial, ...]) -> Kind:
     return held.kind
 
 
-def all_tried(foot: Foot, campaign: Campaign) -> tuple[Trial, ...]:
-    """Returns the trial of every kind, the simplest first."""
-    return tuple(tried(kind, foot, campaign) for kind in KINDS)
+def all_tried(
+    foot: Foot, campaign: Campaign, *, step: Step = lambda what, done, of: None
+) -> tuple[Trial, ...]:
+    """Returns the trial of every kind, the simplest first.
+
+    Args:
+        foot: The sensors.
+        campaign: Clamps with known tilts.
+        step: Hears which kind is on trial, how many were and of how many.
+    """
+    trials = []
+    for k, kind in enumerate(KINDS):
+        step(kind, k, len(KINDS))
+        trials.append(tried(kind, foot, campaign))
+    return tuple(trials)

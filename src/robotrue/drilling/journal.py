@@ -10,6 +10,7 @@ import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from io import FileIO
 from pathlib import Path
 from types import TracebackType
@@ -20,6 +21,7 @@ import numpy as np
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign import Clamps
 from robotrue.drilling.hole_session import HoleAnswer
+from robotrue.drilling.journal_lines import whole_lines
 from robotrue.drilling.production import Step
 from robotrue.errors import FormatError
 
@@ -79,6 +81,7 @@ def step_document(
         "shift_deg": (step.shift / DEG).tolist(),
         "said": step.said,
         "version": step.model.version,
+        "frozen": 0 if step.model.frozen is None else step.model.frozen.version,
     }
 
 
@@ -144,7 +147,9 @@ class Journal:
         self._put({"kind": "reference", **document})
 
     def _put(self, document: Mapping[str, Any]) -> None:
-        data = (json.dumps(document, allow_nan=False) + "\n").encode()
+        at = datetime.now(UTC).isoformat(timespec="milliseconds")
+        line = {**document, "written_utc": at}
+        data = (json.dumps(line, allow_nan=False) + "\n").encode()
         size = self._file.seek(0, os.SEEK_END)
         try:
             done = 0
@@ -161,12 +166,11 @@ class Journal:
         """Reads what is there and cuts off a last line without its end."""
         self._file.seek(0)
         data = self._file.readall()
-        whole = data.rfind(b"\n") + 1
+        entries, whole = whole_lines(data, source=self._path)
         answered, version = 0, 0
         waiting: dict[str, Clamps] = {}
-        for number, line in enumerate(data[:whole].splitlines(), start=1):
+        for number, entry in enumerate(entries, start=1):
             try:
-                entry = json.loads(line)
                 if entry["kind"] == "answer":
                     answered += 1
                     if entry["status"] == "move":

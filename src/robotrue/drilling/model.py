@@ -10,7 +10,7 @@ import numpy as np
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.units import DEG
 from robotrue.drilling.campaign import Campaign, Clamps
-from robotrue.drilling.choose import Trial, all_tried, chosen, tried
+from robotrue.drilling.choose import Step, Trial, all_tried, chosen, tried
 from robotrue.drilling.correction import (
     Corrected,
     Correction,
@@ -125,7 +125,13 @@ def seen(model: NormalModel, clamps: Clamps) -> Corrected:
 
 
 def fit_model(
-    foot: Foot, head: Head, campaign: Campaign, *, kind: Kind | None = None, digest: str = ""
+    foot: Foot,
+    head: Head,
+    campaign: Campaign,
+    *,
+    kind: Kind | None = None,
+    digest: str = "",
+    step: Step = lambda what, done, of: None,
 ) -> tuple[NormalModel, tuple[Trial, ...]]:
     """Returns the model learned from a campaign, and how every correction did where it was chosen.
 
@@ -135,6 +141,7 @@ def fit_model(
         campaign: Clamps with known tilts.
         kind: The correction to take; the one that wins on held-out forces and tilts without it.
         digest: SHA-256 of the campaign's file.
+        step: Hears which correction is on trial, how many were and of how many.
 
     Raises:
         ConfigurationError: Tilts written in another axis order than the head's.
@@ -144,7 +151,9 @@ def fit_model(
         raise ConfigurationError(
             f"the campaign's tilts are in order {campaign.order}, the head's is {head.order}."
         )
-    trials = all_tried(foot, campaign) if kind is None else (tried(kind, foot, campaign),)
+    trials = (
+        all_tried(foot, campaign, step=step) if kind is None else (tried(kind, foot, campaign),)
+    )
     best = chosen(trials)
     trial = next(trial for trial in trials if trial.kind == best)
     clamps = campaign.clamps

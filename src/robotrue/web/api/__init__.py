@@ -4,13 +4,24 @@ from __future__ import annotations
 
 from fastapi import APIRouter
 
-from robotrue.web.api import drift, files, intake, items, jobs, live, plan, scene, touching
+from robotrue.web.api import (
+    drift,
+    drilling,
+    files,
+    intake,
+    items,
+    jobs,
+    live,
+    plan,
+    scene,
+    touching,
+)
 from robotrue.web.bench import House
 
 
 def api_router(house: House) -> APIRouter:
     """Returns all routes of the HTTP interface."""
     router = APIRouter()
-    for part in (items, files, intake, jobs, live, scene, plan, drift, touching):
+    for part in (items, files, intake, jobs, live, scene, plan, drift, drilling, touching):
         router.include_router(part.router(house))
     return router

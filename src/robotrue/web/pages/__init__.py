@@ -13,6 +13,7 @@ from robotrue.web.pages import (
     calibration,
     cell,
     drift,
+    drilling,
     history,
     live,
     measurements,
@@ -29,6 +30,7 @@ PAGES: Final[tuple[Page, ...]] = (
     registration.PAGE,
     programs.PAGE,
     drift.PAGE,
+    drilling.PAGE,
     live.PAGE,
     history.PAGE,
 )

@@ -1,0 +1,72 @@
+"""Drilling: campaigns, models and journals taken in, journals followed."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Path, Query
+from fastapi.responses import Response
+from pydantic import BaseModel
+
+from robotrue.drilling.kept import JOURNAL
+from robotrue.store.nouns import DOCUMENT
+from robotrue.web import drill_journals
+from robotrue.web.api.intake import FromFiles
+from robotrue.web.api.items import found
+from robotrue.web.bench import House
+from robotrue.web.problems import MissingError
+from robotrue.web.uploads import forget, uploaded
+
+
+class Entries(BaseModel):
+    """Some lines of a journal.
+
+    Attributes:
+        entries: As the session wrote them.
+        next: Byte to ask for next.
+        size: Of the file in bytes.
+        anew: The file is another one than before: forget what was read of it.
+    """
+
+    entries: list[dict[str, Any]]
+    next: int
+    size: int
+    anew: bool
+
+
+After = Annotated[int, Query(ge=0, le=1 << 40)]
+
+
+def router(house: House) -> APIRouter:
+    """Returns the routes of drilling."""
+    routes = APIRouter(tags=["drilling"])
+    workspace = house.workspace
+
+    @routes.post("/drilling", status_code=201)
+    async def add_drilling(asked: FromFiles) -> Response:
+        """A campaign with its foot.toml, a model of robotrue drill, or a journal."""
+        paths = json.dumps([str(uploaded(workspace, each)) for each in asked.uploads])
+        record = await house.workers.ask("drilling.add", str(workspace.folder), paths, asked.name)
+        for each in asked.uploads:
+            await asyncio.to_thread(forget, workspace, each)
+        return Response(record, status_code=201, media_type="application/json")
+
+    @routes.get("/drilling/journals/{name}")
+    def follow_journal(name: Annotated[str, Path(max_length=120)], after: After = 0) -> Entries:
+        """Lines of a journal in the workspace's folder ``drilling``, from a byte on."""
+        path = drill_journals.journal_path(workspace, name)
+        return Entries(**drill_journals.entries_after(path, after, name=name))
+
+    @routes.get("/drilling/kept-journals/{id}")
+    def read_journal(id: Annotated[str, Path(max_length=40)], after: After = 0) -> Entries:
+        """Lines of a journal that was taken in, from a byte on."""
+        record = found(workspace, DOCUMENT.name, id)
+        files = record.files("file")
+        if getattr(record, "kind", "") != JOURNAL or len(files) != 1:
+            raise MissingError(f"{record.name!r} is no journal.")
+        path = workspace.path_of(files[0].sha256)
+        return Entries(**drill_journals.entries_after(path, after, name=files[0].name))
+
+    return routes

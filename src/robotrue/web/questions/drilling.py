@@ -1,0 +1,112 @@
+"""What is dropped on the page Drilling: a campaign with its foot, a model, a journal."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Final
+
+import numpy as np
+
+from robotrue.core.units import DEG, MM
+from robotrue.drilling.campaign_checks import check_campaign
+from robotrue.drilling.campaign_csv import read_campaign
+from robotrue.drilling.foot_file import read_foot
+from robotrue.drilling.journal_lines import whole_lines
+from robotrue.drilling.kept import CAMPAIGN, JOURNAL, MODEL
+from robotrue.drilling.model_archive import read_model
+from robotrue.drilling.model_document import model_document
+from robotrue.errors import ConfigurationError
+from robotrue.store import documents, items
+from robotrue.store.nouns import DOCUMENT
+from robotrue.store.records import Query
+from robotrue.store.workspace import Workspace
+from robotrue.web.api.documents import record_document
+from robotrue.web.questions.packing import answer
+
+FOOT: Final = ".toml"
+MODELS: Final = (".robotrue", ".rtm")
+JOURNALS: Final = (".jsonl", ".ndjson")
+
+
+def add(folder: str, paths: str, name: str) -> bytes:
+    """Returns the record of what files turn out to be: a campaign, a model or a journal.
+
+    Raises:
+        ConfigurationError: Files that make none of these together.
+        FormatError: A file that cannot be read.
+        ImplausibleDataError: Readings that cannot be this foot's.
+    """
+    found = [Path(each) for each in json.loads(paths)]
+    feet = [path for path in found if path.suffix.lower() == FOOT]
+    others = [path for path in found if path not in feet]
+    if len(others) != 1 or len(feet) > 1:
+        raise ConfigurationError(
+            f"{len(found)} files, expected one campaign with its foot.toml, one model or one "
+            "journal.",
+            hint="drop foot.toml and the campaign together.",
+        )
+    (main,) = others
+    with Workspace.open(folder) as workspace, TemporaryDirectory() as place:
+        if main.suffix.lower() in MODELS:
+            kind, detail = MODEL, _model(main)
+        elif main.suffix.lower() in JOURNALS:
+            kind, detail = JOURNAL, _journal(main)
+        else:
+            feet = feet or _known_foot(workspace, Path(place))
+            kind, detail = CAMPAIGN, _campaign(main, feet[0])
+        files = [*feet, main] if kind == CAMPAIGN else [main]
+        record = documents.add(workspace, kind, name=name or main.stem, files=files, detail=detail)
+        return answer(record_document(record, "document"))
+
+
+def _known_foot(workspace: Workspace, place: Path) -> list[Path]:
+    """The foot file of the newest campaign: a cell has one foot."""
+    query = Query(where={"kind": CAMPAIGN}, limit=1)
+    for record in items.listed(workspace, DOCUMENT, query).items:
+        for each in record.files("file"):
+            if each.name.lower().endswith(FOOT):
+                return [Path(shutil.copyfile(workspace.path_of(each.sha256), place / each.name))]
+    raise ConfigurationError(
+        "a campaign without its foot file.",
+        hint="drop foot.toml together with it: where the sensors stand, what a count is.",
+    )
+
+
+def _campaign(path: Path, foot: Path) -> dict[str, Any]:
+    setup = read_foot(foot)
+    order = "AB" if setup.head is None else setup.head.order
+    data, digest = read_campaign(path, setup, order)
+    check_campaign(setup.foot, data)
+    clamps = data.clamps
+    return {
+        "clamps": len(data),
+        "force_N": [float(clamps.force.min()), float(clamps.force.max())],
+        "z_mm": [float(clamps.height.min() / MM), float(clamps.height.max() / MM)],
+        "tilt_deg": float(np.hypot(*data.tilt.T).max() / DEG),
+        "sensors": len(setup.foot.radius),
+        "sha256": digest,
+        "simulated": _simulated(path, foot),
+    }
+
+
+def _model(path: Path) -> dict[str, Any]:
+    model = read_model(path)
+    named = any("simulated" in truth.lower() for truth in model.refinement.truths)
+    return {**model_document(model), "terms": [], "simulated": named or _simulated(path)}
+
+
+def _journal(path: Path) -> dict[str, Any]:
+    entries, _ = whole_lines(path.read_bytes(), source=path.name)
+    if not entries:
+        raise ConfigurationError("a journal without a line.", source=path.name)
+    holes = len({each["hole"] for each in entries})
+    return {"holes": holes, "entries": len(entries), "simulated": _simulated(path)}
+
+
+def _simulated(*paths: Path) -> bool:
+    """Whether the data say so themselves: in their names, or in the foot file's first line."""
+    first = [p.read_text(errors="replace").partition("\n")[0] for p in paths if p.suffix == FOOT]
+    return any("simulated" in text.lower() for text in (*(p.name for p in paths), *first))
