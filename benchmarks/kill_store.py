@@ -212,9 +212,11 @@ def _judged(
     }
 
 
-def _stands(workspace: Workspace, id: str, version: int, name: str, deleted: bool) -> bool:
+def _stands(
+    workspace: Workspace, id: str, version: int, name: str, deleted: bool, noun: Any = DOCUMENT
+) -> bool:
     try:
-        found = items.get(workspace, DOCUMENT, id, version=version)
+        found = items.get(workspace, noun, id, version=version)
     except Exception:  # whatever it is: it is not there
         return False
     return (found.name, found.deleted) == (name, deleted)
