@@ -5,6 +5,7 @@ from __future__ import annotations
 from fastapi import APIRouter
 
 from robotrue.web.api import (
+    cells,
     drift,
     drilling,
     files,
@@ -22,6 +23,6 @@ from robotrue.web.bench import House
 def api_router(house: House) -> APIRouter:
     """Returns all routes of the HTTP interface."""
     router = APIRouter()
-    for part in (items, files, intake, jobs, live, scene, plan, drift, drilling, touching):
+    for part in (cells, items, files, intake, jobs, live, scene, plan, drift, drilling, touching):
         router.include_router(part.router(house))
     return router

@@ -1,0 +1,86 @@
+"""Cells from a form and from their text: shown before they are kept, never overwritten."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from typing import Annotated
+
+from fastapi import APIRouter, Path, Query
+from fastapi.responses import Response
+from pydantic import BaseModel, Field
+
+from robotrue.store.nouns import CELL
+from robotrue.web.api.items import found
+from robotrue.web.bench import House
+
+Id = Annotated[str, Path(max_length=40)]
+Typed = Annotated[str, Field(max_length=40)] | float | int | None
+JSON = "application/json"
+
+
+class Form(BaseModel):
+    """What was typed into the form of a cell."""
+
+    robot: Annotated[str, Field(max_length=100)]
+    frame: Annotated[str, Field(pattern="^(base|unknown)$")] = "base"
+    numbers: dict[Annotated[str, Field(max_length=40)], Typed] = {}
+
+
+class Text(BaseModel):
+    """The text of a cell.toml.
+
+    Attributes:
+        text: Of the file.
+        name: Of a new cell.
+        version: Of the cell that was changed; the text becomes its next.
+    """
+
+    text: Annotated[str, Field(min_length=1, max_length=200_000)]
+    name: Annotated[str, Field(max_length=200)] = ""
+    version: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
+
+
+def router(house: House) -> APIRouter:
+    """Returns the routes of cells that are made here."""
+    routes = APIRouter(tags=["items"])
+    workspace, folder = house.workspace, str(house.workspace.folder)
+
+    @routes.get("/presets")
+    async def list_presets() -> Response:
+        """Every robot a cell can be made with, and the numbers a form asks for."""
+        return Response(await house.answers.once("cell_form.presets"), media_type=JSON)
+
+    @routes.post("/cells/form")
+    async def describe_cell(form: Form) -> Response:
+        """The cell.toml of a form, or what is wrong with which field; nothing is kept."""
+        stated = {**form.numbers, "robot": form.robot, "frame": form.frame}
+        answer = await house.workers.ask("cell_form.described", json.dumps(stated))
+        return Response(answer, media_type=JSON)
+
+    @routes.post("/cells/text", status_code=201)
+    async def keep_cell(stated: Text) -> Response:
+        """A new cell from the text of a cell.toml."""
+        facts = (folder, stated.text, stated.name or "cell", "", 0)
+        answer = await house.workers.ask("cell_form.kept", *facts)
+        return Response(answer, status_code=201, media_type=JSON)
+
+    @routes.post("/cells/{id}/text", status_code=201)
+    async def change_cell(id: Id, stated: Text) -> Response:
+        """The new version of a cell with another text; the one before stays."""
+        record = await asyncio.to_thread(found, workspace, CELL.name, id)
+        version = record.version if stated.version is None else stated.version
+        facts = (folder, stated.text, "", id, version)
+        answer = await house.workers.ask("cell_form.kept", *facts)
+        return Response(answer, status_code=201, media_type=JSON)
+
+    @routes.get("/cells/{id}/text")
+    async def read_cell(
+        id: Id, version: Annotated[int | None, Query(ge=1, le=1_000_000)] = None
+    ) -> Response:
+        """The text of a cell's file."""
+        record = await asyncio.to_thread(found, workspace, CELL.name, id, version)
+        answer = await house.workers.ask("cell_form.text_of", folder, id, record.version)
+        return Response(answer, media_type="text/plain; charset=utf-8")
+
+    return routes

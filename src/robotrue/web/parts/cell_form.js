@@ -1,0 +1,62 @@
+// A cell from the robot's type and a few numbers: its cell.toml is shown while one types, then kept.
+const GROUPS = [["tool", ["tool_x_mm", "tool_y_mm", "tool_z_mm", "tool_a_deg", "tool_b_deg", "tool_c_deg"]], ["load", ["mass_kg", "centre_x_mm", "centre_y_mm", "centre_z_mm"]], ["instrument", ["repeatability_mm", "sigma_um", "sigma_um_per_m"]]];
+
+export default {
+  template: `
+  <form class="columns cell-form" @submit.prevent="keep" data-testid="cell-form">
+    <div class="card">
+      <h2>{{ text.form_title }}</h2>
+      <label class="field">{{ text.name }}<input type="text" maxlength="200" v-model="name" :placeholder="robot" data-testid="cell-name"></label>
+      <label class="field">{{ text.robot }}<select v-model="robot" data-testid="cell-robot" :aria-invalid="!!told('robot')">
+        <option v-for="p in presets" :key="p.name" :value="p.name">{{ p.name }} · {{ p.joints }} {{ text.joints }} · {{ (p.reach_mm / 1000).toFixed(2) }} m{{ p.rated_kg ? ' · ' + p.rated_kg + ' kg' : '' }}</option></select>
+        <span class="wrong" v-if="told('robot')">{{ told('robot') }}</span></label>
+      <template v-for="[group, names] in groups" :key="group">
+        <h3>{{ text['group_' + group] }}</h3>
+        <label class="field" v-if="group === 'instrument'">{{ text.frame }}<select v-model="frame" data-testid="cell-frame"><option value="base">{{ text.frame_base }}</option><option value="unknown">{{ text.frame_unknown }}</option></select></label>
+        <div class="fields"><label class="field" v-for="key in names" :key="key">{{ text[key] }}
+          <input type="text" inputmode="decimal" v-model="numbers[key]" :placeholder="usual(key)" :aria-invalid="!!told(key)" :data-testid="'cell-' + key" autocomplete="off">
+          <span class="wrong" v-if="told(key)" :data-testid="'wrong-' + key">{{ told(key) }}</span>
+          <span class="careful" v-else-if="careful(key)">{{ careful(key) }}</span></label></div>
+      </template>
+    </div>
+    <div class="card"><h2>cell.toml</h2><p class="note">{{ text.preview_text }}</p>
+      <pre class="toml" data-testid="cell-preview">{{ shown }}</pre>
+      <div class="card fault" v-if="fault" role="alert" data-testid="cell-fault"><b>{{ fault.title }}</b> <span>{{ fault.detail }}</span><div class="note" v-if="fault.hint">{{ fault.hint }}</div></div>
+      <button class="act" :disabled="busy || !ready" data-testid="cell-keep">{{ text.keep }}</button></div>
+  </form>`,
+  props: { text: Object },
+  data: () => ({ groups: GROUPS, presets: [], fields: {}, robot: "", frame: "base", name: "", numbers: {}, faults: {}, cautions: {}, shown: "", ready: false, busy: false, fault: null }),
+  computed: { typed() { return JSON.stringify([this.robot, this.frame, this.numbers]); } },
+  watch: { typed() { this.ready = false; clearTimeout(this.timer); this.timer = setTimeout(this.look, 250); } },
+  async mounted() {
+    const found = await (await fetch("/api/presets")).json();
+    this.presets = found.presets;
+    this.fields = Object.fromEntries(found.fields.map((f) => [f.name, f]));
+    this.robot = this.presets[0].name;
+  },
+  beforeUnmount() { clearTimeout(this.timer); },
+  methods: {
+    usual(key) { return this.fields[key] ? String(Number(this.fields[key].usual.toFixed(6))) : ""; },
+    say(key, values) { return this.text[key].replace(/\{(\w+)\}/g, (_, name) => values[name]); },
+    told(key) { const f = this.faults[key]; return f ? f.text ?? this.say("wrong_" + f.kind, f) : ""; },
+    careful(key) { const c = this.cautions[key]; return c ? this.say("careful_" + c.kind, c) : ""; },
+    async look() {
+      const asked = this.typed;
+      const answer = await fetch("/api/cells/form", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ robot: this.robot, frame: this.frame, numbers: this.numbers }) });
+      const found = await answer.json();
+      if (asked !== this.typed) return;
+      this.fault = answer.ok ? null : found;
+      this.faults = found.faults ?? {};
+      this.cautions = found.cautions ?? {};
+      if (found.text) this.shown = found.text;
+      this.ready = answer.ok && !!found.text;
+    },
+    async keep() {
+      this.busy = true;
+      const answer = await fetch("/api/cells/text", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ text: this.shown, name: this.name.trim() || this.robot }) });
+      if (answer.ok) location.href = `/?cell=${(await answer.json()).id}`;
+      else this.fault = await answer.json();
+      this.busy = false;
+    },
+  },
+};

@@ -1,0 +1,185 @@
+"""A cell from a form or from its text: shown before it is kept, refused beside the field."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Final
+
+import numpy as np
+
+from robotrue.cell.config import parse_cell
+from robotrue.cell.preset_cell import RATED_KG, USUAL, PresetCell, preset_cell_text
+from robotrue.core.poses import pose_from_xyz_abc
+from robotrue.core.units import DEG, MM, UM
+from robotrue.errors import ConfigurationError, ModelMismatchError, ShapeError
+from robotrue.robot.presets import preset, preset_names
+from robotrue.store import cells, items
+from robotrue.store.layout import laid_out
+from robotrue.store.nouns import CELL
+from robotrue.store.workspace import Workspace, transaction
+from robotrue.web.api.documents import record_document
+from robotrue.web.questions.packing import answer
+
+FIELDS: Final[Mapping[str, tuple[float, float, float]]] = {
+    "tool_x_mm": (0.0, -3000.0, 3000.0),
+    "tool_y_mm": (0.0, -3000.0, 3000.0),
+    "tool_z_mm": (0.0, -3000.0, 3000.0),
+    "tool_a_deg": (0.0, -360.0, 360.0),
+    "tool_b_deg": (0.0, -360.0, 360.0),
+    "tool_c_deg": (0.0, -360.0, 360.0),
+    "mass_kg": (0.0, 0.0, 2000.0),
+    "centre_x_mm": (0.0, -2000.0, 2000.0),
+    "centre_y_mm": (0.0, -2000.0, 2000.0),
+    "centre_z_mm": (0.0, -2000.0, 2000.0),
+    "repeatability_mm": (USUAL["repeatability_mm"], 0.001, 1.0),
+    "sigma_um": (USUAL["sigma_um"], 0.0, 1000.0),
+    "sigma_um_per_m": (USUAL["sigma_um_per_m"], 0.0, 1000.0),
+}
+"""What a number is if nothing is said, and what it may be."""
+LARGEST: Final = 200_000
+"""Characters of a cell.toml."""
+
+
+def presets() -> bytes:
+    """Returns every preset with reach and rated payload, and the fields of the form."""
+    found = []
+    for name in preset_names():
+        robot = preset(name)
+        found.append(
+            {
+                "name": name,
+                "joints": robot.dof,
+                "reach_mm": float(robot.reach / MM),
+                "rated_kg": RATED_KG.get(name),
+            }
+        )
+    fields = [
+        {"name": name, "usual": usual, "least": least, "most": most}
+        for name, (usual, least, most) in FIELDS.items()
+    ]
+    return answer({"presets": found, "fields": fields})
+
+
+def described(form: str) -> bytes:
+    """Returns the cell.toml of a form, or what is wrong with which field.
+
+    Args:
+        form: JSON of ``robot``, ``frame`` and the fields, as typed.
+    """
+    stated: dict[str, Any] = json.loads(form)
+    values, faults = _numbers(stated)
+    robot = str(stated.get("robot", ""))
+    if robot not in preset_names():
+        faults["robot"] = {"kind": "preset"}
+    if values["sigma_um"] == 0.0 and values["sigma_um_per_m"] == 0.0:
+        faults["sigma_um"] = {"kind": "exact"}
+    if math.dist((values["centre_x_mm"], values["centre_y_mm"], values["centre_z_mm"]), (0, 0, 0)):
+        if values["mass_kg"] == 0.0:
+            faults["mass_kg"] = {"kind": "massless"}
+    if faults:
+        return answer({"faults": faults, "text": "", "cautions": {}})
+    rated = RATED_KG.get(robot)
+    over = rated is not None and values["mass_kg"] > rated
+    cautions = {"mass_kg": {"kind": "rated", "most": rated}} if over else {}
+    try:
+        text = preset_cell_text(_cell(robot, str(stated.get("frame", "base")), values))
+        parse_cell(text.encode(), "cell.toml")
+    except (ConfigurationError, ShapeError) as error:
+        faults[_blamed(error.message)] = {"kind": "refused", "text": error.message}
+        return answer({"faults": faults, "text": "", "cautions": {}})
+    return answer({"faults": {}, "text": text, "cautions": cautions})
+
+
+def kept(folder: str, text: str, name: str, id: str, version: int) -> bytes:
+    """Returns the record of a cell.toml's text: a new cell, or a new version of one.
+
+    Args:
+        folder: Of the workspace.
+        text: Of the cell.toml.
+        name: Of a new cell.
+        id: Of the cell that gets a new version; empty: none.
+        version: Of it that was changed.
+
+    Raises:
+        ModelMismatchError: Somebody else changed it meanwhile.
+    """
+    if len(text) > LARGEST:
+        raise ConfigurationError(f"a cell.toml of {len(text)} characters, expected {LARGEST:,}.")
+    with Workspace.open(folder) as workspace, TemporaryDirectory() as place:
+        path = Path(place) / "cell.toml"
+        if not id:
+            path.write_text(text, encoding="utf-8")
+            return answer(record_document(cells.add(workspace, path, name=name), "cell"))
+        before = items.get(workspace, CELL, id)
+        laid_out(workspace, before, Path(place), cells.COMPANION)
+        path.write_text(text, encoding="utf-8")
+        with transaction(workspace) as into:
+            record = cells.add(into, path, name=before.name, note=before.note, id=id)
+            if record.version != version + 1:
+                raise ModelMismatchError(
+                    f"the cell was changed meanwhile: it is at version {record.version - 1}, "
+                    f"not {version}.",
+                    hint="open it again; nothing of yours was written.",
+                )
+        return answer(record_document(record, "cell"))
+
+
+def text_of(folder: str, id: str, version: int) -> bytes:
+    """Returns the text of a cell's file."""
+    with Workspace.open(folder) as workspace:
+        record = items.get(workspace, CELL, id, version=version)
+        (file,) = record.files(cells.FILE)
+        return workspace.content(file.sha256)
+
+
+def _numbers(stated: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, dict[str, Any]]]:
+    values: dict[str, float] = {}
+    faults: dict[str, dict[str, Any]] = {}
+    for name, (usual, least, most) in FIELDS.items():
+        typed = stated.get(name)
+        words = "" if typed is None else str(typed).strip().replace(",", ".").replace("−", "-")
+        try:
+            value = float(words) if words else usual
+        except ValueError:
+            value, faults[name] = usual, {"kind": "number"}
+        if not math.isfinite(value) or not least <= value <= most:
+            value, faults[name] = usual, {"kind": "range", "least": least, "most": most}
+        values[name] = value
+    return values, faults
+
+
+def _cell(robot: str, frame: str, values: Mapping[str, float]) -> PresetCell:
+    def three(*names: str) -> Any:
+        return np.array([values[name] for name in names])
+
+    return PresetCell(
+        robot=robot,
+        T_flange_tool=pose_from_xyz_abc(
+            three("tool_x_mm", "tool_y_mm", "tool_z_mm") * MM,
+            three("tool_a_deg", "tool_b_deg", "tool_c_deg") * DEG,
+        ),
+        mass=values["mass_kg"],
+        centre=three("centre_x_mm", "centre_y_mm", "centre_z_mm") * MM,
+        repeatability=values["repeatability_mm"] * MM,
+        frame="tracker" if frame == "unknown" else "base",
+        sigma=values["sigma_um"] * UM,
+        sigma_per_m=values["sigma_um_per_m"] * UM,
+    )
+
+
+def _blamed(message: str) -> str:
+    """The field a refusal of the cell speaks of."""
+    for word, field in (
+        ("preset", "robot"),
+        ("mass", "mass_kg"),
+        ("repeatability", "repeatability_mm"),
+        ("sigma", "sigma_um"),
+        ("tool", "tool_x_mm"),
+    ):
+        if word in message:
+            return field
+    return "robot"

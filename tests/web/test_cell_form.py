@@ -1,0 +1,179 @@
+"""A cell from a preset, its text as versions, names and notes changed where they stand."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+from serving import Watched, serving, watching
+from web_shop import Client, Served
+
+from robotrue.cell.config import parse_cell
+from robotrue.core.poses import pose_from_xyz_abc
+
+NUMBERS = {
+    "tool_x_mm": "12,5", "tool_z_mm": 300, "tool_b_deg": "−30", "mass_kg": "45", "centre_z_mm": 120,
+    "repeatability_mm": 0.05, "sigma_um": 10, "sigma_um_per_m": 3,
+}  # fmt: skip
+
+
+def described(made: Any, numbers: dict[str, Any], robot: str = "KUKA KR160 R1570") -> Any:
+    answer = made.post("/api/cells/form", json={"robot": robot, "numbers": numbers})
+    assert answer.status_code == 200, answer.text
+    return answer.json()
+
+
+def test_what_the_form_says_is_what_the_cell_is(client: Client) -> None:
+    made = client()
+    found = described(made, NUMBERS)
+    assert found["faults"] == {}
+    cell = parse_cell(found["text"].encode(), "cell.toml")
+    assert cell.robot.name == "KUKA KR160 R1570"
+    wanted = pose_from_xyz_abc(np.array([0.0125, 0.0, 0.3]), np.radians([0.0, -30.0, 0.0]))
+    np.testing.assert_allclose(cell.robot.T_flange_tool, wanted, atol=1e-12)
+    assert cell.payload.mass[0] == 45.0
+    np.testing.assert_allclose(cell.payload.com[0], [0.0, 0.0, 0.12])
+    assert cell.repeatability == pytest.approx(5e-5)
+    sigma = (cell.tracker.range_bound, cell.tracker.range_bound_per_m)
+    assert np.array(sigma) / cell.tracker.divisor == pytest.approx([10e-6, 3e-6])
+    kept = made.post("/api/cells/text", json={"text": found["text"], "name": "Formed"})
+    assert kept.status_code == 201
+    assert made.get(f"/api/cells/{kept.json()['id']}/text").text == found["text"]
+
+
+def test_an_empty_form_is_a_usual_cell(client: Client) -> None:
+    made = client()
+    names = [each["name"] for each in made.get("/api/presets").json()["presets"]]
+    assert len(names) == 10
+    for name in names:
+        text = described(made, {}, name)["text"]
+        cell = parse_cell(text.encode(), "cell.toml")
+        assert cell.robot.name == name
+        assert cell.tracker.range_bound / cell.tracker.divisor == pytest.approx(7.5e-6)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "field", "kind"),
+    [
+        ({"mass_kg": "heavy"}, "mass_kg", "number"),
+        ({"mass_kg": -1}, "mass_kg", "range"),
+        ({"tool_z_mm": "1e9"}, "tool_z_mm", "range"),
+        ({"repeatability_mm": "nan"}, "repeatability_mm", "range"),
+        ({"sigma_um": 0, "sigma_um_per_m": 0}, "sigma_um", "exact"),
+        ({"centre_z_mm": 100}, "mass_kg", "massless"),
+    ],
+)
+def test_a_refusal_stands_beside_its_field(
+    client: Client, numbers: dict[str, Any], field: str, kind: str
+) -> None:
+    found = described(client(), numbers)
+    assert {name: each["kind"] for name, each in found["faults"].items()} == {field: kind}
+    assert not found["text"]
+
+
+def test_more_than_the_rated_load_is_said_and_an_unknown_robot_refused(client: Client) -> None:
+    made = client()
+    assert described(made, {"mass_kg": 200})["cautions"]["mass_kg"]["most"] == 160.0
+    assert described(made, {}, "KUKA KR 9000")["faults"] == {"robot": {"kind": "preset"}}
+
+
+def test_a_changed_text_is_a_version_and_two_do_not_overwrite_each_other(client: Client) -> None:
+    made = client()
+    text = described(made, {})["text"]
+    id = made.post("/api/cells/text", json={"text": text, "name": "Versions"}).json()["id"]
+    second = text.replace("mm = 0.06", "mm = 0.08")
+    assert second != text
+    where = f"/api/cells/{id}/text"
+    assert made.post(where, json={"text": second, "version": 1}).json()["version"] == 2
+    late = made.post(where, json={"text": text, "version": 1})
+    assert late.status_code == 409
+    assert "at version 2, not 1" in late.json()["detail"]
+    wrong = made.post(where, json={"text": second.replace("mm =", "millimetre ="), "version": 2})
+    assert wrong.status_code == 400
+    assert wrong.json()["line"] > 1
+    assert made.get(where).text == second
+    assert made.get(f"{where}?version=1").text == text
+
+
+@pytest.fixture(scope="module")
+def fresh(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    with serving(tmp_path_factory.mktemp("cells") / "shop") as found:
+        yield found
+
+
+@pytest.fixture
+def watched(browser: Any, fresh: Served) -> Iterator[Watched]:
+    with watching(browser, fresh) as found:
+        yield found
+
+
+def test_from_the_form_to_the_second_version(watched: Watched, fresh: Served) -> None:
+    page = watched.page
+    page.goto("/")
+    watched.find("cell-preview").get_by_text("preset =").wait_for()
+    watched.find("cell-robot").select_option("UR10")
+    watched.find("cell-mass_kg").fill("lots")
+    watched.find("wrong-mass_kg").wait_for()
+    assert watched.find("cell-keep").is_disabled()
+    watched.find("cell-mass_kg").fill("2.5")
+    watched.find("wrong-mass_kg").wait_for(state="detached")
+    watched.find("cell-preview").get_by_text("mass_kg = 2.5").wait_for()
+    watched.find("cell-name").fill("Bench <2>")
+    page.locator('[data-testid="cell-keep"]:enabled').click()
+    watched.find("scene").and_(page.locator('[data-state="ready"]')).wait_for()
+    assert "Bench <2>" in watched.find("cell-card").inner_text()
+
+    watched.find("open-text").click()
+    area = watched.find("cell-text-area")
+    page.wait_for_function("document.querySelector('[data-testid=cell-text-area]').value")
+    text = area.input_value()
+    area.fill(text.replace('preset = "UR10"', 'preset = "UR 9000"'))
+    watched.find("cell-text-keep").click()
+    assert "no robot preset" in watched.find("cell-text-fault").inner_text()
+    watched.faults = [each for each in watched.faults if "status of 4" not in each]
+    area.fill(text.replace("mass_kg = 2.5", "mass_kg = 3.5"))
+    watched.find("cell-text-keep").click()
+    watched.find("cell-versions").get_by_text("v2").wait_for()
+
+    watched.find("rename").click()
+    watched.find("naming-name").fill("Bench two")
+    watched.find("naming-note").fill("moved in <June>")
+    watched.find("naming-keep").click()
+    page.get_by_text("moved in <June>").wait_for()
+    assert page.locator("h1").inner_text() == "Bench two"
+    watched.find("rename").click()
+    watched.find("naming-before").click()
+    page.get_by_text("moved in <June>").wait_for(state="detached")
+    assert page.locator("h1").inner_text() == "Bench <2>"
+    found = httpx.get(f"{fresh.address}/api/items/cell").json()["items"]
+    assert [(each["name"], each["version"]) for each in found] == [("Bench <2>", 4)]
+    for width in (1280, 820):
+        page.set_viewport_size({"width": width, "height": 1000})
+        for address in (f"/?cell={found[0]['id']}&edit=1", "/?new=1", "/"):
+            page.goto(address)
+            page.locator("#sheet").wait_for()
+            assert page.evaluate("document.documentElement.scrollWidth") <= width, address
+
+
+def test_the_note_of_a_model_s_set_is_changed_where_it_stands(
+    watched: Watched, fresh: Served, tmp_path: Path
+) -> None:
+    program = tmp_path / "part.src"
+    program.write_text("DEF part()\nEND\n")
+    sent = httpx.post(f"{fresh.address}/api/files?name=part.src", content=program.read_bytes())
+    made = httpx.post(
+        f"{fresh.address}/api/programs", json={"uploads": [sent.json()["id"]]}, timeout=60.0
+    )
+    watched.page.goto(f"/programs?id={made.json()['id']}")
+    watched.find("rename").click()
+    watched.find("naming-name").fill("  ")
+    watched.find("naming-keep").click()
+    watched.page.get_by_text("expected 1 to 200").wait_for()
+    watched.faults = [each for each in watched.faults if "status of 4" not in each]
+    watched.find("naming-name").fill("Roughing")
+    watched.page.keyboard.press("Enter")
+    watched.page.locator("h1", has_text="Roughing").wait_for()
