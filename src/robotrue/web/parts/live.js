@@ -37,7 +37,6 @@ export default {
     open() { return this.live.size > 0; },
   },
   async mounted() {
-    this.list();
     const view = await import(`${this.files}/live.js`);
     this.view = view;
     view.limits(this.held);
@@ -48,7 +47,11 @@ export default {
   methods: {
     async list() {
       const answer = await fetch(`${this.base}/alarms`);
-      if (answer.ok) this.alarms = (await answer.json()).items;
+      if (!answer.ok) return;
+      const ended = new Map(this.alarms.filter((a) => a.over).map((a) => [a.key, a])); // told before they were written
+      const kept = (await answer.json()).items.map((a) => ended.get(a.key) ?? a);
+      const known = new Set(kept.map((a) => a.key));
+      this.alarms = [...this.alarms.filter((a) => !known.has(a.key)), ...kept];
     },
     take(frame) {
       if (frame.type === "alarm") {
@@ -56,6 +59,8 @@ export default {
         frame.over ? this.live.delete(frame.key) : this.live.add(frame.key);
         this.live = new Set(this.live);
       } else if (frame.type === "limits") {
+        this.list(); // what ended before this page was listening
+        setTimeout(this.list, 3000); // and what was only being written then
         this.view.limits(frame.um);
         if (document.activeElement?.closest("form")?.dataset.testid !== "limits-form") this.limits = frame.um.map((v) => v || "");
       }
