@@ -27,7 +27,7 @@ RATED_KG: Final = {
     "KUKA LBR iiwa 14 R820": 14.0,
 }
 """Rated payload where the name of the type says it."""
-FIRST_LINE: Final = "# Made from a preset; every table may be changed or extended.\n"
+FIRST_LINE: Final = "# Made from a preset; change and extend it.\n"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

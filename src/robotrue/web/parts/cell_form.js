@@ -8,12 +8,12 @@ export default {
       <h2>{{ text.form_title }}</h2>
       <label class="field">{{ text.name }}<input type="text" maxlength="200" v-model="name" :placeholder="robot" data-testid="cell-name"></label>
       <label class="field">{{ text.robot }}<select v-model="robot" data-testid="cell-robot" :aria-invalid="!!told('robot')">
-        <option v-for="p in presets" :key="p.name" :value="p.name">{{ p.name }} · {{ p.joints }} {{ text.joints }} · {{ (p.reach_mm / 1000).toFixed(2) }} m{{ p.rated_kg ? ' · ' + p.rated_kg + ' kg' : '' }}</option></select>
+        <option v-for="p in presets" :key="p.name" :value="p.name">{{ p.name }} · {{ p.joints }} {{ text.joints }} · {{ say('reach', {reach: (p.reach_mm / 1000).toFixed(2)}) }}{{ p.rated_kg ? ' · ' + p.rated_kg + ' kg' : '' }}</option></select>
         <span class="wrong" v-if="told('robot')">{{ told('robot') }}</span></label>
       <template v-for="[group, names] in groups" :key="group">
         <h3>{{ text['group_' + group] }}</h3>
         <label class="field" v-if="group === 'instrument'">{{ text.frame }}<select v-model="frame" data-testid="cell-frame"><option value="base">{{ text.frame_base }}</option><option value="unknown">{{ text.frame_unknown }}</option></select></label>
-        <div class="fields"><label class="field" v-for="key in names" :key="key">{{ text[key] }}
+        <div class="fields" :class="group"><label class="field" v-for="key in names" :key="key">{{ text[key] }}
           <input type="text" inputmode="decimal" v-model="numbers[key]" :placeholder="usual(key)" :aria-invalid="!!told(key)" :data-testid="'cell-' + key" autocomplete="off">
           <span class="wrong" v-if="told(key)" :data-testid="'wrong-' + key">{{ told(key) }}</span>
           <span class="careful" v-else-if="careful(key)">{{ careful(key) }}</span></label></div>

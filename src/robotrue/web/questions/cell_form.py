@@ -17,6 +17,7 @@ from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError, ModelMismatchError, ShapeError
 from robotrue.robot.presets import preset, preset_names
+from robotrue.robot.reach import wrist_reach
 from robotrue.store import cells, items
 from robotrue.store.layout import laid_out
 from robotrue.store.nouns import CELL
@@ -53,7 +54,7 @@ def presets() -> bytes:
             {
                 "name": name,
                 "joints": robot.dof,
-                "reach_mm": float(robot.reach / MM),
+                "reach_mm": wrist_reach(robot) / MM,
                 "rated_kg": RATED_KG.get(name),
             }
         )
@@ -112,10 +113,12 @@ def kept(folder: str, text: str, name: str, id: str, version: int) -> bytes:
     with Workspace.open(folder) as workspace, TemporaryDirectory() as place:
         path = Path(place) / "cell.toml"
         if not id:
+            cells.require_beside(text, ())
             path.write_text(text, encoding="utf-8")
             return answer(record_document(cells.add(workspace, path, name=name), "cell"))
         before = items.get(workspace, CELL, id)
         laid_out(workspace, before, Path(place), cells.COMPANION)
+        cells.require_beside(text, {each.name for each in before.files(cells.COMPANION)})
         path.write_text(text, encoding="utf-8")
         with transaction(workspace) as into:
             record = cells.add(into, path, name=before.name, note=before.note, id=id)
