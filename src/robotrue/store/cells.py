@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Any, Final
@@ -15,6 +15,7 @@ from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
 from robotrue.cell.part_tables import with_files, with_part, with_urdf
 from robotrue.core.files import read_bytes, sha256
+from robotrue.errors import ConfigurationError
 from robotrue.robot.identity import nominal_identity
 from robotrue.store import items
 from robotrue.store.layout import attached, laid_out
@@ -71,6 +72,36 @@ def add(
         }
         links = (Link(role="robot", to=robot), Link(role="tool", to=tool))
         return items.insert(into, CELL, columns, links=links, attachments=attachments, id=id)
+
+
+def require_beside(text: str, names: Collection[str]) -> None:
+    """Passes if a cell.toml names no file but those that came with it, by their names alone.
+
+    Args:
+        text: The cell.toml; whether it is one is not judged here.
+        names: Of the files that came with it.
+
+    Raises:
+        ConfigurationError: Another file, which would be one of this machine.
+    """
+    try:
+        stated = tomllib.loads(text)
+    except tomllib.TOMLDecodeError:  # whoever reads it says where
+        return
+    files = _table(stated, "controller").get("files", [])
+    listed = files if isinstance(files, list) else [files]
+    model = _table(_table(stated, "registration"), "model").get("file")
+    for each in (_table(stated, "robot").get("urdf"), *listed, model):
+        if each and each not in names:
+            raise ConfigurationError(
+                f"the cell names the file {each!r}, which did not come with it.",
+                hint="send it together with the cell, and let the cell name it without a folder.",
+            )
+
+
+def _table(stated: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    found = stated.get(name)
+    return found if isinstance(found, dict) else {}
 
 
 def laid(workspace: Workspace, record: CellRecord, folder: Path) -> Path:

@@ -12,6 +12,7 @@ import numpy as np
 
 from robotrue.cell.cell import Cell, tracker_covariance
 from robotrue.cell.config import read_cell
+from robotrue.core.files import read_bytes
 from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.measurement.formats.mapping import ColumnMapping
 from robotrue.measurement.formats.registry import read_measurements
@@ -39,7 +40,11 @@ def add_cell(folder: str, paths: str, name: str) -> bytes:
     with TemporaryDirectory() as together, Workspace.open(folder) as workspace:
         for path in found:
             (Path(together) / path.name).write_bytes(path.read_bytes())
-        record = cells.add(workspace, Path(together) / main[0].name, name=name or None)
+        cell = Path(together) / main[0].name
+        cells.require_beside(
+            read_bytes(cell).decode("utf-8-sig", "replace"), {p.name for p in found}
+        )
+        record = cells.add(workspace, cell, name=name or None)
         return answer(record_document(record, "cell"))
 
 
