@@ -10,6 +10,8 @@ from starlette.websockets import WebSocketDisconnect
 from web_shop import Client
 
 from robotrue.errors import ConfigurationError
+from robotrue.web.gate import COOKIE
+from robotrue.web.pages import PAGES
 from robotrue.web.sessions import LIFETIME, TRIES, WINDOW, Sessions, Tries
 from robotrue.web.settings import ServeSettings
 
@@ -99,6 +101,34 @@ def test_off_loopback_nobody_is_let_in_without_a_secret(client: Client) -> None:
         assert far.get("/api/items/cell", headers={"authorization": wrong}).status_code == 401, (
             wrong
         )
+
+
+def test_no_route_whatever_answers_a_stranger(client: Client) -> None:
+    far = client(host="0.0.0.0", password=PASSWORD, token=TOKEN, names=("cell.example",))  # noqa: S104
+    document = far.app.openapi()
+    routes = [(m, path) for path, each in document["paths"].items() for m in each]
+    assert len(routes) > 25
+    routes += [(m, page.path) for page in PAGES for m in ("get", "post")]
+    routes += [
+        ("get", "/_nicegui/3.18.0/static/vue.global.js"),
+        ("get", "/_nicegui_ws/socket.io/?EIO=4&transport=polling"),
+        ("post", "/_nicegui_ws/socket.io/?EIO=4&transport=polling"),
+        ("get", "/reports/model/a/" + "0" * 64),
+        ("get", "//api/items/cell"),
+        ("get", "/login/../api/items/cell"),
+        ("get", "/static/icon.svg/../../api/items/cell"),
+        ("get", "/%61pi/items/cell"),
+        ("get", "/API/items/cell"),
+    ]
+    for method, path in routes:
+        for asked in (path, path.replace("{noun}", "cell")):
+            answer = far.request(method, asked, follow_redirects=False)
+            sent_away = answer.status_code == 303 and answer.headers["location"] == "/login"
+            assert answer.status_code == 401 or sent_away, (method, asked, answer.status_code)
+            assert far.cookies.get(COOKIE) is None
+    for path in ("/_nicegui_ws/socket.io/?EIO=4&transport=websocket", "/api/live/sources/a/frames"):
+        with pytest.raises(WebSocketDisconnect), far.websocket_connect(path):
+            pass
 
 
 def test_login_gives_a_cookie_that_scripts_and_other_sites_do_not_get(client: Client) -> None:

@@ -24,7 +24,7 @@ KEPT: Final = 24 * 3600.0
 """s that a file nobody made anything of is kept."""
 UNPACKED: Final = 1_000_000_000
 """Bytes of all files in an archive together."""
-_ODD: Final = re.compile(r"[^\w .()+=@#&-]")
+_ODD: Final = re.compile(r"[^\w .()+=@#&$-]")
 _ID: Final = re.compile(r"[0-9a-f]{32}")
 
 
