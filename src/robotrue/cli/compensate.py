@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,7 @@ from robotrue.compensation.settings import CompensationSettings
 from robotrue.core.arrays import Array
 from robotrue.core.files import sha256, write_atomic
 from robotrue.core.identity import ModelIdentity
+from robotrue.core.progress import Progress, unheard
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
@@ -136,14 +138,19 @@ def run(request: Request, *, as_json: bool) -> None:
         emit_json(document)
 
 
-def compensated(request: Request) -> dict[str, Any]:
-    """Writes the compensated program; returns the counts as JSON values."""
+def compensated(request: Request, *, told: Progress = unheard) -> dict[str, Any]:
+    """Writes the compensated program; returns the counts as JSON values.
+
+    Args:
+        request: What is asked.
+        told: How far it is, in targets or blocks.
+    """
     ground = _ground(request)
     job = _job(request, ground)
     forces = stated_forces(ground.stated, job.programs)
-    rewritten, between = _rewritten(request, ground, job, forces)
+    rewritten, between = _rewritten(request, ground, job, forces, told)
     # The longest work comes first: while it can still fail, nothing stands written.
-    long = _in_blocks(request, ground, job)
+    long = _in_blocks(request, ground, job, told)
     documents = [
         _whole(ground, *each)
         for each in zip(job.programs, job.outputs, forces, rewritten, strict=True)
@@ -202,7 +209,11 @@ def _job(request: Request, ground: Ground) -> Job:
 
 
 def _rewritten(
-    request: Request, ground: Ground, job: Job, forces: Sequence[StatedForce]
+    request: Request,
+    ground: Ground,
+    job: Job,
+    forces: Sequence[StatedForce],
+    told: Progress,
 ) -> tuple[list[tuple[bytes, Mapping[str, Any]]], Between | None]:
     """Bytes and counts of every program held whole, and what was seen between its targets."""
     if request.free_spin:
@@ -215,13 +226,21 @@ def _rewritten(
         made = between.written([pushed.uses and pushed.document() for pushed in forces])
         return list(made), between
     turned = cutter_axis(ground.cell, request.cutter) if request.free_spin else None
-    return [
-        _compensated_whole(request, ground, program, pushed, turned)
-        for program, pushed in zip(job.programs, forces, strict=True)
-    ], None
+    every = sum(map(len, job.programs))
+    made, past = [], 0
+    for program, pushed in zip(job.programs, forces, strict=True):
+        part = partial(_of_all, told, past, every)
+        made.append(_compensated_whole(request, ground, program, pushed, turned, part))
+        past += len(program)
+    return made, None
 
 
-def _in_blocks(request: Request, ground: Ground, job: Job) -> dict[str, Any]:
+def _of_all(told: Progress, past: int, every: int, text: str, done: int, of: int) -> None:
+    """Tells how far one of several programs is, as a part of all of them."""
+    told(text, past + done, every)
+
+
+def _in_blocks(request: Request, ground: Ground, job: Job, told: Progress) -> dict[str, Any]:
     """Writes the program that goes in blocks, if there is one."""
     found, target = job.long, job.long_output
     if found is None or target is None or ground.model is None:
@@ -231,7 +250,7 @@ def _in_blocks(request: Request, ground: Ground, job: Job) -> dict[str, Any]:
     _remark(found.name, [*_frame_notes(in_use, ground.frame), *useless(pushed, ground.model)])
     settings = _settings(request, ground, pushed)
     digest, document = compensated_in_blocks(
-        ground.model, found, request.folder / found.name, target, settings, request.staff
+        ground.model, found, request.folder / found.name, target, settings, request.staff, told
     )
     return _finished(ground, (found.name, found.sha256), target, digest, document, pushed)
 
@@ -334,7 +353,12 @@ def _identity_document(
 
 
 def _compensated_whole(
-    request: Request, ground: Ground, program: Program, force: StatedForce, turned: Array | None
+    request: Request,
+    ground: Ground,
+    program: Program,
+    force: StatedForce,
+    turned: Array | None,
+    told: Progress,
 ) -> tuple[bytes, Mapping[str, Any]]:
     if ground.model is None:
         n = len(program)
@@ -342,7 +366,7 @@ def _compensated_whole(
         return write_program(program, unchanged(program)), counts
     settings = _settings(request, ground, force)
     if turned is None:
-        result, won = compensate(ground.model, program, settings=settings), {}
+        result, won = compensate(ground.model, program, settings=settings, progress=told), {}
     else:
         result, spins = spun(ground.model, program, settings, turned)
         won = {"free_spin": spins}

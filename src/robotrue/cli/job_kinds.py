@@ -84,11 +84,13 @@ def validate(work: Work) -> Publish:
     """Judges a model on measurement sets it has not seen; leaves a validation with its page."""
     asked = asked_of(work, "model", "measurements")
     record, sets = asked.item(MODEL, "model"), asked.items(MEASUREMENT, "measurements")
+    work.step("reading", 0, 3)
     held = models.model_of(work.workspace, record)
     with heard(work):
         rows = rows_of(work, held.cell, sets)
-        work.step("validating", 0, 1)
+        work.step("predicting", 1, 3)
         result = validated(held.model, rows, payload=held.cell.payload)
+        work.step("writing the report", 2, 3)
         page = work.folder / PAGE
         write_page(page, held.model, result, title="Held-out validation")
     for doubt in result.doubts:
@@ -133,7 +135,7 @@ def compensate(work: Work) -> Publish:
     )
     work.step("compensating", 0, 1)
     with heard(work):
-        detail = compensated(request)
+        detail = compensated(request, told=work.step)
     made = [out / path.name for path in files if (out / path.name).is_file()]
     identities = sorted(out.glob(f"*{SUFFIX}"))
     name = asked.text("name", f"{before.name}, compensated")

@@ -11,6 +11,7 @@ from typing import Any, Final
 from robotrue.calibration.model import ErrorModel
 from robotrue.cli.console import say
 from robotrue.compensation.settings import CompensationSettings
+from robotrue.core.progress import Progress, unheard
 from robotrue.errors import ConfigurationError
 from robotrue.program.program import FrameTable
 from robotrue.program.stream import Outline, longest, outline
@@ -85,13 +86,14 @@ def compensated_in_blocks(
     target: Path,
     settings: CompensationSettings,
     staff: Staff,
+    told: Progress = unheard,
 ) -> tuple[str, Mapping[str, Any]]:
     """Writes the compensated program; returns its SHA-256 and the counts as JSON values."""
     from robotrue.compensation.stream import compensate_stream
 
     result = compensate_stream(
         model, found, source, target,
-        settings=settings, workers=staff.workers, dask=staff.dask,
+        settings=settings, workers=staff.workers, dask=staff.dask, progress=told,
     )  # fmt: skip
     for note in [*found.notes, *result.notes]:
         say(f"note: {found.name}: {note}")

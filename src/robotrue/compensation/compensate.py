@@ -25,6 +25,7 @@ from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.status import Route, Status
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.poses import pose
+from robotrue.core.progress import Progress, unheard
 from robotrue.core.units import UM
 from robotrue.core.words import NO_WORD
 from robotrue.program.program import Program, Replacement
@@ -38,7 +39,11 @@ _LEFT_ALONE, _UNSURE = 10, 99
 
 
 def compensate(
-    model: ErrorModel, program: Program, *, settings: CompensationSettings | None = None
+    model: ErrorModel,
+    program: Program,
+    *,
+    settings: CompensationSettings | None = None,
+    progress: Progress = unheard,
 ) -> Compensation:
     """Returns the targets to command so that the actual tool lands on those of the program.
 
@@ -51,6 +56,7 @@ def compensate(
             is taken, else Newton on its predictions.
         program: Targets in work frames and with tools that the reader has resolved.
         settings: Load, guards and tolerances.
+        progress: Told how many targets are done, and of how many.
 
     Raises:
         ConfigurationError: The arm has not six joints, or the load does not fit the program.
@@ -76,6 +82,7 @@ def compensate(
             )
         if settings.covariance:
             covariances(model, program, load, measured, outcome, part)
+        progress("compensating", part.rows.stop, len(program))
     replacement, notes = replaced(robot, program, plan, settings, outcome)
     sentences = [str(note) for note in notes]
     if program.held.any():

@@ -29,6 +29,7 @@ from robotrue.compensation.tally import Tally, summed
 from robotrue.core.archive import archive_bytes
 from robotrue.core.arrays import Array
 from robotrue.core.files import atomic_stream
+from robotrue.core.progress import Progress, unheard
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.program.stream import Outline, Piece, judged
 from robotrue.robot.statics import NO_LOAD, Load
@@ -79,6 +80,7 @@ def compensate_stream(
     settings: CompensationSettings | None = None,
     workers: int | None = None,
     dask: str | None = None,
+    progress: Progress = unheard,
 ) -> Streamed:
     """Writes the compensated program to ``target`` and returns the sums over its targets.
 
@@ -94,6 +96,7 @@ def compensate_stream(
         workers: Processes; None: as many as help. The caller's main module must be importable
             without side effects where it is not one.
         dask: Address of a Dask scheduler that has workers; takes the place of processes.
+        progress: Told how many blocks are done, and of how many.
 
     Raises:
         ConfigurationError: No tables, a number of workers that is none, or workers that died.
@@ -116,6 +119,7 @@ def compensate_stream(
             digest.update(done.data)
             tallies.append(done.tally)
             again += repeated
+            progress("compensating", len(tallies), len(found.blocks))
         if os.fstat(reading.fileno()).st_size != found.size:
             raise FormatError("the file changed while it was compensated.", source=source)
         notes = [] if closed else ["an arm without a closed form is followed by one process."]

@@ -37,7 +37,7 @@ BEAT: Final = 2.0
 """s between two heartbeats, and between two looks for jobs of dead workers."""
 SEE: Final = 0.5
 """s between two looks whether a job was cancelled."""
-PATIENCE: Final = 5.0
+PATIENCE: Final = 1.0
 """s a cancelled job has to see that it is."""
 
 

@@ -228,7 +228,8 @@ def _strictness(bench: Bench, found: dict[str, Any]) -> str:
         return ""
     checked = " checked" if found["strict"] else ""
     return (
-        '<label class="note" style="display:flex;gap:8px;align-items:center;min-height:44px">'
+        '<label class="note" style="display:flex;gap:8px;align-items:center;min-height:44px;'
+        'white-space:nowrap">'
         f'<input type="checkbox" name="strict" data-testid="strict"{checked}>'
         f"{escape(bench.say('programs.strict'))}</label>"
     )
@@ -247,15 +248,20 @@ def _worst(bench: Bench, found: dict[str, Any]) -> str:
     rows = [
         (
             str(each["line"]),
-            *([view.error(each["before_m"])] if compared else []),
-            view.error(each["after_m"]),
-            view.error(each["bound_m"]),
+            *([_length(bench, each["before_m"])] if compared else []),
+            _length(bench, each["after_m"]),
+            _length(bench, each["bound_m"]),
             tag(say(f"programs.state_{each['state']}"), STATES[each["state"]]),  # type: ignore[arg-type]
         )
         for each in found["worst"]
     ]
     links = [f'data-point="{each["point"]}" tabindex="0"' for each in found["worst"]]
     return table(columns, rows, words=(0, len(columns) - 1), attributes=links, mark="worst")
+
+
+def _length(bench: Bench, value: float | None) -> str:
+    """An error as printed; a target of which nothing is known has none."""
+    return "–" if value is None else bench.view.error(value)
 
 
 def _report_fields(bench: Bench) -> str:

@@ -169,7 +169,8 @@ def _document(
         )
     states = conformity(after, bound, tolerance)
     drawn = np.flatnonzero(known & np.isfinite(position).all(axis=1))
-    order = np.argsort(-np.where(known, after + bound, -1.0), kind="stable")[:WORST]
+    # What nothing is known of comes first: it is why the program is NO-GO.
+    order = np.argsort(-np.where(known, after + bound, np.inf), kind="stable")[:WORST]
     place = {int(row): number for number, row in enumerate(drawn)}
     start = np.asarray(found.model.training_summary().get("joint_range_rad", ()))
     joints = start.mean(axis=0) if start.size else np.zeros(found.cell.robot.dof)
@@ -209,7 +210,6 @@ def _document(
                 "point": place.get(int(row), -1),
             }
             for row in order
-            if known[row]
         ],
     }
 
