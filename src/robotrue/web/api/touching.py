@@ -158,9 +158,10 @@ def router(house: House) -> APIRouter:
     @routes.get("/touching/{id}/readings.csv")
     async def download_readings(id: Id) -> Response:
         """The readings that count, as ``robotrue register`` reads them."""
-        await asyncio.to_thread(found, workspace, DOCUMENT.name, id)
+        record = await asyncio.to_thread(found, workspace, DOCUMENT.name, id)
         data = await house.workers.ask("touch_finish.readings_csv", folder, id)
-        headers = {"Content-Disposition": 'attachment; filename="readings.csv"'}
+        mark = " simulated" if record.detail["session"]["simulated"] else ""
+        headers = {"Content-Disposition": f'attachment; filename="readings{mark}.csv"'}
         return Response(data, media_type="text/csv; charset=utf-8", headers=headers)
 
     return routes

@@ -11,10 +11,10 @@ from robotrue.web.bench import Bench
 
 FORM_TEXTS: Final = (
     "careful_rated", "centre_x_mm", "centre_y_mm", "centre_z_mm", "form_title", "frame",
-    "frame_base", "frame_unknown", "group_instrument", "group_load", "group_tool", "joints", "keep",
-    "mass_kg", "name", "preview_text", "reach", "repeatability_mm", "robot", "sigma_um", "sigma_um_per_m",
-    "tool_a_deg", "tool_b_deg", "tool_c_deg", "tool_x_mm", "tool_y_mm", "tool_z_mm", "wrong_exact",
-    "wrong_massless", "wrong_number", "wrong_preset", "wrong_range",
+    "frame_base", "frame_unknown", "group_instrument", "group_load", "group_tool", "joints",
+    "keep", "mass_kg", "name", "preview_text", "reach", "repeatability_mm", "robot", "sigma_um",
+    "sigma_um_per_m", "tool_a_deg", "tool_b_deg", "tool_c_deg", "tool_x_mm", "tool_y_mm",
+    "tool_z_mm", "wrong_exact", "wrong_massless", "wrong_number", "wrong_preset", "wrong_range",
 )  # fmt: skip
 TEXT_TEXTS: Final = ("keep_old", "keep_text", "line")
 

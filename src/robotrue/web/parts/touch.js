@@ -54,7 +54,7 @@ export default {
           <div class="touch-acts"><button class="act quiet" :disabled="busy || !canUndo" data-testid="undo" @click="decide('undo')">{{ text.undo }}</button></div>
           <p class="note touch-last" v-if="last" data-testid="last">{{ last }}</p>
         </div>
-        <div class="card">
+        <div class="card touch-points">
           <div class="head"><h2>{{ text.points }}</h2><span class="note">{{ say('counted', {kept: s.kept, all: s.features.length}) }}</span>
             <div class="acts"><label class="act quiet">{{ text.file }}<input type="file" hidden accept=".csv,.tsv,.txt,.xlsx" data-testid="readings-file" @change="takeFile"></label>
             <a class="act quiet" v-if="s.kept" :href="'/api/touching/' + id + '/readings.csv'" download data-testid="export">{{ text.export }}</a></div></div>

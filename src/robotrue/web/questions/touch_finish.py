@@ -24,7 +24,7 @@ from robotrue.store.workspace import Workspace, transaction
 from robotrue.validation.registration import register
 from robotrue.web.api.documents import record_document
 from robotrue.web.questions.packing import answer
-from robotrue.web.questions.touch_setup import READINGS, Opened, file_of, opened
+from robotrue.web.questions.touch_setup import Opened, file_of, opened, readings_name
 
 REGISTERED: Final = "registered.toml"
 REFINED: Final = "refined.robotrue"
@@ -43,17 +43,17 @@ def finished(folder: str, id: str, version: int, name: str) -> bytes:
             raise ConfigurationError(
                 "a reading waits for a decision.", hint="keep it, touch again, or skip the point."
             )
-        place = Path(scratch)
+        place, readings = Path(scratch), readings_name(at.session)
         file = file_of(at, at.session.kept)
         found = register(at.arm, file.touches, parts=file.parts, settings=at.settings)
-        (place / READINGS).write_bytes(session_csv(at.session, at.session.kept))
+        (place / readings).write_bytes(session_csv(at.session, at.session.kept))
         model_file = ""
         if found.refined is not None:
             model_file = REFINED
             write_model(place / REFINED, found.refined, at.cell)
         elif at.model_record is not None:
             model_file = at.model_record.files("model")[0].name
-        table = found.table(model_file=model_file, points_file=READINGS, points_sha256=file.digest)
+        table = found.table(model_file=model_file, points_file=readings, points_sha256=file.digest)
         _write_cell(workspace, at, table, place)
         pages = _reports(at, table, name, place)
         with transaction(workspace) as into:
@@ -70,7 +70,7 @@ def finished(folder: str, id: str, version: int, name: str) -> bytes:
             made = registrations.add(
                 into,
                 place / REGISTERED,
-                place / READINGS,
+                place / readings,
                 name=name,
                 cell=at.cell_record.ref,
                 model=model,

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -31,8 +31,6 @@ from robotrue.validation.registered_part import RegisteredPart
 from robotrue.validation.registration import register
 from robotrue.validation.registration_settings import RegistrationSettings
 from robotrue.web.questions.intake import cell_of
-
-READINGS: Final = "readings.csv"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,10 +134,15 @@ def require_same_arm(cell: Cell, model: ErrorModel | None) -> None:
         )
 
 
+def readings_name(session: TouchSession) -> str:
+    """Returns the name of the file of readings; what is simulated says so wherever it goes."""
+    return "readings simulated.csv" if session.simulated else "readings.csv"
+
+
 def file_of(at: Opened, readings: Sequence[TouchReading]) -> PointsFile:
     """Returns readings as ``robotrue register`` reads them from a file."""
     with TemporaryDirectory() as folder:
-        path = Path(folder) / READINGS
+        path = Path(folder) / readings_name(at.session)
         path.write_bytes(session_csv(at.session, readings))
         found = read_points(path)
     radius = float(at.session.settings["probe_radius_mm"]) * MM
