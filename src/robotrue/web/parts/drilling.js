@@ -55,7 +55,7 @@ export default {
       <div class="card" v-if="src">
         <h2>{{ text.latest }}</h2>
         <div class="scroll"><table class="grid" data-testid="drill-holes"><thead><tr><th class="w">{{ text.hole }}</th><th class="w"></th><th class="w">{{ text.when }}</th>
-          <th>{{ text.seen }} a, b deg</th><th>± deg</th><th>{{ text.left }} a, b deg</th><th>{{ text.left }} deg</th><th>{{ text.version }}</th></tr></thead>
+          <th>{{ text.seen }} a, b deg</th><th>± 2σ deg</th><th>{{ text.left }} a, b deg</th><th>{{ text.left }} deg</th><th>{{ text.version }}</th></tr></thead>
           <tbody><tr v-for="h in holes.slice(-100).reverse()" :key="h.key">
             <td class="w"><b>{{ h.name }}</b></td><td class="w"><span class="tag" :class="state(h)[0]">{{ state(h)[1] }}</span> <span class="note" v-if="h.refused">{{ h.refused }}</span></td>
             <td class="w">{{ time(h.at) }}</td>
@@ -86,7 +86,8 @@ export default {
     },
     run() {
       const shown = this.holes.slice(-KEPT).filter((h) => h.left);
-      const top = round(Math.max(1.2 * this.tolerance, ...shown.map((h) => size(h.left))));
+      const most = Math.max(...shown.map((h) => size(h.left)));
+      const top = most <= this.tolerance ? 1.2 * this.tolerance : round(most);
       const x = (k) => 62 + (k / Math.max(1, shown.length - 1)) * 920;
       const y = (v) => 180 - (v / top) * 170;
       const step = 920 / Math.max(1, shown.length - 1);
