@@ -37,6 +37,9 @@ xyz_mm = [320, 0, 160]
 HOME = (-20.0, -95.0, 105.0, 5.0, 70.0, -8.0)
 MODES = ((14.0, 0.03, 4.0e6), (52.0, 0.03, 9.0e6), (310.0, 0.04, 1.2e7))
 """Hz, damping ratio, N/m, the same along x, y and z."""
+FLAT_MB_PER_H = 0.1
+"""Memory that grows by less than this over the second half of the day does not grow: what is left
+is the allocator's own to and fro, of a few pages."""
 BYTES = 240.0
 """Of the record per force sample, about; to choose the moments of the kills."""
 
@@ -104,6 +107,12 @@ def memory(pid: int) -> int:
     except OSError:
         return 0
     return next((int(x.split()[1]) for x in text.splitlines() if x.startswith("VmRSS")), 0)
+
+
+def growth(seen: list[tuple[float, float]]) -> float:
+    """Slope in MB per hour of a straight line through (h, MB)."""
+    hours, size = np.array(seen).T
+    return float(np.polyfit(hours, size, 1)[0])
 
 
 def checked(record: Path, first: int) -> tuple[dict[str, int], str]:
@@ -175,6 +184,12 @@ def main() -> None:
         f"RSS 90-100 %       {end / 1024:.1f} MB (median), growth {(end - quarter) / 1024:+.1f} MB"
     )
     print(f"RSS peak from 25 % {max(m for _, m in late) / 1024:.1f} MB")
+    slope = growth([(s / size * told.hours, m / 1024) for s, m in seen if s >= 0.5 * size and m])
+    verdict = "none" if slope < FLAT_MB_PER_H else "grows"
+    print(
+        f"RSS slope          {slope:+.3f} MB per hour of the day, straight line over its second "
+        f"half: {verdict} (none: below {FLAT_MB_PER_H:g})"
+    )
 
 
 if __name__ == "__main__":

@@ -2,7 +2,9 @@
 
 import asyncio
 import socket
+import sys
 import time
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -17,6 +19,7 @@ from robotrue.online.rdt_link import RdtSettings
 from robotrue.online.samples import Flag
 from robotrue.online.sequence import SequenceState, advance
 from robotrue.online.sequence_block import advance_block, in_order
+from robotrue.online.udp import TOLD, tell_arrivals, waited
 from robotrue.simulation.rdt_sensor import RdtSensor, RdtSensorSettings
 
 SCALE = rdt.RdtScale(newton=1e-6, newton_metre=2e-6)
@@ -133,7 +136,9 @@ def test_what_the_sensor_sends_arrives():
 
 
 def test_its_counts_are_what_it_feels():
-    settings = RdtSensorSettings(port=0, force_noise=0.0, torque_noise=0.0, counts_per_newton=1e5)
+    settings = RdtSensorSettings(
+        port=0, force_noise=0.0, torque_noise=0.0, counts_per_newton=1e5, drift=0.0
+    )
     there = RdtSensor(settings, scenario())
     there._socket.close()
     times = np.arange(32_000) / 1e3
@@ -146,6 +151,33 @@ def test_its_counts_are_what_it_feels():
     assert block.valid.all()
     assert np.abs(felt[(times > 6.0) & (times < 24.0)]).max() > 50.0  # it cuts
     np.testing.assert_allclose(felt[:900], np.broadcast_to(felt[0], (900, 6)), atol=1e-9)  # rest
+
+
+def test_what_is_felt_and_its_noise_do_not_depend_on_how_they_are_asked_for():
+    settings = RdtSensorSettings(port=0, force_noise=0.2)
+    pieces, whole = RdtSensor(settings, scenario()), RdtSensor(settings, scenario())
+    times = 3.0 + np.arange(1, 601) / (1e3 * (1.0 + settings.drift))
+    cuts = [0, 1, 3, 130, 131, 400, 600]
+    found = [pieces._records(times[a:b], 0.0) for a, b in pairwise(cuts)]
+    for there in (pieces, whole):
+        there._socket.close()
+    found, wanted = np.concatenate(found), whole._records(times, 0.0)
+    np.testing.assert_array_equal(found["rdt"], wanted["rdt"])
+    np.testing.assert_allclose(found["counts"], wanted["counts"], atol=1)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the system tells on Linux")
+def test_records_read_late_came_when_they_came():
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other,
+    ):
+        other.bind(("127.0.0.1", 0))
+        tell_arrivals(other)
+        one.sendto(b"record", other.getsockname())
+        time.sleep(0.05)
+        found = waited(other.recvmsg(64, TOLD)[1])
+        assert 0.05 <= found < 1.0
 
 
 def test_scale_and_rate_from_the_sensors_own_page():

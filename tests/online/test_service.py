@@ -125,6 +125,29 @@ def test_a_live_source_that_fails_is_opened_again() -> None:
     assert joined(sink.blocks)["sequence"].tolist() == [*range(50), *range(60, 100)]
 
 
+def test_forces_wait_a_moment_for_joints_that_a_busy_computer_holds_up() -> None:
+    handed = asyncio.Event()
+
+    async def story() -> ListSink:
+        async def hand() -> None:
+            handed.set()
+
+        joints = [joint_rows(0, 25), handed.wait, lambda: asyncio.sleep(0.005), joint_rows(25, 25)]
+        sink = ListSink()
+        await sense(
+            ListSource("joints", joints, ends=False),
+            ListSource(
+                "force", [lambda: asyncio.sleep(0), force_rows(0, 100), hand, force_rows(100, 100)]
+            ),
+            SensingChain(StandIn()),
+            sinks=[SinkPlan(sink=sink)],
+            settings=LIVE,
+        )
+        return sink
+
+    assert equal(joined(run(story()).blocks), truth(50, 200))
+
+
 def guard() -> CorrectionGuard:
     limits = CorrectionLimits(shift=1e-3, shift_rate=1.0, cycle=4e-3, ramp=0.0, timeout=1e6)
     return CorrectionGuard(limits, CorrectionMode.ABSOLUTE)

@@ -27,6 +27,7 @@ from robotrue.online.egm import RobotWare
 from robotrue.online.rdt import RdtDevice
 from robotrue.online.rsi_config import read_rsi_config, usual_rsi_config
 from robotrue.online.samples import CorrectionMode
+from robotrue.online.udp import prompt_answers
 from robotrue.simulation import egm_controller, rsi_controller
 from robotrue.simulation.online_faults import parse_fault
 from robotrue.simulation.online_scenario import (
@@ -264,7 +265,9 @@ def until_stopped(
     if seconds is not None and not seconds > 0.0:
         raise ConfigurationError(f"{seconds:g} seconds, expected more than none.")
     begun = time.monotonic()
-    report = asyncio.run(_stoppable(run, seconds))
+    # a controller's clock waits for nobody, and these sleep most of the time
+    with prompt_answers(first=True):
+        report = asyncio.run(_stoppable(run, seconds))
     took = time.monotonic() - begun
     found = {name: _shown(name, value) for name, value in asdict(report).items()}
     if as_json:

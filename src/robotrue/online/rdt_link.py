@@ -13,7 +13,7 @@ import socket
 import time
 import urllib.error
 import urllib.request
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -38,7 +38,9 @@ from robotrue.online.rdt_block import RECORD, arrival_times, rdt_block, records_
 from robotrue.online.samples import Flag
 from robotrue.online.sequence import SequenceState
 from robotrue.online.sequence_block import advance_block
+from robotrue.online.udp import TOLD, tell_arrivals, waited
 
+Told = list[tuple[int, int, bytes]]
 _DATAGRAM: Final = 40 * RECORD.itemsize
 """Bytes of the longest datagram a sensor sends."""
 _MOST: Final = 512
@@ -125,6 +127,7 @@ class RdtSource:
         self._watch = SequenceState()
         self._before: tuple[int, int] | None = None
         self._emptied = float("-inf")
+        self._waited = 0.0
         self._trial: tuple[float, int] | None = None
         self._health = Health(name=settings.name, connected=False)
 
@@ -192,6 +195,7 @@ class RdtSource:
         self._socket = link
         link.setblocking(False)
         link.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _KERNEL)
+        tell_arrivals(link)
         link.connect((self._settings.host, self._settings.port))
         link.send(write_request(RdtCommand.START))
         self._health = self.health()
@@ -212,7 +216,7 @@ class RdtSource:
         size = await self._read()
         if not size:
             return None
-        now = time.monotonic()
+        now = time.monotonic() - self._waited
         with memoryview(self._buffer) as whole, whole[:size] as part:
             records = records_of(bytes(part))
         self._emptied, earliest = now, min(self._emptied, now)
@@ -260,13 +264,16 @@ class RdtSource:
     def _drain(self, link: socket.socket, view: memoryview, size: int) -> int:
         """Reads all that is there now behind what was read."""
         most = _MOST * RECORD.itemsize
-        recv_into, whole = link.recv_into, RECORD.itemsize
+        recv_into, whole = _received(link), RECORD.itemsize
+        told: Told = []
         while size < most:
             try:
-                got = recv_into(view[size:], _DATAGRAM + 1)
+                got, told = recv_into(view[size : size + _DATAGRAM + 1])
             except BlockingIOError:
                 break
             size += got if got == whole else self._whole(got)
+        # a computer that was busy reads late what came in time
+        self._waited = waited(told)
         return size
 
     def _whole(self, got: int) -> int:
@@ -317,6 +324,19 @@ class RdtSource:
 
     def _fault(self, what: str) -> None:
         self._health = replace(self._health, last_fault=what)
+
+
+def _received(link: socket.socket) -> Callable[[memoryview], tuple[int, Told]]:
+    """Reads a datagram into a view: its size, and what the system tells with it."""
+    if not hasattr(link, "recvmsg_into"):  # Windows
+        return lambda view: (link.recv_into(view), [])
+    recvmsg_into = link.recvmsg_into
+
+    def read(view: memoryview) -> tuple[int, Told]:
+        got, told, _, _ = recvmsg_into((view,), TOLD)
+        return got, told
+
+    return read
 
 
 def _fetched(page: str) -> bytes:

@@ -30,6 +30,8 @@ SEGMENT: Final = 256 << 20
 """Bytes from which a new segment is begun."""
 MEMORY: Final = 256 << 20
 """Bytes of frames that may wait for the disk."""
+_AHEAD: Final = 16 << 20
+"""Bytes by which sources that can wait run ahead of the disk at most: memory stays flat."""
 _RETRY: Final = 1.0
 _BATCH: Final = 4 << 20
 _MOST: Final = 4096
@@ -125,8 +127,8 @@ class RecordWriter:
 
     @property
     def crowded(self) -> bool:
-        """Whether a source that can wait should: half the memory is taken."""
-        return self._waiting > self._memory // 2
+        """Whether a source that can wait should, so that the disk keeps up."""
+        return self._waiting > min(self._memory // 2, _AHEAD)
 
     def health(self) -> Health:
         """Returns frames written (``received``), times the disk refused, and its latest fault."""

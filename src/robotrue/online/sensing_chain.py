@@ -112,6 +112,10 @@ class SensingChain:
         """Returns the stream that is to be read next, where both can wait."""
         return "joints" if self._passed["joints"] <= self._passed["force"] else "force"
 
+    def passed(self, stream: Stream) -> float:
+        """Returns the time of a stream's latest sample, s; minus infinity before the first."""
+        return self._passed[stream]
+
     def fix(self, stream: Stream) -> ClockFix:
         """Returns how a stream's clock stands to the host's."""
         return self._clocks[stream].fix()

@@ -36,6 +36,12 @@ _PATIENCE: Final = 10.0
 """s for a source to give what it has read, once it is closed."""
 _ROOM: Final = 0.01
 """s between two looks at whether the record has room, where the sources can wait."""
+_APART: Final = 0.03
+"""s by which joints usually are behind the forces at most: two slow cycles."""
+_OTHER: Final = 10.0
+"""s; farther apart they are of two clocks, or no joints have come."""
+_ON_THEIR_WAY: Final = 0.05
+"""s in which joints that have come get through a busy computer."""
 _MOST_ROWS: Final = 2_000_000
 """Samples after which a checkpoint is due, however fast they came."""
 
@@ -232,6 +238,7 @@ class _Service:
     begun: float = 0.0
     skip_estimates: int = 0
     stopping: bool = False
+    silent_since: float = float("nan")
     checkpoint_rows: int = 0
     checkpoint_time: float = 0.0
 
@@ -323,6 +330,8 @@ class _Service:
             try:
                 async for block in self.sources[stream].blocks():
                     wait = _RETRY[0]
+                    if stream == "force":
+                        await self._let_joints_in(block)
                     await self._take(stream, block)
                 break
             except ConfigurationError:
@@ -335,6 +344,22 @@ class _Service:
             wait = min(2.0 * wait, _RETRY[1])
         if not self.stopping:
             await self._give(self.chain.ended(stream))
+
+    async def _let_joints_in(self, block: ForceBlock) -> None:
+        """Waits a moment for joints that a busy computer has not handed on yet.
+
+        Forces that overtook them would be without joints, and the filters settle anew. Robots that
+        are silent are waited for once.
+        """
+        until = time.monotonic() + _ON_THEIR_WAY
+        while True:
+            latest = self.chain.passed("joints")
+            if not _APART < block.host_time[-1] - latest < _OTHER or latest == self.silent_since:
+                return
+            if time.monotonic() > until:
+                self.silent_since = latest
+                return
+            await asyncio.sleep(_ROOM / 4.0)
 
     async def _read_in_step(self) -> None:
         """Takes recorded streams, always the one that is behind, as fast as they are taken."""

@@ -41,7 +41,7 @@ _WAIT: Final = struct.pack("@ll", 0, round(1e6 * _WAKE))
 SWITCH: Final = 0.5e-3
 """s after which Python takes a running thread off for one that waits; its own 5 ms are a cycle."""
 _STAMPED: Final = sys.platform == "linux" and sys.maxsize > 2**32
-_ROOM: Final = 64
+TOLD: Final = 64
 """Bytes for what the system tells with a datagram."""
 CROWDED: Final = 5000
 """Samples that may wait before the health says so: 20 s of a robot, one of a force sensor."""
@@ -78,8 +78,7 @@ class UdpEndpoint:
         try:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
             self._socket.bind((host, port))
-            if _STAMPED:
-                self._socket.setsockopt(socket.SOL_SOCKET, _STAMP, 1)
+            tell_arrivals(self._socket)
         except (OSError, OverflowError) as cause:
             self._socket.close()
             raise ConfigurationError(
@@ -143,8 +142,8 @@ class UdpEndpoint:
         if not _STAMPED:
             data, sender = self._socket.recvfrom(_LARGEST)
             return data, 0.0, sender
-        data, told, _, sender = self._socket.recvmsg(_LARGEST, _ROOM)
-        return data, _waited(told), sender
+        data, told, _, sender = self._socket.recvmsg(_LARGEST, TOLD)
+        return data, waited(told), sender
 
 
 class Inbox(Generic[T]):
@@ -218,14 +217,20 @@ class Inbox(Generic[T]):
                 waiter[0].call_soon_threadsafe(_done, waiter[1])
 
 
-def _waited(told: list[tuple[int, int, bytes]]) -> float:
-    """Seconds since a datagram arrived, from what the system tells with it; 0 where it does not."""
+def tell_arrivals(link: socket.socket) -> None:
+    """Has the system tell with each datagram when it arrived, where it can."""
+    if _STAMPED:
+        link.setsockopt(socket.SOL_SOCKET, _STAMP, 1)
+
+
+def waited(told: list[tuple[int, int, bytes]]) -> float:
+    """Returns s since a datagram arrived, of what came with it; 0 where the system did not tell."""
     stamp = next((data for _, kind, data in told if kind == _STAMP), b"")
     if len(stamp) != _TIMESPEC.size:
         return 0.0
     seconds, nanoseconds = _TIMESPEC.unpack(stamp)
-    waited: float = (time.time_ns() - seconds * 1_000_000_000 - nanoseconds) * 1e-9
-    return waited if 0.0 <= waited < _LONGEST else 0.0
+    passed: float = (time.time_ns() - seconds * 1_000_000_000 - nanoseconds) * 1e-9
+    return passed if 0.0 <= passed < _LONGEST else 0.0
 
 
 def _preferred(above: int = 0) -> bool:

@@ -32,6 +32,9 @@ class Motion(Protocol):
     def at(self, time: float) -> tuple[Array, Array]:
         """Returns joints (dof,) rad as displayed and T_base_tool (4, 4) m, at a time from zero."""
 
+    def along(self, times: Array) -> tuple[Array, Array]:
+        """Returns joints (n, dof) and poses (n, 4, 4) at many times (n,): sooner than by ``at``."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Jog:
@@ -67,9 +70,13 @@ class Jog:
 
     def at(self, time: float) -> tuple[Array, Array]:
         """Returns joints as displayed and the pose; smooth, at rest at both ends."""
-        joints = self.joints.copy()
-        turn = 0.5 * (1.0 - math.cos(2.0 * math.pi * time / self.period))
-        joints[self.axis - 1] += self.amplitude * turn
+        return _only(self.along(np.array([time])))
+
+    def along(self, times: Array) -> tuple[Array, Array]:
+        """Returns joints and poses at many times."""
+        joints = np.repeat(self.joints[None], len(times), axis=0)
+        turn = 0.5 * (1.0 - np.cos(2.0 * math.pi * times / self.period))
+        joints[:, self.axis - 1] += self.amplitude * turn
         return _shown(self.robot, joints)
 
 
@@ -94,9 +101,13 @@ class Raster:
 
     def at(self, time: float) -> tuple[Array, Array]:
         """Returns joints as displayed and the pose of these very joints."""
-        when = time % float(self.times[-1])
-        joints = np.array([np.interp(when, self.times, column) for column in self.knots.T])
-        return _shown(self.robot, joints)
+        return _only(self.along(np.array([time])))
+
+    def along(self, times: Array) -> tuple[Array, Array]:
+        """Returns joints and poses at many times."""
+        when = np.mod(times, float(self.times[-1]))
+        columns = [np.interp(when, self.times, column) for column in self.knots.T]
+        return _shown(self.robot, np.column_stack(columns))
 
 
 def raster(
@@ -171,8 +182,12 @@ class Recording:
 
     def at(self, time: float) -> tuple[Array, Array]:
         """Returns joints as displayed and the pose of the latest row."""
-        row = max(0, int(np.searchsorted(self.times, time, side="right")) - 1)
-        return self.joints[row], self.T_base_tool[row]
+        return _only(self.along(np.array([time])))
+
+    def along(self, times: Array) -> tuple[Array, Array]:
+        """Returns joints and poses at many times."""
+        rows = np.maximum(np.searchsorted(self.times, times, side="right") - 1, 0)
+        return self.joints[rows], self.T_base_tool[rows]
 
 
 def recorded(path: str | Path) -> Recording:
@@ -195,4 +210,8 @@ def recorded(path: str | Path) -> Recording:
 
 def _shown(robot: RobotModel, joints: Array) -> tuple[Array, Array]:
     shown = joints if robot.controller is None else robot.controller.to_controller(joints)
-    return shown, forward(robot, joints[None])[0]
+    return shown, forward(robot, joints)
+
+
+def _only(found: tuple[Array, Array]) -> tuple[Array, Array]:
+    return found[0][0], found[1][0]

@@ -172,8 +172,13 @@ class ScenarioMotion:
 
     def at(self, time: float) -> tuple[Array, Array]:
         """Returns joints (dof,) rad as displayed and T_base_tool (4, 4) m, at a time from zero."""
-        now = np.array([self.begun + time])
-        return self.scenario.displayed(now)[0], self.scenario.poses(now)[0]
+        joints, poses = self.along(np.array([time]))
+        return joints[0], poses[0]
+
+    def along(self, times: Array) -> tuple[Array, Array]:
+        """Returns joints and poses at many times."""
+        now = self.begun + times
+        return self.scenario.displayed(now), self.scenario.poses(now)
 
 
 def online_scenario(seed: int = 0, robot: str | None = None) -> OnlineScenario:

@@ -38,6 +38,10 @@ _TICK: Final = 2e-3
 """s between two looks at what is due."""
 _LATE: Final = 28e-3
 """s behind its time from which a record counts as late: more than the real one ever needs."""
+_AHEAD: Final = 128
+"""Records that are worked out at once: one costs as much as a hundred."""
+_ON_GRID: Final = 1e-3
+"""Of the time between two records."""
 _MOST_DUE: Final = 4096
 """Records made at once; after a longer pause of this computer the rest is left out."""
 _LEAP: Final = 60.0
@@ -138,12 +142,13 @@ class RdtSensor:
         self.report = RdtSensorReport()
         self.page_port: int | None = None
         self._scenario = scenario
-        self._noise = np.random.default_rng([settings.seed, 301])
+        self._ahead = _Ahead(settings, scenario)
         self._client: tuple[str, int] | None = None
         self._left = math.inf
         self._number = self._measured = 0
         self._stood = 0
         self._bias = np.zeros(6)
+        self._counts = np.repeat([settings.counts_per_newton, settings.counts_per_newton_metre], 3)
         self._held: list[bytes] = []
         self._leapt: set[Fault] = set()
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -198,12 +203,10 @@ class RdtSensor:
         """The records of moments (n,) s, numbered on."""
         n, settings = len(times), self.settings
         since = float(times[-1] - begun) if n else 0.0
-        noise = np.repeat([settings.force_noise, settings.torque_noise], 3)
-        wrench = self._scenario.felt(times) - self._bias
-        wrench = wrench + noise * self._noise.standard_normal((n, 6))
-        scale = np.repeat([settings.counts_per_newton, settings.counts_per_newton_metre], 3)
+        wrench = self._ahead.felt(times) - self._bias + self._ahead.noise(n)
         records = np.zeros(n, dtype=RECORD)
-        records["counts"] = np.clip(np.rint(wrench * scale), -(2**31), 2**31 - 1)
+        counts = np.rint(wrench * self._counts)
+        records["counts"] = np.minimum(np.maximum(counts, -(2.0**31)), 2.0**31 - 1.0)
         for fault in settings.faults:
             if fault.kind is FaultKind.JUMP and fault.start <= since and fault not in self._leapt:
                 self._leapt.add(fault)
@@ -308,3 +311,36 @@ class RdtSensor:
         server = await asyncio.start_server(answer, self.settings.host, self.settings.page_port)
         self.page_port = server.sockets[0].getsockname()[1]
         return server
+
+
+class _Ahead:
+    """What the sensor will feel, and its noise, worked out ahead of time."""
+
+    def __init__(self, settings: RdtSensorSettings, scenario: OnlineScenario) -> None:
+        self._scenario = scenario
+        self._step = 1.0 / (settings.rate * (1.0 + settings.drift))
+        self._random = np.random.default_rng([settings.seed, 301])
+        self._scatter = np.repeat([settings.force_noise, settings.torque_noise], 3)
+        self._felt, self._first = np.zeros((0, 6)), 0.0
+        self._noise = np.zeros((0, 6))
+
+    def felt(self, times: Array) -> Array:
+        """Returns what is felt (n, 6) at consecutive moments (n,) s."""
+        n = len(times)
+        if not n:
+            return np.zeros((0, 6))
+        place = (float(times[0]) - self._first) / self._step
+        row = round(place)
+        if not (0 <= row <= len(self._felt) - n and abs(place - row) < _ON_GRID):
+            self._first, row = float(times[0]), 0
+            ahead = self._first + self._step * np.arange(max(n, _AHEAD), dtype=np.float64)
+            self._felt = self._scenario.felt(ahead)
+        return self._felt[row : row + n]
+
+    def noise(self, n: int) -> Array:
+        """Returns the noise (n, 6) of the next records, the same however they are asked for."""
+        if n > len(self._noise):
+            more = self._random.standard_normal((max(n, _AHEAD), 6)) * self._scatter
+            self._noise = np.concatenate([self._noise, more])
+        taken, self._noise = self._noise[:n], self._noise[n:]
+        return taken

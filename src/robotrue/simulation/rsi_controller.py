@@ -8,24 +8,27 @@ after a budget of them RSI breaks off. Corrections move the pose it reports, add
 from __future__ import annotations
 
 import asyncio
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 
 from robotrue.core.arrays import Array
-from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, FormatError
-from robotrue.online.rsi import RobPacket, read_sen, write_rob
 from robotrue.online.rsi_config import RsiConfig
 from robotrue.online.samples import CorrectionMode
+from robotrue.simulation.foreseen import Foreseen, six
 from robotrue.simulation.joint_motion import Motion
 from robotrue.simulation.online_faults import Fault, FaultKind
 from robotrue.simulation.pace import Pace
+from robotrue.simulation.rsi_wire import RobWriter, SenReader
 from robotrue.simulation.wire_faults import FaultyWire
 
 _AXES: Final = ("X", "Y", "Z", "A", "B", "C")
+_NO_NUMBERS: Final = (math.nan,) * 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,8 +144,12 @@ class RsiController:
         self.report = RsiControllerReport()
         self.wire = FaultyWire(settings.faults)
         self.elapsed = 0.0
+        self._foreseen = Foreseen(settings.motion, settings.cycle_ms * 1e-3)
+        self._writer, self._reader = RobWriter(self._further()), SenReader(settings.config)
         self._ipoc = settings.first_ipoc
-        self._answer: dict[str, float] | None = None
+        self._answer: Mapping[str, float] | None = None
+        self._total = [0.0] * 6
+        self._most = [settings.limit / MM] * 3 + [settings.limit_turn / DEG] * 3
         self._faulty = False
         self._attached = False
         self._forgiven = 0
@@ -163,23 +170,14 @@ class RsiController:
         clock = made * self.settings.cycle_ms + round(1e3 * self.wire.leapt(elapsed))
         self._ipoc = self.settings.first_ipoc + clock
         self._answer, self._faulty = None, False
-        joints, T_base_tool = self.settings.motion.at(elapsed)
+        place = self._foreseen.at(made)
+        joints, pose = place.joints_deg, place.pose_mm_deg
         if self.wire.shows(FaultKind.NAN, elapsed):
-            joints = np.full_like(joints, np.nan)
-        pose = None
-        if not np.isnan(T_base_tool).any():
-            abc = abc_from_matrix(T_base_tool[:3, :3]) / DEG
-            pose = np.concatenate([T_base_tool[:3, 3] / MM, abc]) + self.report.correction
+            joints = _NO_NUMBERS
+        if pose is not None:
+            pose = six([a + b for a, b in zip(pose, self._total, strict=True)])
         self.report = replace(self.report, cycles=made + 1)
-        return write_rob(
-            RobPacket(
-                ipoc=self._ipoc,
-                late=self._counted(self.report),
-                joints_deg=_six(joints / DEG),
-                pose_mm_deg=None if pose is None else _six(pose),
-                signals=self._further(),
-            )
-        )
+        return self._writer.write(self._ipoc, self._counted(self.report), joints, pose)
 
     def leave_out(self, cycles: int) -> None:
         """Lets cycles pass without a packet."""
@@ -193,7 +191,7 @@ class RsiController:
         if self.settings.config.only_send or self._silent:
             return
         try:
-            answer = read_sen(data, self.settings.config, self._ipoc)
+            answer = self._reader.read(data, self._ipoc)
         except FormatError:
             if self._is_late(data):
                 return
@@ -202,7 +200,7 @@ class RsiController:
         if self._answer is not None:
             self._faulty = True
             return
-        self._answer = dict(answer.signals)
+        self._answer = answer
 
     def close_cycle(self, *, short: bool = False) -> None:
         """Judges the cycle and moves by what was answered, or by what HOLDON says.
@@ -244,6 +242,7 @@ class RsiController:
         self._attached = False
         self._held = dict.fromkeys(_AXES, 0.0)
         self._forgiven = self.report.late + self.report.faulty
+        self._total = [0.0] * 6
         self.report = replace(self.report, correction=np.zeros(6))
 
     def _moved(self, report: RsiControllerReport) -> RsiControllerReport:
@@ -255,24 +254,23 @@ class RsiController:
             elif element is None or not element.hold:
                 self._held[axis] = 0.0
             given.append(0.0 if element is None else self._held[axis])
-        total = np.array(given)
+        before, total = self._total, given
         if self.settings.mode is CorrectionMode.RELATIVE:
-            total = report.correction + total
-        step = float(np.linalg.norm(total[:3] - report.correction[:3]))
+            total = [a + b for a, b in zip(before, given, strict=True)]
+        if total == before:
+            return report
+        self._total = total
         report = replace(
             report,
-            correction=total,
-            largest_mm=max(report.largest_mm, float(np.linalg.norm(total[:3]))),
-            largest_step_mm=max(report.largest_step_mm, step),
+            correction=np.array(total),
+            largest_mm=max(report.largest_mm, math.hypot(*total[:3])),
+            largest_step_mm=max(report.largest_step_mm, math.dist(total[:3], before[:3])),
         )
-        most = np.repeat([self.settings.limit / MM, self.settings.limit_turn / DEG], 3)
-        beyond = np.flatnonzero(~(np.abs(total) <= most))
-        if len(beyond):
-            at = int(beyond[0])
-            report = replace(
-                report,
-                broke_off=f"correction {_AXES[at]} of {total[at]:.6f} is beyond {most[at]:g}",
-            )
+        for axis, value, most in zip(_AXES, total, self._most, strict=True):
+            if not abs(value) <= most:
+                return replace(
+                    report, broke_off=f"correction {axis} of {value:.6f} is beyond {most:g}"
+                )
         return report
 
     def _further(self) -> dict[str, float]:
@@ -302,8 +300,3 @@ class _Answers(asyncio.DatagramProtocol):
 
     def error_received(self, exc: Exception) -> None:
         """Nobody listens yet: the cycle stays without an answer."""
-
-
-def _six(numbers: Array) -> tuple[float, float, float, float, float, float]:
-    a, b, c, d, e, f = (float(v) for v in numbers)
-    return a, b, c, d, e, f
