@@ -200,6 +200,8 @@ def test_a_plan_of_touches_says_where_the_part_is(client: Client, tmp_path: Path
         ("name,px_mm\nA,1\n", {}, "no column px_mm, py_mm, pz_mm|no column"),
         ("name,px_mm,py_mm,pz_mm\nA,1,2,3\n", {"frame": "1,2,3"}, "expected X, Y, Z, A, B, C"),
         ("name,px_mm,py_mm,pz_mm\nA,1,2,3\n", {"frame": "9000,0,0,0,0,0"}, "cannot touch 'A'"),
+        ("name,px_mm,py_mm,pz_mm\nA,1e300,2,3\n", {}, "more than 50 m from the part's origin"),
+        ("name,px_mm,py_mm,pz_mm\nA,1,2,3\n", {"frame": "1e300,0,0,0,0,0"}, "expected X, Y, Z"),
     ],
 )
 def test_what_cannot_begin_is_refused_in_plain_words(

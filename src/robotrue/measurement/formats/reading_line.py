@@ -11,13 +11,13 @@ import re
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
-import numpy as np
-
 from robotrue.errors import FormatError
 
 Counting: TypeAlias = Literal["controller", "model", "stated"]
 """Whose joints: the controller's axes, the model's, or whatever the session was told."""
 LONGEST: Final = 2000
+MOST: Final = 1e5
+"""mm or deg."""
 _NUMBER: Final = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _LABELLED: Final = re.compile(
     rf"(?<![A-Za-z0-9_])([A-Za-z]\d?)(?:_deg|_mm)?\s*[:=]?\s*({_NUMBER})(?![\w.])"
@@ -52,7 +52,8 @@ def joints_line(text: str, dof: int) -> ReadingLine:
         names = [f"{letter}{k + 1}" for k in range(dof)]
         if all(name in found for name in names):
             whose: Counting = "model" if counting == "model" else "controller"
-            return ReadingLine(values=tuple(found[name] for name in names), counting=whose)
+            values = tuple(_sensible(found[name], text) for name in names)
+            return ReadingLine(values=values, counting=whose)
     if {"X", "Y", "Z"} <= set(found):
         raise FormatError(
             "a position (X, Y, Z) where joints are read.",
@@ -76,7 +77,7 @@ def position_line(text: str) -> ReadingLine:
     """
     found = _labels(text)
     if {"X", "Y", "Z"} <= set(found):
-        return ReadingLine(values=(found["X"], found["Y"], found["Z"]))
+        return ReadingLine(values=tuple(_sensible(found[axis], text) for axis in "XYZ"))
     if {"A1", "A2", "A3"} <= set(found) or {"J1", "J2", "J3"} <= set(found):
         raise FormatError(
             "joints where a position is read.", hint="paste X, Y, Z of the tip, in the robot base."
@@ -96,11 +97,17 @@ def _labels(text: str) -> dict[str, float]:
     return {name.upper(): float(value) for name, value in _LABELLED.findall(_pointed(text))}
 
 
+def _sensible(value: float, text: str) -> float:
+    if not abs(value) <= MOST:
+        raise FormatError(
+            f"{value:g} in {_shown(text)}, expected mm or deg of up to {MOST:,.0f}.",
+            hint="check the line: a point may be missing.",
+        )
+    return value
+
+
 def _numbers(text: str) -> tuple[float, ...]:
-    found = tuple(float(each) for each in _PLAIN.findall(_pointed(text)))
-    if not np.isfinite(found).all():
-        raise FormatError(f"a number in {_shown(text)} is not finite.")
-    return found
+    return tuple(_sensible(float(each), text) for each in _PLAIN.findall(_pointed(text)))
 
 
 def _pointed(text: str) -> str:

@@ -20,7 +20,8 @@ TONES: Final[dict[str, Tone]] = {
 }  # fmt: skip
 PAGES_OF: Final = {
     "measurement": "/measurements?id=", "model": "/calibration?model=", "program": "/programs?id=",
-    "drift-check": "/drift?id=",
+    "drift-check": "/drift?id=", "registration": "/registration?registration=",
+    "cell": "/?cell=",
 }  # fmt: skip
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from robotrue.cell.config import parse_cell
 from robotrue.cell.preset_cell import RATED_KG, USUAL, PresetCell, preset_cell_text
+from robotrue.core.json_values import plain_text
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError, ModelMismatchError, ShapeError
@@ -110,6 +111,8 @@ def kept(folder: str, text: str, name: str, id: str, version: int) -> bytes:
     """
     if len(text) > LARGEST:
         raise ConfigurationError(f"a cell.toml of {len(text)} characters, expected {LARGEST:,}.")
+    if not plain_text(text):
+        raise ConfigurationError("the text holds a NUL or half a character.", hint="type it anew.")
     with Workspace.open(folder) as workspace, TemporaryDirectory() as place:
         path = Path(place) / "cell.toml"
         if not id:

@@ -48,6 +48,8 @@ STEEPER_DEG: Final = 10.0
 """Beyond the lean, by which the tool may be off the direction a feature is open to."""
 MOST: Final = 300
 """Features of a session."""
+FARTHEST: Final = 50.0
+"""m, of a point or a part."""
 POSTURES: Final = 20
 """Of a feature."""
 
@@ -164,6 +166,13 @@ def _features(
         features = read_features(path)
     if not 1 <= len(features) <= MOST:
         raise FormatError(f"{len(features)} features, expected 1 to {MOST}.", source=path.name)
+    far = np.flatnonzero(np.abs(features.point).max(axis=1) > FARTHEST)
+    if len(far):
+        raise FormatError(
+            f"point {features.names[far[0]]!r} is more than {FARTHEST:g} m from the part's origin.",
+            source=path.name,
+            hint="px_mm, py_mm, pz_mm are millimetres.",
+        )
     for name in features.names:
         if name.startswith("#") or len(name) > 100:
             raise FormatError(
@@ -225,7 +234,7 @@ def _parsed(text: str) -> Array:
         numbers = np.array([float(word) for word in text.replace(";", ",").split(",")])
     except ValueError:
         numbers = np.empty(0)
-    if numbers.size != 6 or not np.isfinite(numbers).all():
+    if numbers.size != 6 or not (np.abs(numbers) <= np.repeat([FARTHEST / MM, 720.0], 3)).all():
         raise ConfigurationError(
             f"frame {text[:60]!r}, expected X, Y, Z, A, B, C in mm and deg.",
             hint="800, -100, 400, 0, 0, 0",

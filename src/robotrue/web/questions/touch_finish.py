@@ -43,6 +43,8 @@ def finished(folder: str, id: str, version: int, name: str) -> bytes:
             raise ConfigurationError(
                 "a reading waits for a decision.", hint="keep it, touch again, or skip the point."
             )
+        if not at.session.kept:
+            raise ConfigurationError("nothing was touched yet.", hint="take a reading first.")
         place, readings = Path(scratch), readings_name(at.session)
         file = file_of(at, at.session.kept)
         found = register(at.arm, file.touches, parts=file.parts, settings=at.settings)

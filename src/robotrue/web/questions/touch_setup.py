@@ -14,7 +14,12 @@ from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
-from robotrue.errors import ConfigurationError, ModelMismatchError, RobotrueError
+from robotrue.errors import (
+    ConfigurationError,
+    ModelMismatchError,
+    ObservabilityError,
+    RobotrueError,
+)
 from robotrue.measurement.formats.points import PointsFile, read_points
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.measurement.touch_session import TouchReading, TouchSession, session_csv
@@ -205,6 +210,10 @@ def fitted(
         return registered(at, readings), None
     except RobotrueError as error:
         return None, error
+    except np.linalg.LinAlgError:
+        return None, ObservabilityError(
+            "the touches do not fix the frame.", hint="touch points that are far apart."
+        )
 
 
 def trusted(
