@@ -251,4 +251,5 @@ def _refusals() -> tuple[type[Exception], ...]:
         raise MissingExtraError(
             "live data need websockets.", hint="pip install 'robotrue[online]'"
         ) from cause
-    return (OSError, TimeoutError, WebSocketException)
+    # ValueError: a host that is no name
+    return (OSError, TimeoutError, ValueError, WebSocketException)

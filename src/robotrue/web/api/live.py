@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Path, Query, WebSocket, WebSocketDisconnect
 from fastapi.responses import Response
@@ -20,11 +20,11 @@ from robotrue.web.problems import MissingError
 
 Id = Annotated[str, Path(max_length=40)]
 Limit = Annotated[float, Field(ge=0.0, le=1e6, allow_inf_nan=False)]
-MOST: int = 5000
+MOST: Final = 5000
 """Alarms told at once."""
 
 
-class NewSource(BaseModel):
+class NewSource(BaseModel, extra="forbid"):
     """A sensing service to listen to.
 
     Attributes:
@@ -36,7 +36,7 @@ class NewSource(BaseModel):
     name: Annotated[str, Field(max_length=200)] = ""
 
 
-class NewLimits(BaseModel):
+class NewLimits(BaseModel, extra="forbid"):
     """Beyond these an alarm is raised, um along x, y and z of the base; 0 is none."""
 
     x_um: Limit
@@ -84,7 +84,11 @@ def router(house: House) -> APIRouter:
         """The alarms of a source, the newest first."""
         return Alarms(items=live_sources.alarms(workspace, found(id).id, limit=limit))
 
-    @routes.get("/live/sources/{id}/alarms.csv")
+    @routes.get(
+        "/live/sources/{id}/alarms.csv",
+        response_class=Response,
+        responses={200: {"content": {"text/csv": {"schema": {"type": "string"}}}}},
+    )
     def download_alarms(id: Id) -> Response:
         """The alarms of a source as a table, the oldest first."""
         text = live_sources.alarms_csv(live_sources.alarms(workspace, found(id).id, limit=MOST))
