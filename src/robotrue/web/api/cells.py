@@ -7,7 +7,7 @@ import json
 from typing import Annotated
 
 from fastapi import APIRouter, Path, Query
-from fastapi.responses import Response
+from fastapi.responses import PlainTextResponse, Response
 from pydantic import BaseModel, Field
 
 from robotrue.store.nouns import CELL
@@ -74,13 +74,13 @@ def router(house: House) -> APIRouter:
         answer = await house.workers.ask("cell_form.kept", *facts)
         return Response(answer, status_code=201, media_type=JSON)
 
-    @routes.get("/cells/{id}/text")
+    @routes.get("/cells/{id}/text", response_class=PlainTextResponse)
     async def read_cell(
         id: Id, version: Annotated[int | None, Query(ge=1, le=1_000_000)] = None
     ) -> Response:
         """The text of a cell's file."""
         record = await asyncio.to_thread(found, workspace, CELL.name, id, version)
         answer = await house.workers.ask("cell_form.text_of", folder, id, record.version)
-        return Response(answer, media_type="text/plain; charset=utf-8")
+        return PlainTextResponse(answer)
 
     return routes

@@ -155,7 +155,11 @@ def router(house: House) -> APIRouter:
         """The registration that the readings give, and the refined model where there is one."""
         return await asked("touch_finish.finished", id, wanted.version, wanted.name)
 
-    @routes.get("/touching/{id}/readings.csv")
+    @routes.get(
+        "/touching/{id}/readings.csv",
+        response_class=Response,
+        responses={200: {"content": {"text/csv": {"schema": {"type": "string"}}}}},
+    )
     async def download_readings(id: Id) -> Response:
         """The readings that count, as ``robotrue register`` reads them."""
         record = await asyncio.to_thread(found, workspace, DOCUMENT.name, id)
