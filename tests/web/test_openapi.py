@@ -62,6 +62,7 @@ def shop(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shop]:
     write_files(files)
     found = fill(tmp_path_factory.mktemp("asked") / "shop", files)
     with found.workspace:
+        jobs.submit(found.workspace, "calibrate", {})
         yield found
 
 
@@ -125,7 +126,6 @@ def asked(strategy: Any, label: str) -> list[str]:
 
 
 def test_whatever_is_asked_the_answer_is_one_that_was_announced(schema: Any, shop: Shop) -> None:
-    jobs.submit(shop.workspace, "calibrate", {})
     wrong = []
     for each in operations(schema):
         for mode in GenerationMode.POSITIVE, GenerationMode.NEGATIVE:

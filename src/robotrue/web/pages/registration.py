@@ -19,6 +19,7 @@ from robotrue.web.parts.elements import delete_button, facts, fault, link_to, ta
 from robotrue.web.parts.frame import html
 from robotrue.web.parts.icons import icon
 from robotrue.web.parts.naming import heading
+from robotrue.web.parts.reports import reports
 from robotrue.web.parts.touch import TouchBegin, TouchSession
 
 KIND: Final = "touching"
@@ -151,6 +152,8 @@ async def _registered(bench: Bench, record: RegistrationRecord) -> None:
         f"<h2>{escape(say('registration.rests_on'))}</h2>{facts(rests)}"
         f"<p class='note' style='margin-top:10px'>{escape(say('registration.use'))}</p>"
     ).classes("card")
+    page = f"/registration?registration={record.id}"
+    await reports(bench, record, "registration", page=page, fields="")
 
 
 def _frames(bench: Bench, record: RegistrationRecord) -> str:
