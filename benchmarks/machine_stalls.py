@@ -16,13 +16,17 @@ import subprocess
 import sys
 import threading
 import time
+from bisect import bisect_left
 from dataclasses import dataclass
+from operator import itemgetter
 from pathlib import Path
 
 SLEEP = 1e-3
 """s."""
 STALL = 1e-3
 """s overslept that are told; the probe's own way through the interpreter is a tenth of it."""
+LONGEST = 5.0
+"""s; no stall is longer."""
 PRIORITY = 90
 _LOCK_ALL = 3
 """MCL_CURRENT | MCL_FUTURE: no page of the probe has to be fetched."""
@@ -46,7 +50,10 @@ class Stalls:
 
     def within(self, begin: float, end: float) -> float:
         """Returns s of the longest part of a stall that lies between two times of day."""
-        return max((min(end, a + d) - max(begin, a) for _, a, d in self.found), default=0.0)
+        first = bisect_left(self.found, begin - LONGEST, key=itemgetter(1))
+        last = bisect_left(self.found, end, key=itemgetter(1))
+        near = self.found[first:last]
+        return max((min(end, a + d) - max(begin, a) for _, a, d in near), default=0.0)
 
     def told(self) -> str:
         """Returns a line about them."""
