@@ -53,7 +53,7 @@ class Stalls:
         first = bisect_left(self.found, begin - LONGEST, key=itemgetter(1))
         last = bisect_left(self.found, end, key=itemgetter(1))
         near = self.found[first:last]
-        return max((min(end, a + d) - max(begin, a) for _, a, d in near), default=0.0)
+        return max((0.0, *(min(end, a + d) - max(begin, a) for _, a, d in near)))
 
     def told(self) -> str:
         """Returns a line about them."""
