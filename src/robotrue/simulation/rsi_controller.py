@@ -224,14 +224,15 @@ class RsiController:
         if self._counted(report) > self.settings.timeout_packets:
             report = replace(
                 report,
-                broke_off=f"{report.late} late and {report.faulty} faulty answers, more than "
+                broke_off=f"{report.late - report.overslept} late and {report.faulty} faulty "
+                "answers in cycles that had their time, more than "
                 f"{self.settings.timeout_packets}",
             )
         self.report = report
 
     def _counted(self, report: RsiControllerReport) -> int:
-        """What Delay says: late and faulty answers since RSI_ON."""
-        return report.late + report.faulty - self._forgiven
+        """What Delay says: late and faulty answers since RSI_ON, of cycles that had their time."""
+        return report.late - report.overslept + report.faulty - self._forgiven
 
     @property
     def _silent(self) -> bool:
@@ -241,7 +242,7 @@ class RsiController:
         """RSI_ON once more: no correction is held, and late answers are counted from zero."""
         self._attached = False
         self._held = dict.fromkeys(_AXES, 0.0)
-        self._forgiven = self.report.late + self.report.faulty
+        self._forgiven += self._counted(self.report)
         self._total = [0.0] * 6
         self.report = replace(self.report, correction=np.zeros(6))
 
