@@ -19,6 +19,7 @@ from robotrue.web.parts.elements import (
     delete_button,
     facts,
     link_to,
+    simulated_mark,
     table,
     tag,
     tiles,
@@ -142,8 +143,8 @@ def _tiles(bench: Bench, found: dict[str, Any]) -> str:
         Tile(label=say("calibration.method"), value=found["method"]),
         Tile(label=say("measurements.poses"), value=poses, was=screened),
     ]
-    mark = f'<span class="simulated">{escape(say("scene.simulated"))}</span>'
-    return tiles(out) + (f"<div>{mark}</div>" if found["simulated"] else "")
+    mark = simulated_mark(say, found["simulated"])
+    return tiles(out) + (f"<div>{mark}</div>" if mark else "")
 
 
 def _parameters(bench: Bench, found: dict[str, Any]) -> str:

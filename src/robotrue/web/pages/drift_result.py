@@ -11,7 +11,16 @@ from nicegui import ui
 
 from robotrue.store.records import DriftCheckRecord, ModelRecord
 from robotrue.web.bench import Bench
-from robotrue.web.parts.elements import Tile, Tone, delete_button, table, tag, tiles, when
+from robotrue.web.parts.elements import (
+    Tile,
+    Tone,
+    delete_button,
+    simulated_mark,
+    table,
+    tag,
+    tiles,
+    when,
+)
 from robotrue.web.parts.frame import html
 from robotrue.web.parts.job import JobCard, under_way
 
@@ -68,11 +77,7 @@ def probability(p: float) -> str:
 def _verdict(bench: Bench, record: DriftCheckRecord) -> str:
     say = bench.say
     means = say(f"drift.means_{record.verdict.replace(' ', '_')}")
-    mark = (
-        f' <span class="simulated">{escape(say("scene.simulated"))}</span>'
-        if record.detail.get("simulated")
-        else ""
-    )
+    mark = simulated_mark(say, bool(record.detail.get("simulated")))
     rule = say("drift.rule", level=f"{100 * record.detail['level']:g}")
     return (
         f"<b>{escape(verdict_word(bench, record.verdict))}</b><div><div>{escape(means)}{mark}</div>"

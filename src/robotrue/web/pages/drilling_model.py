@@ -11,7 +11,7 @@ from nicegui import ui
 from robotrue.store.records import DocumentRecord
 from robotrue.web.bench import Bench
 from robotrue.web.parts.drilling import DrillMonitor
-from robotrue.web.parts.elements import Tile, delete_button, table, tag, tiles, when
+from robotrue.web.parts.elements import Tile, delete_button, simulated_mark, table, tag, tiles, when
 from robotrue.web.parts.frame import html
 from robotrue.web.parts.icons import icon
 
@@ -34,9 +34,9 @@ def model_cards(
         tolerance_deg: What tilts left are judged against, unless the user says otherwise.
     """
     say, d = bench.say, record.detail
-    mark = f'<span class="simulated">{escape(say("scene.simulated"))}</span>'
+    mark = simulated_mark(say, bool(d.get("simulated")))
     html(
-        f"<h2>{escape(record.name)}</h2>{mark if d.get('simulated') else ''}"
+        f"<h2>{escape(record.name)}</h2>{mark}"
         f"<span class='note'>{when(record.created)}</span><div class='acts'>"
         f"{delete_button(say('frame.delete'), 'document', record.id, '/drilling?view=model')}"
         f"{_download(bench, record)}</div>"

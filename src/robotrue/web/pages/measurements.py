@@ -20,6 +20,7 @@ from robotrue.web.parts.elements import (
     facts,
     fault,
     link_to,
+    simulated_mark,
     table,
     tag,
     tiles,
@@ -144,8 +145,7 @@ def _by_model(bench: Bench, record: MeasurementRecord, model: ModelRecord) -> No
 
 def _judged(bench: Bench, found: dict[str, Any], source: str) -> None:
     say, view = bench.say, bench.view
-    mark = say("scene.simulated")
-    simulated = f' <span class="simulated">{escape(mark)}</span>' if found["simulated"] else ""
+    simulated = simulated_mark(say, found["simulated"])
     share = 100.0 * found["coverage"]
     kind = say("measurements.fitted" if found["fitted"] else "measurements.unseen")
     shown = tiles(

@@ -18,7 +18,16 @@ from robotrue.web.bench import Bench, Page
 from robotrue.web.pages.plan_form import form
 from robotrue.web.parts.curve import Line, curve
 from robotrue.web.parts.drop import DropZone
-from robotrue.web.parts.elements import Tile, delete_button, fault, link_to, table, tiles, when
+from robotrue.web.parts.elements import (
+    Tile,
+    delete_button,
+    fault,
+    link_to,
+    simulated_mark,
+    table,
+    tiles,
+    when,
+)
 from robotrue.web.parts.frame import html
 from robotrue.web.parts.icons import icon
 from robotrue.web.parts.job import JobCard, under_way
@@ -141,7 +150,7 @@ def _show(bench: Bench, record: Record, found: dict[str, Any]) -> None:
     say = bench.say
     html(tiles(_tiles(bench, found))).classes("tiles").props('data-testid="plan-tiles"')
     if found["simulated"]:
-        html(f'<span class="simulated">{escape(say("scene.simulated"))}</span>')
+        html(simulated_mark(say, simulated=True))
     with ui.element("div").classes("columns"):
         with ui.element("div"):
             html(_curve(bench, found)).classes("card").props('data-testid="plan-curve"')

@@ -19,6 +19,7 @@ from robotrue.web.parts.elements import (
     delete_button,
     fault,
     link_to,
+    simulated_mark,
     table,
     tag,
     tiles,
@@ -198,11 +199,7 @@ def _verdict(bench: Bench, record: ProgramRecord, found: dict[str, Any], toleran
         if found["go"]
         else say("programs.no_go", count=not_proven, targets=found["targets"])
     )
-    simulated = (
-        f' <span class="simulated">{escape(say("scene.simulated"))}</span>'
-        if found["simulated"]
-        else ""
-    )
+    simulated = simulated_mark(say, found["simulated"])
     rule = say("programs.rule", model=found["model"]["name"])
     if record.stage == AFTER:
         rule += " " + say("programs.rule_after")

@@ -15,7 +15,16 @@ from robotrue.store import items
 from robotrue.store.nouns import CELL, DOCUMENT, MODEL, REGISTRATION
 from robotrue.store.records import DocumentRecord, Query, RegistrationRecord
 from robotrue.web.bench import Bench, Page
-from robotrue.web.parts.elements import delete_button, facts, fault, link_to, table, tag, when
+from robotrue.web.parts.elements import (
+    delete_button,
+    facts,
+    fault,
+    link_to,
+    simulated_mark,
+    table,
+    tag,
+    when,
+)
 from robotrue.web.parts.frame import html
 from robotrue.web.parts.icons import icon
 from robotrue.web.parts.naming import heading
@@ -69,7 +78,7 @@ def _sessions(bench: Bench, found: Sequence[DocumentRecord], cells: dict[str, st
         word = say("registration.state_done" if done else "registration.state_running")
         rows.append(
             (
-                f"<b>{escape(each.name)}</b>" + _mark(bench, session.simulated),
+                f"<b>{escape(each.name)}</b>" + simulated_mark(bench.say, session.simulated),
                 tag(word, "good" if done else "busy"),
                 f"{len(session.kept)} / {len(session.features)}",
                 escape(_cell_name(each, cells)),
@@ -112,7 +121,7 @@ def _session(bench: Bench, record: DocumentRecord) -> None:
     session = session_of(record.detail["session"])
     gone = delete_button(bench.say("frame.delete"), "document", record.id, "/registration")
     html(
-        f"{heading(bench, 'document', record)}{_mark(bench, session.simulated)}"
+        f"{heading(bench, 'document', record)}{simulated_mark(bench.say, session.simulated)}"
         f"<span class='note'>{when(record.created)}</span><div class='acts'>{gone}</div>"
     ).classes("head")
     TouchSession(bench, record.id)
@@ -132,7 +141,7 @@ async def _registered(bench: Bench, record: RegistrationRecord) -> None:
     gone = delete_button(say("frame.delete"), "registration", record.id, "/registration")
     html(
         f"{heading(bench, 'registration', record)}{_verdict(record.verdict)}"
-        f"{_mark(bench, simulated)}"
+        f"{simulated_mark(bench.say, simulated)}"
         f"<span class='note'>{when(record.created)}</span>"
         f"<div class='acts'>{gone}{session}{_files(bench, record)}</div>"
     ).classes("head")
@@ -208,12 +217,6 @@ def _route(bench: Bench, word: str) -> str:
 
 def _cell_name(record: DocumentRecord | RegistrationRecord, cells: dict[str, str]) -> str:
     return ", ".join(cells.get(to.id, "–") for to in record.linked("cell"))
-
-
-def _mark(bench: Bench, simulated: bool) -> str:
-    if not simulated:
-        return ""
-    return f' <span class="simulated">{escape(bench.say("scene.simulated"))}</span>'
 
 
 PAGE: Final = Page(name="registration", path="/registration", build=_build)

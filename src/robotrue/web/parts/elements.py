@@ -8,6 +8,8 @@ from datetime import datetime
 from html import escape
 from typing import Literal, TypeAlias
 
+from robotrue.web.language import Wording
+
 Tone: TypeAlias = Literal["good", "caution", "bad", "plain", "busy"]
 
 
@@ -45,6 +47,11 @@ def tiles(found: Sequence[Tile]) -> str:
 def tag(text: str, tone: Tone = "plain") -> str:
     """Returns a short word in a frame."""
     return f'<span class="tag {tone}">{escape(text)}</span>'
+
+
+def simulated_mark(say: Wording, simulated: bool) -> str:
+    """Returns the word that stands behind whatever rests on simulated data; else nothing."""
+    return f' <span class="simulated">{escape(say("scene.simulated"))}</span>' if simulated else ""
 
 
 def table(
