@@ -15,7 +15,7 @@ from urllib.parse import urlsplit
 
 from web_shop import Served
 
-WAIT = 60_000
+WAIT = 180_000
 """ms: the machine may have other things to do."""
 
 

@@ -129,7 +129,7 @@ def test_from_the_form_to_the_second_version(watched: Watched, fresh: Served) ->
 
     watched.find("open-text").click()
     area = watched.find("cell-text-area")
-    page.wait_for_function("document.querySelector('[data-testid=cell-text-area]').value")
+    page.wait_for_function("document.querySelector('[data-testid=cell-text-area]')?.value")
     text = area.input_value()
     area.fill(text.replace('preset = "UR10"', 'preset = "UR 9000"'))
     watched.find("cell-text-keep").click()

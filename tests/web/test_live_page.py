@@ -23,7 +23,7 @@ from robotrue.online.link import Health
 from robotrue.online.sink_addresses import open_sink
 from robotrue.online.sink_settings import SinkSettings
 
-NOW = "document.querySelector('#errors td:nth-child(2)').textContent"
+NOW = "(document.querySelector('#errors td:nth-child(2)')?.textContent ?? '')"
 
 
 @pytest.fixture
@@ -66,10 +66,10 @@ def test_a_service_is_watched_and_its_alarms_are_kept(
         seen.find("live-address").fill(sensing)
         seen.find("live-watch").click()
         page.wait_for_url("**/live?source=*")
-        page.wait_for_function("document.getElementById('state').dataset.state === 'good'")
+        page.wait_for_function("document.getElementById('state')?.dataset.state === 'good'")
         assert page.locator("#note").inner_text().lower() == "simulated"
         assert "rsi://x" in page.locator("#links tbody").inner_text()
-        page.wait_for_function("+document.getElementById('counts').dataset.painted > 0")
+        page.wait_for_function("+document.getElementById('counts')?.dataset.painted > 0")
         source = page.url.rpartition("=")[2]
         seen.find("limit-x").fill("25")
         seen.find("limits-save").click()

@@ -30,7 +30,7 @@ def enter(watched: Watched, served: Served, id: str, bench: Bench, *, at: int | 
     watched.find("reading").fill(bench.line(point, seen["next"]["joints_deg"]))
     watched.page.keyboard.press("Enter")
     watched.page.wait_for_function(
-        "v => Number(document.querySelector('[data-testid=touch]').dataset.version) > v",
+        "v => Number(document.querySelector('[data-testid=touch]')?.dataset.version) > v",
         arg=seen["version"],
     )
     return feature
