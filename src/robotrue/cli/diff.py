@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +19,7 @@ from robotrue.cli.registered import opened
 from robotrue.compensation.difference import Change, Difference, difference
 from robotrue.compensation.process_force import DescribedForce
 from robotrue.core.arrays import Array
+from robotrue.core.csv_text import csv_text
 from robotrue.core.files import write_atomic
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError, ModelMismatchError
@@ -146,12 +145,7 @@ def _errors(found: Difference) -> tuple[Array, Array, Array]:
 
 
 def _csv(rows: Sequence[dict[str, Any]]) -> bytes:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    for row in rows:
-        writer.writerow([_cell(row[name]) for name in COLUMNS])
-    return text.getvalue().encode()
+    return csv_text([COLUMNS, *([_cell(row[name]) for name in COLUMNS] for row in rows)]).encode()
 
 
 def _cell(value: object) -> str:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -16,6 +14,7 @@ from robotrue.cli.dynamics_predict import curve_of
 from robotrue.cli.inputs import check_output
 from robotrue.core.archive import read_archive, write_archive
 from robotrue.core.arrays import Array
+from robotrue.core.csv_text import csv_text
 from robotrue.core.files import write_atomic
 from robotrue.core.units import UM
 from robotrue.dynamics.deviation import (
@@ -247,14 +246,12 @@ def _judge(windows: WindowSet, path: Path, output: Path | None, *, as_json: bool
 
 
 def _estimates(windows: WindowSet, found: DeviationPrediction) -> bytes:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["pass", "error_um", "sd_um", "deviation_um", "physics_um", "standing"])
+    rows = [["pass", "error_um", "sd_um", "deviation_um", "physics_um", "standing"]]
     table = np.column_stack([found.error, found.sd, found.deviation, found.physics]) / UM
     for name, row, standing in zip(windows.passes, table, found.standing, strict=True):
         numbers = ["" if np.isnan(v) else f"{v:.4f}" for v in row]
-        writer.writerow([name, *numbers, Standing(int(standing)).name.lower()])
-    return text.getvalue().encode()
+        rows.append([name, *numbers, Standing(int(standing)).name.lower()])
+    return csv_text(rows).encode()
 
 
 def _score_row(score: Score) -> Sequence[str]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,6 +13,7 @@ from robotrue.cell.config import read_cell
 from robotrue.cli.console import count, emit_json, emit_table, say
 from robotrue.cli.inputs import check_output
 from robotrue.core.arrays import Array
+from robotrue.core.csv_text import csv_text
 from robotrue.core.files import read_bytes, sha256, write_atomic
 from robotrue.core.regions import CubeRegion, CylinderRegion, Region
 from robotrue.core.units import DEG, MM
@@ -226,12 +225,9 @@ def _table(found: WorkspaceMap) -> str:
         *((f"sd_{'xyz'[k]}_mm", sd[:, k] / MM) for k in range(3)),
         ("stays_95_mm", found.bound / MM),
     ]
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([name for name, _ in columns])
-    for row in np.stack([values for _, values in columns], axis=1):
-        writer.writerow([f"{value:.6g}" if np.isfinite(value) else "" for value in row])
-    return text.getvalue()
+    rows = np.stack([values for _, values in columns], axis=1)
+    cells = [[f"{value:.6g}" if np.isfinite(value) else "" for value in row] for row in rows]
+    return csv_text([[name for name, _ in columns], *cells])
 
 
 def _document(

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from robotrue.cli.console import emit_facts, emit_json, emit_table, progress, say
+from robotrue.core.csv_text import csv_text
 from robotrue.core.files import write_atomic
 from robotrue.errors import ConfigurationError
 from robotrue.simulation.reproduce_deng2022 import reproduce_deng2022
@@ -144,14 +145,10 @@ def _write(result: Reproduction, folder: Path, paper: str) -> None:
     text = json.dumps(result.document(), indent=1, allow_nan=False)
     write_atomic(folder / f"{paper}.json", text.encode())
     names = list(result.figures[0].document())
-    lines = [",".join(names)]
-    for figure in result.figures:
-        values = figure.document().values()
-        lines.append(",".join("" if v is None else _quoted(v) for v in values))
-    write_atomic(folder / f"{paper}.csv", ("\n".join(lines) + "\n").encode())
+    cells = ([_printed(v) for v in figure.document().values()] for figure in result.figures)
+    write_atomic(folder / f"{paper}.csv", csv_text([names, *cells]).encode())
     say(f"figures: {folder}")
 
 
-def _quoted(value: object) -> str:
-    text = f"{value:.6g}" if isinstance(value, float) else str(value)
-    return f'"{text}"' if "," in text else text
+def _printed(value: object) -> object:
+    return f"{value:.6g}" if isinstance(value, float) else value

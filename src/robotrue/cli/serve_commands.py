@@ -31,6 +31,14 @@ def serve(
     ] = None,
     tls_cert: Annotated[Path | None, typer.Option(help="Certificate (PEM), for https.")] = None,
     tls_key: Annotated[Path | None, typer.Option(help="Its private key.")] = None,
+    sense: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--sense",
+            metavar="ws://HOST:PORT",
+            help="Sensing service that is sent the token of ROBOTRUE_WS_TOKEN; may be repeated.",
+        ),
+    ] = None,
     upload_mb: Annotated[int, typer.Option(help="Largest file taken in, MB.")] = 1024,
     open_browser: Annotated[bool, typer.Option("--open", help="Open a browser.")] = False,
 ) -> None:
@@ -46,6 +54,7 @@ def serve(
         names=tuple(name or ()),
         certificate=tls_cert,
         key=tls_key,
+        sense=tuple(sense or ()),
         upload_mb=upload_mb,
         open_browser=open_browser,
     )

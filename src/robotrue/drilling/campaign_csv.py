@@ -8,8 +8,6 @@ foot came down; blank is the usual way.
 
 from __future__ import annotations
 
-import csv
-import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -17,6 +15,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array
+from robotrue.core.csv_text import csv_text
 from robotrue.core.files import write_atomic
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign import Campaign, Clamps
@@ -106,13 +105,11 @@ def write_campaign(path: str | Path, campaign: Campaign) -> None:
     Raises:
         FormatError: The file cannot be written.
     """
-    buffer = io.StringIO()
-    out = csv.writer(buffer, lineterminator="\n")
     clamps = campaign.clamps
     sensors = [f"d{k + 1}_mm" for k in range(clamps.readings.shape[1])]
-    out.writerow([*TILT, *sensors, *CONDITIONS, APPROACH])
+    rows: list[list[object]] = [[*TILT, *sensors, *CONDITIONS, APPROACH]]
     for i in range(len(campaign)):
-        out.writerow(
+        rows.append(
             [
                 *(f"{v / DEG:.6f}" for v in campaign.tilt[i]),
                 *(f"{v / MM:.6f}" for v in clamps.readings[i]),
@@ -121,7 +118,7 @@ def write_campaign(path: str | Path, campaign: Campaign) -> None:
                 clamps.approach[i],
             ]
         )
-    write_atomic(path, buffer.getvalue().encode())
+    write_atomic(path, csv_text(rows).encode())
 
 
 def write_sheet(path: str | Path, plan: CampaignPlan, sensors: int) -> None:
@@ -130,12 +127,10 @@ def write_sheet(path: str | Path, plan: CampaignPlan, sensors: int) -> None:
     Raises:
         FormatError: The file cannot be written.
     """
-    buffer = io.StringIO()
-    out = csv.writer(buffer, lineterminator="\n")
     names = [f"d{k + 1}_mm" for k in range(sensors)]
-    out.writerow([*TILT, *names, *CONDITIONS, APPROACH])
+    rows: list[list[object]] = [[*TILT, *names, *CONDITIONS, APPROACH]]
     for i in range(len(plan)):
-        out.writerow(
+        rows.append(
             [
                 *(f"{v / DEG:.4f}" for v in plan.tilt[i]),
                 *[""] * sensors,
@@ -144,7 +139,7 @@ def write_sheet(path: str | Path, plan: CampaignPlan, sensors: int) -> None:
                 "",
             ]
         )
-    write_atomic(path, buffer.getvalue().encode())
+    write_atomic(path, csv_text(rows).encode())
 
 
 def zeroed(values: Array, setup: FootSetup, *, counts: bool) -> Array:

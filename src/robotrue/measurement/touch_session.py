@@ -7,12 +7,11 @@ says so.
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Final, Literal, TypeAlias
 
+from robotrue.core.csv_text import csv_text
 from robotrue.errors import ConfigurationError
 
 State: TypeAlias = Literal["kept", "held", "dropped", "replaced", "skipped", "undone"]
@@ -240,9 +239,7 @@ def session_csv(session: TouchSession, readings: Sequence[TouchReading]) -> byte
     header = ["name", "px_mm", "py_mm", "pz_mm", *axes]
     header += ["nx", "ny", "nz"] if with_normals else []
     header += ["part"] if len(session.parts) > 1 else []
-    buffer = io.StringIO(newline="")
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(header)
+    rows = [header]
     for each in readings:
         feature = session.features[each.feature]
         row = [feature.name, *map(repr, feature.point_mm), *map(repr, each.values)]
@@ -250,5 +247,5 @@ def session_csv(session: TouchSession, readings: Sequence[TouchReading]) -> byte
             row += [""] * 3 if feature.normal is None else [repr(v) for v in feature.normal]
         if len(session.parts) > 1:
             row.append(session.parts[feature.part])
-        writer.writerow(row)
-    return buffer.getvalue().encode()
+        rows.append(row)
+    return csv_text(rows).encode()

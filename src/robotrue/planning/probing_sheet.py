@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Sequence
 
 import numpy as np
 
+from robotrue.core.csv_text import csv_text
 from robotrue.core.units import DEG, MM
 from robotrue.measurement.formats.points import PLANNED
 from robotrue.measurement.probing_set import ProbingSet
@@ -30,18 +29,16 @@ def touch_sheet(touches: ProbingSet, parts: Sequence[str]) -> bytes:
         header += ["nx", "ny", "nz"]
     if len(parts) > 1:
         header.append("part")
-    buffer = io.StringIO(newline="")
-    buffer.write(f"{PLANNED}: put the joints at each touch in their place, then delete this line\n")
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(header)
+    head = f"{PLANNED}: put the joints at each touch in their place, then delete this line\n"
+    rows = [header]
     for k, name in enumerate(touches.names):
         row = [name, *_numbers(touches.point[k] / MM), *_numbers(touches.joints[k] / DEG)]
         if normals:
             row += _numbers(touches.normal[k])
         if len(parts) > 1:
             row.append(parts[int(touches.part[k])])
-        writer.writerow(row)
-    return buffer.getvalue().encode()
+        rows.append(row)
+    return (head + csv_text(rows)).encode()
 
 
 def _numbers(values: Sequence[float]) -> list[str]:

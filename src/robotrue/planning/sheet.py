@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import csv
-import io
-
 import numpy as np
 
 from robotrue.core.arrays import Array
+from robotrue.core.csv_text import csv_text
 from robotrue.core.units import DEG, MM
 from robotrue.measurement.formats.canonical import canonical_mapping
 from robotrue.planning.plan import PosePlan
@@ -34,14 +32,8 @@ def plan_sheet(plan: PosePlan) -> bytes:
         columns |= _block(names.payload_com, centre / MM)
         if wrench.any():
             columns |= _block(names.force, wrench[:, :3]) | _block(names.moment, wrench[:, 3:])
-    buffer = io.StringIO(newline="")
-    buffer.write(
-        "# poses to be measured; fill in x_mm, y_mm, z_mm and give the file to calibrate\n"
-    )
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(zip(*columns.values(), strict=True))
-    return buffer.getvalue().encode()
+    head = "# poses to be measured; fill in x_mm, y_mm, z_mm and give the file to calibrate\n"
+    return (head + csv_text([columns, *zip(*columns.values(), strict=True)])).encode()
 
 
 def _block(names: tuple[str, ...], values: Array) -> dict[str, list[str]]:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from robotrue.core.csv_text import csv_remark, csv_text
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
@@ -69,13 +68,9 @@ def export_dh(found: Calibrated, *, lossy: Sequence[str] = ()) -> DhExport:
     lost = losses(found, [name for name in found.held if name in CANNOT])
     total = part_left_over(found, CANNOT)
     as_rigid = left_over(found, rigid(robot))
-    buffer = io.StringIO(newline="")
-    for line in _remarks(robot, found, lost, total, as_rigid):
-        buffer.write(f"# {line}\n")
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    writer.writerows(_rows(robot))
-    return DhExport(text=buffer.getvalue(), total=total, as_rigid=as_rigid)
+    head = "".join(map(csv_remark, _remarks(robot, found, lost, total, as_rigid)))
+    text = head + csv_text([COLUMNS, *_rows(robot)])
+    return DhExport(text=text, total=total, as_rigid=as_rigid)
 
 
 def _remarks(

@@ -12,6 +12,7 @@ import asyncio
 import contextlib
 import json
 import os
+from collections.abc import Collection
 from datetime import UTC, datetime
 from typing import Any, Final
 
@@ -60,8 +61,16 @@ class Viewer:
 class Relay:
     """One source: its connection, its viewers, its alarms."""
 
-    def __init__(self, workspace: Workspace, source: LiveSource) -> None:
+    def __init__(self, workspace: Workspace, source: LiveSource, token: str = "") -> None:
+        """Makes it; :meth:`start` begins.
+
+        Args:
+            workspace: Whose journal keeps alarms.
+            source: Listened to.
+            token: Sent to it; empty: none.
+        """
         self.source = source
+        self._token = token
         self._workspace = workspace
         self._watch = AlarmWatch(source.limits)
         self._viewers: set[Viewer] = set()
@@ -124,10 +133,15 @@ class Relay:
     async def _follow(self) -> None:
         from websockets.asyncio.client import connect
 
-        token = os.environ.get(TOKEN_VARIABLE, "")
-        async with connect(
+        class Straight(connect):
+            """A service that sends elsewhere is none: the token is not for another."""
+
+            def process_redirect(self, exc: Exception) -> Exception | str:
+                return exc
+
+        async with Straight(
             self.source.address + FRAMES,
-            additional_headers={"Authorization": f"Bearer {token}"} if token else None,
+            additional_headers={"Authorization": f"Bearer {self._token}"} if self._token else None,
             max_size=_LONGEST,
             compression=None,
             open_timeout=5.0,
@@ -202,8 +216,15 @@ class Relay:
 class Relays:
     """The relays of all sources of a workspace."""
 
-    def __init__(self, workspace: Workspace) -> None:
-        self._workspace = workspace
+    def __init__(self, workspace: Workspace, trusted: Collection[str] = ()) -> None:
+        """Makes them; :meth:`watch` is what runs.
+
+        Args:
+            workspace: Whose sources they are.
+            trusted: Addresses that are sent the token of ``ROBOTRUE_WS_TOKEN``. Who may add a
+                source may name any address; only who starts the server says who is told a secret.
+        """
+        self._workspace, self._trusted = workspace, frozenset(trusted)
         self._running: dict[str, Relay] = {}
         self._wake = asyncio.Event()
 
@@ -233,7 +254,8 @@ class Relays:
         for each in wanted:
             relay = self._running.get(each.id)
             if relay is None:
-                self._running[each.id] = relay = Relay(self._workspace, each)
+                token = os.environ.get(TOKEN_VARIABLE, "") if each.address in self._trusted else ""
+                self._running[each.id] = relay = Relay(self._workspace, each, token)
                 relay.start()
             elif relay.source.version != each.version:
                 relay.change(each)

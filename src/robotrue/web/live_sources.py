@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from dataclasses import dataclass
 from typing import Any, Final
 
+from robotrue.core.csv_text import csv_text
 from robotrue.errors import ConfigurationError
-from robotrue.online.net_address import net_address
 from robotrue.store import documents, items, journal
 from robotrue.store.nouns import DOCUMENT
 from robotrue.store.records import DocumentRecord, Query
 from robotrue.store.workspace import Workspace
 from robotrue.web.alarms import Alarm, Limits
+from robotrue.web.settings import service_address
 
 KIND: Final = "live source"
-PORT: Final = 8765
 BEGUN: Final = "alarm"
 OVER: Final = "alarm over"
 MOST: Final = 20
@@ -66,19 +64,12 @@ def add_source(workspace: Workspace, address: str, name: str) -> DocumentRecord:
     Raises:
         ConfigurationError: No address of a sensing service, or more than are listened to.
     """
-    where = net_address(address.strip(), default_port=PORT).only()
-    if where.scheme != "ws" or where.user or where.path:
-        raise ConfigurationError(
-            f"{where.scheme}:// is no address of robotrue sense --out ws://..., expected "
-            "ws://host:port.",
-            hint=f"ws://127.0.0.1:{PORT}",
-        )
+    where = service_address(address)
     if len(sources(workspace)) >= MOST:
         raise ConfigurationError(f"{MOST} sources are listened to, no more.", hint="delete one.")
-    shown = name.strip() or where.shown.removeprefix("ws://")
-    return documents.add(
-        workspace, KIND, name=shown, detail={"address": where.shown, "limits_um": [0.0, 0.0, 0.0]}
-    )
+    shown = name.strip() or where.removeprefix("ws://")
+    detail = {"address": where, "limits_um": [0.0, 0.0, 0.0]}
+    return documents.add(workspace, KIND, name=shown, detail=detail)
 
 
 def set_limits(workspace: Workspace, id: str, limits: Limits) -> DocumentRecord:
@@ -116,13 +107,8 @@ def alarms(workspace: Workspace, id: str, *, limit: int) -> list[dict[str, Any]]
 
 def alarms_csv(found: list[dict[str, Any]]) -> str:
     """Returns alarms as a table, the oldest first."""
-    buffer = io.StringIO()
-    out = csv.writer(buffer, lineterminator="\n")
     names = ("begun", "axis", "value_um", "band_um", "limit_um", "duration_s", "over")
-    out.writerow(names)
-    for each in reversed(found):
-        out.writerow([each[name] for name in names])
-    return buffer.getvalue()
+    return csv_text([names, *([each[name] for name in names] for each in reversed(found))])
 
 
 def _source(record: DocumentRecord) -> LiveSource:

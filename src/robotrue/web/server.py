@@ -87,7 +87,7 @@ def house_of(settings: ServeSettings, workspace: Workspace) -> House:
         workers=workers,
         answers=Answers(workers),
         job_process=JobProcess(workspace, settings.kinds),
-        relays=Relays(workspace),
+        relays=Relays(workspace, settings.sense),
     )
 
 

@@ -8,10 +8,29 @@ from pathlib import Path
 from typing import Final
 
 from robotrue.errors import ConfigurationError
+from robotrue.online.net_address import net_address
 
 MB: Final = 1024 * 1024
 SHORTEST_PASSWORD: Final = 8
 SHORTEST_TOKEN: Final = 16
+SENSE_PORT: Final = 8765
+"""Of ``robotrue sense --out ws://host``."""
+
+
+def service_address(text: str) -> str:
+    """Returns the address of a sensing service as ``ws://host:port``.
+
+    Raises:
+        ConfigurationError: It is none.
+    """
+    where = net_address(text.strip(), default_port=SENSE_PORT).only()
+    if where.scheme != "ws" or where.user or where.path:
+        raise ConfigurationError(
+            f"{where.scheme}:// is no address of robotrue sense --out ws://..., expected "
+            "ws://host:port.",
+            hint=f"ws://127.0.0.1:{SENSE_PORT}",
+        )
+    return where.shown
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,6 +46,7 @@ class ServeSettings:
         names: Further host names the workbench is reached by.
         certificate: TLS certificate (PEM), or None for plain HTTP.
         key: Its private key.
+        sense: Addresses of sensing services that are sent the token of ``ROBOTRUE_WS_TOKEN``.
         upload_limit: Bytes of one uploaded file.
         kinds: ``module:name`` of the kinds of jobs that are done here; empty leaves them to others.
     """
@@ -39,6 +59,7 @@ class ServeSettings:
     names: tuple[str, ...] = ()
     certificate: Path | None = None
     key: Path | None = None
+    sense: tuple[str, ...] = ()
     upload_limit: int = 1024 * MB
     kinds: str = ""
 
@@ -47,7 +68,7 @@ class ServeSettings:
 
         Raises:
             ConfigurationError: Another address without a secret, a secret too short to be one, a
-                port that cannot be, or half of a certificate.
+                port that cannot be, half of a certificate, or no sensing service.
         """
         if not 0 <= self.port <= 65535:
             raise ConfigurationError(f"port {self.port}, expected 0 to 65535.", hint="--port 8080")
@@ -71,6 +92,7 @@ class ServeSettings:
                 "a certificate needs its key, and a key its certificate.",
                 hint="--tls-cert cell.pem --tls-key cell.key",
             )
+        object.__setattr__(self, "sense", tuple(map(service_address, self.sense)))
 
     @property
     def loopback(self) -> bool:

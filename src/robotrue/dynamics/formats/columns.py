@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import itertools
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from robotrue.core.arrays import Array
+from robotrue.core.csv_text import as_written, csv_text
 from robotrue.core.files import read_bytes, sha256
 from robotrue.core.utf8 import utf8_text
 from robotrue.errors import FormatError
@@ -95,14 +95,10 @@ def read_columns(path: str | Path) -> Columns:
 
 def table_bytes(names: list[str], values: Array) -> bytes:
     """Returns a CSV of named columns; NaN becomes a blank cell."""
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerow(names)
     rows = np.char.mod("%.9g", values)
     rows[~np.isfinite(values)] = ""
-    for row in rows.tolist():
-        text.write(",".join(row))
-        text.write("\n")
-    return text.getvalue().encode()
+    lines = (",".join(row) + "\n" for row in rows.tolist())
+    return "".join([csv_text([names]), *lines]).encode()
 
 
 def _text(data: bytes, path: str | Path) -> str:
@@ -129,7 +125,7 @@ def _header(text: str) -> tuple[int, str, int]:
 
 
 def _names(cells: list[str], path: str | Path, line: int) -> tuple[str, ...]:
-    names = tuple(cell.strip().strip('"') for cell in cells)
+    names = tuple(as_written(cell.strip().strip('"')) for cell in cells)
     try:
         [float(name) for name in names]
     except ValueError:

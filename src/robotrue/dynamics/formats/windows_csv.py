@@ -8,13 +8,13 @@ Forces act on the tool, in base axes. ``measured_um`` may be blank or missing wh
 from __future__ import annotations
 
 import csv
-import io
 import math
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
+from robotrue.core.csv_text import as_written, csv_text
 from robotrue.core.files import read_bytes
 from robotrue.core.units import DEG, UM
 from robotrue.core.utf8 import utf8_text
@@ -62,7 +62,7 @@ def read_windows(path: str | Path) -> WindowSet:
             raise FormatError(
                 f"{len(row)} cells, the header has {len(names)}.", source=path, line=number
             )
-        passes.append(row[at["pass"]].strip())
+        passes.append(as_written(row[at["pass"]].strip()))
         rows.append(
             [
                 _number(row[at[name]] if name in at else "", name, path, number)
@@ -84,10 +84,8 @@ def read_windows(path: str | Path) -> WindowSet:
 
 def windows_bytes(windows: WindowSet) -> bytes:
     """Returns the CSV of windows, enough digits to read the same numbers again."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
     joints = [f"j{i + 1}_deg" for i in range(windows.joints.shape[1])]
-    writer.writerow(["pass", *joints, *FORCES, *ERRORS])
+    rows = [["pass", *joints, *FORCES, *ERRORS]]
     for k, name in enumerate(windows.passes):
         numbers = [
             *(windows.joints[k] / DEG),
@@ -97,8 +95,8 @@ def windows_bytes(windows: WindowSet) -> bytes:
             windows.predicted[k] / UM,
             windows.measured[k] / UM,
         ]
-        writer.writerow([name, *("" if math.isnan(v) else f"{v:.12g}" for v in numbers)])
-    return text.getvalue().encode()
+        rows.append([name, *("" if math.isnan(v) else f"{v:.12g}" for v in numbers)])
+    return csv_text(rows).encode()
 
 
 def _number(cell: str, name: str, path: str | Path, line: int) -> float:

@@ -10,17 +10,17 @@
 
 from __future__ import annotations
 
-import csv
 import difflib
-import io
 import re
 from collections.abc import Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from robotrue.core.arrays import Array
+from robotrue.core.csv_text import csv_text
 from robotrue.core.files import write_atomic
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
@@ -102,11 +102,8 @@ def write_canonical(path: str | Path, measurements: MeasurementSet) -> None:
         FormatError: The file cannot be written, or orientation was measured on some rows only.
     """
     columns = _columns(measurements)
-    buffer = io.StringIO(newline="")
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(zip(*columns.values(), strict=True))
-    write_atomic(path, buffer.getvalue().encode())
+    rows = zip(*columns.values(), strict=True)
+    write_atomic(path, csv_text(chain([columns], rows)).encode())
 
 
 def _columns(m: MeasurementSet) -> dict[str, list[str]]:

@@ -8,17 +8,17 @@ that direction; blank in a row that is a full point) and ``part`` (part or side 
 
 from __future__ import annotations
 
-import csv
 import difflib
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from robotrue.core.arrays import Array
+from robotrue.core.csv_text import csv_text
 from robotrue.core.files import read_bytes, write_atomic
 from robotrue.core.units import DEG, MM
 from robotrue.errors import FormatError
@@ -109,11 +109,8 @@ def write_points(path: str | Path, touches: ProbingSet, parts: Sequence[str] = (
         columns |= _block(NORMAL, touches.normal)
     if parts:
         columns["part"] = [parts[int(k)] for k in touches.part]
-    buffer = io.StringIO(newline="")
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(zip(*columns.values(), strict=True))
-    write_atomic(path, buffer.getvalue().encode())
+    rows = zip(*columns.values(), strict=True)
+    write_atomic(path, csv_text(chain([columns], rows)).encode())
 
 
 def _block(names: Sequence[str], values: Array) -> dict[str, list[str]]:

@@ -12,6 +12,7 @@ from datetime import date, datetime, time, timedelta
 from pathlib import Path
 from typing import Final
 
+from robotrue.core.csv_text import as_written
 from robotrue.core.files import read_bytes, sha256
 from robotrue.errors import FormatError
 
@@ -221,7 +222,7 @@ def _text_rows(
                 line=number,
                 hint="look for a stray quotation mark.",
             ) from None
-        out.append((number, tuple(cell.strip() for cell in row)))
+        out.append((number, tuple(as_written(cell.strip()) for cell in row)))
     return out
 
 
@@ -332,4 +333,4 @@ def _cell_text(
         return ""
     if isinstance(value, float):
         return str(int(value)) if value.is_integer() and abs(value) < 1e15 else repr(value)
-    return str(value).strip()
+    return as_written(str(value).strip())

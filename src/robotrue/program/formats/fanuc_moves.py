@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from robotrue.errors import FormatError
+from robotrue.program.formats.fanuc_foreign import in_another_language, odd_word
 from robotrue.program.formats.fanuc_scan import FanucScan
 from robotrue.program.formats.text_lines import line_at
 from robotrue.program.program import Motion, Reason
@@ -21,14 +22,22 @@ _PLAIN: Final = re.compile(rb"[ \t]*([JLS])[ \t]+P\[(\d{1,6})(?::[^\]]*)?\](.*)"
 _MOVE: Final = re.compile(rb"\s*([JLCAS])\s+(P|PR)\s*\[(.*)", re.DOTALL)
 _TARGET: Final = re.compile(rb"\b(P|PR)\s*\[\s*([^\]:]*)\s*(?::[^\]]*)?\]")
 _POINT: Final = re.compile(rb"(?<![\w$])P\s*\[\s*([^\]:]*)\s*(?::[^\]]*)?\]")
-_FRAME_NUMBER: Final = re.compile(rb"\b(UFRAME|UTOOL)_NUM\s*=\s*([^;,)]*)")
-_FRAME_DATA: Final = re.compile(rb"\b(UFRAME|UTOOL)\s*\[([^=;]*)\]\s*=")
+_FRAME_NUMBER: Final = re.compile(rb"\b(UFRAME|UTOOL|BENUTZER|WKZ)_NUM\s*=\s*([^;,)]*)")
+_FRAME_DATA: Final = re.compile(rb"\b(UFRAME|UTOOL|BENUTZER|WKZ)\s*\[([^=;]*)\]\s*=")
 _MOTION: Final = {b"J": Motion.PTP, b"L": Motion.LIN, b"S": Motion.SPLINE}
-_SIDE: Final = {b"UFRAME": "base", b"UTOOL": "tool"}
+_SIDE: Final = {b"UFRAME": "base", b"BENUTZER": "base", b"UTOOL": "tool", b"WKZ": "tool"}
+_SHIFT: Final = re.compile(rb"(?:TOUCH|MP)[ \t]+OFFSET\b[ \t]*(END\b)?")
+_LEAP: Final = re.compile(rb"\bJMP\b|[:;]\s*(?:FOR|IF|ELSE|SELECT)\b")
+_TRACKING: Final = re.compile(rb"\bLINE_TRACK_SCHEDULE_NUMBER\s*:\s*0*([1-9]\d*)")
 _OPTIONS: Final = (
     (re.compile(rb"\bINC\b"), Reason.RELATIVE, "INC moves by a step"),
     (
         re.compile(rb"\b(?:TOOL_OFFSET|OFFSET|VOFFSET)\b"),
+        Reason.EXPRESSION,
+        "an offset from a register moves the target",
+    ),
+    (
+        re.compile(rb"\b(?:PR|VR)\s*\[[^\]]*\](?!\s*=)"),
         Reason.EXPRESSION,
         "an offset from a register moves the target",
     ),
@@ -95,11 +104,21 @@ class _Walk:
         self._run: list[int] = []
         self._told: set[str] = set()
         self._tails: dict[bytes, tuple[tuple[Reason, str], ...]] = {}
+        self._foreign = in_another_language(scan.data, scan.statements)
+        first, last = scan.statements
+        self._leaps = _LEAP.search(scan.data, first, last) is not None
+        self._shifted = False
+        tracking = _TRACKING.search(scan.data, 0, first)
+        if tracking:
+            self._tell("tracking", tracking.start(), "line tracking schedule "
+                       f"{tracking[1].decode()}: the positions count from a frame that moves with "
+                       "the conveyor; they are not compensated")  # fmt: skip
+            self.out.flags |= dict.fromkeys(self._row.values(), Reason.UNKNOWN_FRAME)
 
     def statement(self, place: int, text: bytes) -> None:
         """Reads one; comments and remarked statements are passed over."""
         plain = _PLAIN.match(text)
-        if plain and not self._run:
+        if plain and not self._run and not self._shifted:
             row, options = self._row.get(int(plain[2])), self._options(plain[3])
             if row is not None and not options:
                 self._use(row, _MOTION[plain[1]])
@@ -108,8 +127,11 @@ class _Walk:
         if not text or text.startswith((b"!", b"//", b"--")):
             return
         move = _MOVE.match(text)
+        shift = _SHIFT.match(text.upper())
         if move:
             self._move(place, move[1], text)
+        elif shift:
+            self._shift(place, bool(shift[1]))
         elif b"P" in text or b"U" in text:
             self._other(place, text)
 
@@ -150,6 +172,20 @@ class _Walk:
             self._tell(what, place, f"{what}; such targets are not compensated")
             for row in known:
                 self._flag(row, reason)
+
+        if self._shifted:
+            for row in known:
+                self._flag(row, Reason.EXPRESSION)
+
+    def _shift(self, place: int, ends: bool) -> None:
+        """Begins or ends what moves every target by a register; in a program that jumps, all."""
+        if not ends:
+            self._tell("shift", place, "Touch Offset and MP OFFSET move the targets after them by "
+                       "a register; they are not compensated")  # fmt: skip
+            if self._leaps:
+                for row in self._row.values():
+                    self._flag(row, Reason.EXPRESSION)
+        self._shifted = not ends
 
     def _target(self, place: int, match: re.Match[bytes]) -> int | None:
         text = match[2].strip()
@@ -197,6 +233,10 @@ class _Walk:
         if known is None:
             upper = tail.upper()
             known = tuple((why, what) for sign, why, what in _OPTIONS if sign.search(upper))
+            odd = odd_word(upper) if self._foreign and not known else ""
+            if odd:
+                what = f"{odd!r}, in a program of another language than English, may move the"
+                known = ((Reason.EXPRESSION, f"{what} target"),)
             if len(self._tails) < _TAILS:
                 self._tails[tail] = known
         return known

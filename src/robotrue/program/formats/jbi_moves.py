@@ -15,6 +15,7 @@ _PLAIN: Final = re.compile(rb"MOV([JLC])[ \t]+C(\d{1,6})(?![^ \t])(.*)", re.DOTA
 _MOVE: Final = re.compile(rb"(\+?)[ \t]*(S?MOV|IMOV|EIMOV|REFP)([JLCS]?)\b(.*)", re.DOTALL)
 _POINTS: Final = re.compile(rb"(?<![\w#(])(C|P|BC|BP|EC|EX)(\d{1,6})\b")
 _COMPUTED: Final = re.compile(rb"(?<![\w#(])(?:C|P|BC|BP|EC|EX)\[")
+_LOCAL: Final = re.compile(rb"(?<![\w#(])L(?:P|BP|EX)[ \t]*(?:\d{1,6}\b|\[)")
 _VARIABLE: Final = re.compile(rb"\bL?PX?(\d{1,6})\b")
 _VARIABLES: Final = re.compile(rb"\bPX?\[")
 _FRAME: Final = re.compile(rb"\b(?:MFRAME|SETUFRAME)\b.*?UF#\((\d+)\)", re.IGNORECASE)
@@ -26,6 +27,8 @@ _MOTION: Final = {
     b"S": Motion.SPLINE,
     b"": Motion.LIN,
 }
+_LEAPS: Final = (b"JUMP", b"FOR ", b"WHILE", b"IFTHEN", b"ELSE", b"SWITCH")
+"""Instructions with which a job does not run from its first line to its last."""
 _TAILS: Final = 4096
 """Tails of moves remembered."""
 
@@ -76,7 +79,7 @@ class _Walk:
         self._master: list[int] = []
         self._shift = 0
         self._shifted: list[int] = []
-        self._jumps = any(text.startswith((b"JUMP", b"CALL")) for _, text in scan.body)
+        self._leaps = any(text.upper().startswith(_LEAPS) for _, text in scan.body)
         self._told: set[str] = set()
         self._tails: dict[bytes, bool] = {}
 
@@ -95,10 +98,14 @@ class _Walk:
             return
         if text.startswith(b"SFTON"):
             self._shift = self._shift or line
-            self._tell("shift", f"{self.name}:{line}: SFTON shifts the moves after it; their "
+            moves = "moves of this job, which jumps," if self._leaps else "moves after it"
+            self._tell("shift", f"{self.name}:{line}: SFTON shifts the {moves} up to SFTOF; their "
                        "targets are not compensated.")  # fmt: skip
-        elif text.startswith(b"SFTOF") and not self._jumps:
+        elif text.startswith(b"SFTOF") and not self._leaps:
             self._shift = 0
+        elif text.startswith(b"CALL") and self._shift:
+            self._tell("called", f"{self.name}:{line}: a job that is called while SFTON shifts "
+                       "moves elsewhere than its points say; do not compensate it.")  # fmt: skip
         for pattern, found in ((_FRAME, self.out.frames), (_TOOL, self.out.tools)):
             found += [(number.decode(), line) for number in pattern.findall(text)]
         for number in _VARIABLE.findall(text):
@@ -109,7 +116,7 @@ class _Walk:
     def finish(self) -> None:
         """Closes what is open at the end."""
         self._close_run()
-        if self._shift and self._jumps:
+        if self._shift and self._leaps:
             self._shifted = list(self.out.motion)
         self.out.flags |= dict.fromkeys(self._shifted, Reason.RELATIVE)
 
@@ -128,6 +135,10 @@ class _Walk:
             own, others = b"", [rest]
         if _COMPUTED.search(rest):
             self._all_variables(line)
+        local = _LOCAL.search(rest)
+        if local:
+            self._tell("local", f"{self.name}:{line}: {local[0].decode()} is a variable of the "
+                       "controller; moves to such points are not compensated.")  # fmt: skip
         rows = [] if verb == b"REFP" else list(self._targets(line, own))
         outside = [key for key in self._points(rest) if key[0] not in ("C", "P")]
         for row in [row for other in others for row in self._targets(line, other)]:

@@ -9,14 +9,13 @@ from nicegui import ui
 
 from robotrue import __version__
 from robotrue.web.bench import Bench, Page
-from robotrue.web.live_sources import PORT, LiveSource, sources
+from robotrue.web.live_sources import LiveSource, sources
 from robotrue.web.parts.elements import delete_button
 from robotrue.web.parts.frame import html
 from robotrue.web.parts.live import FILES, LiveView
+from robotrue.web.settings import SENSE_PORT
 
-COMMAND: Final = (
-    f"robotrue sense cell.toml --robot rsi://... --force rdt://... --out ws://127.0.0.1:{PORT}"
-)
+COMMAND: Final = f"robotrue sense cell.toml --robot rsi://... --force rdt://... --out ws://127.0.0.1:{SENSE_PORT}"
 
 
 async def _build(bench: Bench) -> None:
@@ -70,7 +69,7 @@ def _new(bench: Bench, *, first: bool) -> None:
         "Object.fromEntries(new FormData(this)),'/live?source={id}',"
         "this.querySelector('button'));return false\">"
         f"<label class='field'>{escape(say('live.address'))}<input type='text' name='address' "
-        f"required maxlength='200' value='ws://127.0.0.1:{PORT}' "
+        f"required maxlength='200' value='ws://127.0.0.1:{SENSE_PORT}' "
         "data-testid='live-address'></label>"
         f"<label class='field'>{escape(say('live.name'))}<input type='text' name='name' "
         "maxlength='200'></label>"
