@@ -169,6 +169,9 @@ def test_an_arc_of_poses_and_axis_values_is_left_alone() -> None:
         ("SFTON P009\nMOVL P001\nSFTOF\nJUMP *A", Reason.RELATIVE),
         ("SFTON P009\nSFTOF\nMOVL P001", Reason.NONE),
         ("SFTON P009\nSFTOF\nMOVL P001\nJUMP *A", Reason.RELATIVE),
+        ("MOVL P001\nSFTON P009\nCALL JOB:PART\nSFTOF", Reason.NONE),
+        ("SFTON P009\nIFTHENEXP B000=1\nSFTOF\nENDIF\nMOVL P001", Reason.RELATIVE),
+        ("FOR I000=0 TO 3\nMOVL P001\nSFTON P009\nNEXT I000", Reason.RELATIVE),
         ("ADD P001 P002\nMOVL P001", Reason.EXPRESSION),
         ("SETE P001 (3) 100\nMOVL P001", Reason.EXPRESSION),
         ("GETS PX001 $PX000\nMOVL P001", Reason.EXPRESSION),
@@ -249,3 +252,17 @@ def test_refusals(old: str, new: str, message: str) -> None:
 def test_every_line_end(end: str) -> None:
     job = text(f"{HEAD}C00000={P}", "MOVL C00000").replace("\n", end)
     assert read("\xef\xbb\xbf" + job).line.tolist() == [9]
+
+
+@pytest.mark.parametrize("target", ["LP000", "LP[LI001]"])
+def test_moves_to_local_variables_are_told(target: str) -> None:
+    program = body(f"{HEAD}C00000={P}", f"MOVL C00000\nMOVL {target} V=9.0")
+    assert program.reason.tolist() == [Reason.NONE]
+    assert any(f"{target[:3]}" in note and "not compensated" in note for note in program.notes)
+
+
+def test_a_job_called_while_the_moves_are_shifted_is_told() -> None:
+    points = f"{HEAD}C00000={P}\nP00009={P}"
+    program = body(points, "MOVL C00000\nSFTON P009\nCALL JOB:PART\nSFTOF\nCALL JOB:NEXT")
+    assert program.reason.tolist() == [Reason.NONE, Reason.EXPRESSION]
+    assert sum("called while SFTON shifts" in note for note in program.notes) == 1

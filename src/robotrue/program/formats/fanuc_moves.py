@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from robotrue.errors import FormatError
-from robotrue.program.formats.fanuc_foreign import in_another_language, odd_word
+from robotrue.program.formats.fanuc_foreign import in_another_language, odd_word, words_behind
 from robotrue.program.formats.fanuc_scan import FanucScan
 from robotrue.program.formats.text_lines import line_at
 from robotrue.program.program import Motion, Reason
@@ -231,7 +231,7 @@ class _Walk:
     def _options(self, tail: bytes) -> tuple[tuple[Reason, str], ...]:
         known = self._tails.get(tail)
         if known is None:
-            upper = tail.upper()
+            upper = words_behind(tail)
             known = tuple((why, what) for sign, why, what in _OPTIONS if sign.search(upper))
             odd = odd_word(upper) if self._foreign and not known else ""
             if odd:
