@@ -198,3 +198,28 @@ def test_values_that_cannot_be_written() -> None:
     program = script(f"movel({P})")
     with pytest.raises(ShapeError, match=r"part\.script:2: the new target is .*nan"):
         dialect("urscript").write(program, change(program, by_m=float("nan")))
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (f"movej({P}); movel({P})", [NONE, EXPRESSION]),
+        (f"if x: movel({P})\nend", [EXPRESSION]),
+        (f"optimovel({P}, a=0.3)\nmovel({P})", [EXPRESSION, NONE]),
+        (f"x = servoj({P})", [EXPRESSION]),
+        (f"remove_it = 1\nmovel({P}, r=remove_it)", [NONE]),
+        (f"movel({P})\ntrack_conveyor_linear({P}, 2)\nmovej({Q})", [EXPRESSION] * 2),
+    ],
+)
+def test_motions_that_are_not_followed_are_told(text: str, expected: list[int]) -> None:
+    program = script(text)
+    assert [int(each) for each in program.reason] == expected
+    told = any("is not followed" in note or "conveyor" in note for note in program.notes)
+    assert told == (EXPRESSION in expected)
+
+
+def test_a_routine_of_the_script_that_is_called_like_a_motion() -> None:
+    text = f"def move_to(q):\n  movej(q)\nend\ndef part():\n  move_to({Q})\n  movel({P})\nend\n"
+    program = read(text)
+    assert NONE in program.reason
+    assert not any("move_to is not followed" in note for note in program.notes)

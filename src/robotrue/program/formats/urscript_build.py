@@ -137,7 +137,7 @@ class _Builder:
         if point < 0 or self.uncertain[point] or not self.bounded[point]:
             line = self.walk.story.asked.get((side, number), 0)
             at = int(np.searchsorted(self.starts, line, side="right")) - 1
-            what = f"of line {at + 1} is computed, or given several values"
+            what = f"of line {at + 1} is computed, given several values, or given nowhere"
             return self.frames.unknown(side, at, what, "write it as a literal p[...]")
         matrix: Array = pose(matrix_from_rotation_vector(values[3:]), values[:3])
         return self.frames.known(side, matrix)

@@ -44,6 +44,10 @@ _OWN_TOOL: Final = re.compile(rb"tcp\w*\s*=")
 _SOLVED_WITH_TOOL: Final = 4
 """Arguments of get_inverse_kin that leave the tool what it is; a fifth names another."""
 _ADDED: Final = re.compile(rb"pose_add\s*\(")
+_MOTION: Final = re.compile(
+    rb"(?<!\w)((?:optimove|move|servo|speed|jog)[a-z]?(?:_\w+)?|tool_contact_move)\s*\("
+)
+_CARRIED: Final = re.compile(rb"(?<!\w)track_conveyor_\w+\s*\(")
 
 
 @dataclass(slots=True)
@@ -100,12 +104,23 @@ class Walk:
             for start, end in routine.statements:
                 self._at += 1
                 self._statement(start, end)
+        carried = _CARRIED.search(self.code)
+        if carried:
+            what = "every target of this script may move along with a conveyor (track_conveyor)"
+            self.story.notes.append((carried.start(), what))
+            for point in range(len(self.story.offset)):
+                self.story.flags.setdefault(point, Reason.EXPRESSION)
 
     def _statement(self, start: int, end: int) -> None:
         call = _CALL.match(self.code, start, end)
         word = call[1].decode() if call else ""
         if call and word in _MOVES:
-            self._move(word, call.end(), end)
+            close = end
+            if self.code.find(b"move", call.end(), end) >= 0 or self.code[end - 1 : end] != b")":
+                close = min(self._closed(call.end(), end) + 1, end)
+            self._move(word, call.end(), close)
+            if close < end:
+                self._other(close, end)
         elif call and word == "set_tcp":
             self._tool(call.end(), self._closed(call.end(), end))
         elif not self._control(start, end) and not self._assign(start, end):
@@ -143,11 +158,14 @@ class Walk:
         if own:
             self._at += 1
             self.course.call(self._at, own)
-        if called and called[0].startswith(("servo", "speed")):
-            for match in POSE.finditer(self.code, start, end):
+        motion = _MOTION.search(self.code, start, end)
+        word = motion[1].decode() if motion else ""
+        if motion and word not in self._own:
+            where = " where it stands, behind other words" if word in _MOVES else ""
+            self.story.notes.append((motion.start(), f"{word} is not followed{where}"))
+            for match in POSE.finditer(self.code, motion.start(), end):
                 point = self._point(match.start(), self.table.add(*match.span(), POINT), POINT)
                 self.story.flags[point] = Reason.EXPRESSION
-                self.story.notes.append((start, f"{called[0]} is no motion that is followed"))
 
     def _mention(self, start: int, end: int) -> None:
         for match in _WORDS.finditer(self.code, start, end):
