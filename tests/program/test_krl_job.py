@@ -14,6 +14,7 @@ from robotrue.core.units import DEG, MM
 from robotrue.errors import FormatError
 from robotrue.program.external_axes import ExternalAxis
 from robotrue.program.formats import read_job, write_program
+from robotrue.program.formats.krl import DIALECT
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 
 CAMROB = (
@@ -214,3 +215,14 @@ def test_a_camrob_path_begins_where_the_program_takes_the_arm(tmp_path: Path) ->
     path = of(read_job(tmp_path / "part.src"), "path.csv")
     assert not len(path.start)
     assert any("no axis target stands before its call" in note for note in path.notes)
+
+
+def test_the_files_a_program_names() -> None:
+    names = DIALECT.named_files
+    assert names(b'CR_process_file("a.csv",1)\nX = CR_PROCESS_FILE (\r\n "b.csv")') == (
+        "a.csv",
+        "b.csv",
+    )
+    assert names(b'LOG("it\'s" CR_PROCESS_FILE("b.csv")') == ("b.csv",)
+    assert names(b'CR_PROCESS_FILE("../a.csv") CR_PROCESS_FILE("") OTHER("c.csv")') == ()
+    assert names(b'LIN {X 1} CR_PROCESS_FILE("a.csv") CR_PROCESS_FILE("a.csv"') == ("a.csv",)

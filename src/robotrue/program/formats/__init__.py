@@ -121,8 +121,14 @@ def detect(data: bytes, name: str) -> Dialect:
     """
     known = [dialect(each) for each in dialects()]
     text = b"" if b"\0" in data[:_LOOKED_AT] else data
-    best = max(known, key=lambda each: each.detect(text))
-    if best.detect(text) >= _SURE:
+    best, sure = known[0], -1.0
+    for each in known:
+        found = each.detect(text)
+        if found > sure:
+            best, sure = each, found
+        if sure >= 1.0:
+            break
+    if sure >= _SURE:
         return best
     for each in known:
         if Path(name).suffix.lower() in each.suffixes:
@@ -159,8 +165,9 @@ def read_job(
     """
     every = [dialect(name) for name in dialects()]
     paths = named_last(paths_of(path, {s for each in every for s in each.suffixes}), every)
-    language = detect(read_bytes(paths[0]), paths[0].name)
-    job = gathered(paths, language)
+    first = read_bytes(paths[0])
+    language = detect(first, paths[0].name)
+    job = gathered(paths, language, instead={paths[0].name: first})
     for name, data in job.files[1 : job.given]:
         other = language if name in job.named else detect(data, name)
         if other.name != language.name:

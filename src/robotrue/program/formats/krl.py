@@ -26,7 +26,10 @@ _MOTION: Final = re.compile(
 )
 
 
-_CAMROB: Final = re.compile(rb'CR_PROCESS_FILE\s*\(\s*"([^"\r\n]+)"', re.IGNORECASE)
+_QUOTED: Final = re.compile(rb'"(?=([^"\r\n]+)")')
+_CAMROB: Final = re.compile(rb"CR_PROCESS_FILE\s*\(\s*\Z", re.IGNORECASE)
+_BEFORE: Final = 128
+"""Bytes in which a call and the blanks behind it stand before the name it hands over."""
 _LOOKED_AT: Final = 1 << 18
 """Bytes that decide on the dialect."""
 
@@ -61,7 +64,11 @@ class Krl:
 
     def named_files(self, data: bytes) -> tuple[str, ...]:
         """Returns the CAMRob files that a program hands to ``CR_PROCESS_FILE``."""
-        names = [name.decode("latin-1") for name in _CAMROB.findall(data)]
+        names = [  # few quotes and many letters: the quotes are looked for
+            quoted[1].decode("latin-1")
+            for quoted in _QUOTED.finditer(data)
+            if _CAMROB.search(data, max(0, quoted.start() - _BEFORE), quoted.start())
+        ]
         return tuple(dict.fromkeys(name for name in names if not re.search(r"[/\\:]", name)))
 
     def read_job(
