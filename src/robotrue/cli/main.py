@@ -10,6 +10,7 @@ itself is wrong: an unknown option, a missing argument. Heavy imports happen ins
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 from copy import copy
@@ -105,6 +106,8 @@ def warm_up() -> None:
 
 def run() -> None:
     """Runs the command line and exits with 0, 1 or 2."""
+    if sys.stderr.isatty():
+        _tell()
     try:
         _asked()(prog_name="robotrue")
     except RobotrueError as error:
@@ -119,6 +122,15 @@ def run() -> None:
         # Whoever read the result has closed the pipe (``| head``); the flush at exit must not fail.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise SystemExit(1) from None
+
+
+def _tell() -> None:
+    """What the rooms log, e.g. that kernels are compiled, goes to who sits at the terminal."""
+    told = logging.StreamHandler()
+    told.setFormatter(logging.Formatter("robotrue: %(message)s"))
+    room = logging.getLogger("robotrue")
+    room.addHandler(told)
+    room.setLevel(logging.INFO)
 
 
 def _asked() -> typer.Typer:

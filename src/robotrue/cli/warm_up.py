@@ -1,6 +1,6 @@
 """``robotrue warm-up``: compiles the numeric kernels once and keeps the machine code.
 
-Without it the first program of an installation waits for the compiler, about half a minute.
+Without it the first program of an installation waits for the compiler, about a minute.
 """
 
 from __future__ import annotations

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from typing import Any, Final, TypeVar, cast
 
 from numba import njit
+from numba.core import event
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -15,6 +17,10 @@ PLAIN: Final[frozenset[str]] = frozenset()
 """As written: for numbers that are read and printed."""
 SUMS: Final = frozenset({"contract", "reassoc", "nsz"})
 """Sums may also be reordered, so that they run in vector registers."""
+COMPILING: Final = (
+    "compiling numeric kernels for this computer: up to a minute of one core, the first time only"
+)
+"""Logged once per process, level INFO, when a kernel is not found in the cache."""
 
 
 def compiled(
@@ -49,3 +55,19 @@ def compiled(
             return cast(F, njit(**options)(function))
 
     return decorate
+
+
+class _Told(event.Listener):
+    """Says why the first call takes its time; kernels found in the cache raise no event."""
+
+    def on_start(self, event: Any) -> None:
+        if not _TOLD and event.data["dispatcher"].py_func.__module__.startswith("robotrue."):
+            _TOLD.append(True)
+            logging.getLogger("robotrue").info(COMPILING)
+
+    def on_end(self, event: Any) -> None:
+        pass
+
+
+_TOLD: Final[list[bool]] = []
+event.register("numba:compile", _Told())  # type: ignore[no-untyped-call]
