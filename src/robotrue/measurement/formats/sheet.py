@@ -166,7 +166,8 @@ def _decode(path: str | Path, data: bytes, encoding: str | None, skip_lines: int
         if encoding is None and line <= skip_lines + 1:
             head_end = _line_end(data, skip_lines + 1)
             try:
-                return data[:head_end].decode("cp1252") + data[head_end:].decode("utf-8")
+                text = data[:head_end].decode("cp1252") + data[head_end:].decode("utf-8")
+                return _without_zeros(path, text)
             except UnicodeDecodeError as later:
                 if later.encoding == "utf-8":
                     start = head_end + later.start
@@ -177,6 +178,10 @@ def _decode(path: str | Path, data: bytes, encoding: str | None, skip_lines: int
             line=line,
             hint='state the encoding in the mapping (encoding = "cp1252"), or export as UTF-8.',
         ) from None
+    return _without_zeros(path, text)
+
+
+def _without_zeros(path: str | Path, text: str) -> str:
     if "\0" in text:
         raise FormatError(
             "holds zero bytes: binary, or UTF-16 without its mark.",

@@ -18,7 +18,6 @@ from robotrue.web.parts.elements import (
     Tile,
     delete_button,
     facts,
-    fault,
     link_to,
     simulated_mark,
     table,
@@ -27,6 +26,7 @@ from robotrue.web.parts.elements import (
     undo_button,
     when,
 )
+from robotrue.web.parts.faults import refusal
 from robotrue.web.parts.frame import html
 from robotrue.web.parts.icons import icon
 from robotrue.web.parts.later import later
@@ -48,7 +48,7 @@ async def _build(bench: Bench) -> None:
     try:
         record = await bench.ask(items.get, bench.house.workspace, MEASUREMENT, asked)
     except ConfigurationError as error:
-        html(fault(bench.say("frame.not_found"), error.message, error.hint))
+        html(refusal(bench.say, error, title=bench.say("frame.not_found")))
         return
     _one(bench, record)
 
@@ -71,7 +71,7 @@ async def _list(bench: Bench) -> None:
         query = Query(text=text, limit=200)
         found = await bench.ask(items.listed, bench.house.workspace, MEASUREMENT, query)
     except ConfigurationError as error:
-        html(fault(say("frame.not_found"), error.message, error.hint))
+        html(refusal(say, error, title=say("frame.not_found")))
         return
     rows = [
         (

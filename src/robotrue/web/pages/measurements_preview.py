@@ -12,7 +12,8 @@ from robotrue.store import items
 from robotrue.store.nouns import CELL
 from robotrue.store.records import CellRecord, Query
 from robotrue.web.bench import Bench
-from robotrue.web.parts.elements import Tile, fault, table, tiles
+from robotrue.web.parts.elements import Tile, table, tiles
+from robotrue.web.parts.faults import refusal, stated
 from robotrue.web.parts.frame import html
 from robotrue.web.parts.later import later
 from robotrue.web.uploads import uploaded
@@ -32,7 +33,7 @@ async def preview(bench: Bench) -> None:
     try:
         path = uploaded(workspace, key)
     except RobotrueError as error:
-        html(fault(say("frame.not_found"), error.message, error.hint))
+        html(refusal(say, error, title=say("frame.not_found")))
         return
     cells = (await bench.ask(items.listed, workspace, CELL, Query(limit=50))).items
     html(f"<h1>{escape(path.name)}</h1><p class='lead'>{escape(say('preview.lead'))}</p>").classes(
@@ -78,7 +79,8 @@ def _show(
             html(f"<p class='note'>{escape(remark)}</p>").classes("card")
     elif wrong:
         place = f"{say('measurements.line')} {wrong['line']}: " if wrong.get("line") else ""
-        html(fault(say("preview.refused"), place + wrong["message"], wrong["hint"]))
+        message, title = place + wrong["message"], say("preview.refused")
+        html(stated(say, wrong["kind"], message, wrong["hint"], title=title))
     else:
         html(f"<p>{escape(say('preview.unknown'))}</p>").classes("card")
     html(_form(bench, found, key, cells, cell, mapping, ready=ready)).classes("card")

@@ -21,13 +21,13 @@ from robotrue.web.parts.drop import DropZone
 from robotrue.web.parts.elements import (
     Tile,
     delete_button,
-    fault,
     link_to,
     simulated_mark,
     table,
     tiles,
     when,
 )
+from robotrue.web.parts.faults import refusal
 from robotrue.web.parts.frame import html
 from robotrue.web.parts.icons import icon
 from robotrue.web.parts.job import JobCard, under_way
@@ -59,7 +59,7 @@ async def _build(bench: Bench) -> None:
     try:
         record = await bench.ask(items.get, bench.house.workspace, DOCUMENT, asked)
     except ConfigurationError as error:
-        html(fault(bench.say("frame.not_found"), error.message, error.hint))
+        html(refusal(bench.say, error, title=bench.say("frame.not_found")))
         return
     _one(bench, record)
 

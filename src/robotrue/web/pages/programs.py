@@ -17,7 +17,6 @@ from robotrue.web.parts.drop import DropZone
 from robotrue.web.parts.elements import (
     Tile,
     delete_button,
-    fault,
     link_to,
     simulated_mark,
     table,
@@ -26,6 +25,7 @@ from robotrue.web.parts.elements import (
     undo_button,
     when,
 )
+from robotrue.web.parts.faults import refusal
 from robotrue.web.parts.frame import html
 from robotrue.web.parts.icons import icon
 from robotrue.web.parts.job import JobCard, under_way
@@ -48,7 +48,7 @@ async def _build(bench: Bench) -> None:
     try:
         record = await bench.ask(items.get, bench.house.workspace, PROGRAM, asked)
     except ConfigurationError as error:
-        html(fault(bench.say("frame.not_found"), error.message, error.hint))
+        html(refusal(bench.say, error, title=bench.say("frame.not_found")))
         return
     await _one(bench, record)
 

@@ -18,13 +18,13 @@ from robotrue.web.bench import Bench, Page
 from robotrue.web.parts.elements import (
     delete_button,
     facts,
-    fault,
     link_to,
     simulated_mark,
     table,
     tag,
     when,
 )
+from robotrue.web.parts.faults import refusal
 from robotrue.web.parts.frame import html
 from robotrue.web.parts.icons import icon
 from robotrue.web.parts.naming import heading
@@ -47,7 +47,7 @@ async def _build(bench: Bench) -> None:
         else:
             await _list(bench)
     except ConfigurationError as error:
-        html(fault(bench.say("frame.not_found"), error.message, error.hint))
+        html(refusal(bench.say, error, title=bench.say("frame.not_found")))
 
 
 async def _list(bench: Bench) -> None:

@@ -21,7 +21,7 @@ export default {
     </div>
     <div class="card"><h2>cell.toml</h2><p class="note">{{ text.preview_text }}</p>
       <pre class="toml" data-testid="cell-preview">{{ shown }}</pre>
-      <div class="card fault" v-if="fault" role="alert" data-testid="cell-fault"><b>{{ fault.title }}</b> <span>{{ fault.detail }}</span><div class="note" v-if="fault.hint">{{ fault.hint }}</div></div>
+      <div class="card fault" v-if="fault" role="alert" data-testid="cell-fault" v-html="said(fault)"></div>
       <button class="act" :disabled="busy || !ready" data-testid="cell-keep">{{ text.keep }}</button></div>
   </form>`,
   props: { text: Object },
@@ -36,6 +36,7 @@ export default {
   },
   beforeUnmount() { clearTimeout(this.timer); },
   methods: {
+    said: (fault) => window.bench.fault(fault),
     usual(key) { return this.fields[key] ? String(Number(this.fields[key].usual.toFixed(6))) : ""; },
     say(key, values) { return this.text[key].replace(/\{(\w+)\}/g, (_, name) => values[name]); },
     told(key) { const f = this.faults[key]; return f ? f.text ?? this.say("wrong_" + f.kind, f) : ""; },
@@ -53,10 +54,13 @@ export default {
     },
     async keep() {
       this.busy = true;
-      const answer = await fetch("/api/cells/text", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ text: this.shown, name: this.name.trim() || this.robot }) });
-      if (answer.ok) location.href = `/?cell=${(await answer.json()).id}`;
-      else this.fault = await answer.json();
-      this.busy = false;
+      try {
+        const made = await window.bench.ask("POST", "/api/cells/text", { text: this.shown, name: this.name.trim() || this.robot });
+        location.href = `/?cell=${made.id}`;
+      } catch (cause) {
+        this.fault = cause;
+        this.busy = false;
+      }
     },
   },
 };

@@ -11,7 +11,7 @@ const round = (v) => { // the next 1, 2 or 5
 export default {
   template: `
   <div data-testid="drill-monitor" :data-holes="holes.length">
-    <div class="card fault" v-if="fault" role="alert"><b>{{ fault }}</b></div>
+    <div class="card fault" v-if="fault" role="alert" v-html="said(fault)"></div>
     <p class="card note" v-if="src && !holes.length && !fault">{{ text.waiting }}</p>
     <template v-if="holes.length">
       <div class="tiles" v-if="src">
@@ -65,7 +65,7 @@ export default {
     </template>
   </div>`,
   props: { src: String, fixed: Array, tolerance: Number, language: String, text: Object },
-  data: () => ({ holes: [], alarms: [], next: 0, frozen: null, version: 0, fault: "", simulated: false }),
+  data: () => ({ holes: [], alarms: [], next: 0, frozen: null, version: 0, fault: null, simulated: false }),
   computed: {
     moved() { return this.holes.filter((h) => h.seen); },
     refused() { return this.holes.filter((h) => h.refused).length; },
@@ -108,6 +108,7 @@ export default {
   beforeUnmount() { clearTimeout(this.timer); this.gone = true; },
   methods: {
     size,
+    said: (fault) => window.bench.fault(fault),
     async follow() {
       let wait = 1000;
       try {
@@ -118,8 +119,8 @@ export default {
           this.take(found.entries);
           if (found.next < found.size && found.entries.length) wait = 0;
           this.next = found.next;
-          this.fault = "";
-        } else [this.fault, wait] = [[found.title, found.detail].join(": "), 5000];
+          this.fault = null;
+        } else [this.fault, wait] = [found, 5000];
       } catch { /* the server is away for a moment */ }
       if (!this.gone) this.timer = setTimeout(() => this.follow(), wait);
     },

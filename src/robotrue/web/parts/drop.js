@@ -7,14 +7,12 @@ export default {
       <b>{{ title }}</b><span>{{ hint }}</span>
       <div class="progress" style="width:min(340px,80%)" v-if="share !== null"><i :style="{width: 100 * share + '%'}"></i></div>
     </label>
-    <div class="card fault" v-if="fault" data-testid="upload-fault" role="alert" style="margin-top:12px">
-      <b>{{ fault.title }}</b> <span>{{ fault.detail }}</span>
-      <div class="note" v-if="fault.hint">{{ fault.hint }}</div>
-    </div>
+    <div class="card fault" v-if="fault" data-testid="upload-fault" role="alert" style="margin-top:12px" v-html="said(fault)"></div>
   </div>`,
   props: { title: String, hint: String, accept: String, then: String, facts: Object, go: String },
   data: () => ({ over: false, share: null, fault: null }),
   methods: {
+    said: (fault) => window.bench.fault(fault),
     chosen(e) { this.take([...e.target.files]); e.target.value = ""; },
     dropped(e) { this.over = false; this.take([...e.dataTransfer.files]); },
     async take(files) {
@@ -35,7 +33,7 @@ export default {
           location.href = this.go.replace("{id}", made.id);
         }
       } catch (cause) {
-        this.fault = { title: cause.title || String(cause), detail: cause.detail, hint: cause.hint };
+        this.fault = cause;
       }
       this.share = null;
     },

@@ -101,15 +101,6 @@ def when(moment: datetime) -> str:
     return moment.astimezone().strftime("%Y-%m-%d %H:%M")
 
 
-def fault(title: str, message: str, hint: str | None) -> str:
-    """Returns a card that says what was refused, why, and what to try."""
-    tail = f'<div class="note">{escape(hint)}</div>' if hint else ""
-    return (
-        f'<div class="card fault" role="alert" data-testid="fault"><b>{escape(title)}</b> '
-        f"{escape(message)}{tail}</div>"
-    )
-
-
 def undo_button(label: str, noun: str, id: str, version: int) -> str:
     """Returns a button that takes back the version that is seen, unless somebody has since."""
     return (
@@ -122,5 +113,5 @@ def delete_button(label: str, noun: str, id: str, go: str) -> str:
     """Returns a button that deletes an item; History brings it back."""
     return (
         f'<button class="act quiet" data-testid="delete" '
-        f"onclick=\"bench.remove('{noun}','{id}','{go}')\">{escape(label)}</button>"
+        f"onclick=\"bench.remove('{noun}','{id}','{go}',this)\">{escape(label)}</button>"
     )

@@ -12,6 +12,7 @@ from nicegui import ui
 from robotrue import __version__
 from robotrue.web.bench import Bench, Page
 from robotrue.web.language import LANGUAGES
+from robotrue.web.parts.faults import fault_words
 from robotrue.web.parts.icons import icon
 from robotrue.web.preferences import CHOICES
 
@@ -23,6 +24,7 @@ def frame(bench: Bench, page: Page, pages: Sequence[Page]) -> Iterator[None]:
     """Gives the sheet of a page, with everything around it."""
     ui.dark_mode(bench.view.dark)
     say = bench.say
+    ui.add_head_html(fault_words(say))
     with ui.element("div").classes("bench"):
         html(_bar(bench), tag="header").classes("bar")
         html(_rail(bench, page, pages), tag="nav").classes("rail").props(

@@ -4,22 +4,28 @@ export default {
   <div class="card" v-if="job" data-testid="job" :data-state="job.state">
     <div class="head" style="margin-bottom:10px">
       <h2>{{ text.title }}</h2><span class="tag" :class="tone">{{ text['state_' + job.state] }}</span>
-      <span class="note">{{ steps?.[job.text] ?? job.text }}</span>
+      <span class="note">{{ step }}</span>
       <span class="note" v-if="!job.over && job.progress">{{ Math.round(100 * job.progress) }} %</span>
       <div class="acts"><button class="act quiet" v-if="!job.over" data-testid="cancel" :disabled="job.cancel" @click="cancel">{{ text.cancel }}</button></div>
     </div>
     <div class="progress" v-if="!job.over"><i :style="{width: Math.max(2, 100 * job.progress) + '%'}"></i></div>
-    <div v-if="job.error" role="alert" data-testid="job-fault"><b>{{ job.error.message }}</b><div class="note" v-if="job.error.hint">{{ job.error.hint }}</div></div>
+    <div v-if="job.error" role="alert" data-testid="job-fault" v-html="said(job.error)"></div>
     <ul class="doubts note" v-if="job.over && job.remarks.length"><li v-for="r in job.remarks.slice(0, 8)">{{ r }}</li></ul>
   </div>`,
   props: { id: String, text: Object, steps: Object, go: String, field: String },
   data: () => ({ job: null }),
   computed: {
+    // "elastic, blocks 2/5": each part in the reader's words, the number after it as it is.
+    step() {
+      const word = (part) => this.steps?.[part] ?? part.replace(/^(blocks|regions|sets|random) /, (all, kind) => `${this.steps?.[kind] ?? kind} `);
+      return this.job.text.split(", ").map(word).join(", ");
+    },
     tone() { return { done: "good", failed: "bad", cancelled: "caution" }[this.job.state] ?? "busy"; },
   },
   mounted() { this.look(); },
   beforeUnmount() { clearTimeout(this.timer); },
   methods: {
+    said: (fault) => window.bench.fault(fault),
     async look() {
       try {
         const answer = await fetch(`/api/jobs/${this.id}`);

@@ -16,6 +16,7 @@ TEXTS: Final = (
 STEPS: Final = (
     "drawing postures", "choosing poses", "exchanging poses", "comparing plans", "reading",
     "predicting", "compensating", "writing", "writing the report", "judging", "setting pages",
+    "nominal", "geometric", "elastic", "ripple", "gp", "chosen", "blocks", "regions", "sets", "random",
 )  # fmt: skip
 """What jobs say they are at, as far as it is known; a text of the group ``step`` each."""
 

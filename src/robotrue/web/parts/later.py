@@ -11,9 +11,8 @@ from nicegui import ui
 
 from robotrue.errors import RobotrueError
 from robotrue.web.bench import Bench
-from robotrue.web.parts.elements import fault
+from robotrue.web.parts.faults import refusal
 from robotrue.web.parts.frame import html
-from robotrue.web.problems import title_of
 
 
 def later(
@@ -39,7 +38,7 @@ def later(
         except RobotrueError as error:
             place.clear()
             with place:
-                html(fault(title_of(error), error.message, error.hint))
+                html(refusal(bench.say, error))
             return
         place.clear()
         with place:

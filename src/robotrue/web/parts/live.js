@@ -23,7 +23,7 @@ export default {
           <label class="field" v-for="(axis, k) in ['x', 'y', 'z']" :key="axis">{{ text.limit_of }} e{{ axis }}, µm
             <input type="number" min="0" max="1000000" step="any" v-model.number="limits[k]" :data-testid="'limit-' + axis"></label>
         </div>
-        <div class="head below"><button class="act" data-testid="limits-save">{{ text.save }}</button><span class="note" role="status">{{ said }}</span></div>
+        <div class="head below"><button class="act" data-testid="limits-save">{{ text.save }}</button><span class="note" role="status" v-html="said"></span></div>
         <p class="note">{{ text.limits_rule }}</p>
       </form>
     </div>
@@ -67,10 +67,11 @@ export default {
     },
     async save() {
       const [x_um, y_um, z_um] = this.limits.map((v) => Math.abs(Number(v)) || 0);
-      const answer = await fetch(`${this.base}/limits`, { method: "PUT", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ x_um, y_um, z_um }) });
-      const found = await answer.json();
-      this.said = answer.ok ? this.text.saved : [found.title, found.detail].join(": ");
-      if (answer.ok) this.view.limits([x_um, y_um, z_um]);
+      try {
+        await window.bench.ask("PUT", `${this.base}/limits`, { x_um, y_um, z_um });
+        this.said = window.bench.plain(this.text.saved);
+        this.view.limits([x_um, y_um, z_um]);
+      } catch (cause) { this.said = window.bench.fault(cause); }
     },
     unsure(a) { return Math.abs(a.value_um) - a.band_um < a.limit_um; },
     number(v, digits) { return typeof v === "number" ? v.toFixed(digits) : "—"; },

@@ -9,7 +9,7 @@ export default {
   <div class="scene" data-testid="scene" :data-state="state">
     <div class="scene-canvas" ref="host"></div>
     <div class="scene-wait" v-if="state === 'loading'">{{ text.loading }}</div>
-    <div class="scene-wait bad" v-if="state === 'fault'"><b>{{ text.fault }}</b><span>{{ fault }}</span></div>
+    <div class="scene-wait bad" v-if="state === 'fault'"><b>{{ text.fault }}</b><div v-html="fault"></div></div>
     <div class="scene-tools" v-if="state === 'ready'">
       <div class="seg" v-if="hasErrors || compared" role="radiogroup">
         <button v-for="w in ['before','after']" :key="w" :class="{on: which === w}" :data-testid="'show-' + w" @click="which = w">{{ text[w] }}</button>
@@ -55,14 +55,14 @@ export default {
       const tools = await import("/static/scene_view.js");
       const response = await fetch(this.src);
       const doc = await response.json();
-      if (!response.ok) throw new Error(doc.detail || doc.title);
+      if (!response.ok) throw doc;
       this.tools = tools;
       this.ramp = tools.rampCss;
       this.build(doc.scene ?? doc, tools);
       this.state = "ready";
       window.benchScene = this.view;
     } catch (cause) {
-      this.fault = String(cause.message || cause);
+      this.fault = window.bench.fault(cause);
       this.state = "fault";
     }
   },

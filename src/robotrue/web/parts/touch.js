@@ -3,8 +3,7 @@
 export default {
   template: `
   <div class="touch" data-testid="touch" :data-version="s?.version" :data-state="state">
-    <div class="card fault" v-if="fault" role="alert" data-testid="touch-fault"><b>{{ fault.title }}</b> <span>{{ fault.detail }}</span>
-      <div class="note" v-if="fault.hint">{{ fault.hint }}</div></div>
+    <div class="card fault" v-if="fault" role="alert" data-testid="touch-fault" v-html="said(fault)"></div>
     <p class="note" v-if="!s && !fault">{{ text.working }}</p>
     <div class="columns" v-if="s">
       <div>
@@ -173,6 +172,7 @@ export default {
   mounted() { this.look(); },
   beforeUnmount() { clearTimeout(this.timer); this.gone = true; },
   methods: {
+    said: (fault) => window.bench.fault(fault),
     say(key, values) { return this.text[key].replace(/\{(\w+)\}/g, (_, name) => values[name]); },
     name(k) {
       const same = this.s.features.slice(0, k).filter((f) => f.name === this.s.features[k].name && f.part === this.s.features[k].part).length;

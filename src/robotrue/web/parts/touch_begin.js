@@ -24,7 +24,7 @@ export default {
         <label class="field">{{ text.axes }}<select v-model="asked.axes"><option value="controller">{{ text.axes_controller }}</option><option value="model">{{ text.axes_model }}</option></select></label>
         <label class="field">{{ text.fit }}<select v-model="asked.fit"><option v-for="f in ['auto','frame','joint']" :key="f" :value="f">{{ text['fit_' + f] }}</option></select></label>
       </div></details>
-    <div class="card fault" v-if="fault" role="alert" data-testid="begin-fault" style="margin:0"><b>{{ fault.title }}</b> <span>{{ fault.detail }}</span><div class="note" v-if="fault.hint">{{ fault.hint }}</div></div>
+    <div class="card fault" v-if="fault" role="alert" data-testid="begin-fault" style="margin:0" v-html="said(fault)"></div>
     <div class="touch-acts"><button class="act" :disabled="busy || !file" data-testid="begin">{{ busy ? text.working : text.begin }}</button></div>
   </form>`,
   props: { cells: Array, models: Array, text: Object },
@@ -35,6 +35,7 @@ export default {
     };
   },
   methods: {
+    said: (fault) => window.bench.fault(fault),
     async begin() {
       this.busy = true;
       this.fault = null;
@@ -47,7 +48,7 @@ export default {
         if (!answer.ok) throw made;
         location.href = `/registration?id=${made.id}`;
       } catch (cause) {
-        this.fault = { title: cause.title || String(cause), detail: cause.detail, hint: cause.hint };
+        this.fault = cause;
         this.busy = false;
       }
     },

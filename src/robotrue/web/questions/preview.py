@@ -15,6 +15,7 @@ from robotrue.measurement.formats.sheet import Sheet, read_sheet
 from robotrue.store import items
 from robotrue.store.nouns import CELL
 from robotrue.store.workspace import Workspace
+from robotrue.web.problems import title_of
 from robotrue.web.questions.intake import cell_of, column_mapping, read_sets
 from robotrue.web.questions.packing import answer
 
@@ -101,4 +102,5 @@ def _guess(sheet: Sheet) -> dict[str, Any]:
 
 
 def _told(error: RobotrueError) -> dict[str, Any]:
-    return {"message": error.message, "hint": error.hint, "line": error.line}
+    kind = title_of(error)
+    return {"kind": kind, "message": error.message, "hint": error.hint, "line": error.line}

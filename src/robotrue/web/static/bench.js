@@ -38,6 +38,7 @@
         else reject(answer);
       };
       request.onerror = () => reject({ title: "no connection" });
+      request.onabort = request.onerror;
       request.send(file);
     });
 
@@ -76,17 +77,56 @@
   addEventListener("keydown", (e) => {
     if (e.key === "Enter" && e.target.matches?.("tr[data-href], tr[data-point]")) follow(e.target);
   });
-  // Asks for a job; the page shows it when it comes again.
-  const job = async (kind, parameters, button) => {
+  const plain = (text) => String(text ?? "").replace(/[&<>"']/g, (c) => `&#${c.charCodeAt(0)};`);
+  // A refusal as HTML: its kind and what helps in the reader's language, the detail as it came (parts/faults.py).
+  const fault = (found) => {
+    const words = window.benchFaults ?? { kinds: {}, plain: true };
+    const away = found instanceof Error;
+    const kind = away ? "no connection" : found.title ?? (found.kind ?? "").replace(/(?!^)([A-Z])/g, " $1").toLowerCase();
+    const known = words.kinds[kind] ?? words.kinds.other;
+    const file = String(found.source ?? "").split(/[\\/]/).pop();
+    const place = file || found.line ? `${file || ""}${found.line ? `:${found.line}` : ""}: ` : "";
+    const said = away ? "" : found.detail ?? found.message ?? "";
+    const head = `<b>${plain(known?.title ?? kind)}</b> `;
+    const note = (label, text) => (text ? `<div class="note">${plain(label)} <span lang="en">${plain(text)}</span></div>` : "");
+    if (!said) return head + plain(known?.do);
+    if (words.plain) return head + plain(place + said) + (found.hint ? `<div class="note">${plain(found.hint)}</div>` : "");
+    return head + plain(known?.do) + note(words.english, place + said) + note(words.try, found.hint);
+  };
+  // Shows a refusal under what was pressed, in place of the one before.
+  const tell = (near, found) => {
+    const place = near?.closest(".card, .head, form") ?? document.querySelector(".sheet").firstElementChild;
+    document.querySelectorAll("[data-testid=refused]").forEach((each) => each.remove());
+    const card = document.createElement("div");
+    Object.assign(card, { className: "card fault", innerHTML: fault(found) });
+    card.setAttribute("role", "alert");
+    card.dataset.testid = "refused";
+    card.style.marginTop = "12px";
+    place.after(card);
+    card.scrollIntoView({ block: "nearest" });
+  };
+  // Returns the answer of the interface as JSON; throws a refusal, or the error of a server that is away.
+  const ask = async (method, url, body) => {
+    const sent = body === undefined ? {} : { headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) };
+    const answer = await fetch(url, { method, ...sent });
+    const found = answer.status === 204 ? {} : await answer.json().catch(() => ({ title: "other" }));
+    if (!answer.ok) throw found;
+    return found;
+  };
+  // Does what a button asks for; while it goes on the button cannot be pressed again.
+  const pressed = async (button, work) => {
     if (button) button.disabled = true;
-    const answer = await fetch("/api/jobs", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ kind, parameters }) });
-    if (answer.ok) location.reload();
-    else {
-      const fault = await answer.json();
-      alert(`${fault.title}: ${fault.detail ?? ""}`);
+    try { await work(); } catch (cause) {
+      tell(button, cause);
       if (button) button.disabled = false;
     }
   };
+  // Asks for a job; the page shows it when it comes again.
+  const job = (kind, parameters, button) =>
+    pressed(button, async () => {
+      await ask("POST", "/api/jobs", { kind, parameters });
+      location.reload();
+    });
   // A form whose fields are the parameters of a job; a name that ends in [] is a list, a checked box true.
   const jobForm = (kind, form) => {
     const parameters = {};
@@ -100,26 +140,22 @@
     return false;
   };
   // Makes something of what is on the page, then opens it.
-  const make = async (url, body, go, button) => {
-    button.disabled = true;
-    const answer = await fetch(url, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) });
-    const made = await answer.json();
-    if (answer.ok) location.href = go.replace("{id}", made.id);
-    else {
-      alert([made.title, made.detail, made.hint].filter(Boolean).join("\n"));
-      button.disabled = false;
-    }
-  };
+  const make = (url, body, go, button) =>
+    pressed(button, async () => (location.href = go.replace("{id}", (await ask("POST", url, body)).id)));
   // Takes back the version that was seen; if somebody else has done so, it is not turned round again.
-  const undo = async (noun, id, button, version) => {
-    button.disabled = true;
-    await fetch(`/api/items/${noun}/${id}/undo?version=${version}`, { method: "POST" });
-    location.reload();
-  };
-  const remove = async (noun, id, go) => {
-    await fetch(`/api/items/${noun}/${id}`, { method: "DELETE" });
-    location.href = go;
-  };
+  const undo = (noun, id, button, version) =>
+    pressed(button, async () => {
+      const answer = await fetch(`/api/items/${noun}/${id}/undo?version=${version}`, { method: "POST" });
+      if (!answer.ok && answer.status !== 409) throw await answer.json();
+      location.reload();
+    });
+  // Deletes an item; one that somebody else has deleted is gone all the same.
+  const remove = (noun, id, go, button) =>
+    pressed(button, async () => {
+      const answer = await fetch(`/api/items/${noun}/${id}`, { method: "DELETE" });
+      if (answer.status >= 500) throw await answer.json();
+      location.href = go;
+    });
   // Name and note of an item, changed in place: a new version, and the one before comes back.
   const rename = ({ noun, id, version, name, note, text }) => {
     const dialog = document.createElement("dialog");
@@ -143,14 +179,16 @@
     form.onsubmit = async (e) => {
       e.preventDefault();
       keep.disabled = true;
-      const body = JSON.stringify({ name: form.elements.name.value, note: form.elements.note.value });
-      const answer = await fetch(`/api/items/${noun}/${id}`, { method: "PATCH", headers: { "Content-Type": "application/json" }, body });
-      if (answer.ok) return location.reload();
-      form.querySelector("[role=alert]").textContent = (await answer.json()).detail;
-      keep.disabled = false;
+      try {
+        await ask("PATCH", `/api/items/${noun}/${id}`, { name: form.elements.name.value, note: form.elements.note.value });
+        location.reload();
+      } catch (cause) {
+        form.querySelector("[role=alert]").innerHTML = fault(cause);
+        keep.disabled = false;
+      }
     };
     document.body.append(dialog);
     dialog.showModal();
   };
-  window.bench = { job, jobForm, make, rename, undo, remove, prefer, send, read, theme };
+  window.bench = { ask, fault, job, jobForm, make, plain, rename, undo, remove, prefer, send, read, theme };
 })();

@@ -1,0 +1,80 @@
+"""Refusals on a page: their kind and what to do in the reader's language, the detail as it came.
+
+What exactly was wrong is said where it was found, below the web room, in English. Around it stands
+what a reader of another language needs: which kind of fault that is, and what always helps.
+``bench.fault`` of ``static/bench.js`` says the same of the answers of the HTTP interface.
+"""
+
+from __future__ import annotations
+
+import json
+from html import escape
+from typing import Any, Final
+
+from robotrue.errors import RobotrueError
+from robotrue.web.language import Wording
+from robotrue.web.problems import title_of
+
+KINDS: Final = (
+    "configuration error", "format error", "implausible data error", "shape error",
+    "observability error", "convergence error", "reach error", "model mismatch error",
+    "archive error", "missing extra error", "missing error", "unanswered", "invalid request",
+    "too large", "no connection", "other",
+)  # fmt: skip
+
+
+def refusal(say: Wording, error: RobotrueError, *, title: str = "") -> str:
+    """Returns a card that says what was refused, why, and what to try.
+
+    Args:
+        say: The words of the reader.
+        error: As it was raised.
+        title: In the place of the kind of error; empty: the kind.
+    """
+    place = ""
+    if error.source is not None:
+        line = f":{error.line}" if error.line is not None else ""
+        place = error.source.replace("\\", "/").split("/")[-1] + f"{line}: "
+    return stated(say, title_of(error), place + error.message, error.hint, title=title)
+
+
+def stated(say: Wording, kind: str, message: str, hint: str | None, *, title: str = "") -> str:
+    """Returns the card of a refusal of which kind, message and hint are known.
+
+    Args:
+        say: The words of the reader.
+        kind: One of :data:`KINDS`; another counts as the last.
+        message: In English.
+        hint: Likewise; None: there is none.
+        title: In the place of the kind.
+    """
+    key = f"fault.{(kind if kind in KINDS else KINDS[-1]).replace(' ', '_')}"
+    head = f"<b>{escape(title or say(key))}</b>"
+    if say.language == "en":
+        tail = f'<div class="note">{escape(hint)}</div>' if hint else ""
+        body = f"{head} {escape(message)}{tail}"
+    else:
+        tail = _english(say("fault.try"), hint) if hint else ""
+        body = f"{head} {escape(say(f'{key}_do'))}{_english(say('fault.english'), message)}{tail}"
+    return f'<div class="card fault" role="alert" data-testid="fault">{body}</div>'
+
+
+def _english(label: str, text: str) -> str:
+    return f'<div class="note">{escape(label)} <span lang="en">{escape(text)}</span></div>'
+
+
+def fault_words(say: Wording) -> str:
+    """Returns the script that tells ``bench.fault`` the words of the reader."""
+    kinds: dict[str, Any] = {}
+    for kind in KINDS:
+        key = f"fault.{kind.replace(' ', '_')}"
+        kinds[kind] = {"title": say(key), "do": say(f"{key}_do")}
+    words = {
+        "kinds": kinds,
+        "english": say("fault.english"),
+        "try": say("fault.try"),
+        "plain": say.language == "en",
+    }
+    return (
+        f"<script>window.benchFaults={json.dumps(words).replace('<', chr(92) + 'u003c')}</script>"
+    )

@@ -1,0 +1,55 @@
+"""Refusals in the reader's language around what was said in English; steps of jobs likewise."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import get_args
+
+import pytest
+from robotrue.calibration.methods import METHODS
+
+from robotrue import errors, web
+from robotrue.errors import FormatError, RobotrueError
+from robotrue.measurement.formats.sheet import read_sheet
+from robotrue.validation.splits import SplitKind
+from robotrue.web.language import Wording
+from robotrue.web.parts.faults import KINDS, refusal, stated
+from robotrue.web.parts.job import STEPS
+from robotrue.web.problems import MissingError, title_of
+from robotrue.web.workers import Unanswered
+
+
+def test_every_error_has_a_name_in_every_language() -> None:
+    ours = [e for e in vars(errors).values() if isinstance(e, type) and e is not RobotrueError]
+    raised = [e("no") for e in ours if issubclass(e, RobotrueError)]
+    assert len(raised) == 10
+    for each in (*raised, MissingError("no"), Unanswered("no")):
+        assert title_of(each) in KINDS
+
+
+def test_a_chinese_page_frames_what_is_said_in_english() -> None:
+    error = FormatError("<b>1 row</b>", source="/home/x/part.src", line=7, hint="export it.")
+    english, chinese = (refusal(Wording(each), error) for each in ("en", "zh"))
+    assert "<b>Format error</b> part.src:7: &lt;b&gt;1 row&lt;/b&gt;" in english
+    assert "<b>文件格式错误</b> 此处无法读取该文件" in chinese
+    assert '<span lang="en">part.src:7: &lt;b&gt;1 row&lt;/b&gt;</span>' in chinese
+    assert '<span lang="en">export it.</span>' in chinese
+    assert "/home" not in english + chinese
+    assert "<b>未找到。</b>" in stated(Wording("zh"), "odd", "x", None, title="未找到。")
+
+
+def test_what_a_calibration_is_at_is_told_in_the_reader_s_words() -> None:
+    assert {*METHODS, *get_args(SplitKind), "chosen"} <= set(STEPS)
+
+
+def test_no_page_opens_a_window_of_the_browser_to_say_something() -> None:
+    room = Path(web.__file__).parent
+    for path in (*room.rglob("*.js"), *room.rglob("*.py")):
+        assert "alert(" not in path.read_text(), path.name
+
+
+def test_a_picture_is_no_table(tmp_path: Path) -> None:
+    path = tmp_path / "x.csv"
+    path.write_bytes(b"\x89PNG\r\n\x1a\n\x00\x00\r\n1,2\n")
+    with pytest.raises(FormatError, match="holds zero bytes"):
+        read_sheet(path)
