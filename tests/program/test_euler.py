@@ -6,7 +6,7 @@ import numpy as np
 
 from robotrue.core.rotations import abc_from_matrix, matrix_from_abc
 from robotrue.core.units import DEG
-from robotrue.program.euler import abc_from_matrices, matrices_from_abc
+from robotrue.program.euler import abc_from_matrices, matrices_from_abc, renew_abc
 
 
 def triples_deg() -> np.ndarray:
@@ -37,3 +37,14 @@ def test_nearest_triples() -> None:
     np.testing.assert_allclose(ours[usual], expected[usual], rtol=0, atol=4e-15 * 200)
     distance = np.abs(ours - near).max(axis=1)
     assert (distance <= np.abs(expected - near).max(axis=1) + 1e-9).all()
+
+
+def test_rows_renewed_in_place() -> None:
+    abc = triples_deg() * DEG
+    rotation = matrix_from_abc(abc + 0.01)
+    printed = np.hstack([np.full_like(abc, 7.0), abc / DEG])
+    before, rows = printed.copy(), np.arange(0, len(abc), 3)
+    renew_abc(rotation, rows, printed, DEG)
+    np.testing.assert_array_equal(printed[rows, 3:], abc_from_matrices(rotation, abc)[rows] / DEG)
+    printed[rows] = before[rows]
+    np.testing.assert_array_equal(printed, before)

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from robotrue.program.formats.krl_tokens import plain_number, read_number
-from robotrue.program.formats.number_kernels import SLACK, put_number, put_whole
+from robotrue.program.formats.number_kernels import (
+    SLACK,
+    copy_bytes,
+    copy_short,
+    put_number,
+    put_whole,
+)
 
 
 def printed(value: float, decimals: int, *, plus: bool = False, bare: bool = False) -> str:
@@ -64,3 +70,13 @@ def test_plain_numbers_are_read_as_all_others() -> None:
             assert value == float(text)
     for text in (".5", "+1.0", "X1", "-", ""):
         assert plain_number(np.frombuffer(text.encode() + b",,", np.uint8), 0)[1] == 0
+
+
+def test_copies_a_word_at_a_time() -> None:
+    text = np.arange(100, dtype=np.uint8)
+    for start, size in ((0, 0), (3, 1), (5, 7), (5, 8), (5, 9), (2, 64)):
+        plain, short = np.zeros(120, np.uint8), np.zeros(120, np.uint8)
+        end = copy_bytes(plain, 4, text, start, start + size)
+        assert copy_short(short, 4, text, start, start + size) == end == 4 + size
+        assert (short[:end] == plain[:end]).all()
+        assert not short[end + SLACK :].any()

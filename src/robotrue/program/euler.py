@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array
+from robotrue.core.arrays import Array, IntArray
 from robotrue.core.compiled import EXACT, PLAIN, compiled
 from robotrue.core.sines import LARGEST, arc_tangents, sines
 
@@ -65,30 +65,58 @@ def _wrap(angle: Any) -> Any:
 
 def abc_from_matrices(rotation: Array, near: Array) -> Array:
     """Returns (n, 3) A, B, C in rad of (n, 3, 3), each nearest to the (n, 3) of ``near``."""
-    out = np.empty((len(rotation), 3))
-    _all_nearest(rotation, near, out, np.zeros(9 * _ABREAST))
+    out = np.array(near)
+    renew_abc(rotation, np.arange(len(rotation)), out, 1.0)
     return out
 
 
+def renew_abc(rotation: Array, rows: IntArray, abc: Array, unit: float) -> None:
+    """Replaces A, B, C in ``unit`` rad of some rows by those of (n, 3, 3) nearest to them.
+
+    Args:
+        rotation: Matrices, one for every row.
+        rows: The rows to replace.
+        abc: A, B, C in its last three columns; renewed in place.
+        unit: rad.
+    """
+    _renew(rotation, rows, abc, unit, np.zeros(12 * _ABREAST))
+
+
 @compiled(EXACT, borrows=True)
-def _all_nearest(rotation: Any, near: Any, out: Any, work: Any) -> None:
-    for first in range(0, len(rotation), _ABREAST):
-        count = min(_ABREAST, len(rotation) - first)
-        for n in range(count):
-            r = rotation[first + n]
-            work[n], work[3 * _ABREAST + n] = r[1, 0], r[0, 0]
-            work[_ABREAST + n] = -r[2, 0]
-            work[4 * _ABREAST + n] = math.sqrt(r[0, 0] * r[0, 0] + r[1, 0] * r[1, 0])
-            work[2 * _ABREAST + n], work[5 * _ABREAST + n] = r[2, 1], r[2, 2]
+def _renew(rotation: Any, rows: Any, abc: Any, unit: Any, work: Any) -> None:
+    for first in range(0, len(rows), _ABREAST):
+        count = min(_ABREAST, len(rows) - first)
+        _hand_in(rotation, rows, first, count, abc, unit, work)
         arc_tangents(work, 0, 3 * _ABREAST, 3 * _ABREAST, 6 * _ABREAST)
         for n in range(count):
-            i = first + n
+            i = rows[first + n]
             a, b, c = (
                 work[6 * _ABREAST + n], work[7 * _ABREAST + n], work[8 * _ABREAST + n],
             )  # fmt: skip
+            near_a, near_b, near_c = (
+                work[9 * _ABREAST + n], work[10 * _ABREAST + n], work[11 * _ABREAST + n],
+            )  # fmt: skip
             if work[4 * _ABREAST + n] < 1e-12:
-                a, c = _locked(rotation[i], b, near[i, 0], near[i, 2])
-            out[i, 0], out[i, 1], out[i, 2] = _nearest(a, b, c, near[i, 0], near[i, 1], near[i, 2])
+                a, c = _locked(rotation[i], b, near_a, near_c)
+            a, b, c = _nearest(a, b, c, near_a, near_b, near_c)
+            at = abc.shape[1] - 3
+            abc[i, at], abc[i, at + 1], abc[i, at + 2] = a / unit, b / unit, c / unit
+
+
+@compiled(EXACT, borrows=True)
+def _hand_in(
+    rotation: Any, rows: Any, first: Any, count: Any, abc: Any, unit: Any, work: Any
+) -> None:
+    """Writes sines and cosines of A, B, C (six rows), and from the ninth row on A, B, C in rad."""
+    for n in range(count):
+        i = rows[first + n]
+        r = rotation[i]
+        work[n], work[3 * _ABREAST + n] = r[1, 0], r[0, 0]
+        work[_ABREAST + n] = -r[2, 0]
+        work[4 * _ABREAST + n] = math.sqrt(r[0, 0] * r[0, 0] + r[1, 0] * r[1, 0])
+        work[2 * _ABREAST + n], work[5 * _ABREAST + n] = r[2, 1], r[2, 2]
+        for j in range(3):
+            work[(9 + j) * _ABREAST + n] = abc[i, abc.shape[1] - 3 + j] * unit
 
 
 @compiled(PLAIN, borrows=True, inline=True)

@@ -20,13 +20,13 @@ import numpy.typing as npt
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.compiled import PLAIN, compiled
 from robotrue.core.units import DEG, MM
-from robotrue.core.words import NO_WORD
 from robotrue.errors import ShapeError
-from robotrue.program.euler import abc_from_matrices
+from robotrue.program.euler import renew_abc
 from robotrue.program.formats.krl_scan import Bytes, Ints
 from robotrue.program.formats.number_kernels import (
     SLACK,
     copy_bytes,
+    copy_short,
     place,
     put_number,
     put_whole,
@@ -48,6 +48,8 @@ _ROWS: Final = 1 << 12
 """Targets written at a time: what they need stays in the nearer caches."""
 _WIDEST: Final = 28
 """Bytes one rewritten number can take: sign, ten digits, point, fifteen decimals, padding apart."""
+_WORDS: Final = 64
+"""The same for S and T of a target."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,6 +107,10 @@ def write_krl(program: Program, replacement: Replacement) -> bytes:
         rows = slice(first, min(first + step, len(program)))
         last = rows.stop == len(program)
         end = len(program.data) if last else int(spans.start[spans.token[rows.stop]])
+        if not changed[rows].any():
+            out.write(source[begin:end].data)
+            begin = end
+            continue
         _write_rows(program, replacement, spans, changed, rows, source[begin:end], begin, out)
         begin = end
     return out.getvalue()
@@ -122,13 +128,8 @@ def _write_rows(
 ) -> None:
     """Writes the bytes ``source``, which begin at ``begin`` and hold the rows, to ``out``."""
     values, touched = _new_values(program, replacement, spans, changed, rows)
-    words = np.where(changed[rows, None], replacement.words[rows], NO_WORD)
     row, component, value = _insertions(spans, values)
-    if not (touched.any() or len(row) or (words >= 0).any()):
-        out.write(source.data)
-        return
-    room = len(source) + _WIDEST * (int(touched.sum()) + 2 * len(row)) + SLACK
-    room += 64 * int(np.count_nonzero((words >= 0).any(axis=1)))
+    room = len(source) + _WIDEST * (values.size + 2 * len(row)) + _WORDS * len(values) + SLACK
     text = np.empty(room, np.uint8)
     size = _splice(
         source,
@@ -141,7 +142,8 @@ def _write_rows(
         spans.value,
         values,
         touched,
-        words.astype(np.int64),
+        np.array(changed[rows]),
+        np.array(replacement.words[rows], dtype=np.int64),
         row,
         component,
         value,
@@ -172,8 +174,7 @@ def _new_values(
         values,
         touched,
     )
-    turned = np.flatnonzero(touched[:, 3])
-    values[turned, 3:] = abc_from_matrices(rotation[turned], values[turned, 3:] * DEG) / DEG
+    renew_abc(rotation, np.flatnonzero(touched[:, 3]), values, DEG)
     axis = np.flatnonzero(mine & is_axis)
     if len(axis):
         new, old = replacement.axes[rows][axis], program.axes[rows][axis]
@@ -181,9 +182,8 @@ def _new_values(
         move |= ~np.isfinite(new)
         values[axis] = np.where(move, new / DEG, values[axis])
         touched[axis] = move
-    bad = touched & ~(np.abs(values) < _LARGEST)
-    if bad.any():
-        at = int(np.argwhere(bad)[0][0])
+    at = _beyond(values, touched)
+    if at >= 0:
         raise ShapeError(
             f"the new target is {values[at].tolist()} (mm, deg), expected finite numbers "
             "below 1e9.",
@@ -192,6 +192,16 @@ def _new_values(
             hint="leave this row unchanged.",
         )
     return values, touched
+
+
+@compiled(PLAIN, borrows=True)
+def _beyond(values: Any, touched: Any) -> Any:
+    """Returns the first row with a touched value that cannot be written, -1 if there is none."""
+    for row in range(len(values)):
+        for c in range(6):
+            if touched[row, c] and not abs(values[row, c]) < _LARGEST:
+                return row
+    return -1
 
 
 @compiled(PLAIN)
@@ -338,6 +348,7 @@ def _splice(
     old: Any,
     values: Any,
     touched: Any,
+    changed: Any,
     words: Any,
     add_row: Any,
     add_component: Any,
@@ -350,34 +361,45 @@ def _splice(
     ``begin`` is where ``buf`` begins in the file, ``scratch`` (96,) work space.
     """
     cursor, k, add = 0, 0, 0
+    swift = buf.size - SLACK  # up to here whole words may be copied
     for row in range(token.size):
         inserting = add < add_row.size and add_row[add] == row
         most = 0
         for t in range(token[row], token[row] + tokens[row]):
-            code, size = np.int64(component[t]), 0
-            first = start[t] - begin
-            last = first + length[t]
-            column = code if code < 6 else code - 6
-            if code < 12 and (touched[row, column] or inserting):
+            code, size = np.int64(component[np.uint64(t)]), 0
+            first = start[np.uint64(t)] - begin
+            last = first + length[np.uint64(t)]
+            if code < 12:
+                column = np.uint64(code if code < 6 else code - 6)
+                moved = touched[np.uint64(row), column]
+                if not (moved or inserting):
+                    continue
                 decimals, plus, bare = _style(buf, first, last)
                 most = max(most, decimals)
-                new = values[row, column]
-                if touched[row, column] and abs(new - old[t]) > _HALF_DIGIT[decimals]:
-                    if first - 2 < cursor or buf[first - 1] != 32 or buf[first - 2] != 32:
+                new = values[np.uint64(row), column]
+                if not moved or abs(new - old[np.uint64(t)]) <= _HALF_DIGIT[np.uint64(decimals)]:
+                    continue
+                before = buf[np.uint64(first - 1)]
+                if first - 2 < cursor or before != 32 or buf[np.uint64(first - 2)] != 32:
+                    if first <= swift:
+                        k = copy_short(out, k, buf, cursor, first)
+                    else:
                         k = copy_bytes(out, k, buf, cursor, first)
-                        cursor = last
-                        if not _in_a_name(buf[first - 1]):
-                            k = put_number(out, k, new, decimals, plus, bare)
-                            continue
-                        size = put_number(scratch, 0, new, decimals, plus, bare)
-                        if 48 <= scratch[0] <= 57:  # X-9, Z.5 and Z'B0' hold numbers, X9 is a name
-                            out[k] = 32
-                            k += 1
-                        k = copy_bytes(out, k, scratch, 0, size)
+                    cursor = last
+                    if not _in_a_name(before):
+                        k = put_number(out, k, new, decimals, plus, bare)
                         continue
                     size = put_number(scratch, 0, new, decimals, plus, bare)
-            elif 18 <= code and words[row, code - 18] >= 0 and words[row, code - 18] != old[t]:
-                size = _integer(scratch, 0, words[row, code - 18], buf, first, last)
+                    if 48 <= scratch[0] <= 57:  # X-9, Z.5 and Z'B0' hold numbers, X9 is a name
+                        out[k] = 32
+                        k += 1
+                    k = copy_bytes(out, k, scratch, 0, size)
+                    continue
+                size = put_number(scratch, 0, new, decimals, plus, bare)
+            elif 18 <= code and changed[row]:
+                word = words[row, code - 18]
+                if word >= 0 and word != old[t]:
+                    size = _integer(scratch, 0, word, buf, first, last)
             if size > 0:
                 k = place(out, k, buf, cursor, first, last, scratch, size)
                 cursor = last

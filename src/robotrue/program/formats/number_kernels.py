@@ -15,8 +15,8 @@ _TEN: Final = np.uint64(10)
 _HUNDRED: Final = np.uint64(100)
 _ROUND: Final = 2.0**52
 """Adding and taking it off again leaves the nearest integer, the even one of two."""
-SLACK: Final = 4
-"""Bytes behind a number that its printing may write."""
+SLACK: Final = 8
+"""Bytes behind a number or a copy that its writing may touch."""
 _POWER: Final = np.array([10.0**k for k in range(23)])
 SLOW_DECIMALS: Final = 13
 """From here on a number is left to the slow way, which rounds exactly."""
@@ -56,10 +56,10 @@ def _four(value: Any) -> Any:
 
 @compiled(PLAIN, borrows=True, inline=True)
 def _put_four(out: Any, k: Any, digits: Any) -> None:
-    out[k] = digits & 255
-    out[k + 1] = digits >> 8 & 255
-    out[k + 2] = digits >> 16 & 255
-    out[k + 3] = digits >> 24 & 255
+    out[np.uint64(k)] = digits & 255
+    out[np.uint64(k + 1)] = digits >> 8 & 255
+    out[np.uint64(k + 2)] = digits >> 16 & 255
+    out[np.uint64(k + 3)] = digits >> 24 & 255
 
 
 @compiled(PLAIN, borrows=True, inline=True)
@@ -75,7 +75,7 @@ def put_number(out: Any, k: Any, value: Any, decimals: Any, plus: Any, bare: Any
     if fraction >= scale:
         whole, fraction = whole + 1, fraction - scale
     negative = value < 0 and (whole > 0 or fraction > 0)
-    out[k] = 45 if negative else 43
+    out[np.uint64(k)] = 45 if negative else 43
     k += negative or plus
     if whole >= 10000:
         k = put_whole(out, k, whole)
@@ -83,7 +83,7 @@ def put_number(out: Any, k: Any, value: Any, decimals: Any, plus: Any, bare: Any
         size = 1 + (whole > 9) + (whole > 99) + (whole > 999) - (bare and whole == 0)
         _put_four(out, k, _four(whole) >> 8 * (4 - size))
         k += size
-    out[k] = 46
+    out[np.uint64(k)] = 46
     k += 1
     if decimals <= 4:
         _put_four(out, k, _four(fraction * _TENS[4 - decimals]))
@@ -97,11 +97,32 @@ def put_number(out: Any, k: Any, value: Any, decimals: Any, plus: Any, bare: Any
     return k + decimals
 
 
+@compiled(PLAIN, borrows=True, inline=True)
+def copy_short(out: Any, k: Any, buf: Any, start: Any, end: Any) -> Any:
+    """Copies ``buf[start:end]`` to ``k``, eight bytes at a time; returns its end.
+
+    Up to seven bytes behind either end are read and written, too.
+    """
+    i = start
+    while i < end:
+        a, b = buf[np.uint64(i)], buf[np.uint64(i + 1)]
+        c, d = buf[np.uint64(i + 2)], buf[np.uint64(i + 3)]
+        e, f = buf[np.uint64(i + 4)], buf[np.uint64(i + 5)]
+        g, h = buf[np.uint64(i + 6)], buf[np.uint64(i + 7)]
+        out[np.uint64(k)], out[np.uint64(k + 1)] = a, b
+        out[np.uint64(k + 2)], out[np.uint64(k + 3)] = c, d
+        out[np.uint64(k + 4)], out[np.uint64(k + 5)] = e, f
+        out[np.uint64(k + 6)], out[np.uint64(k + 7)] = g, h
+        i += 8
+        k += 8
+    return k - (i - end)
+
+
 @compiled(PLAIN, borrows=True)
 def copy_bytes(out: Any, k: Any, buf: Any, start: Any, end: Any) -> Any:
     """Copies ``buf[start:end]`` to ``k``; returns its end."""
     for i in range(start, end):
-        out[k] = buf[i]
+        out[np.uint64(k)] = buf[np.uint64(i)]
         k += 1
     return k
 
