@@ -164,3 +164,30 @@ def test_an_incomplete_target_keeps_what_it_is_known_to_inherit() -> None:
     assert changed_lines(program, change)[0].startswith("LIN {X 12.600")
     assert write(program, change).splitlines()[3:] == text.splitlines()[3:]
     assert any("follow the target before them where it is" in note for note in program.notes)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        # Points kept behind a GOTO or RETURN to be taught: what is set there holds for them.
+        ("DEF p()/BAS(#BASE,1)/GOTO e/P!/BAS(#BASE,2)/BAS(#TOOL,1)/P!/e:/P!/END", [None, 2, 1]),
+        (
+            "DEF p()/BAS(#BASE,1)/P!/RETURN/IF x THEN/BAS(#BASE,2)/BAS(#TOOL,1)/P!/ENDIF/P!/END",
+            [1, 2, None],
+        ),
+        (
+            "DEF p()/BAS(#BASE,1)/GOTO e/BAS(#BASE,2)/BAS(#TOOL,1)/LOOP/P!/ENDLOOP/e:/P!/END",
+            [None, 1],
+        ),
+        ("DEF p()/RETURN/s()/P!/END/DEF s()/BAS(#BASE,2)/BAS(#TOOL,1)/P!/END", [2, 2]),
+    ],
+)
+def test_lines_that_no_way_leads_to(text: str, expected: list[float | None]) -> None:
+    assert bases(text) == expected
+
+
+def test_what_is_said_of_a_line_that_no_way_leads_to() -> None:
+    program = read(f"DEF p()\nBAS(#BASE,1)\nRETURN\n{P}\nEND\n", TABLE)
+    (note, _) = program.notes
+    assert note.startswith("part.src:3: the base is not known here: no way through the program")
+    assert not any("#TCP" in note for note in program.notes)

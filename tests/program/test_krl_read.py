@@ -304,6 +304,13 @@ def test_workpiece_on_the_robot(line: str) -> None:
 def test_a_point_no_file_holds_is_named() -> None:
     program = read(HEAD + "LIN XP7\nLIN XP7\nEND\n")
     assert program.notes == (
-        "part.src:4: no file of this program gives XP7 a value; it is not compensated "
-        "(give its .dat, too).",
+        "part.src:4: XP7 is computed, or no file of this program gives it a value; it is not "
+        "compensated (if it stands in a .dat, give that, too).",
     )
+
+
+def test_an_arc_with_one_point_is_not_compensated() -> None:
+    via = "CIRC {X 1.0,Y 2.0,Z 3.0,A 4.0,B 5.0,C 6.0}"
+    program = read(HEAD + f"{via} {via[5:]} C_DIS\n{via}\n{via},{via[5:]}\nEND\n")
+    assert reasons(program) == [Reason.INCOMPLETE] * 2 + [Reason.NONE] * 2
+    assert any("part.src:4: CIRC with one point" in note for note in program.notes)

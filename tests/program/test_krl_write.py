@@ -171,6 +171,7 @@ def test_the_auxiliary_point_gets_no_orientation() -> None:
         ("S 2,T 35", "S 6,T 10"),
         ("S'B010',T'B110101'", "S'B110',T'B001010'"),
         ("S 'H2',T'h23'", "S 'H6',T'h0A'"),
+        ("S 'B 010',T'b 110101'", "S 'B0110',T'b0001010'"),
     ],
 )
 def test_status_and_turn(old: str, new: str) -> None:

@@ -270,8 +270,8 @@ class Builder:
         if refused.any():
             notes.append(
                 f"{self.frames.name}: {int(refused.sum())} targets carry the workpiece on the "
-                "robot (#TCP); they are not compensated. Say in the cell what they mean: "
-                "fixed_tool in [controller]."
+                "robot (#TCP), or may do so; they are not compensated. Say in the cell what they "
+                "mean: fixed_tool in [controller]."
             )
         return reason, notes
 

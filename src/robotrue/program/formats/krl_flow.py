@@ -71,6 +71,9 @@ def differing(mark: int) -> int:
     return _DIFFERS - mark if mark <= _DIFFERS else -1
 
 
+_DARK: Final = "is not known here: no way through the program leads here"
+
+
 class Flow:
     """The graph while it is drawn, line by line."""
 
@@ -188,7 +191,7 @@ class Flow:
         """EXIT."""
         if self._loops:
             self._loops[-1][1].append(self._at)
-            self._add(line, ())
+            self._add(line, (), _DARK)
 
     def label(self, line: int, name: str) -> None:
         """A place GOTO leads to."""
@@ -198,14 +201,14 @@ class Flow:
     def jump(self, line: int, name: str) -> None:
         """GOTO."""
         self._jumps.append((self._at, len(self._first) - 1, name))
-        self._add(line, ())
+        self._add(line, (), _DARK)
 
     def leave(self, line: int = -1) -> None:
         """RETURN, or the end of a routine."""
         if self._last:
             self._last[-1].append(self._at)
         if line >= 0:
-            self._add(line, ())
+            self._add(line, (), _DARK)
 
     def save(self) -> None:
         """Remembers what holds here, for :meth:`restore`."""
@@ -232,12 +235,30 @@ class Flow:
             _filled(each, entries[routine])
             for each, routine in zip(inside, self._routine, strict=True)
         ]
+        if any(each[BASE] == UNREACHED for each in value):
+            self._light(value, effect)
         changing = [
             name
             for name in sorted(self._handlers & self._names.keys())
             if set(effect[self._names[name]][: ON_ROBOT + 1]) - {AS_FOUND, UNREACHED}
         ]
         return Ways(self._line, value, self._what, changing)
+
+    def _light(self, value: list[Value], effect: list[Value]) -> None:
+        """Says what holds where no way leads, as if the program began there knowing nothing.
+
+        Points are kept behind a GOTO to be taught; what their inline forms set holds for them. It
+        does not reach the rest of the program.
+        """
+        on_robot = self._any_on_robot()
+        for node, before in enumerate(self._before):
+            if value[node][BASE] != UNREACHED:
+                continue
+            known = [value[each] for each in before if each < node]
+            if len(known) < max(len(before), 1):
+                unsure = _DIFFERS - node
+                known = [(unsure, unsure, unsure if on_robot else 0, unsure, 0, 0)]
+            value[node] = self._through(node, _joined(known, node, _NOWHERE), effect)
 
     def _within_routines(self) -> tuple[list[Value], list[Value], list[Value]]:
         """Returns (after, before) every node, relative to what its routine was called with.

@@ -97,13 +97,14 @@ def read_number(buf: Any, i: Any, end: Any) -> Any:
 
 @compiled(PLAIN, borrows=True)
 def _based(buf: Any, i: Any, end: Any) -> Any:
-    """Returns (value, end) of ``'B0110'`` or ``'H1F'`` at ``i``; end = i if it is neither."""
+    """Returns (value, end) of ``'B0110'``, ``'B 110'`` or ``'H1F'`` at ``i``; else end = i."""
     if i + 3 >= end:
         return 0.0, i
     letter = buf[i + 1] & 223
     if letter != 66 and letter != 72:
         return 0.0, i
-    value, base, j = 0, (2 if letter == 66 else 16), i + 2
+    value, base, first = 0, (2 if letter == 66 else 16), blank(buf, i + 2, end)
+    j = first
     while j < end and buf[j] != 39:
         c = buf[j]
         digit = 99
@@ -115,7 +116,7 @@ def _based(buf: Any, i: Any, end: Any) -> Any:
             return 0.0, i
         value = value * base + digit
         j += 1
-    if j >= end or j == i + 2:
+    if j >= end or j == first:
         return 0.0, i
     return float(value), j + 1
 

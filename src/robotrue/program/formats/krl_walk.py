@@ -338,6 +338,9 @@ class Walk:
             self._with(file, line, " " * end + code[end:])
             self.flow.restore(line + 1)
         motion = {"PTP": Motion.PTP, "LIN": Motion.LIN, "SPL": Motion.SPLINE}.get(kind)
+        if kind == "CIRC" and len(operands) < 2:
+            self._note(line, file, "CIRC with one point; it is not compensated")
+            self.story.flags |= dict.fromkeys(operands[0] if operands else (), Reason.INCOMPLETE)
         used: list[list[tuple[int, int]]] = []
         for number, operand in enumerate(operands):
             how = motion if motion is not None else (Motion.ARC_VIA, Motion.ARC_END)[number]
@@ -427,8 +430,8 @@ class Walk:
             self._note(
                 line,
                 file,
-                f"no file of this program gives {match[0].strip()} a value; "
-                "it is not compensated (give its .dat, too)",
+                f"{match[0].strip()} is computed, or no file of this program gives it a value; "
+                "it is not compensated (if it stands in a .dat, give that, too)",
             )
         return keys, match.end()
 
