@@ -171,18 +171,7 @@ def from_archive(archive: Archive) -> RigidFlexibleModel:
     Raises:
         ArchiveError: Another kind, a newer schema, or parts that are missing.
     """
-    if archive.kind != KIND:
-        raise ArchiveError(f"an archive of kind {archive.kind!r}, expected {KIND!r}.")
-    readers = {1: _read_1}
-    if archive.schema not in readers:
-        raise ArchiveError(
-            f"{KIND} schema {archive.schema}; this robotrue reads {sorted(readers)}.",
-            hint="update robotrue.",
-        )
-    return readers[archive.schema](archive)
-
-
-def _read_1(archive: Archive) -> RigidFlexibleModel:
+    archive.expect(KIND, SCHEMA)
     try:
         document = archive.document
         stations = [int(k) for k in document["stations"]]

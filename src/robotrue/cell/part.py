@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.identity import ModelIdentity
+from robotrue.core.rotations import abc_from_matrix
+from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ShapeError
 
 
@@ -36,6 +39,18 @@ class PartFrame:
         """Freezes the arrays."""
         object.__setattr__(self, "T_base_part", frozen(self.T_base_part, (4, 4), "T_base_part"))
         object.__setattr__(self, "covariance", frozen(self.covariance, (6, 6), "covariance"))
+
+    def document(self) -> dict[str, Any]:
+        """Returns what a reader wants to know of it, as JSON values: mm and deg."""
+        return {
+            "name": self.name,
+            "xyz_mm": (self.T_base_part[:3, 3] / MM).tolist(),
+            "abc_deg": (abc_from_matrix(self.T_base_part[:3, :3]) / DEG).tolist(),
+            "touches": self.touches,
+            "outliers": list(self.outliers),
+            "rms_mm": self.rms / MM,
+            "verdict": self.verdict,
+        }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,7 +17,6 @@ from robotrue.cell.part import PartTable
 from robotrue.cli.console import emit_facts, emit_json, emit_table, say
 from robotrue.cli.inputs import read_mapping
 from robotrue.core.files import read_bytes
-from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import FormatError
 from robotrue.measurement.formats.registry import read_measurements
@@ -194,18 +193,7 @@ def _part_document(part: PartTable) -> dict[str, Any]:
         "method": part.method,
         "points": part.points_file,
         "model": {**part.identity.document(), "file": part.model_file},
-        "frames": [
-            {
-                "name": frame.name,
-                "xyz_mm": (frame.T_base_part[:3, 3] / MM).tolist(),
-                "abc_deg": (abc_from_matrix(frame.T_base_part[:3, :3]) / DEG).tolist(),
-                "touches": frame.touches,
-                "outliers": list(frame.outliers),
-                "rms_mm": frame.rms / MM,
-                "verdict": frame.verdict,
-            }
-            for frame in part.frames
-        ],
+        "frames": [frame.document() for frame in part.frames],
     }
 
 

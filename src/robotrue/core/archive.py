@@ -47,6 +47,31 @@ class Archive:
         object.__setattr__(self, "document", MappingProxyType(dict(self.document)))
         object.__setattr__(self, "arrays", MappingProxyType(dict(self.arrays)))
 
+    def expect(
+        self, kind: str, schema: int, *, hint: str | None = None, source: str | Path | None = None
+    ) -> None:
+        """Checks that a reader knows the content.
+
+        Args:
+            kind: That is read.
+            schema: The newest that is read.
+            hint: Where such a file comes from.
+            source: The file, for messages.
+
+        Raises:
+            ArchiveError: Another kind, or written by a newer robotrue.
+        """
+        if self.kind != kind:
+            raise ArchiveError(
+                f"an archive of kind {self.kind!r}, expected {kind!r}.", source=source, hint=hint
+            )
+        if not 1 <= self.schema <= schema:
+            raise ArchiveError(
+                f"{kind} schema {self.schema}; this robotrue reads schema up to {schema}.",
+                source=source,
+                hint="update robotrue.",
+            )
+
     def array(self, name: str) -> Array:
         """Returns one array.
 

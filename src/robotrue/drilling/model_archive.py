@@ -43,13 +43,7 @@ def read_model(path: str | Path) -> NormalModel:
         FormatError: The file cannot be read.
     """
     archive = read_archive(path)
-    if archive.kind != KIND or archive.schema > SCHEMA:
-        raise ArchiveError(
-            f"archive of kind {archive.kind!r}, schema {archive.schema}; expected {KIND!r}, schema "
-            f"up to {SCHEMA}.",
-            source=path,
-            hint="pass a model that robotrue drill fit wrote, or update robotrue.",
-        )
+    archive.expect(KIND, SCHEMA, hint="pass a model that robotrue drill fit wrote.", source=path)
     return from_archive(archive)
 
 

@@ -37,7 +37,7 @@ from robotrue.dynamics.deviation_physics import CompliantArm, PhysicsTerms, phys
 from robotrue.dynamics.static_row import StaticRow
 from robotrue.dynamics.window_checks import check_for_fit
 from robotrue.dynamics.windows import WindowSet
-from robotrue.errors import ArchiveError, ConfigurationError
+from robotrue.errors import ConfigurationError
 
 KIND: Final = "dynamic-deviation"
 SCHEMA: Final = 2
@@ -271,12 +271,7 @@ def deviation_from_archive(archive: Archive) -> DeviationModel:
     Raises:
         ArchiveError: Another kind, or written by a newer robotrue.
     """
-    if archive.kind != KIND or archive.schema > SCHEMA:
-        raise ArchiveError(
-            f"archive of kind {archive.kind!r}, schema {archive.schema}; expected {KIND!r}, "
-            f"schema up to {SCHEMA}.",
-            hint="a deviation model is what `robotrue dynamics fit` writes.",
-        )
+    archive.expect(KIND, SCHEMA, hint="a deviation model is what `robotrue dynamics fit` writes.")
     fields = ("joints", "force", "force_peak", "force_mean", "predicted", "measured")
     return DeviationModel(
         arm=CompliantArm(

@@ -22,7 +22,7 @@ from robotrue.core.archive import Archive
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.rotations import skew
 from robotrue.core.units import MM, STANDARD_GRAVITY
-from robotrue.errors import ArchiveError, ImplausibleDataError, ObservabilityError, ShapeError
+from robotrue.errors import ImplausibleDataError, ObservabilityError, ShapeError
 
 WORST_CONDITION: Final = 5.0
 """Six wrist poses +-90 deg have 2.2, twelve within 15 deg 10.6, with five times the deviation."""
@@ -90,11 +90,7 @@ def held_tool_from_archive(archive: Archive) -> HeldTool:
     Raises:
         ArchiveError: Another kind, or written by a newer robotrue.
     """
-    if archive.kind != KIND or archive.schema > SCHEMA:
-        raise ArchiveError(
-            f"archive of kind {archive.kind!r}, schema {archive.schema}; expected {KIND!r}, "
-            f"schema up to {SCHEMA}."
-        )
+    archive.expect(KIND, SCHEMA)
     values: dict[str, Any] = {name: float(archive.document[name]) for name in _NUMBERS}
     values |= {name: archive.array(name) for name in _VECTORS}
     return HeldTool(**values)

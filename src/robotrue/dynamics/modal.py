@@ -19,7 +19,7 @@ import numpy as np
 from robotrue.core.archive import Archive
 from robotrue.core.arrays import Array, frozen
 from robotrue.dynamics.frf import AXES, ComplexArray
-from robotrue.errors import ArchiveError, ConfigurationError, ShapeError
+from robotrue.errors import ConfigurationError, ShapeError
 
 KIND: Final = "modal-model"
 SCHEMA: Final = 1
@@ -148,11 +148,7 @@ def modal_model_from_archive(archive: Archive) -> ModalModel:
     Raises:
         ArchiveError: Another kind, or written by a newer robotrue.
     """
-    if archive.kind != KIND or archive.schema > SCHEMA:
-        raise ArchiveError(
-            f"archive of kind {archive.kind!r}, schema {archive.schema}; expected {KIND!r}, "
-            f"schema up to {SCHEMA}."
-        )
+    archive.expect(KIND, SCHEMA)
     document = archive.document
     low, high = document["valid_hz"]
     return ModalModel(

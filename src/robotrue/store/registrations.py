@@ -7,8 +7,6 @@ from pathlib import Path
 from typing import Final
 
 from robotrue.cell.config import read_cell
-from robotrue.core.rotations import abc_from_matrix
-from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.store import items
 from robotrue.store.layout import attached
@@ -73,20 +71,7 @@ def add(
         columns = {
             "name": name,
             "note": note,
-            "detail": {
-                "frames": [
-                    {
-                        "name": frame.name,
-                        "xyz_mm": (frame.T_base_part[:3, 3] / MM).tolist(),
-                        "abc_deg": (abc_from_matrix(frame.T_base_part[:3, :3]) / DEG).tolist(),
-                        "touches": frame.touches,
-                        "outliers": list(frame.outliers),
-                        "rms_mm": frame.rms / MM,
-                        "verdict": frame.verdict,
-                    }
-                    for frame in part.frames
-                ]
-            },
+            "detail": {"frames": [frame.document() for frame in part.frames]},
             "method": part.method,
             "verdict": "GO" if good else "NO-GO",
             "frames": len(part.frames),

@@ -189,13 +189,7 @@ def from_archive(archive: Archive) -> PoseModel:
     Raises:
         ArchiveError: Another kind, a newer schema, or parts that are missing.
     """
-    if archive.kind != KIND:
-        raise ArchiveError(f"an archive of kind {archive.kind!r}, expected {KIND!r}.")
-    if archive.schema != SCHEMA:
-        raise ArchiveError(
-            f"{KIND} schema {archive.schema}; this robotrue reads {SCHEMA}.",
-            hint="update robotrue.",
-        )
+    archive.expect(KIND, SCHEMA)
     try:
         document = archive.document
         experts = []
