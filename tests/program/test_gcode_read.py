@@ -295,3 +295,27 @@ def test_a_program_that_says_all_again_behind_a_call_is_certain() -> None:
     program = fanuc(f"M98 P100\n{again}\nG1 X1. Y2. Z3. A0. B0. C0.")
     assert reasons(program) == [Reason.NONE]
     assert reasons(fanuc("M98 P100\nG43.4 H1\nG1 X1. Y2. Z3. A0. B0. C0.")) == [Reason.INCOMPLETE]
+
+
+def test_tool_point_control_of_haas() -> None:
+    block = "X1. Y2. Z3. A0. B0. C0."
+    program = fanuc(f"G234 H1 {block}\nG1 X2.\nG254\n{block}\nG255\n{block}\nG49\n{block}\n")
+    assert reasons(program) == [
+        *(Reason.NONE, Reason.NONE, Reason.UNKNOWN_FRAME, Reason.NONE, Reason.EXPRESSION),
+    ]
+
+
+def test_the_words_that_are_missing_are_named() -> None:
+    program = sinumerik("TRAORI\nG1 X1.0 Y2.0 A=1.0 C=2.0\nZ1.0 A=1.0\nB=1.0\n")
+    assert reasons(program) == [Reason.INCOMPLETE] * 2 + [Reason.NONE]
+    assert any("Z, B: left out here" in note for note in program.notes)
+    assert any(" B: left out here" in note for note in program.notes)
+
+
+def test_a_tool_is_asked_for_by_the_name_it_has() -> None:
+    program = sinumerik('T="BALL_6" D1\nG505\nG1 X1.0 Y2.0 Z1.0\n')
+    assert any("add tool BALL_6 to the cell" in note for note in program.notes)
+    assert any("add base G505 to the cell" in note for note in program.notes)
+    named = FrameTable(bases=TABLE.bases, tools={"ball_6": np.eye(4)}, orientation=RULE)
+    block = "G1 X1.0 Y2.0 Z1.0 A=0.0 B=0.0 C=0.0"
+    assert reasons(sinumerik(f'T="BALL_6" D1\n{block}', named)) == [Reason.NONE]

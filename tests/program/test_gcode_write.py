@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from path_samples import RULE, SAMPLES, TABLE, moved, read
@@ -187,3 +189,15 @@ def test_content_names_the_dialect() -> None:
     assert detect(b"hello\n", "a.mpf").name == "sinumerik"
     assert TABLE.orientation.stated
     assert Motion.LIN == 1
+
+
+def test_status_in_binary_and_hexadecimal() -> None:
+    text = "PTP G1 X1.0 Y1.0 Z1.0 A=1.0 B=2.0 C=3.0 STAT='B010' TU='H11'\n"
+    program = sinumerik("TRAORI\n" + text)
+    assert program.words.tolist() == [[2, 17]]
+    assert not program.notes
+    change = moved(program, np.zeros(3), STILL)
+    change = replace(change, words=np.array([[6, 171]]))
+    out = dialect("sinumerik").write(program, change)
+    assert out == program.data.replace(b"'B010'", b"'B110'").replace(b"'H11'", b"'HAB'")
+    assert dialect("sinumerik").write(program, moved(program, np.zeros(3), STILL)) == program.data

@@ -166,3 +166,34 @@ def test_corrected_ends_that_no_circle_joins_are_not_written() -> None:
         "4 CC X+900.500 Y+2.0",
         "5 C X+1.500 Y+3.0 DR+",
     ]
+
+
+def test_a_head_for_people_and_blocks_with_an_n() -> None:
+    head = "( Einrichtblatt\n(   TOOL CALL 9 Z\n0 ;\nBEGIN PGM 01 MM\nN1 TOOL CALL 1 Z\nN2 M128\n"
+    program = read(
+        "heidenhain", f"{head}N3 {FIRST}\nN4 L X+2.0\nN5 END PGM 01 MM\n".encode(), TABLE
+    )
+    assert reasons(program) == [Reason.NONE] * 2
+    assert program.line.tolist() == [7, 8]
+    assert not program.notes
+
+
+def test_a_retreat_to_the_limit_is_told_as_what_it_is() -> None:
+    program = of(f"{FIRST}\nL M140 MB MAX\nL X+2.0\nL Y+2.0 Z+3.0 A+0.0 B+0.0 C+0.0")
+    assert reasons(program) == [Reason.NONE, Reason.INCOMPLETE, Reason.NONE]
+    assert not any("not understood" in note for note in program.notes)
+    assert any("Y, Z, A, B, C: left out here and not said before" in n for n in program.notes)
+
+
+def test_corners_between_lines_change_nothing() -> None:
+    program = of(f"{FIRST}\nRND R4\nL Y+5.0\nCHF 2\nL X+5.0")
+    assert reasons(program) == [Reason.NONE] * 3
+    assert not program.notes
+
+
+def test_an_approach_may_begin_the_radius_of_the_tool() -> None:
+    full = "X+{} Y+2.0 Z+3.0 A+0.0 B+0.0 C+0.0"
+    lines = [full.format(k) for k in "123"]
+    text = "APPR LCT X+0 Y+0 R20 {}\nL {}\nL {}\nDEP LCT X+9 Y+0 R20\nL {}"
+    assert reasons(of(text.format("RL F100", *lines))) == [Reason.EXPRESSION] * 2 + [Reason.NONE]
+    assert reasons(of(text.format("R0 F100", *lines))) == [Reason.NONE] * 3

@@ -166,7 +166,7 @@ class _Builder:
         known &= np.isfinite(rotation).all(axis=(1, 2)) | (turn == Turn.AXES)
         open_ = (reason == Reason.NONE) | (reason == Reason.JOINT_TARGET)
         reason[open_ & ~known] = Reason.INCOMPLETE
-        self._tell_unknown(rows, reason[table.place], open_[table.place] & ~known[table.place])
+        self._tell_unknown(rows, open_[table.place] & ~known[table.place])
         share_fate(reason, arcs.groups(reason))
         words, marks = self._status(table.count, table.place)
         self.notes.each(found.told, self.blocks.first)
@@ -354,7 +354,16 @@ class _Builder:
         found[blocks.block[mine][bare & (blocks.value[mine] != 0.0)]] = True
         return found[self.rows.block]
 
-    def _tell_unknown(self, rows: Rows, reason: IntArray, which: BoolArray) -> None:
-        self.notes.rows(
-            which, "a coordinate or angle that is left out was not said before: write it there"
-        )
+    def _tell_unknown(self, rows: Rows, which: BoolArray) -> None:
+        missing = np.isnan(rows.value)
+        for pattern in np.unique(missing[which], axis=0).tolist():
+            same = which & (missing == np.array(pattern)).all(axis=1)
+            turn = int(rows.turn[np.flatnonzero(same)[0]])
+            names = self.vocabulary.names[turn] if turn != Turn.AXES else ()
+            said = [
+                name.decode().rstrip("=")
+                for name, lost in zip(names, pattern, strict=False)
+                if lost
+            ]
+            what = ", ".join(name for name in said if name) or "a coordinate or angle"
+            self.notes.rows(same, f"{what}: left out here and not said before; write it there")

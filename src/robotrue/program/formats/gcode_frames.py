@@ -97,7 +97,8 @@ class GcodeFrames:
         short = name[1:]
         given: Mapping[str, Array] = self._table.tools
         keys = {key.strip().lower() for key in given}
-        return self._known.number("tool", short if short.lower() in keys else name, line)
+        named = not short[:1].isdigit() and name.lower() not in keys
+        return self._known.number("tool", short if named or short.lower() in keys else name, line)
 
 
 def _runs(column: IntArray) -> tuple[IntArray, IntArray]:

@@ -33,6 +33,7 @@ _LABEL: Final = re.compile(rb"(?:N\d+[ \t]*)?([A-Z_][A-Z0-9_]+):(?!=)")
 _FRAME: Final = re.compile(rb"\$P_UIFR\[(\d{1,2})\]$")
 _PART: Final = re.compile(rb"(CTRANS|CROT)\(([^()]*)\)")
 _NUMBER: Final = re.compile(WHOLE_NUMBER)
+_BASED: Final = re.compile(rb"'(?:B([01]{1,40})|H([0-9A-F]{1,10}))'")
 
 _QUIET: Final = frozenset(
     b"ORIVECT ORIWKS ORIAXES ORIVIRT1 ORIVIRT2 ORIPLANE STOPRE FFWON FFWOF SOFT BRISK DRIVE "
@@ -77,10 +78,16 @@ _MOVING: Final = {
     **dict.fromkeys(("G10", "G50", "G92", "G92.1"), "zero"), "G52": "local", "G51": "scale",
     **dict.fromkeys(("G68", "G68.2", "G68.3", "G68.4", "G53.1"), "rotation"), "G16": "polar",
     **dict.fromkeys(("G54.2", "G54.4"), "table"), "G51.1": "mirror", "G58": "program",
-    "G59": "program",
+    "G59": "program", "G254": "dynamic offset",
 }  # fmt: skip
 """Codes that move, turn or scale coordinates."""
-_ENDING: Final = {"G69": "rotation", "G50": "scale", "G50.1": "mirror", "G15": "polar"}
+_ENDING: Final = {
+    "G69": "rotation",
+    "G255": "dynamic offset",
+    "G50": "scale",
+    "G50.1": "mirror",
+    "G15": "polar",
+}
 """Codes that end one of these ways when no coordinate stands with them."""
 _CALLS: Final = ("G65", "G66", "G66.1", "M98", "M198", "M99")
 _QUIET_CODES: Final = ("G4", "G5", "G5.1", "G7.1", "G11", "G13")
@@ -191,6 +198,12 @@ class _Block:
         if match is None:
             return False
         name, value = match[1], _VALUE.match(self._text, match.end())
+        based = _BASED.match(self._text, match.end()) if name in (b"STAT", b"TU") else None
+        if based:
+            self._at = based.end()
+            number = float(int(based[1] or based[2], 2 if based[1] else 16))
+            self._give(name, match.end(), based.end(), number)
+            return True
         end = value.end() if value else self._computed_end(match.end())
         self._give(name, match.end(), end, None if value is None else float(value[1]))
         self._at = end

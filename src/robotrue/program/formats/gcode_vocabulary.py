@@ -196,7 +196,7 @@ FANUC: Final = Vocabulary(
         "G20": (Group.INCH, 1), "G21": (Group.INCH, 0),
         **_frames(1, range(54, 60)),
         "G43.4": (Group.TIP, 1), "G43.5": (Group.TIP, 2), "G43": (Group.TIP, 0),
-        "G49": (Group.TIP, 0),
+        "G234": (Group.TIP, 1), "G49": (Group.TIP, 0),
         "G90.1": (Group.CENTRE, 1), "G91.1": (Group.CENTRE, 0),
         "G33": (Group.MOTION, Drive.OTHER), "G80": (Group.MOTION, UNCERTAIN),
         **_each("G", (73, 74, 76, *range(81, 90)), (Group.MOTION, Drive.CYCLE)),

@@ -13,7 +13,7 @@ from robotrue.program.formats.path_dialect import PathDialect
 from robotrue.program.program import FrameTable, Program
 
 _HEAD: Final = re.compile(rb"(?im)^[ \t]*+(?:0++[ \t]++)?BEGIN PGM\b")
-_LINE: Final = re.compile(rb"(?m)^[ \t]*+\d++[ \t]++(?:LN?|CC?)[ \t]++[IXYZ]")
+_LINE: Final = re.compile(rb"(?m)^[ \t]*+N?\d++[ \t]++(?:LN?|CC?)[ \t]++[IXYZ]")
 
 
 def _score(data: bytes) -> float:

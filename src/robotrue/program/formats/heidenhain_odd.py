@@ -16,18 +16,22 @@ from robotrue.program.formats.gcode_vocabulary import NAMED, Column, Drive, Grou
 from robotrue.program.formats.number_text import WHOLE_NUMBER
 from robotrue.program.program import Reason
 
-_BLOCK: Final = re.compile(rb"[ \t]*+(?:\d++[ \t]*+)?+")
+_BLOCK: Final = re.compile(rb"[ \t]*+(?:N?\d++[ \t]*+)?+")
 _PROGRAM: Final = re.compile(rb"(BEGIN|END)[ \t]+PGM\b.*?\b(MM|INCH)?[ \t]*$")
 _MOVE: Final = re.compile(rb"(LN|LP|L|CR|CTP|CT|CP|CC|C)(?=[ \t]|$)")
 _WORD: Final = re.compile(
     rb"(I?)([NT][XYZ]|[XYZABCUVWR])[ \t]*+(?:(" + WHOLE_NUMBER + rb")(?![\w.])|([+-]?Q[LRS]?\d++))"
 )
 _QUIET_WORD: Final = re.compile(
-    rb"F(?:MAX|AUTO|Q[LR]?\d++|[UTZ]?[+-]?[\d.]++)?|M\d++|DR[+-]|(?:M[BA]|LA|LEN|TDR)[+-]?[\d.]*"
+    rb"F(?:MAX|AUTO|Q[LR]?\d++|[UTZ]?[+-]?[\d.]++)?|M\d++|DR[+-]|M[BA] ?MAX\b"
+    rb"|(?:M[BA]|LA|LEN|TDR)[+-]?[\d.]*"
 )
-_SIDE: Final = re.compile(rb"R([0LR])(?=[ \t]|$)")
+_SIDE: Final = re.compile(rb"(?<!\w)R([0LR])(?=[ \t]|$)")
 _CODE: Final = re.compile(rb"(?<![A-Z])M(\d{1,3})\b")
-_SWITCHES: Final = (b"BLK FORM", b"TOOL DEF", b"STOP", b"END PGM", b"*", b"SPINDLE", b"?")
+_SWITCHES: Final = (
+    *(b"BLK FORM", b"TOOL DEF", b"STOP", b"END PGM", b"*", b"SPINDLE", b"?"),
+    *(b"RND", b"CHF"),  # between two lines that are followed
+)
 _CYCLE: Final = re.compile(rb"CYCL[ \t]+DEF[ \t]+(\d{1,4})(?:\.(\d))?(.*)", re.DOTALL)
 _SHIFTING: Final = {7: "a datum shift", 8: "a mirror", 10: "a rotation", 11: "a scale",
                     19: "a tilted plane", 26: "a scale"}  # fmt: skip
@@ -59,6 +63,8 @@ class ConversationalReader:
         program, move = _PROGRAM.match(rest), _MOVE.match(rest)
         if program:
             self._program(program)
+        elif not self.begun and not move:
+            return  # a head of words for people
         elif move:
             self._move(block, first, text, at, move)
         elif _CODE.match(rest):
@@ -93,9 +99,10 @@ class ConversationalReader:
             self._shift(
                 block, first, kind, kind + " .. moves the coordinates", b"RESET" not in rest
             )
-        elif rest.startswith(
-            (b"CYCL CALL", b"PATTERN", b"APPR", b"DEP", b"RND", b"CHF", b"FC", b"FL")
-        ):
+        elif rest.startswith((b"CYCL CALL", b"PATTERN", b"APPR", b"DEP", b"FC", b"FL")):
+            side = _SIDE.search(rest)
+            if rest.startswith((b"APPR", b"DEP")):
+                self.found.set(block, Group.SIDEWAYS, int(bool(side and side[1] != b"0")))
             self._own(block, first, rest)
         elif rest.startswith(b"FN") and not _JUMPS.match(rest):
             return

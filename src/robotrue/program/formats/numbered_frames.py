@@ -80,7 +80,7 @@ class NumberedFrames:
 
     def number(self, side: str, number: str, line: int) -> int:
         """Returns the index of a numbered frame; ``line`` is where it is first asked for."""
-        number = plain_key(number)
+        printed, number = number.strip(), plain_key(number)
         if (side, number) in self._changed:
             return self.unknown(
                 side, f"{number} {self._changed[side, number]}", line, "compensate without it"
@@ -95,9 +95,9 @@ class NumberedFrames:
             return self.root(side)
         return self.unknown(
             side,
-            f"{number} stands in the controller ({self._holder[side]}), not in the program",
+            f"{printed} stands in the controller ({self._holder[side]}), not in the program",
             line,
-            f"add {side} {number} to the cell ([[controller.{side}]])",
+            f"add {side} {printed} to the cell ([[controller.{side}]])",
         )
 
     def unknown(self, side: str, what: str, line: int, cure: str) -> int:

@@ -250,6 +250,15 @@ def _arc_insertions(
     return out
 
 
+def _whole(data: bytes, place: list[int], number: int) -> bytes:
+    """Returns a whole number in the base, and with at least the digits, of what stands there."""
+    text = data[place[0] : sum(place)]
+    if not text.startswith(b"'"):
+        return b"%d" % number
+    form = f"0{len(text) - 3}{'b' if text[1:2] in b'bB' else 'X'}"
+    return text[:2] + format(int(number), form).encode() + b"'"
+
+
 def _marks(
     program: Program, replacement: Replacement, words: PathWords, changed: BoolArray
 ) -> list[tuple[int, int, bytes]]:
@@ -259,6 +268,9 @@ def _marks(
         return []
     wanted = changed[:, None] & (new != NO_WORD) & (program.words != NO_WORD)
     return [
-        (*words.marks[row, column].tolist(), b"%d" % new[row, column])
+        (
+            *(place := words.marks[row, column].tolist()),
+            _whole(program.data, place, new[row, column]),
+        )
         for row, column in np.argwhere(wanted & (new != program.words)).tolist()
     ]
