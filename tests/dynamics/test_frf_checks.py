@@ -128,3 +128,28 @@ def test_integrated_noise_of_an_accelerometer_diverges():
     assert diverges_below(f, (5e-7 + 1e-5 / f**2).astype(complex))
     assert not diverges_below(f, np.full(len(f), 5e-7 + 0j))
     assert not diverges_below(f, single(2.0, 0.05).response(f)[:, 0, 0])
+
+
+@pytest.mark.parametrize("step", [0.1, 0.5, 2.0])
+def test_modes_of_the_arm_above_a_static_line_are_no_reason_to_refuse(step):
+    """Two per cent of the lines may reach above all modes of the arm; those say nothing of rest."""
+    for seed in range(5):
+        check_response(measured(robot_with_tool(seed), static=True, step=step, highest=4000.0))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda g, f: in_form(g, f, "receptance", "accelerance"), "an accelerance"),
+        (lambda g, f: in_form(g, f, "receptance", "mobility"), "a mobility"),
+        (lambda g, f: 1e6 * g, r"expected at most 0\.0005 m/N"),
+    ],
+)
+def test_cross_pairs_alone_are_told_by_size_and_phase(change, said):
+    frf = measured(robot_with_tool(), noise=0.02)
+    present = np.zeros((3, 3), dtype=bool)
+    present[1, 0] = present[2, 0] = True
+    check_response(replace(frf, present=present))
+    spoilt = replace(frf, present=present, response=change(frf.response, frf.frequency))
+    with pytest.raises(ImplausibleDataError, match=said):
+        check_response(spoilt)

@@ -101,3 +101,12 @@ def test_noise_alone_has_no_modes():
 def test_too_few_lines():
     with pytest.raises(ObservabilityError, match="sixteen"):
         fit_modes(measured(single(), step=20.0, highest=200.0))
+
+
+def test_modes_just_above_the_band_do_not_drag_those_in_it():
+    truth = robot_with_tool(7)
+    frf = measured(truth, static=True, highest=1000.0)
+    model = fit_modes(frf)
+    assert rebuild_error(frf, model) < 0.01
+    assert np.allclose(model.frequency[:6], truth.frequency[:6], rtol=2e-3)
+    assert np.allclose(model.damping[:6], truth.damping[:6], rtol=0.05)

@@ -103,13 +103,13 @@ def test_entry_costs_tens_of_micrometres_in_a_whole_record():
 
 
 def test_padding_cures_it():
-    """With zeros for as long as the tool rings, more zeros change nothing."""
+    """With zeros for longer than the tool rings, more zeros change nothing."""
     curve = known(single(8.7, 0.035))
     late = record(along_x(late_push(4000)))
     whole = predict_error(curve, late, padding=20.0).error[:, 0]
     usual = predict_error(curve, late).error[:, 0]
     none = predict_error(curve, late, padding=0.0).error[:, 0]
-    assert np.abs(usual - whole).max() < 0.05 * UM
+    assert np.abs(usual - whole).max() < 1e-4 * UM
     assert np.abs(none - whole).max() > 10.0 * UM
 
 
@@ -203,3 +203,22 @@ def test_refused():
         predict_error(curve, record(force), padding=-1.0)
     with pytest.raises(ModelMismatchError, match="reach to 4 Hz"):
         predict_error(response_curve(measured(single(), lowest=5.0)), record(force, rate=8.0))
+
+
+def test_a_push_of_centimetres_is_not_valid():
+    """Force or response in another unit, that no other check has seen."""
+    curve = known(single())
+    force = along_x(smooth_burst(1000))
+    assert not predict_error(curve, record(force)).invalid
+    far = predict_error(curve, record(400.0 * force)).invalid
+    assert len(far) == 1
+    assert "N would push the tool by" in far[0]
+    assert "mm, expected at most 10 mm" in far[0]
+
+
+def test_modes_that_miss_the_lines_are_said_to():
+    truth = robot_with_tool()
+    poor = replace(truth, residues=1.1 * truth.residues)
+    curve = response_curve(measured(truth, step=4.0), poor)
+    found = predict_error(curve, record(along_x(smooth_burst(1000))))
+    assert any("the modes miss the lines by 10 %" in remark for remark in found.remarks)

@@ -38,7 +38,8 @@ def predict(
         typer.Option(help="Between the lines: auto (what rebuilds them best), lines or modes."),
     ] = "auto",
     padding_s: Annotated[
-        float | None, typer.Option(help="Zeros behind the record; default: as long as it rings.")
+        float | None,
+        typer.Option(help="Zeros behind the record; default: twice as long as it rings."),
     ] = None,
     report: Annotated[
         Path | None, typer.Option(help="Also draw force, error and response (PNG, SVG or PDF).")

@@ -3,7 +3,8 @@
 Nothing is picked by hand: poles that come back order after order are taken, those that the
 measured lines do not miss are dropped, a mode that pushes two ways at once is split in two, and
 what stays is polished by least squares on the poles with the residues solved at every step
-(variable projection).
+(variable projection). Modes above the band reach into it with more than a constant: up to two
+poles beyond its end stand for them where the lines ask for that.
 """
 
 from __future__ import annotations
@@ -34,6 +35,13 @@ _STATIC_LINES: Final = 1000.0
 _STEPS: Final = 30
 _SPLITS: Final = 2
 """Modes at most that are tried as two."""
+_BEYOND: Final = (1.1, 1.25, 1.6)
+"""Where, over the end of the band, a mode beyond it is looked for first."""
+_BEYOND_DAMPING: Final = 0.1
+_MOST_BEYOND: Final = 2
+_DRAGGED: Final = 0.02
+"""Rms misfit, over the lines, from which poles beyond the band are looked for; they have to halve
+it, which they cannot do to noise."""
 _DAMPED: Final = 0.2
 """Damping beyond which a pole describes the rest of the curve and not a mode."""
 
@@ -87,7 +95,7 @@ def fit_modal(frf: FrequencyResponse, *, lower: bool | None = None) -> ModalFit:
         )
     allowed = curves.static is None and lower is not False
     poles = _needed(curves, poles, allowed)
-    poles = _polished(curves, poles, allowed)
+    poles = _with_beyond(curves, _polished(curves, poles, allowed), allowed)
     poles = _split(curves, _needed(curves, poles, allowed), allowed, frf.present)
     found = fit_residues(curves, poles, lower=allowed)
     if allowed and lower is None:
@@ -180,6 +188,26 @@ def _polished(curves: Curves, poles: ComplexArray, lower: bool) -> ComplexArray:
     ).x
     polished = at(solved)[0]
     return np.asarray(polished[np.argsort(np.abs(polished))], dtype=np.complex128)
+
+
+def _with_beyond(curves: Curves, poles: ComplexArray, lower: bool) -> ComplexArray:
+    """Poles with those above the band without which its upper end drags the others along."""
+    end = 2.0 * np.pi * curves.frequency[-1]
+    for _ in range(_MOST_BEYOND):
+        before = least = _mean(fit_residues(curves, poles, lower=lower))
+        chosen = poles
+        if before < _DRAGGED**2:
+            break
+        for place in _BEYOND:
+            start = np.append(poles, place * end * (1j - _BEYOND_DAMPING))
+            more = _polished(curves, start, lower)
+            found = _mean(fit_residues(curves, more, lower=lower))
+            if found < least:
+                least, chosen = found, more
+        if least > before / 4.0:
+            break
+        poles = chosen
+    return poles
 
 
 def _split(curves: Curves, poles: ComplexArray, lower: bool, present: BoolArray) -> ComplexArray:

@@ -2,7 +2,7 @@
 
 Source: Jin, Sun, Tang, Li 2022, eq. 1. Printed as it stands, the product is circular: the end of
 the record deflects its beginning, and a static deflection stands there from the first sample. Here
-the record is followed by zeros for as long as the tool rings, which cures the first; the error of
+the record is followed by zeros for longer than the tool rings, which cures the first; the error of
 leaving them out is computed as well, so that it can be seen.
 """
 
@@ -24,6 +24,10 @@ from robotrue.errors import ConfigurationError, ModelMismatchError
 
 RINGS: Final = 7.0
 """Time constants after which nothing is left of a decay (one part in 1,000)."""
+_PADS: Final = 14.0
+"""Time constants of zeros; what is left then, one part in a million, comes back at the start."""
+_FARTHEST: Final = 10e-3
+"""m a cut pushes a tool at most; more is a force or a response in another unit."""
 _BEGINS: Final = 0.05
 """Part of the largest force at which a record has begun in the cut."""
 _ABOVE: Final = 0.02
@@ -70,7 +74,7 @@ def predict_error(
     Args:
         curve: Receptance at any frequency.
         record: Force on the tool, in the axes of the receptance.
-        padding: s of zeros behind the record; default: as long as the tool rings.
+        padding: s of zeros behind the record; default: twice as long as the tool rings.
 
     Raises:
         ConfigurationError: Negative padding.
@@ -82,7 +86,8 @@ def predict_error(
     """
     frf = curve.frf
     rings = ring_time(curve)
-    padding = rings if padding is None else padding
+    if padding is None:
+        padding = rings if curve.modes is None else _PADS * curve.modes.decay_time
     if not padding >= 0.0:
         raise ConfigurationError(f"padding of {padding:g} s, expected zero or more.")
     force = record.force[:, [AXES.index(axis) for axis in frf.excitation_axes]]
@@ -112,7 +117,7 @@ def predict_error(
         padding=padding,
         rings=rings,
         remarks=_remarks(curve, record, force, rings),
-        invalid=_invalid(curve, record),
+        invalid=_invalid(curve, record, error[:n]),
     )
 
 
@@ -153,7 +158,7 @@ def _in_all_axes(values: Array, frf: FrequencyResponse) -> Array:
     return out
 
 
-def _invalid(curve: ResponseCurve, record: ForceRecord) -> tuple[str, ...]:
+def _invalid(curve: ResponseCurve, record: ForceRecord, error: Array) -> tuple[str, ...]:
     said = [
         f"f{axis} is exactly zero on every sample, and the tool yields along {axis}: a sensor that "
         "is not connected?"
@@ -165,6 +170,13 @@ def _invalid(curve: ResponseCurve, record: ForceRecord) -> tuple[str, ...]:
         said.append(
             f"{100.0 * above:.0f} % of the force's mean square lies above {curve.frf.valid[1]:g} "
             "Hz, where nothing was measured"
+        )
+    farthest = float(np.abs(np.nan_to_num(error)).max())
+    if farthest > _FARTHEST:
+        peak = float(np.abs(record.force).max())
+        said.append(
+            f"{peak:.3g} N would push the tool by {farthest * 1e3:.3g} mm, expected at most "
+            f"{_FARTHEST * 1e3:g} mm: a force or a response in another unit"
         )
     return tuple(said)
 
@@ -190,6 +202,11 @@ def _remarks(
         said.append(
             f"the lines are coarse: a line left out is missed by {100.0 * curve.left_out:.0f} %; "
             "a finer spectrum or fitted modes say more"
+        )
+    if curve.modes is not None and (curve.rebuilt or 0.0) > COARSE:
+        said.append(
+            f"the modes miss the lines by {100.0 * (curve.rebuilt or 0.0):.0f} %, a cubic those "
+            f"left out by {100.0 * curve.left_out:.0f} %: a finer spectrum says more"
         )
     above = out_of_band(curve, record)
     if above > _ABOVE:
