@@ -208,3 +208,19 @@ def test_the_store_is_an_extra(folder: Path, cli: Command, monkeypatch: pytest.M
     found = cli("workspace", "list")
     assert found.code == 1
     assert "pip install 'robotrue[store]'" in found.err
+
+
+def test_the_bin_is_emptied_by_those_who_say_so(folder: Path, shelf: Path, cli: Command) -> None:
+    made = cli("workspace", "add", "cell", shelf / "cell.toml", "--name", "left", "--json").document
+    assert cli("workspace", "delete", "left").code == 0
+    recent = cli("workspace", "empty-bin", "--json").document
+    assert (recent["removed"], recent["files"]) == ([], 0)  # not yet 30 days
+    asked = cli("workspace", "empty-bin", "--older-than-days", 0)
+    assert asked.code != 0
+    assert "--yes" in asked.err
+    assert "'left'" in asked.err
+    gone = cli("workspace", "empty-bin", "--older-than-days", 0, "--yes", "--json").document
+    assert made["id"] in [each["id"] for each in gone["removed"]]
+    assert gone["files"] >= 1
+    assert cli("workspace", "undo", made["id"]).code != 0
+    assert cli("workspace", "verify").code == 0

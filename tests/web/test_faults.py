@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import get_args
 
 import pytest
-from robotrue.calibration.methods import METHODS
 
 from robotrue import errors, web
+from robotrue.calibration.methods import METHODS
 from robotrue.errors import FormatError, RobotrueError
 from robotrue.measurement.formats.sheet import read_sheet
 from robotrue.validation.splits import SplitKind

@@ -180,6 +180,21 @@ def undo(item: Item, folder: Folder = HERE, json: Json = False) -> None:
     run_undo(folder, item, as_json=json)
 
 
+@workspace.command(name="empty-bin")
+def empty_bin(
+    days: Annotated[
+        float, typer.Option("--older-than-days", help="Since it was deleted.", min=0.0)
+    ] = 30.0,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
+    folder: Folder = HERE,
+    json: Json = False,
+) -> None:
+    """Remove for good what was deleted long ago and nothing rests on, with its files."""
+    from robotrue.cli.workspace_bin import run_empty_bin
+
+    run_empty_bin(folder, days, yes=yes, as_json=json)
+
+
 @workspace.command(name="export")
 def export_all(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="File (.zip) to write.")],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
@@ -61,10 +61,25 @@ def record(
 
 
 def entries(
-    where: Workspace | Transaction, *, item: str | None = None, offset: int = 0, limit: int = 50
+    where: Workspace | Transaction,
+    *,
+    item: str | None = None,
+    without: Collection[str] = (),
+    offset: int = 0,
+    limit: int = 50,
 ) -> Page[Entry]:
-    """Returns what was done, the newest first; of one item or of all."""
+    """Returns what was done, the newest first.
+
+    Args:
+        where: Workspace or transaction.
+        item: Of one item; None: of all.
+        without: Actions that are left out.
+        offset: Entries before the first.
+        limit: Entries at most.
+    """
     chosen = select(JournalRow)
+    if without:
+        chosen = chosen.where(JournalRow.action.not_in(without))
     if item is not None:
         chosen = chosen.where(JournalRow.item == item)
     with reading(where) as session:

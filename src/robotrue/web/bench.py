@@ -51,7 +51,9 @@ class Bench:
         view: How this person wants to see things.
         say: The words of their language.
         query: What stands after ``?`` in the address.
-        model: The model shown, the newest unless ``?model=`` names one; None if there is none.
+        model: The model shown; None if there is none.
+        chosen: Id of the model chosen for all pages; empty: the newest.
+        models: To choose from.
     """
 
     house: House
@@ -59,6 +61,15 @@ class Bench:
     say: Wording
     query: Mapping[str, str]
     model: ModelRecord | None
+    chosen: str
+    models: tuple[ModelRecord, ...]
+
+    def kept(self, address: str) -> str:
+        """Returns an address of the same page, with the model that was named in this one's."""
+        named = self.query.get("model")
+        if not named or self.model is None or named != self.model.id:
+            return address
+        return f"{address}{'&' if '?' in address else '?'}model={self.model.id}"
 
     async def ask(self, question: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
         """Returns the answer of the store, asked in a thread so that other pages go on."""

@@ -1,26 +1,82 @@
-"""Which model the pages show."""
+"""Which model the pages show: that of the address, else the one chosen for all, else the newest."""
 
 from __future__ import annotations
 
 import asyncio
+from dataclasses import dataclass
+from typing import Final
 
 from robotrue.errors import ConfigurationError
-from robotrue.store import items
-from robotrue.store.nouns import MODEL
-from robotrue.store.records import ModelRecord, Query
-from robotrue.store.workspace import Workspace
+from robotrue.store import documents, items
+from robotrue.store.nouns import DOCUMENT, MODEL
+from robotrue.store.records import DocumentRecord, Link, ModelRecord, Query
+from robotrue.store.workspace import Workspace, transaction
+
+KIND: Final = "model of the pages"
+OFFERED: Final = 30
+"""Models to choose from, the newest; all are on the page Calibration."""
 
 
-async def shown_model(workspace: Workspace, asked: str | None) -> ModelRecord | None:
-    """Returns the model asked for by id, else the newest, or None where there is none."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShownModel:
+    """The model of a page.
+
+    Attributes:
+        model: None if there is none.
+        chosen: Id of the one chosen for all pages; empty: the newest is shown.
+        offered: To choose from.
+    """
+
+    model: ModelRecord | None
+    chosen: str
+    offered: tuple[ModelRecord, ...]
+
+
+async def shown_model(workspace: Workspace, asked: str | None) -> ShownModel:
+    """Returns the model of a page, by the id that stands in its address or without one."""
     return await asyncio.to_thread(_found, workspace, asked)
 
 
-def _found(workspace: Workspace, asked: str | None) -> ModelRecord | None:
+def choose(workspace: Workspace, id: str) -> DocumentRecord:
+    """Returns the document that says which model all pages show from now on.
+
+    Raises:
+        ConfigurationError: There is no such model, or it is deleted.
+    """
+    with transaction(workspace) as into:
+        model = items.get(into, MODEL, id)
+        if model.deleted:
+            raise ConfigurationError(f"model {model.name!r} is deleted.", hint="bring it back.")
+        before = items.listed(into, DOCUMENT, Query(where={"kind": KIND}, limit=1)).items
+        return documents.add(
+            into,
+            KIND,
+            name=model.name,
+            about=[Link(role="model", to=model.ref)],
+            id=before[0].id if before else None,
+        )
+
+
+def choose_none(workspace: Workspace) -> None:
+    """Lets the pages show the newest model again."""
+    with transaction(workspace) as into:
+        for each in items.listed(into, DOCUMENT, Query(where={"kind": KIND})).items:
+            items.delete(into, DOCUMENT, each.id)
+
+
+def _found(workspace: Workspace, asked: str | None) -> ShownModel:
+    offered = items.listed(workspace, MODEL, Query(limit=OFFERED)).items
+    stated = items.listed(workspace, DOCUMENT, Query(where={"kind": KIND}, limit=1)).items
+    chosen = _living(workspace, stated[0].linked("model")[0].id) if stated else None
+    model = chosen or (offered[0] if offered else None)
     if asked:
         try:
-            return items.get(workspace, MODEL, asked)
-        except ConfigurationError:  # an old link: show the newest, its name stands on the page
+            model = items.get(workspace, MODEL, asked)
+        except ConfigurationError:  # an old link: another is shown, and its name stands on the page
             pass
-    newest = items.listed(workspace, MODEL, Query(limit=1)).items
-    return newest[0] if newest else None
+    return ShownModel(model=model, chosen=chosen.id if chosen else "", offered=offered)
+
+
+def _living(workspace: Workspace, id: str) -> ModelRecord | None:
+    found = items.get(workspace, MODEL, id)
+    return None if found.deleted else found

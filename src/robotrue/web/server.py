@@ -184,12 +184,15 @@ def _register(page: Page, house: House) -> None:
     async def show(request: Request) -> None:
         view = preferences_from(request.cookies, request.headers.get("accept-language", ""))
         query = dict(request.query_params)
+        shown = await shown_model(house.workspace, query.get("model"))
         bench = Bench(
             house=house,
             view=view,
             say=Wording(view.language),
             query=query,
-            model=await shown_model(house.workspace, query.get("model")),
+            model=shown.model,
+            chosen=shown.chosen,
+            models=shown.offered,
         )
         ui.page_title(f"{bench.say(f'nav.{page.name}')} · robotrue")
         with frame(bench, page, PAGES):

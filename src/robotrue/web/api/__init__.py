@@ -6,6 +6,7 @@ from fastapi import APIRouter
 
 from robotrue.web.api import (
     cells,
+    chosen_model,
     drift,
     drilling,
     files,
@@ -23,6 +24,9 @@ from robotrue.web.bench import House
 def api_router(house: House) -> APIRouter:
     """Returns all routes of the HTTP interface."""
     router = APIRouter()
-    for part in (cells, items, files, intake, jobs, live, scene, plan, drift, drilling, touching):
+    for part in (
+        cells, items, chosen_model, files, intake, jobs, live, scene, plan, drift, drilling,
+        touching,
+    ):  # fmt: skip
         router.include_router(part.router(house))
     return router

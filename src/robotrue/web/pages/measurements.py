@@ -19,6 +19,7 @@ from robotrue.web.parts.elements import (
     delete_button,
     facts,
     link_to,
+    model_field,
     simulated_mark,
     table,
     tag,
@@ -83,12 +84,12 @@ async def _list(bench: Bench) -> None:
         )
         for each in found.items
     ]
-    links = [link_to(f"/measurements?id={each.id}") for each in found.items]
+    links = [link_to(bench.kept(f"/measurements?id={each.id}")) for each in found.items]
     columns = [say(f"measurements.{c}") for c in ("name", "poses", "frame", "stations", "taken")]
     filtered = (
         '<form method="get" style="margin-bottom:8px"><input type="search" name="text" '
         f'value="{escape(text, quote=True)}" placeholder="{escape(say("frame.filter"))}" '
-        'style="max-width:340px" data-testid="filter"></form>'
+        f'style="max-width:340px" data-testid="filter">{model_field(bench)}</form>'
     )
     if rows or text:
         shown = table(columns, rows, words=(0, 2), attributes=links, mark="sets")
@@ -225,7 +226,8 @@ def _rows(bench: Bench, record: MeasurementRecord) -> None:
         facts_of = (folder, record.id, record.version, sort, start, PAGE_ROWS)
         return await house.answers.once("measured.rows", *facts_of)
 
-    later(bench, ask, lambda found: row_pages(bench, found, f"/measurements?id={record.id}", sort))
+    address = bench.kept(f"/measurements?id={record.id}")
+    later(bench, ask, lambda found: row_pages(bench, found, address, sort))
 
 
 PAGE: Final = Page(name="measurements", path="/measurements", build=_build)

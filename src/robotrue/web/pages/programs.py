@@ -18,6 +18,7 @@ from robotrue.web.parts.elements import (
     Tile,
     delete_button,
     link_to,
+    model_field,
     simulated_mark,
     table,
     tag,
@@ -64,7 +65,7 @@ async def _list(bench: Bench) -> None:
         hint=say("programs.drop_hint"),
         accept="",
         then="/api/programs",
-        go="/programs?id={id}",
+        go=bench.kept("/programs?id={id}"),
     )
     found = await bench.ask(items.listed, bench.house.workspace, PROGRAM, Query(limit=200))
     if not found.items:
@@ -82,7 +83,7 @@ async def _list(bench: Bench) -> None:
                 when(each.created),
             )
         )
-        links.append(link_to(f"/programs?id={each.id}"))
+        links.append(link_to(bench.kept(f"/programs?id={each.id}")))
     columns = [say(f"programs.{c}") for c in ("name", "stage", "language", "size", "taken")]
     html(table(columns, rows, words=(0, 1, 2), attributes=links, mark="programs")).classes(
         "card"
@@ -210,7 +211,8 @@ def _verdict(bench: Bench, record: ProgramRecord, found: dict[str, Any], toleran
         f"<b>{'GO' if found['go'] else 'NO-GO'}</b><div><div>{escape(text)}{simulated}</div>"
         f'<div class="note">{escape(rule)}</div></div>'
         '<form style="margin-left:auto;display:flex;gap:8px;align-items:end" method="get">'
-        f'<input type="hidden" name="id" value="{record.id}"><label class="field">'
+        f'<input type="hidden" name="id" value="{record.id}">{model_field(bench)}'
+        '<label class="field">'
         f"{escape(say('programs.tolerance'))}"
         f'<input type="number" name="tolerance_mm" min="0.001" step="any" value="{tolerance:g}" '
         'style="width:110px" data-testid="tolerance"></label>'

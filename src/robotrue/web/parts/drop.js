@@ -30,6 +30,7 @@ export default {
           const answer = await fetch(this.then, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ ...this.facts, uploads: ids }) });
           const made = await answer.json();
           if (!answer.ok) throw made;
+          window.bench.own(made.id); // if it is a job
           location.href = this.go.replace("{id}", made.id);
         }
       } catch (cause) {

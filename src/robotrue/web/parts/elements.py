@@ -8,6 +8,7 @@ from datetime import datetime
 from html import escape
 from typing import Literal, TypeAlias
 
+from robotrue.web.bench import Bench
 from robotrue.web.language import Wording
 
 Tone: TypeAlias = Literal["good", "caution", "bad", "plain", "busy"]
@@ -88,6 +89,12 @@ def table(
 def link_to(address: str) -> str:
     """Returns the attributes of a table row that opens a page."""
     return f'data-href="{escape(address)}" tabindex="0"'
+
+
+def model_field(bench: Bench) -> str:
+    """Returns the field by which a form goes on with the model that its page's address names."""
+    named = bench.query.get("model", "")
+    return f'<input type="hidden" name="model" value="{escape(named)}">' if named else ""
 
 
 def facts(found: Sequence[tuple[str, str]]) -> str:

@@ -6,12 +6,14 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from html import escape
 from typing import Final
+from urllib.parse import urlencode
 
 from nicegui import ui
 
 from robotrue import __version__
 from robotrue.web.bench import Bench, Page
 from robotrue.web.language import LANGUAGES
+from robotrue.web.parts.elements import when
 from robotrue.web.parts.faults import fault_words
 from robotrue.web.parts.icons import icon
 from robotrue.web.preferences import CHOICES
@@ -26,7 +28,7 @@ def frame(bench: Bench, page: Page, pages: Sequence[Page]) -> Iterator[None]:
     say = bench.say
     ui.add_head_html(fault_words(say))
     with ui.element("div").classes("bench"):
-        html(_bar(bench), tag="header").classes("bar")
+        html(_bar(bench, page), tag="header").classes("bar")
         html(_rail(bench, page, pages), tag="nav").classes("rail").props(
             f'aria-label="{escape(say("frame.navigation"))}"'
         )
@@ -40,7 +42,7 @@ def html(content: str, *, tag: str = "div") -> ui.html:
     return ui.html(content, sanitize=False, tag=tag)
 
 
-def _bar(bench: Bench) -> str:
+def _bar(bench: Bench, page: Page) -> str:
     say = bench.say
     name = escape(bench.house.workspace.folder.name)
     leave = (
@@ -52,7 +54,7 @@ def _bar(bench: Bench) -> str:
     return (
         '<a class="brand" href="/"><img src="/static/icon.svg" alt="" width="28" height="28">'
         f'<b>robotrue</b></a><span class="where" data-testid="workspace">{name}</span>'
-        f'<span class="gap"></span>{_model_chip(bench)}'
+        f'<span class="gap"></span>{_model_menu(bench, page)}'
         '<button class="tool" data-testid="theme" onclick="bench.prefer(\'theme\','
         "document.documentElement.dataset.theme==='dark'?'light':'dark')\" "
         f'title="{escape(say("frame.theme"))}">{icon("moon")}</button>'
@@ -63,16 +65,32 @@ def _bar(bench: Bench) -> str:
     )
 
 
-def _model_chip(bench: Bench) -> str:
+def _model_menu(bench: Bench, page: Page) -> str:
+    """The model that is shown, and the others: for this page, or chosen for all pages."""
     say, model = bench.say, bench.model
     if model is None:
         none = escape(say("frame.no_model"))
         return f'<span class="chip none" data-testid="model-chip">{none}</span>'
-    day = model.created.astimezone().strftime("%Y-%m-%d %H:%M")
+    rest = {name: value for name, value in bench.query.items() if name != "model"}
+    others = "".join(
+        f'<a href="{escape(page.path)}?{escape(urlencode({**rest, "model": each.id}))}" '
+        f'data-testid="model-other"{" aria-current=true" if each.id == model.id else ""}>'
+        f"<b>{escape(each.name)}</b><small>{escape(each.method)}, {when(each.created)}</small></a>"
+        for each in bench.models
+    )
+    if bench.chosen == model.id:
+        act, word = "bench.chooseModel(null,this)", "frame.model_newest"
+    else:
+        act, word = f"bench.chooseModel('{model.id}',this)", "frame.model_everywhere"
     return (
-        f'<a class="chip" href="/calibration?model={model.id}" data-testid="model-chip">'
-        f"<b>{escape(model.name)}</b><span>v{model.version}</span><span>{escape(model.method)}</span>"
-        f"<time>{day}</time></a>"
+        '<details class="menu"><summary class="chip" data-testid="model-chip" '
+        f'title="{escape(say("frame.model_choose"))}"><b>{escape(model.name)}</b>'
+        f"<span>v{model.version}</span><span>{escape(model.method)}</span>"
+        f'<time>{when(model.created)}</time></summary><div class="drop models">'
+        f'<small>{escape(say("frame.model_here"))}</small><div class="model-list">{others}</div>'
+        f'<button class="act" data-testid="model-choose" onclick="{act}">{escape(say(word))}'
+        f'</button><a class="act quiet" href="/calibration?model={model.id}" '
+        f'data-testid="model-open">{escape(say("frame.model_open"))}</a></div></details>'
     )
 
 

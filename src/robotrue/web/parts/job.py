@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime, timedelta
 from typing import Final
 
 from nicegui.element import Element
@@ -11,14 +12,19 @@ from robotrue.store.workspace import Workspace
 from robotrue.web.bench import Bench
 
 TEXTS: Final = (
-    "cancel", "state_queued", "state_running", "state_done", "state_failed", "state_cancelled",
+    "cancel", "open", "state_queued", "state_running", "state_done", "state_failed",
+    "state_cancelled",
 )  # fmt: skip
 STEPS: Final = (
     "drawing postures", "choosing poses", "exchanging poses", "comparing plans", "reading",
     "predicting", "compensating", "writing", "writing the report", "judging", "setting pages",
-    "nominal", "geometric", "elastic", "ripple", "gp", "chosen", "blocks", "regions", "sets", "random",
+    "nominal", "geometric", "elastic", "ripple", "gp", "chosen", "blocks", "regions", "sets",
+    "random",
 )  # fmt: skip
 """What jobs say they are at, as far as it is known; a text of the group ``step`` each."""
+
+JUST_NOW: Final = timedelta(seconds=15)
+"""Ago."""
 
 
 class JobCard(Element, component="job.js"):
@@ -44,7 +50,14 @@ class JobCard(Element, component="job.js"):
 
 
 def under_way(workspace: Workspace, kind: str) -> list[jobs.Job]:
-    """Returns the jobs of a kind that are not over, and the newest one if it has failed."""
+    """Returns the jobs of a kind that are not over, and the newest one if it has failed.
+
+    One that is done within the moment the page takes to come again is among them: its card leads
+    who asked for it to the result, and shows itself to nobody else.
+    """
     found = jobs.listed(workspace, kind=kind, limit=20).items
     newest = [each for each in found[:1] if each.state in (jobs.FAILED, jobs.CANCELLED)]
-    return [each for each in found if not each.over] or newest
+    since = datetime.now(UTC) - JUST_NOW
+    just = [each for each in found if each.finished and each.finished > since]
+    done = [each for each in just if each.state == jobs.DONE]
+    return ([each for each in found if not each.over] or newest) + done

@@ -121,10 +121,15 @@
       if (button) button.disabled = false;
     }
   };
+  // The job asked for last in this tab, which is the one that leads away; kept over a reload.
+  const own = (id) => {
+    if (id !== undefined) sessionStorage.setItem("bench-job", id);
+    return sessionStorage.getItem("bench-job");
+  };
   // Asks for a job; the page shows it when it comes again.
   const job = (kind, parameters, button) =>
     pressed(button, async () => {
-      await ask("POST", "/api/jobs", { kind, parameters });
+      own((await ask("POST", "/api/jobs", { kind, parameters })).id);
       location.reload();
     });
   // A form whose fields are the parameters of a job; a name that ends in [] is a list, a checked box true.
@@ -148,6 +153,15 @@
       const answer = await fetch(`/api/items/${noun}/${id}/undo?version=${version}`, { method: "POST" });
       if (!answer.ok && answer.status !== 409) throw await answer.json();
       location.reload();
+    });
+  // The model all pages show from now on; null: the newest again. The one named in this page's address goes.
+  const chooseModel = (id, button) =>
+    pressed(button, async () => {
+      await (id ? ask("PUT", "/api/chosen-model", { model: id }) : ask("DELETE", "/api/chosen-model"));
+      const here = new URL(location.href);
+      here.searchParams.delete("model");
+      if (here.href === location.href) location.reload();
+      else location.href = here.href;
     });
   // Deletes an item; one that somebody else has deleted is gone all the same.
   const remove = (noun, id, go, button) =>
@@ -190,5 +204,5 @@
     document.body.append(dialog);
     dialog.showModal();
   };
-  window.bench = { ask, fault, job, jobForm, make, plain, rename, undo, remove, prefer, send, read, theme };
+  window.bench = { ask, chooseModel, fault, job, jobForm, make, own, plain, rename, undo, remove, prefer, send, read, theme };
 })();

@@ -1,0 +1,46 @@
+"""Which model the pages show when their address names none."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Annotated, Any
+
+from fastapi import APIRouter
+from pydantic import BaseModel, Field
+
+from robotrue.store.nouns import MODEL
+from robotrue.web import models
+from robotrue.web.api.documents import record_document
+from robotrue.web.api.items import found
+from robotrue.web.bench import House
+
+
+class ChosenModel(BaseModel, extra="forbid"):
+    """The model all pages show.
+
+    Attributes:
+        model: Id.
+    """
+
+    model: Annotated[str, Field(min_length=1, max_length=40)]
+
+
+def router(house: House) -> APIRouter:
+    """Returns the routes of the choice."""
+    routes = APIRouter(tags=["items"])
+    workspace = house.workspace
+
+    @routes.put("/chosen-model")
+    async def choose_model(asked: ChosenModel) -> dict[str, Any]:
+        """The document that says which model all pages show from now on."""
+        await asyncio.to_thread(found, workspace, MODEL.name, asked.model)
+        return record_document(
+            await asyncio.to_thread(models.choose, workspace, asked.model), "document"
+        )
+
+    @routes.delete("/chosen-model", status_code=204)
+    async def choose_newest() -> None:
+        """The pages show the newest model again."""
+        await asyncio.to_thread(models.choose_none, workspace)
+
+    return routes
