@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,7 +62,7 @@ def solve_chunk(
     route, tool = np.array(plan.route[part]), np.array(program.tool[part])
     frame, frames = _frames(program, part)
     rotation, position = outcome.rotation[part], outcome.position[part]
-    target = np.full((count, 12), np.nan)
+    target = np.empty((count, 12))
     enter_base(frames, frame, route, rotation, position, target)
     been = bool(arrival.branch[3])
     nominal = _nominal(
@@ -82,7 +83,7 @@ def solve_chunk(
         wrench=_share(load.wrench, part),
         code=np.zeros(count, dtype=np.int64),
         found=np.array(nominal),
-        told=np.zeros((count, 12)),
+        told=np.empty((count, 12)),
         before=outcome.before[part],
         after=outcome.after[part],
         singular=outcome.singular[part],
@@ -169,11 +170,20 @@ def _invert(
         min_wrist_sine=float(np.sin(settings.min_wrist_angle)),
         reuse=min(REUSE * settings.tolerance, MOST_REUSE),
     )
-    for index in np.unique(tool[rows]):
-        arm = _arm(pack, int(index))
-        mine = rows[tool[rows] == index]
+    for index, mine in _by_tool(tool, rows):
+        arm = _arm(pack, index)
         correct(arm, aim, asked, mine, space)
         invert_stragglers(arm, aim, asked, mine, space)
+
+
+def _by_tool(tool: IntArray, rows: IntArray) -> Iterator[tuple[int, IntArray]]:
+    """Yields the tools of the rows, and the rows of each."""
+    used = tool[rows]
+    if len(rows) and (used == used[0]).all():
+        yield int(used[0]), rows
+        return
+    for index in np.unique(used):
+        yield int(index), rows[used == index]
 
 
 def _arm(pack: Pack, tool: int) -> Arm:
@@ -206,7 +216,10 @@ def _chain(links: Array, end: Array) -> Array:
 
 def _frames(program: Program, part: slice) -> tuple[IntArray, Array]:
     """Returns the frame of each target of a chunk (n,), and those frames in base (f, 12)."""
-    used, frame = np.unique(program.frame[part], return_inverse=True)
+    mine = program.frame[part]
+    used, frame = mine[:1], np.zeros(len(mine), dtype=np.int64)
+    if (mine != used).any():
+        used, frame = np.unique(mine, return_inverse=True)
     frames = program.T_base_frame[np.clip(used, 0, len(program.T_base_frame) - 1)]
     rows = np.concatenate([frames[:, :3, :3].reshape(-1, 9), frames[:, :3, 3]], axis=1)
     return frame.astype(np.int64).reshape(-1), np.ascontiguousarray(rows)

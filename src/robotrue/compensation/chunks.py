@@ -116,22 +116,33 @@ class Part:
 
 
 def empty_outcome(program: Program, plan: Plan, *, covariance: bool) -> Outcome:
-    """Returns the outcome before anything is solved: all targets as they stand."""
+    """Returns room for the outcome; :func:`begin` fills it chunk by chunk."""
     n = len(program)
-    joints = np.full((n, 6), np.nan)
-    joints[plan.rows] = plan.joints
     return Outcome(
-        position=np.array(program.position),
-        rotation=np.array(program.rotation).reshape(n, 9),
-        joints=joints,
+        position=np.empty((n, 3)),
+        rotation=np.empty((n, 9)),
+        joints=np.empty((n, 6)),
         status=np.array(plan.status),
-        before=np.full((n, 3), np.nan),
-        after=np.full((n, 3), np.nan),
-        shift=np.zeros((n, 3)),
-        turn=np.zeros(n),
-        singular=np.full(n, np.nan),
-        covariance=np.full((n if covariance else 0, 3, 3), np.nan),
+        before=np.empty((n, 3)),
+        after=np.empty((n, 3)),
+        shift=np.empty((n, 3)),
+        turn=np.empty(n),
+        singular=np.empty(n),
+        covariance=np.empty((n if covariance else 0, 3, 3)),
     )
+
+
+def begin(outcome: Outcome, program: Program, plan: Plan, part: slice) -> None:
+    """Writes into ``outcome`` a chunk before anything is solved: its targets as they stand."""
+    outcome.position[part] = program.position[part]
+    outcome.rotation[part] = program.rotation[part].reshape(-1, 9)
+    for unknown in (outcome.joints, outcome.before, outcome.after, outcome.singular):
+        unknown[part] = np.nan
+    outcome.shift[part], outcome.turn[part] = 0.0, 0.0
+    if len(outcome.covariance):
+        outcome.covariance[part] = np.nan
+    first, last = np.searchsorted(plan.rows, (part.start, part.stop))
+    outcome.joints[plan.rows[first:last]] = plan.joints[first:last]
 
 
 def solve_chunks(
@@ -164,4 +175,5 @@ def solve_chunks(
     )
     for start in range(0, len(program), CHUNK):
         rows = slice(start, min(start + CHUNK, len(program)))
+        begin(outcome, program, plan, rows)
         yield solve_chunk(pack, program, plan, settings, load, outcome, search, arrival, rows)

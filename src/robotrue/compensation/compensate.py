@@ -176,9 +176,10 @@ def replaced(
     n = len(program)
     notes = list(plan.notes)
     changed = outcome.status == Status.COMPENSATED
-    new = np.full_like(program.words, NO_WORD)
+    new = np.broadcast_to(np.int64(NO_WORD), program.words.shape)
     worded = plan.worded[changed[plan.worded]]
     if len(worded):
+        new = np.array(new)
         new[worded], said = new_words(robot, program, worded, outcome.joints[worded])
         notes.extend(said)
     axes = program.axes
@@ -200,13 +201,17 @@ def replaced(
 def _notes(program: Program, settings: CompensationSettings, outcome: Outcome) -> list[RowNote]:
     """Returns one note for each status that means a target was left alone, and for doubts."""
     notes = []
+    count = np.bincount(outcome.status, minlength=len(Status))
     for status in Status:
-        if status in (Status.COMPENSATED, Status.UNCHANGED_NO_ERROR, Status.UNCHANGED_AXIS_TARGET):
+        if not count[status] or status in (
+            Status.COMPENSATED,
+            Status.UNCHANGED_NO_ERROR,
+            Status.UNCHANGED_AXIS_TARGET,
+        ):
             continue
         rows = np.flatnonzero(outcome.status == status)
-        if len(rows):
-            text = f"unchanged, {status.explanation}."
-            notes.append(row_note(program, rows, text, rank=_LEFT_ALONE + status))
+        text = f"unchanged, {status.explanation}."
+        notes.append(row_note(program, rows, text, rank=_LEFT_ALONE + status))
     if len(outcome.covariance):
         sigma = np.sqrt(np.trace(outcome.covariance, axis1=1, axis2=2))
         rows = np.flatnonzero(sigma > settings.max_sigma)

@@ -110,15 +110,25 @@ def _miscounted(robot: RobotModel, program: Program, rows: IntArray) -> tuple[Ro
 
 
 def _has_pose(program: Program) -> BoolArray:
-    known = np.isfinite(program.position).all(axis=1)
-    known &= np.isfinite(program.rotation).all(axis=(1, 2))
+    known = _finite(program.position)
+    known &= _finite(program.rotation)
     frames = np.asarray(np.isfinite(program.T_base_frame).all(axis=(1, 2)))
     tools = np.asarray(np.isfinite(program.T_flange_tool).all(axis=(1, 2)))
     for index, good in ((program.frame, frames), (program.tool, tools)):
         inside = np.asarray((index >= 0) & (index < len(good)))
+        if inside.all() and good.all():
+            continue
         known &= inside
         known[inside] &= good[index[inside]]
     return np.asarray(known)
+
+
+def _finite(values: Array) -> BoolArray:
+    """Returns (n,) whether all values of a row are finite; nearly always all of them are."""
+    finite = np.isfinite(values)
+    if finite.all():
+        return np.ones(len(values), dtype=np.bool_)
+    return np.asarray(finite.reshape(len(values), -1).all(axis=1))
 
 
 def _axis_joints(robot: RobotModel, program: Program, rows: IntArray) -> tuple[Array, IntArray]:
@@ -148,13 +158,16 @@ def _by_words(
     Joint moves, and the first target when it is a straight one: straight moves keep the branch.
     """
     maker = program.words_of
+    asked = np.asarray(route == Route.FREE)
+    nothing = np.empty(0, dtype=np.int64), np.empty((0, 6)), ()
+    if maker == "kuka" and not asked.any():
+        return nothing
     spoken = (program.words != NO_WORD).any(axis=1)
-    asked = np.asarray((route == Route.FREE) & spoken)
+    asked &= spoken
     begun = np.flatnonzero(route != Route.SKIP)
     if len(begun) and maker != "kuka" and not under_way:  # KUKA reads S and T of joint moves alone
         asked[begun[0]] |= bool(spoken[begun[0]] and route[begun[0]] == Route.LINEAR)
     rows = np.flatnonzero(asked)
-    nothing = np.empty(0, dtype=np.int64), np.empty((0, 6)), ()
     geometry = opw_geometry(robot) if robot.maker == maker and len(rows) else None
     if geometry is None:
         return nothing
