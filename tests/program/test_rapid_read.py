@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rapid_samples import FRAMES, REST, T_FIXTURE, module, move, read, target
+from rapid_samples import FRAMES, REST, T_FIXTURE, module, move, read, replacement, target
 
 from robotrue.core.units import DEG
 from robotrue.core.words import NO_WORD
@@ -327,3 +327,50 @@ def test_modules_with_motions_are_each_read_with_the_frames_of_all(tmp_path: Pat
     assert [program.reason.tolist() for program in job] == [[0], [0]]
     for program in job:
         np.testing.assert_allclose(program.T_base_frame[program.frame[0]], T_FIXTURE, atol=1e-8)
+
+
+NAMES = (
+    "MODULE M\nPERS tooldata tÖl:=[TRUE,[[0,0,100],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\n"
+    "CONST robtarget pSensör:=[[10,20,30],[0,1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n"
+    "CONST robtarget Öse{1}:=[[[11,20,30],[0,1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]];\n"
+    "VAR num nÖ:=1;\nPROC Prüfen()\n  ! 中 ü\n  nÖ:=2;\n"
+    "  MoveL pSensör,v100,fine,tÖl\\WObj:=wTürÄ;\n"
+    "  IF nÖ=2 MoveL Öse{1},v100,fine,tÖl;\n  Öffnen;\nENDPROC\nENDMODULE\n"
+)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "latin-1"])
+def test_names_with_letters_beyond_ascii(encoding: str) -> None:
+    data = NAMES.replace("中", "").encode(encoding)
+    door = np.eye(4)
+    door[2, 3] = 0.75
+    frames = FrameTable(bases={"wTürÄ": door})
+    program = dialect("rapid").read(data, name="part.mod", frames=frames)
+    assert program.reason.tolist() == [Reason.NONE] * 2
+    assert program.T_base_frame[program.frame[0]][2, 3] == 0.75
+    assert program.T_flange_tool[program.tool[0]][2, 3] == 0.1
+    assert dialect("rapid").write(program, replacement(program)) == data
+
+
+def test_names_are_told_as_they_are_written() -> None:
+    program = dialect("rapid").read(NAMES.encode(), name="part.mod", frames=FrameTable())
+    assert program.reason.tolist() == [Reason.UNKNOWN_FRAME, Reason.NONE]
+    assert any("wtürä" in note.lower() for note in program.notes)
+
+
+def test_arc_welding_moves() -> None:
+    target = "[[{},20,30],[0,1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]"
+    a, b, c = (target.format(k) for k in (1, 2, 3))
+    text = (
+        "MODULE M\nPERS tooldata t:=[TRUE,[[0,0,100],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\n"
+        f"PROC main()\nArcLStart {a},v30,seam,weld\\Weave:=w,fine,t\\WObj:=wobj0;\n"
+        f"ArcC {b},{c},v30,seam,weld,z1,t\\WObj:=wobj0\\Track:=tr;\n"
+        f"ArcLEnd {a},v30,seam,weld,fine,t\\WObj:=wobj0;\nSpotL {a},v30,gun,spot,t;\n"
+        "ENDPROC\nENDMODULE\n"
+    )
+    program = dialect("rapid").read(text.encode(), name="part.mod", frames=FrameTable())
+    assert program.motion.tolist() == [
+        *(Motion.LIN, Motion.ARC_VIA, Motion.ARC_END, Motion.LIN, Motion.UNUSED),
+    ]
+    assert program.reason.tolist() == [Reason.NONE] * 4 + [Reason.EXPRESSION]
+    assert set(program.T_flange_tool[program.tool[:4]][:, 2, 3]) == {0.1}

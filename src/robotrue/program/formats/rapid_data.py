@@ -16,6 +16,7 @@ from robotrue.program.formats.rapid_scan import (
     JOINTTARGET,
     ROBTARGET,
     SKIP,
+    WORD,
     Statement,
     clean,
     fills,
@@ -33,17 +34,28 @@ NOTHING: Final = 2
 LITERAL: Final = {"robtarget": (ROBTARGET, POSE), "jointtarget": (JOINTTARGET, AXIS)}
 _DECLARED: Final = re.compile(
     rb"(?:(?:LOCAL|TASK|GLOBAL)\b" + GAP + rb")?(?:CONST|PERS|VAR)\b" + GAP
-    + rb"(?P<kind>\w+)" + GAP + rb"(?P<name>\w+)" + GAP
+    + rb"(?P<kind>[\w\x80-\xff]+)" + GAP + rb"(?P<name>[\w\x80-\xff]+)" + GAP
     + rb"(?:\{(?P<sizes>[^}]*)\}" + GAP + rb")?(?P<given>:=)?",
     re.IGNORECASE,
 )  # fmt: skip
 _ASSIGNED: Final = re.compile(
-    rb"(\w+)" + GAP + rb"(?:\{([^}]*)\})?" + GAP + rb"((?:\." + GAP + rb"\w+" + GAP + rb")*+):="
+    rb"([\w\x80-\xff]+)"
+    + GAP
+    + rb"(?:\{([^}]*)\})?"
+    + GAP
+    + rb"((?:\."
+    + GAP
+    + WORD
+    + GAP
+    + rb")*+):="
 )
-_WORDS: Final = re.compile(rb'"(?:[^"\r\n]|"")*+"|![^\r\n]*+|(?<![\w.])([A-Za-z]\w*)')
-_SIZE_OF: Final = re.compile(rb"\bDim\s*\(\s*\w+", re.IGNORECASE)
+_WORDS: Final = re.compile(
+    rb'"(?:[^"\r\n]|"")*+"|![^\r\n]*+|(?<![\w\x80-\xff.])([A-Za-z\x80-\xff][\w\x80-\xff]*)'
+)
+_SIZE_OF: Final = re.compile(rb"\bDim\s*\(\s*[\w\x80-\xff]+", re.IGNORECASE)
 _READS_FRAMES: Final = re.compile(
-    r"(?:move|trigg|search|arc|spot|paint|disp|cap|waitwobj|dropwobj|gripload|tp|err|egm)\w*$"
+    r"(?:move|trigg|search|arc|spot|paint|disp|cap|waitwobj|dropwobj|gripload|tp|err|egm)"
+    r"[\w\x80-\xff]*$"
 )
 
 
@@ -107,7 +119,10 @@ class Data:
         match = _DECLARED.match(self.data, statement.start, statement.end)
         if match is None:
             return False
-        kind, name = match["kind"].decode().lower(), match["name"].decode().lower()
+        kind, name = (
+            match["kind"].decode("latin-1").lower(),
+            match["name"].decode("latin-1").lower(),
+        )
         start, end = match.end(), statement.end
         if kind in KINDS and not match["sizes"]:
             value = self.data[start:end] if match["given"] else b""
@@ -176,7 +191,7 @@ class Data:
         match = _ASSIGNED.match(self.data, start, end)
         if match is None:
             return False
-        name, path = match[1].decode().lower(), clean(match[3])
+        name, path = match[1].decode("latin-1").lower(), clean(match[3])
         for side in (TOOL, WORK):
             if self.frames.has(side, name):
                 value = self.data[match.end() : end]
@@ -189,7 +204,7 @@ class Data:
         if variable is None or variable.kind not in LITERAL:
             self.mention(match.end(), end, "")
         else:
-            subscript = re.sub(rb"\s+", b"", match[2] or b"").decode()
+            subscript = re.sub(rb"\s+", b"", match[2] or b"").decode("latin-1")
             plain = bool(re.fullmatch(r"\d*(,\d+)*", subscript)) and not path.strip()
             if plain and bool(subscript) == variable.is_array:
                 self._give(variable, *self._inside(match.end(), end), subscript)
@@ -205,7 +220,7 @@ class Data:
         for match in _WORDS.finditer(text):
             if not match[1]:
                 continue
-            name = match[1].decode().lower()
+            name = match[1].decode("latin-1").lower()
             variable = self.variables.find(self.scope, name)
             if variable is not None:
                 variable.computed = True

@@ -34,7 +34,7 @@ _MEMBERS: Final = {
 }
 _OTHER: Final = ("tload",)
 """Members that say nothing of where the target is, given the others."""
-_PATH: Final = re.compile(r"\s*\.\s*(\w+)\s*(.*)$", re.DOTALL)
+_PATH: Final = re.compile(r"\s*\.\s*([\w\x80-\xff]+)\s*(.*)$", re.DOTALL)
 
 
 Member: TypeAlias = Array | bool | str | None
@@ -215,7 +215,7 @@ class RapidFrames:
         if name == "tool0":
             return self.frames.known(side, np.eye(4))
         what = {TOOL: "tooldata", WORK: "wobjdata"}[side]
-        shown = repr(name) if re.fullmatch(r"\w+", name) else "of this instruction"
+        shown = repr(name) if re.fullmatch(r"[\w\x80-\xff]+", name) else "of this instruction"
         return self.frames.unknown(
             side, line, f"{shown} is not in this module",
             f"copy its {what} into the module, or add it to the cell by this name",

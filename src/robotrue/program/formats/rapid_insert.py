@@ -51,11 +51,11 @@ from robotrue.program.program import Motion, Program
 
 _GIVEN: Final = re.compile(
     rb"(?:^|;)[ \t]*+(?:(?:(?:LOCAL|TASK|GLOBAL)\b" + GAP + rb")?(?:CONST|PERS|VAR)\b" + GAP
-    + rb"robtarget\b" + GAP + rb")?(?P<name>\w++)" + GAP + rb"(?:\{(?P<at>[^}]*)\}" + GAP
+    + rb"robtarget\b" + GAP + rb")?(?P<name>[\w\x80-\xff]++)" + GAP + rb"(?:\{(?P<at>[^}]*)\}" + GAP
     + rb")?:=" + GAP,
     re.IGNORECASE | re.MULTILINE,
 )  # fmt: skip
-_REFERENCE: Final = re.compile(r"(\w+)\s*(?:\{\s*(\d+)\s*\})?$")
+_REFERENCE: Final = re.compile(r"([\w\x80-\xff]+)\s*(?:\{\s*(\d+)\s*\})?$")
 _NUMBER: Final = re.compile(WHOLE_NUMBER)
 _PLAIN: Final = ("movel", "movec")
 _LOOPS: Final = {"for": 1, "while": 1, "endfor": -1, "endwhile": -1}
@@ -65,7 +65,7 @@ _TURNS: Final = frozenset(
 _ROUTINES: Final = frozenset(
     "proc func trap endproc endfunc endtrap error undo backward module endmodule".split()
 )
-_SEARCHES: Final = re.compile(r"search|moveextj|startmove|restopath|capl|arc\w|spot")
+_SEARCHES: Final = re.compile(r"search|moveextj|startmove|restopath|capl|arc[\w\x80-\xff]|spot")
 _DECLARES: Final = frozenset("local task global const pers var".split())
 _TAILS: Final = 4096
 """Ways a motion goes on behind its literal that are remembered."""
@@ -131,7 +131,7 @@ def _given(job: Sequence[Program], literals: Literals) -> dict[tuple[str, str], 
     for file, program in enumerate(job):
         data = program.data
         for match in _GIVEN.finditer(data):
-            name, at = match["name"].decode().lower(), match.end()
+            name, at = match["name"].decode("latin-1").lower(), match.end()
             inside = match["at"].decode("latin-1").strip() if match["at"] else ""
             one = ROBTARGET.match(data, at)
             if one:
@@ -195,7 +195,7 @@ class _Reader:
         """Takes a motion to a literal; posts end nearly all of them in the same few ways."""
         key = match[1], match[3]
         if key not in self.tails:
-            word = match[1].decode().lower()
+            word = match[1].decode("latin-1").lower()
             found = arguments(self.data, match.end(1), match.end() - 1)
             if found is None or len(found.places) <= _ZONE["movel"]:
                 return False

@@ -49,10 +49,16 @@ _PLAIN: Final = {
     "triggc": Move(Motion.ARC_END, 2, 5),
     "trigglios": Move(Motion.LIN, 1, 3),
 }
-_MOVES: Final = _PLAIN | {
+_MOVES: Final[dict[str, Move]] = _PLAIN | {
     f"move{kind}{form}": _PLAIN[f"move{kind}"]
     for kind in "ljc"
     for form in ("do", "ao", "go", "sync")
+}
+_MOVES |= {
+    f"arc{kind}{system}{part}": move
+    for kind, move in (("l", Move(Motion.LIN, 1, 5)), ("c", Move(Motion.ARC_END, 2, 6)))
+    for system in ("", "1", "2")
+    for part in ("", "start", "end")
 }
 
 BUILT_IN: Final = frozenset(
@@ -73,7 +79,7 @@ BUILT_IN: Final = frozenset(
 )
 """Instructions of the controller that change no tool, work object or program displacement."""
 _SWALLOWED: Final = re.compile(
-    rb"[\r\n]\s*(?:(?:Move|Trigg)(?:L|J|C|AbsJ)\b|ENDPROC|PROC\b|ENDIF|SetDO\b)", re.IGNORECASE
+    rb"[\r\n]\s*(?:(?:Move|Trigg|Arc)(?:L|J|C|AbsJ)\b|ENDPROC|PROC\b|ENDIF|SetDO\b)", re.IGNORECASE
 )
 
 

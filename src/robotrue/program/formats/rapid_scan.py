@@ -35,7 +35,9 @@ INLINE: Final = re.compile(
     GAP + rb"(Move[LJ])\b\s*+(" + ROBTARGET.pattern + rb")([^;\"![\](){}]*+);", re.IGNORECASE
 )
 """A whole motion to a literal, as a post writes it: word, literal, the rest."""
-NAME: Final = re.compile(rb"[A-Za-z]\w*+")
+WORD: Final = rb"[\w\x80-\xff]++"
+"""Of a name, with the letters of whatever encoding the module is in."""
+NAME: Final = re.compile(rb"[A-Za-z\x80-\xff][\w\x80-\xff]*+")
 SKIP: Final = re.compile(GAP)
 
 _STRING: Final = rb'"(?:[^"\r\n]|"")*+"'
@@ -44,15 +46,21 @@ _PIECE: Final = re.compile(rb"[\[({]|[\])}]|[,\\]|" + _STRING + rb"|![^\r\n]*+")
 _COMMENT: Final = re.compile(_STRING + rb"|(![^\r\n]*+)")
 _HEADER: Final = re.compile(rb"(?:\xef\xbb\xbf)?\s*+(?:%%%.*?%%%)?", re.DOTALL)
 _LABEL: Final = re.compile(GAP + rb":(?!=)")
-_NAMED: Final = re.compile(GAP + rb"\w++" + GAP + rb"(?:\([^()]*+\))?+")
-_FUNCTION: Final = re.compile(GAP + rb"\w++" + GAP + rb"\w++" + GAP + rb"(?:\([^()]*+\))?+")
+_NAMED: Final = re.compile(GAP + WORD + GAP + rb"(?:\([^()]*+\))?+")
+_FUNCTION: Final = re.compile(GAP + WORD + GAP + WORD + GAP + rb"(?:\([^()]*+\))?+")
 _BRACKETED: Final = re.compile(GAP + rb"\([^()]*+\)")
 _PLACEHOLDER: Final = re.compile(rb"<[^\r\n]*+")
 
 
 def _until(words: bytes) -> re.Pattern[bytes]:
-    plain = rb'(?:[^;"!\w]++|' + _STRING + rb"|![^\r\n]*+|(?!(?:" + words + rb")\b)\w++)*+"
-    return re.compile(plain + rb"(;|\w++)", re.IGNORECASE)
+    plain = (
+        rb'(?:[^;"!\w\x80-\xff]++|'
+        + _STRING
+        + rb"|![^\r\n]*+|(?!(?:"
+        + words
+        + rb")\b)[\w\x80-\xff]++)*+"
+    )
+    return re.compile(plain + rb"(;|[\w\x80-\xff]++)", re.IGNORECASE)
 
 
 _HEADS: Final = {
@@ -110,7 +118,7 @@ def next_statement(data: bytes, at: int, name: str) -> tuple[Statement | None, i
         if data[at : at + 1] == b"%":
             return Statement("late", at, at, end - 1), end
         at = end
-    word, body = match[0].decode().lower(), match.end()
+    word, body = match[0].decode("latin-1").lower(), match.end()
     if word in _ALONE:
         return Statement(word, at, body, body), body
     statement = _control(data, word, at, body)

@@ -34,12 +34,15 @@ _SHIFTS: Final = {
     "eoffsset": (AXES_SHIFTED, 1),
     "eoffsoff": (AXES_SHIFTED, 0),
 }
-_REFERENCE: Final = re.compile(r"(\w+)\s*(?:\{([^}]*)\})?$")
+_REFERENCE: Final = re.compile(r"([\w\x80-\xff]+)\s*(?:\{([^}]*)\})?$")
 _SHIFTING: Final = re.compile(r"(offs|reltool)\s*\((.*)\)$", re.IGNORECASE | re.DOTALL)
-_PARAMETER: Final = re.compile(r"(?:INOUT|VAR|PERS|switch)?\s*\w+\s+(\w+)\s*(?:\{[^}]*\})?\s*$")
+_PARAMETER: Final = re.compile(
+    r"(?:INOUT|VAR|PERS|switch)?\s*[\w\x80-\xff]+\s+([\w\x80-\xff]+)\s*(?:\{[^}]*\})?\s*$"
+)
 _COMPACT: Final = re.compile(
-    rb'(?:"(?:[^"\r\n]|"")*+"|![^\r\n]*+|[^"!])*?\b((?:Move|Trigg|Search)\w+|\w+(?=\s*(?:\{[^}]*\}'
-    rb"\s*)?(?:\.\s*\w+\s*)*:=)|GOTO|RETURN|EXIT)\b",
+    rb'(?:"(?:[^"\r\n]|"")*+"|![^\r\n]*+|[^"!])*?(?<![\w\x80-\xff])'
+    rb"((?:Move|Trigg|Search|Arc)[\w\x80-\xff]+|[\w\x80-\xff]+(?=\s*(?:\{[^}]*\}"
+    rb"\s*)?(?:\.\s*[\w\x80-\xff]+\s*)*:=)|GOTO|RETURN|EXIT)(?![\w\x80-\xff])",
     re.IGNORECASE | re.DOTALL,
 )
 
@@ -184,18 +187,21 @@ class Walk(Data):
         self.place += 1
         if match is None:
             self.mention(statement.body, statement.end, "if")
-            self.course.call(self.place, re.findall(r"\w+", self._text(statement).lower()))
+            words = re.findall(r"[\w\x80-\xff]+", self._text(statement).lower())
+            self.course.call(self.place, words)
         else:
             start, body = match.start(1), match.end(1)
             self.mention(statement.body, start, "")
-            self._statement(Statement(match[1].decode().lower(), start, body, statement.end))
+            self._statement(
+                Statement(match[1].decode("latin-1").lower(), start, body, statement.end)
+            )
         self.place += 1
         self.course.join(self.place)
 
     def _inline(self, match: re.Match[bytes]) -> bool:
         """Enters a motion to a literal; returns whether its other arguments are understood."""
         key = match[1], match[3]
-        move = move_of(key[0].decode().lower())
+        move = move_of(key[0].decode("latin-1").lower())
         if len(self._tails) > _TAILS:
             self._tails.clear()
         if move is not None and key not in self._tails:
