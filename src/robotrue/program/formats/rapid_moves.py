@@ -49,17 +49,18 @@ _PLAIN: Final = {
     "triggc": Move(Motion.ARC_END, 2, 5),
     "trigglios": Move(Motion.LIN, 1, 3),
 }
-_MOVES: Final[dict[str, Move]] = _PLAIN | {
+_FORMS: Final = {
     f"move{kind}{form}": _PLAIN[f"move{kind}"]
     for kind in "ljc"
     for form in ("do", "ao", "go", "sync")
 }
-_MOVES |= {
+_WELDING: Final = {
     f"arc{kind}{system}{part}": move
     for kind, move in (("l", Move(Motion.LIN, 1, 5)), ("c", Move(Motion.ARC_END, 2, 6)))
     for system in ("", "1", "2")
     for part in ("", "start", "end")
 }
+_MOVES: Final = _PLAIN | _FORMS | _WELDING
 
 BUILT_IN: Final = frozenset(
     """accset activeventbuffer actunit add aliasio aliasioreset bitclear bitset break
