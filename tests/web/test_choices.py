@@ -138,3 +138,15 @@ def test_a_refusal_stands_on_the_page_in_its_language(browser: Any, stage: Stage
         seen.find("refused").filter(has_text="无法连接").wait_for()
         assert seen.find("live-watch").is_enabled()  # one may try again
         seen.faults = [f for f in seen.faults if "400" not in f and "ERR_INTERNET" not in f]
+
+
+def test_every_field_of_a_new_cell_can_be_read(browser: Any, stage: Stage) -> None:
+    with watching(browser, stage.served) as seen:
+        for width in (1280, 820):
+            seen.page.set_viewport_size({"width": width, "height": 900})
+            seen.page.goto("/?new=1")
+            seen.find("cell-tool_x_mm").wait_for()
+            for field in seen.find("cell-form").locator("input").all():
+                box = field.bounding_box()
+                assert box is not None
+                assert box["width"] > 100.0, field.get_attribute("data-testid")

@@ -13,7 +13,7 @@ export default {
       <template v-for="[group, names] in groups" :key="group">
         <h3>{{ text['group_' + group] }}</h3>
         <label class="field" v-if="group === 'instrument'">{{ text.frame }}<select v-model="frame" data-testid="cell-frame"><option value="base">{{ text.frame_base }}</option><option value="unknown">{{ text.frame_unknown }}</option></select></label>
-        <div class="fields" :class="group"><label class="field" v-for="key in names" :key="key">{{ text[key] }}
+        <div class="fields" :class="'of-' + group"><label class="field" v-for="key in names" :key="key">{{ text[key] }}
           <input type="text" inputmode="decimal" v-model="numbers[key]" :placeholder="usual(key)" :aria-invalid="!!told(key)" :data-testid="'cell-' + key" autocomplete="off">
           <span class="wrong" v-if="told(key)" :data-testid="'wrong-' + key">{{ told(key) }}</span>
           <span class="careful" v-else-if="careful(key)">{{ careful(key) }}</span></label></div>

@@ -18,6 +18,7 @@ from robotrue.core.rotations import (
 )
 from robotrue.planning.scene import THICK, THIN
 from robotrue.robot.forward import ChainState, walk
+from robotrue.robot.reach import wrist_reach
 from robotrue.web.questions.packing import packed
 
 POINT: Final = 1e-3
@@ -28,7 +29,8 @@ def body_document(cell: Cell, joints: Array) -> dict[str, Any]:
     """Returns tubes and drums of the arm in n postures.
 
     ``tubes`` (n, t, 2, 3) m end points in base, ``drums`` (n, dof, 2, 3) m middle and axis,
-    ``tool`` (n, 4, 3) m origin and axes of the tool point, radii in m once for all postures.
+    ``tool`` (n, 4, 3) m origin and axes of the tool point, radii in m once for all postures;
+    ``wrist_reach_m`` as data sheets state it, ``reach_m`` what no posture exceeds, tool included.
     """
     robot = cell.robot.nominal()
     state = walk(robot, joints)
@@ -55,6 +57,7 @@ def body_document(cell: Cell, joints: Array) -> dict[str, Any]:
         ),
         "orientation": orientations(state.rotation),
         "reach_m": float(robot.reach),
+        "wrist_reach_m": wrist_reach(robot),
         "name": robot.name,
         "dof": dof,
     }

@@ -226,7 +226,7 @@ export class SceneView {
     group.add(foot);
     this.triad = this.axes(0.12, "");
     group.add(this.triad);
-    this.surroundings(doc.reach_m);
+    this.surroundings(doc.reach_m, doc.wrist_reach_m ?? doc.reach_m);
     this.pose(0);
     this.look(doc.reach_m);
   }
@@ -293,8 +293,8 @@ export class SceneView {
     }
   }
 
-  // Floor and reach: where the arm stands, and how far it gets.
-  surroundings(reach) {
+  // Floor and reach: where the arm stands, and how far its wrist gets.
+  surroundings(reach, wrist) {
     const T = this.THREE;
     const group = this.layer("reach");
     const points = [];
@@ -306,7 +306,7 @@ export class SceneView {
     this.floorMaterial = new T.LineBasicMaterial({ color: this.colours.floor });
     group.add(new T.LineSegments(geometry, this.floorMaterial));
     const ring = [];
-    for (let k = 0; k <= 96; k++) ring.push(reach * Math.cos((k / 48) * Math.PI), reach * Math.sin((k / 48) * Math.PI), 0);
+    for (let k = 0; k <= 96; k++) ring.push(wrist * Math.cos((k / 48) * Math.PI), wrist * Math.sin((k / 48) * Math.PI), 0);
     const round = new T.BufferGeometry();
     round.setAttribute("position", new T.Float32BufferAttribute(ring, 3));
     const line = new T.Line(round, new T.LineDashedMaterial({ color: 0x8895a3, dashSize: 0.06, gapSize: 0.05 }));
