@@ -102,7 +102,7 @@ def test_a_relative_job_takes_the_user_frame_of_its_attributes() -> None:
     points = f"///TOOL 1\n///POSTYPE USER\n///RECTAN\nC00000={P}\n"
     program = body(points, "MOVL C00000", attributes="////FRAME USER 2\n")
     assert program.reason.tolist() == [Reason.NONE]
-    assert "a relative job; 1 points are compensated in user frame 2" in program.notes[0]
+    assert "a relative job; its points (1) count from user frame 2" in program.notes[0]
     assert body(points, "MOVL C00000").reason.tolist() == [Reason.UNKNOWN_FRAME]
 
 
@@ -178,6 +178,7 @@ def test_an_arc_of_poses_and_axis_values_is_left_alone() -> None:
         ("MOVL P[I000]\nMOVL P001", Reason.EXPRESSION),
         ("MOVL C00001 V=1.0 +MOVL P001 V=1.0", Reason.EXTERNAL_AXIS),
         ("SMOVL P001 V=1.0", Reason.EXTERNAL_AXIS),
+        ("CVMOVL P001 V=1.0\nMOVL P001", Reason.EXPRESSION),
         ("MOVL P001 EC00000 V=1.0", Reason.EXTERNAL_AXIS),
         ("MOVL P001 BC00000 V=1.0", Reason.NONE),
         ("MOVL P001 V=1.0\n+MOVJ EC00000", Reason.EXTERNAL_AXIS),
@@ -266,3 +267,19 @@ def test_a_job_called_while_the_moves_are_shifted_is_told() -> None:
     program = body(points, "MOVL C00000\nSFTON P009\nCALL JOB:PART\nSFTOF\nCALL JOB:NEXT")
     assert program.reason.tolist() == [Reason.NONE, Reason.EXPRESSION]
     assert sum("called while SFTON shifts" in note for note in program.notes) == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("CVMOVL C00000 V=9.0", Reason.EXPRESSION),
+        ("MFRAME UF#(7) C00000 C00001 C00001", Reason.EXPRESSION),
+        ("REFP 1 C00000", Reason.NONE),
+        ("JUMP *C00000 IF IN#(1)=ON", Reason.NONE),
+        ("CALL JOB:C00000", Reason.NONE),
+    ],
+)
+def test_points_of_other_instructions(text: str, reason: Reason) -> None:
+    program = body(f"{HEAD}C00000={P}\nC00001={P}", f"MOVL C00000\n{text}\nMOVL C00001")
+    assert program.reason[0] == reason
+    assert any("C00000 is used" in note for note in program.notes) == bool(reason)

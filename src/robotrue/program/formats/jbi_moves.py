@@ -17,6 +17,7 @@ _POINTS: Final = re.compile(rb"(?<![\w#(])(C|P|BC|BP|EC|EX)(\d{1,6})\b")
 _COMPUTED: Final = re.compile(rb"(?<![\w#(])(?:C|P|BC|BP|EC|EX)\[")
 _LOCAL: Final = re.compile(rb"(?<![\w#(])L(?:P|BP|EX)[ \t]*(?:\d{1,6}\b|\[)")
 _VARIABLE: Final = re.compile(rb"\bL?PX?(\d{1,6})\b")
+_USED: Final = re.compile(rb"(?<![\w#(*:\"])C(\d{1,6})\b")
 _VARIABLES: Final = re.compile(rb"\bPX?\[")
 _FRAME: Final = re.compile(rb"\b(?:MFRAME|SETUFRAME)\b.*?UF#\((\d+)\)", re.IGNORECASE)
 _TOOL: Final = re.compile(rb"\b(?:SETTOOL)\b.*?TL#\((\d+)\)", re.IGNORECASE)
@@ -110,6 +111,8 @@ class _Walk:
             found += [(number.decode(), line) for number in pattern.findall(text)]
         for number in _VARIABLE.findall(text):
             self._compute(int(number) + P_POINTS, line)
+        for number in _USED.findall(text):
+            self._compute(int(number), line)
         if _VARIABLES.search(text):
             self._all_variables(line)
 
@@ -214,8 +217,9 @@ class _Walk:
         row = self._row.get(name)
         if row is not None:
             self._flag(row, Reason.EXPRESSION)
-            self._tell("set", f"{self.name}:{line}: P{name - P_POINTS:03d} is used or set by an "
-                       "instruction; such points are not compensated.")  # fmt: skip
+            what = f"C{name:05d}" if name < P_POINTS else f"P{name - P_POINTS:03d}"
+            self._tell("set", f"{self.name}:{line}: {what} is used or set by an instruction that "
+                       "is no move; such points are not compensated.")  # fmt: skip
 
     def _all_variables(self, line: int) -> None:
         if "index" in self._told:

@@ -144,8 +144,8 @@ class _Builder:
         number = number or said
         if said:
             self.notes.append(
-                f"{self.name}: a relative job; {count} points are compensated in user frame "
-                f"{number}, where they were taught: run elsewhere, the correction does not fit."
+                f"{self.name}: a relative job; its points ({count}) count from user frame "
+                f"{number}, where they were taught: run elsewhere, their correction does not fit."
             )
         if not number:
             what = "is a user frame without a number"
