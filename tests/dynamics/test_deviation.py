@@ -24,6 +24,7 @@ from robotrue.dynamics.interpolation import response_curve
 from robotrue.dynamics.paper_components import components_of
 from robotrue.dynamics.paper_regression import fit_paper
 from robotrue.dynamics.static_row import row_of, static_row
+from robotrue.dynamics.windows import concatenated
 from robotrue.errors import (
     ArchiveError,
     ConfigurationError,
@@ -200,6 +201,16 @@ def test_bad_windows_are_refused():
     refused(ImplausibleDataError, "these look like radians", joints=windows.joints * DEG)
     refused(ImplausibleDataError, "look like mm or m", predicted=windows.predicted * 1e-3)
     refused(ImplausibleDataError, "are these nm", measured=windows.measured * 1e3)
+    refused(ImplausibleDataError, "the negative of predicted_um", measured=-windows.measured)
+    forces = ("force", "force_peak", "force_mean")
+    small = {name: getattr(windows, name) * 1e-3 for name in forces}
+    refused(ImplausibleDataError, "look like kN", **small)
+    stuck = windows.force.copy()
+    stuck[:, 2] = 4.0
+    refused(ImplausibleDataError, "fz_mean_N does not vary: 4 in all 20", force=stuck)
+    twice = concatenated([windows, windows.subset(np.arange(3))])
+    with pytest.raises(ImplausibleDataError, match="window 21 is window 1 again; 3 of 23"):
+        fit_deviation(twice, arm)
     refused(ImplausibleDataError, "counts", force=windows.force * 1e4)
     refused(ImplausibleDataError, "below the size of f_mean_N", force_peak=np.linspace(1, 2, 20))
     still = np.tile(windows.joints[:1], (20, 1))
@@ -227,6 +238,9 @@ def test_windows_are_read_as_written(tmp_path):
     with pytest.raises(FormatError, match=r"w\.csv:1: no column 'f_peak_N'"):
         read_windows(path)
     lines = text.splitlines()
+    path.write_text("\n".join([*lines[:4], lines[4].replace(lines[4].split(",")[0], "", 1)]))
+    with pytest.raises(FormatError, match=r"w\.csv:5: a window without a pass"):
+        read_windows(path)
     lines[2] = lines[2].replace(lines[2].split(",")[8], "nan")
     path.write_text("\n".join(lines))
     with pytest.raises(FormatError, match=r"w\.csv:3: fy_mean_N is 'nan'"):

@@ -222,3 +222,21 @@ def test_modes_that_miss_the_lines_are_said_to():
     curve = response_curve(measured(truth, step=4.0), poor)
     found = predict_error(curve, record(along_x(smooth_burst(1000))))
     assert any("the modes miss the lines by 10 %" in remark for remark in found.remarks)
+
+
+def test_a_sensor_that_stops_is_not_valid_and_a_step_is_no_sensor_that_stops():
+    curve, force = known(single()), along_x(smooth_burst(2000))
+    noisy = force + np.random.default_rng(0).normal(size=force.shape) * 0.4
+    assert not predict_error(curve, record(noisy)).invalid
+    noisy[1200:, 0] = noisy[1199, 0]
+    (said,) = predict_error(curve, record(noisy)).invalid
+    assert "for 0.4 s from 0.5995 s on: a sensor that has stopped" in said
+    ramp = along_x(np.minimum(np.arange(2000) * 0.05, 40.0))
+    assert not predict_error(curve, record(ramp)).invalid
+
+
+def test_a_record_too_slow_for_the_tool_is_refused():
+    """Milliseconds taken for seconds, among others."""
+    with pytest.raises(ModelMismatchError, match="the tool moves most at 30 Hz") as caught:
+        predict_error(known(single(30.0)), record(along_x(smooth_burst(2000)), rate=20.0))
+    assert "ms are not s" in str(caught.value.hint)

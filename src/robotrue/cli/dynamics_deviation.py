@@ -155,6 +155,13 @@ def check_direction(windows: WindowSet, arm: CompliantArm) -> None:
     axis = int(np.abs(arm.direction).argmax())
     if abs(arm.direction[axis]) < 0.999 or len(windows) < 2:
         return
+    if windows.force_mean.any() and not windows.force[:, axis].any():
+        raise ModelMismatchError(
+            f"f{'xyz'[axis]}_mean_N is zero in all windows and f_mean_N is not, though both are "
+            f"along {'xyz'[axis]}.",
+            source=windows.source or None,
+            hint="a channel that is not connected, or --direction along the measured error.",
+        )
     for k, name in enumerate("xyz"):
         same = np.allclose(np.abs(windows.force_mean), np.abs(windows.force[:, k]), atol=1e-6)
         if same and k != axis:

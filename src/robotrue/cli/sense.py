@@ -33,6 +33,7 @@ from robotrue.online.clock_file import read_clock
 from robotrue.online.corrections import Corrections, fixed_axes
 from robotrue.online.guard import CorrectionGuard, CorrectionLimits
 from robotrue.online.link import Health
+from robotrue.online.path_axes import PathAxes
 from robotrue.online.record import Record, RecordHeader, segments
 from robotrue.online.record_frames import Kind
 from robotrue.online.record_writer import RecordWriter
@@ -101,7 +102,7 @@ def run_sense(options: SenseOptions, *, as_json: bool) -> None:
     sensing, remarks = sensing_of(options, rate)
     for remark in remarks:
         say(f"note: {remark}")
-    _warmed(sensing)
+    warmed(sensing)
     shift = StreamShift()
     if options.clock is not None:
         shift, _ = read_clock(options.clock, live=not options.replayed)
@@ -119,7 +120,7 @@ def run_sense(options: SenseOptions, *, as_json: bool) -> None:
     _report(shot, options, as_json=as_json)
 
 
-def _warmed(sensing: Sensing) -> None:
+def warmed(sensing: Sensing) -> None:
     """Has the kernels compiled before a robot waits for answers: another one takes one sample."""
     robot = sensing.models.robot
     spare = Sensing(sensing.models, sensing.settings)
@@ -365,6 +366,12 @@ def _corrections(options: SenseOptions, cell: Cell) -> Corrections | None:
     )
     mode = CorrectionMode.RELATIVE if relative else CorrectionMode.ABSOLUTE
     guard = answering_guard(limits, mode)
+    if options.correct_in == "path" and not options.robot.lower().startswith("egm://"):
+        raise ConfigurationError(
+            f"--correct-in path with {_shown(options.robot)}: only egm:// controllers take a "
+            "correction in the axes of their path.",
+            hint="base, tool, or A,B,C in deg.",
+        )
     return Corrections(guard, _axes(options.correct_in, cell), cutoff=options.low_pass_hz)
 
 
@@ -372,21 +379,21 @@ def _axes(text: str, cell: Cell) -> Callable[[Array], Array]:
     """The axes of the controller's correction in base, for joints as displayed."""
     if text == "base":
         return fixed_axes(np.eye(3))
-    if text == "tool":
+    if text in ("tool", "path"):
         controller = cell.robot.controller
 
-        def tool(joints: Array) -> Array:
+        def pose(joints: Array) -> Array:
             own = joints if controller is None else controller.to_model(joints)
-            return np.asarray(forward(cell.robot, own[None])[0, :3, :3])
+            return np.asarray(forward(cell.robot, own[None])[0])
 
-        return tool
+        return PathAxes(pose) if text == "path" else lambda joints: pose(joints)[:3, :3]
     try:
         angles = np.array([float(part) for part in text.split(",")])
     except ValueError:
         angles = np.zeros(0)
     if angles.shape != (3,) or not np.isfinite(angles).all():
         raise ConfigurationError(
-            f"--correct-in {text!r}, expected base, tool, or A,B,C in deg.",
+            f"--correct-in {text!r}, expected base, tool, path, or A,B,C in deg.",
             hint="as RSI_ON and the sensor's frame of the running program say.",
         )
     return fixed_axes(matrix_from_abc(angles * DEG))

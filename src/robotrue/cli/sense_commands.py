@@ -81,7 +81,8 @@ def run(
     watchdog_ms: Annotated[float, typer.Option(help="Oldest estimate that is acted on.")] = 100.0,
     low_pass_hz: Annotated[float, typer.Option(help="Of the correction.")] = 2.0,
     correct_in: Annotated[
-        str, typer.Option(help="Axes of the controller's correction: base, tool, or A,B,C in deg.")
+        str,
+        typer.Option(help="Axes of the controller's correction: base, tool, path, A,B,C in deg."),
     ] = "base",
     name: Annotated[str | None, typer.Option(help="Of the cell, in topics and pages.")] = None,
     note: Annotated[

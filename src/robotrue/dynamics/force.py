@@ -19,6 +19,8 @@ _COUNTS: Final = 1000.0
 _FLAT_RUN: Final = 4
 """Samples in a row at the same extreme; twice that a sensor clipped."""
 _DISTINCT: Final = 20
+_STILL: Final = 200
+"""Samples without any change after which a sensor that moved before has stopped."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,7 +96,35 @@ def check_force(
             raise _refused(
                 record, clipped, line_of, what + "the sensor is saturated.", "a larger range"
             )
+    whole = force[:, force.any(axis=0)]
+    if (whole == np.rint(whole)).all() and len(np.unique(whole)) >= _DISTINCT:
+        remarks.append("all forces are whole numbers: counts of a converter, not newtons?")
     return tuple(remarks)
+
+
+def stopped(record: ForceRecord) -> tuple[str, ...]:
+    """Returns where a channel that went up and down stands still at a force, one sentence each.
+
+    A channel that stands at zero says nothing: the tool is in the air. One that only rises to a
+    value, like a step or a ramp, is no sensor that has stopped.
+    """
+    said = []
+    for axis, values in zip(AXES, record.force.T, strict=True):
+        change = np.diff(values)
+        moved = change[change != 0.0]
+        if np.count_nonzero(np.diff(np.sign(moved))) < _DISTINCT:
+            continue
+        edge = np.flatnonzero(np.diff(np.concatenate([[True], change != 0.0, [True]])))
+        begins, ends = edge[::2], edge[1::2]
+        long = (ends - begins >= _STILL) & (values[begins] != 0.0)
+        if long.any():
+            k = int(np.argmax(long))
+            said.append(
+                f"f{axis} stands at exactly {values[begins[k]]:.6g} N for "
+                f"{(ends[k] - begins[k]) / record.rate:.3g} s from "
+                f"{record.start + begins[k] / record.rate:.6g} s on: a sensor that has stopped"
+            )
+    return tuple(said)
 
 
 def _clipped(values: Array) -> int | None:

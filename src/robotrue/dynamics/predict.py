@@ -16,8 +16,8 @@ import scipy.fft
 
 from robotrue.core.arrays import Array
 from robotrue.core.units import UM
-from robotrue.dynamics.checks import response_remarks
-from robotrue.dynamics.force import ForceRecord
+from robotrue.dynamics.checks import in_band, response_remarks
+from robotrue.dynamics.force import ForceRecord, stopped
 from robotrue.dynamics.frf import AXES, ComplexArray, FrequencyResponse
 from robotrue.dynamics.interpolation import COARSE, ResponseCurve
 from robotrue.errors import ConfigurationError, ModelMismatchError
@@ -97,12 +97,7 @@ def predict_error(
             source=record.source,
             hint="check the axes of the dynamometer against those of the hammer test.",
         )
-    if record.rate / 2.0 < frf.valid[0] or record.rate / 2.0 < frf.frequency[1]:
-        raise ModelMismatchError(
-            f"{record.rate:g} samples/s reach to {record.rate / 2.0:g} Hz, the response begins at "
-            f"{frf.frequency[0]:g} Hz.",
-            source=record.source,
-        )
+    _check_rate(curve, record)
     n = len(record)
     error = _in_all_axes(
         _filtered(curve, force, record.rate, n + round(padding * record.rate)), frf
@@ -119,6 +114,26 @@ def predict_error(
         remarks=_remarks(curve, record, force, rings),
         invalid=_invalid(curve, record, error[:n]),
     )
+
+
+def _check_rate(curve: ResponseCurve, record: ForceRecord) -> None:
+    """Refuses a record too slow for what the tool does most."""
+    frf, reach = curve.frf, record.rate / 2.0
+    if reach < frf.valid[0] or reach < frf.frequency[1]:
+        raise ModelMismatchError(
+            f"{record.rate:g} samples/s reach to {reach:g} Hz, the response begins at "
+            f"{frf.frequency[0]:g} Hz.",
+            source=record.source,
+        )
+    size = np.linalg.norm(frf.response, axis=(1, 2)) * in_band(frf)
+    peak = float(frf.frequency[int(np.argmax(size))])
+    if reach < peak:
+        raise ModelMismatchError(
+            f"{record.rate:.4g} samples/s reach to {reach:.4g} Hz, the tool moves most at "
+            f"{peak:.4g} Hz.",
+            source=record.source,
+            hint="record faster; or check the unit of the time: ms are not s.",
+        )
 
 
 def ring_time(curve: ResponseCurve) -> float:
@@ -165,6 +180,7 @@ def _invalid(curve: ResponseCurve, record: ForceRecord, error: Array) -> tuple[s
         for axis in curve.frf.excitation_axes
         if not record.force[:, AXES.index(axis)].any()
     ]
+    said += stopped(record)
     above = out_of_band(curve, record)
     if above > _MOST_ABOVE:
         said.append(

@@ -15,6 +15,10 @@ FEWEST: Final = 12
 """Windows below which nothing is learned."""
 LARGEST_ERROR: Final = 5e-3
 LARGEST_FORCE: Final = 2e4
+_SMALLEST_PEAK: Final = 1.0
+"""N; a cut with less moves no tool by what a sensor sees."""
+_OPPOSITE: Final = 0.3
+"""Part of the deviation that is left when the sign of the measured error is turned round."""
 SMALLEST_TURN: Final = 0.01 * DEG
 _RADIANS: Final = 0.12
 """rad; joints that never exceed this in degrees would be all within 7 deg of zero."""
@@ -56,22 +60,57 @@ def check_for_fit(windows: WindowSet, outside: BoolArray) -> None:
             source=source,
             hint="check the robot, the sense of its joints and their unit.",
         )
+    _check_columns(windows)
+    _check_repeated(windows)
+    if np.ptp(windows.joints, axis=0).max() < SMALLEST_TURN:
+        raise ImplausibleDataError(
+            "no joint moves by 0.01 deg over all windows: the arm stood still.", source=source
+        )
+
+
+def _check_columns(windows: WindowSet) -> None:
+    """Passes if every column varies that a sensor fills, and the errors count the same way."""
+    n, source = len(windows), windows.source or None
     columns: dict[str, Array] = {
-        "measured_um": windows.measured,
-        "predicted_um": windows.predicted,
+        "measured_um": windows.measured / UM,
+        "predicted_um": windows.predicted / UM,
         "f_peak_N": windows.force_peak,
         "f_mean_N": windows.force_mean,
+    }
+    # A force that is not there is zero; one that stands at another value was not measured.
+    columns |= {
+        f"f{axis}_mean_N": values
+        for axis, values in zip("xyz", windows.force.T, strict=True)
+        if values.any()
     }
     for name, values in columns.items():
         if np.ptp(values) <= 1e-9 * max(float(np.abs(values).max()), 1e-300):
             raise ImplausibleDataError(
-                f"column {name} does not vary: {values[0]:.6g} (SI) in all {n} windows.",
+                f"column {name} does not vary: {values[0]:.6g} in all {n} windows.",
                 source=source,
                 hint="a sensor that is not connected, or a column that was filled in.",
             )
-    if np.ptp(windows.joints, axis=0).max() < SMALLEST_TURN:
+    against = np.sqrt(((windows.measured + windows.predicted) ** 2).mean())
+    if against < _OPPOSITE * np.sqrt((windows.deviation**2).mean()):
         raise ImplausibleDataError(
-            "no joint moves by 0.01 deg over all windows: the arm stood still.", source=source
+            f"measured_um is the negative of predicted_um to {against / UM:.1f} um rms.",
+            source=source,
+            hint="count both errors positive along --direction.",
+        )
+
+
+def _check_repeated(windows: WindowSet) -> None:
+    """Passes if no window stands twice: held out and learned from, it would flatter."""
+    rows = np.column_stack([windows.joints, windows.force, windows.force_peak, windows.measured])
+    _, first, count = np.unique(rows, axis=0, return_index=True, return_counts=True)
+    if (count > 1).any():
+        k = int(first[count > 1].min())
+        again = int(np.flatnonzero((rows == rows[k]).all(axis=1))[1])
+        raise ImplausibleDataError(
+            f"window {again + 1} is window {k + 1} again; {int((count - 1).sum())} of "
+            f"{len(windows)} are repeated.",
+            source=windows.source or None,
+            hint="keep each window once.",
         )
 
 
@@ -106,6 +145,11 @@ def check_units(windows: WindowSet) -> None:
     size = np.linalg.norm(windows.force, axis=1)
     if size.size and size.max() > LARGEST_FORCE:
         raise wrong(f"a mean force of {size.max():.0f} N.", "forces in N; these look like counts.")
+    if size.size and 0.0 < windows.force_peak.max() < _SMALLEST_PEAK:
+        raise wrong(
+            f"f_peak_N of no more than {windows.force_peak.max():.3g} N.",
+            "forces in N; these look like kN.",
+        )
     mean, peak = np.abs(windows.force_mean), windows.force_peak
     odd = np.flatnonzero(peak < mean)
     if odd.size:

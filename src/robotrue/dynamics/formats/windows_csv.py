@@ -63,6 +63,13 @@ def read_windows(path: str | Path) -> WindowSet:
                 f"{len(row)} cells, the header has {len(names)}.", source=path, line=number
             )
         passes.append(as_written(row[at["pass"]].strip()))
+        if not passes[-1]:
+            raise FormatError(
+                "a window without a pass.",
+                source=path,
+                line=number,
+                hint="name its pass.",
+            )
         rows.append(
             [
                 _number(row[at[name]] if name in at else "", name, path, number)
