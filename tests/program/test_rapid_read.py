@@ -374,3 +374,14 @@ def test_arc_welding_moves() -> None:
     ]
     assert program.reason.tolist() == [Reason.NONE] * 4 + [Reason.EXPRESSION]
     assert set(program.T_flange_tool[program.tool[:4]][:, 2, 3]) == {0.1}
+
+
+def test_a_target_of_another_module_is_told() -> None:
+    data = f"MODULE points\nCONST robtarget p10:={target()};\nENDMODULE\n"
+    text = f"{FRAMES}PROC main()\n{move('p10')}{move('p20')}ENDPROC\nENDMODULE\n"
+    files = [("part.mod", text.encode()), ("points.mod", data.encode())]
+    first, second = dialect("rapid").read_job(files, frames=FrameTable())
+    assert first.reason.tolist() == [EXPRESSION] * 2
+    assert any("'p10' stands in points.mod: declare it in" in note for note in first.notes)
+    assert any("'p20' is in no file of this program" in note for note in first.notes)
+    assert dialect("rapid").write(second, replacement(second)) == data.encode()

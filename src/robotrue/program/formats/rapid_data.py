@@ -129,6 +129,8 @@ class Data:
             if not frames_only or not self.frames.has(KINDS[kind], name):
                 self.frames.declare(KINDS[kind], name, value, self._line(statement.start))
         elif frames_only:
+            if kind in LITERAL and statement.word != "local":
+                self.frames.elsewhere.setdefault(name, self.name)
             return True
         elif kind in LITERAL:
             variable = self.variables.declare(self.scope, name, kind)

@@ -76,10 +76,12 @@ class RapidFrames:
 
     Attributes:
         frames: The matrices by index, and the sentence for each that is not known.
+        elsewhere: Modules beside the one that is read, by the targets they declare.
     """
 
     def __init__(self, table: FrameTable, name: str, course: Course) -> None:
         self.frames = Frames(table, name)
+        self.elsewhere: dict[str, str] = {}
         self._table, self._course = table, course
         self._known: dict[tuple[str, str], _Variable] = {}
         given = _given(table.bases, "wobj0")

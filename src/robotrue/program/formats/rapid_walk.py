@@ -271,11 +271,12 @@ class Walk(Data):
                 points = self.variables.points_at(variable, subscript, self.course.barriers)
                 if points:
                     return points
-            why = (
-                "is a parameter or is computed"
-                if variable is not None
-                else "is in no file of this program"
-            )
+            module = self.frames.elsewhere.get(named[1].lower())
+            why = "is in no file of this program"
+            if variable is not None:
+                why = "is a parameter or is computed"
+            elif module is not None:
+                why = f"stands in {module}: declare it in the module that moves to it"
             return [self._lost(start, Reason.EXPRESSION, f"the target {text[:40]!r} {why}")]
         shifting = _SHIFTING.match(text)
         if shifting:
