@@ -150,3 +150,15 @@ def test_every_field_of_a_new_cell_can_be_read(browser: Any, stage: Stage) -> No
                 box = field.bounding_box()
                 assert box is not None
                 assert box["width"] > 100.0, field.get_attribute("data-testid")
+
+
+def test_an_address_without_a_page_says_so_and_leads_back(browser: Any, stage: Stage) -> None:
+    with watching(browser, stage.served, locale="zh-CN") as seen:
+        answer = seen.page.goto("/nowhere/at/all")
+        assert answer.status == 404
+        assert "未找到" in seen.page.locator("h1").inner_text()
+        seen.find("home").click()
+        seen.find("scene").wait_for()
+        seen.faults = [f for f in seen.faults if "404" not in f]
+    plain = httpx.get(f"{stage.served.address}/nowhere", trust_env=False)
+    assert plain.status_code == 404

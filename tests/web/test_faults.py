@@ -38,6 +38,13 @@ def test_a_chinese_page_frames_what_is_said_in_english() -> None:
     assert "<b>未找到。</b>" in stated(Wording("zh"), "odd", "x", None, title="未找到。")
 
 
+def test_what_is_to_be_typed_as_a_command_is_no_help_on_a_page() -> None:
+    for hint in ("--name", "robotrue workspace undo 12ab"):
+        assert hint not in stated(Wording("en"), "configuration error", "no name.", hint)
+    kept = stated(Wording("en"), "missing extra error", "no typst.", "pip install 'robotrue[pdf]'")
+    assert "pip install" in kept
+
+
 def test_what_a_calibration_is_at_is_told_in_the_reader_s_words() -> None:
     assert {*METHODS, *get_args(SplitKind), "chosen"} <= set(STEPS)
 

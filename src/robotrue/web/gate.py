@@ -128,7 +128,7 @@ class Gate:
             413,
             "too large",
             detail=f"more than {limit / MB:g} MB.",
-            hint="--upload-mb" if scope["path"].startswith(UPLOADS) else None,
+            hint="robotrue serve --upload-mb" if scope["path"].startswith(UPLOADS) else None,
         )
 
     async def _through(self, scope: Scope, receive: Receive, send: Send) -> None:

@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import Final
 
 import uvicorn
-from fastapi import FastAPI, Request
+from fastapi import FastAPI, Request, Response
 from nicegui import Client, ui
+from nicegui import app as pages
 from starlette.staticfiles import StaticFiles
 
 from robotrue import __version__
@@ -28,6 +29,7 @@ from robotrue.web.job_process import JobProcess
 from robotrue.web.language import Wording
 from robotrue.web.live_relay import Relays
 from robotrue.web.login import login_router
+from robotrue.web.missing_page import is_page, missing_page
 from robotrue.web.models import shown_model
 from robotrue.web.pages import PAGES
 from robotrue.web.parts.frame import frame
@@ -176,6 +178,15 @@ def with_pages(app: FastAPI, house: House) -> FastAPI:
         binding_refresh_interval=None,
         reconnect_timeout=10.0,
     )
+    usual = pages.exception_handlers[404]
+
+    @pages.exception_handler(404)
+    async def missing(request: Request, error: Exception) -> Response:
+        if is_page(request):
+            return missing_page(request)
+        answer: Response = await usual(request, error)  # type: ignore[misc]
+        return answer
+
     return app
 
 

@@ -21,6 +21,8 @@ KINDS: Final = (
     "archive error", "missing extra error", "missing error", "unanswered", "invalid request",
     "too large", "no connection", "other",
 )  # fmt: skip
+OF_COMMANDS: Final = ("--", "robotrue workspace ")
+"""Beginnings of hints for who types commands; the page has buttons for what they say."""
 
 
 def refusal(say: Wording, error: RobotrueError, *, title: str = "") -> str:
@@ -48,6 +50,7 @@ def stated(say: Wording, kind: str, message: str, hint: str | None, *, title: st
         hint: Likewise; None: there is none.
         title: In the place of the kind.
     """
+    hint = None if hint is not None and hint.startswith(OF_COMMANDS) else hint
     key = f"fault.{(kind if kind in KINDS else KINDS[-1]).replace(' ', '_')}"
     head = f"<b>{escape(title or say(key))}</b>"
     if say.language == "en":
@@ -74,6 +77,7 @@ def fault_words(say: Wording) -> str:
         "english": say("fault.english"),
         "try": say("fault.try"),
         "plain": say.language == "en",
+        "commands": OF_COMMANDS,
     }
     return (
         f"<script>window.benchFaults={json.dumps(words).replace('<', chr(92) + 'u003c')}</script>"

@@ -72,7 +72,7 @@ def _listed(bench: Bench, found: tuple[DocumentRecord, ...]) -> str:
         )
         for each in found
     ]
-    columns = [say("measurements.taken"), "", say("reports.says"), say("view.language"), ""]
+    columns = [say("history.when"), "", say("reports.says"), say("view.language"), ""]
     return table(columns, rows, words=(0, 1, 2, 3), mark="report-list")
 
 

@@ -86,12 +86,13 @@
     const known = words.kinds[kind] ?? words.kinds.other;
     const file = String(found.source ?? "").split(/[\\/]/).pop();
     const place = file || found.line ? `${file || ""}${found.line ? `:${found.line}` : ""}: ` : "";
+    const hint = (words.commands ?? []).some((each) => found.hint?.startsWith(each)) ? "" : found.hint;
     const said = away ? "" : found.detail ?? found.message ?? "";
     const head = `<b>${plain(known?.title ?? kind)}</b> `;
     const note = (label, text) => (text ? `<div class="note">${plain(label)} <span lang="en">${plain(text)}</span></div>` : "");
     if (!said) return head + plain(known?.do);
-    if (words.plain) return head + plain(place + said) + (found.hint ? `<div class="note">${plain(found.hint)}</div>` : "");
-    return head + plain(known?.do) + note(words.english, place + said) + note(words.try, found.hint);
+    if (words.plain) return head + plain(place + said) + (hint ? `<div class="note">${plain(hint)}</div>` : "");
+    return head + plain(known?.do) + note(words.english, place + said) + note(words.try, hint);
   };
   // Shows a refusal under what was pressed, in place of the one before.
   const tell = (near, found) => {
