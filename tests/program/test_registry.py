@@ -72,3 +72,12 @@ def test_a_companion_without_targets_is_left_out(tmp_path: Path) -> None:
 def test_missing_file(tmp_path: Path) -> None:
     with pytest.raises(FormatError, match="cannot read"):
         read_job(tmp_path / "absent.src")
+
+
+@pytest.mark.parametrize(
+    ("name", "cure"),
+    [("part.urp", r"\.script"), ("PART.TP", r"text \(\.LS\)"), ("part.pgf", r"modules \(\.mod\)")],
+)
+def test_other_forms_of_a_program_are_refused_with_what_to_give(name: str, cure: str) -> None:
+    with pytest.raises(FormatError, match=rf"{name}:1: not a program .* Try: .*{cure}"):
+        detect(b"\x1f\x8b\x08\x00", name)

@@ -51,6 +51,13 @@ _INSERTERS: Final[dict[str, str]] = {
     "urscript": "robotrue.program.formats.urscript_insert",
 }
 """Dialects that can put targets into a program."""
+_INSTEAD: Final = {
+    ".urp": "give the .script that the pendant saves beside it.",
+    ".tp": "export the program as text (.LS); TP is its binary form.",
+    ".pgf": "give the modules (.mod) that it lists.",
+    ".rdk": "give the program that its post processor writes.",
+}
+"""What to give instead of a file that holds or lists a program in another form, by its suffix."""
 _SURE: Final = 0.4
 _LOOKED_AT: Final = 1 << 18
 
@@ -130,14 +137,15 @@ def detect(data: bytes, name: str) -> Dialect:
             break
     if sure >= _SURE:
         return best
+    suffix = Path(name).suffix.lower()
     for each in known:
-        if Path(name).suffix.lower() in each.suffixes:
+        if suffix in each.suffixes:
             return each
     raise FormatError(
         f"not a program robotrue reads; it knows {', '.join(dialects())}.",
         source=name,
         line=1,
-        hint="give the file the controller runs, with its own suffix.",
+        hint=_INSTEAD.get(suffix, "give the file the controller runs, with its own suffix."),
     )
 
 
