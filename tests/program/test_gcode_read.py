@@ -319,3 +319,12 @@ def test_a_tool_is_asked_for_by_the_name_it_has() -> None:
     named = FrameTable(bases=TABLE.bases, tools={"ball_6": np.eye(4)}, orientation=RULE)
     block = "G1 X1.0 Y2.0 Z1.0 A=0.0 B=0.0 C=0.0"
     assert reasons(sinumerik(f'T="BALL_6" D1\n{block}', named)) == [Reason.NONE]
+
+
+@pytest.mark.parametrize(
+    "head", [":0100", "O<PART-1>", "<PART>(made by hand)", "N3#100=5.", "N3/M1"]
+)
+def test_names_of_programs_variables_and_skipped_switches_change_nothing(head: str) -> None:
+    program = fanuc(f"{head}\nG1 X1. Y2. Z3. A0. B0. C0.\nX2.")
+    assert reasons(program) == [Reason.NONE] * 2
+    assert not any("not understood" in note for note in program.notes)

@@ -197,3 +197,9 @@ def test_an_approach_may_begin_the_radius_of_the_tool() -> None:
     text = "APPR LCT X+0 Y+0 R20 {}\nL {}\nL {}\nDEP LCT X+9 Y+0 R20\nL {}"
     assert reasons(of(text.format("RL F100", *lines))) == [Reason.EXPRESSION] * 2 + [Reason.NONE]
     assert reasons(of(text.format("R0 F100", *lines))) == [Reason.NONE] * 3
+
+
+def test_decimal_commas_are_told() -> None:
+    program = of(f"{FIRST}\nL X+1,5 Y+2,25\n{FIRST}")
+    assert reasons(program) == [Reason.NONE, Reason.EXPRESSION, Reason.NONE]
+    assert any("decimal commas: write points" in note for note in program.notes)

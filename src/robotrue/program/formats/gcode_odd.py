@@ -30,6 +30,8 @@ _NUMBERED: Final = re.compile(
 _COMPUTED: Final = re.compile(rb"([A-Z])[ \t]*+[+-]?[#\[][^ \t]*+")
 _KEYWORD: Final = re.compile(rb"([A-Z_$][A-Z_$][A-Z0-9_$]*+)[ \t]*+(\((?:[^()]|\([^()]*\))*+\)?)?+")
 _LABEL: Final = re.compile(rb"(?:N\d+[ \t]*)?([A-Z_][A-Z0-9_]+):(?!=)")
+_PROGRAM: Final = re.compile(rb"(?::\d{1,8}|O?<[^<>]*>)[ \t]*")
+_BLOCK_NUMBER: Final = re.compile(rb"N\d+[ \t]*(?=[/#])")
 _FRAME: Final = re.compile(rb"\$P_UIFR\[(\d{1,2})\]$")
 _PART: Final = re.compile(rb"(CTRANS|CROT)\(([^()]*)\)")
 _NUMBER: Final = re.compile(WHOLE_NUMBER)
@@ -106,6 +108,10 @@ class OddReader:
         lead = len(text) - len(text.lstrip())
         if text[lead : lead + 1] in (b"%", b""):
             return
+        number = _BLOCK_NUMBER.match(text, lead)
+        if number is None and self._words.name == "fanuc_gcode":
+            number = _PROGRAM.match(text, lead)
+        lead = number.end() if number else lead
         if text[lead : lead + 1] == b"/":
             self._skippable(block, first, text, lead)
             return

@@ -199,7 +199,8 @@ class ConversationalReader:
             self.found.forget(block)
             words.setdefault(0, (-1, 0, np.nan))
         if odd:
-            self.found.told.append((first + at, f"{odd!r} is not understood"))
+            comma = " (decimal commas: write points)" if re.match(r",\d", odd) else ""
+            self.found.told.append((first + at, f"{odd!r} is not understood{comma}"))
             reason = reason or Reason.EXPRESSION
         if reason is not None:
             self.found.flag(block, reason)
