@@ -122,6 +122,9 @@ def test_a_job_of_somebody_else_leads_nobody_away(browser: Any, stage: Stage) ->
         assert seen.page.url.endswith(address)
         seen.find("job-open").click()
         seen.page.wait_for_url(lambda url: stage.shop.program.id not in url)
+        assert "line 8: unchanged" in seen.find("left-as-it-was").inner_text()
+    done = httpx.get(f"{stage.served.address}/api/jobs", trust_env=False, timeout=60.0).text
+    assert str(stage.served.folder) not in done  # nor where the server keeps its files
 
 
 def test_a_refusal_stands_on_the_page_in_its_language(browser: Any, stage: Stage) -> None:

@@ -56,7 +56,8 @@ def heard(work: Work) -> Iterator[None]:
     with stderr.capture() as told:
         yield
     for line in told.get().splitlines():
-        work.remark(line.removeprefix("note: "))
+        # where the server keeps its files is nobody's business, and gone when the job is over
+        work.remark(line.removeprefix("note: ").replace(f"{work.folder}/", ""))
 
 
 def leave_document(

@@ -38,6 +38,8 @@ from robotrue.web.parts.scene import SceneView
 TOLERANCE_MM: Final = 0.5
 AFTER: Final = "after"
 """Stage of a compensated program; ``store.programs`` would bring all readers with it."""
+NOTES: Final = 8
+"""Of compensating that are shown."""
 STATES: Final = {"conforms": "good", "undecided": "caution", "fails": "bad", "unknown": "plain"}
 
 
@@ -124,6 +126,8 @@ async def _one(bench: Bench, record: ProgramRecord) -> None:
                     go="/programs?id={id}",
                     field="program",
                 )
+    if after and record.detail.get("notes"):
+        html(_left(bench, record)).classes("card").props('data-testid="left-as-it-was"')
     if model is None:
         html(f"<p>{escape(say('programs.no_model'))}</p>").classes("card")
         return
@@ -131,6 +135,18 @@ async def _one(bench: Bench, record: ProgramRecord) -> None:
     if after and record.linked("model"):
         page = f"/programs?id={record.id}&tolerance_mm={_tolerance(bench):g}"
         await reports(bench, record, "program", page=page, fields=_report_fields(bench))
+
+
+def _left(bench: Bench, record: ProgramRecord) -> str:
+    """What compensating says of lines it left as they were: why a verdict is what it is."""
+    say, notes = bench.say, [str(each) for each in record.detail["notes"]]
+    listed = "".join(f"<li>{escape(each)}</li>" for each in notes[:NOTES])
+    more = f"<li>{escape(say('programs.more', count=len(notes) - NOTES))}</li>"
+    title = say("programs.left", count=record.detail["compensated"], of=record.detail["targets"])
+    return (
+        f"<h2>{escape(title)}</h2><ul class='doubts note' lang='en'>{listed}"
+        f"{more if len(notes) > NOTES else ''}</ul>"
+    )
 
 
 def _judged(bench: Bench, record: ProgramRecord, model: str) -> None:
