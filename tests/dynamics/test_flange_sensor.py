@@ -8,6 +8,7 @@ from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.dynamics.flange_sensor import (
     centre_acceleration,
     held_tool_from_archive,
+    held_tool_remarks,
     identify_held_tool,
     inertia_left,
     process_wrench,
@@ -85,6 +86,15 @@ def test_readings_that_fit_no_tool():
     swapped[:, 3:] = swapped[:, [5, 3, 4]]
     with pytest.raises(ImplausibleDataError, match="off any centre of mass"):
         identify_held_tool(SIX, swapped)
+
+
+def test_counts_and_a_sensor_of_the_other_sign():
+    counts = readings(SIX) * 1e4
+    with pytest.raises(ImplausibleDataError, match=r"weigh .* kg, expected at most 2000 kg"):
+        identify_held_tool(SIX, counts)
+    assert held_tool_remarks(identify_held_tool(SIX, readings(SIX))) == ()
+    (said,) = held_tool_remarks(identify_held_tool(SIX, -readings(SIX)))
+    assert "the weight points up in base" in said
 
 
 def test_cut_is_what_is_left_at_the_tool_point():

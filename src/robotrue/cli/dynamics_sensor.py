@@ -9,7 +9,7 @@ from robotrue.cli.inputs import check_output
 from robotrue.core.archive import write_archive
 from robotrue.core.arrays import Array
 from robotrue.core.units import MM
-from robotrue.dynamics.flange_sensor import identify_held_tool
+from robotrue.dynamics.flange_sensor import held_tool_remarks, identify_held_tool
 from robotrue.dynamics.formats.sensor_csv import read_sensor_csv
 
 
@@ -19,6 +19,9 @@ def run(poses: Path, output: Path | None, *, as_json: bool) -> None:
         check_output(output, [poses])
     R_base_sensor, readings = read_sensor_csv(poses)
     tool = identify_held_tool(R_base_sensor, readings)
+    remarks = held_tool_remarks(tool)
+    for remark in remarks:
+        say(f"note: {remark}")
     if output is not None:
         write_archive(output, tool.to_archive(source=str(poses)))
         say(f"written to {output}")
@@ -37,6 +40,7 @@ def run(poses: Path, output: Path | None, *, as_json: bool) -> None:
                 "weight_in_base_N": tool.weight_in_base,
                 "force_noise_N": tool.force_noise,
                 "moment_noise_Nm": tool.moment_noise,
+                "notes": list(remarks),
             }
         )
         return

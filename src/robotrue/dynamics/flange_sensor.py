@@ -28,6 +28,8 @@ WORST_CONDITION: Final = 5.0
 """Six wrist poses +-90 deg have 2.2, twelve within 15 deg 10.6, with five times the deviation."""
 _WEIGHED: Final = 0.2
 """kg below which nothing hangs on the sensor that a centre could be found for."""
+_HEAVIEST: Final = 2000.0
+"""kg; no robot carries more."""
 KIND: Final = "held-tool"
 SCHEMA: Final = 1
 _NUMBERS: Final = ("mass", "mass_sd", "condition", "force_noise", "moment_noise")
@@ -149,6 +151,11 @@ def identify_held_tool(R_base_sensor: Array, readings: Array) -> HeldTool:
             "its force is not in N.",
             hint="check the unit and the sensor's own tare function, which must be off.",
         )
+    if mass > _HEAVIEST:
+        raise ImplausibleDataError(
+            f"the tool would weigh {mass:.4g} kg, expected at most {_HEAVIEST:g} kg.",
+            hint="check the unit: counts, mN or grams are not N.",
+        )
     pull = turned @ weight
     lever = np.concatenate([-skew(pull), np.tile(np.eye(3), (n, 1, 1))], axis=2)
     placed, moment_noise, moment_cov = _solved(lever.reshape(3 * n, 6), wrench[:, 3:].ravel())
@@ -169,6 +176,17 @@ def identify_held_tool(R_base_sensor: Array, readings: Array) -> HeldTool:
         condition=condition,
         force_noise=force_noise,
         moment_noise=moment_noise,
+    )
+
+
+def held_tool_remarks(tool: HeldTool) -> tuple[str, ...]:
+    """Returns what to know before the tool is used, one sentence each."""
+    up = float(tool.weight_in_base[2] / np.linalg.norm(tool.weight_in_base))
+    if up <= 0.0:
+        return ()
+    return (
+        "the weight points up in base: right for an arm that hangs from above; one that stands has "
+        "a sensor that shows what the tool exerts, and every force has to change its sign",
     )
 
 
