@@ -9,8 +9,10 @@ import pytest
 
 from robotrue import errors, web
 from robotrue.calibration.methods import METHODS
+from robotrue.cli.job_kinds import KINDS as KINDS_OF_JOBS
 from robotrue.errors import FormatError, RobotrueError
 from robotrue.measurement.formats.sheet import read_sheet
+from robotrue.report.sentences import in_chinese
 from robotrue.validation.splits import SplitKind
 from robotrue.web.language import Wording
 from robotrue.web.parts.faults import KINDS, refusal, stated
@@ -47,6 +49,26 @@ def test_what_is_to_be_typed_as_a_command_is_no_help_on_a_page() -> None:
 
 def test_what_a_calibration_is_at_is_told_in_the_reader_s_words() -> None:
     assert {*METHODS, *get_args(SplitKind), "chosen"} <= set(STEPS)
+
+
+def test_history_names_every_kind_of_job_and_what_happens_to_one() -> None:
+    say = Wording("zh")
+    assert all(say.known(f"history.kind_{kind}") for kind in KINDS_OF_JOBS)
+    happens = (
+        "submitted",
+        "begun",
+        "done",
+        "failed",
+        "cancelled",
+        "cancel_asked",
+        "discarded",
+        "died",
+        "imported",
+    )
+    assert all(say.known(f"history.action_{action}") for action in happens)
+    assert all(say.known(f"calibration.model_{method}") for method in METHODS)
+    cure = "not seen by the data: gear5: measure some poses under a known horizontal force, or "
+    assert not set("measure") & set(in_chinese(cure + "state the stiffness.").partition("gear5")[2])
 
 
 def test_no_page_opens_a_window_of_the_browser_to_say_something() -> None:

@@ -30,6 +30,10 @@ _PATTERNS: Final[tuple[tuple[str, str], ...]] = (
         r"\1在已知水平力作用下测量若干位姿；在此之前采用所给定的刚度",
     ),
     (
+        r"(.*?)measure some poses under a known horizontal force, or state the stiffness\.?",
+        r"\1在已知水平力下测量部分位姿，或给出刚度",
+    ),
+    (
         r"(.*?)measure some poses under a known horizontal force\.?",
         r"\1在已知水平力作用下测量若干位姿",
     ),

@@ -140,11 +140,17 @@ def _tiles(bench: Bench, found: dict[str, Any]) -> str:
         ),
         *length("held_out", found["held_out_m"]),
         *length("noise", found["noise_m"]),
-        Tile(label=say("calibration.method"), value=found["method"]),
+        Tile(label=say("calibration.method"), value=_method(bench, found["method"])),
         Tile(label=say("measurements.poses"), value=poses, was=screened),
     ]
     mark = simulated_mark(say, found["simulated"])
     return tiles(out) + (f"<div>{mark}</div>" if mark else "")
+
+
+def _method(bench: Bench, name: str) -> str:
+    """The name of a method in the reader's language; one that is not known as it is."""
+    key = f"calibration.model_{name}"
+    return bench.say(key) if bench.say.known(key) else name
 
 
 def _parameters(bench: Bench, found: dict[str, Any]) -> str:
@@ -197,7 +203,7 @@ def _contest(bench: Bench, found: dict[str, Any]) -> str:
     say, view = bench.say, bench.view
     rows = [
         (
-            escape(each["method"]),
+            escape(_method(bench, each["method"])),
             view.error(each["mean_m"]) if each["mean_m"] is not None else "–",
             view.error(each["max_m"]) if each["max_m"] is not None else "–",
             f"{100 * each['coverage']:.0f} %" if each["coverage"] is not None else "–",
@@ -300,7 +306,7 @@ async def _others(bench: Bench) -> None:
     rows = [
         (
             f"<b>{escape(each.name)}</b>",
-            escape(each.method),
+            escape(_method(bench, each.method)),
             f"{each.detail.get('rows', 0):,}",
             when(each.created),
         )

@@ -64,7 +64,7 @@ async def _build(bench: Bench) -> None:
             when(each.at),
             tag(_word(bench, "action", each.action), TONES.get(each.action, "plain")),
             escape(_word(bench, "noun", each.noun)),
-            _alarm(bench, each, told) if each.action == BEGUN else _named(each, names),
+            _alarm(bench, each, told) if each.action == BEGUN else _named(bench, each, names),
             f"v{each.version}" if each.version else "",
         )
         for each in page.items
@@ -83,8 +83,9 @@ def _kinds(workspace: Workspace, ids: list[str]) -> dict[str, str]:
     return {each: jobs.status(workspace, each).kind for each in dict.fromkeys(ids)}
 
 
-def _named(entry: journal.Entry, kinds: dict[str, str]) -> str:
-    name = str(entry.detail.get("name") or kinds.get(entry.item, "") or entry.item[:8])
+def _named(bench: Bench, entry: journal.Entry, kinds: dict[str, str]) -> str:
+    kind = kinds.get(entry.item, "")
+    name = str(entry.detail.get("name") or (_word(bench, "kind", kind) if kind else entry.item[:8]))
     where = PAGES_OF.get(entry.noun)
     if where is None or entry.action == GONE:
         return escape(name)

@@ -314,9 +314,18 @@ export class SceneView {
     group.add(line);
   }
 
+  // Looks at the side the arm works on, wherever about its base that is.
   look(reach) {
-    this.controls.target.set(reach * 0.3, 0, reach * 0.36);
-    this.camera.position.set(reach * 1.05, -reach * 1.5, reach * 1.0);
+    let x = 0, y = 0;
+    const postures = this.tools.length / 12;
+    for (let t = 0; t < this.tools.length; t += 12) {
+      x += this.tools[t] / postures;
+      y += this.tools[t + 1] / postures;
+    }
+    const turn = Math.hypot(x, y) > 0.1 * reach ? Math.atan2(y, x) : 0;
+    const up = new this.THREE.Vector3(0, 0, 1);
+    this.controls.target.set(reach * 0.3, 0, reach * 0.36).applyAxisAngle(up, turn);
+    this.camera.position.set(reach * 1.05, -reach * 1.5, reach * 1.0).applyAxisAngle(up, turn);
     this.controls.update();
   }
 
