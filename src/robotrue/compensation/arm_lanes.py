@@ -77,9 +77,14 @@ def _walk(c: Array, trig: Array, chain: Array) -> None:
 
 @compiled(EXACT, borrows=True)
 def _joint_torque(
-    com: Array, mass_out: Array, gravity: Array, lane: Array, trig: Array, told: Array, work: Array
-) -> None:
-    """Writes the torque (6 rows) N m of link weights, payload and wrench about the axes."""
+    com: Array, mass_out: Array, gravity: Array, lane: Array, trig: Array, told: Array,
+    work: Array, torque: Array,
+) -> None:  # fmt: skip
+    """Writes the torque (6 rows) N m of link weights, payload and wrench about the axes.
+
+    The joints are gone through backwards, by views of their rows: of an index that falls the
+    compiler does not see that it stays positive, and then takes one lane at a time.
+    """
     g0, g1, g2 = gravity[0], gravity[1], gravity[2]
     for k in range(3):
         u, v = (k + 1) % 3, (k + 2) % 3
@@ -103,20 +108,27 @@ def _joint_torque(
         a0, a1, a2, a3, outboard = (
             com[4 * i], com[4 * i + 1], com[4 * i + 2], com[4 * i + 3], mass_out[i],
         )  # fmt: skip
+        turn, link, out = trig[i * L :], told[b:], torque[i * L :]
         for n in range(L):
-            s, e = trig[i * L + n], trig[L6 + i * L + n]
+            s, e = turn[n], turn[L6 + n]
             x, y = e * a0 - s * a1, s * a0 + e * a1
-            z0, z1, z2 = told[b + 6 * L + n], told[b + 7 * L + n], told[b + 8 * L + n]
-            o0, o1, o2 = told[b + 9 * L + n], told[b + 10 * L + n], told[b + 11 * L + n]
+            z0, z1, z2 = link[6 * L + n], link[7 * L + n], link[8 * L + n]
+            o0, o1, o2 = link[9 * L + n], link[10 * L + n], link[11 * L + n]
             m0 = work[MOMENT * L + n] + a3 * o0 + a2 * z0
             m1 = work[(MOMENT + 1) * L + n] + a3 * o1 + a2 * z1
             m2 = work[(MOMENT + 2) * L + n] + a3 * o2 + a2 * z2
-            m0 += x * told[b + n] + y * told[b + 3 * L + n]
-            m1 += x * told[b + L + n] + y * told[b + 4 * L + n]
-            m2 += x * told[b + 2 * L + n] + y * told[b + 5 * L + n]
+            m0 += x * link[n] + y * link[3 * L + n]
+            m1 += x * link[L + n] + y * link[4 * L + n]
+            m2 += x * link[2 * L + n] + y * link[5 * L + n]
             work[MOMENT * L + n] = m0
             work[(MOMENT + 1) * L + n] = m1
             work[(MOMENT + 2) * L + n] = m2
+        for n in range(L):
+            z0, z1, z2 = link[6 * L + n], link[7 * L + n], link[8 * L + n]
+            o0, o1, o2 = link[9 * L + n], link[10 * L + n], link[11 * L + n]
+            m0, m1, m2 = (
+                work[MOMENT * L + n], work[(MOMENT + 1) * L + n], work[(MOMENT + 2) * L + n],
+            )  # fmt: skip
             mass = outboard + lane[MASS * L + n]
             f0 = mass * g0 + lane[WRENCH * L + n]
             f1 = mass * g1 + lane[(WRENCH + 1) * L + n]
@@ -124,7 +136,7 @@ def _joint_torque(
             t0 = m1 * g2 - m2 * g1 + work[TURNING * L + n] - (o1 * f2 - o2 * f1)
             t1 = m2 * g0 - m0 * g2 + work[(TURNING + 1) * L + n] - (o2 * f0 - o0 * f2)
             t2 = m0 * g1 - m1 * g0 + work[(TURNING + 2) * L + n] - (o0 * f1 - o1 * f0)
-            work[(TORQUE + i) * L + n] = z0 * t0 + z1 * t1 + z2 * t2
+            out[n] = z0 * t0 + z1 * t1 + z2 * t2
 
 
 @compiled(EXACT, borrows=True)
@@ -271,16 +283,16 @@ def evaluate(a: Arm, s: Space, reuse: float) -> None:
             angle[i * L + n] += a.zero[i]
     sincos_rows(angle, s.trig)
     _walk(a.nominal, s.trig, s.told)
-    _joint_torque(a.com, a.mass_out, a.gravity, s.lane, s.trig, s.told, work)
+    torque = s.waves[:L6]
+    _joint_torque(a.com, a.mass_out, a.gravity, s.lane, s.trig, s.told, work, torque)
     if a.coupled:
-        _mix(a.coupling, True, work, TORQUE, s.spare)
-        for n in range(L6):
-            work[TORQUE * L + n] = s.spare[n]
+        _mix(a.coupling, True, torque, 0, s.spare)
+        torque = s.spare
     for i in range(6):
         c, g, b = a.compliance[i], a.gear[i], a.backlash[i]
         for n in range(L):
             work[(TORQUE + i) * L + n] = (
-                c * work[(TORQUE + i) * L + n]
+                c * torque[i * L + n]
                 + g * work[(JOINTS + i) * L + n]
                 + b * s.lane[(APPROACH + i) * L + n]
             )
