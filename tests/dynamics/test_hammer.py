@@ -103,6 +103,17 @@ def test_double_hits_are_left_out():
         evaluate_hits(hits(count=2, double=(0, 1)))
 
 
+def test_a_record_that_ends_after_its_last_hit_loses_that_hit_alone():
+    whole = hits()
+    end = round(RATE * (0.25 + 3 * 4.0 + 0.5))
+    short = replace(whole, force=whole.force[:end], motion=whole.motion[:end])
+    found = evaluate_hits(short)
+    assert len(found.hits) == 3
+    assert [why for _, why in found.left_out] == ["cut off"]
+    assert found.duration > 3.0
+    assert found.added_damping == 0.0
+
+
 def test_exponential_window_is_taken_off_again():
     """Segments too short for 9 Hz and 4 %: with the window, then without what it added."""
     results = [evaluate_hits(hits(axis=a, every=1.5), duration=1.4, window=0.05) for a in "xy"]

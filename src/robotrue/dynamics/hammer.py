@@ -25,6 +25,8 @@ from robotrue.dynamics.hits import SECOND, HammerRecord, check_sensors, find_hit
 from robotrue.dynamics.modal import ModalModel
 from robotrue.errors import ImplausibleDataError, ModelMismatchError, ObservabilityError, ShapeError
 
+_CUT_SHORT: Final = 0.5
+"""Part of the shortest time between hits below which the last hit is left out."""
 _BEFORE: Final = 0.01
 """Part of a segment that lies before the hit."""
 _PULSE: Final = 3.0
@@ -214,6 +216,9 @@ def _segment(record: HammerRecord, hits: list[int], duration: float | None) -> i
     else:
         starts = sorted(hits)
         gaps = np.diff([*starts, len(record.force)])
+        # A record that ends soon after its last hit loses that hit, not the length of all.
+        if len(gaps) > 1 and gaps[-1] < _CUT_SHORT * gaps[:-1].min():
+            gaps = gaps[:-1]
         count = int(min(gaps.min() / (1.0 + _BEFORE), 4.0 * record.rate))
     if count < 64:
         raise ImplausibleDataError(
