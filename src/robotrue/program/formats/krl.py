@@ -64,6 +64,8 @@ class Krl:
 
     def named_files(self, data: bytes) -> tuple[str, ...]:
         """Returns the CAMRob files that a program hands to ``CR_PROCESS_FILE``."""
+        if b'"' not in data:
+            return ()
         names = [  # few quotes and many letters: the quotes are looked for
             quoted[1].decode("latin-1")
             for quoted in _QUOTED.finditer(data)

@@ -80,10 +80,11 @@ class Builder:
                     self._flags[item.file, item.agg] = Reason.EXPRESSION
 
     def _state(self, line: Any) -> Any:
-        node = np.searchsorted(self._lines, line, side="right") - 1
-        if np.size(node) > 1 and (node == node[0]).all():  # nearly always: no row of its own each
-            return np.broadcast_to(self._states[node[0]], (len(node), self._states.shape[1]))
-        return self._states[node]
+        if np.size(line) > 1:  # nearly always all the same: no row of its own each
+            ends = np.searchsorted(self._lines, (line.min(), line.max()), side="right") - 1
+            if ends[0] == ends[1]:
+                return np.broadcast_to(self._states[ends[0]], (len(line), self._states.shape[1]))
+        return self._states[np.searchsorted(self._lines, line, side="right") - 1]
 
     def alike(self, lines: IntArray, line: int) -> BoolArray:
         """Returns in which lines (n,) of the main file the frames of another line are in force."""

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array
+from robotrue.core.arrays import Array, IntArray
 from robotrue.program.formats.camrob import CALL
 from robotrue.program.formats.krl_flow import BASE, ON_ROBOT, TOOL, Flow
 from robotrue.program.formats.krl_frames import Frames, read_fdat, with_settings
@@ -58,6 +58,13 @@ _LOOP_END: Final = set(_LOOP.values())
 _SILENT: Final = {"ext", "extfct", "import", "end", "endfct", "enddat", "struc", "enum"}
 
 
+def _first_aggregates(found: Scan) -> IntArray:
+    """Returns (l + 1,) how many aggregates stand before each line, and at last how many in all."""
+    first = np.zeros(len(found.line_kind) + 1, np.int64)
+    np.cumsum(np.bincount(found.agg_line, minlength=len(first) - 1), out=first[1:])
+    return first
+
+
 def _clean(text: str | None) -> str:
     return re.sub(r"\s+", "", text or "").lower()
 
@@ -71,7 +78,7 @@ class Walk:
         self.scope = frames.scope
         self.flow = Flow()
         self._storing = False
-        self.first = [np.searchsorted(s.agg_line, np.arange(len(s.line_kind) + 1)) for s in scans]
+        self.first = [_first_aggregates(found) for found in scans]
         self.story = Story([], defaultdict(list), {}, [], {}, [], [], False, [])
         self._current: dict[str, dict[tuple[str, str], Definition]] = defaultdict(dict)
         self._variables: dict[str, Array] = {}
