@@ -54,7 +54,8 @@ def _moves(pen: Pen, i: int) -> list[str]:
     if kind <= 3:
         return [f"L {move}"]
     if kind == 4:
-        return [f"J P[{i}] 4% CNT100 ;"]
+        timed = ["  1:  TC_ONLINE (ON) ;", "   ------ ;"] if pen.chance(0.3) else []
+        return [f"J P[{i}] 4% CNT100{' ACC50 TB  .10sec,P-SPS' if timed else ''} ;", *timed]
     if kind == 5:
         return [f"A {move}"]
     if kind == 6:
@@ -62,5 +63,6 @@ def _moves(pen: Pen, i: int) -> list[str]:
     if kind == 7:
         return [f"! L {move}", f"//L {move}", f"L {move}"]
     if kind == 8:
-        return [f"L P[{i}:x] 5mm/sec FINE Offset,PR[1] ;", "  CALL SUB ;"]
+        return [f"L P[{i}:x] 5mm/sec FINE Offset,PR[1] ;", "  CALL SUB ;",
+                f"Touch Offset PR[{i}] ;", f"L {move}", "Touch Offset End ;"]  # fmt: skip
     return ["  DO[5]=ON ;", "  WAIT   .50(sec) ;", f"S {move}", "  LBL[1] ;"]

@@ -24,7 +24,10 @@ def _pose(pen: Pen, *, words: bool = True) -> str:
     values = [pen.place() for _ in range(3)] + [pen.angle() for _ in range(3)]
     parts = [f"{name}{pen.blank()}{value}" for name, value in zip(names, values, strict=True)]
     if words and pen.chance(0.3):
-        parts += [pen.pick("S 2", "S'B010'", "s 6"), pen.pick("T 35", "T'B110101'", "T'H2'")]
+        parts += [
+            pen.pick("S 2", "S'B010'", "s 6", "S 'B 010'"),
+            pen.pick("T 35", "T'B110101'", "T'H2'"),
+        ]
     if words and pen.chance(0.2):
         parts += ["E1 0.0", pen.pick("E2 -0.000", "E2 0")]
     head = pen.pick("", "", "", "E6POS: ", "POS:", "FRAME: ") if words else pen.pick("", "FRAME: ")
@@ -83,8 +86,10 @@ def _statement(pen: Pen, k: int, data: list[str]) -> list[str]:
         return [f"LIN {{{pen.pick('X', 'y', 'Z')} {pen.place()}}}", f"LIN_REL {{Z {pen.place()}}}"]
     if kind == 14:
         return [f"; LIN {a}", "$OUT[5]=TRUE", "WAIT SEC 0.5", "$VEL.CP = .25", ""]
-    if kind == 15:
+    if kind == 15 and pen.chance(0.5):
         return ["LOOP", f"LIN {a}", "EXIT", "ENDLOOP", "REPEAT", f"SLIN {b}", "UNTIL TRUE"]
+    if kind == 15:
+        return [f"GOTO s{k}", f"LIN {a}", f"s{k}:", f"LIN {b}", f"CIRC {a}"]
     if kind == 16:
         return [f"LIN {a}:{b}", f"p{k}.X = p{k}.X+5", f"LIN p{k}", "sub()"]
     return ["SWITCH n", "CASE 1,2", f"LIN {a}", "DEFAULT", f"SCIRC {a},{b}", "ENDSWITCH"]

@@ -74,11 +74,15 @@ def _statement(pen: Pen, k: int) -> tuple[list[str], list[str]]:
         return [], [f"{lead}{pen.case('MoveL')} {a}{tail}"]
     if kind == 3:
         return [], [f"{lead}{pen.case('MoveJ')} {a}{tail}"]
+    if kind == 4 and pen.chance(0.3):
+        end = ",v1,seam,weld\\Weave:=w,fine,t1\\WObj:=w1;"
+        return [], [f"ArcLStart {a}{end}", f"ArcC {a},{b}{end}", f"ArcLEnd {b}{end}"]
     if kind == 4:
         return [], [f"MoveC {a},{pen.gap()}{b}{tail}"]
     if kind == 5:
         word = pen.pick("CONST", "PERS", "VAR", "LOCAL CONST", "TASK PERS")
-        return [f"{word} robtarget p{k}:={a};"], [f"MoveL p{k}{tail}"]
+        name = pen.pick("p", "\xf6p", "p\xd6") + str(k)
+        return [f"{word} robtarget {name}:={a};"], [f"MoveL {name}{tail}"]
     if kind == 6:
         rows = f"[{a},{b}]"
         return [f"CONST robtarget p{k}{{2}}:={rows};"], [

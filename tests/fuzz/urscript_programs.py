@@ -35,7 +35,7 @@ def _axes(pen: Pen) -> str:
 
 
 def _statement(pen: Pen, k: int) -> list[str]:
-    kind = pen.whole(0, 13)
+    kind = pen.whole(0, 14)
     a, b = _pose(pen), _pose(pen)
     if kind <= 2:
         return [f"movel({a},1.2,{pen.pick('speed', '0.25')},0,0.001)"]
@@ -59,4 +59,6 @@ def _statement(pen: Pen, k: int) -> list[str]:
         return ["while True:", f"movel({a})", "break", "end", "# \xe4\xf6 (["]
     if kind == 12:
         return [f"def sub{k}(v):", f"movel({a}, v=v)", "return v", "end", f"sub{k}(1)"]
+    if kind == 13:
+        return [f"movel({a}); movel({b})", f"optimovel({a}, a=0.3)"]
     return ["set_standard_digital_out(1, True)", "", f"i{k} = {k}", "sleep(0.5)"]
