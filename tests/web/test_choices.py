@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -16,6 +17,7 @@ from web_shop import Client, Served, Shop, fill, write_files
 from robotrue.store import models
 from robotrue.web.alarms import Alarm
 from robotrue.web.live_sources import add_source, record_alarm
+from robotrue.web.models import shown_model
 
 ALARM = Alarm(
     key="a1", axis="x", begun=datetime(2026, 3, 1, 12, tzinfo=UTC), value_um=33.0, band_um=4.0,
@@ -59,6 +61,11 @@ def test_the_chosen_model_stays_until_another_is_chosen(client: Client, tmp_path
     shop, refined = staged(tmp_path / "shop", tmp_path / "files")
     with shop.workspace:
         here = client(shop=shop)
+        renamed = here.patch(f"/api/items/model/{shop.model.id}", json={"name": "Old"})
+        assert renamed.json()["version"] == 2
+        newest = asyncio.run(shown_model(shop.workspace, None))
+        assert newest.model is not None
+        assert newest.model.id == refined  # a name does not make a model newer
         assert here.put("/api/chosen-model", json={"model": "nothing"}).status_code == 404
         made = here.put("/api/chosen-model", json={"model": shop.model.id}).json()
         again = here.put("/api/chosen-model", json={"model": refined}).json()

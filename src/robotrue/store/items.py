@@ -5,6 +5,7 @@ from __future__ import annotations
 import uuid
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
+from datetime import datetime
 from typing import Any, Final, TypeVar
 
 from sqlalchemy import ColumnElement, Select, false, func, or_, select, true, tuple_, update
@@ -226,6 +227,13 @@ def versions(where: Workspace | Transaction, noun: Noun[R], id: str) -> tuple[R,
         table = noun.table
         rows = session.scalars(select(table).where(table.id == id).order_by(table.version))
         return tuple(_records(session, noun, list(rows)))
+
+
+def begun(where: Workspace | Transaction, ids: Sequence[str]) -> dict[str, datetime]:
+    """Returns when each item came to be; a record says when its version did."""
+    with reading(where) as session:
+        found = session.execute(select(ItemRow.id, ItemRow.created).where(ItemRow.id.in_(ids)))
+        return {id: at for id, at in found}
 
 
 def change(

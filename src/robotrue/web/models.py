@@ -65,7 +65,10 @@ def choose_none(workspace: Workspace) -> None:
 
 
 def _found(workspace: Workspace, asked: str | None) -> ShownModel:
-    offered = items.listed(workspace, MODEL, Query(limit=OFFERED)).items
+    listed = items.listed(workspace, MODEL, Query(limit=OFFERED)).items
+    # A model that gets another name is not a newer one.
+    begun = items.begun(workspace, [each.id for each in listed])
+    offered = tuple(sorted(listed, key=lambda each: begun[each.id], reverse=True))
     stated = items.listed(workspace, DOCUMENT, Query(where={"kind": KIND}, limit=1)).items
     chosen = _living(workspace, stated[0].linked("model")[0].id) if stated else None
     model = chosen or (offered[0] if offered else None)

@@ -74,13 +74,14 @@ async def _list(bench: Bench) -> None:
     except ConfigurationError as error:
         html(refusal(say, error, title=say("frame.not_found")))
         return
+    begun = await bench.ask(items.begun, bench.house.workspace, [each.id for each in found.items])
     rows = [
         (
             f"<b>{escape(each.name)}</b>",
             f"{each.poses:,}",
             escape(say(f"measurements.frame_{each.frame}")),
             str(len(each.detail.get("stations", ()))),
-            when(each.created),
+            when(begun[each.id]),
         )
         for each in found.items
     ]

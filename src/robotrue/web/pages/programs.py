@@ -72,6 +72,7 @@ async def _list(bench: Bench) -> None:
     found = await bench.ask(items.listed, bench.house.workspace, PROGRAM, Query(limit=200))
     if not found.items:
         return
+    begun = await bench.ask(items.begun, bench.house.workspace, [each.id for each in found.items])
     rows, links = [], []
     for each in found.items:
         after = each.stage == AFTER
@@ -82,7 +83,7 @@ async def _list(bench: Bench) -> None:
                 tag(stage, "good" if after else "plain"),
                 escape(each.dialect),
                 f"{each.bytes / 1e3:,.1f} kB",
-                when(each.created),
+                when(begun[each.id]),
             )
         )
         links.append(link_to(bench.kept(f"/programs?id={each.id}")))
