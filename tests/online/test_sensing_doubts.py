@@ -192,6 +192,22 @@ def test_joints_missing_old_or_flagged():
     assert found.valid[at + 21]
 
 
+def test_joints_that_leap_are_doubted_and_fast_ones_are_not():
+    """20 deg in 4 ms is a packet of something else; 500 deg/s is a robot on its way."""
+    block = still()
+    moved = np.array(block.joints)
+    leap = int(np.searchsorted(block.host_time, AT / RATE))
+    moved[leap:, 0] += 20.0 * DEG
+    _, found = run(forces(FORCE), joints=replace(block, joints=moved))
+    after = int(np.ceil(block.host_time[leap] * RATE))
+    marked(found, Doubt.BAD_JOINTS, slice(after + 1, after + 19))
+    assert found.valid[after + 25 :].any()
+    moved = np.array(block.joints)
+    moved[:, 5] += np.interp(np.arange(len(moved)), [leap, leap + 15], [0.0, 30.0 * DEG])
+    _, found = run(forces(FORCE), joints=replace(block, joints=moved))
+    assert not (found.doubt[20_000:] & int(Doubt.BAD_JOINTS)).any()
+
+
 def test_filters_settle_when_joints_come_back():
     joints = still()
     gone = (joints.host_time > 4.5) & (joints.host_time < 5.0)

@@ -32,6 +32,9 @@ _INVALID: Final = int(Flag.INVALID)
 _JUMP: Final = int(Flag.CLOCK_JUMP)
 _ON: Final = 1.5
 """Intervals that joints are carried on at their speed."""
+_LEAP: Final = 0.05
+_FASTEST: Final = 12.0
+"""rad and rad/s: no joint goes farther than both together from one sample to the next."""
 _BURST: Final = 1e-6
 """s; samples closer than this came in one burst and have no speed of their own."""
 
@@ -175,6 +178,11 @@ def _taken(
                 for j in range(n):
                     gone = joints[i, j] - last[2 + j]
                     last[2 + n + j] = gone / passed if passed <= age else 0.0
+                    if abs(gone) > _LEAP + _FASTEST * passed:
+                        doubt |= _BAD
+                if doubt != 0:  # where it leapt to counts from the next sample on
+                    for j in range(n):
+                        last[2 + n + j] = 0.0
                 reach = _ON * min(passed, age)
             elif not np.isfinite(passed):
                 for j in range(n):
