@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 import robotrue
@@ -58,6 +58,7 @@ def test_no_cell_is_a_formula_wherever_it_is_split(name: str, separator: str) ->
     assert not any(map(is_formula, split(csv_remark(f"KR, {name}; ,=x"), separator)))
 
 
+@example(["'\t", " \t", "' =", "''-1"])
 @given(st.lists(st.text(alphabet="ab'\" ,;|1.-+=@\t\uff1d", max_size=8), min_size=1, max_size=4))
 def test_what_is_written_is_read(cells: list[str]) -> None:
     (row,) = csv.reader(io.StringIO(csv_text([[*cells, "end"]])))

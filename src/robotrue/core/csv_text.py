@@ -14,7 +14,7 @@ from collections.abc import Iterable
 from typing import Final
 
 _NUMBER: Final = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf)|")
-_FORMULA: Final = re.compile(r"[\s']*[=+\-@\uff1d\uff0b\uff0d\uff20]|[\t\r\n]")
+_FORMULA: Final = re.compile(r"[\s']*[=+\-@\uff1d\uff0b\uff0d\uff20\t\r\n]")
 """What spreadsheets take for the beginning of a formula, the wide signs of East Asia among it."""
 _QUOTED: Final = re.compile(r'[",;\t\r\n|]')
 _PARTS: Final = re.compile(r"([,;\t|])(\s*)(?=[=+\-@\uff1d\uff0b\uff0d\uff20])")
