@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 
 from robotrue.core.rotations import matrix_from_abc
+from robotrue.online.corrections import Corrections
+from robotrue.online.estimates import EstimateBlock
+from robotrue.online.guard import CorrectionGuard, CorrectionLimits
 from robotrue.online.path_axes import PathAxes
+from robotrue.online.samples import CorrectionMode
 
 TILTED = matrix_from_abc(np.array([0.2, 0.3, -0.4]))
 
@@ -56,3 +60,30 @@ def test_without_a_direction_nothing_is_corrected(what: str) -> None:
     else:
         down = np.array([3e-3, 0.0, 0.0]) + np.linspace(0.0, 3e-3, 40)[:, None] * TILTED[:, 2]
         assert not moved(axes, down).any()
+
+
+def test_the_correction_is_across_the_path_alone() -> None:
+    guard = CorrectionGuard(
+        CorrectionLimits(shift=1e-4, shift_rate=1e-2, cycle=4e-3), CorrectionMode.ABSOLUTE
+    )
+    taken, none = Corrections(guard, PathAxes(pose), cutoff=100.0), np.zeros((1, 3))
+    for k in range(500):
+        time = k * 10e-3
+        taken.take(
+            EstimateBlock(
+                host_time=np.array([time]),
+                error=np.array([[10e-6, 20e-6, 30e-6]]),
+                sd=none + 1e-6,
+                static=none,
+                wrench=np.zeros((1, 6)),
+                joints=np.array([[50e-6 * k, 0.0, 0.0, 0.0, 0.0, 0.0]]),
+                sequence=np.array([k]),
+                doubt=np.zeros(1, dtype=np.int64),
+            )
+        )
+        if k == 5:
+            assert not guard.next(time).shift.any()
+    for _ in range(500):
+        last = guard.next(time).shift
+    assert last[0] == 0.0
+    np.testing.assert_allclose(np.linalg.norm(last), np.hypot(20e-6, 30e-6), rtol=1e-3)
