@@ -297,3 +297,13 @@ def test_missing_library_is_named(tmp_path, monkeypatch):
 
 def test_one_mode_of_an_accelerometer_has_no_static_value():
     assert measured(single()).static is None
+
+
+@pytest.mark.parametrize("part", [0.6, 0.95, 0.9999])
+def test_a_universal_file_cut_short_is_refused_and_not_read_without_its_last_curve(tmp_path, part):
+    path = tmp_path / "response.uff"
+    write_uff(path, measured(single(), highest=400.0))
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(len(whole) * part)])
+    with pytest.raises(FormatError, match="ends in the middle of its last set"):
+        read_uff(path)

@@ -172,6 +172,11 @@ def _sets(path: str | Path) -> list[dict[str, Any]]:
         raise FormatError(
             "not a universal file: no delimiter -1 at its beginning.", source=path, hint="UFF58."
         )
+    if sum(line.rstrip() == b"    -1" for line in data.split(b"\n")) % 2:
+        # pyuff would leave the last set out without a word.
+        raise FormatError(
+            "the file ends in the middle of its last set.", source=path, hint="export it again."
+        )
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
