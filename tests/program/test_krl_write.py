@@ -11,6 +11,7 @@ from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG
 from robotrue.core.words import NO_WORD
 from robotrue.errors import ShapeError
+from robotrue.program.formats.krl_write import _ROWS
 from robotrue.program.program import Replacement
 
 FULL = "LIN {X 12.500,Y -0.375,Z -1.250,A 0.500,B 0.250,C 180.000} C_DIS"
@@ -56,6 +57,16 @@ def test_aligned_columns_stay_aligned() -> None:
     assert changed_lines(program, replacement(program, by_mm=(0.02, -0.02, 0))) == [
         "LIN {X   100.010,Y    99.990,Z 0.0,A 0,B 0,C 0}"
     ]
+
+
+@pytest.mark.parametrize(
+    ("old", "shift", "new"), [("X-0.010", 0.02, "X 0.010"), ("X    99.990", 0.02, "X   100.010")]
+)
+def test_a_program_written_in_pieces_reads_as_one(old: str, shift: float, new: str) -> None:
+    count = 2 * _ROWS + 1
+    program = body("\n".join([f"LIN {{{old},Y 0.0,Z 0.0,A 0,B 0,C 0}}"] * count))
+    lines = changed_lines(program, replacement(program, by_mm=(shift, 0, 0)))
+    assert lines == [f"LIN {{{new},Y 0.0,Z 0.0,A 0,B 0,C 0}}"] * count
 
 
 def test_frames_and_loads_are_never_rewritten() -> None:

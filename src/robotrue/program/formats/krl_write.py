@@ -106,7 +106,7 @@ def write_krl(program: Program, replacement: Replacement) -> bytes:
     for first in range(0, len(program), step):
         rows = slice(first, min(first + step, len(program)))
         last = rows.stop == len(program)
-        end = len(program.data) if last else int(spans.start[spans.token[rows.stop]])
+        end = len(program.data) if last else _behind(spans, rows.stop - 1)
         if not changed[rows].any():
             out.write(source[begin:end].data)
             begin = end
@@ -114,6 +114,12 @@ def write_krl(program: Program, replacement: Replacement) -> bytes:
         _write_rows(program, replacement, spans, changed, rows, source[begin:end], begin, out)
         begin = end
     return out.getvalue()
+
+
+def _behind(spans: KrlSpans, row: int) -> int:
+    """Returns where the last number of a row ends: what stands before the next is with the next."""
+    token = int(spans.token[row] + spans.tokens[row]) - 1
+    return int(spans.start[token] + spans.length[token])
 
 
 def _write_rows(
@@ -379,7 +385,7 @@ def _splice(
                 new = values[np.uint64(row), column]
                 if not moved or abs(new - old[np.uint64(t)]) <= _HALF_DIGIT[np.uint64(decimals)]:
                     continue
-                before = buf[np.uint64(first - 1)]
+                before = buf[np.uint64(first - 1)] if first > 0 else np.uint8(32)
                 if first - 2 < cursor or before != 32 or buf[np.uint64(first - 2)] != 32:
                     if first <= swift:
                         k = copy_short(out, k, buf, cursor, first)
