@@ -106,7 +106,8 @@ def stopped(record: ForceRecord) -> tuple[str, ...]:
     """Returns where a channel that went up and down stands still at a force, one sentence each.
 
     A channel that stands at zero says nothing: the tool is in the air. One that only rises to a
-    value, like a step or a ramp, is no sensor that has stopped.
+    value, like a step or a ramp, is no sensor that has stopped, and one that only leaps between
+    values is a force that was made up.
     """
     said = []
     for axis, values in zip(AXES, record.force.T, strict=True):
@@ -116,8 +117,9 @@ def stopped(record: ForceRecord) -> tuple[str, ...]:
             continue
         edge = np.flatnonzero(np.diff(np.concatenate([[True], change != 0.0, [True]])))
         begins, ends = edge[::2], edge[1::2]
-        long = (ends - begins >= _STILL) & (values[begins] != 0.0)
-        if long.any():
+        still = ends - begins >= _STILL
+        long = still & (values[begins] != 0.0)
+        if long.any() and len(change) - (ends - begins)[still].sum() >= _STILL:
             k = int(np.argmax(long))
             said.append(
                 f"f{axis} stands at exactly {values[begins[k]]:.6g} N for "
