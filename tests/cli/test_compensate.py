@@ -216,3 +216,16 @@ def test_a_file_that_the_program_names_keeps_its_name(cli, work: Path, tmp_path:
     assert got.document["files"][1]["compensated"] == 1
     assert (out / "path.csv").read_text().startswith("1;1")
     assert (out / "path.csv").read_text() != (work / "path.csv").read_text()
+
+
+def test_a_note_names_its_file_once_and_a_program_of_calls_is_told(cli, work: Path) -> None:
+    (work / "calls.src").write_bytes(b"DEF calls()\npart()\nINTERRUPT ON 3\nEND\n")
+    (work / "odd.src").write_bytes(b"DEF odd()\nLIN_REL {X 1.0,Y 2.0}\nLIN p[k]\nEND\n")
+    for name, said in (("calls", "it holds no target"), ("odd", "")):
+        got = cli("compensate", work / "cell.toml", work / f"{name}.src", "-o", work / "o.src")
+        assert got.code == 0
+        notes = [line for line in got.err.splitlines() if line.startswith("note:")]
+        assert notes
+        assert all(line.count(f"{name}.src") == 1 for line in notes)
+        assert said in got.err
+        (work / "o.src").unlink()

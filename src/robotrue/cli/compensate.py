@@ -16,7 +16,7 @@ from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.frame_table import frame_table
 from robotrue.cell.part import PartFrame
-from robotrue.cli.console import emit_json, say
+from robotrue.cli.console import emit_json, remark, say
 from robotrue.cli.cutter import cutter_axis
 from robotrue.cli.free_spin import require_free, sentences, spun
 from robotrue.cli.inputs import check_output
@@ -247,7 +247,8 @@ def _in_blocks(request: Request, ground: Ground, job: Job, told: Progress) -> di
         return {}
     pushed = StatedForce(wrench=np.asarray(ground.stated))
     in_use = found.T_base_frame[found.judged[found.judged[:, 2] == Reason.NONE, 0]]
-    _remark(found.name, [*_frame_notes(in_use, ground.frame), *useless(pushed, ground.model)])
+    for note in [*_frame_notes(in_use, ground.frame), *useless(pushed, ground.model)]:
+        remark(found.name, note)
     settings = _settings(request, ground, pushed)
     digest, document = compensated_in_blocks(
         ground.model, found, request.folder / found.name, target, settings, request.staff, told
@@ -266,7 +267,8 @@ def _whole(
     data, document = made
     in_use = program.T_base_frame[program.frame[program.reason == Reason.NONE]]
     notes = [*program.notes, *_frame_notes(in_use, ground.frame), *useless(force, ground.model)]
-    _remark(program.name, notes)
+    for note in notes:
+        remark(program.name, note)
     write_atomic(target, data)
     source = (program.name, sha256(program.data))
     document = {"route": "whole", **document}
@@ -285,11 +287,6 @@ def _together(documents: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "notes": [note for document in documents for note in document["notes"]],
         "files": list(documents),
     }
-
-
-def _remark(name: str, notes: Sequence[str]) -> None:
-    for note in notes:
-        say(f"note: {name}: {note}")
 
 
 def _frame_notes(in_use: Array, frame: PartFrame | None) -> list[str]:
@@ -391,6 +388,8 @@ def _tell(name: str, target: Path, document: Mapping[str, Any], force: StatedFor
         f"{name}: {document['compensated']} of {document['targets']} targets compensated, "
         f"written to {target}"
     )
+    if not document["targets"]:
+        remark(name, "it holds no target; give what it calls, or the folder with all of it.")
     before, after = (document.get(f"predicted_error_{k}_um") for k in ("before", "after"))
     if before and after:
         say(

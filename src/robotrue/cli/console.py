@@ -26,6 +26,11 @@ def say(text: str) -> None:
     stderr.print(text, markup=False, soft_wrap=True)
 
 
+def remark(name: str, text: str) -> None:
+    """Writes a note about a file to stderr; one that begins with the file's line keeps it."""
+    say(f"note: {text}" if text.startswith(f"{name}:") else f"note: {name}: {text}")
+
+
 def emit_json(document: Mapping[str, Any]) -> None:
     """Writes one JSON document to stdout; numbers that are not finite become null."""
     sys.stdout.write(json.dumps(json_values(document), indent=1, allow_nan=False) + "\n")

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from robotrue.calibration.model import ErrorModel
-from robotrue.cli.console import say
+from robotrue.cli.console import remark, say
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.core.progress import Progress, unheard
 from robotrue.errors import ConfigurationError
@@ -75,7 +75,7 @@ def outlined(path: Path, frames: FrameTable, staff: Staff, *, why_whole: str) ->
             source=path,
             hint="split the program into files, or take away what asks for the whole.",
         )
-    say(f"note: {path.name}: {said}.")
+    remark(path.name, f"{said}.")
     return None
 
 
@@ -96,7 +96,7 @@ def compensated_in_blocks(
         settings=settings, workers=staff.workers, dask=staff.dask, progress=told,
     )  # fmt: skip
     for note in [*found.notes, *result.notes]:
-        say(f"note: {found.name}: {note}")
+        remark(found.name, note)
     say(f"{found.name}: {result.blocks} blocks by {result.workers} at a time")
     return result.sha256, result.summary()
 
