@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from robotrue.cli.record import run_export, run_info
-from robotrue.cli.sense import SenseOptions, run_sense
+from robotrue.cli.sense import SenseOptions, correction_limits, run_sense
 from robotrue.errors import ConfigurationError, FormatError, ModelMismatchError
 from robotrue.online.record import Record
 from robotrue.online.record_frames import Kind
@@ -110,6 +110,8 @@ def test_what_cannot_be_is_said_before_anything_begins(
         run_sense(replace(options, correct=True, limit_mm=0.1, rate_mm_per_s=1.0), as_json=True)
     with pytest.raises(ConfigurationError, match="limits of a correction without --correct"):
         run_sense(replace(options, limit_mm=0.1), as_json=True)
+    with pytest.raises(ConfigurationError, match="limits of a correction without --correct"):
+        run_sense(replace(options, recover=True), as_json=True)
     with pytest.raises(ConfigurationError, match="--resume without --record"):
         run_sense(replace(options, resume=True), as_json=True)
     with pytest.raises(ConfigurationError, match="samples per second are not stated"):
@@ -118,3 +120,11 @@ def test_what_cannot_be_is_said_before_anything_begins(
         run_info(tmp_path, skip_damage=False, as_json=True)
     with pytest.raises(ConfigurationError, match="expected joints, force, estimates"):
         run_export(tmp_path, tmp_path / "x", stream="all", skip_damage=False, as_json=True)
+
+
+def test_a_fault_ends_corrections_unless_they_may_recover(options: SenseOptions) -> None:
+    stated = replace(options, robot="rsi://0.0.0.0:1?cycle=12ms", limit_mm=0.2, rate_mm_per_s=1.5)
+    limits = correction_limits(stated)
+    assert (limits.shift, limits.shift_rate, limits.cycle) == pytest.approx((2e-4, 1.5e-3, 12e-3))
+    assert limits.latch
+    assert not correction_limits(replace(stated, recover=True)).latch

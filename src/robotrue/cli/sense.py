@@ -75,6 +75,7 @@ class SenseOptions(SensingFiles):
     limit_mm: float | None = None
     rate_mm_per_s: float | None = None
     watchdog_ms: float = 100.0
+    recover: bool = False
     low_pass_hz: float = 2.0
     correct_in: str = "base"
     name: str | None = None
@@ -340,30 +341,43 @@ def _answers(options: SenseOptions) -> bool:
     return options.robot.lower().startswith(("rsi://", "egm://"))
 
 
-def _corrections(options: SenseOptions, cell: Cell) -> Corrections | None:
-    if not options.correct:
-        if options.limit_mm is not None or options.rate_mm_per_s is not None:
-            raise ConfigurationError("limits of a correction without --correct.")
-        return None
+def correction_limits(options: SenseOptions) -> CorrectionLimits:
+    """Returns what corrections keep within.
+
+    Raises:
+        ConfigurationError: No limit or no rate is stated, or one that cannot be.
+    """
     if options.limit_mm is None or options.rate_mm_per_s is None:
         raise ConfigurationError(
             "corrections without limits.",
             hint="--limit-mm 0.2 --rate-mm-per-s 1, and the same in the controller (POSCORR).",
         )
+    return CorrectionLimits(
+        shift=options.limit_mm * MM,
+        shift_rate=options.rate_mm_per_s * MM,
+        cycle=12e-3 if _asked(options.robot, "cycle").startswith("12") else 4e-3,
+        timeout=options.watchdog_ms * 1e-3,
+        latch=not options.recover,
+    )
+
+
+def _asked(address: str, name: str) -> str:
+    """What an address says of ``name`` behind its question mark, or nothing."""
+    return parse_qs(address.partition("?")[2]).get(name, [""])[0]
+
+
+def _corrections(options: SenseOptions, cell: Cell) -> Corrections | None:
+    if not options.correct:
+        if options.limit_mm is not None or options.rate_mm_per_s is not None or options.recover:
+            raise ConfigurationError("limits of a correction without --correct.")
+        return None
+    limits = correction_limits(options)
     if not _answers(options):
         raise ConfigurationError(
             f"corrections to {_shown(options.robot)}: only rsi:// and egm:// robots take them.",
             hint="leave --correct out.",
         )
-    stated = parse_qs(options.robot.partition("?")[2])
-    cycle = 12e-3 if stated.get("cycle", [""])[0].startswith("12") else 4e-3
-    relative = stated.get("mode", [""])[0] == CorrectionMode.RELATIVE.value
-    limits = CorrectionLimits(
-        shift=options.limit_mm * MM,
-        shift_rate=options.rate_mm_per_s * MM,
-        cycle=cycle,
-        timeout=options.watchdog_ms * 1e-3,
-    )
+    relative = _asked(options.robot, "mode") == CorrectionMode.RELATIVE.value
     mode = CorrectionMode.RELATIVE if relative else CorrectionMode.ABSOLUTE
     guard = answering_guard(limits, mode)
     if options.correct_in == "path" and not options.robot.lower().startswith("egm://"):

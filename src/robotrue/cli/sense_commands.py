@@ -79,6 +79,10 @@ def run(
     limit_mm: Annotated[float | None, typer.Option(help="Largest correction.")] = None,
     rate_mm_per_s: Annotated[float | None, typer.Option(help="Its fastest change.")] = None,
     watchdog_ms: Annotated[float, typer.Option(help="Oldest estimate that is acted on.")] = 100.0,
+    recover: Annotated[
+        bool,
+        typer.Option("--recover", help="After a fault begin again from zero, once all is well."),
+    ] = False,
     low_pass_hz: Annotated[float, typer.Option(help="Of the correction.")] = 2.0,
     correct_in: Annotated[
         str,
@@ -118,6 +122,7 @@ def run(
             limit_mm=limit_mm,
             rate_mm_per_s=rate_mm_per_s,
             watchdog_ms=watchdog_ms,
+            recover=recover,
             low_pass_hz=low_pass_hz,
             correct_in=correct_in,
             name=name,
