@@ -47,7 +47,8 @@ def test_from_file_to_file(cli, work: Path, name: str) -> None:
     silent = cli(*command)
     assert silent.document["compensated"] == 0
     assert out.read_text() == PROGRAMS[name]
-    assert ("g54" if name == "part.mpf" else "[controller] spin_deg") in silent.err
+    wanted = "add base G54 to the cell" if name == "part.mpf" else "[controller] spin_deg"
+    assert wanted in silent.err
     got = cli(*command, "--cell", work / "told.toml")
     assert got.document["compensated"] == 3
     left = {"unchanged_source": 1} if name != "path.csv" else {}

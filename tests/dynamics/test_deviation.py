@@ -108,7 +108,7 @@ def test_model_of_the_first_schema_opens(model, tmp_path):
     found, asked = again.predict(windows), replace(model, row=None).predict(windows)
     np.testing.assert_array_equal(found.error, asked.error)
     np.testing.assert_array_equal(found.sd, asked.sd)
-    with pytest.raises(ArchiveError, match="schema up to 2"):
+    with pytest.raises(ArchiveError, match="this robotrue reads 1 to 2"):
         deviation_from_archive(replace(new, schema=3))
 
 

@@ -66,8 +66,9 @@ class Archive:
                 f"an archive of kind {self.kind!r}, expected {kind!r}.", source=source, hint=hint
             )
         if not 1 <= self.schema <= schema:
+            readable = "1" if schema == 1 else f"1 to {schema}"
             raise ArchiveError(
-                f"{kind} schema {self.schema}; this robotrue reads schema up to {schema}.",
+                f"{kind} schema {self.schema}; this robotrue reads {readable}.",
                 source=source,
                 hint="update robotrue.",
             )
