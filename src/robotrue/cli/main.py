@@ -10,7 +10,6 @@ itself is wrong: an unknown option, a missing argument. Heavy imports happen ins
 
 from __future__ import annotations
 
-import logging
 import os
 import sys
 from copy import copy
@@ -126,6 +125,8 @@ def run() -> None:
 
 def _tell() -> None:
     """What the rooms log, e.g. that kernels are compiled, goes to who sits at the terminal."""
+    import logging
+
     told = logging.StreamHandler()
     told.setFormatter(logging.Formatter("robotrue: %(message)s"))
     room = logging.getLogger("robotrue")
