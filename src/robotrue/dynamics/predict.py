@@ -24,8 +24,8 @@ from robotrue.errors import ConfigurationError, ModelMismatchError
 
 RINGS: Final = 7.0
 """Time constants after which nothing is left of a decay (one part in 1,000)."""
-_PADS: Final = 14.0
-"""Time constants of zeros; what is left then, one part in a million, comes back at the start."""
+_PADS: Final = 2.0
+"""Times the ringing of modes in zeros; what is left then, one part in a million, comes back."""
 _FARTHEST: Final = 10e-3
 """m a cut pushes a tool at most; more is a force or a response in another unit."""
 _BEGINS: Final = 0.05
@@ -74,7 +74,8 @@ def predict_error(
     Args:
         curve: Receptance at any frequency.
         record: Force on the tool, in the axes of the receptance.
-        padding: s of zeros behind the record; default: twice as long as the tool rings.
+        padding: s of zeros behind the record; default: twice as long as the modes
+            ring; without modes the time the spacing of the lines can hold.
 
     Raises:
         ConfigurationError: Negative padding.
@@ -87,7 +88,7 @@ def predict_error(
     frf = curve.frf
     rings = ring_time(curve)
     if padding is None:
-        padding = rings if curve.modes is None else _PADS * curve.modes.decay_time
+        padding = rings if curve.modes is None else _PADS * rings
     if not padding >= 0.0:
         raise ConfigurationError(f"padding of {padding:g} s, expected zero or more.")
     force = record.force[:, [AXES.index(axis) for axis in frf.excitation_axes]]

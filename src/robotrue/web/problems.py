@@ -87,9 +87,14 @@ def of_error(error: RobotrueError) -> JSONResponse:
         title_of(error),
         detail=error.message,
         hint=error.hint,
-        source=None if error.source is None else error.source.replace("\\", "/").split("/")[-1],
+        source=source_name(error),
         line=error.line,
     )
+
+
+def source_name(error: RobotrueError) -> str | None:
+    """Returns the name of the file an error speaks of, without the folders of the server."""
+    return None if error.source is None else error.source.replace("\\", "/").split("/")[-1]
 
 
 def title_of(error: RobotrueError) -> str:

@@ -16,7 +16,7 @@ from robotrue.web.bench import Bench, Page
 from robotrue.web.parts.cell_form import CellForm, CellText
 from robotrue.web.parts.drop import DropZone
 from robotrue.web.parts.elements import delete_button, when
-from robotrue.web.parts.faults import refusal
+from robotrue.web.parts.faults import not_found
 from robotrue.web.parts.frame import html
 from robotrue.web.parts.naming import heading
 from robotrue.web.parts.scene import SceneView
@@ -34,7 +34,7 @@ async def _build(bench: Bench) -> None:
             _with_scene(bench, f"/api/scenes/cell/{cell.id}", cell)
             return
     except ConfigurationError as error:
-        html(refusal(bench.say, error, title=bench.say("frame.not_found")))
+        html(not_found(bench.say, error))
         return
     cells = (await bench.ask(items.listed, workspace, CELL, Query(limit=50))).items
     if bench.query.get("new") or (not cells and bench.model is None):

@@ -17,7 +17,7 @@ from robotrue.web.bench import Bench, Page
 from robotrue.web.pages.drift_result import TONES, probability, result, verdict_word
 from robotrue.web.parts.drop import DropZone
 from robotrue.web.parts.elements import link_to, table, tag, when
-from robotrue.web.parts.faults import refusal
+from robotrue.web.parts.faults import not_found
 from robotrue.web.parts.frame import html
 from robotrue.web.parts.icons import icon
 from robotrue.web.parts.job import JobCard, under_way
@@ -42,7 +42,7 @@ async def _build(bench: Bench) -> None:
             items.get, bench.house.workspace, MODEL, model.id, version=model.version
         )
     except ConfigurationError as error:
-        html(refusal(bench.say, error, title=bench.say("frame.not_found")))
+        html(not_found(bench.say, error))
         return
     await result(bench, record, checked)
 

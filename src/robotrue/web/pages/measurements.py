@@ -27,7 +27,7 @@ from robotrue.web.parts.elements import (
     undo_button,
     when,
 )
-from robotrue.web.parts.faults import refusal
+from robotrue.web.parts.faults import not_found
 from robotrue.web.parts.frame import html
 from robotrue.web.parts.icons import icon
 from robotrue.web.parts.later import later
@@ -49,7 +49,7 @@ async def _build(bench: Bench) -> None:
     try:
         record = await bench.ask(items.get, bench.house.workspace, MEASUREMENT, asked)
     except ConfigurationError as error:
-        html(refusal(bench.say, error, title=bench.say("frame.not_found")))
+        html(not_found(bench.say, error))
         return
     _one(bench, record)
 
@@ -72,7 +72,7 @@ async def _list(bench: Bench) -> None:
         query = Query(text=text, limit=200)
         found = await bench.ask(items.listed, bench.house.workspace, MEASUREMENT, query)
     except ConfigurationError as error:
-        html(refusal(say, error, title=say("frame.not_found")))
+        html(not_found(say, error))
         return
     begun = await bench.ask(items.begun, bench.house.workspace, [each.id for each in found.items])
     rows = [

@@ -13,7 +13,7 @@ from robotrue.store.nouns import CELL
 from robotrue.store.records import CellRecord, Query
 from robotrue.web.bench import Bench
 from robotrue.web.parts.elements import Tile, table, tiles
-from robotrue.web.parts.faults import refusal, stated
+from robotrue.web.parts.faults import not_found, stated
 from robotrue.web.parts.frame import html
 from robotrue.web.parts.later import later
 from robotrue.web.uploads import uploaded
@@ -33,7 +33,7 @@ async def preview(bench: Bench) -> None:
     try:
         path = uploaded(workspace, key)
     except RobotrueError as error:
-        html(refusal(say, error, title=say("frame.not_found")))
+        html(not_found(say, error))
         return
     cells = (await bench.ask(items.listed, workspace, CELL, Query(limit=50))).items
     html(f"<h1>{escape(path.name)}</h1><p class='lead'>{escape(say('preview.lead'))}</p>").classes(

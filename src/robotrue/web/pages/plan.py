@@ -27,7 +27,7 @@ from robotrue.web.parts.elements import (
     tiles,
     when,
 )
-from robotrue.web.parts.faults import refusal
+from robotrue.web.parts.faults import not_found
 from robotrue.web.parts.frame import html
 from robotrue.web.parts.icons import icon
 from robotrue.web.parts.job import JobCard, under_way
@@ -59,7 +59,7 @@ async def _build(bench: Bench) -> None:
     try:
         record = await bench.ask(items.get, bench.house.workspace, DOCUMENT, asked)
     except ConfigurationError as error:
-        html(refusal(bench.say, error, title=bench.say("frame.not_found")))
+        html(not_found(bench.say, error))
         return
     _one(bench, record)
 

@@ -24,7 +24,7 @@ from robotrue.web.parts.elements import (
     tag,
     when,
 )
-from robotrue.web.parts.faults import refusal
+from robotrue.web.parts.faults import not_found
 from robotrue.web.parts.frame import html
 from robotrue.web.parts.icons import icon
 from robotrue.web.parts.naming import heading
@@ -47,7 +47,7 @@ async def _build(bench: Bench) -> None:
         else:
             await _list(bench)
     except ConfigurationError as error:
-        html(refusal(bench.say, error, title=bench.say("frame.not_found")))
+        html(not_found(bench.say, error))
 
 
 async def _list(bench: Bench) -> None:

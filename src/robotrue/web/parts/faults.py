@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from robotrue.errors import RobotrueError
 from robotrue.web.language import Wording
-from robotrue.web.problems import title_of
+from robotrue.web.problems import source_name, title_of
 
 KINDS: Final = (
     "configuration error", "format error", "implausible data error", "shape error",
@@ -25,6 +25,11 @@ OF_COMMANDS: Final = ("--", "robotrue workspace ")
 """Beginnings of hints for who types commands; the page has buttons for what they say."""
 
 
+def not_found(say: Wording, error: RobotrueError) -> str:
+    """Returns the card of what is asked for and is not there."""
+    return refusal(say, error, title=say("frame.not_found"))
+
+
 def refusal(say: Wording, error: RobotrueError, *, title: str = "") -> str:
     """Returns a card that says what was refused, why, and what to try.
 
@@ -33,10 +38,10 @@ def refusal(say: Wording, error: RobotrueError, *, title: str = "") -> str:
         error: As it was raised.
         title: In the place of the kind of error; empty: the kind.
     """
-    place = ""
-    if error.source is not None:
+    place, file = "", source_name(error)
+    if file is not None:
         line = f":{error.line}" if error.line is not None else ""
-        place = error.source.replace("\\", "/").split("/")[-1] + f"{line}: "
+        place = f"{file}{line}: "
     return stated(say, title_of(error), place + error.message, error.hint, title=title)
 
 
