@@ -29,6 +29,7 @@ from typing import Any
 
 from sqlalchemy import text
 
+from robotrue.errors import RobotrueError
 from robotrue.store import documents, items, jobs
 from robotrue.store.jobs_claim import reclaim
 from robotrue.store.jobs_work import Publish, Work
@@ -66,26 +67,39 @@ def writer(folder: Path, url: str | None, notes: Path, seed: int) -> None:
     draw, mine = random.Random(seed), []  # noqa: S311
     with Workspace.open(folder, url) as workspace, notes.open("a") as out:
         while True:
-            word = f"{draw.random():.12f}"
-            chosen = draw.choice(mine) if mine and draw.random() < 0.7 else None
-            if chosen is None:
-                source = notes.with_suffix(f".{word}")
-                source.write_text(word * draw.randrange(1, 20_000))
-                made = documents.add(workspace, "note", name=word, files=[source])
-                source.unlink()
-                mine.append(made.id)
-            elif items.get(workspace, DOCUMENT, chosen).deleted or draw.random() < 0.3:
-                latest = items.get(workspace, DOCUMENT, chosen)
-                if latest.version == 1:
-                    continue
-                made = items.undo(workspace, DOCUMENT, chosen)
-            elif draw.random() < 0.5:
-                made = items.change(workspace, DOCUMENT, chosen, name=word)
-            else:
-                made = items.delete(workspace, DOCUMENT, chosen)
-            told = (made.id, made.version, made.name, made.deleted)
-            out.write(json.dumps(told) + "\n")
-            out.flush()
+            try:
+                written = _write_once(workspace, notes, draw, mine)
+            except RobotrueError:  # the database is away: nothing was acknowledged
+                time.sleep(0.05)
+                continue
+            if written is not None:
+                out.write(json.dumps(written) + "\n")
+                out.flush()
+
+
+def _write_once(
+    workspace: Workspace, notes: Path, draw: random.Random, mine: list[str]
+) -> tuple[str, int, str, bool] | None:
+    """Adds, changes, deletes or brings back one item; what then stands, or None."""
+    word = f"{draw.random():.12f}"
+    chosen = draw.choice(mine) if mine and draw.random() < 0.7 else None
+    if chosen is None:
+        source = notes.with_suffix(f".{word}")
+        source.write_text(word * draw.randrange(1, 20_000))
+        try:
+            made = documents.add(workspace, "note", name=word, files=[source])
+        finally:
+            source.unlink()
+        mine.append(made.id)
+    elif items.get(workspace, DOCUMENT, chosen).deleted or draw.random() < 0.3:
+        if items.get(workspace, DOCUMENT, chosen).version == 1:
+            return None
+        made = items.undo(workspace, DOCUMENT, chosen)
+    elif draw.random() < 0.5:
+        made = items.change(workspace, DOCUMENT, chosen, name=word)
+    else:
+        made = items.delete(workspace, DOCUMENT, chosen)
+    return made.id, made.version, made.name, made.deleted
 
 
 def worker(folder: Path, url: str | None) -> None:
@@ -231,7 +245,7 @@ def main() -> None:
     begun = time.monotonic()
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        url = stack.enter_context(_postgres()) if options.postgres else None
+        url = stack.enter_context(temporary_postgres().running()) if options.postgres else None
         found = killed(folder / "shop", url, options.kills, options.seed)
     print("PostgreSQL" if options.postgres else "SQLite")
     for name, value in found.items():
@@ -244,14 +258,16 @@ def main() -> None:
     print(f"{'s':>40}  {time.monotonic() - begun:.0f}")
 
 
-def _postgres() -> Any:
+def temporary_postgres() -> Any:
+    """Returns the module that starts a server in a temporary folder."""
     path = Path(__file__).resolve().parents[1] / "scripts" / "temporary_postgres.py"
     spec = spec_from_file_location("temporary_postgres", path)
     assert spec is not None
     assert spec.loader is not None
     module = module_from_spec(spec)
+    sys.modules[spec.name] = module
     spec.loader.exec_module(module)
-    return module.running()
+    return module
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 PACKAGE = "postgresql"
@@ -41,9 +42,44 @@ def programs() -> Path:
     return Path(on_path).resolve().parent
 
 
+@dataclass
+class Server:
+    """A server that can be restarted.
+
+    Attributes:
+        url: Of its first database.
+    """
+
+    url: str
+    bin: Path
+    folder: Path
+    port: int
+    who: dict[str, object]
+    process: subprocess.Popen[bytes] | None = None
+
+    def start(self) -> None:
+        """Starts it and waits until it answers."""
+        command = [self.bin / "postgres", "-D", self.folder / "data", "-p", str(self.port)]
+        options = ["-k", self.folder, "-c", "listen_addresses=127.0.0.1", "-c", "fsync=off"]
+        with (self.folder / "log").open("ab") as log:
+            self.process = subprocess.Popen(  # noqa: S603
+                [*command, *options], **self.who, stdout=subprocess.DEVNULL, stderr=log
+            )
+        _answering(self.bin, self.process, self.port, self.folder / "log")
+
+    def stop(self, *, fast: bool) -> None:
+        """Stops it: ``fast`` rolls transactions back and ends sessions, otherwise it just ends."""
+        if self.process is None:
+            return
+        self.process.send_signal(signal.SIGINT if fast else signal.SIGQUIT)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self.process.wait(PATIENCE)
+        self.process.kill()
+
+
 @contextlib.contextmanager
-def running() -> Iterator[str]:
-    """Gives the URL of a server's first database; the server ends with the block."""
+def server() -> Iterator[Server]:
+    """Gives a server in a temporary folder; both end with the block."""
     bin = programs()
     folder = Path(tempfile.mkdtemp(prefix="robotrue-postgres-"))
     password = secrets.token_urlsafe(12)
@@ -58,22 +94,22 @@ def running() -> Iterator[str]:
         if made.returncode:
             raise RuntimeError(made.stderr)
         port = _free_port()
-        command = [bin / "postgres", "-D", folder / "data", "-p", str(port), "-k", folder]
-        options = ["-c", "listen_addresses=127.0.0.1", "-c", "fsync=off"]
-        with (folder / "log").open("wb") as log:
-            server = subprocess.Popen(  # noqa: S603
-                [*command, *options], **who, stdout=subprocess.DEVNULL, stderr=log
-            )
+        url = f"postgresql+psycopg://{USER}:{password}@127.0.0.1:{port}/postgres"
+        started = Server(url=url, bin=bin, folder=folder, port=port, who=who)
         try:
-            _answering(bin, server, port, folder / "log")
-            yield f"postgresql+psycopg://{USER}:{password}@127.0.0.1:{port}/postgres"
+            started.start()
+            yield started
         finally:
-            server.send_signal(signal.SIGQUIT)  # at once: all of it is thrown away
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                server.wait(PATIENCE)
-            server.kill()
+            started.stop(fast=False)  # at once: all of it is thrown away
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def running() -> Iterator[str]:
+    """Gives the URL of a server's first database; the server ends with the block."""
+    with server() as started:
+        yield started.url
 
 
 def _owner(folder: Path) -> dict[str, object]:

@@ -4,6 +4,7 @@
 
     RobotrueError
     ├── ConfigurationError   cell.toml, a preset name, an option
+    │   └── DatabaseDownError   the database of a workspace does not answer; may pass by itself
     ├── FormatError          a file that is not what its reader expects
     ├── ImplausibleDataError readable numbers that cannot be what they claim
     ├── ShapeError           an array of the wrong shape, dtype or with NaN
@@ -56,6 +57,10 @@ class RobotrueError(Exception):
 
 class ConfigurationError(RobotrueError):
     """A cell file, preset name or option that cannot be used."""
+
+
+class DatabaseDownError(ConfigurationError):
+    """The database of a workspace does not answer; it may do so again later."""
 
 
 class FormatError(RobotrueError):

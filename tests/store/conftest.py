@@ -23,6 +23,7 @@ _SPEC = importlib.util.spec_from_file_location("temporary_postgres", _AT)
 assert _SPEC is not None
 assert _SPEC.loader is not None
 temporary_postgres = importlib.util.module_from_spec(_SPEC)
+sys.modules[_SPEC.name] = temporary_postgres
 _SPEC.loader.exec_module(temporary_postgres)
 
 os.environ.pop("ROBOTRUE_DB", None)  # a developer's own is left alone

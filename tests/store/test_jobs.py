@@ -8,18 +8,33 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 import pytest
 import shop_kinds
 from shop_kinds import KINDS
 
-from robotrue.errors import ConfigurationError, ConvergenceError, MissingExtraError
+from robotrue.errors import (
+    ConfigurationError,
+    ConvergenceError,
+    DatabaseDownError,
+    MissingExtraError,
+)
 from robotrue.store import items, jobs, journal
-from robotrue.store.jobs_claim import claim, done, held, reclaim, worker_name
+from robotrue.store.jobs import Job
+from robotrue.store.jobs_claim import (
+    Claim,
+    claim,
+    done,
+    held,
+    lock_path,
+    reclaim,
+    worker_name,
+)
 from robotrue.store.jobs_work import attempt
 from robotrue.store.jobs_worker import run_worker
+from robotrue.store.locks import POSIX, alone
 from robotrue.store.nouns import DOCUMENT
 from robotrue.store.records import Query
 from robotrue.store.workspace import Workspace
@@ -188,6 +203,46 @@ def test_workers_on_other_machines_are_dead_when_silent(
     monkeypatch.setattr("robotrue.store.jobs_claim.STALE", -1.0)
     assert reclaim(workspace) == 1
     assert jobs.status(workspace, id).state == "failed"
+
+
+@pytest.mark.skipif(not POSIX, reason="needs locks, which POSIX has")
+def test_a_worker_of_this_machine_lives_as_long_as_its_lock_whatever_the_clock_does(
+    workspace: Workspace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    id = jobs.submit(workspace, "write", {"count": 1})
+    name = worker_name("here")
+    lock = lock_path(workspace.folder, name)
+    lock.parent.mkdir(exist_ok=True)
+    monkeypatch.setattr("robotrue.store.jobs_claim.STALE", -1.0)  # the clock has jumped ahead
+    with alone(lock, wait=True):
+        assert claim(workspace, ["write"], name) is not None
+        assert reclaim(workspace) == 0
+        assert jobs.status(workspace, id).state == "running"
+    assert reclaim(workspace) == 1
+    assert jobs.status(workspace, id).state == "queued"
+
+
+@pytest.mark.skipif(not POSIX, reason="needs locks, which POSIX has")
+@ON_SERVER
+def test_a_worker_outlives_a_database_that_is_down(
+    workspace: Workspace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Down after a claim was written and before its answer came: the job is queued again."""
+    id = jobs.submit(workspace, "write", {"count": 1})
+    calls: list[str] = []
+
+    def lost(where: Workspace, kinds: Collection[str], worker: str) -> tuple[Job, Claim] | None:
+        found = claim(where, kinds, worker)
+        calls.append(worker)
+        if len(calls) == 1:
+            raise DatabaseDownError("the connection went while it answered.")
+        return found
+
+    monkeypatch.setattr("robotrue.store.jobs_worker.claim", lost)
+    monkeypatch.setattr("robotrue.store.jobs_worker.BEAT", 0.05)
+    run_worker(workspace.folder, workspace.url, kinds=KINDS, until_idle=True)
+    found = jobs.status(workspace, id)
+    assert (found.state, found.attempts) == ("done", 1)
 
 
 @ON_SERVER

@@ -9,7 +9,7 @@ from typing import Any, Final
 from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url
 from sqlalchemy.exc import ArgumentError, DBAPIError
 
-from robotrue.errors import ConfigurationError, MissingExtraError
+from robotrue.errors import ConfigurationError, DatabaseDownError, MissingExtraError
 
 FILE: Final = "robotrue.db"
 BUSY_MS: Final = 60_000
@@ -75,10 +75,10 @@ def _as_sqlite(engine: Engine) -> None:
         connection.exec_driver_sql("BEGIN IMMEDIATE" if writing else "BEGIN")
 
 
-def unreachable(cause: DBAPIError, folder: Path) -> ConfigurationError:
+def unreachable(cause: DBAPIError, folder: Path) -> DatabaseDownError:
     """Returns the error for a database that does not answer, without its URL."""
     said = str(cause.orig).strip() or "it does not say why"
-    return ConfigurationError(
+    return DatabaseDownError(
         f"the database does not answer ({said.splitlines()[0]}).",
         source=folder,
         hint="see that it runs, and what ROBOTRUE_DB says.",

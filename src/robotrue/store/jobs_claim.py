@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from sqlalchemy import select, update
+from sqlalchemy.orm import Session
 
 from robotrue.core.json_values import json_values
 from robotrue.store import journal
@@ -25,13 +26,14 @@ from robotrue.store.jobs import (
     end,
     job_of,
 )
-from robotrue.store.locks import abandoned
+from robotrue.store.locks import POSIX, abandoned
 from robotrue.store.schema import JobRow
 from robotrue.store.workspace import Transaction, Workspace, now
 
 WORKERS: Final = "workers"
 STALE: Final = 30.0
-"""s without a heartbeat after which a worker is taken for dead; at once where its lock is free."""
+"""s without a heartbeat after which a worker of another machine is taken for dead. Of this machine
+its lock tells, at once and whatever the clock does."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -151,25 +153,13 @@ def reclaim(workspace: Workspace) -> int:
     """Returns how many jobs of dead workers were queued again or put over."""
     under_way = select(JobRow).where(JobRow.state == RUNNING)
     with workspace.read() as session:
-        late = clock(session) - STALE
-        silent = set(session.scalars(select(JobRow.id).where(JobRow.heartbeat < late)))
-        suspects = [
-            row.id
-            for row in session.scalars(under_way)
-            if row.id in silent or _dead(workspace.folder, row.worker)
-        ]
+        suspects = [row.id for row in session.scalars(under_way) if _dead(workspace, session, row)]
     count = 0
     for id in suspects:
         with workspace.write() as into:
             same = under_way.where(JobRow.id == id).with_for_update(skip_locked=True)
             row = into.session.scalars(same).first()
-            late = clock(into.session) - STALE
-            if row is None or not (
-                _dead(workspace.folder, row.worker)
-                or into.session.scalar(
-                    select(JobRow.id).where(JobRow.id == id, JobRow.heartbeat < late)
-                )
-            ):
+            if row is None or not _dead(workspace, into.session, row):
                 continue
             _again(into, row, "its worker died")
             count += 1
@@ -188,11 +178,13 @@ def _text(value: Any) -> Any:
     return json.loads(json.dumps(json_values(value)).replace("\\u0000", "?"))
 
 
-def _dead(folder: Path, worker: str) -> bool:
-    """Whether a worker of this machine has let go of its lock; of others only silence tells."""
-    return worker.rpartition("/")[0] == socket.gethostname() and abandoned(
-        lock_path(folder, worker)
-    )
+def _dead(workspace: Workspace, session: Session, row: JobRow) -> bool:
+    """Whether a job's worker has let go of its lock or, on another machine, is silent for long."""
+    lock = lock_path(workspace.folder, row.worker)
+    if row.worker.rpartition("/")[0] == socket.gethostname() and POSIX and lock.is_file():
+        return abandoned(lock)
+    silent = select(JobRow.id).where(JobRow.id == row.id, JobRow.heartbeat < clock(session) - STALE)
+    return session.scalar(silent) is not None
 
 
 def _again(into: Transaction, row: JobRow, why: str) -> None:

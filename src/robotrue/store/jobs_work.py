@@ -21,7 +21,7 @@ from multiprocessing import parent_process
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
-from robotrue.errors import ConfigurationError, RobotrueError
+from robotrue.errors import ConfigurationError, DatabaseDownError, RobotrueError
 from robotrue.store.jobs import Job, status
 from robotrue.store.jobs_claim import Claim, done, failed, report
 from robotrue.store.workspace import Transaction, Workspace
@@ -57,7 +57,7 @@ class Work:
         return self.job.parameters
 
     def step(self, text: str, done: int, of: int) -> None:
-        """Notes how far the job is; call it often.
+        """Notes how far the job is; call it often. A database that is down does not stop the job.
 
         Raises:
             Cancelled: It is to end.
@@ -66,8 +66,9 @@ class Work:
             return
         self._noted = time.monotonic()
         share = min(max(done / of, 0.0), 1.0) if of else 0.0
-        if not report(self.workspace, self._claim, share, text):
-            raise Cancelled
+        with contextlib.suppress(DatabaseDownError):
+            if not report(self.workspace, self._claim, share, text):
+                raise Cancelled
 
     def remark(self, text: str) -> None:
         """Keeps one line that the user should read."""
@@ -94,7 +95,11 @@ def kind_named(target: str) -> Kind:
 
 
 def attempt(folder: Path, url: str | None, target: str, claim: Claim) -> None:
-    """Does a job once, and puts it done, failed or cancelled."""
+    """Does a job once, and puts it done, failed or cancelled.
+
+    Raises:
+        DatabaseDownError: The database does not answer: the job is to be queued again.
+    """
     with Workspace.open(folder, url) as workspace, _scratch(folder, claim.job) as scratch:
         work = Work(workspace, status(workspace, claim.job), scratch, claim)
         try:
@@ -104,6 +109,8 @@ def attempt(folder: Path, url: str | None, target: str, claim: Claim) -> None:
                     raise Cancelled
         except Cancelled:
             failed(workspace, claim, {"kind": "Cancelled", "message": "cancelled"}, work.remarks)
+        except DatabaseDownError:
+            raise
         except RobotrueError as cause:
             failed(workspace, claim, fault(cause), work.remarks)
         except Exception as cause:  # a fault of the program: the job says so, the worker goes on
@@ -114,7 +121,10 @@ def attempt_as_child(folder: Path, url: str | None, target: str, claim: Claim) -
     """Does a job once in a process that ends when its parent does."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what Ctrl-C ends
     threading.Thread(target=_leave_with_parent, daemon=True).start()
-    attempt(folder, url, target, claim)
+    try:
+        attempt(folder, url, target, claim)
+    except DatabaseDownError as cause:
+        raise SystemExit(str(cause)) from None  # the worker queues the job again
 
 
 def fault(cause: Exception) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
 import signal
 import time
@@ -13,6 +14,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Final, Literal, Protocol, TypeAlias
 
+from robotrue.errors import DatabaseDownError
 from robotrue.store.jobs import RUNNING, status
 from robotrue.store.jobs_claim import (
     WORKERS,
@@ -130,22 +132,46 @@ class Worker:
     _name: str = field(default_factory=lambda: worker_name(uuid.uuid4().hex))
     _under: list[_Under] = field(default_factory=list)
     _beaten: float = -BEAT
+    _down: bool = False
 
     def run(self, *, until_idle: bool, stop: Callable[[], bool]) -> None:
-        """Works until it is told to stop, or until nothing waits."""
+        """Works until it is told to stop, or until nothing waits.
+
+        While the database does not answer it waits; jobs under way go on.
+        """
         folder = self.workspace.folder
         (folder / WORKERS).mkdir(exist_ok=True)
         lock = lock_path(folder, self._name)
         with alone(lock, wait=True):
             try:
-                while not stop():
-                    self._look()
-                    if until_idle and not self._under and not self._begin():
-                        break
-                    time.sleep(LOOK)
+                while not stop() and self._goes_on(until_idle):
+                    time.sleep(BEAT if self._down else LOOK)
             finally:
                 self._leave()
                 lock.unlink(missing_ok=True)
+
+    def _goes_on(self, until_idle: bool) -> bool:
+        """Looks once at everything; returns whether there may be more to do."""
+        try:
+            if self._down:
+                self._release_unknown()
+            self._look()
+            idle = until_idle and not self._under and not self._begin()
+        except DatabaseDownError as cause:
+            if not self._down:
+                logging.getLogger("robotrue").warning("%s Waiting for it.", cause)
+            self._down = True
+            return True
+        self._down = False
+        return not idle
+
+    def _release_unknown(self) -> None:
+        """Queues again what is this worker's only in the database: the claim's answer was lost."""
+        under = {each.claim.job for each in self._under}
+        for job, worker in running(self.workspace).items():
+            if worker == self._name and job not in under:
+                attempt = status(self.workspace, job).attempts
+                released(self.workspace, Claim(job=job, attempt=attempt, worker=worker))
 
     def _look(self) -> None:
         for each in list(self._under):

@@ -140,7 +140,7 @@ class Workspace:
         """Gives a session to read with.
 
         Raises:
-            ConfigurationError: The database does not answer.
+            DatabaseDownError: The database does not answer.
         """
         with _reached(self.folder), Session(self.engine) as session:
             yield session
@@ -150,7 +150,7 @@ class Workspace:
         """Gives a transaction; what is done in it stands when the block ends, or not at all.
 
         Raises:
-            ConfigurationError: The database does not answer.
+            DatabaseDownError: The database does not answer.
         """
         transaction = Transaction(self)
         with _reached(self.folder), transaction.running():
