@@ -29,6 +29,10 @@ EXPANSION: Final = 200
 """Times its own size a file may expand to, from ``SMALL`` on."""
 SMALL: Final = 100 << 20
 _MANIFEST_MOST: Final = 256 << 20
+_MANIFEST_SMALL: Final = 1 << 20
+_MANIFEST_EXPANSION: Final = 20
+"""Times its packed size a manifest may expand to, beyond ``_MANIFEST_SMALL``; hashes do not pack to
+less than a quarter, and the objects that JSON makes of it take many times its size."""
 _LINE_MOST: Final = 64 << 20
 _MEMBER: Final = re.compile(r"tables/[a-z_]{1,40}\.jsonl|(blobs|samples)/[0-9a-f]{64}")
 BROKEN: Final = (
@@ -53,7 +57,9 @@ def manifest_of(bundle: zipfile.ZipFile, source: str) -> dict[str, Any]:
         ArchiveError: There is none, it is damaged, or of a newer robotrue.
     """
     try:
-        if bundle.getinfo(MANIFEST).file_size > _MANIFEST_MOST:
+        info = bundle.getinfo(MANIFEST)
+        packed = max(_MANIFEST_SMALL, _MANIFEST_EXPANSION * info.compress_size)
+        if info.file_size > min(_MANIFEST_MOST, packed):
             raise damaged(source, "its manifest is too long")
         stated = json.loads(bundle.read(MANIFEST))
         if stated.get("format") != FORMAT:
