@@ -143,6 +143,12 @@ def test_every_row_arrives_once_and_in_order(broker):
     assert (health.received, health.dropped, health.refused) == (50, 0, 0)
 
 
+def write_at_once(sink, block):
+    """Writes a block; a write that waits for anything fails."""
+    with pytest.raises(StopIteration):
+        sink.write(block).send(None)
+
+
 def test_killed_in_mid_stream_and_started_again(broker):
     async def scene():
         address = f"mqtt://127.0.0.1:{broker.port}"
@@ -152,9 +158,7 @@ def test_killed_in_mid_stream_and_started_again(broker):
             broker.kill()
             k = 100
             while sink.health().dropped < 100:  # the service goes on, the queue stays bounded
-                began = time.monotonic()
-                await sink.write(estimates(k, 100))
-                assert time.monotonic() - began < 0.5
+                write_at_once(sink, estimates(k, 100))
                 k += 100
                 await asyncio.sleep(0)
             await _until(lambda: not sink.health().connected)
@@ -210,17 +214,14 @@ def test_a_broker_that_hangs_holds_up_nobody(broker):
         async with _sink(f"mqtt://127.0.0.1:{broker.port}") as sink:
             await _until(lambda: sink.health().connected)
             broker.process.send_signal(signal.SIGSTOP)
-            began = time.monotonic()
             for k in range(1500):
-                await sink.write(estimates(100 * k, 100))
+                write_at_once(sink, estimates(100 * k, 100))
                 if k % 10 == 0:
                     await asyncio.sleep(0)
-            spent = time.monotonic() - began
             broker.process.send_signal(signal.SIGCONT)
-            return spent, sink.health()
+            return sink.health()
 
-    spent, health = asyncio.run(scene())
-    assert spent < 15
+    health = asyncio.run(scene())
     assert health.received == 1500
     assert health.dropped > 1000
 
