@@ -59,6 +59,12 @@ def test_fit_says_how_it_did_where_it_had_not_seen(job: Path, tmp_path: Path) ->
     assert out["envelope"]["force_N"] == [0.0, 981.0]
 
 
+def test_the_patents_regression_is_told_by_its_five_terms(job: Path, tmp_path: Path) -> None:
+    out = call("fit", job / "foot.toml", job / "campaign.csv", "-o", tmp_path / "m.robotrue",
+               "--kind", "patent")  # fmt: skip
+    assert [t["term"] for t in out["terms"]] == ["1", "a", "b", "F", "z"]
+
+
 def test_evaluate_compares_uncorrected_patent_and_ours(job: Path) -> None:
     out = call("evaluate", job / "m.robotrue", job / "test.csv")
     for name in ("uncorrected", "patent", "ours"):
@@ -117,15 +123,29 @@ def test_refine_and_freeze(job: Path, tmp_path: Path) -> None:
             out.writerow({"hole": f"H{i}", "left_a_deg": 0.01, "left_b_deg": -0.01, **kept})
     model = tmp_path / "m2.robotrue"
     found = call("refine", job / "m.robotrue", tmp_path / "holes.csv", "-o", model,
-                 "--truth", "hole gauge", "--sigma-deg", "0.02")  # fmt: skip
+                 "--truth", "hole gauge", "--sigma-deg", "0.005")  # fmt: skip
     assert found["records"] == 20
     assert found["refinement"]["truths"] == ["hole gauge"]
-    np.testing.assert_allclose(found["refinement"]["constant_deg"], [0.01, -0.01], atol=0.02)
-    frozen = call("refine", job / "m.robotrue", tmp_path / "holes.csv", "-o", model,
-                  "--truth", "hole gauge", "--freeze", job / "test.csv",
-                  "--allowed-deg", "0.2")  # fmt: skip
+    np.testing.assert_allclose(found["refinement"]["constant_deg"], [0.01, -0.01], atol=0.002)
+    freeze = ("refine", job / "m.robotrue", tmp_path / "holes.csv", "-o", model,
+              "--truth", "hole gauge", "--allowed-deg", "0.2", "--freeze")  # fmt: skip
+    with pytest.raises(RobotrueError, match="it is not frozen"):
+        call(*freeze, job / "test.csv")
+    frozen = call(*freeze, _turned(job / "test.csv", tmp_path / "turned.csv"))
     assert frozen["frozen"]["version"] == 1
     assert frozen["frozen"]["clamps"] == 60
+
+
+def _turned(test: Path, out: Path) -> Path:
+    """The test with true tilts that are off as the references say."""
+    rows = list(csv.DictReader(test.read_text().splitlines()))
+    for row in rows:
+        row |= {f"{n}_deg": float(row[f"{n}_deg"]) + v for n, v in (("a", 0.01), ("b", -0.01))}
+    with out.open("w") as stream:
+        writer = csv.DictWriter(stream, list(rows[0]))
+        writer.writeheader()
+        writer.writerows(rows)
+    return out
 
 
 def test_the_report_says_simulated(job: Path, tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ from robotrue.errors import ConfigurationError
 
 AUTO: Final = "auto"
 ENOUGH: Final = 16
-"""Clamps above which the eight terms with interactions are judged, not the patent's five."""
+"""Clamps above which eight terms with interactions are shown beside another kind than patent."""
 CLEAR: Final = 3.0
 """|t| from which a term is called significant."""
 
@@ -124,12 +124,16 @@ def kind_of(word: str) -> Kind | None:
 
 
 def terms_of(model: NormalModel, data: Campaign) -> list[dict[str, Any]]:
-    """Returns the significance of each term of the interactions, or of the patent's."""
+    """Returns the significance of each term.
+
+    The terms are the patent's five where the patent's regression was asked for or the clamps are
+    few, and the eight with interactions otherwise.
+    """
     if model.patent is None:
         return []
     causes = conditions(model.foot, data.order, data.clamps)
     fitted = model.patent
-    if len(data) > ENOUGH:
+    if len(data) > ENOUGH and model.kind != "patent":
         fitted = fit_linear("interactions", causes, reading_errors(model.foot, data))
     if not isinstance(fitted, LinearCorrection):
         return []

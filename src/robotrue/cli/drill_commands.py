@@ -142,17 +142,18 @@ def plan(
 @drill.command()
 def refine(
     model: DrillModel,
-    records: Annotated[
-        Path,
-        typer.Argument(
-            metavar="RECORDS",
-            help="Holes with left_a_deg, left_b_deg as a reference measured them.",
-        ),
-    ],
     output: Annotated[Path, typer.Option("--output", "-o", help="Model file to write.")],
+    records: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="[RECORDS]",
+            help="Holes that MODEL moved, with left_a_deg, left_b_deg as a reference measured "
+            "them; with --freeze it may be left out.",
+        ),
+    ] = None,
     truth: Annotated[
         str, typer.Option(help="What measured what was left: a mandrel plane, a hole gauge, ...")
-    ],
+    ] = "",
     sigma_deg: Annotated[
         float, typer.Option(help="Standard deviation of that reference in deg.")
     ] = 0.005,

@@ -11,10 +11,16 @@ from robotrue.cli.console import count, emit_json, say
 from robotrue.cli.drill import residuals_document, setup_of
 from robotrue.cli.inputs import check_output
 from robotrue.core.units import DEG, MM
-from robotrue.drilling.campaign_csv import read_campaign, read_production, write_sheet
+from robotrue.drilling.campaign_csv import (
+    ProductionRecord,
+    read_campaign,
+    read_production,
+    write_sheet,
+)
+from robotrue.drilling.correction import corrected
 from robotrue.drilling.evaluate import Residuals
 from robotrue.drilling.foot_file import read_foot
-from robotrue.drilling.model import NormalModel, seen
+from robotrue.drilling.model import NormalModel, with_refinement
 from robotrue.drilling.model_archive import read_model, write_model
 from robotrue.drilling.plan import By, planned_campaign
 from robotrue.drilling.production import frozen, record_of, recorded
@@ -67,7 +73,7 @@ def run_plan(
 
 def run_refine(
     model_path: Path,
-    records: Path,
+    records: Path | None,
     output: Path,
     *,
     truth: str,
@@ -83,25 +89,44 @@ def run_refine(
         raise ConfigurationError("--sigma-deg and --allowed-deg are above 0 deg.")
     model = read_model(model_path)
     setup = setup_of(model, model_path, foot)
-    holes = read_production(records, setup)
-    before, alarms = model, []
+    before, alarms, holes = model, [], 0
+    if records is not None:
+        production = read_production(records, setup)
+        holes = len(production.hole)
+        model, alarms = _refined(model, production, truth, sigma_deg * DEG)
+    elif freeze is None:
+        raise ConfigurationError(
+            "no RECORDS to refine the model by, and no --freeze.", hint="RECORDS, or --freeze TEST."
+        )
+    if freeze is not None:
+        test, digest = read_campaign(freeze, setup, model.head.order)
+        model = frozen(model, test, digest, allowed=allowed_deg * DEG, before=before)
+    write_model(output, model)
+    if as_json:
+        emit_json(_document(output, before, model, holes, alarms))
+        return
+    if records is not None:
+        say(f"{count(holes, 'record')} of {truth}, {count(len(alarms), 'alarm')}")
+    say(_said(model) + f", written to {output}")
+
+
+def _refined(
+    before: NormalModel, holes: ProductionRecord, truth: str, reference: float
+) -> tuple[NormalModel, list[dict[str, Any]]]:
+    """The model after holes that it moved all of, and the alarms of its watch."""
+    model = before
+    alarms: list[dict[str, Any]] = []
+    plain = corrected(before.foot, before.head.order, before.correction, holes.clamps)
+    moved = with_refinement(before, plain).tilt
     for i, name in enumerate(holes.hole):
-        found = seen(model, holes.clamps.rows(np.array([i])))
-        record = record_of(name, found, holes.left[i], truth)
-        step = recorded(model, found, record, reference=sigma_deg * DEG)
+        found = with_refinement(model, plain.row(i))
+        record = record_of(name, found, holes.left[i], truth, moved=moved[i])
+        step = recorded(model, found, record, reference=reference)
         model = step.model
         if step.alarm:
             alarms.append({"hole": name, "shift_deg": (step.shift / DEG).tolist()})
             say(f"ALARM: {step.said}")
-    if freeze is not None:
-        test, digest = read_campaign(freeze, setup, model.head.order)
-        model = frozen(model, test, digest, allowed=allowed_deg * DEG)
-    write_model(output, model)
-    if as_json:
-        emit_json(_document(output, before, model, len(holes.hole), alarms))
-        return
-    say(f"{count(len(holes.hole), 'record')} of {truth}, {count(len(alarms), 'alarm')}")
-    say(_said(model) + f", written to {output}")
+    return model, alarms
 
 
 def _document(

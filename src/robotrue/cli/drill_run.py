@@ -71,7 +71,7 @@ def run(
             settings=settings,
             reference=sigma_deg * DEG,
             approach=approach,
-            clamps=kept.state.waiting,
+            waiting=kept.state.waiting,
             count=kept.state.answered,
         )
         arm = None

@@ -71,6 +71,16 @@ class Corrected:
     residual: Array
     conditions: Conditions
 
+    def row(self, i: int) -> Corrected:
+        """Returns one clamp."""
+        a, b, force, height = self.conditions.table[i : i + 1].T
+        return Corrected(
+            tilt=self.tilt[i : i + 1],
+            covariance=self.covariance[i : i + 1],
+            residual=self.residual[i : i + 1],
+            conditions=Conditions(a=a, b=b, force=force, height=height),
+        )
+
 
 def corrected(foot: Foot, order: AxisOrder, correction: Correction, clamps: Clamps) -> Corrected:
     """Returns the tilt the corrected readings show, with its covariance.

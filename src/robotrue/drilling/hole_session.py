@@ -16,7 +16,7 @@ from robotrue.drilling.production import Step, record_of, recorded
 from robotrue.errors import ConfigurationError, RobotrueError
 
 KEPT: Final = 10_000
-"""Holes whose clamps are kept for a reference that measures them later."""
+"""Holes kept for a reference that measures them later."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,6 +40,19 @@ class HoleAnswer:
     version: int
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MovedHole:
+    """A hole that was moved for, until a reference measures what the move left.
+
+    Attributes:
+        clamps: The clamp, one row.
+        tilt: (2,) rad, by which the spindle moved, as the model in force at that hole gave it.
+    """
+
+    clamps: Clamps
+    tilt: Array
+
+
 class HoleSession:
     """A model in use.
 
@@ -48,7 +61,7 @@ class HoleSession:
         settings: When the foot counts as clamped and at rest.
         approach: How this cell brings its foot down, as the campaign names it.
         reference: rad, deviation of the outside reference in each of a and b.
-        clamps: Clamps of holes answered before, for references that come late.
+        waiting: Holes moved for before, for references that come late.
         count: Clamps answered before.
     """
 
@@ -59,7 +72,7 @@ class HoleSession:
         settings: ClampSettings,
         reference: float,
         approach: str = "",
-        clamps: Mapping[str, Clamps] | None = None,
+        waiting: Mapping[str, MovedHole] | None = None,
         count: int = 0,
     ) -> None:
         if not reference > 0.0:
@@ -69,7 +82,7 @@ class HoleSession:
         self.model = model
         self._watch = ClampWatch(settings, approach=approach)
         self._reference = reference
-        self._clamps = OrderedDict(clamps or {})
+        self._waiting = OrderedDict(waiting or {})
         self._count = count
 
     def push(self, sample: FootSample, *, hole: str = "") -> HoleAnswer | None:
@@ -94,7 +107,7 @@ class HoleSession:
         else:
             found, refused = self._found(event.clamps, event.axes)
             if found is not None:
-                self._keep(name, event.clamps)
+                self._keep(name, MovedHole(clamps=event.clamps, tilt=found.tilt))
         return HoleAnswer(
             hole=name,
             clamps=event.clamps,
@@ -110,7 +123,7 @@ class HoleSession:
 
     def forget(self, hole: str) -> None:
         """Takes back that a hole was moved for: the machine was not told to after all."""
-        self._clamps.pop(hole, None)
+        self._waiting.pop(hole, None)
 
     def remained(self, hole: str, left: Array, truth: str) -> Step:
         """Takes what an outside reference measured at a hole after its move, into the model.
@@ -123,17 +136,17 @@ class HoleSession:
         Raises:
             ConfigurationError: A hole that was not moved for here, or no outside reference.
         """
-        clamps = self._clamps.get(hole)
-        if clamps is None:
+        drilled = self._waiting.get(hole)
+        if drilled is None:
             raise ConfigurationError(
                 f"a reference for hole {hole!r}, which was not moved for here.",
                 hint="the name of the hole as it was answered with a move; each reference once.",
             )
-        found = seen(self.model, clamps)
-        record = record_of(hole, found, left, truth)
+        found = seen(self.model, drilled.clamps)
+        record = record_of(hole, found, left, truth, moved=drilled.tilt)
         step = recorded(self.model, found, record, reference=self._reference)
         self.model = step.model
-        del self._clamps[hole]
+        del self._waiting[hole]
         return step
 
     def _found(self, clamps: Clamps, axes: Array) -> tuple[Adjustment | None, str]:
@@ -142,8 +155,8 @@ class HoleSession:
         except RobotrueError as cause:
             return None, cause.message + (f" ({cause.hint})" if cause.hint else "")
 
-    def _keep(self, hole: str, clamps: Clamps) -> None:
-        self._clamps[hole] = clamps
-        self._clamps.move_to_end(hole)
-        if len(self._clamps) > KEPT:
-            self._clamps.popitem(last=False)
+    def _keep(self, hole: str, drilled: MovedHole) -> None:
+        self._waiting[hole] = drilled
+        self._waiting.move_to_end(hole)
+        if len(self._waiting) > KEPT:
+            self._waiting.popitem(last=False)

@@ -20,7 +20,7 @@ import numpy as np
 
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign import Clamps
-from robotrue.drilling.hole_session import HoleAnswer
+from robotrue.drilling.hole_session import HoleAnswer, MovedHole
 from robotrue.drilling.journal_lines import whole_lines
 from robotrue.drilling.production import Step
 from robotrue.errors import FormatError
@@ -32,12 +32,12 @@ class JournalState:
 
     Attributes:
         answered: Clamps answered.
-        waiting: Clamps of holes that were moved for and wait for a reference, by hole.
+        waiting: Holes that were moved for and wait for a reference, by name.
         version: Of the model, at the last line; 0 without one.
     """
 
     answered: int
-    waiting: Mapping[str, Clamps]
+    waiting: Mapping[str, MovedHole]
     version: int
 
 
@@ -168,13 +168,13 @@ class Journal:
         data = self._file.readall()
         entries, whole = whole_lines(data, source=self._path)
         answered, version = 0, 0
-        waiting: dict[str, Clamps] = {}
+        waiting: dict[str, MovedHole] = {}
         for number, entry in enumerate(entries, start=1):
             try:
                 if entry["kind"] == "answer":
                     answered += 1
                     if entry["status"] == "move":
-                        waiting[entry["hole"]] = _clamps(entry)
+                        waiting[entry["hole"]] = _moved(entry)
                 else:
                     waiting.pop(entry["hole"], None)
                 version = int(entry["version"])
@@ -190,10 +190,11 @@ class Journal:
         return JournalState(answered=answered, waiting=waiting, version=version)
 
 
-def _clamps(entry: Mapping[str, Any]) -> Clamps:
-    return Clamps(
+def _moved(entry: Mapping[str, Any]) -> MovedHole:
+    clamps = Clamps(
         readings=np.array([entry["d_mm"]], dtype=np.float64) * MM,
         force=np.array([entry["force_N"]], dtype=np.float64),
         height=np.array([entry["z_mm"]], dtype=np.float64) * MM,
         approach=(str(entry["approach"]),),
     )
+    return MovedHole(clamps=clamps, tilt=np.array([float(entry[f"{n}_deg"]) for n in "ab"]) * DEG)

@@ -114,7 +114,11 @@ def seen(model: NormalModel, clamps: Clamps) -> Corrected:
     Raises:
         ShapeError: Not one reading per sensor.
     """
-    found = corrected(model.foot, model.head.order, model.correction, clamps)
+    return with_refinement(model, corrected(model.foot, model.head.order, model.correction, clamps))
+
+
+def with_refinement(model: NormalModel, found: Corrected) -> Corrected:
+    """Returns what the correction shows with what production has added to it."""
     c = found.conditions
     added, doubt = model.refinement.tilt(np.stack([c.a, c.b, c.force], axis=-1))
     return replace(

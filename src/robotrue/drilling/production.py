@@ -53,11 +53,10 @@ def recorded(model: NormalModel, found: Corrected, record: Remaining, *, referen
     state = watched(model.monitor, score)
     shift = state.shift * deviation
     if state.alarm:
-        return _alarmed(model, state, score, shift, record)
+        return _alarmed(model, state, score, shift, record, reference)
     if model.frozen is None:
-        model = replace(
-            model, refinement=refined(model.refinement, record), version=model.version + 1
-        )
+        refinement = refined(model.refinement, record, reference=reference)
+        model = replace(model, refinement=refinement, version=model.version + 1)
     return Step(
         model=replace(model, monitor=state),
         score=score,
@@ -68,14 +67,19 @@ def recorded(model: NormalModel, found: Corrected, record: Remaining, *, referen
 
 
 def _alarmed(
-    model: NormalModel, state: Watch, score: Array, shift: Array, record: Remaining
+    model: NormalModel,
+    state: Watch,
+    score: Array,
+    shift: Array,
+    record: Remaining,
+    reference: float,
 ) -> Step:
     a, b = (shift / DEG).tolist()
     was = "" if model.frozen is None else f"version {model.frozen.version} is thawed; "
     fresh = replace(watch(2), spread=state.spread, allowance=state.allowance, limit=state.limit)
     changed = replace(
         model,
-        refinement=refined(loosened(model.refinement), record),
+        refinement=refined(loosened(model.refinement), record, reference=reference),
         monitor=fresh,
         version=model.version + 1,
         frozen=None,
@@ -87,7 +91,14 @@ def _alarmed(
     return Step(model=changed, score=score, alarm=True, shift=shift, said=said)
 
 
-def frozen(model: NormalModel, test: Campaign, digest: str, *, allowed: float) -> NormalModel:
+def frozen(
+    model: NormalModel,
+    test: Campaign,
+    digest: str,
+    *,
+    allowed: float,
+    before: NormalModel | None = None,
+) -> NormalModel:
     """Returns the model frozen, with what it was tested on.
 
     Args:
@@ -95,10 +106,11 @@ def frozen(model: NormalModel, test: Campaign, digest: str, *, allowed: float) -
         test: Clamps with known tilts that neither learning nor refining has seen.
         digest: SHA-256 of the test's file.
         allowed: rad, 95th percentile of the tilt left that is good enough.
+        before: The model before it was refined; not compared without.
 
     Raises:
         ConfigurationError: The test is the campaign the model was learned from, or the model is
-            not good enough.
+            not good enough, or leaves more on the test than before it was refined.
     """
     if digest and digest == model.campaign:
         raise ConfigurationError(
@@ -107,6 +119,8 @@ def frozen(model: NormalModel, test: Campaign, digest: str, *, allowed: float) -
             hint="clamp some twenty times more, with tilts and forces in between.",
         )
     result = evaluated(model, test)
+    if before is not None:
+        _refuse_worse(result.ours.mean, evaluated(before, test).ours.mean, test)
     if result.ours.p95 > allowed:
         raise ConfigurationError(
             f"95 % of the holes are within {result.ours.p95 / DEG:.4f} deg, {allowed / DEG:g} deg "
@@ -130,18 +144,36 @@ def frozen(model: NormalModel, test: Campaign, digest: str, *, allowed: float) -
     )
 
 
-def record_of(hole: str, found: Corrected, left: Array, truth: str) -> Remaining:
+def _refuse_worse(mean: float, was: float, test: Campaign) -> None:
+    if mean > was:
+        raise ConfigurationError(
+            f"the refined model leaves {mean / DEG:.4f} deg on average, {was / DEG:.4f} deg before "
+            "it was refined: it is not frozen.",
+            source=test.source or None,
+            hint="holes that the model before moved and the true deviation of the reference, or "
+            "freeze that model as it was.",
+        )
+
+
+def record_of(
+    hole: str, found: Corrected, left: Array, truth: str, *, moved: Array | None = None
+) -> Remaining:
     """Returns the record of what one move left.
+
+    The true tilt of the surface is what the spindle moved by plus what the reference found left.
+    The record holds how far the model that is refined now is off it, whichever model moved.
 
     Args:
         hole: Its number or name.
-        found: What the model made of the clamp, one row.
+        found: What the model to be refined makes of the clamp, one row.
         left: (2,) rad, as the reference measured it after the move.
         truth: What measured it.
+        moved: (2,) rad, tilt by which the spindle moved; that of ``found`` without it.
 
     Raises:
         ConfigurationError: No outside reference.
     """
     c = found.conditions
     cause = np.array([c.a[0], c.b[0], c.force[0]])
-    return Remaining(hole=hole, tilt=left, cause=cause, truth=truth)
+    tilt = left if moved is None else moved + left - found.tilt[0]
+    return Remaining(hole=hole, tilt=tilt, cause=cause, truth=truth)

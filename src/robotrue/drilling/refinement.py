@@ -6,6 +6,8 @@ left, and the foot's own sensors are no such thing.
 
     d_i = x_i' beta_i + noise,  x = (1, a, b, F),  for both tilts,
     P <- P / lambda after each record: what was learned long ago counts less.
+
+The variance of the noise is that of the reference plus that of what the correction leaves.
 """
 
 from __future__ import annotations
@@ -46,7 +48,8 @@ class Remaining:
 
     Attributes:
         hole: Its number or name.
-        tilt: (2,) rad, true normal less spindle axis after the move, as (a, b).
+        tilt: (2,) rad, true tilt less the tilt that the model to be refined gives for this clamp,
+            as (a, b). Where that model moved the hole, it is what the reference measured.
         cause: (3,) a and b in deg as the foot saw them before the move, clamp force in kN.
         truth: What measured it: a mandrel plane, a hole gauge, a tracker.
     """
@@ -80,7 +83,7 @@ class Refinement:
     Attributes:
         coefficients: (4, 2) rad per unit of (1, a, b, F): tilt to be added to the corrected one.
         covariance: (4, 4) of a column over the square of ``sigma``.
-        sigma: rad, deviation of one record about the truth.
+        sigma: rad, deviation of what the correction leaves, without that of the reference.
         forgetting: Weight of the past at each record, above 0 and up to 1.
         records: How many were used.
         truths: What measured them, each once.
@@ -118,21 +121,24 @@ def refinement(sigma: float, *, forgetting: float = FORGETTING) -> Refinement:
     """Returns a refinement that has seen nothing.
 
     Args:
-        sigma: rad, deviation of one record: of the reference and of what the correction leaves.
+        sigma: rad, deviation of what the correction leaves.
         forgetting: Weight of the past at each record.
     """
     return Refinement(covariance=np.diag(START**2), sigma=sigma, forgetting=forgetting)
 
 
-def refined(state: Refinement, record: Remaining) -> Refinement:
-    """Returns the state after one more record.
+def refined(state: Refinement, record: Remaining, *, reference: float) -> Refinement:
+    """Returns the state after one more record, the Bayesian update of its coefficients.
 
-    The record's tilt is what remained *with* the state's own addition; their sum is what should
-    have been added.
+    Args:
+        state: Before it. The record's tilt is what remains *with* this state's own addition.
+        record: What remained.
+        reference: rad, deviation of the reference in each of a and b.
     """
     x = _row(record.cause[None])[0]
     prior = _forgotten(state)
-    gain = prior @ x / (1.0 + x @ prior @ x)
+    noise = 1.0 + (reference / state.sigma) ** 2
+    gain = prior @ x / (noise + x @ prior @ x)
     covariance = prior - np.outer(gain, x @ prior)
     return replace(
         state,
