@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from robotrue.core.poses import pose, pose_from_xyz_abc
@@ -79,6 +79,7 @@ def test_the_two_krl_lines_and_the_two_g54_lines_agree() -> None:
 
 @settings(max_examples=30, deadline=None)
 @given(ANGLE, ANGLE, ANGLE)
+@example(0.0, 3.0, 180.0)
 def test_quaternions_are_of_unit_length_and_read_back(a: float, b: float, c: float) -> None:
     R = about(2, a) @ about(1, b) @ about(0, c)
     q = quat_wxyz_from_matrix(R)

@@ -115,7 +115,9 @@ def quat_wxyz_from_matrix(rotation: Array) -> Array:
     half = 0.5 * rotation_vector_from_matrix(rotation)
     # sinc of numpy is sin(pi x) / (pi x): no division by a vanishing angle.
     angle = np.linalg.norm(half, axis=-1, keepdims=True)
-    return np.concatenate([np.cos(angle), half * np.sinc(angle / np.pi)], axis=-1)
+    # At half a turn the angle may be above pi / 2 by its rounding, and the cosine below zero.
+    w = np.maximum(np.cos(angle), 0.0)
+    return np.concatenate([w, half * np.sinc(angle / np.pi)], axis=-1)
 
 
 def skew(vector: Array) -> Array:
