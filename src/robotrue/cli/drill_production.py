@@ -89,7 +89,8 @@ def run_refine(
         raise ConfigurationError("--sigma-deg and --allowed-deg are above 0 deg.")
     model = read_model(model_path)
     setup = setup_of(model, model_path, foot)
-    before, alarms, holes = model, [], 0
+    before, holes = model, 0
+    alarms: list[dict[str, Any]] = []
     if records is not None:
         production = read_production(records, setup)
         holes = len(production.hole)
