@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
+import sys
 from collections.abc import Callable
+from types import CodeType, ModuleType
 from typing import Any, Final, TypeVar, cast
 
+import numpy as np
 from numba import njit
 from numba.core import event
+from numba.core.caching import CompileResultCacheImpl, FunctionCache
+from numba.core.dispatcher import Dispatcher
+
+from robotrue.core.files import sha256
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -34,11 +42,7 @@ def compiled(
             not counted, which saves two locked instructions per array and call.
         inline: Its code is put into the functions that call it.
 
-    The code is cached next to the source, or in the user's cache folder where the installation is
-    read-only; where neither can be written it is compiled anew in each process. A cached kernel
-    is renewed when its own file changes, but not when a file does that it takes kernels from:
-    after editing ``core.sines``, ``arm_lanes``, ``branches``, ``krl_tokens`` or
-    ``number_kernels`` clear ``__pycache__``.
+    The code is cached, see :func:`cached`.
     """
 
     def decorate(function: F) -> F:
@@ -49,12 +53,100 @@ def compiled(
             "inline": "always" if inline else "never",
             "_nrt": not borrows,
         }
-        try:
-            return cast(F, njit(cache=True, **options)(function))
-        except RuntimeError:  # no place to cache to
-            return cast(F, njit(**options)(function))
+        return cast(F, cached(njit(**options)(function)))
 
     return decorate
+
+
+def cached(kernel: Any) -> Any:
+    """Returns a function of ``numba.njit`` that keeps its machine code on the disk.
+
+    The code lies next to the source, or in the user's cache folder where the installation is
+    read-only, or in ``NUMBA_CACHE_DIR``; where none can be written it is compiled anew in each
+    process. It is used as long as everything it was made of is the same: its own instructions,
+    those of all kernels it calls, in whichever file, their options, and the values of the
+    constants they use. What is changed replaces what was kept.
+    """
+    with contextlib.suppress(RuntimeError):  # no place to keep it
+        kernel._cache = _KernelCache(kernel)
+    return kernel
+
+
+class _KernelFiles(CompileResultCacheImpl):
+    """Files named without the line, so that a kernel that moves in its file leaves none behind."""
+
+    def get_filename_base(self, fullname: str, abiflags: str) -> str:
+        name = fullname.replace("<", "").replace(">", "")
+        return f"{name}.py{sys.version_info[0]}{sys.version_info[1]}{abiflags}"
+
+
+class _KernelCache(FunctionCache):
+    """A cache whose stamp is what the kernel is made of.
+
+    Numba's own stamp is the kernel's file, which says nothing of what other files put into it. The
+    stamp is taken from what is loaded, not from the files, for these may be newer; and when the
+    kernel is first called, for only then is every module complete.
+    """
+
+    _impl_class = _KernelFiles
+
+    def __init__(self, kernel: Any) -> None:
+        super().__init__(kernel.py_func)  # type: ignore[no-untyped-call]
+        self._kernel = kernel
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        self._cache_file._source_stamp = _stamp(self._kernel)
+        return super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        self._cache_file._source_stamp = _stamp(self._kernel)
+        super().save_overload(sig, data)  # type: ignore[no-untyped-call]
+
+
+def _stamp(kernel: Any) -> str:
+    """SHA-256 of all that goes into the machine code of a kernel."""
+    parts: list[str] = []
+    seen: set[Any] = {kernel}
+    waiting = [kernel]
+    while waiting:
+        one = waiting.pop()
+        function = one.py_func
+        cells = [cell.cell_contents for cell in function.__closure__ or ()]
+        used = {n: v for n, v in function.__globals__.items() if n in _names(function.__code__)}
+        parts += [function.__module__, function.__qualname__, _described(function.__code__)]
+        parts.append(repr(sorted((k, _described(v)) for k, v in one.targetoptions.items())))
+        for name, value in [*sorted(used.items()), *(("", v) for v in cells)]:
+            if isinstance(value, Dispatcher):
+                parts.append(f"{name} = {value.py_func.__module__}.{value.py_func.__qualname__}")
+                waiting += [] if value in seen else [value]
+                seen.add(value)
+            else:
+                parts.append(f"{name} = {_described(value)}")
+        parts.append(_described(function.__defaults__))
+    return sha256("\0".join(parts).encode("utf-8", "backslashreplace"))
+
+
+def _names(code: CodeType) -> set[str]:
+    """Global names that a function, or one inside it, uses."""
+    inside = [_names(const) for const in code.co_consts if isinstance(const, CodeType)]
+    return set(code.co_names).union(*inside)
+
+
+def _described(value: Any) -> str:
+    """Everything of a value that machine code may hold. What has no stable text never fits."""
+    if isinstance(value, CodeType):
+        return repr(
+            [value.co_code, value.co_names, value.co_varnames, value.co_freevars, value.co_cellvars]
+        ) + _described(value.co_consts)
+    if isinstance(value, ModuleType):
+        return value.__name__
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype.descr} {value.strides} {value.shape} {value.tobytes()!r}"
+    if isinstance(value, set | frozenset):
+        return repr(sorted(_described(each) for each in value))
+    if isinstance(value, tuple):
+        return f"({', '.join(_described(each) for each in value)})"
+    return f"{type(value)} {value!r}"
 
 
 class _Told(event.Listener):

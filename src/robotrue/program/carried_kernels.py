@@ -7,8 +7,11 @@ from typing import Any
 
 import numba
 
+from robotrue.core.compiled import cached
 
-@numba.njit(cache=True)
+
+@cached
+@numba.njit
 def carry_sides(axis: Any, before: Any, sides: Any) -> None:
     """Carries a side vector along axes by the smallest rotations, in place.
 

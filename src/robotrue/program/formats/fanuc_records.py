@@ -7,6 +7,7 @@ from typing import Any, Final
 import numba
 import numpy as np
 
+from robotrue.core.compiled import cached
 from robotrue.program.formats.krl_tokens import read_number
 
 CURRENT: Final = -1
@@ -16,7 +17,8 @@ COLUMNS: Final = 7
 _POSE: Final = np.frombuffer(b"XYZWPR", np.uint8)
 
 
-@numba.njit(cache=True)
+@cached
+@numba.njit
 def plain_records(buf: Any, at: Any, end: Any, table: Any, spans: Any, value: Any) -> Any:
     """Fills rows from the records at ``at``, up to one that is not plain.
 
@@ -44,7 +46,8 @@ def plain_records(buf: Any, at: Any, end: Any, table: Any, spans: Any, value: An
     return rows, at
 
 
-@numba.njit(cache=True)
+@cached
+@numba.njit
 def _head(buf: Any, k: Any, end: Any, row: Any) -> Any:
     """Reads ``P[n:"name"]{ GP1:`` and returns what follows, -1 if it does not stand there."""
     k = _sign(buf, k, end, 80)
@@ -61,7 +64,8 @@ def _head(buf: Any, k: Any, end: Any, row: Any) -> Any:
     return _sign(buf, k, end, 58) if group == 1 else -1
 
 
-@numba.njit(cache=True)
+@cached
+@numba.njit
 def _frames(buf: Any, k: Any, end: Any, row: Any) -> Any:
     """Reads ``UF : 1, UT : 1,`` and CONFIG if it is there."""
     for column, letter in ((5, 70), (6, 84)):
@@ -86,7 +90,8 @@ def _frames(buf: Any, k: Any, end: Any, row: Any) -> Any:
     return _sign(buf, _next(buf, j, end, 39), end, 44)
 
 
-@numba.njit(cache=True)
+@cached
+@numba.njit
 def _numbers(buf: Any, k: Any, end: Any, row: Any, spans: Any, value: Any) -> Any:
     """Reads X Y Z W P R or J1 to J6 with their units."""
     k = _blank(buf, k, end)
@@ -118,26 +123,30 @@ def _numbers(buf: Any, k: Any, end: Any, row: Any, spans: Any, value: Any) -> An
     return k
 
 
-@numba.njit(cache=True)
+@cached
+@numba.njit
 def _blank(buf: Any, k: Any, end: Any) -> Any:
     while 0 <= k < end and (buf[k] == 32 or 9 <= buf[k] <= 13):
         k += 1
     return k
 
 
-@numba.njit(cache=True)
+@cached
+@numba.njit
 def _next(buf: Any, k: Any, end: Any, sign: Any) -> Any:
     """Returns what follows a sign that stands at ``k``, -1 if it does not."""
     return k + 1 if 0 <= k < end and buf[k] == sign else -1
 
 
-@numba.njit(cache=True)
+@cached
+@numba.njit
 def _sign(buf: Any, k: Any, end: Any, sign: Any) -> Any:
     """As :func:`_next`, blanks before the sign allowed."""
     return _next(buf, _blank(buf, k, end), end, sign)
 
 
-@numba.njit(cache=True)
+@cached
+@numba.njit
 def _whole(buf: Any, k: Any, end: Any, most: Any) -> Any:
     """Returns a whole number of at most so many digits, -1 if there is none, and what follows."""
     k = _blank(buf, k, end)

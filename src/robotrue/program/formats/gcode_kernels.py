@@ -7,6 +7,8 @@ from typing import Any, Final
 import numba
 import numpy as np
 
+from robotrue.core.compiled import cached
+
 EMPTY: Final = 0
 PLAIN: Final = 1
 ODD: Final = 2
@@ -19,7 +21,8 @@ INDICES: Final = 14
 """Second index of an address: 0 for none, 1 + digit (A3=), 11 to 13 for X, Y, Z behind it (NX)."""
 
 
-@numba.njit(cache=True)
+@cached
+@numba.njit
 def count_letters(buf: Any) -> Any:
     """Returns the letters of a file: no file has more words."""
     count = 0
@@ -28,7 +31,8 @@ def count_letters(buf: Any) -> Any:
     return count
 
 
-@numba.njit(cache=True)
+@cached
+@numba.njit
 def read_blocks(
     buf: Any,
     first: Any,
@@ -165,7 +169,8 @@ def read_blocks(
     return count
 
 
-@numba.njit(cache=True)
+@cached
+@numba.njit
 def _goes_on(buf: Any, i: Any, end: Any, equal: Any) -> Any:
     """Returns whether what follows a number makes it part of something larger."""
     while i < end and (buf[i] == 32 or buf[i] == 9):

@@ -7,10 +7,12 @@ from typing import Any
 import numba
 import numpy as np
 
+from robotrue.core.compiled import cached
 from robotrue.program.formats.krl_tokens import read_number
 
 
-@numba.njit(cache=True)
+@cached
+@numba.njit
 def point_lines(
     buf: Any, at: Any, line: Any, header: Any, offset: Any, table: Any, spans: Any, value: Any
 ) -> Any:
@@ -44,7 +46,8 @@ def point_lines(
     return rows, at
 
 
-@numba.njit(cache=True)
+@cached
+@numba.njit
 def _name(buf: Any, at: Any, offset: Any) -> Any:
     """Returns the number of the point named at ``at``, -1 if there is none, and what follows."""
     n, at = buf.size, _blank(buf, at)
@@ -61,7 +64,8 @@ def _name(buf: Any, at: Any, offset: Any) -> Any:
     return number + (offset if buf[at] == 80 else 0), k + 1
 
 
-@numba.njit(cache=True)
+@cached
+@numba.njit
 def _values(buf: Any, k: Any, spans: Any, value: Any) -> Any:
     """Reads six numbers and the end of the line; returns the next line, -1 if they are not six."""
     n = buf.size
@@ -86,7 +90,8 @@ def _values(buf: Any, k: Any, spans: Any, value: Any) -> Any:
     return min(k + 1, n)
 
 
-@numba.njit(cache=True)
+@cached
+@numba.njit
 def _blank(buf: Any, k: Any) -> Any:
     while k < buf.size and (buf[k] == 32 or buf[k] == 9):
         k += 1

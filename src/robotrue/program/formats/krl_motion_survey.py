@@ -15,6 +15,7 @@ import numba
 import numpy as np
 
 from robotrue.core.arrays import IntArray
+from robotrue.core.compiled import cached
 from robotrue.program.formats.krl_scan import (
     AXIS,
     INLINE_ARC,
@@ -176,7 +177,8 @@ class MotionSurvey(KrlSurvey):
         return judged
 
 
-@numba.njit(cache=True)
+@cached
+@numba.njit
 def _motions(
     line_kind: Any,
     agg_line: Any,

@@ -19,6 +19,7 @@ import numba
 import numpy as np
 
 from robotrue.core.arrays import BoolArray, IntArray
+from robotrue.core.compiled import cached
 from robotrue.program.formats.krl_scan import (
     EMPTY,
     INLINE_LIN,
@@ -169,7 +170,8 @@ def _point_lines(found: Scan, shape: Shape) -> tuple[IntArray, BoolArray]:
     return kind, begins
 
 
-@numba.njit(cache=True)
+@cached
+@numba.njit
 def _points(
     buf: Any,
     line_start: Any,
@@ -213,7 +215,8 @@ def _points(
     return kind, begins
 
 
-@numba.njit(cache=True)
+@cached
+@numba.njit
 def _full(flag: Any, component: Any, token: Any, end: Any) -> Any:
     """Returns 0 for a whole pose, 1 for whole axis values, -1 for anything else."""
     pose, axis = 0, 0
@@ -225,7 +228,8 @@ def _full(flag: Any, component: Any, token: Any, end: Any) -> Any:
     return 1 if axis else 0
 
 
-@numba.njit(cache=True)
+@cached
+@numba.njit
 def _ends(buf: Any, i: Any, end: Any) -> Any:
     """Returns whether nothing follows a point but the rest of a structure."""
     while i < end and (buf[i] == 32 or buf[i] == 9):
@@ -233,7 +237,8 @@ def _ends(buf: Any, i: Any, end: Any) -> Any:
     return i >= end or buf[i] == 44 or buf[i] == 125
 
 
-@numba.njit(cache=True)
+@cached
+@numba.njit
 def _called(buf: Any, i: Any, end: Any, out: Any) -> Any:
     """Writes what stands before a point, its index left out; returns (length or -1, index)."""
     size, index, brackets, assigned = 0, -1, 0, False
@@ -261,7 +266,8 @@ def _called(buf: Any, i: Any, end: Any, out: Any) -> Any:
     return (size, index) if assigned else (-1, -1)
 
 
-@numba.njit(cache=True)
+@cached
+@numba.njit
 def _external(
     agg_line: Any, agg_token: Any, component: Any, value: Any, kind: Any, first: Any
 ) -> Any:

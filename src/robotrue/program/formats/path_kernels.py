@@ -7,8 +7,11 @@ from typing import Any
 import numba
 import numpy as np
 
+from robotrue.core.compiled import cached
 
-@numba.njit(cache=True)
+
+@cached
+@numba.njit
 def decimals_of(buf: Any, start: Any, length: Any) -> Any:
     """Returns the decimals of tokens (n, w), 15 at most; 0 for one without a point, or none."""
     out = np.zeros(start.shape, np.int64)
@@ -25,7 +28,8 @@ def decimals_of(buf: Any, start: Any, length: Any) -> Any:
     return out
 
 
-@numba.njit(cache=True)
+@cached
+@numba.njit
 def with_point(buf: Any, start: Any, length: Any) -> Any:
     """Returns which tokens (t,) have a decimal point."""
     out = np.zeros(len(start), np.bool_)
@@ -35,7 +39,8 @@ def with_point(buf: Any, start: Any, length: Any) -> Any:
     return out
 
 
-@numba.njit(cache=True)
+@cached
+@numba.njit
 def owed_words(
     written: Any, said: Any, wanted: Any, kept: Any, decimals: Any, turn: Any, skip: Any, able: Any,
     barred: Any, owed: Any, donor: Any,

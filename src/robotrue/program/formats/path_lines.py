@@ -7,8 +7,11 @@ from typing import Any
 import numba
 import numpy as np
 
+from robotrue.core.compiled import cached
 
-@numba.njit(cache=True)
+
+@cached
+@numba.njit
 def plain_gotos(buf: Any, first: Any, last: Any, start: Any, length: Any) -> Any:
     """Returns the numbers (l,) of every line that is ``GOTO/`` with 3 or 6 of them; 0 for others.
 
@@ -54,7 +57,8 @@ def plain_gotos(buf: Any, first: Any, last: Any, start: Any, length: Any) -> Any
     return out
 
 
-@numba.njit(cache=True)
+@cached
+@numba.njit
 def blank_lines(buf: Any, first: Any, last: Any) -> None:
     """Puts blanks in lines (l,), line ends apart, in place."""
     for row in range(len(first)):
@@ -63,7 +67,8 @@ def blank_lines(buf: Any, first: Any, last: Any) -> None:
                 buf[i] = 32
 
 
-@numba.njit(cache=True)
+@cached
+@numba.njit
 def cell_spans(
     buf: Any, first: Any, last: Any, mark: Any, columns: Any, begin: Any, end: Any
 ) -> None:
@@ -99,14 +104,16 @@ def cell_spans(
             i += 1
 
 
-@numba.njit(cache=True)
+@cached
+@numba.njit
 def _blanks(buf: Any, i: Any, end: Any) -> Any:
     while i < end and (buf[i] == 32 or buf[i] == 9):
         i += 1
     return i
 
 
-@numba.njit(cache=True)
+@cached
+@numba.njit
 def _number_end(buf: Any, i: Any, end: Any) -> Any:
     """Returns the end of a number without exponent of at most fifteen digits, ``i`` for none."""
     at, digits, point = i, 0, False
