@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel
-from robotrue.core.archive import Archive, read_archive
+from robotrue.core.archive import Archive, archive_reader, read_archive
 from robotrue.core.arrays import Array
 from robotrue.errors import ArchiveError
 from robotrue.robot.model import Configuration, RobotModel
@@ -35,6 +35,19 @@ _ROBOT_ARRAYS: Final = (
     "gravity",
     "errors",
 )
+_LARGEST: Final = {
+    "theta": 100.0,
+    "d": 1e3,
+    "a": 1e3,
+    "alpha": 100.0,
+    "joint_map": 1e3,
+    "limits": 1e6,
+    "link_mass": 1e6,
+    "link_com": 1e3,
+    "gravity": 1e3,
+    "errors": 100.0,
+}
+"""Largest magnitudes of a robot's numbers, SI."""
 
 
 def register(kind: str, reader: str) -> None:
@@ -80,22 +93,50 @@ def robot_arrays(robot: RobotModel, prefix: str = "robot_") -> dict[str, Array]:
     return out
 
 
+@archive_reader
 def robot_from(archive: Archive, prefix: str = "robot_") -> RobotModel:
     """Returns the robot kept by :func:`robot_document` and :func:`robot_arrays`.
 
     Raises:
-        ArchiveError: A part is missing.
+        ArchiveError: A part is missing, or cannot be.
     """
     document = archive.document.get("robot")
-    if not isinstance(document, dict) or not {"name", "convention", "maker"} <= set(document):
+    words = ("name", "convention", "maker")
+    if not isinstance(document, dict) or not all(isinstance(document.get(w), str) for w in words):
         raise ArchiveError(f"{archive.kind} holds no robot.")
+    parts = {name: archive.array(prefix + name) for name in _ROBOT_ARRAYS}
+    sign, offset = (archive.array(prefix + f"controller_{n}") for n in ("sign", "offset"))
+    dof = (len(parts["d"]),)
+    empty = [name for name, part in parts.items() if not part.size]
+    if empty or not sign.shape == offset.shape == dof or (np.abs(sign) != 1.0).any():
+        raise ArchiveError(
+            f"the robot of {archive.kind} is damaged: {empty[0] if empty else 'its controller'}."
+        )
+    for name, largest in _LARGEST.items():
+        if (np.abs(parts[name]) > largest).any():
+            raise ArchiveError(f"the robot of {archive.kind} has {name} beyond {largest:g}.")
+    check_pose(parts["T_flange_tool"], "T_flange_tool")
     return RobotModel(
         name=document["name"],
         convention=document["convention"],
         maker=document["maker"],
-        controller=Configuration(
-            sign=np.asarray(archive.array(prefix + "controller_sign")),
-            offset=np.asarray(archive.array(prefix + "controller_offset")),
-        ),
-        **{name: archive.array(prefix + name) for name in _ROBOT_ARRAYS},
+        controller=Configuration(sign=sign, offset=offset),
+        **parts,
     )
+
+
+def check_pose(T: Array, name: str) -> None:
+    """Refuses matrices (..., 4, 4) of a file that are no poses.
+
+    Raises:
+        ArchiveError: Not a rotation and a translation.
+    """
+    turn = T[..., :3, :3]
+    if (
+        T.shape[-2:] != (4, 4)
+        or not np.allclose(turn @ np.swapaxes(turn, -1, -2), np.eye(3), atol=1e-6)
+        or not (np.linalg.det(turn) > 0.0).all()
+        or not np.allclose(T[..., 3, :], [0.0, 0.0, 0.0, 1.0], atol=1e-12)
+        or (np.abs(T[..., :3, 3]) > 1e3).any()
+    ):
+        raise ArchiveError(f"{name} is no pose.")

@@ -23,7 +23,7 @@ from robotrue.calibration.rigid_flexible import RigidFlexibleModel
 from robotrue.calibration.ripple import ripple_columns, ripple_shift
 from robotrue.calibration.smooth import SmoothBasis
 from robotrue.calibration.tables import MeanTables
-from robotrue.core.archive import Archive
+from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.rotations import rotation_vector_from_matrix
 from robotrue.errors import ArchiveError, ShapeError
@@ -251,48 +251,62 @@ class LearnedModel:
         )
 
 
+@archive_reader
 def from_archive(archive: Archive) -> LearnedModel:
     """Returns the model in an archive.
 
     Raises:
-        ArchiveError: Another kind, a newer schema, or parts that are missing.
+        ArchiveError: Another kind, a newer schema, or parts that are missing or cannot be.
     """
     archive.expect(KIND, SCHEMA)
-    try:
-        document = archive.document
-        inner = Archive(
-            kind=rigid_flexible.KIND,
-            schema=int(document["physics"]["schema"]),
-            document=document["physics"]["document"],
-            arrays={
-                name.removeprefix("physics/"): array
-                for name, array in archive.arrays.items()
-                if name.startswith("physics/")
-            },
-        )
-        centres = archive.array("smooth_centres")
-        basis = SmoothBasis(centres=centres, scale=archive.array("smooth_scale"))
-        return LearnedModel(
-            physics=rigid_flexible.from_archive(inner),
-            basis=basis if len(centres) else None,
-            amplitude=float(document["amplitude"]),
-            inflation=float(document["inflation"]),
-            summary=document["summary"],
-            **{
-                name: archive.array(name)
-                for name in (
-                    "cycles",
-                    "ripple_sin",
-                    "ripple_cos",
-                    "backlash",
-                    "smooth_weights",
-                    "columns",
-                    "root",
-                )
-            },
-        )
-    except (KeyError, TypeError, ValueError) as cause:
-        raise ArchiveError(f"{KIND} schema 1 is incomplete ({cause!r}).") from cause
+    document = archive.document
+    inner = Archive(
+        kind=rigid_flexible.KIND,
+        schema=int(document["physics"]["schema"]),
+        document=document["physics"]["document"],
+        arrays={
+            name.removeprefix("physics/"): array
+            for name, array in archive.arrays.items()
+            if name.startswith("physics/")
+        },
+    )
+    centres = archive.array("smooth_centres")
+    basis = SmoothBasis(centres=centres, scale=archive.array("smooth_scale"))
+    physics = rigid_flexible.from_archive(inner)
+    amplitude, inflation = float(document["amplitude"]), float(document["inflation"])
+    dof = physics.robot.dof
+    if (
+        centres.ndim != 2
+        or centres.shape[1] != 2 * dof
+        or basis.scale.shape != (2 * dof,)
+        or not (basis.scale > 0.0).all()
+        or not 0.0 <= amplitude < 1.0
+        or not 0.0 < inflation < 1e6
+    ):
+        raise ArchiveError("the smooth part of the learned error is damaged.")
+    columns = archive.array("columns")
+    count = len(physics.errors) + dof * (2 * len(archive.array("cycles")) + 1) + 3 * len(centres)
+    if not ((columns >= 0.0) & (columns < count) & (columns == np.round(columns))).all():
+        raise ArchiveError(f"columns of the learned error are whole numbers below {count}.")
+    return LearnedModel(
+        physics=physics,
+        basis=basis if len(centres) else None,
+        amplitude=amplitude,
+        inflation=inflation,
+        summary=dict(document["summary"]),
+        **{
+            name: archive.array(name)
+            for name in (
+                "cycles",
+                "ripple_sin",
+                "ripple_cos",
+                "backlash",
+                "smooth_weights",
+                "columns",
+                "root",
+            )
+        },
+    )
 
 
 def rows_of(load: Load, part: slice) -> Load:

@@ -14,10 +14,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from robotrue.calibration.archive import robot_arrays, robot_document, robot_from
+from robotrue.calibration.archive import check_pose, robot_arrays, robot_document, robot_from
 from robotrue.calibration.model import Prediction, Query
 from robotrue.calibration.tables import MeanTables, rigid_tables
-from robotrue.core.archive import Archive
+from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.poses import apply, inverse
 from robotrue.core.rotations import rotation_vector_from_matrix
@@ -165,27 +165,44 @@ class RigidFlexibleModel:
         )
 
 
+@archive_reader
 def from_archive(archive: Archive) -> RigidFlexibleModel:
     """Returns the model in an archive.
 
     Raises:
-        ArchiveError: Another kind, a newer schema, or parts that are missing.
+        ArchiveError: Another kind, a newer schema, or parts that are missing or cannot be.
     """
     archive.expect(KIND, SCHEMA)
-    try:
-        document = archive.document
-        stations = [int(k) for k in document["stations"]]
-        return RigidFlexibleModel(
-            robot=robot_from(archive),
-            errors=archive.array("errors"),
-            covariance=archive.array("covariance"),
-            repeatability=float(document["repeatability"]),
-            white=float(document["white"]),
-            T_tracker_base=dict(zip(stations, archive.array("T_tracker_base"), strict=True)),
-            summary=document["summary"],
-        )
-    except (KeyError, TypeError, ValueError) as cause:
-        raise ArchiveError(f"{KIND} schema 1 is incomplete ({cause!r}).") from cause
+    document = archive.document
+    stations = [int(k) for k in document["stations"]]
+    T_tracker_base = archive.array("T_tracker_base")
+    if T_tracker_base.ndim != 3:
+        raise ArchiveError(f"T_tracker_base has shape {T_tracker_base.shape}.")
+    check_pose(T_tracker_base, "T_tracker_base")
+    errors, covariance = archive.array("errors"), archive.array("covariance")
+    _check_posterior(errors, covariance)
+    sizes = {name: float(document[name]) for name in ("repeatability", "white")}
+    if not all(0.0 <= size < 1.0 for size in sizes.values()):
+        raise ArchiveError(f"repeatability and white noise in m are {sizes}.")
+    return RigidFlexibleModel(
+        robot=robot_from(archive),
+        errors=errors,
+        covariance=covariance,
+        T_tracker_base=dict(zip(stations, T_tracker_base, strict=True)),
+        summary=dict(document["summary"]),
+        **sizes,
+    )
+
+
+def _check_posterior(errors: Array, covariance: Array) -> None:
+    """Refuses what no arm has: metres and radians of error, or a covariance that is none."""
+    largest = float(np.abs(errors).max(initial=0.0))
+    variance = np.diagonal(covariance)
+    if not largest <= 10.0 or not (variance >= 0.0).all() or not (variance <= 100.0).all():
+        raise ArchiveError("errors or their covariance are not those of an arm.")
+    bound = np.sqrt(np.outer(variance, variance)) * (1.0 + 1e-6)
+    if not np.allclose(covariance, covariance.T, rtol=1e-6) or (np.abs(covariance) > bound).any():
+        raise ArchiveError("the covariance of the errors is none.")
 
 
 def linearised(

@@ -2,27 +2,66 @@
 
 No pickle. The document carries a kind, a schema version, units and a provenance hash; the arrays
 are plain NumPy files (format 1.0) that any language reads.
+
+The hash notices damage and is no signature: whoever forges contents makes a new one. So sizes are
+bounded before memory is taken, and contents are checked when they are read.
 """
 
 from __future__ import annotations
 
+import functools
 import io
 import json
+import math
+import re
 import zipfile
-from collections.abc import Mapping
+import zlib
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Any, Final, ParamSpec, TypeVar
 
 import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.files import read_bytes, sha256, write_atomic
-from robotrue.errors import ArchiveError
+from robotrue.errors import ArchiveError, RobotrueError
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 FORMAT: Final = "robotrue-archive"
 FORMAT_VERSION: Final = 1
+LARGEST: Final = 512 * 2**20
+"""Bytes of an unpacked archive; a model of 10,000 rows has a tenth of it."""
+LARGEST_DOCUMENT: Final = 32 * 2**20
+"""Bytes of its document, which takes ten times the memory once read."""
+LARGEST_VALUE: Final = 1e15
+"""No quantity in SI units here comes near it."""
+_MOST_ENTRIES: Final = 10_000
+_PREFIX: Final = 10
+"""Bytes of a NumPy file before its header: magic, version, length of the header."""
+_HEADER: Final = re.compile(
+    rb"\x93NUMPY\x01\x00..\{'descr': '<f8', 'fortran_order': (?P<by_columns>True|False), "
+    rb"'shape': \((?P<shape>(\d{1,12}(,|, \d{1,12}){0,8})?)\), \} *\n",
+    re.DOTALL,
+)
+"""What :func:`_npy` writes. NumPy's own reader evaluates the header as Python."""
+_DAMAGE: Final = (
+    zipfile.BadZipFile,
+    zlib.error,
+    ArithmeticError,
+    AttributeError,
+    EOFError,
+    LookupError,
+    MemoryError,
+    OSError,
+    RuntimeError,  # also NotImplementedError and RecursionError
+    TypeError,
+    ValueError,
+)
+"""What zip, deflate, JSON, NumPy and readers of contents raise at what they cannot be."""
 _EPOCH: Final = (1980, 1, 1, 0, 0, 0)  # fixed, so that equal content gives equal bytes
 
 
@@ -73,18 +112,47 @@ class Archive:
                 hint="update robotrue.",
             )
 
-    def array(self, name: str) -> Array:
+    def array(self, name: str, *, finite: bool = True) -> Array:
         """Returns one array.
 
+        Args:
+            name: Of the array.
+            finite: Whether NaN ("not known") and infinity mean nothing there.
+
         Raises:
-            ArchiveError: It is not in the archive.
+            ArchiveError: It is not in the archive, or holds what no quantity amounts to.
         """
         try:
-            return self.arrays[name]
+            array = self.arrays[name]
         except KeyError:
             raise ArchiveError(
                 f"{self.kind} has no array {name!r}; it holds {sorted(self.arrays)}."
             ) from None
+        values = array if finite else array[np.isfinite(array)]
+        if not (np.abs(values) <= LARGEST_VALUE).all():
+            raise ArchiveError(
+                f"array {name!r} of {self.kind} holds NaN or values beyond {LARGEST_VALUE:g}."
+            )
+        return array
+
+
+def archive_reader(read: Callable[P, T]) -> Callable[P, T]:
+    """Returns a reader of contents that raises one :class:`ArchiveError` at any that cannot be."""
+
+    @functools.wraps(read)
+    def reads(*args: P.args, **kwargs: P.kwargs) -> T:
+        try:
+            return read(*args, **kwargs)
+        except ArchiveError:
+            raise
+        except (*_DAMAGE, RobotrueError) as cause:
+            said = cause.message if isinstance(cause, RobotrueError) else repr(cause)
+            raise ArchiveError(
+                f"contents are incomplete or damaged ({said[:200]}).",
+                hint="make the file again, or fetch it from its backup.",
+            ) from cause
+
+    return reads
 
 
 def archive_bytes(archive: Archive) -> bytes:
@@ -137,40 +205,85 @@ def archive_from(data: bytes, *, source: str | Path | None = None) -> Archive:
         ArchiveError: Not an archive, damaged, or written by a newer robotrue.
     """
     try:
-        with zipfile.ZipFile(io.BytesIO(data)) as bundle:
-            head = json.loads(bundle.read("document.json"))
-            arrays = {
-                name[len("arrays/") : -len(".npy")]: np.load(
-                    io.BytesIO(bundle.read(name)), allow_pickle=False
-                )
-                for name in bundle.namelist()
-                if name.startswith("arrays/") and name.endswith(".npy")
-            }
-    except (zipfile.BadZipFile, KeyError, ValueError, OSError, EOFError) as cause:
+        head, arrays = _unpacked(data)
+        own_hash = _content_hash({k: v for k, v in head.items() if k != "content_sha256"}, arrays)
+    except _DAMAGE as cause:
         raise ArchiveError(
-            f"not a robotrue model file, or damaged ({cause}).",
+            f"not a robotrue model file, or damaged ({str(cause)[:200] or type(cause).__name__}).",
             source=source,
             hint="calibrate again, or fetch the file from its backup.",
         ) from cause
-    if not isinstance(head, dict) or head.get("format") != FORMAT:
+    if head.get("format") != FORMAT or not isinstance(head.get("format_version", 0), int):
         raise ArchiveError("a zip file, but not a robotrue archive.", source=source)
-    if int(head.get("format_version", 0)) > FORMAT_VERSION:
+    if head.get("format_version", 0) > FORMAT_VERSION:
         raise ArchiveError(
             f"archive format {head['format_version']}, this robotrue reads up to {FORMAT_VERSION}.",
             source=source,
             hint="update robotrue.",
         )
-    stated = head.pop("content_sha256", None)
-    if stated != _content_hash(head, arrays):
+    if head.get("content_sha256") != own_hash:
         raise ArchiveError(
             "content does not match its own hash: the file was altered or damaged.", source=source
         )
-    return Archive(
-        kind=str(head["kind"]),
-        schema=int(head["schema"]),
-        document=head["document"],
-        arrays=arrays,
-    )
+    kind, schema, document = (head.get(name) for name in ("kind", "schema", "document"))
+    if not (isinstance(kind, str) and isinstance(schema, int) and isinstance(document, dict)):
+        raise ArchiveError("kind, schema or document is missing or damaged.", source=source)
+    return Archive(kind=kind, schema=schema, document=document, arrays=arrays)
+
+
+def _unpacked(data: bytes) -> tuple[dict[str, Any], dict[str, Array]]:
+    """Head and arrays; whatever is wrong with them is one of ``_DAMAGE``."""
+    with zipfile.ZipFile(io.BytesIO(data)) as bundle:
+        entries = bundle.infolist()
+        size = sum(entry.file_size for entry in entries)
+        if len(entries) > _MOST_ENTRIES or size > LARGEST:
+            raise ValueError(f"{len(entries)} entries of {size} bytes")
+        if bundle.getinfo("document.json").file_size > LARGEST_DOCUMENT:
+            raise ValueError("a document that is too large")
+        head = json.loads(bundle.read("document.json"), parse_constant=_finite, parse_float=_finite)
+        if not isinstance(head, dict):
+            raise ValueError("a document that is no object")
+        _check_numbers(head.get("document"))
+        names = [e.filename for e in entries if e.filename.startswith("arrays/")]
+        arrays = {
+            name[len("arrays/") : -len(".npy")]: _array(bundle.read(name))
+            for name in names
+            if name.endswith(".npy")
+        }
+    return head, arrays
+
+
+def _check_numbers(value: Any) -> None:
+    """Refuses numbers that are no quantity, but in the summary, which nothing computes with."""
+    if isinstance(value, dict):
+        for key, part in value.items():
+            if key != "summary":
+                _check_numbers(part)
+    elif isinstance(value, list):
+        for part in value:
+            _check_numbers(part)
+    elif isinstance(value, int | float) and abs(value) > LARGEST_VALUE:
+        raise ValueError(f"a number beyond {LARGEST_VALUE:g} in the document")
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(f"{text[:30]} in the document")
+    return value
+
+
+def _array(data: bytes) -> Array:
+    """The array of a NumPy file whose header says no more than its bytes hold."""
+    size = _PREFIX + int.from_bytes(data[_PREFIX - 2 : _PREFIX], "little")
+    header = _HEADER.fullmatch(data[:size])
+    if header is None:
+        raise ValueError("an array that is not of float64 in NumPy's format 1.0")
+    shape = tuple(int(n) for n in header["shape"].replace(b",", b" ").split())
+    if 8 * math.prod(shape) != len(data) - size:
+        raise ValueError(f"{len(data) - size} bytes for an array of shape {shape}")
+    flat = np.frombuffer(data, dtype="<f8", offset=size).astype(np.float64)
+    return flat.reshape(shape, order="F" if header["by_columns"] == b"True" else "C")
 
 
 def _entry(name: str) -> zipfile.ZipInfo:

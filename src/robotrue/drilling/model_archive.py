@@ -8,7 +8,7 @@ from typing import Any, Final, get_args
 
 import numpy as np
 
-from robotrue.core.archive import Archive, read_archive, write_archive
+from robotrue.core.archive import Archive, archive_reader, read_archive, write_archive
 from robotrue.core.arrays import Array
 from robotrue.drilling.correction import Correction, Kind
 from robotrue.drilling.foot import Foot
@@ -99,59 +99,66 @@ def to_archive(model: NormalModel) -> Archive:
     return Archive(kind=KIND, schema=SCHEMA, document=document, arrays=arrays)
 
 
+@archive_reader
 def from_archive(archive: Archive) -> NormalModel:
     """Returns the model of an archive.
 
     Raises:
-        ArchiveError: An array or an entry is missing.
+        ArchiveError: An array or an entry is missing, or cannot be.
     """
     d, a = archive.document, archive.array
-    try:
-        foot = _foot(d, archive)
-        watch, kept = d["monitor"], d["refinement"]
-        kind: Kind = d["kind"]
-        if kind not in get_args(Kind):
-            raise ArchiveError(f"a correction of kind {kind!r}, expected {get_args(Kind)}.")
-        return NormalModel(
-            foot=foot,
-            head=Head(
-                order=d["order"],
-                p_pivot_tip=a("p_pivot_tip"),
-                sense=(float(d["sense"][0]), float(d["sense"][1])),
-            ),
-            kind=kind,
-            correction=_correction("own", archive),
-            patent=_correction("patent", archive) if "patent" in d else None,
-            envelope=Envelope(
-                force=a("force"),
-                height=a("height"),
-                tilt=float(d["envelope"]["tilt"]),
-                approach=tuple(d["envelope"]["approach"]),
-            ),
-            left=float(d["left"]),
-            stretch=float(d["stretch"]),
-            campaign=str(d["campaign_sha256"]),
-            refinement=Refinement(
-                coefficients=a("refinement_coefficients"),
-                covariance=a("refinement_covariance"),
-                sigma=float(kept["sigma"]),
-                forgetting=float(kept["forgetting"]),
-                records=int(kept["records"]),
-                truths=tuple(kept["truths"]),
-            ),
-            monitor=Watch(
-                sums=a("monitor_sums"),
-                since=a("monitor_since"),
-                spread=a("monitor_spread"),
-                records=int(watch["records"]),
-                allowance=float(watch["allowance"]),
-                limit=float(watch["limit"]),
-            ),
-            version=int(d["version"]),
-            frozen=None if d["frozen"] is None else Frozen(**d["frozen"]),
-        )
-    except (KeyError, TypeError, IndexError) as cause:
-        raise ArchiveError(f"a drilling model without {cause}.") from cause
+    foot = _foot(d, archive)
+    watch, kept = d["monitor"], d["refinement"]
+    kind: Kind = d["kind"]
+    if kind not in get_args(Kind):
+        raise ArchiveError(f"a correction of kind {kind!r}, expected {get_args(Kind)}.")
+    force, height, tilt = a("force"), a("height"), float(d["envelope"]["tilt"])
+    if force[0] > force[1] or height[0] > height[1] or not 0.0 < tilt < 1.6:
+        raise ArchiveError("an envelope whose lowest is above its highest, or of no tilt.")
+    counts = (int(kept["records"]), int(watch["records"]), int(d["version"]) - 1)
+    if min(counts) < 0:
+        raise ArchiveError("counts below 0.")
+    left, stretch = float(d["left"]), float(d["stretch"])
+    if not 0.0 <= left < 1.6 or not 1.0 <= stretch < 1e9:
+        raise ArchiveError(f"a tilt left of {left:g} rad, or a stretch of {stretch:g}.")
+    return NormalModel(
+        foot=foot,
+        head=Head(
+            order=d["order"],
+            p_pivot_tip=a("p_pivot_tip", finite=False),
+            sense=(float(d["sense"][0]), float(d["sense"][1])),
+        ),
+        kind=kind,
+        correction=_correction("own", archive),
+        patent=_correction("patent", archive) if "patent" in d else None,
+        envelope=Envelope(
+            force=force,
+            height=height,
+            tilt=tilt,
+            approach=tuple(d["envelope"]["approach"]),
+        ),
+        left=left,
+        stretch=stretch,
+        campaign=str(d["campaign_sha256"]),
+        refinement=Refinement(
+            coefficients=a("refinement_coefficients"),
+            covariance=a("refinement_covariance"),
+            sigma=float(kept["sigma"]),
+            forgetting=float(kept["forgetting"]),
+            records=int(kept["records"]),
+            truths=tuple(kept["truths"]),
+        ),
+        monitor=Watch(
+            sums=a("monitor_sums"),
+            since=a("monitor_since"),
+            spread=a("monitor_spread"),
+            records=int(watch["records"]),
+            allowance=float(watch["allowance"]),
+            limit=float(watch["limit"]),
+        ),
+        version=int(d["version"]),
+        frozen=None if d["frozen"] is None else Frozen(**d["frozen"]),
+    )
 
 
 def _foot(d: Any, archive: Archive) -> Foot:

@@ -26,6 +26,7 @@ from robotrue.drilling.physics_prior import (
     start,
 )
 from robotrue.drilling.terms import Conditions
+from robotrue.errors import ShapeError
 
 _G = len(WIDTHS)
 
@@ -52,6 +53,10 @@ class PhysicsCorrection:
         n = len(self.causes.a)
         object.__setattr__(self, "errors", frozen(self.errors, (n, None), "errors"))
         theta = np.array(self.theta, dtype=np.float64)
+        if theta.shape != SPREAD.shape or np.isnan(theta).any():
+            raise ShapeError(f"theta {theta}, expected {SPREAD.size} numbers.")
+        if not self.widening > 0.0:
+            raise ShapeError(f"widening is {self.widening:g}, expected above 0.")
         theta.flags.writeable = False
         object.__setattr__(self, "theta", theta)
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from robotrue.calibration.archive import robot_arrays, robot_document, robot_from
 from robotrue.calibration.learners.marginal import Solved
-from robotrue.core.archive import Archive
+from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array, IntArray, frozen
 from robotrue.core.units import UM
 from robotrue.dynamics.deviation_kernel import (
@@ -265,24 +265,26 @@ def fit_deviation(
     )
 
 
+@archive_reader
 def deviation_from_archive(archive: Archive) -> DeviationModel:
     """Returns the model of an archive.
 
     Raises:
-        ArchiveError: Another kind, or written by a newer robotrue.
+        ArchiveError: Another kind, damaged, or written by a newer robotrue.
     """
     archive.expect(KIND, SCHEMA, hint="a deviation model is what `robotrue dynamics fit` writes.")
-    fields = ("joints", "force", "force_peak", "force_mean", "predicted", "measured")
+    fields = ("joints", "force", "force_peak", "force_mean", "predicted")
     return DeviationModel(
         arm=CompliantArm(
             robot=robot_from(archive),
-            stiffness=archive.array("stiffness"),
+            stiffness=archive.array("stiffness", finite=False),
             direction=archive.array("direction"),
         ),
         settings=DeviationSettings(**archive.document["settings"]),
         windows=WindowSet(
             passes=tuple(archive.document["passes"]),
             source=str(archive.document["source"]),
+            measured=archive.array("measured", finite=False),
             **{name: archive.array(name) for name in fields},
         ),
         theta=archive.array("theta"),

@@ -18,11 +18,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from robotrue.core.archive import Archive
+from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.rotations import skew
 from robotrue.core.units import MM, STANDARD_GRAVITY
-from robotrue.errors import ImplausibleDataError, ObservabilityError, ShapeError
+from robotrue.errors import ArchiveError, ImplausibleDataError, ObservabilityError, ShapeError
 
 WORST_CONDITION: Final = 5.0
 """Six wrist poses +-90 deg have 2.2, twelve within 15 deg 10.6, with five times the deviation."""
@@ -86,14 +86,17 @@ class HeldTool:
         )
 
 
+@archive_reader
 def held_tool_from_archive(archive: Archive) -> HeldTool:
     """Returns what ``HeldTool.to_archive`` kept.
 
     Raises:
-        ArchiveError: Another kind, or written by a newer robotrue.
+        ArchiveError: Another kind, damaged, or written by a newer robotrue.
     """
     archive.expect(KIND, SCHEMA)
     values: dict[str, Any] = {name: float(archive.document[name]) for name in _NUMBERS}
+    if not all(0.0 <= value < np.inf for value in values.values()) or values["mass"] > _HEAVIEST:
+        raise ArchiveError(f"a held tool with {values}.")
     values |= {name: archive.array(name) for name in _VECTORS}
     return HeldTool(**values)
 

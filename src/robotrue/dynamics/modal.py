@@ -16,10 +16,10 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.core.archive import Archive
+from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array, frozen
 from robotrue.dynamics.frf import AXES, ComplexArray
-from robotrue.errors import ConfigurationError, ShapeError
+from robotrue.errors import ArchiveError, ConfigurationError, ShapeError
 
 KIND: Final = "modal-model"
 SCHEMA: Final = 1
@@ -142,24 +142,27 @@ class ModalModel:
         return Archive(kind=KIND, schema=SCHEMA, document=document, arrays=arrays)
 
 
+@archive_reader
 def modal_model_from_archive(archive: Archive) -> ModalModel:
     """Returns the model of an archive.
 
     Raises:
-        ArchiveError: Another kind, or written by a newer robotrue.
+        ArchiveError: Another kind, damaged, or written by a newer robotrue.
     """
     archive.expect(KIND, SCHEMA)
     document = archive.document
-    low, high = document["valid_hz"]
+    low, high = (float(v) for v in document["valid_hz"])
+    if not 0.0 <= low < high:
+        raise ArchiveError(f"a modal model that is valid from {low:g} to {high:g} Hz.")
     return ModalModel(
         poles=archive.array("poles_re") + 1j * archive.array("poles_im"),
         residues=archive.array("residues_re") + 1j * archive.array("residues_im"),
         upper=archive.array("upper"),
         lower=archive.array("lower"),
-        static=archive.arrays.get("static"),
+        static=archive.array("static", finite=False) if "static" in archive.arrays else None,
         response_axes=tuple(document["response_axes"]),
         excitation_axes=tuple(document["excitation_axes"]),
-        valid=(float(low), float(high)),
+        valid=(low, high),
         source=str(document["source"]),
     )
 

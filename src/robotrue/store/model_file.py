@@ -13,10 +13,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from robotrue.calibration.archive import open_model
+from robotrue.calibration.archive import check_pose, open_model
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
-from robotrue.core.archive import Archive, read_archive, write_archive
+from robotrue.core.archive import Archive, archive_reader, read_archive, write_archive
 from robotrue.core.files import read_bytes
 from robotrue.errors import ArchiveError
 from robotrue.measurement.tracker import TrackerSpecification
@@ -109,38 +109,39 @@ def cell_document(cell: Cell) -> dict[str, Any]:
     }
 
 
+@archive_reader
 def cell_from_document(stated: Mapping[str, Any], robot: RobotModel) -> Cell:
     """Returns the cell from :func:`cell_document` and the nominal robot of the model.
 
     Raises:
-        ArchiveError: The document is incomplete or of a newer schema.
+        ArchiveError: The document is incomplete, damaged or of a newer schema.
     """
-    if int(stated.get("schema", 0)) > CELL_SCHEMA:
+    if not 1 <= int(stated.get("schema", 0)) <= CELL_SCHEMA:
         raise ArchiveError(
             f"cell schema {stated['schema']}, this robotrue reads up to {CELL_SCHEMA}.",
             hint="update robotrue.",
         )
-    try:
-        position = stated["tracker_position"]
-        return Cell(
-            robot=robot.nominal().with_tool(np.array(stated["T_flange_tool"])),
-            T_flange_target=np.array(stated["T_flange_target"]),
-            target_sigma=float(stated["target_sigma"]),
-            T_base_frame=np.array(stated["T_base_frame"]),
-            frame=stated["frame"],
-            tracker_position=None if position is None else np.array(position),
-            tracker=TrackerSpecification(**stated["tracker"]),
-            repeatability=stated["repeatability"],
-            payload=Load(
-                mass=np.array([stated["payload_mass"]]), com=np.array([stated["payload_com"]])
-            ),
-            compliance_prior=np.array(
-                [np.nan if c is None else c for c in stated["compliance_prior"]]
-            ),
-            controller=controller_from_document(stated.get("controller", {})),
-            doubts=tuple(stated["doubts"]),
-            source=stated["source"],
-            digest=stated["digest"],
-        )
-    except (KeyError, TypeError) as cause:
-        raise ArchiveError(f"the cell in this model file is incomplete ({cause}).") from cause
+    position = stated["tracker_position"]
+    frames = {n: np.array(stated[n]) for n in ("T_flange_tool", "T_flange_target", "T_base_frame")}
+    for name, T in frames.items():
+        check_pose(T, name)
+    mass, com = float(stated["payload_mass"]), np.array(stated["payload_com"])
+    sigma = float(stated["target_sigma"])
+    if not (0.0 <= mass < 1e5 and (np.abs(com) < 100.0).all() and 0.0 <= sigma < 10.0):
+        raise ArchiveError("payload or target of the cell in this model file cannot be.")
+    return Cell(
+        robot=robot.nominal().with_tool(frames["T_flange_tool"]),
+        T_flange_target=frames["T_flange_target"],
+        target_sigma=sigma,
+        T_base_frame=frames["T_base_frame"],
+        frame=stated["frame"],
+        tracker_position=None if position is None else np.array(position),
+        tracker=TrackerSpecification(**stated["tracker"]),
+        repeatability=stated["repeatability"],
+        payload=Load(mass=np.array([mass]), com=com[None]),
+        compliance_prior=np.array([np.nan if c is None else c for c in stated["compliance_prior"]]),
+        controller=controller_from_document(stated.get("controller", {})),
+        doubts=tuple(stated["doubts"]),
+        source=stated["source"],
+        digest=stated["digest"],
+    )

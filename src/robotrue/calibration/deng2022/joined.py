@@ -15,7 +15,7 @@ from robotrue.calibration.deng2022.features import pose_features
 from robotrue.calibration.deng2022.readings import Outside
 from robotrue.calibration.model import Prediction, Query
 from robotrue.calibration.tables import MeanTables
-from robotrue.core.archive import Archive
+from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array, IntArray, frozen
 from robotrue.core.regions import CylinderRegion, contains, coordinates_of
 from robotrue.core.units import DEG, MM, UM
@@ -183,34 +183,42 @@ class PoseModel:
         )
 
 
+@archive_reader
 def from_archive(archive: Archive) -> PoseModel:
     """Returns the model in an archive.
 
     Raises:
-        ArchiveError: Another kind, a newer schema, or parts that are missing.
+        ArchiveError: Another kind, a newer schema, or parts that are missing or cannot be.
     """
     archive.expect(KIND, SCHEMA)
-    try:
-        document = archive.document
-        experts = []
-        for k, stated in enumerate(document["experts"]):
-            angle, radius, height = archive.array(f"expert{k}/limits").tolist()
-            experts.append(
-                Expert(
-                    region=CylinderRegion(angle=angle, radius=radius, height=height),
-                    committee=restored(stated, archive.arrays, f"expert{k}/"),
-                    white=float(stated["white"]),
-                )
+    for name in archive.arrays:
+        archive.array(name)
+    document = archive.document
+    experts = []
+    for k, stated in enumerate(document["experts"]):
+        angle, radius, height = archive.array(f"expert{k}/limits").tolist()
+        experts.append(
+            Expert(
+                region=CylinderRegion(angle=angle, radius=radius, height=height),
+                committee=restored(stated, archive.arrays, f"expert{k}/"),
+                white=_white(stated["white"]),
             )
-        return PoseModel(
-            robot=robot_from(archive),
-            experts=tuple(experts),
-            reference=archive.array("reference"),
-            outside="nearest" if document["outside"] == "nearest" else "raise",
-            summary=document["summary"],
         )
-    except (KeyError, TypeError, ValueError) as cause:
-        raise ArchiveError(f"{KIND} schema {SCHEMA} is incomplete ({cause!r}).") from cause
+    return PoseModel(
+        robot=robot_from(archive),
+        experts=tuple(experts),
+        reference=archive.array("reference"),
+        outside="nearest" if document["outside"] == "nearest" else "raise",
+        summary=dict(document["summary"]),
+    )
+
+
+def _white(stated: Any) -> float:
+    """A standard deviation in m, of a file."""
+    value = float(stated)
+    if not 0.0 <= value < 1.0:
+        raise ArchiveError(f"a white noise of {value:g} m.")
+    return value
 
 
 def _distance(region: CylinderRegion, points: Array) -> Array:
