@@ -156,7 +156,7 @@ def test_tries_are_forgiven_and_sessions_end() -> None:
     now = 0.0
     tries, sessions = Tries(clock=lambda: now), Sessions(clock=lambda: now)
     for _ in range(TRIES):
-        tries.wrong("a")
+        tries.count("a")
     assert tries.wait("a") == WINDOW
     assert tries.wait("b") == 0.0
     name = sessions.open()

@@ -7,6 +7,7 @@ site.
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Awaitable, Callable, MutableMapping
 from http.cookies import CookieError, SimpleCookie
 from typing import Any, Final, TypeAlias
@@ -32,6 +33,8 @@ SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
 UPLOADS: Final = "/api/files"
 BODY_LIMIT: Final = 2 * MB
 """Bytes of a request that is no upload."""
+OPEN_BODY_LIMIT: Final = 16 * 1024
+"""Bytes of a request that is answered before anybody has logged in."""
 # Vue compiles its templates in the browser, hence unsafe-eval; nothing comes from another host.
 POLICY: Final = (
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; "
@@ -50,8 +53,8 @@ HEADERS: Final = (
 )
 
 
-class TooLargeError(Exception):
-    """A body that went on beyond its limit."""
+class BodyRefusedError(Exception):
+    """A body that is longer or slower than its limit."""
 
 
 class Gate:
@@ -120,6 +123,8 @@ class Gate:
         return self._sessions.holds(session_name(headers))
 
     def _limit(self, scope: Scope) -> int:
+        if scope["path"] in OPEN_PATHS:
+            return OPEN_BODY_LIMIT
         return self._settings.upload_limit if scope["path"].startswith(UPLOADS) else BODY_LIMIT
 
     def _too_large(self, scope: Scope) -> Response:
@@ -131,31 +136,59 @@ class Gate:
             hint="robotrue serve --upload-mb" if scope["path"].startswith(UPLOADS) else None,
         )
 
+    def _too_slow(self, taken: int) -> Response:
+        limits = self._settings.limits
+        return problem(
+            408,
+            "too slow",
+            detail=f"{taken} bytes came, and no more within {limits.body_seconds:g} s; expected "
+            f"at least {limits.body_rate / 1024:g} KB/s.",
+            hint="send it again over a faster line.",
+            headers={"Connection": "close"},
+        )
+
     async def _through(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] == "websocket":
             await self._app(scope, receive, send)
             return
-        taken, limit, begun = 0, self._limit(scope), False
+        limits, limit = self._settings.limits, self._limit(scope)
+        taken, waited, more, begun = 0, 0.0, True, False
+        refusal: Response | None = None
+        clock = asyncio.get_running_loop().time
 
         async def counted() -> Message:
-            nonlocal taken
-            message = await receive()
+            nonlocal taken, waited, more, refusal
+            if not more:  # from here on the application waits for the end of the connection
+                return await receive()
+            since = clock()
+            rest = limits.body_seconds + taken / limits.body_rate - waited
+            try:
+                async with asyncio.timeout(min(limits.body_seconds, max(rest, 0.0))):
+                    message = await receive()
+            except TimeoutError:
+                refusal = self._too_slow(taken)
+                raise BodyRefusedError from None
+            waited += clock() - since
             taken += len(message.get("body", b""))
+            more = bool(message.get("more_body", False))
             if taken > limit:
-                raise TooLargeError
+                refusal = self._too_large(scope)
+                raise BodyRefusedError
             return message
 
         async def noted(message: Message) -> None:
             nonlocal begun
-            begun = True
-            await send(message)
+            if refusal is None or begun:  # else the application only tells of our own refusal
+                begun = True
+                await send(message)
 
         try:
             await self._app(scope, counted, noted)
-        except TooLargeError:
+        except BodyRefusedError:
             if begun:
                 raise
-            await self._too_large(scope)(scope, receive, send)
+        if refusal is not None and not begun:
+            await refusal(scope, receive, send)
 
     def _with_headers(self, send: Send) -> Send:
         async def sent(message: Message) -> None:

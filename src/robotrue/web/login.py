@@ -12,7 +12,7 @@ from robotrue.report.theme import STYLE
 from robotrue.web.gate import COOKIE, session_name
 from robotrue.web.language import Wording
 from robotrue.web.preferences import preferences_from
-from robotrue.web.sessions import LIFETIME, Sessions, Tries, same_secret
+from robotrue.web.sessions import LIFETIME, Sessions, Tries, client_group, same_secret
 from robotrue.web.settings import ServeSettings
 
 LOOK = """
@@ -41,18 +41,25 @@ def login_router(settings: ServeSettings, sessions: Sessions, tries: Tries) -> A
 
     @router.post("/login")
     async def enter(request: Request) -> Response:
-        say, address = _wording(request), request.client.host if request.client else ""
+        say, address = (
+            _wording(request),
+            client_group(request.client.host if request.client else ""),
+        )
+        body = await request.body()
+        # Nothing is awaited from here to the comparison: requests whose bodies come at the same
+        # moment would all find the count of before.
         wait = tries.wait(address)
         if wait > 0.0:
             fault = say("login.wait", seconds=int(wait) + 1)
             return _page(request, fault, status=429, headers={"Retry-After": str(int(wait) + 1)})
-        fields = parse_qs((await request.body()).decode("utf-8", errors="replace"))
+        tries.count(address)
+        fields = parse_qs(body.decode("utf-8", errors="replace"))
         given = fields.get("secret", [""])[0]
         # Both are compared, so that the time does not tell which of them exists.
         right = [same_secret(given, wanted) for wanted in (settings.password, settings.token)]
         if not any(right):
-            tries.wrong(address)
             return _page(request, say("login.wrong"), status=403)
+        tries.uncount(address)
         answer = RedirectResponse("/", status_code=303)
         answer.set_cookie(
             COOKIE,

@@ -24,6 +24,7 @@ from robotrue.store.workspace import Workspace
 from robotrue.web.answers import Answers
 from robotrue.web.api import api_router
 from robotrue.web.bench import Bench, House, Page
+from robotrue.web.front import FrontServer, front, with_descriptors
 from robotrue.web.gate import Gate
 from robotrue.web.job_process import JobProcess
 from robotrue.web.language import Wording
@@ -57,6 +58,7 @@ def serve(settings: ServeSettings, *, ready: Callable[[str], None]) -> None:
     Raises:
         ConfigurationError: The port is taken or not allowed, or the workspace cannot be opened.
     """
+    limits = with_descriptors(settings.limits)
     bound = listening(settings)
     port = bound.getsockname()[1]
     with open_workspace(settings.workspace) as workspace:
@@ -64,6 +66,7 @@ def serve(settings: ServeSettings, *, ready: Callable[[str], None]) -> None:
         app = with_pages(core_app(house), house)
         config = uvicorn.Config(
             app,
+            http=front(limits),
             log_level="warning",
             access_log=False,
             proxy_headers=False,
@@ -77,7 +80,7 @@ def serve(settings: ServeSettings, *, ready: Callable[[str], None]) -> None:
         gc.freeze()  # all of it stays: nobody need go through it again
         shown = f"[{settings.host}]" if ":" in settings.host else settings.host
         ready(f"{'https' if settings.secure else 'http'}://{shown}:{port}/")
-        uvicorn.Server(config).run(sockets=[bound])
+        FrontServer(config, limits).run(sockets=[bound])
 
 
 def house_of(settings: ServeSettings, workspace: Workspace) -> House:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 import hmac
+import ipaddress
 import secrets
 import time
-from collections import deque
+from collections import OrderedDict
 from collections.abc import Callable
 from typing import Final
 
@@ -13,8 +15,7 @@ LIFETIME: Final = 12 * 3600.0
 """s without a request after which one logs in again."""
 MOST_SESSIONS: Final = 1000
 TRIES: Final = 5
-"""Wrong passwords from one address within :data:`WINDOW`."""
-TRIES_OF_ALL: Final = 50
+"""Guesses from one address within :data:`WINDOW`."""
 WINDOW: Final = 60.0
 """s."""
 
@@ -51,27 +52,50 @@ class Sessions:
 
 
 class Tries:
-    """Wrong passwords of the last minute, by address and in all."""
+    """Guesses of the last minute, by address; those of one address never count for another."""
 
     def __init__(self, *, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
-        self._wrong: deque[tuple[float, str]] = deque(maxlen=10 * TRIES_OF_ALL)
+        self._guesses: OrderedDict[str, list[float]] = OrderedDict()  # the latest guess last
 
     def wait(self, address: str) -> float:
-        """Returns the seconds until this address may try again; 0 is now."""
+        """Returns the seconds until this address may guess again; 0 is now."""
         now = self._clock()
-        while self._wrong and self._wrong[0][0] <= now - WINDOW:
-            self._wrong.popleft()
-        own = [at for at, who in self._wrong if who == address]
-        if len(own) >= TRIES:
-            return own[-TRIES] + WINDOW - now
-        if len(self._wrong) >= TRIES_OF_ALL:
-            return self._wrong[-TRIES_OF_ALL][0] + WINDOW - now
-        return 0.0
+        while self._guesses:
+            who, times = next(iter(self._guesses.items()))
+            if times[-1] > now - WINDOW:
+                break
+            del self._guesses[who]
+        recent = [at for at in self._guesses.get(address, ()) if at > now - WINDOW]
+        return recent[-TRIES] + WINDOW - now if len(recent) >= TRIES else 0.0
 
-    def wrong(self, address: str) -> None:
-        """Notes a wrong password."""
-        self._wrong.append((self._clock(), address))
+    def count(self, address: str) -> None:
+        """Counts a guess; called before the guess is compared, with nothing awaited between."""
+        times = self._guesses.setdefault(address, [])
+        times.append(self._clock())
+        del times[:-TRIES]
+        self._guesses.move_to_end(address)
+
+    def uncount(self, address: str) -> None:
+        """Takes the latest guess of an address back: it was right."""
+        times = self._guesses.get(address, [])
+        del times[-1:]
+        if not times:
+            self._guesses.pop(address, None)
+
+
+@functools.lru_cache(maxsize=4096)
+def client_group(host: str) -> str:
+    """Returns the address, or for IPv6 the /64 network: one machine can use all of a network."""
+    try:
+        address = ipaddress.ip_address(host.partition("%")[0])
+    except ValueError:
+        return host
+    if isinstance(address, ipaddress.IPv4Address):
+        return str(address)
+    if address.ipv4_mapped is not None:
+        return str(address.ipv4_mapped)
+    return str(ipaddress.ip_network((address, 64), strict=False))
 
 
 def same_secret(given: str, wanted: str) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -34,6 +34,32 @@ def service_address(text: str) -> str:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """What one client may take of the server before it is refused or dropped.
+
+    Attributes:
+        head_bytes: Of one request head.
+        head_seconds: From the first byte of a head, or from the connection, until it is whole.
+        body_seconds: Between two pieces of a body, and for the whole of a small one.
+        body_rate: Bytes per second that a longer body must come with on average.
+        per_address: Open connections of one address.
+        connections: Open connections of all.
+    """
+
+    head_bytes: int = 64 * 1024
+    head_seconds: float = 10.0
+    body_seconds: float = 10.0
+    body_rate: float = 16.0 * 1024
+    per_address: int = 128
+    connections: int = 1024
+
+    def at_most(self, connections: int) -> Limits:
+        """Returns limits for no more connections than given, half of them for one address."""
+        total = min(self.connections, connections)
+        return replace(self, connections=total, per_address=min(self.per_address, total // 2))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ServeSettings:
     """What ``robotrue serve`` was asked for.
 
@@ -49,6 +75,7 @@ class ServeSettings:
         sense: Addresses of sensing services that are sent the token of ``ROBOTRUE_WS_TOKEN``.
         upload_limit: Bytes of one uploaded file.
         kinds: ``module:name`` of the kinds of jobs that are done here; empty leaves them to others.
+        limits: Of requests and connections.
     """
 
     workspace: Path
@@ -62,6 +89,7 @@ class ServeSettings:
     sense: tuple[str, ...] = ()
     upload_limit: int = 1024 * MB
     kinds: str = ""
+    limits: Limits = Limits()
 
     def __post_init__(self) -> None:
         """Refuses what would let anybody in.

@@ -1,0 +1,167 @@
+"""Clients that send too much, too slowly, or too often, at a real server on this machine."""
+
+from __future__ import annotations
+
+import contextlib
+import http.client
+import socket
+import sys
+import threading
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+from serving import serving
+from web_shop import Served
+
+from robotrue.web.sessions import TRIES, WINDOW, Tries, client_group
+
+PASSWORD = "correct horse"  # noqa: S105
+SECONDS = 1.0
+"""s for a head and for a pause in a body, here; 10 s otherwise."""
+PATIENCE = 60.0
+"""s: the machine may have other things to do."""
+START = f"""
+import sys
+from pathlib import Path
+from robotrue.web import server
+from robotrue.web.settings import Limits, ServeSettings
+server.serve(
+    ServeSettings(
+        workspace=Path(sys.argv[1]),
+        port=0,
+        password={PASSWORD!r},
+        limits=Limits(head_seconds={SECONDS}, body_seconds={SECONDS}, per_address=100),
+    ),
+    ready=lambda address: print("at", address, flush=True),
+)
+"""
+
+
+@pytest.fixture(scope="module")
+def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    with serving(tmp_path_factory.mktemp("hostile") / "shop", start=START) as found:
+        yield found
+
+
+def connected(served: Served, address: str = "127.0.0.1") -> socket.socket:
+    place = urlsplit(served.address)
+    assert place.hostname is not None
+    return socket.create_connection(
+        (place.hostname, place.port), PATIENCE, source_address=(address, 0)
+    )
+
+
+def ended(connection: socket.socket) -> bytes:
+    """What came until the other side ended the connection."""
+    said = b""
+    with contextlib.suppress(ConnectionResetError):
+        while piece := connection.recv(65536):
+            said += piece
+    return said
+
+
+def cpu_seconds(served: Served) -> float:
+    fields = Path(f"/proc/{served.process.pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / 100.0
+
+
+def logged_in(served: Served, address: str, secret: str = PASSWORD) -> int:
+    place = urlsplit(served.address)
+    client = http.client.HTTPConnection(
+        place.hostname or "", place.port, PATIENCE, source_address=(address, 0)
+    )
+    with contextlib.closing(client):
+        client.request("POST", "/login", body=f"secret={secret.replace(' ', '+')}")
+        return client.getresponse().status
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs /proc, which Linux has")
+@pytest.mark.parametrize(
+    "beginning",
+    [
+        b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Long: ",
+        b"GET /",
+        # a line after the body is parsed as a head is
+        b"POST /login HTTP/1.1\r\nHost: 127.0.0.1\r\nTransfer-Encoding: chunked\r\n\r\n0\r\nX: ",
+    ],
+)
+def test_an_endless_line_is_refused_at_once(guarded: Served, beginning: bytes) -> None:
+    before, sent = cpu_seconds(guarded), 0
+    with connected(guarded) as connection:
+        connection.sendall(beginning)
+        with contextlib.suppress(ConnectionResetError, BrokenPipeError):
+            for _ in range(20 * 16):
+                sent += connection.send(b"a" * 65536)
+        ended(connection)
+    assert sent < 20 * 1024 * 1024
+    assert cpu_seconds(guarded) - before < 0.5  # 20 MB took longer before there was a limit
+
+
+def test_half_open_heads_are_dropped_and_keep_nobody_out(guarded: Served) -> None:
+    with contextlib.ExitStack() as stack:
+        many = [stack.enter_context(connected(guarded)) for _ in range(200)]
+        for each in many:
+            with contextlib.suppress(ConnectionError):  # one of the oldest, which have gone
+                each.sendall(b"GET / HTTP/1.1\r\nHost: ")
+        assert logged_in(guarded, "127.0.0.1") == 303
+        assert logged_in(guarded, "127.0.0.2") == 303
+        assert [ended(each) for each in many] == [b""] * 200
+
+
+def test_a_second_head_on_the_same_connection_has_no_more_time(guarded: Served) -> None:
+    with connected(guarded) as connection:
+        connection.sendall(b"GET /login HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+        assert connection.recv(65536).startswith(b"HTTP/1.1 200")
+        connection.sendall(b"GET /login HTTP/1.1\r\nHost: ")
+        assert b"HTTP/1.1" not in ended(connection)
+
+
+def test_a_body_that_does_not_come_is_refused(guarded: Served) -> None:
+    head = b"POST /login HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 100\r\n\r\nsecret="
+    with connected(guarded) as connection:
+        connection.sendall(head)
+        assert ended(connection).startswith(b"HTTP/1.1 408")
+
+
+def test_guesses_made_at_once_are_counted_and_lock_out_nobody_else(guarded: Served) -> None:
+    body = b"secret=guess"
+    head = b"POST /login HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n"
+    head += b"Content-Length: %d\r\n\r\n" % len(body)
+    ready = threading.Barrier(50)
+
+    def guess(_: int) -> bytes:
+        with connected(guarded, "127.0.0.3") as connection:
+            connection.sendall(head)
+            ready.wait(PATIENCE)  # all heads are there before the first body
+            connection.sendall(body)
+            return ended(connection).partition(b"\r\n")[0]
+
+    with ThreadPoolExecutor(50) as pool:
+        answers = sorted(pool.map(guess, range(50)))
+    assert [each.split()[1] for each in answers] == [b"403"] * TRIES + [b"429"] * (50 - TRIES)
+    assert logged_in(guarded, "127.0.0.4") == 303
+
+
+def test_guesses_of_an_address_are_counted_for_it_alone() -> None:
+    now = 0.0
+    tries = Tries(clock=lambda: now)
+    for k in range(1000):
+        for _ in range(TRIES):
+            tries.count(f"10.0.{k // 250}.{k % 250}")
+    assert tries.wait("10.0.0.1") == WINDOW
+    assert tries.wait("10.1.0.0") == 0.0
+    tries.uncount("10.0.0.1")
+    assert tries.wait("10.0.0.1") == 0.0
+    now = WINDOW
+    assert tries.wait("10.0.0.2") == 0.0
+    assert not tries._guesses
+
+
+def test_one_machine_is_one_address() -> None:
+    assert client_group("192.168.1.7") == client_group("::ffff:192.168.1.7") == "192.168.1.7"
+    assert client_group("2001:db8::1") == client_group("2001:db8::ffff:1")
+    assert client_group("2001:db8::1") != client_group("2001:db8:0:1::1")
+    assert client_group("fe80::1%eth0") == client_group("fe80::2")
