@@ -10,13 +10,16 @@ import threading
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
 from serving import serving
 from web_shop import Served
 
+from robotrue.web.front import Admission
 from robotrue.web.sessions import TRIES, WINDOW, Tries, client_group
+from robotrue.web.settings import Limits
 
 PASSWORD = "correct horse"  # noqa: S105
 SECONDS = 1.0
@@ -129,13 +132,14 @@ def test_a_body_that_does_not_come_is_refused(guarded: Served) -> None:
 def test_guesses_made_at_once_are_counted_and_lock_out_nobody_else(guarded: Served) -> None:
     body = b"secret=guess"
     head = b"POST /login HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n"
-    head += b"Content-Length: %d\r\n\r\n" % len(body)
+    head += b"Expect: 100-continue\r\nContent-Length: %d\r\n\r\n" % len(body)
     ready = threading.Barrier(50)
 
     def guess(_: int) -> bytes:
         with connected(guarded, "127.0.0.3") as connection:
             connection.sendall(head)
-            ready.wait(PATIENCE)  # all heads are there before the first body
+            assert connection.recv(65536).startswith(b"HTTP/1.1 100")
+            ready.wait(PATIENCE)  # the server waits for 50 bodies before the first one comes
             connection.sendall(body)
             return ended(connection).partition(b"\r\n")[0]
 
@@ -165,3 +169,43 @@ def test_one_machine_is_one_address() -> None:
     assert client_group("2001:db8::1") == client_group("2001:db8::ffff:1")
     assert client_group("2001:db8::1") != client_group("2001:db8:0:1::1")
     assert client_group("fe80::1%eth0") == client_group("fe80::2")
+
+
+class Connection:
+    """What :class:`Admission` knows of a connection."""
+
+    def __init__(self, address: str, connections: set[Any]) -> None:
+        self.client, self.connections, self.transport = (address, 1), connections, self
+        self.closed = False
+        connections.add(self)
+
+    def is_closing(self) -> bool:
+        return self.closed
+
+    def abort(self) -> None:
+        self.closed = True
+
+
+def test_the_oldest_connection_without_a_head_goes_first() -> None:
+    admission, connections = Admission(Limits(per_address=3, connections=5)), set()
+
+    def arrive(address: str) -> Any:
+        found = Connection(address, connections)
+        admission.admit(found)  # type: ignore[arg-type]
+        return found
+
+    first, second, third = (arrive("10.0.0.1") for _ in range(3))
+    admission.settle(first)  # its head has come
+    assert not any(each.closed for each in connections)
+    arrive("10.0.0.1")
+    assert {each for each in connections if each.closed} == {second}
+    others = [arrive(f"10.0.0.{k}") for k in (2, 3)]
+    for each in others:
+        admission.settle(each)
+    arrive("10.0.0.4")
+    assert {each for each in connections if each.closed} == {second, third}
+
+
+def test_connections_leave_descriptors_free() -> None:
+    limits = Limits(per_address=100, connections=400).at_most(128)
+    assert (limits.per_address, limits.connections) == (64, 128)
