@@ -12,7 +12,7 @@ from robotrue.store import jobs
 from robotrue.store.workspace import Workspace
 from robotrue.web.answers import KEPT, Answers
 from robotrue.web.job_process import JobProcess
-from robotrue.web.workers import Fact, Workers, _Refusal
+from robotrue.web.workers import GRACE, MOST, Fact, Workers, _Refusal
 
 
 def test_an_answer_survives_the_death_of_its_process() -> None:
@@ -20,8 +20,7 @@ def test_an_answer_survives_the_death_of_its_process() -> None:
 
     async def story() -> None:
         assert await workers.ask("kinds.known", "") == b'{"kinds":[]}'
-        pool = workers._pool
-        assert pool is not None
+        (pool,) = workers._running
         for process in pool._processes.values():
             process.kill()
             process.join(10.0)
@@ -31,6 +30,77 @@ def test_an_answer_survives_the_death_of_its_process() -> None:
         asyncio.run(asyncio.wait_for(story(), 60.0))
     finally:
         workers.stop()
+
+
+BLOCKING = """
+import time
+from pathlib import Path
+
+KINDS = {"slow": f"{__name__}:work", "quick": f"{__name__}:work"}
+
+def wait():
+    while not Path(__file__).with_name("go").exists():
+        time.sleep(0.02)
+
+def work(work):
+    if work.job.kind == "slow":
+        wait()
+    return lambda into: {}
+"""
+"""Kinds of jobs; the slow one waits for a file, and nobody else does."""
+
+
+def test_a_slow_question_holds_up_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(tmp_path))
+    (tmp_path / "slow_kinds.py").write_text(f"{BLOCKING}\nwait()\n")
+    (tmp_path / "quick_kinds.py").write_text(BLOCKING)
+    workers = Workers()
+
+    async def story() -> None:
+        slow = [
+            asyncio.create_task(workers.ask("kinds.known", "slow_kinds:KINDS"))
+            for _ in range(MOST - 1)
+        ]
+        answer = b'{"kinds":["quick","slow"]}'
+        for _ in range(2):
+            assert await workers.ask("kinds.known", "quick_kinds:KINDS") == answer
+        assert not any(each.done() for each in slow)
+        more = asyncio.create_task(workers.ask("kinds.known", "slow_kinds:KINDS"))
+        last = asyncio.create_task(workers.ask("kinds.known", "quick_kinds:KINDS"))
+        await asyncio.sleep(3 * GRACE)
+        assert len(workers._running) == MOST  # and the last one waits, or was first
+        (tmp_path / "go").touch()
+        assert set(await asyncio.gather(*slow, more, last)) == {answer}
+        assert len(workers._running) == 1
+
+    try:
+        asyncio.run(asyncio.wait_for(story(), 100.0))
+    finally:
+        workers.stop()
+
+
+def test_a_slow_job_holds_up_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(tmp_path))
+    (tmp_path / "job_kinds.py").write_text(BLOCKING)
+    with Workspace.create(tmp_path / "shop") as workspace:
+        slow = jobs.submit(workspace, "slow", {})
+        quick = jobs.submit(workspace, "quick", {})
+        process = JobProcess(workspace, "job_kinds:KINDS")
+
+        async def story() -> None:
+            watching = asyncio.create_task(process.watch())
+            try:
+                done = await asyncio.to_thread(jobs.wait, workspace, quick, timeout=90.0)
+                assert done.state == jobs.DONE
+                assert jobs.status(workspace, slow).state == jobs.RUNNING
+                (tmp_path / "go").touch()
+                done = await asyncio.to_thread(jobs.wait, workspace, slow, timeout=90.0)
+                assert done.state == jobs.DONE
+            finally:
+                watching.cancel()
+                await asyncio.gather(watching, return_exceptions=True)
+
+        asyncio.run(story())
 
 
 def test_an_error_comes_back_with_all_its_words() -> None:

@@ -28,8 +28,8 @@ class House:
     Attributes:
         settings: What was asked for at the start.
         workspace: Open.
-        workers: The process for what takes longer than a blink.
-        answers: Of that process, kept for a while.
+        workers: Processes for what takes longer than a blink.
+        answers: Of those processes, kept for a while.
         job_process: The process that does jobs.
         relays: Of live data.
     """

@@ -1,4 +1,4 @@
-"""The process that does the workspace's jobs while the server runs.
+"""The process that does the workspace's jobs while the server runs, each in a process of its own.
 
 It is there only while there is something to do: started when a job waits, gone when none does. If
 it dies, its job is queued again by whoever works next; if the server dies, it ends with it.
@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import multiprocessing
+import os
 import threading
 from importlib import import_module
 from multiprocessing.process import BaseProcess
@@ -21,6 +22,8 @@ from robotrue.web.workers import end_with_parent
 
 LOOK: Final = 1.0
 """s between two looks whether a job waits."""
+SLOTS: Final = min(4, max(2, os.cpu_count() or 1))
+"""Jobs at a time; two on one core as well, so that a long job does not hold up a short one."""
 
 
 class JobProcess:
@@ -86,4 +89,5 @@ def _work(folder: str, url: str | None, kinds: str) -> None:
 
     threading.Thread(target=end_with_parent, daemon=True).start()
     module, _, name = kinds.partition(":")
-    run_worker(folder, url, kinds=getattr(import_module(module), name), until_idle=True)
+    known = getattr(import_module(module), name)
+    run_worker(folder, url, kinds=known, slots=SLOTS, until_idle=True)

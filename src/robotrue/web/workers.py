@@ -1,8 +1,9 @@
-"""One process beside the server for what is quick but heavy: reading a file, drawing a scene.
+"""Processes beside the server for what is quick but heavy: reading a file, drawing a scene.
 
 Numeric libraries take hundreds of megabytes; here they are loaded by the first question that needs
 them, in a process of its own, and the server stays small and answers meanwhile. What takes longer
-than a few seconds is no question but a job of the store.
+than a few seconds is no question but a job of the store. A file can be slow to read all the same:
+then the next question gets a process of its own.
 """
 
 from __future__ import annotations
@@ -21,6 +22,10 @@ from robotrue.errors import RobotrueError
 Fact: TypeAlias = str | int | float | bool | None
 PATIENCE: Final = 120.0
 """s until a question counts as one that will never be answered."""
+GRACE: Final = 0.5
+"""s that a question waits for a busy process; starting another one takes about as long."""
+MOST: Final = 4
+"""Processes at a time."""
 
 
 class Unanswered(RobotrueError):
@@ -28,13 +33,18 @@ class Unanswered(RobotrueError):
 
 
 class Workers:
-    """A pool of one process, started by the first question and again after it died."""
+    """Processes that answer one question each at a time.
+
+    One is started by the first question and stays. Others are started while it is busy, at most
+    :data:`MOST`, and end when they have answered.
+    """
 
     def __init__(self) -> None:
-        self._pool: ProcessPoolExecutor | None = None
+        self._running: set[ProcessPoolExecutor] = set()
+        self._idle: asyncio.LifoQueue[ProcessPoolExecutor] = asyncio.LifoQueue()
 
     async def ask(self, question: str, *facts: Fact) -> bytes:
-        """Returns what a function of ``web/questions`` returns, called in the other process.
+        """Returns what a function of ``web/questions`` returns, called in another process.
 
         Args:
             question: ``file.function``; by its name, so that the server need not import it.
@@ -45,39 +55,64 @@ class Workers:
             RobotrueError: What the function raised.
         """
         for attempt in (1, 2):
+            process = await self._process()
             try:
-                future = self._running().submit(_call, question, facts)
+                future = process.submit(_call, question, facts)
                 answer = await asyncio.wait_for(asyncio.wrap_future(future), PATIENCE)
-                break
             except BrokenProcessPool:
-                self.stop()
+                self._end(process)
                 if attempt == 2:
                     raise Unanswered(
                         "the process that worked on this ended.", hint="look for a lack of memory."
                     ) from None
             except TimeoutError:
-                self.stop()
+                self._end(process)
                 raise Unanswered(
                     f"no answer within {PATIENCE:g} s.", hint="do it on the command line."
                 ) from None
+            except BaseException:  # nobody waits for the answer any more
+                self._end(process)
+                raise
+            else:
+                self._release(process)
+                break
         if isinstance(answer, _Refusal):
             raise answer.error()
         return answer
 
     def stop(self) -> None:
-        """Ends the process, whatever it is doing."""
-        pool, self._pool = self._pool, None
-        if pool is None:
-            return
-        for process in list((pool._processes or {}).values()):
-            process.kill()
-        pool.shutdown(wait=False, cancel_futures=True)
+        """Ends all processes, whatever they are doing."""
+        for process in tuple(self._running):
+            self._end(process)
 
-    def _running(self) -> ProcessPoolExecutor:
-        if self._pool is None:
-            context = multiprocessing.get_context("spawn")
-            self._pool = ProcessPoolExecutor(1, mp_context=context, initializer=_begin)
-        return self._pool
+    async def _process(self) -> ProcessPoolExecutor:
+        """Returns an idle process, or a new one where none becomes idle soon."""
+        while self._running:
+            try:
+                async with asyncio.timeout(GRACE):
+                    process = await self._idle.get()
+            except TimeoutError:
+                if len(self._running) < MOST:
+                    break
+                continue
+            if process in self._running:
+                return process
+        context = multiprocessing.get_context("spawn")
+        process = ProcessPoolExecutor(1, mp_context=context, initializer=_begin)
+        self._running.add(process)
+        return process
+
+    def _release(self, process: ProcessPoolExecutor) -> None:
+        if self._idle.empty():
+            self._idle.put_nowait(process)
+        else:  # the load is over, one is enough
+            self._end(process)
+
+    def _end(self, process: ProcessPoolExecutor) -> None:
+        self._running.discard(process)
+        for each in list((process._processes or {}).values()):
+            each.kill()
+        process.shutdown(wait=False, cancel_futures=True)
 
 
 class _Refusal:
