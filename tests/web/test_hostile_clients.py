@@ -22,6 +22,7 @@ from robotrue.web.sessions import TRIES, WINDOW, Tries, client_group
 from robotrue.web.settings import Limits
 
 PASSWORD = "correct horse"  # noqa: S105
+SECRET = "secret=correct+horse"  # noqa: S105
 SECONDS = 1.0
 """s for a head and for a pause in a body, here; 10 s otherwise."""
 PATIENCE = 60.0
@@ -71,14 +72,21 @@ def cpu_seconds(served: Served) -> float:
     return (int(fields[11]) + int(fields[12])) / 100.0
 
 
-def logged_in(served: Served, address: str, secret: str = PASSWORD) -> int:
+def answered(
+    served: Served, address: str, method: str, path: str, **request: Any
+) -> tuple[int, http.client.HTTPMessage]:
     place = urlsplit(served.address)
     client = http.client.HTTPConnection(
         place.hostname or "", place.port, PATIENCE, source_address=(address, 0)
     )
     with contextlib.closing(client):
-        client.request("POST", "/login", body=f"secret={secret.replace(' ', '+')}")
-        return client.getresponse().status
+        client.request(method, path, **request)
+        answer = client.getresponse()
+        return answer.status, answer.headers
+
+
+def logged_in(served: Served, address: str) -> int:
+    return answered(served, address, "POST", "/login", body=SECRET)[0]
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs /proc, which Linux has")
@@ -209,3 +217,41 @@ def test_the_oldest_connection_without_a_head_goes_first() -> None:
 def test_connections_leave_descriptors_free() -> None:
     limits = Limits(per_address=100, connections=400).at_most(128)
     assert (limits.per_address, limits.connections) == (64, 128)
+
+
+def test_a_logout_closes_the_sockets_of_its_session(guarded: Served) -> None:
+    sync_client = pytest.importorskip("websockets.sync.client")
+    closed = pytest.importorskip("websockets.exceptions").ConnectionClosedError
+    place = urlsplit(guarded.address)
+    socket_address = f"ws://{place.netloc}/_nicegui_ws/socket.io/?EIO=4&transport=websocket"
+
+    def entered() -> dict[str, str]:
+        _, headers = answered(guarded, "127.0.0.5", "POST", "/login", body=SECRET)
+        return {"Cookie": headers["set-cookie"].partition(";")[0]}
+
+    first, second = entered(), entered()
+    with (
+        sync_client.connect(socket_address, additional_headers=first, proxy=None) as one,
+        sync_client.connect(socket_address, additional_headers=first, proxy=None) as two,
+        sync_client.connect(socket_address, additional_headers=second, proxy=None) as other,
+    ):
+        for each in (one, two, other):
+            assert each.recv(PATIENCE).startswith("0{")
+        assert answered(guarded, "127.0.0.5", "POST", "/logout", headers=first)[0] == 303
+        for each in (one, two):
+            with pytest.raises(closed) as told:
+                each.recv(PATIENCE)
+            assert told.value.rcvd.code == 1008
+        assert other.ping().wait(PATIENCE)
+
+
+def test_what_waits_for_an_answer_gets_none_after_a_logout(guarded: Served) -> None:
+    _, headers = answered(guarded, "127.0.0.5", "POST", "/login", body=SECRET)
+    cookie = {"Cookie": headers["set-cookie"].partition(";")[0]}
+    head = f"POST /api/jobs HTTP/1.1\r\nHost: 127.0.0.1\r\nCookie: {cookie['Cookie']}\r\n"
+    with connected(guarded) as connection:
+        connection.sendall(f"{head}Expect: 100-continue\r\nContent-Length: 2\r\n\r\n".encode())
+        assert connection.recv(65536).startswith(b"HTTP/1.1 100")
+        assert answered(guarded, "127.0.0.5", "POST", "/logout", headers=cookie)[0] == 303
+        connection.sendall(b"{}")
+        assert connection.recv(65536).startswith(b"HTTP/1.1 401")

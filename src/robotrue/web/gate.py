@@ -8,6 +8,7 @@ site.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import Awaitable, Callable, MutableMapping
 from http.cookies import CookieError, SimpleCookie
 from typing import Any, Final, TypeAlias
@@ -29,7 +30,8 @@ App: TypeAlias = Callable[[Scope, Receive, Send], Awaitable[None]]
 COOKIE: Final = "robotrue_session"
 OPEN_PATHS: Final = frozenset({"/login", "/static/icon.svg"})
 """What is answered before anybody has logged in."""
-SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
+POLICY_VIOLATION: Final = 1008
+"""Why a WebSocket is closed (RFC 6455)."""
 UPLOADS: Final = "/api/files"
 BODY_LIMIT: Final = 2 * MB
 """Bytes of a request that is no upload."""
@@ -74,11 +76,13 @@ class Gate:
         # Reflected by the page template; nobody stands in front of this server.
         scope["headers"] = [h for h in scope["headers"] if h[0] != b"x-forwarded-prefix"]
         refusal = self._refusal(scope, Headers(scope=scope))
-        if refusal is None:
+        if refusal is None and scope["type"] == "websocket":
+            await self._socket(scope, receive, send)
+        elif refusal is None:
             await self._through(scope, receive, self._with_headers(send))
         elif scope["type"] == "websocket":
             await receive()
-            await send({"type": "websocket.close", "code": 1008})
+            await send({"type": "websocket.close", "code": POLICY_VIOLATION})
         else:
             await refusal(scope, receive, self._with_headers(send))
 
@@ -122,6 +126,12 @@ class Gate:
             return True
         return self._sessions.holds(session_name(headers))
 
+    def _is_logged_out(self, scope: Scope) -> bool:
+        """Whether a request that waited for its answer has lost its session meanwhile."""
+        if not self._settings.guarded or scope["path"] == "/logout":
+            return False
+        return not self._is_known(scope, Headers(scope=scope))
+
     def _limit(self, scope: Scope) -> int:
         if scope["path"] in OPEN_PATHS:
             return OPEN_BODY_LIMIT
@@ -147,10 +157,25 @@ class Gate:
             headers={"Connection": "close"},
         )
 
+    async def _socket(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Lets a WebSocket through until its session is closed."""
+        closing: list[asyncio.Task[None]] = []
+
+        async def close() -> None:
+            with contextlib.suppress(OSError, RuntimeError):  # its client was faster
+                await send({"type": "websocket.close", "code": POLICY_VIOLATION})
+
+        async def passed(message: Message) -> None:
+            if not closing:
+                await send(message)
+
+        with self._sessions.at_end(
+            session_name(Headers(scope=scope)),
+            lambda: closing.append(asyncio.create_task(close())),
+        ):
+            await self._app(scope, receive, passed)
+
     async def _through(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] == "websocket":
-            await self._app(scope, receive, send)
-            return
         limits, limit = self._settings.limits, self._limit(scope)
         taken, waited, more, begun = 0, 0.0, True, False
         refusal: Response | None = None
@@ -177,7 +202,9 @@ class Gate:
             return message
 
         async def noted(message: Message) -> None:
-            nonlocal begun
+            nonlocal begun, refusal
+            if not begun and refusal is None and self._is_logged_out(scope):
+                refusal = _ask_who(scope)
             if refusal is None or begun:  # else the application only tells of our own refusal
                 begun = True
                 await send(message)

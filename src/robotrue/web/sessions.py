@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hmac
 import ipaddress
 import secrets
 import time
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Final
 
 LIFETIME: Final = 12 * 3600.0
@@ -26,13 +27,14 @@ class Sessions:
     def __init__(self, *, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
         self._until: dict[str, float] = {}
+        self._at_end: dict[str, set[Callable[[], None]]] = {}
 
     def open(self) -> str:
         """Returns the name of a new session, 256 random bits."""
         now = self._clock()
         self._until = {k: until for k, until in self._until.items() if until > now}
         while len(self._until) >= MOST_SESSIONS:  # the one that ends first goes
-            del self._until[min(self._until, key=self._until.__getitem__)]
+            self.close(min(self._until, key=self._until.__getitem__))
         name = secrets.token_urlsafe(32)
         self._until[name] = now + LIFETIME
         return name
@@ -47,8 +49,22 @@ class Sessions:
         return True
 
     def close(self, name: str) -> None:
-        """Ends a session; one that is not open stays so."""
+        """Ends a session and what was opened with it; one that is not open stays so."""
         self._until.pop(name, None)
+        for end in self._at_end.pop(name, set()):
+            end()
+
+    @contextlib.contextmanager
+    def at_end(self, name: str, end: Callable[[], None]) -> Iterator[None]:
+        """Has ``end`` called if the session is closed within the block."""
+        self._at_end.setdefault(name, set()).add(end)
+        try:
+            yield
+        finally:
+            waiting = self._at_end.get(name, set())
+            waiting.discard(end)
+            if not waiting:
+                self._at_end.pop(name, None)
 
 
 class Tries:
