@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from starlette.websockets import WebSocketDisconnect
-from web_shop import Client
+from web_shop import Client, Shop
 
 from robotrue.errors import ConfigurationError
+from robotrue.store.workspace import Workspace
 from robotrue.web.gate import COOKIE
 from robotrue.web.pages import PAGES
 from robotrue.web.sessions import LIFETIME, TRIES, WINDOW, Sessions, Tries
@@ -184,3 +186,20 @@ def test_what_is_too_large_is_refused_whether_it_says_so_or_not(client: Client) 
     assert here.post("/api/files?name=a", content=chunks).status_code == 413
     assert here.post("/api/jobs", content=b"x" * (2 * 1024 * 1024 + 1)).status_code == 413
     assert here.post("/api/files?name=a", content=b"x" * 100_000).status_code == 201
+
+
+def test_uploads_have_a_quota_together(client: Client, filled: Shop, tmp_path: Path) -> None:
+    alone = replace(filled, workspace=Workspace.create(tmp_path / "shop"))
+    here = client(shop=alone, upload_limit=400_000, upload_total=1_000_000)
+    content = b"x" * 300_000
+    made = [here.post("/api/files?name=a", content=content) for _ in range(3)]
+    codes = [each.status_code for each in made]
+    assert codes == [201, 201, 400]
+    assert made[2].json()["detail"].endswith("at most 1 MB are kept.")
+    assert here.delete(f"/api/files/{made[0].json()['id']}").status_code == 204
+    assert here.post("/api/files?name=a", content=content).status_code == 201
+    for _ in range(4):
+        here.post("/api/files?name=a", content=b"")  # refused, and takes nothing
+    assert here.post("/api/files?name=a", content=b"x" * 100_000).status_code == 201
+    with pytest.raises(ConfigurationError, match="less than one alone"):
+        ServeSettings(workspace=Path("w"), upload_limit=2, upload_total=1)

@@ -21,6 +21,7 @@ def run(
     password_env: str | None,
     token_env: str | None,
     upload_mb: int,
+    upload_total_mb: int | None,
     open_browser: bool,
     **settings: Any,
 ) -> None:
@@ -32,6 +33,7 @@ def run(
         password=_secret("--password-env", password_env),
         token=_secret("--token-env", token_env),
         upload_limit=upload_mb * made.MB,
+        upload_total=(upload_total_mb or 0) * made.MB,
         kinds=KINDS,
         **settings,
     )

@@ -40,6 +40,10 @@ def serve(
         ),
     ] = None,
     upload_mb: Annotated[int, typer.Option(help="Largest file taken in, MB.")] = 1024,
+    upload_total_mb: Annotated[
+        int | None,
+        typer.Option(help="All files not yet used, MB; four times --upload-mb if not given."),
+    ] = None,
     open_browser: Annotated[bool, typer.Option("--open", help="Open a browser.")] = False,
 ) -> None:
     """Open the workbench: cell, measurements, calibration and programs in a browser."""
@@ -56,5 +60,6 @@ def serve(
         key=tls_key,
         sense=tuple(sense or ()),
         upload_mb=upload_mb,
+        upload_total_mb=upload_total_mb,
         open_browser=open_browser,
     )

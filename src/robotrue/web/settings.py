@@ -74,6 +74,8 @@ class ServeSettings:
         key: Its private key.
         sense: Addresses of sensing services that are sent the token of ``ROBOTRUE_WS_TOKEN``.
         upload_limit: Bytes of one uploaded file.
+        upload_total: Bytes of all uploads of which nothing was made yet; 0: four times the limit
+            of one.
         kinds: ``module:name`` of the kinds of jobs that are done here; empty leaves them to others.
         limits: Of requests and connections.
     """
@@ -88,6 +90,7 @@ class ServeSettings:
     key: Path | None = None
     sense: tuple[str, ...] = ()
     upload_limit: int = 1024 * MB
+    upload_total: int = 0
     kinds: str = ""
     limits: Limits = Limits()
 
@@ -96,7 +99,8 @@ class ServeSettings:
 
         Raises:
             ConfigurationError: Another address without a secret, a secret too short to be one, a
-                port that cannot be, half of a certificate, or no sensing service.
+                port that cannot be, half of a certificate, a total of uploads smaller than
+                one, or no sensing service.
         """
         if not 0 <= self.port <= 65535:
             raise ConfigurationError(f"port {self.port}, expected 0 to 65535.", hint="--port 8080")
@@ -119,6 +123,14 @@ class ServeSettings:
             raise ConfigurationError(
                 "a certificate needs its key, and a key its certificate.",
                 hint="--tls-cert cell.pem --tls-key cell.key",
+            )
+        if not self.upload_total:
+            object.__setattr__(self, "upload_total", 4 * self.upload_limit)
+        if self.upload_total < self.upload_limit:
+            raise ConfigurationError(
+                f"all uploads may take {self.upload_total / MB:g} MB, less than one alone "
+                f"({self.upload_limit / MB:g} MB).",
+                hint="a larger --upload-total-mb.",
             )
         object.__setattr__(self, "sense", tuple(map(service_address, self.sense)))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import hashlib
 import re
 import shutil
@@ -22,6 +23,8 @@ FOLDER: Final = "incoming"
 LONGEST_NAME: Final = 120
 KEPT: Final = 24 * 3600.0
 """s that a file nobody made anything of is kept."""
+FLAT: Final = 64 * 1024
+"""Bytes that count for an upload besides its content: many empty ones fill a disk, too."""
 UNPACKED: Final = 1_000_000_000
 """Bytes of all files in an archive together."""
 _ODD: Final = re.compile(r"[^\w .()+=@#&$-]")
@@ -45,21 +48,64 @@ class Upload:
     sha256: str
 
 
-async def take_in(workspace: Workspace, name: str, chunks: AsyncIterator[bytes]) -> Upload:
+class Quota:
+    """Bytes that all uploads of a workspace may take together."""
+
+    def __init__(self, workspace: Workspace, limit: int) -> None:
+        """Makes it.
+
+        Args:
+            workspace: Whose uploads count.
+            limit: Bytes.
+        """
+        self._workspace, self._limit = workspace, limit
+        self._taken = limit  # never less than what is there; measured when it reaches the limit
+
+    async def take(self, size: int) -> None:
+        """Counts bytes that are about to be written.
+
+        Raises:
+            FormatError: They are too many, even without uploads that are old enough to go.
+        """
+        if self._taken + size > self._limit:
+            self._taken = await asyncio.to_thread(self._measured)
+        if self._taken + size > self._limit:
+            raise FormatError(
+                f"files that wait to be used take {self._taken / 1e6:,.0f} MB, at most "
+                f"{self._limit / 1e6:,.0f} MB are kept.",
+                hint="use or remove some; after a day they go by themselves.",
+            )
+        self._taken += size
+
+    def _measured(self) -> int:
+        forget_old(self._workspace)
+        folder = self._workspace.folder / FOLDER
+        total = 0
+        for place in folder.iterdir() if folder.is_dir() else ():
+            with contextlib.suppress(OSError):  # it is removed at this moment
+                total += FLAT + sum(each.stat().st_size for each in place.iterdir())
+        return total
+
+
+async def take_in(
+    workspace: Workspace, name: str, chunks: AsyncIterator[bytes], quota: Quota
+) -> Upload:
     """Returns the upload of a stream, which never is in memory as a whole.
 
     Raises:
-        FormatError: It is empty, or the disk is full.
+        FormatError: It is empty, the quota is used up, or the disk is full.
     """
     key, size, digest = uuid.uuid4().hex, 0, hashlib.sha256()
     place = workspace.folder / FOLDER / key
     path = place / safe_name(name)
     try:
+        await quota.take(FLAT)
         place.mkdir(parents=True)
         with path.open("xb") as file:
             async for chunk in chunks:
                 size += len(chunk)
                 digest.update(chunk)
+                await quota.take(len(chunk))
                 await asyncio.to_thread(file.write, chunk)
         if not size:
             raise FormatError("an empty file.", source=path.name, hint="export it again.")
@@ -109,8 +155,9 @@ def forget_old(workspace: Workspace) -> None:
     """Removes uploads that nobody made anything of for a day."""
     place = workspace.folder / FOLDER
     for each in place.iterdir() if place.is_dir() else ():
-        if each.stat().st_mtime < time.time() - KEPT:
-            shutil.rmtree(each, ignore_errors=True)
+        with contextlib.suppress(OSError):  # somebody else has just removed it
+            if each.stat().st_mtime < time.time() - KEPT:
+                shutil.rmtree(each, ignore_errors=True)
 
 
 def safe_name(name: str) -> str:

@@ -8,7 +8,7 @@ from fastapi import APIRouter, Path, Query, Request
 from pydantic import BaseModel
 
 from robotrue.web.bench import House
-from robotrue.web.uploads import forget, take_in, uploaded
+from robotrue.web.uploads import Quota, forget, take_in, uploaded
 
 
 class Uploaded(BaseModel):
@@ -23,6 +23,7 @@ class Uploaded(BaseModel):
 def router(house: House) -> APIRouter:
     """Returns the routes of files."""
     routes = APIRouter(tags=["files"])
+    quota = Quota(house.workspace, house.settings.upload_total)
 
     @routes.post(
         "/files",
@@ -40,7 +41,7 @@ def router(house: House) -> APIRouter:
         request: Request, name: Annotated[str, Query(min_length=1, max_length=255)]
     ) -> Uploaded:
         """Keeps the body of the request as a file, for a day unless something is made of it."""
-        found = await take_in(house.workspace, name, request.stream())
+        found = await take_in(house.workspace, name, request.stream(), quota)
         return Uploaded(id=found.id, name=found.name, size=found.size, sha256=found.sha256)
 
     @routes.delete("/files/{id}", status_code=204)
