@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import asyncio
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 from typing import Any
 
 import pytest
 from starlette.websockets import WebSocketDisconnect
 from web_shop import Client
 
+from robotrue.store.workspace import Workspace
 from robotrue.web.alarms import AlarmWatch
+from robotrue.web.live_relay import Relays
+from robotrue.web.live_sources import add_source
 
 NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
 PASSWORD = "a long sentence"  # noqa: S105
@@ -64,6 +69,41 @@ def test_addresses_that_are_none(client: Client, address: str, said: str) -> Non
     assert answer.status_code == 400
     assert said in answer.json()["detail"]
     assert "secret" not in answer.text
+
+
+def test_other_computers_are_connected_to_only_where_the_operator_names_them(
+    client: Client,
+) -> None:
+    named = client(sense=("ws://0.0.0.0",))
+    assert named.post("/api/live/sources", json={"address": "ws://0.0.0.0"}).status_code == 201
+    answer = named.post("/api/live/sources", json={"address": "ws://0.0.0.0:22"})
+    assert answer.status_code == 400
+    assert answer.json()["detail"].startswith("ws://0.0.0.0:22 is not on this computer")
+    assert answer.json()["hint"] == "robotrue serve --sense ws://0.0.0.0:22"
+    for local in ("ws://127.0.0.1:9", "ws://localhost:9", "ws://[::1]:9"):
+        assert named.post("/api/live/sources", json={"address": local}).status_code == 201
+
+
+def test_a_source_that_is_not_named_is_not_connected_to(tmp_path: Path) -> None:
+    async def connected_to(named: tuple[str, ...]) -> bool:
+        relays = Relays(workspace, named)
+        watching = asyncio.create_task(relays.watch())
+        relays.wake()  # so that it may be awake when it is cancelled
+        until = asyncio.get_running_loop().time() + 20.0
+        while relays.of(local.id) is None:
+            assert asyncio.get_running_loop().time() < until
+            await asyncio.sleep(0.01)
+        found = relays.of(far.id) is not None
+        watching.cancel()
+        await asyncio.gather(watching, return_exceptions=True)
+        return found
+
+    with Workspace.create(tmp_path / "shop") as workspace:
+        elsewhere = "ws://0.0.0.0:9"  # not an address of loopback, and goes nowhere else
+        far = add_source(workspace, elsewhere, "", named=(elsewhere,))
+        local = add_source(workspace, "ws://127.0.0.1:9", "")
+        assert asyncio.run(connected_to((elsewhere,)))
+        assert not asyncio.run(connected_to(()))
 
 
 def test_limits_are_kept_and_history_is_not_overwritten(client: Client) -> None:

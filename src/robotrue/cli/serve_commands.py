@@ -36,7 +36,7 @@ def serve(
         typer.Option(
             "--sense",
             metavar="ws://HOST:PORT",
-            help="Sensing service that is sent the token of ROBOTRUE_WS_TOKEN; may be repeated.",
+            help="Sensing service on another computer; is sent ROBOTRUE_WS_TOKEN. May be repeated.",
         ),
     ] = None,
     upload_mb: Annotated[int, typer.Option(help="Largest file taken in, MB.")] = 1024,

@@ -51,8 +51,10 @@ class JobProcess:
             while self._kinds:
                 if not self._alive() and await asyncio.to_thread(self._waiting):
                     self._start()
+                # Not wait_for: before Python 3.12 it drops a cancellation that meets the event.
                 with contextlib.suppress(TimeoutError):
-                    await asyncio.wait_for(self._wake.wait(), LOOK)
+                    async with asyncio.timeout(LOOK):
+                        await self._wake.wait()
                 self._wake.clear()
         finally:
             self.stop()

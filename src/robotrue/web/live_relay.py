@@ -21,7 +21,7 @@ from robotrue.online.queues import Latest
 from robotrue.online.ws_door import TOKEN_VARIABLE
 from robotrue.store.workspace import Workspace
 from robotrue.web.alarms import Alarm, AlarmWatch
-from robotrue.web.live_sources import LiveSource, record_alarm, sources
+from robotrue.web.live_sources import LiveSource, is_allowed, record_alarm, sources
 
 FRAMES: Final = "/frames"
 KEPT: Final = 100
@@ -221,8 +221,8 @@ class Relays:
 
         Args:
             workspace: Whose sources they are.
-            trusted: Addresses that are sent the token of ``ROBOTRUE_WS_TOKEN``. Who may add a
-                source may name any address; only who starts the server says who is told a secret.
+            trusted: Addresses that the operator named: these, and services on this computer,
+                are connected to; only these are sent the token of ``ROBOTRUE_WS_TOKEN``.
         """
         self._workspace, self._trusted = workspace, frozenset(trusted)
         self._running: dict[str, Relay] = {}
@@ -242,13 +242,16 @@ class Relays:
             while True:
                 with contextlib.suppress(RobotrueError):  # a database that is away for a moment
                     await self._settle(await asyncio.to_thread(sources, self._workspace))
+                # Not wait_for: before Python 3.12 it drops a cancellation that meets the event.
                 with contextlib.suppress(TimeoutError):
-                    await asyncio.wait_for(self._wake.wait(), LOOK)
+                    async with asyncio.timeout(LOOK):
+                        await self._wake.wait()
                 self._wake.clear()
         finally:
             await self._settle(())
 
-    async def _settle(self, wanted: tuple[LiveSource, ...]) -> None:
+    async def _settle(self, known: tuple[LiveSource, ...]) -> None:
+        wanted = [each for each in known if is_allowed(each.address, self._trusted)]
         for id in set(self._running) - {each.id for each in wanted}:
             await self._running.pop(id).stop()
         for each in wanted:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, Final
 
 from robotrue.core.csv_text import csv_text
 from robotrue.errors import ConfigurationError
+from robotrue.online.net_address import net_address
 from robotrue.store import documents, items, journal
 from robotrue.store.nouns import DOCUMENT
 from robotrue.store.records import DocumentRecord, Query
 from robotrue.store.workspace import Workspace
 from robotrue.web.alarms import Alarm, Limits
-from robotrue.web.settings import service_address
+from robotrue.web.settings import SENSE_PORT, service_address
 
 KIND: Final = "live source"
 BEGUN: Final = "alarm"
@@ -58,13 +60,35 @@ def source(workspace: Workspace, id: str) -> LiveSource:
     return _source(record)
 
 
-def add_source(workspace: Workspace, address: str, name: str) -> DocumentRecord:
+def is_allowed(address: str, named: Collection[str]) -> bool:
+    """Returns whether the server connects to an address: one of this computer, or one named.
+
+    Whoever may add a source could otherwise have the server try any port of any machine.
+    """
+    return address in named or net_address(address, default_port=SENSE_PORT).loopback
+
+
+def add_source(
+    workspace: Workspace, address: str, name: str, named: Collection[str] = ()
+) -> DocumentRecord:
     """Returns the document of a new source.
 
+    Args:
+        workspace: Where it is kept.
+        address: Of a sensing service.
+        name: For people; empty: its address.
+        named: Addresses that the operator named when the server was started.
+
     Raises:
-        ConfigurationError: No address of a sensing service, or more than are listened to.
+        ConfigurationError: No address of a sensing service, one of another computer that the
+            operator has not named, or more than are listened to.
     """
     where = service_address(address)
+    if not is_allowed(where, named):
+        raise ConfigurationError(
+            f"{where} is not on this computer, and the workbench was not started with it.",
+            hint=f"robotrue serve --sense {where}",
+        )
     if len(sources(workspace)) >= MOST:
         raise ConfigurationError(f"{MOST} sources are listened to, no more.", hint="delete one.")
     shown = name.strip() or where.removeprefix("ws://")

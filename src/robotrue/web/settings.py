@@ -72,7 +72,8 @@ class ServeSettings:
         names: Further host names the workbench is reached by.
         certificate: TLS certificate (PEM), or None for plain HTTP.
         key: Its private key.
-        sense: Addresses of sensing services that are sent the token of ``ROBOTRUE_WS_TOKEN``.
+        sense: Addresses of sensing services that are connected to besides those of this computer,
+            and are sent the token of ``ROBOTRUE_WS_TOKEN``.
         upload_limit: Bytes of one uploaded file.
         upload_total: Bytes of all uploads of which nothing was made yet; 0: four times the limit
             of one.

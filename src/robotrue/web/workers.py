@@ -22,8 +22,8 @@ from robotrue.errors import RobotrueError
 Fact: TypeAlias = str | int | float | bool | None
 PATIENCE: Final = 120.0
 """s until a question counts as one that will never be answered."""
-GRACE: Final = 0.5
-"""s that a question waits for a busy process; starting another one takes about as long."""
+GRACE: Final = 2.0
+"""s that a question waits for a busy process; loading the libraries in another takes as long."""
 MOST: Final = 4
 """Processes at a time."""
 

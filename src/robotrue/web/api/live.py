@@ -65,7 +65,7 @@ def router(house: House) -> APIRouter:
     async def add_source(asked: NewSource) -> dict[str, Any]:
         """A sensing service that is listened to from now on."""
         record = await asyncio.to_thread(
-            live_sources.add_source, workspace, asked.address, asked.name
+            live_sources.add_source, workspace, asked.address, asked.name, house.settings.sense
         )
         house.relays.wake()
         return record_document(record, "document")

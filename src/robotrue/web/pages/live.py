@@ -9,7 +9,7 @@ from nicegui import ui
 
 from robotrue import __version__
 from robotrue.web.bench import Bench, Page
-from robotrue.web.live_sources import LiveSource, sources
+from robotrue.web.live_sources import LiveSource, is_allowed, sources
 from robotrue.web.parts.elements import delete_button
 from robotrue.web.parts.frame import html
 from robotrue.web.parts.live import FILES, LiveView
@@ -28,7 +28,10 @@ async def _build(bench: Bench) -> None:
     if shown is None and found:
         shown = found[-1]
     html(_head(bench, found, shown)).classes("head")
-    if shown is not None:
+    if shown is not None and not is_allowed(shown.address, bench.house.settings.sense):
+        why = f"{escape(bench.say('live.not_named'))} <code>--sense {escape(shown.address)}</code>"
+        html(f"<p data-testid='live-not-named'>{why}</p>").classes("card")
+    elif shown is not None:
         LiveView(bench, shown)
     _new(bench, first=shown is None)
 
