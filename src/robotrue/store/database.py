@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import os
+import sqlite3
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
+from urllib.parse import quote
 
 from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url
 from sqlalchemy.exc import ArgumentError, DBAPIError
+from sqlalchemy.pool import NullPool
 
 from robotrue.errors import ConfigurationError, DatabaseDownError, MissingExtraError
 
@@ -27,8 +31,13 @@ def engine_at(folder: Path, url: str | None) -> Engine:
     """
     stated = URL.create("sqlite", database=str(folder / FILE)) if url is None else _url(url)
     if stated.get_backend_name() == "sqlite":
-        engine = create_engine(stated)
-        _as_sqlite(engine)
+        file = Path(stated.database or "")
+        writable = not file.exists() or (may_write(file) and may_write(file.absolute().parent))
+        if writable:
+            engine = create_engine(stated)
+        else:
+            engine = create_engine(stated, creator=lambda: _read_only(file), poolclass=NullPool)
+        _as_sqlite(engine, writable=writable)
         return engine
     if stated.get_driver_name() == "psycopg" and find_spec("psycopg") is None:
         raise MissingExtraError(
@@ -52,7 +61,24 @@ def _url(text: str) -> URL:
     return url
 
 
-def _as_sqlite(engine: Engine) -> None:
+def may_write(path: Path) -> bool:
+    """Returns whether this process may write to a file, or make files in a folder."""
+    return os.access(path, os.W_OK, effective_ids=os.access in os.supports_effective_ids)
+
+
+def _read_only(file: Path) -> sqlite3.Connection:
+    """Opens a database beside which SQLite cannot make the files of its log.
+
+    While another process has it open they are there and are used. If they are not, nobody has it
+    open: only then may SQLite take it for a file that does not change.
+    """
+    log = file.with_name(f"{file.name}-wal")
+    options = "mode=ro" if log.exists() else "mode=ro&immutable=1"
+    address = f"file:{quote(str(file.absolute()))}?{options}"
+    return sqlite3.connect(address, uri=True, check_same_thread=False)
+
+
+def _as_sqlite(engine: Engine, *, writable: bool) -> None:
     """Readers never wait for a writer, a writer that has begun never fails half-way."""
 
     @event.listens_for(engine, "connect")
@@ -61,7 +87,7 @@ def _as_sqlite(engine: Engine) -> None:
         cursor = connection.cursor()
         for pragma in (
             f"busy_timeout={BUSY_MS}",
-            "journal_mode=WAL",
+            "journal_mode=WAL" if writable else "query_only=ON",
             "synchronous=FULL",
             "foreign_keys=ON",
             "trusted_schema=OFF",
@@ -75,8 +101,19 @@ def _as_sqlite(engine: Engine) -> None:
         connection.exec_driver_sql("BEGIN IMMEDIATE" if writing else "BEGIN")
 
 
-def unreachable(cause: DBAPIError, folder: Path) -> DatabaseDownError:
-    """Returns the error for a database that does not answer, without its URL."""
+def read_only(folder: Path) -> ConfigurationError:
+    """Returns the error for a change in a workspace that this user may only read."""
+    return ConfigurationError(
+        "the workspace is read-only for this user.",
+        source=folder,
+        hint="write access to the folder and to all in it.",
+    )
+
+
+def unreachable(cause: DBAPIError, folder: Path) -> ConfigurationError:
+    """Returns the error for a database that does not answer or may only be read, without its URL."""
+    if "readonly database" in str(cause.orig):
+        return read_only(folder)
     said = str(cause.orig).strip() or "it does not say why"
     return DatabaseDownError(
         f"the database does not answer ({said.splitlines()[0]}).",

@@ -20,7 +20,7 @@ from robotrue import __version__
 from robotrue.core.files import read_bytes, write_atomic
 from robotrue.errors import ArchiveError, ConfigurationError, FormatError, ModelMismatchError
 from robotrue.store.blobs import BLOBS, Staging, require_whole, stored_path, sweep
-from robotrue.store.database import WRITING, engine_at, unreachable
+from robotrue.store.database import WRITING, engine_at, may_write, read_only, unreachable
 from robotrue.store.locks import POSIX, alone, shared
 from robotrue.store.migrate import HEAD, migrate, require_known, revision_of
 from robotrue.store.schema import BlobRow, WorkspaceRow
@@ -95,12 +95,15 @@ class Workspace:
     def open(cls, path: str | Path, url: str | None = None) -> Workspace:
         """Opens a workspace; one of an older robotrue is brought up to date.
 
+        Where the folder may not be written to, it can be read.
+
         Args:
             path: The folder.
             url: As in :meth:`create`.
 
         Raises:
-            ConfigurationError: No workspace, or its database does not answer.
+            ConfigurationError: No workspace, its database does not answer, or it is of an older
+                robotrue and read-only.
             ArchiveError: Damaged, or of a newer robotrue.
             ModelMismatchError: The database belongs to another workspace.
         """
@@ -112,6 +115,12 @@ class Workspace:
                 revision = revision_of(connection)
                 require_known(revision)
             if revision != HEAD:
+                if not may_write(folder):
+                    raise ConfigurationError(
+                        "the workspace is of an older robotrue, and read-only for this user.",
+                        source=path,
+                        hint="open it once with write access.",
+                    )
                 with _exclusively(folder), writing(engine) as connection:
                     migrate(connection)
             with engine.connect() as connection:
@@ -180,7 +189,8 @@ class Workspace:
         return read_bytes(path)
 
     def _sweep(self) -> int:
-        if not POSIX:  # without locks nobody knows who still writes
+        # Without locks nobody knows who still writes.
+        if not POSIX or not may_write(self.folder):
             return 0
         with alone(self.folder / LOCK, wait=False) as mine:
             if not mine:
@@ -226,8 +236,11 @@ class Transaction:
 
         Raises:
             FormatError: It cannot be read, or the workspace not be written to.
+            ConfigurationError: This user may only read the workspace.
         """
         if not self._locked:
+            if not may_write(self.workspace.folder):
+                raise read_only(self.workspace.folder)
             self._stack.enter_context(shared(self.workspace.folder / LOCK))
             self._locked = True
         digest, size = self._staging.keep(source, place)
