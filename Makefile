@@ -1,4 +1,5 @@
-# Two commands for everybody: `make demo` and `make test`. Both set up what they need in .venv.
+# Two commands for everybody: `make demo` and `make test`. Both set up what they need in .venv; after
+# either, .venv/bin/robotrue has every command of the README, `serve` too.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -36,7 +37,7 @@ $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.runtime: $(VENV)/bin/python pyproject.toml constraints.txt
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[web]"
 	$(BIN)/robotrue warm-up
 	@touch $@
 
