@@ -32,6 +32,11 @@ INNER: Final = 60
 """Scale updates per linearisation."""
 SETTLED: Final = 5e-3
 """Relative change of variances, and of weights, that ends them."""
+STILL: Final = 1e-2
+"""Change of the predicted numbers of any row, over their noise, below which the fit has settled."""
+LEAST_DAMPING: Final = 1.0
+MOST_DAMPING: Final = 1e15
+"""Of a step, in prior precisions: the first tried, and the one at which no step is left."""
 NOISE_FLOOR: Final = 1e-18
 """m^2 or rad^2: below a nanometre noise means nothing."""
 
@@ -45,7 +50,8 @@ class SolverSettings:
         learn_noise: Add white noise to lengths and angles as the data ask.
         learn_scales: Move the prior scales of the learnable groups.
         max_iterations: Linearisations.
-        tolerance: Largest step at the end, in posterior standard deviations.
+        tolerance: Largest step at the end, in posterior standard deviations; or no predicted number
+            moves by :data:`STILL` of its noise.
     """
 
     loss: Loss = "huber"
@@ -94,6 +100,14 @@ class Posterior:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class _Point:
+    """A state and the rows linearised there."""
+
+    state: State
+    data: tuple[Linearisation, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Scales:
     """What the inner loop moves besides the step."""
 
@@ -130,7 +144,7 @@ def maximise(
 
     Raises:
         ObservabilityError: No rows, or no free parameter.
-        ConvergenceError: Still moving after ``max_iterations``.
+        ConvergenceError: Still moving after ``max_iterations``, or no step lowers the misfit.
     """
     if not any(len(o.rows) for o in observations) or not prior.free.any():
         raise ObservabilityError(
@@ -138,39 +152,70 @@ def maximise(
             f"{int(prior.free.sum())} free parameters."
         )
     centre, free = prior.centre, prior.free
-    state = centre
-    data = _linearise(observations, layout, state)
-    scales = _first_scales(data, prior, free, settings)
+    point = _Point(state=centre, data=_linearise(observations, layout, centre))
+    scales = _first_scales(point.data, prior, free, settings)
     damping = 0.0
     for iteration in range(1, settings.max_iterations + 1):
-        offset = difference(layout, state, centre)[free]
-        scales, solution = _settle(data, offset, prior, free, scales, settings)
-        before = _objective(data, offset, scales)
-        while True:
-            step = np.zeros(layout.size)
-            step[free] = _damped(solution, scales, damping)
-            trial = retract(layout, state, step)
-            moved = _linearise(observations, layout, trial)
-            after = _objective(moved, difference(layout, trial, centre)[free], scales)
-            if after <= before * (1.0 + 1e-9) + 1e-9:
-                break
-            damping = max(10.0 * damping, 1e-3)
-            if damping > 1e9:
-                raise ConvergenceError(
-                    f"no step lowers the misfit (iteration {iteration}).",
-                    hint="check units, joint signs and the tracker frame of the measurements.",
-                )
-        size = float(np.max(np.abs(step[free]) / _posterior_sd(solution, scales)))
-        state, data, damped, damping = trial, moved, damping > 0.0, damping / 100.0
-        damping = 0.0 if damping < 1e-4 else damping
-        if size < settings.tolerance and not damped:
-            offset = difference(layout, state, centre)[free]
-            solution = _solve(data, offset, free, scales, settings)
-            return _finish(data, observations, layout, state, prior, scales, solution, iteration)
+        offset = difference(layout, point.state, centre)[free]
+        scales, solution = _settle(point.data, offset, prior, free, scales, settings)
+        change = _position_change(point.data, solution, free, scales)
+        point, step, damping = _descend(
+            observations, prior, layout, point, scales, solution, damping, iteration
+        )
+        size = float(np.max(np.abs(step) / _posterior_sd(solution, scales)))
+        if (size < settings.tolerance and damping == 0.0) or change < STILL:
+            offset = difference(layout, point.state, centre)[free]
+            solution = _solve(point.data, offset, free, scales, settings)
+            return _finish(point, observations, layout, prior, scales, solution, iteration)
+        damping = 0.0 if damping < LEAST_DAMPING else damping / 10.0
     raise ConvergenceError(
-        f"still moving by {size:.2g} posterior sd after {settings.max_iterations} iterations.",
-        hint="check units and joint signs, or allow more iterations.",
+        f"still moving after {settings.max_iterations} iterations: the next step moves a predicted "
+        f"number by {change:.2g} of its noise, allowed {STILL:g}.",
+        hint="check units, joint signs and the reflector, or allow more iterations.",
     )
+
+
+def _descend(
+    observations: Sequence[Observation],
+    prior: Prior,
+    layout: Layout,
+    point: _Point,
+    scales: _Scales,
+    solution: _Solution,
+    damping: float,
+    iteration: int,
+) -> tuple[_Point, Array, float]:
+    """Returns the next point, its step over the free parameters, and the damping it took."""
+    centre, free = prior.centre, prior.free
+    before = _objective(point.data, difference(layout, point.state, centre)[free], scales)
+    while damping < MOST_DAMPING:
+        step = np.zeros(layout.size)
+        step[free] = _damped(solution, scales, damping)
+        state = retract(layout, point.state, step)
+        data = _linearise(observations, layout, state)
+        after = _objective(data, difference(layout, state, centre)[free], scales)
+        if after <= before * (1.0 + 1e-9) + 1e-9:
+            return _Point(state=state, data=data), step[free], damping
+        damping = max(10.0 * damping, LEAST_DAMPING)
+    raise ConvergenceError(
+        f"no step lowers the misfit (iteration {iteration}).",
+        hint="check units, joint signs and the tracker frame of the measurements.",
+    )
+
+
+def _position_change(
+    data: Sequence[Linearisation], solution: _Solution, free: BoolArray, scales: _Scales
+) -> float:
+    """Largest change of a row's predicted numbers by the undamped step, over their noise.
+
+    Along a direction that no row shows, a step of any size changes nothing here: the prior decides.
+    """
+    largest = 0.0
+    for item in data:
+        inverse, _ = _whitener(item, scales.noise)
+        moved = inverse @ (item.jacobian[:, :, free] @ solution.step)[:, :, None]
+        largest = max(largest, float(np.linalg.norm(moved, axis=1).max(initial=0.0)))
+    return largest
 
 
 def _linearise(
@@ -356,28 +401,32 @@ def _posterior_sd(solution: _Solution, scales: _Scales) -> Array:
 
 
 def _damped(solution: _Solution, scales: _Scales, damping: float) -> Array:
-    """Step of the damped problem (A + damping diag A) y = A y0, in parameter units."""
+    """Step of the damped problem (A + damping) y = A y0 in prior-scaled parameters, unscaled.
+
+    Damped by the prior and not by diag A: the arm's nonlinearity shows along directions the data
+    do not see, where steps are long; relative to diag A these would be frozen first.
+    """
     if damping == 0.0:
         return solution.step
     sd = scales.sd
     precision = np.eye(len(sd)) + sd[:, None] * solution.information * sd
     pull = precision @ (solution.step / sd)
-    damped = precision + damping * np.diag(np.diagonal(precision))
+    damped = precision + damping * np.eye(len(sd))
     step: Array = sd * cho_solve(cho_factor(damped, lower=True), pull)
     return step
 
 
 def _finish(
-    data: Sequence[Linearisation],
+    point: _Point,
     observations: Sequence[Observation],
     layout: Layout,
-    state: State,
     prior: Prior,
     scales: _Scales,
     solution: _Solution,
     iterations: int,
 ) -> Posterior:
     """Puts the pieces into full, named shape."""
+    state, data = point.state, point.data
     free = prior.free
     where = np.ix_(free, free)
     covariance, information = np.zeros((2, layout.size, layout.size))
