@@ -22,6 +22,8 @@ from robotrue.robot.model import PER_JOINT, RobotModel
 Status: TypeAlias = Literal["determined", "conditional"]
 GEOMETRY: Final = ("theta", "d", "a", "alpha", "beta", "gear")
 MANY_SCREENED: Final = 0.05
+LOOSE_TURN: Final = 0.02
+"""rad, posterior sd of a tracker frame's turn from which it counts as not seen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,7 +121,7 @@ def estimate(
         raise ModelMismatchError(
             f"measurements have {measurements.dof} joints, robot {robot.name} has {robot.dof}."
         )
-    robot, layout, start = start_state(robot, measurements)
+    robot, layout, start = start_state(robot, measurements, tool_sd=settings.scales.tool, line=True)
     if layout.stations:
         groups = tuple(g for g in groups if g != "base")
     prior = build_prior(
@@ -199,7 +201,8 @@ def _verdict(
     rows: int,
 ) -> Verdict:
     """Judges the fit; ``screened`` are lines of the source file."""
-    doubts = [f"not seen by the data: {d}." for d in seen.harmful]
+    loose = _loose_turns(posterior)
+    doubts = [*loose, *(f"not seen by the data: {d}." for d in seen.harmful)]
     short = posterior.numbers < seen.determinable
     if short:
         doubts.append(
@@ -221,8 +224,28 @@ def _verdict(
     doubts += [
         f"{name} is negative beyond its uncertainty: check masses and loads." for name in negative
     ]
-    sound = not (seen.harmful or short or many or negative)
+    sound = not (loose or seen.harmful or short or many or negative)
     return Verdict(status="determined" if sound else "conditional", doubts=tuple(doubts))
+
+
+def _loose_turns(posterior: Posterior) -> list[str]:
+    """Which tracker frames may be turned about a line, as all poses on one line leave them."""
+    out = []
+    for k in posterior.layout.stations:
+        place = posterior.layout.blocks[f"station/{k}"]
+        if place.stop - place.start < 6:
+            continue
+        turn = slice(place.start + 3, place.stop)
+        values, axes = np.linalg.eigh(posterior.covariance[turn, turn])
+        if values[-1] < LOOSE_TURN**2:
+            continue
+        x, y, z = posterior.state.T_tracker_base[k][:3, :3].T @ axes[:, -1]
+        out.append(
+            f"not seen by the data: the turn of tracker station {k} about ({x:+.2f}, {y:+.2f}, "
+            f"{z:+.2f}) in base: errors along that line are known, of errors across it the size "
+            "but not the direction in base; add poses off the line, or measure in base."
+        )
+    return out
 
 
 def _compliances(posterior: Posterior) -> list[tuple[str, float]]:

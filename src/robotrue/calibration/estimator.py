@@ -32,6 +32,8 @@ INNER: Final = 60
 """Scale updates per linearisation."""
 SETTLED: Final = 5e-3
 """Relative change of variances, and of weights, that ends them."""
+LEARNING: Final = 15
+"""Linearisations that move scales, noise and weights; what still moves then is posture alone."""
 STILL: Final = 1e-2
 """Change of the predicted numbers of any row, over their noise, below which the fit has settled."""
 LEAST_DAMPING: Final = 1.0
@@ -57,7 +59,7 @@ class SolverSettings:
     loss: Loss = "huber"
     learn_noise: bool = True
     learn_scales: bool = True
-    max_iterations: int = 30
+    max_iterations: int = 60
     tolerance: float = 1e-3
 
     def __post_init__(self) -> None:
@@ -121,6 +123,7 @@ class _Solution:
     """Solution of one linear problem."""
 
     step: Array
+    right: Array
     scaled_covariance: Array
     information: Array
     whitened: tuple[Array, ...]
@@ -157,7 +160,10 @@ def maximise(
     damping = 0.0
     for iteration in range(1, settings.max_iterations + 1):
         offset = difference(layout, point.state, centre)[free]
-        scales, solution = _settle(point.data, offset, prior, free, scales, settings)
+        if iteration <= LEARNING:
+            scales, solution = _settle(point.data, offset, prior, free, scales, settings)
+        else:  # long steps and scales may chase each other; held scales leave one misfit to lower
+            solution = _solve(point.data, offset, free, scales, settings)
         change = _position_change(point.data, solution, free, scales)
         point, step, damping = _descend(
             observations, prior, layout, point, scales, solution, damping, iteration
@@ -187,20 +193,49 @@ def _descend(
 ) -> tuple[_Point, Array, float]:
     """Returns the next point, its step over the free parameters, and the damping it took."""
     centre, free = prior.centre, prior.free
-    before = _objective(point.data, difference(layout, point.state, centre)[free], scales)
-    while damping < MOST_DAMPING:
-        step = np.zeros(layout.size)
-        step[free] = _damped(solution, scales, damping)
-        state = retract(layout, point.state, step)
+
+    def moved(step: Array) -> tuple[_Point, float]:
+        whole = np.zeros(layout.size)
+        whole[free] = step
+        state = retract(layout, point.state, whole)
         data = _linearise(observations, layout, state)
-        after = _objective(data, difference(layout, state, centre)[free], scales)
-        if after <= before * (1.0 + 1e-9) + 1e-9:
-            return _Point(state=state, data=data), step[free], damping
+        misfit = _objective(data, difference(layout, state, centre)[free], scales)
+        return _Point(state=state, data=data), misfit
+
+    before = _objective(point.data, difference(layout, point.state, centre)[free], scales)
+    allowed = before * (1.0 + 1e-9) + 1e-9
+    while damping < MOST_DAMPING:
+        step = _damped(solution.information, solution.right, scales.sd, damping)
+        trial, after = moved(step)
+        if after > allowed:  # the same step, bent along the valley
+            bend = scales.sd * _curvature(point.data, trial.data, step, free, scales)
+            step = step + _damped(solution.information, bend, scales.sd, damping)
+            trial, after = moved(step)
+        if after <= allowed:
+            return trial, step, damping
         damping = max(10.0 * damping, LEAST_DAMPING)
     raise ConvergenceError(
         f"no step lowers the misfit (iteration {iteration}).",
         hint="check units, joint signs and the tracker frame of the measurements.",
     )
+
+
+def _curvature(
+    data: Sequence[Linearisation],
+    moved: Sequence[Linearisation],
+    step: Array,
+    free: BoolArray,
+    scales: _Scales,
+) -> Array:
+    """J' N^-1 (what a step did to the residuals beyond its linear part), per free parameter."""
+    out = np.zeros(len(step))
+    for item, there, u in zip(data, moved, scales.weights, strict=True):
+        inverse, _ = _whitener(item, scales.noise)
+        jacobian = item.jacobian[:, :, free]
+        beyond = there.residual - item.residual + jacobian @ step
+        force = np.swapaxes(inverse, 1, 2) @ (inverse @ beyond[:, :, None]) * u[:, None, None]
+        out += np.einsum("nmp,nm->p", jacobian, force[:, :, 0])
+    return out
 
 
 def _position_change(
@@ -264,7 +299,8 @@ def _solve(
     lower = np.linalg.cholesky(precision)
     inverse_lower, _ = dtrtri(lower, lower=1)
     scaled_covariance = inverse_lower.T @ inverse_lower
-    step = sd * (inverse_lower.T @ (inverse_lower @ (sd * gradient - offset / sd)))
+    right = sd * gradient - offset / sd
+    step = sd * (inverse_lower.T @ (inverse_lower @ right))
     whitened = tuple(z0 - jacobian @ step for _, z0, jacobian in kept)
     trace, power = np.zeros(CHANNELS), np.zeros(CHANNELS)
     if settings.learn_noise:
@@ -283,6 +319,7 @@ def _solve(
             trace += item.white @ (live * diagonal - u[:, None] * spread).sum(axis=0)
     return _Solution(
         step=step,
+        right=right,
         scaled_covariance=scaled_covariance,
         information=information,
         whitened=whitened,
@@ -400,19 +437,15 @@ def _posterior_sd(solution: _Solution, scales: _Scales) -> Array:
     return scales.sd * np.sqrt(np.diagonal(solution.scaled_covariance))
 
 
-def _damped(solution: _Solution, scales: _Scales, damping: float) -> Array:
-    """Step of the damped problem (A + damping) y = A y0 in prior-scaled parameters, unscaled.
+def _damped(information: Array, right: Array, sd: Array, damping: float) -> Array:
+    """Step (A + damping)^-1 right in prior-scaled parameters, unscaled.
 
     Damped by the prior and not by diag A: the arm's nonlinearity shows along directions the data
     do not see, where steps are long; relative to diag A these would be frozen first.
     """
-    if damping == 0.0:
-        return solution.step
-    sd = scales.sd
-    precision = np.eye(len(sd)) + sd[:, None] * solution.information * sd
-    pull = precision @ (solution.step / sd)
-    damped = precision + damping * np.eye(len(sd))
-    step: Array = sd * cho_solve(cho_factor(damped, lower=True), pull)
+    damped = sd[:, None] * information * sd
+    damped[np.diag_indices(len(sd))] += 1.0 + damping
+    step: Array = sd * cho_solve(cho_factor(damped, lower=True), right)
     return step
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from robotrue.calibration.parameters import Layout, State
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, fit_rigid, inverse, pose
+from robotrue.core.rotations import matrix_from_rotation_vector, skew
 from robotrue.errors import ImplausibleDataError, ObservabilityError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import ChainState, walk
@@ -19,18 +20,38 @@ IMPLAUSIBLE: Final = 0.03
 """Median distance from the nominal robot, over its reach, that no real arm has."""
 TURNED: Final = 0.02
 """rad; a target turned by more against the tool frame defines the tool's orientation."""
+OFF: Final = 4.0
+"""Standard deviations by which the reflector may lie off the stated place."""
+NUISANCE: Final = 0.1
+"""m and rad, of a frame about its rigid fit."""
+SLIM: Final = 0.2
+"""Width over length of points below which their rigid fit may be turned about them."""
+TURNS: Final = 24
+"""Turns about a line that are tried."""
+LOOSE: Final = 1e-4
+"""m, what a nominal arm is off by, when the turn about a line is chosen."""
+APART: Final = 0.01
+"""m, root sum of squares about their mean: points nearer than that give a frame no direction."""
 
 
 def start_state(
-    robot: RobotModel, measurements: MeasurementSet
+    robot: RobotModel, measurements: MeasurementSet, *, tool_sd: float = 0.0, line: bool = False
 ) -> tuple[RobotModel, Layout, State]:
     """Returns the robot, the layout of the parameter vector and the state to start from.
 
-    Tracker frames start at the best rigid fit to the nominal arm, further reflectors at the mean
-    of where they are seen on the flange. A station whose every point is its own origin (0, 0, 0) is
-    a place, such as a socket that the tool was put into several times: it only shifts. A 6-D target
-    whose axes are turned against the tool frame gives its orientation to the returned robot's tool;
-    the tool point stays.
+    Tracker frames start at the best rigid fit to the nominal arm; of poses on or near one line the
+    turn about it is the one that an offset of the reflector explains best. Further reflectors start
+    at the mean of where they are seen on the flange. A station whose every point is its own origin
+    (0, 0, 0) is a place, such as a socket that the tool was put into several times: it only shifts.
+    A 6-D target whose axes are turned against the tool frame gives its orientation to the returned
+    robot's tool; the tool point stays.
+
+    Args:
+        robot: Nominal arm.
+        measurements: In base or in tracker frames.
+        tool_sd: m, how well the place of reflector 0 is known; an offset within :data:`OFF` of it
+            says nothing against the robot.
+        line: Accept stations whose points lie on one line.
 
     Raises:
         ObservabilityError: A station without enough points of reflector 0.
@@ -39,14 +60,14 @@ def start_state(
     if not len(measurements):
         raise ObservabilityError("no measurements.", hint="check the file and the screening.")
     chain = walk(robot, measurements.joints)
-    stations = _stations(chain, measurements)
+    stations = _stations(chain, measurements, line, tool_sd)
     position = measurements.position.copy()
     rotation = measurements.rotation.copy()
     for k, T in stations.items():
         mine = measurements.station == k
         position[mine] = apply(inverse(T), position[mine])
         rotation[mine] = T[:3, :3].T @ rotation[mine]
-    _check_plausible(robot, chain, position, measurements)
+    _check_plausible(robot, chain, position, measurements, tool_sd)
     robot = _turned_tool(robot, chain, rotation, measurements)
     targets, sizes = {}, []
     for k in np.unique(measurements.target[measurements.target > 0]).tolist():
@@ -70,7 +91,9 @@ def _places(measurements: MeasurementSet) -> tuple[int, ...]:
     return tuple(np.setdiff1d(measurements.station, away).tolist())
 
 
-def _stations(chain: ChainState, measurements: MeasurementSet) -> dict[int, Array]:
+def _stations(
+    chain: ChainState, measurements: MeasurementSet, line: bool, tool_sd: float
+) -> dict[int, Array]:
     if measurements.frame == "base":
         return {}
     out = {}
@@ -81,26 +104,72 @@ def _stations(chain: ChainState, measurements: MeasurementSet) -> dict[int, Arra
         if k in places and len(points):
             out[k] = pose(np.eye(3), -points.mean(axis=0))
             continue
-        centred = points - points.mean(axis=0) if len(points) else points
-        if len(points) < 3 or np.linalg.svd(centred, compute_uv=False)[1] < 0.01:
+        if len(points) < 3 or _spread(points)[0 if line else 1] < APART:
             raise ObservabilityError(
                 f"tracker station {k} has {len(points)} points of reflector 0; its frame needs 3 "
-                "that are not on one line.",
+                f"that are {'not in one place' if line else 'not on one line'}.",
                 hint="measure more poses from that station.",
             )
         out[k] = fit_rigid(points, measurements.position[mine])
+        if line and _spread(points)[1] < SLIM * _spread(points)[0]:
+            turn = chain.flange_rotation[mine]
+            out[k] = _turned(out[k], points, measurements.position[mine], turn, tool_sd)
     return out
 
 
+def _turned(T: Array, points: Array, seen: Array, flange: Array, tool_sd: float) -> Array:
+    """The frame turned about a line of points, so that an offset of the reflector explains best.
+
+    Args:
+        T: (4, 4) rigid fit T_tracker_base.
+        points: (n, 3) m in base, nearly on one line.
+        seen: (n, 3) m in the tracker frame.
+        flange: (n, 3, 3) rotation of the flange.
+        tool_sd: m, of the reflector's place.
+    """
+    middle = points.mean(axis=0)
+    axis = np.linalg.svd(points - middle, full_matrices=False)[2][0]
+    eye = np.broadcast_to(np.eye(3), flange.shape)
+    sd = np.repeat([max(tool_sd, LOOSE), NUISANCE, NUISANCE], 3)
+    columns = np.concatenate([flange, eye, -skew(points - middle)], axis=2).reshape(-1, 9) * sd
+    precision = columns.T @ columns / LOOSE**2 + np.eye(9)
+    best, least = T, np.inf
+    for angle in np.arange(TURNS) * 2.0 * np.pi / TURNS:
+        turn = matrix_from_rotation_vector(angle * axis)
+        trial = T @ pose(turn, middle - turn @ middle)
+        gap = (apply(inverse(trial), seen) - points).ravel() / LOOSE
+        pull = columns.T @ gap / LOOSE
+        cost = float(gap @ gap - pull @ np.linalg.solve(precision, pull))
+        if cost < least:
+            best, least = trial, cost
+    return best
+
+
+def _spread(points: Array) -> Array:
+    """Root sums of squares of points (n, 3) m along their principal axes, the largest first."""
+    if not len(points):
+        return np.zeros(3)
+    values = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return np.concatenate([values, np.zeros(3 - len(values))])
+
+
 def _check_plausible(
-    robot: RobotModel, chain: ChainState, position: Array, measurements: MeasurementSet
+    robot: RobotModel,
+    chain: ChainState,
+    position: Array,
+    measurements: MeasurementSet,
+    tool_sd: float,
 ) -> None:
     mine = measurements.target == 0
     if not mine.any():
         raise ObservabilityError(
             "no row of reflector 0, the robot's own tool.", hint="number the reflectors from 0."
         )
-    distance = float(np.median(np.linalg.norm(position[mine] - chain.position[mine], axis=1)))
+    gap = position[mine] - chain.position[mine]
+    turn = chain.flange_rotation[mine]
+    offset = np.einsum("nji,nj->ni", turn, gap).mean(axis=0)
+    offset *= min(1.0, OFF * tool_sd / max(float(np.linalg.norm(offset)), 1e-12))
+    distance = float(np.median(np.linalg.norm(gap - turn @ offset, axis=1)))
     allowed = IMPLAUSIBLE * robot.reach
     if distance > allowed:
         raise ImplausibleDataError(

@@ -10,9 +10,11 @@ from robotrue.calibration.methods import FitFunction as MethodFunction
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.settings import FitSettings
 from robotrue.core.progress import Progress
+from robotrue.errors import ConvergenceError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel
-from robotrue.validation.selection import FitFunction, select, with_evidence
+from robotrue.validation.contest import BASELINE, CandidateScore
+from robotrue.validation.selection import FitFunction, select, with_evidence, with_summary
 from robotrue.validation.splits import Split
 
 
@@ -40,6 +42,7 @@ def fit_auto(
 
     Raises:
         ObservabilityError: No method could be fitted.
+        ConvergenceError: ``nominal`` is left because a richer method did not converge.
     """
     used = FitSettings() if settings is None else settings
     candidates: dict[str, FitFunction] = {
@@ -48,7 +51,29 @@ def fit_auto(
     selection = select(
         candidates, measurements, splits=splits, payload=used.payload, progress=progress
     )
-    return with_evidence(candidates[selection.winner](measurements), selection)
+    failed = [score for score in selection.table if score.failure and score.name != BASELINE]
+    unsettled = [score for score in failed if score.unsettled]
+    if selection.winner == BASELINE and unsettled:
+        raise ConvergenceError(
+            f"{', '.join(s.name for s in unsettled)} did not converge, {unsettled[0].failure} "
+            f"{BASELINE} would be no result of the poses.",
+            hint=f"check units, joint signs and the reflector; --method {BASELINE} if you want it.",
+        )
+    model = with_evidence(candidates[selection.winner](measurements), selection)
+    return _with_failures(model, failed if selection.winner == BASELINE else unsettled)
+
+
+def _with_failures(model: ErrorModel, failed: Sequence[CandidateScore]) -> ErrorModel:
+    """The model, conditional where richer methods could not be compared with it."""
+    if not failed:
+        return model
+    doubts = [
+        f"{score.name} {'did not converge' if score.unsettled else 'could not be fitted'} and was "
+        f"not compared: {score.failure}"
+        for score in failed
+    ]
+    stated = model.training_summary().get("doubts", ())
+    return with_summary(model, {"verdict": "conditional", "doubts": [*doubts, *stated]})
 
 
 def _fit_rows(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from scipy.special import stdtrit
@@ -13,6 +13,9 @@ from robotrue.core.arrays import Array, IntArray
 from robotrue.core.units import MM
 from robotrue.errors import ArchiveError, ObservabilityError
 from robotrue.validation.splits import Split
+
+BASELINE: Final = "nominal"
+"""The method that assumes an arm without errors. No arm is: it gives way to any gain."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,6 +34,7 @@ class CandidateScore:
             one whose predictions are those of a method before it.
         noise: m, what the gain must exceed.
         failure: Why it could not be fitted; empty if it could.
+        unsettled: Whether it could not because the fit did not converge.
     """
 
     name: str
@@ -43,6 +47,7 @@ class CandidateScore:
     gain: float
     noise: float
     failure: str
+    unsettled: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,10 +87,24 @@ class Selection:
                     "gain": _json_number(score.gain),
                     "noise": _json_number(score.noise),
                     "failure": score.failure,
+                    **({"unsettled": True} if score.unsettled else {}),
                 }
                 for score in self.table
             ],
         }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Failure:
+    """Why a candidate has no held-out results.
+
+    Attributes:
+        message: Of the error.
+        unsettled: Whether the fit did not converge: a fault of the fit, not of the data.
+    """
+
+    message: str
+    unsettled: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,16 +155,17 @@ def _score_from(row: Mapping[str, Any]) -> CandidateScore:
         gain=number("gain"),
         noise=number("noise"),
         failure=str(row["failure"]),
+        unsettled=bool(row.get("unsettled", False)),
     )
 
 
 def decide(
-    held: Mapping[str, HeldOut | str], folds: Sequence[Split], fold_of_row: IntArray, rule: str
+    held: Mapping[str, HeldOut | Failure], folds: Sequence[Split], fold_of_row: IntArray, rule: str
 ) -> Selection:
     """Returns the selection, given every candidate's held-out results or why it has none.
 
     Args:
-        held: By method, simplest first; a string is the reason of a failure.
+        held: By method, simplest first.
         folds: The splits, in the order of ``fold_of_row``.
         fold_of_row: (n,) fold number of each held-out row.
         rule: How rows were held out, for the report.
@@ -158,9 +178,11 @@ def decide(
     table, trail = [], []
     for name, result in held.items():
         gain, noise = float("nan"), float("nan")
-        if isinstance(result, str):
+        if isinstance(result, Failure):
             table.append(_failed(name, result))
-            trail.append(f"{name} could not be fitted")
+            trail.append(
+                f"{name} " + ("did not converge" if result.unsettled else "could not be fitted")
+            )
             continue
         if best is None:
             winner, best = name, result
@@ -172,7 +194,7 @@ def decide(
                 table.append(_scored(name, result, folds, fold_of_row, gain, noise))
                 continue
             gain, noise = paired_gain(best.error - result.error, fold_of_row)
-            wins = gain > noise
+            wins = gain > (0.0 if winner == BASELINE else noise)
             verdict = "beats" if wins else "does not beat"
             trail.append(
                 f"{name} ({result.error.mean() / MM:.3f} mm) {verdict} {winner}: gain "
@@ -184,7 +206,7 @@ def decide(
     if winner is None:
         first = next(iter(held.items()))
         raise ObservabilityError(
-            f"no method could be fitted; {first[0]}: {first[1]}",
+            f"no method could be fitted; {first[0]}: {table[0].failure}",
             hint="measure more poses, or name one method to see its full message.",
         )
     return Selection(
@@ -196,7 +218,7 @@ def decide(
     )
 
 
-def _twin(result: HeldOut, held: Mapping[str, HeldOut | str]) -> str | None:
+def _twin(result: HeldOut, held: Mapping[str, HeldOut | Failure]) -> str | None:
     """Name of an earlier candidate with the very same errors: a richer method that fell back."""
     for name, other in held.items():
         if other is result:
@@ -252,7 +274,7 @@ def _scored(
     )
 
 
-def _failed(name: str, why: str) -> CandidateScore:
+def _failed(name: str, why: Failure) -> CandidateScore:
     nan = float("nan")
     return CandidateScore(
         name=name,
@@ -264,7 +286,8 @@ def _failed(name: str, why: str) -> CandidateScore:
         mean_by_kind={},
         gain=nan,
         noise=nan,
-        failure=why,
+        failure=why.message,
+        unsettled=why.unsettled,
     )
 
 

@@ -236,7 +236,7 @@ def _harm(
     first = transfers[0]
     failure = trials.held[first]
     if not isinstance(failure, HeldOut):
-        return [f"{first} could not be fitted, {selection.winner} is used: {failure}"]
+        return [f"{first} could not be fitted, {selection.winner} is used: {failure.message}"]
     winner = held[selection.winner]
     gain, noise = paired_gain(failure.error - winner.error, trials.fold_of_row)
     numbers = (

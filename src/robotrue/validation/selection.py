@@ -3,7 +3,7 @@
 Candidates come simplest first. Each is fitted on the training part of every split and scored on the
 held-out part. A richer one replaces the one chosen so far only if its mean held-out error is lower
 by more than the noise: the one-sided 95 % Student interval of the paired differences, taken over
-folds because rows of one fold share their fit and their place.
+folds because rows of one fold share their fit and their place. ``nominal`` gives way to any gain.
 
 Cost is bounded by rule, not by luck: at most :data:`MOST_TRAIN` rows fit a fold and at most
 :data:`MOST_TEST` score it, evenly spaced; the winner is refitted on all rows.
@@ -20,10 +20,10 @@ import numpy as np
 from robotrue.calibration.model import ErrorModel
 from robotrue.core.arrays import IntArray
 from robotrue.core.progress import Progress
-from robotrue.errors import RobotrueError, ShapeError
+from robotrue.errors import ConvergenceError, RobotrueError, ShapeError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.statics import Load
-from robotrue.validation.contest import HeldOut, Selection, decide
+from robotrue.validation.contest import Failure, HeldOut, Selection, decide
 from robotrue.validation.evaluation import evaluate
 from robotrue.validation.metrics import coverage, log_density
 from robotrue.validation.splits import (
@@ -116,7 +116,7 @@ class Trials:
         rule: How rows were held out, one sentence.
     """
 
-    held: Mapping[str, HeldOut | str]
+    held: Mapping[str, HeldOut | Failure]
     folds: tuple[Split, ...]
     fold_of_row: IntArray
     rule: str
@@ -138,7 +138,7 @@ def hold_out(
     folds = tuple(default_splits(measurements) if splits is None else splits)
     if not candidates or not folds:
         raise ShapeError("nothing to select from: no candidates or no splits.")
-    held: dict[str, HeldOut | str] = {}
+    held: dict[str, HeldOut | Failure] = {}
     parts = [(_spaced(f.train, MOST_TRAIN), _spaced(f.test, MOST_TEST)) for f in folds]
     total = len(candidates) * len(folds)
     for index, (name, fit) in enumerate(candidates.items()):
@@ -158,7 +158,8 @@ def hold_out(
                 log_density=float(log_density(residual, covariance).mean()),
             )
         except RobotrueError as cause:
-            held[name] = cause.message
+            unsettled = isinstance(cause, ConvergenceError)
+            held[name] = Failure(message=cause.message, unsettled=unsettled)
     if progress is not None:
         progress("chosen", total, total)
     return Trials(
