@@ -14,7 +14,7 @@ ch. V). Nothing can become indefinite, and the order of the rows does not matter
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -22,7 +22,7 @@ from scipy.linalg import qr, svd
 
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.residual import LearnedModel
-from robotrue.calibration.rigid_flexible import RigidFlexibleModel
+from robotrue.calibration.rigid_flexible import RigidFlexibleModel, reflector_of
 from robotrue.calibration.smooth import SmoothBasis
 from robotrue.core.arrays import Array
 from robotrue.errors import ConfigurationError
@@ -49,6 +49,8 @@ class Belief:
         repeatability: m, sd per axis.
         inflation: Factor on the covariance of predictions.
         T_tracker_base: Of the set-ups the model knows.
+        reflectors: Further reflectors of the last rows: where, and the root (r, 3) over the place,
+            along its own axes. What moves the root afterwards must leave them out.
         nuisances: Columns at the end that leave with the rows that brought them.
     """
 
@@ -63,6 +65,7 @@ class Belief:
     inflation: float
     T_tracker_base: Mapping[int, Array]
     nuisances: int = 0
+    reflectors: Mapping[int, tuple[Array, Array]] = field(default_factory=dict)
 
     @property
     def starts(self) -> tuple[int, int, int, int]:
@@ -150,7 +153,10 @@ def model_of(belief: Belief, summary: Mapping[str, Any]) -> LearnedModel:
     dof, h = belief.robot.dof, len(belief.cycles)
     ripple, backlash, smooth, end = belief.starts
     waves = belief.mean[ripple:backlash].reshape(dof, h, 2)
-    root = _square(belief.root)
+    places = [place for _, place in belief.reflectors.values()]
+    whole = _square(np.hstack([belief.root, *places]))
+    root = whole[:, :end]
+    roots = {k: whole[:, end + 3 * i : end + 3 * i + 3] for i, k in enumerate(belief.reflectors)}
     columns = np.flatnonzero((root != 0.0).any(axis=0))
     physical = root[:, :ripple]
     return LearnedModel(
@@ -161,6 +167,9 @@ def model_of(belief: Belief, summary: Mapping[str, Any]) -> LearnedModel:
             repeatability=belief.repeatability,
             white=belief.white,
             T_tracker_base=belief.T_tracker_base,
+            reflectors={
+                k: reflector_of(T, physical, roots[k]) for k, (T, _) in belief.reflectors.items()
+            },
         ),
         cycles=belief.cycles,
         ripple_sin=waves[:, :, 0],
@@ -172,6 +181,7 @@ def model_of(belief: Belief, summary: Mapping[str, Any]) -> LearnedModel:
         columns=columns.astype(np.float64),
         root=root[:, columns],
         inflation=belief.inflation,
+        reflector_roots=roots,
         summary=summary,
     )
 

@@ -16,9 +16,9 @@ from robotrue.calibration.design import Design
 from robotrue.calibration.estimate import Estimate
 from robotrue.calibration.evidence import Sums, Weights
 from robotrue.calibration.held_out import HeldOut
-from robotrue.calibration.parameters import retract, station_as_base
+from robotrue.calibration.parameters import retract, station_as_base, target_as_tool
 from robotrue.calibration.residual import LearnedModel
-from robotrue.calibration.rigid_flexible import RigidFlexibleModel
+from robotrue.calibration.rigid_flexible import RigidFlexibleModel, reflector_of
 from robotrue.calibration.ripple import harmonics
 from robotrue.calibration.settings import FitSettings
 from robotrue.core.arrays import Array, IntArray
@@ -68,7 +68,6 @@ def assembled(
     coefficients = full[ripple:backlash].reshape(dof, design.count, 2)[:, :count]
     columns, picked = _model_columns(design, covered, count)
     root = fit.root[:, picked]
-    size = layout.robot_size
     gauge = station_as_base(layout, state)
     if gauge is not None:
         parameter = design.free[covered[covered < ripple]]
@@ -76,10 +75,17 @@ def assembled(
         root = np.hstack([root, fit.root[:, at_station] @ gauge[1].T])
         base = parameter_slice(dof, "base")
         columns = np.concatenate([columns, np.arange(base.start, base.stop)])
+    targets = {
+        k: fit.root[:, covered < ripple]
+        @ target_as_tool(layout, k, T)[:3, design.free][:, covered[covered < ripple]].T
+        for k, T in state.T_flange_target.items()
+    }
     root, columns = _on_another_day(root, columns, dof, day_shift(settings), found.inflation)
-    covariance = np.zeros((size, size))
-    physics = np.flatnonzero(columns < size)
-    covariance[np.ix_(columns[physics], columns[physics])] = root[:, physics].T @ root[:, physics]
+    physics = columns < layout.robot_size
+    arm = np.zeros((len(root), layout.robot_size))
+    arm[:, columns[physics]] = root[:, physics]
+    covariance = arm.T @ arm
+    roots = {k: np.pad(r, ((0, len(root) - len(r)), (0, 0))) for k, r in targets.items()}
     centres = 0 if design.basis is None else len(design.basis.centres)
     white = float(np.sqrt(max(_white(design, fit), 0.0)))
     return LearnedModel(
@@ -90,6 +96,9 @@ def assembled(
             repeatability=settings.repeatability_sd,
             white=white,
             T_tracker_base=state.T_tracker_base,
+            reflectors={
+                k: reflector_of(T, arm, roots[k]) for k, T in state.T_flange_target.items()
+            },
         ),
         cycles=harmonics(count),
         ripple_sin=coefficients[:, :, 0],
@@ -101,6 +110,7 @@ def assembled(
         columns=columns.astype(np.float64),
         root=root,
         inflation=found.inflation,
+        reflector_roots=roots,
         summary={
             **_summary(physical, at, found, white, notes),
             "parameters": {

@@ -10,9 +10,9 @@ import numpy as np
 from robotrue.calibration.estimate import Estimate, estimate, free_groups
 from robotrue.calibration.learned import LearnedParts, fit_learned
 from robotrue.calibration.model import ErrorModel
-from robotrue.calibration.parameters import station_as_base
+from robotrue.calibration.parameters import station_as_base, target_as_tool
 from robotrue.calibration.residual import LearnedModel
-from robotrue.calibration.rigid_flexible import RigidFlexibleModel
+from robotrue.calibration.rigid_flexible import Reflector, RigidFlexibleModel
 from robotrue.calibration.settings import FitSettings
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.measurement_set import MeasurementSet
@@ -113,13 +113,20 @@ def model_of(result: Estimate, settings: FitSettings, method: str) -> RigidFlexi
     gauge = station_as_base(layout, state)
     if gauge is not None:
         carry[parameter_slice(layout.dof, "base"), gauge[0]] = gauge[1]
+    covariance = result.posterior.covariance
+    reflectors = {}
+    for k, T in state.T_flange_target.items():
+        seen = carry.copy()
+        seen[parameter_slice(layout.dof, "tool")] = target_as_tool(layout, k, T)
+        reflectors[k] = Reflector(T_flange_tool=T, covariance=seen @ covariance @ seen.T)
     return RigidFlexibleModel(
         robot=state.robot.nominal(),
         errors=state.robot.errors,
-        covariance=carry @ result.posterior.covariance @ carry.T,
+        covariance=carry @ covariance @ carry.T,
         repeatability=settings.repeatability_sd,
         white=float(np.sqrt(result.posterior.noise[0])),
         T_tracker_base=state.T_tracker_base,
+        reflectors=reflectors,
         summary=_summary(result, method),
     )
 

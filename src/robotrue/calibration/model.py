@@ -75,6 +75,14 @@ class ErrorModel(Protocol):
         """
         ...
 
+    def at_reflector(self, number: int) -> ErrorModel:
+        """Returns the model of one of the reflectors it was made of; 0 is the model itself.
+
+        Raises:
+            ModelMismatchError: A reflector the model has never seen.
+        """
+        ...
+
     def training_summary(self) -> Mapping[str, Any]:
         """Returns JSON values: method, data hash, row counts, region, held-out result, doubts."""
         ...

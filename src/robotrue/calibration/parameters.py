@@ -157,6 +157,18 @@ def station_as_base(layout: Layout, state: State) -> tuple[slice, Array] | None:
     return layout.blocks[f"station/{first}"], out
 
 
+def target_as_tool(layout: Layout, target: int, T_flange_target: Array) -> Array:
+    """Returns the (6, size) map of a step to the tool errors of an arm that carries the target.
+
+    A target shifts along the flange's axes, a tool along its own; turns are left out, no point
+    depends on them.
+    """
+    out = np.zeros((6, layout.size))
+    start = layout.blocks[f"target/{target}"].start
+    out[:3, start : start + 3] = T_flange_target[:3, :3].T
+    return out
+
+
 def _moved(transform: Array, step: Array) -> Array:
     out = transform.copy()
     out[:3, 3] += step[:3]

@@ -10,7 +10,7 @@ w the learned white noise; ``factor`` was set on held-out blocks of the training
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -53,6 +53,7 @@ class LearnedModel:
         columns: (k,) which of [robot errors, ripple, backlash, smooth] the root speaks of.
         root: (p, k) R; R'R is the posterior covariance of those.
         inflation: Factor on the covariance from held-out blocks.
+        reflector_roots: Per further reflector of ``physics`` (p, 3): the root over its place.
         summary: JSON values for :meth:`training_summary`.
     """
 
@@ -67,6 +68,7 @@ class LearnedModel:
     columns: Array
     root: Array
     inflation: float
+    reflector_roots: Mapping[int, Array] = field(default_factory=dict)
     summary: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -217,6 +219,26 @@ class LearnedModel:
         """
         return self.physics.in_base(measurements)
 
+    def at_reflector(self, number: int) -> LearnedModel:
+        """Returns the model of a reflector: its place is the tool.
+
+        Raises:
+            ModelMismatchError: A reflector the model has never seen.
+        """
+        physics = self.physics.at_reflector(number)
+        if physics is self.physics:
+            return self
+        tool = parameter_slice(self.robot.dof, "tool")
+        arm = (self.columns < tool.start) | (self.columns >= tool.stop)
+        place = tool.start + np.arange(3.0)
+        return replace(
+            self,
+            physics=physics,
+            columns=np.concatenate([self.columns[arm], place]),
+            root=np.hstack([self.root[:, arm], self.reflector_roots[number]]),
+            reflector_roots={},
+        )
+
     def training_summary(self) -> Mapping[str, Any]:
         """Returns JSON values: method, data, scales learned, held-out blocks, doubts."""
         return dict(self.summary)
@@ -247,6 +269,7 @@ class LearnedModel:
                 "smooth_weights": self.smooth_weights,
                 "columns": self.columns,
                 "root": self.root,
+                **{f"reflector{k}_root": root for k, root in self.reflector_roots.items()},
             },
         )
 
@@ -293,6 +316,7 @@ def from_archive(archive: Archive) -> LearnedModel:
         basis=basis if len(centres) else None,
         amplitude=amplitude,
         inflation=inflation,
+        reflector_roots={k: archive.array(f"reflector{k}_root") for k in physics.reflectors},
         summary=dict(document["summary"]),
         **{
             name: archive.array(name)

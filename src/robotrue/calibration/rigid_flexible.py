@@ -8,7 +8,7 @@ asked for beyond it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -33,6 +33,19 @@ _ROWS: Final = 4096
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Reflector:
+    """A further reflector on the flange, as identified beside the robot's own tool.
+
+    Attributes:
+        T_flange_tool: (4, 4) where it is.
+        covariance: (7 dof + 12, 7 dof + 12) of the robot errors, its place in that of the tool.
+    """
+
+    T_flange_tool: Array
+    covariance: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RigidFlexibleModel:
     """Geometry and compliance of one arm, as identified.
 
@@ -43,6 +56,7 @@ class RigidFlexibleModel:
         repeatability: m, sd per axis of one visit.
         white: m, sd per axis of the white noise learned beyond instrument and repeatability.
         T_tracker_base: (4, 4) of every tracker set-up that was estimated.
+        reflectors: Further reflectors by number; 0 is the robot's own tool.
         summary: JSON values for :meth:`training_summary`.
     """
 
@@ -52,6 +66,7 @@ class RigidFlexibleModel:
     repeatability: float
     white: float
     T_tracker_base: Mapping[int, Array] = field(default_factory=dict)
+    reflectors: Mapping[int, Reflector] = field(default_factory=dict)
     summary: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -137,13 +152,34 @@ class RigidFlexibleModel:
             rotation_covariance=turn @ measurements.rotation_covariance @ back,
         )
 
+    def at_reflector(self, number: int) -> RigidFlexibleModel:
+        """Returns the model of a reflector: its place is the tool.
+
+        Raises:
+            ModelMismatchError: A reflector the model has never seen.
+        """
+        if number == 0:
+            return self
+        if number not in self.reflectors:
+            raise unknown_reflector(number, self.reflectors)
+        reflector = self.reflectors[number]
+        errors = self.errors.copy()
+        errors[parameter_slice(self.robot.dof, "tool")] = 0.0
+        return replace(
+            self,
+            robot=self.robot.with_tool(reflector.T_flange_tool),
+            errors=errors,
+            covariance=reflector.covariance,
+            reflectors={},
+        )
+
     def training_summary(self) -> Mapping[str, Any]:
         """Returns JSON values: method, data, row counts, verdict, identifiability, doubts."""
         return dict(self.summary)
 
     def to_archive(self) -> Archive:
         """Returns everything needed to rebuild the model, bit for bit."""
-        stations = sorted(self.T_tracker_base)
+        stations, reflectors = sorted(self.T_tracker_base), sorted(self.reflectors)
         return Archive(
             kind=KIND,
             schema=SCHEMA,
@@ -152,6 +188,7 @@ class RigidFlexibleModel:
                 "repeatability": self.repeatability,
                 "white": self.white,
                 "stations": stations,
+                **({"reflectors": reflectors} if reflectors else {}),
                 "summary": dict(self.summary),
             },
             arrays={
@@ -161,8 +198,31 @@ class RigidFlexibleModel:
                 "T_tracker_base": np.array(
                     [self.T_tracker_base[k] for k in stations], dtype=np.float64
                 ).reshape(-1, 4, 4),
+                **{f"reflector{k}": self.reflectors[k].T_flange_tool for k in reflectors},
+                **{f"reflector{k}_covariance": self.reflectors[k].covariance for k in reflectors},
             },
         )
+
+
+def reflector_of(T_flange_tool: Array, root: Array, place: Array) -> Reflector:
+    """Returns a further reflector from a root of the posterior.
+
+    Args:
+        T_flange_tool: (4, 4) where it is.
+        root: (p, 7 dof + 12) over the robot errors.
+        place: (p, 3) over the reflector's place, along its own axes.
+    """
+    full = root.copy()
+    full[:, -6:-3], full[:, -3:] = place, 0.0  # the tool errors are the last six
+    return Reflector(T_flange_tool=T_flange_tool, covariance=full.T @ full)
+
+
+def unknown_reflector(number: int, known: Iterable[int]) -> ModelMismatchError:
+    """Returns the error for rows of a reflector that a model does not know."""
+    return ModelMismatchError(
+        f"reflector {number} is not in the model, which knows {[0, *sorted(known)]}.",
+        hint="calibrate with rows of that reflector, or correct the column target.",
+    )
 
 
 @archive_reader
@@ -189,6 +249,7 @@ def from_archive(archive: Archive) -> RigidFlexibleModel:
         errors=errors,
         covariance=covariance,
         T_tracker_base=dict(zip(stations, T_tracker_base, strict=True)),
+        reflectors={int(k): _reflector(archive, int(k)) for k in document.get("reflectors", ())},
         summary=dict(document["summary"]),
         **sizes,
     )
@@ -196,13 +257,27 @@ def from_archive(archive: Archive) -> RigidFlexibleModel:
 
 def _check_posterior(errors: Array, covariance: Array) -> None:
     """Refuses what no arm has: metres and radians of error, or a covariance that is none."""
-    largest = float(np.abs(errors).max(initial=0.0))
+    if not float(np.abs(errors).max(initial=0.0)) <= 10.0:
+        raise ArchiveError("errors are not those of an arm.")
+    _check_covariance(covariance)
+
+
+def _check_covariance(covariance: Array) -> None:
     variance = np.diagonal(covariance)
-    if not largest <= 10.0 or not (variance >= 0.0).all() or not (variance <= 100.0).all():
-        raise ArchiveError("errors or their covariance are not those of an arm.")
+    if not (variance >= 0.0).all() or not (variance <= 100.0).all():
+        raise ArchiveError("variances of the errors are not those of an arm.")
     bound = np.sqrt(np.outer(variance, variance)) * (1.0 + 1e-6)
     if not np.allclose(covariance, covariance.T, rtol=1e-6) or (np.abs(covariance) > bound).any():
         raise ArchiveError("the covariance of the errors is none.")
+
+
+
+def _reflector(archive: Archive, number: int) -> Reflector:
+    T = archive.array(f"reflector{number}")
+    check_pose(T, f"reflector{number}")
+    covariance = archive.array(f"reflector{number}_covariance")
+    _check_covariance(covariance)
+    return Reflector(T_flange_tool=T, covariance=covariance)
 
 
 def linearised(

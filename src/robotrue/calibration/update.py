@@ -179,14 +179,20 @@ def settled(
 
 
 def without_nuisances(belief: Belief, rows: NewRows) -> Belief:
-    """Returns the belief of the arm alone; set-ups that were estimated are kept as poses."""
+    """Returns the belief of the arm; set-ups and reflectors that were estimated stay as poses."""
     end = belief.starts[3]
+    before = end - rows.layout.robot_size
+    reflectors = {}
+    for k, T in rows.T_flange_target.items():
+        first = before + rows.layout.blocks[f"target/{k}"].start
+        reflectors[k] = (T, belief.root[:, first : first + 3] @ T[:3, :3])
     return replace(
         belief,
         mean=belief.mean[:end],
         root=belief.root[:, :end],
         nuisances=0,
         T_tracker_base={**belief.T_tracker_base, **rows.T_tracker_base},
+        reflectors=reflectors,
     )
 
 

@@ -4,12 +4,31 @@ from __future__ import annotations
 
 import numpy as np
 
+from robotrue.calibration.model import ErrorModel
 from robotrue.core.arrays import Array
+from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import parameter_jacobian, walk
 from robotrue.robot.model import RobotModel, parameter_slice
 
 FEWEST_POINTS = 10
 """Nine unknowns against three equations a point; below this the alignment eats the error."""
+
+
+def aligned_rows(model: ErrorModel, measured: MeasurementSet) -> Array | None:
+    """Returns :func:`aligned_errors` of rows in base, base and tool by reflector.
+
+    Returns:
+        None if a reflector has fewer than :data:`FEWEST_POINTS` rows.
+    """
+    out = np.zeros((len(measured), 3))
+    for k in np.unique(measured.target).tolist():
+        mine = measured.target == k
+        robot = (model.at_reflector(k) if k else model).robot
+        aligned = aligned_errors(robot, measured.joints[mine], measured.position[mine])
+        if aligned is None:
+            return None
+        out[mine] = aligned
+    return out
 
 
 def aligned_errors(robot: RobotModel, joints: Array, position: Array) -> Array | None:

@@ -86,8 +86,6 @@ def find_doubts(
             f"model {after.mean / MM:.3f} mm: the model is no better than a frame correction here."
         )
     found.extend(_coverage_doubt(coverage))
-    if len(np.unique(measured.target)) > 1:
-        found.append("Several reflectors in one set: the model predicts one tool point for all.")
     found.extend(str(doubt) for doubt in summary.get("doubts", ()))
     return tuple(found)
 

@@ -139,7 +139,8 @@ def drift_check(
         level: Probability of a false alarm.
 
     Raises:
-        ConfigurationError: A level outside 0 to 0.5, or a model without joint covariance.
+        ConfigurationError: A level outside 0 to 0.5, a model without joint covariance, or
+            rows of a further reflector.
         ObservabilityError: Fewer than four poses.
         ModelMismatchError: Another robot, or an unknown station.
     """
@@ -149,6 +150,13 @@ def drift_check(
         raise ObservabilityError(
             f"{len(measurements)} poses; a drift check needs {FEWEST} or more.",
             hint="measure 5 to 10 poses that are far apart.",
+        )
+    others = measurements.source_row[measurements.target != 0]
+    if len(others):
+        raise ConfigurationError(
+            f"{len(others)} of {len(measurements)} rows are of other reflectors than 0 (row "
+            f"{int(others[0])} first); a drift check compares the robot's own tool.",
+            hint="leave those rows out.",
         )
     seen = evaluate(model, measurements, payload=payload)
     query = query_of(seen, payload)

@@ -45,9 +45,12 @@ def evaluate(
         measurements: Rows in base, or from a station the model has estimated.
         payload: Mass and centre used where a row does not state its own; no payload if None.
 
+    Every row is compared with its own reflector; of a further one, nominal is where the controller
+    would take the place that was identified.
+
     Raises:
         ShapeError: No rows, or a prediction that is not finite.
-        ModelMismatchError: Another number of joints, or an unknown station.
+        ModelMismatchError: Another number of joints, an unknown station or reflector.
     """
     if not len(measurements):
         raise ShapeError("no measured poses to compare with.")
@@ -58,21 +61,34 @@ def evaluate(
             hint="check that the file belongs to this robot.",
         )
     measured = model.in_base(measurements)
-    nominal = forward(robot, measured.joints)
-    prediction = model.predict(
-        Query(joints=measured.joints, load=row_loads(measured, payload), approach=measured.approach)
-    )
-    if not np.isfinite(prediction.error).all():
-        row = int(np.flatnonzero(~np.isfinite(prediction.error).all(axis=1))[0])
+    n = len(measured)
+    load = row_loads(measured, payload)
+    nominal, covariance = np.zeros((n, 4, 4)), np.zeros((n, 3, 3))
+    error, turn = np.zeros((2, n, 3))
+    for k in np.unique(measured.target).tolist():
+        rows = np.flatnonzero(measured.target == k)
+        seen = model.at_reflector(k) if k else model
+        nominal[rows] = forward(seen.robot.nominal(), measured.joints[rows])
+        prediction = seen.predict(
+            Query(
+                joints=measured.joints[rows],
+                load=Load(mass=load.mass[rows], com=load.com[rows], wrench=load.wrench[rows]),
+                approach=measured.approach[rows],
+            )
+        )
+        error[rows], turn[rows] = prediction.error, prediction.rotation_error
+        covariance[rows] = prediction.covariance
+    if not np.isfinite(error).all():
+        row = int(np.flatnonzero(~np.isfinite(error).all(axis=1))[0])
         raise ShapeError(f"the model predicts no finite error at row {row}.")
     before = measured.position - nominal[:, :3, 3]
     return Evaluation(
         measured=measured,
         nominal=nominal,
         before=before,
-        after=before - prediction.error,
-        rotation_error=prediction.rotation_error,
-        covariance=prediction.covariance + measured.covariance,
+        after=before - error,
+        rotation_error=turn,
+        covariance=covariance + measured.covariance,
     )
 
 

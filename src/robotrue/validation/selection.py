@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import partial
 from typing import Any, Final, TypeAlias, cast
 
 import numpy as np
@@ -139,6 +140,9 @@ def hold_out(
     if not candidates or not folds:
         raise ShapeError("nothing to select from: no candidates or no splits.")
     held: dict[str, HeldOut | Failure] = {}
+    folds = tuple(f for f in map(partial(_predictable, measurements), folds) if f is not None)
+    if not folds:
+        raise ShapeError("no split leaves rows of the reflectors that it holds out.")
     parts = [(_spaced(f.train, MOST_TRAIN), _spaced(f.test, MOST_TEST)) for f in folds]
     total = len(candidates) * len(folds)
     for index, (name, fit) in enumerate(candidates.items()):
@@ -187,6 +191,15 @@ def with_summary(model: ErrorModel, more: Mapping[str, Any]) -> ErrorModel:
         return model
     summary = {**model.training_summary(), **more}
     return cast(ErrorModel, replace(cast(Any, model), summary=summary))
+
+
+def _predictable(measurements: MeasurementSet, split: Split) -> Split | None:
+    """The split without held-out rows of reflectors it has no other rows of; None if none stay."""
+    target = measurements.target
+    seen = np.isin(target[split.test], target[split.train])
+    if seen.all():
+        return split
+    return replace(split, test=split.test[seen]) if seen.any() else None
 
 
 def _spaced(rows: IntArray, most: int) -> IntArray:

@@ -20,7 +20,7 @@ from robotrue.measurement.plausibility import check_plausible
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel
 from robotrue.robot.statics import Load
-from robotrue.validation.alignment import aligned_errors
+from robotrue.validation.alignment import aligned_rows
 from robotrue.validation.doubts import physical_floor
 from robotrue.validation.evaluation import evaluate
 
@@ -100,7 +100,7 @@ def fit_doubts(
     found = _contaminated(name, summary, rows)
     held = summary.get("held_out_blocks_mean_m")
     if rows.frame == "base" and held is not None and not found:
-        aligned = aligned_errors(model.robot, rows.joints, rows.position)
+        aligned = aligned_rows(model, rows)
         if aligned is not None:
             before = float(np.median(np.linalg.norm(aligned, axis=1)))
             if held > USELESS * before and before > 3.0 * physical_floor(rows.covariance):

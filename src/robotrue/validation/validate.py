@@ -10,7 +10,7 @@ from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.core.units import DEG
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.statics import Load
-from robotrue.validation.alignment import aligned_errors
+from robotrue.validation.alignment import aligned_rows
 from robotrue.validation.doubts import find_doubts, outside_training_region, physical_floor
 from robotrue.validation.evaluation import Evaluation, evaluate
 from robotrue.validation.metrics import coverage, coverage_probability, error_statistics
@@ -33,10 +33,10 @@ def validate(
 
     Raises:
         ShapeError: No rows, or a covariance without spread.
-        ModelMismatchError: Another robot, or a tracker station the model has never seen.
+        ModelMismatchError: Another robot, an unknown tracker station or reflector.
     """
     seen = evaluate(model, measurements, payload=payload)
-    aligned = aligned_errors(model.robot, seen.measured.joints, seen.measured.position)
+    aligned = aligned_rows(model, seen.measured)
     before, after = error_statistics(seen.before), error_statistics(seen.after)
     before_aligned = None if aligned is None else error_statistics(aligned)
     inside = coverage(seen.after, seen.covariance)

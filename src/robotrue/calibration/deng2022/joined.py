@@ -14,6 +14,7 @@ from robotrue.calibration.deng2022.domains import LEVER
 from robotrue.calibration.deng2022.features import pose_features
 from robotrue.calibration.deng2022.readings import Outside
 from robotrue.calibration.model import Prediction, Query
+from robotrue.calibration.rigid_flexible import unknown_reflector
 from robotrue.calibration.tables import MeanTables
 from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array, IntArray, frozen
@@ -138,6 +139,16 @@ class PoseModel:
                 hint="register the tracker to the base first.",
             )
         return measurements
+
+    def at_reflector(self, number: int) -> PoseModel:
+        """Returns the model itself for reflector 0.
+
+        Raises:
+            ModelMismatchError: Another reflector; a model of poses knows one point.
+        """
+        if number:
+            raise unknown_reflector(number, ())
+        return self
 
     def training_summary(self) -> Mapping[str, Any]:
         """Returns JSON values: method, readings, data, alignment of the sub-spaces."""
