@@ -10,7 +10,7 @@ from validation_fakes import SIGMA, FakeModel, arm, measured
 
 from robotrue.calibration.methods import METHODS
 from robotrue.calibration.settings import FitSettings
-from robotrue.errors import ArchiveError, ObservabilityError, ShapeError
+from robotrue.errors import ArchiveError, ConvergenceError, ObservabilityError, ShapeError
 from robotrue.robot.forward import forward
 from robotrue.robot.model import parameter_slice
 from robotrue.validation.auto import fit_auto
@@ -151,3 +151,51 @@ def test_mean_per_kind_adds_up():
     assert set(score.mean_by_kind) == {"blocks", "regions"}
     assert np.mean(list(score.mean_by_kind.values())) == pytest.approx(score.mean)
     assert score.mean == pytest.approx(SIGMA * np.sqrt(8 / np.pi), rel=0.1)
+
+
+def fit_moves(robot, measurements, settings):
+    raise ConvergenceError("still moving after 60 iterations.")
+
+
+def fit_short(robot, measurements, settings):
+    raise ObservabilityError("6 poses give 18 numbers.")
+
+
+def test_a_fit_that_does_not_converge_is_no_vote_for_nominal():
+    poses = measured(60, error=bend)
+    with pytest.raises(
+        ConvergenceError, match="geometric did not converge, still moving"
+    ) as caught:
+        fit_auto(arm(), poses, methods={"nominal": METHODS["nominal"], "geometric": fit_moves})
+    assert "--method nominal" in str(caught.value)
+
+
+def test_a_richer_winner_names_the_method_that_did_not_converge():
+    table = {"nominal": METHODS["nominal"], "geometric": METHODS["geometric"], "gp": fit_moves}
+    errors = arm().errors.copy()
+    errors[parameter_slice(6, "a")] = [0.5e-3, -0.4e-3, 0.3e-3, 0.0, 0.0, 0.0]
+    poses = measured(60, robot=arm().with_errors(errors), instrument=0.02e-3)
+    summary = fit_auto(arm(), poses, methods=table).training_summary()
+    assert summary["selection"]["winner"] == "geometric"
+    assert summary["verdict"] == "conditional"
+    assert summary["doubts"][0].startswith("gp did not converge and was not compared: still moving")
+    stored = selection_from_summary(json.loads(json.dumps(summary["selection"], allow_nan=False)))
+    assert stored.table[2].unsettled
+
+
+def test_nominal_that_nothing_could_be_compared_with_is_conditional():
+    table = {"nominal": METHODS["nominal"], "geometric": fit_short}
+    summary = fit_auto(arm(), measured(30), methods=table).training_summary()
+    assert summary["method"] == "nominal"
+    assert summary["verdict"] == "conditional"
+    assert "geometric could not be fitted and was not compared" in summary["doubts"][0]
+
+
+def test_nominal_gives_way_to_a_gain_within_the_noise():
+    shift = FakeModel(mean=lambda joints: np.full((len(joints), 3), 2e-6))
+    poses = measured(60, error=lambda joints: np.full((len(joints), 3), 2e-6))
+    rivals = {"nominal": fit_nothing, "geometric": lambda rows: shift}
+    found = select(rivals, poses)
+    assert 0.0 < found.table[1].gain < found.table[1].noise
+    assert found.winner == "geometric"
+    assert select({"simple": fit_nothing, "rich": lambda rows: shift}, poses).winner == "simple"
