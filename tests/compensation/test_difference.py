@@ -19,15 +19,17 @@ def replaced(program: Program, **values: np.ndarray) -> Program:
 @pytest.fixture(scope="module")
 def job():
     model = cases.rigid_model()
-    program = cases.program_of(forward(model.robot, cases.path_joints(40)))
-    made = compensate(model, program, settings=CompensationSettings(max_joint_step=1.0))
+    joints = cases.path_joints(40)
+    program = cases.program_of(forward(model.robot, joints))
+    settings = CompensationSettings(max_joint_step=1.0, home=joints[0])
+    made = compensate(model, program, settings=settings)
     new = made.replacement
     return model, program, replaced(program, position=new.position, rotation=new.rotation), made
 
 
 def test_shift_and_errors_are_those_of_the_compensation(job):
     model, program, after, made = job
-    found = difference(program, after, model=model)
+    found = difference(program, after, model=model, home=cases.path_joints(40)[0])
     assert (found.change == Change.MOVED).all()
     np.testing.assert_allclose(found.shift, made.shift, atol=1e-12)
     np.testing.assert_allclose(found.turn, made.turn, atol=1e-7)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from robotrue.calibration.model import Query
-from robotrue.compensation import Status, compensate
+from robotrue.compensation import CompensationSettings, Status, compensate
 from robotrue.core.poses import inverse, pose
 from robotrue.core.rotations import abc_from_matrix, matrix_from_rotation_vector
 from robotrue.core.rotations import quat_wxyz_from_matrix as quaternion
@@ -126,7 +126,7 @@ def test_the_actual_tool_lands_in_the_moved_frame(name, make, turned) -> None:
     np.testing.assert_allclose(
         program.T_base_frame[program.frame], frames_in_base(turned), atol=1e-9
     )
-    result = compensate(model, program)
+    result = compensate(model, program, settings=CompensationSettings(home=JOINTS[0]))
     assert (result.status == Status.COMPENSATED).all(), result.notes
     assert np.linalg.norm(result.shift, axis=1).mean() > 0.5 * MM
     out = dialect(name).write(program, result.replacement)

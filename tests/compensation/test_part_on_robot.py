@@ -69,7 +69,7 @@ def test_the_actual_tool_lands_on_the_part(name, make, force: float) -> None:
     assert not program.reason.any(), program.notes
     np.testing.assert_allclose(printed(name, program), wanted, atol=2e-8)
     push = np.array([force, -force, 0.5 * force, 0.0, 0.0, 0.0])
-    settings = CompensationSettings(wrench=push if force else np.empty(0))
+    settings = CompensationSettings(wrench=push if force else np.empty(0), home=JOINTS[0])
     result = compensate(model, program, settings=settings)
     assert (result.status == Status.COMPENSATED).all(), result.notes
     said = f"{COUNT} targets carry the part to a tool that stands in the cell"

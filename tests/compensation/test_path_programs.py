@@ -6,7 +6,7 @@ import cases
 import numpy as np
 import pytest
 
-from robotrue.compensation import Status, compensate
+from robotrue.compensation import CompensationSettings, Status, compensate
 from robotrue.compensation.difference import difference
 from robotrue.core.poses import inverse
 from robotrue.core.rotations import abc_from_matrix
@@ -17,6 +17,7 @@ from robotrue.program.program import FrameTable, Motion, Program
 from robotrue.robot.forward import forward
 
 JOINTS = np.array([5, -60, 70, 20, 50, 30]) * DEG + np.linspace(0, 0.3, 12)[:, None]
+BEGINS = CompensationSettings(home=JOINTS[0])
 MIRROR = np.diag([1.0, -1.0, -1.0])
 
 
@@ -96,12 +97,12 @@ def round_trip(name: str, data: bytes, frames: FrameTable) -> tuple[Program, Pro
     program = dialect(name).read(data, name="part", frames=frames)
     assert not program.notes
     model = cases.rigid_model(robot=cases.kr160())
-    result = compensate(model, program)
+    result = compensate(model, program, settings=BEGINS)
     assert (result.status == Status.COMPENSATED).all()
     again = dialect(name).read(
         dialect(name).write(program, result.replacement), name="part", frames=frames
     )
-    found = difference(program, again, model=model)
+    found = difference(program, again, model=model, home=BEGINS.home)
     assert np.linalg.norm(found.error_before, axis=1).min() > 0.2 * MM
     return program, again, found.error_after
 
@@ -157,7 +158,7 @@ def test_what_is_not_written_is_told() -> None:
     told = {}
     for name, make in MAKERS.items():
         program = dialect(name).read(make(T).encode(), name="part", frames=frames)
-        told[name] = unfollowed(program, compensate(model, program).replacement)
+        told[name] = unfollowed(program, compensate(model, program, settings=BEGINS).replacement)
     assert told["sinumerik"] == ()  # three angles say all
     assert all("12 points print no word" in told[name][0] for name in told if name != "sinumerik")
 
@@ -173,7 +174,7 @@ def test_the_middle_of_an_arc_is_left_off_by_what_is_told() -> None:
     frames = table(frame, 0.0)
     program, _, left = round_trip("fanuc_gcode", data, frames)
     model = cases.rigid_model(robot=cases.kr160())
-    (sentence,) = unfollowed(program, compensate(model, program).replacement)
+    (sentence,) = unfollowed(program, compensate(model, program, settings=BEGINS).replacement)
     off = float(sentence.split(" up to ")[1].split(" um")[0])
     middle = program.motion == Motion.ARC_VIA
     assert abs(np.linalg.norm(left[middle], axis=1).max() / UM - off) < 0.3

@@ -34,6 +34,8 @@ Z = np.array([0.0, 0.0, 1.0])
 SIDEWAYS = pose_from_xyz_abc(np.array([120.0, 0.0, 200.0]) * MM, np.array([0.0, 90.0, 0.0]) * DEG)
 ROBOT = kr160(SIDEWAYS)
 MODEL = TableModel(tables=rigid_tables(with_errors(ROBOT, 3)))
+HOME = ROBOT.limits.mean(axis=1)
+STANDS = CompensationSettings(home=HOME)
 FREE = FreeSpinSettings(spin=SpinSettings(cutter=Z))
 FRAME = pose(np.eye(3), np.array([1.0, 0.0, 0.5]))
 
@@ -64,7 +66,7 @@ def circle(n: int = 80, *, motions=None, **more) -> Program:
 def pushed(program: Program, force=(-40.0, 120.0, -60.0)) -> CompensationSettings:
     rule = ForceRule(name="cut", axes="path", wrench=np.array([*force, 0.0, 0.0, 0.0]))
     found = DescribedForce(parts=(rule,), cutter=Z).wrench(cut_path(program, cutter=Z))
-    return CompensationSettings(wrench=found)
+    return CompensationSettings(wrench=found, home=HOME)
 
 
 @pytest.fixture(scope="module")
@@ -229,7 +231,7 @@ class TestChoice:
     def test_a_run_that_cannot_be_read_stays(self) -> None:
         reason = np.full(40, Reason.NONE)
         reason[20] = Reason.EXPRESSION
-        found = choose_spins(MODEL, circle(40, reason=reason), FREE)
+        found = choose_spins(MODEL, circle(40, reason=reason), FREE, settings=STANDS)
         assert found.runs == (1, 0)
         assert found.notes == ("lines 1 to 40: not turned, a target among them cannot be read.",)
 
@@ -250,7 +252,7 @@ class TestChoice:
 class TestWritten:
     def test_turned_targets_that_are_not_compensated(self, spun) -> None:
         program, found = spun
-        narrow = CompensationSettings(max_shift=1e-4)
+        narrow = replace(STANDS, max_shift=1e-4)
         result = compensate(MODEL, found.program, settings=narrow)
         left = result.status == Status.UNCHANGED_STEP
         assert left.any()
@@ -262,12 +264,12 @@ class TestWritten:
 
     def test_configuration_words_follow_the_arm(self) -> None:
         program = circle(40)
-        plain = compensate(MODEL, program).joints
+        plain = compensate(MODEL, program, settings=STANDS).joints
         words = np.full((40, 2), NO_WORD)
         words[0] = configuration_words(ROBOT, "kuka", plain[:1])[0]
         program = replace(program, words=words)
-        found = choose_spins(MODEL, program, FREE)
-        new = found.written(program, compensate(MODEL, found.program))
+        found = choose_spins(MODEL, program, FREE, settings=STANDS)
+        new = found.written(program, compensate(MODEL, found.program, settings=STANDS))
         want = configuration_words(ROBOT, "kuka", new.joints[:1])[0]
         said = np.where(new.replacement.words[0] == NO_WORD, words[0], new.replacement.words[0])
         np.testing.assert_array_equal(said, want)

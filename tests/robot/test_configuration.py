@@ -13,7 +13,6 @@ from robotrue.robot.configuration import (
 )
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import branches_of
-from robotrue.robot.opw import opw_geometry
 from robotrue.robot.presets import preset
 
 from .arms import TOOL, random_joints
@@ -98,10 +97,12 @@ def test_abb_cfx_is_the_branch():
 
 
 def test_fanuc_words():
-    robot = preset("gp225")
-    assert opw_geometry(robot).sign[4] == -1
-    assert fanuc_config(robot, np.array([0, 0, 0, 0, 30, 0]) * DEG) == "N U T, 0, 0, 0"
-    assert fanuc_config(robot, np.array([0, 0, 0, 190, -30, -190]) * DEG) == "F U T, 1, 0, -1"
+    robot = preset("r2000")
+    down = forward(robot, np.array([[0, 0, 0, 0, -90, 0]]) * DEG)[0]
+    assert np.allclose(down[:3, 2], [0.0, 0.0, -1.0])  # a tool that looks down is N U T
+    assert fanuc_config(robot, np.array([0, 0, 0, 0, -90, 0]) * DEG) == "N U T, 0, 0, 0"
+    assert fanuc_config(robot, np.array([0, 0, 0, 0, 30, 0]) * DEG) == "F U T, 0, 0, 0"
+    assert fanuc_config(robot, np.array([0, 0, 0, 190, -30, -190]) * DEG) == "N U T, 1, 0, -1"
 
 
 def test_yaskawa_words():

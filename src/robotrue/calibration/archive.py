@@ -90,6 +90,8 @@ def robot_arrays(robot: RobotModel, prefix: str = "robot_") -> dict[str, Array]:
     if robot.controller is not None:
         out[prefix + "controller_sign"] = robot.controller.sign
         out[prefix + "controller_offset"] = robot.controller.offset
+        if robot.controller.coupling.size:
+            out[prefix + "controller_coupling"] = robot.controller.coupling
     return out
 
 
@@ -116,11 +118,18 @@ def robot_from(archive: Archive, prefix: str = "robot_") -> RobotModel:
         if (np.abs(parts[name]) > largest).any():
             raise ArchiveError(f"the robot of {archive.kind} has {name} beyond {largest:g}.")
     check_pose(parts["T_flange_tool"], "T_flange_tool")
+    coupling = archive.arrays.get(prefix + "controller_coupling", np.empty((0, 0)))
+    if coupling.size and (
+        coupling.shape != dof * 2
+        or (np.abs(coupling) > 1e3).any()
+        or abs(np.linalg.det(coupling)) < 1e-9
+    ):
+        raise ArchiveError(f"the coupling of the axes of {archive.kind} cannot be.")
     return RobotModel(
         name=document["name"],
         convention=document["convention"],
         maker=document["maker"],
-        controller=Configuration(sign=sign, offset=offset),
+        controller=Configuration(sign=sign, offset=offset, coupling=coupling),
         **parts,
     )
 

@@ -63,6 +63,7 @@ class Cell:
         controller: Frames, tools, external axes and pulses that programs name and the controller
             holds; the defaults in it say nothing here. Default: none.
         doubts: What the cell cannot model with what it was told, one sentence each.
+        tables: Names of the tables its file states; empty if made in code.
         source: File it was read from; empty if made in code.
         digest: SHA-256 of that file.
     """
@@ -85,6 +86,7 @@ class Cell:
     part: PartTable | None = None
     controller: FrameTable = field(default_factory=FrameTable)
     doubts: tuple[str, ...] = ()
+    tables: frozenset[str] = frozenset()
     source: str = ""
     digest: str = ""
 
@@ -138,6 +140,7 @@ class Cell:
         return bool(
             told.bases or told.tools or told.external or told.external_axes_at_rest
             or told.fixed_tool or told.pulses_per_degree is not None or told.orientation.stated
+            or len(told.start)
         )  # fmt: skip
 
     @property

@@ -33,6 +33,7 @@ from robotrue.core.toml_text import parse_toml
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError, ShapeError
 from robotrue.measurement.tracker import DEFAULT_SPECIFICATION, TrackerSpecification, one_sigma
+from robotrue.robot.makers import made_by
 from robotrue.robot.model import RobotModel
 from robotrue.robot.presets import preset
 from robotrue.robot.statics import Load
@@ -93,6 +94,8 @@ def _blamed(message: str, file: CellFile) -> tuple[str | int, ...]:
         "centre_of_mass",
         "stiffness",
         "gravity",
+        "maker",
+        "axes",
         "sigma",
     ):
         if name in message:
@@ -144,6 +147,7 @@ def _cell(file: CellFile, path: str | Path, digest: str) -> Cell:
         controller=controller_of(file.controller, Path(path).parent),
         compliance_prior=prior,
         doubts=tuple(doubts),
+        tables=frozenset(file.model_fields_set),
         source=str(path),
         digest=digest,
     )
@@ -166,7 +170,28 @@ def _robot(table: RobotTable, path: Path) -> RobotModel:
         robot = from_urdf(path.parent / table.urdf)
     else:
         robot = _from_dh(table, path)
-    return _with_lists(robot, table)
+    return _counted(_with_lists(robot, table), table)
+
+
+def _counted(robot: RobotModel, table: RobotTable) -> RobotModel:
+    """The arm with its maker, and the way its controller counts the axes."""
+    sign, offset = table.axes_sign, table.axes_offset_deg
+    if table.maker is None and sign is None and offset is None:
+        return robot
+    if table.preset is not None:
+        if table.maker in (None, robot.maker) and sign is None and offset is None:
+            return robot
+        raise ConfigurationError(
+            f"robot.maker, axes_sign and axes_offset_deg beside preset {robot.name!r}, which has "
+            f"its own (maker {robot.maker!r}).",
+            hint="leave them out.",
+        )
+    return made_by(
+        robot,
+        table.maker or robot.maker,
+        sign=None if sign is None else np.array(sign, dtype=np.float64),
+        offset=None if offset is None else np.array(offset) * DEG,
+    )
 
 
 def _from_dh(table: RobotTable, path: Path) -> RobotModel:
@@ -198,6 +223,8 @@ def _with_lists(robot: RobotModel, table: RobotTable) -> RobotModel:
         "centre_of_mass_mm",
         "stiffness_Nm_per_rad",
         "link_radius_mm",
+        "axes_sign",
+        "axes_offset_deg",
     ):
         values = getattr(table, key)
         if values is not None and len(values) != robot.dof:

@@ -49,6 +49,7 @@ def controller_of(table: ControllerTable, folder: Path) -> FrameTable:
         fixed_tool=table.fixed_tool or "",
         pulses_per_degree=None if pulses is None else np.array(pulses),
         orientation=_orientation(table),
+        start=np.array(table.start_deg or []) * DEG,
     )
 
 

@@ -28,6 +28,8 @@ def controller_text(told: FrameTable) -> list[str]:
     if told.fixed_tool:
         lines.append(f'fixed_tool = "{told.fixed_tool}"')
     lines += _orientation_text(told.orientation)
+    if len(told.start):
+        lines.append(f"start_deg = {numbers(told.start / DEG)}")
     for side, table in (("base", told.bases), ("tool", told.tools)):
         for key, matrix in table.items():
             plain = key.isascii() and key.isdigit()

@@ -24,6 +24,7 @@ RATED_KG: Final = {
     "ABB IRB 6660-205/1.9": 205.0,
     "ABB IRB 120-3/0.6": 3.0,
     "Yaskawa GP225": 225.0,
+    "Fanuc R-2000iC/165F": 165.0,
     "KUKA LBR iiwa 14 R820": 14.0,
 }
 """Rated payload where the name of the type says it."""

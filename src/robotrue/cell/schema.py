@@ -38,6 +38,9 @@ class RobotTable(_Table):
     urdf: str | None = None
     convention: Literal["dh", "mdh"] | None = None
     dh: Annotated[list[DhRow], Field(min_length=1)] | None = None
+    maker: Literal["kuka", "abb", "fanuc", "yaskawa", "ur"] | None = None
+    axes_sign: list[Literal[1, -1]] | None = None
+    axes_offset_deg: list[Number] | None = None
     limits_deg: list[Two] | None = None
     mass_kg: list[Length] | None = None
     centre_of_mass_mm: list[Three] | None = None
@@ -164,6 +167,7 @@ class ControllerTable(_Table):
     angles: Literal["rpy", "kuka"] | None = None
     cutter: Literal["x", "y", "z", "-x", "-y", "-z"] | None = None
     spin_deg: Number | None = None
+    start_deg: Annotated[list[Number], Field(min_length=6, max_length=6)] | None = None
     base: list[NamedFrameTable] = []
     tool: list[NamedFrameTable] = []
     external: list[ExternalTable] = []

@@ -15,6 +15,7 @@ from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.tracker import DEFAULT_SPECIFICATION
 from robotrue.robot.identity import nominal_identity
+from robotrue.robot.makers import MAKERS
 from robotrue.robot.model import Configuration, RobotModel
 from robotrue.robot.presets import preset, preset_names
 
@@ -28,8 +29,7 @@ def cell_text(cell: Cell) -> str:
     in model files; they are left out.
 
     Raises:
-        ConfigurationError: An arm that no cell.toml can describe: coupled joints, or joints
-            counted in a way no preset has.
+        ConfigurationError: An arm that no cell.toml can describe: coupled joints.
     """
     lines = [HEADING + "schema = 1", "", *_robot(cell)]
     lines += ["", "[tool]", *_pose(cell.robot.T_flange_tool)]
@@ -106,10 +106,9 @@ def _counting(robot: RobotModel) -> tuple[list[float], list[float]]:
 
 
 def _dh(robot: RobotModel) -> list[str]:
-    plain = [1.0] * robot.dof, [0.0] * robot.dof
-    if _counting(robot) != plain or not np.array_equal(robot.joint_map, np.eye(robot.dof)):
+    if not np.array_equal(robot.joint_map, np.eye(robot.dof)):
         raise ConfigurationError(
-            f"{robot.name} has coupled joints, or counts them in a way cell.toml cannot say.",
+            f"{robot.name} has coupled joints, which cell.toml cannot say.",
             hint="register with the cell.toml of this robot instead of the model file's cell.",
         )
     rows = [
@@ -117,7 +116,15 @@ def _dh(robot: RobotModel) -> list[str]:
         f"d_mm = {number(d / MM)}, a_mm = {number(a / MM)}}},"
         for t, al, d, a in zip(robot.theta, robot.alpha, robot.d, robot.a, strict=True)
     ]
-    return [f'convention = "{robot.convention}"', "dh = [", *rows, "]"]
+    lines = [f'convention = "{robot.convention}"', "dh = [", *rows, "]"]
+    named = robot.maker in MAKERS
+    if named:
+        lines.append(f'maker = "{robot.maker}"')
+    sign, offset = _counting(robot)
+    if named or (sign, offset) != ([1.0] * robot.dof, [0.0] * robot.dof):
+        lines.append(f"axes_sign = [{', '.join(str(int(each)) for each in sign)}]")
+        lines.append(f"axes_offset_deg = {numbers(np.array(offset) / DEG)}")
+    return lines
 
 
 def _tracker(cell: Cell) -> list[str]:

@@ -36,6 +36,8 @@ from robotrue.compensation.compensate import compensate
 from robotrue.compensation.process_force import DescribedForce
 from robotrue.compensation.result import unchanged
 from robotrue.compensation.settings import CompensationSettings
+from robotrue.compensation.stance import sentence
+from robotrue.compensation.start_posture import start_joints
 from robotrue.core.arrays import Array
 from robotrue.core.files import sha256, write_atomic
 from robotrue.core.identity import ModelIdentity
@@ -68,6 +70,7 @@ class Request:
         wrench: ``FX,FY,FZ[,MX,MY,MZ]``.
         force: Description of the process force along the path.
         cutter: Axis of the tool from spindle to tip.
+        start: ``A1,..,A6`` in deg, where the arm is before the first target.
         free_spin: Choose the rotation about the tool axis.
         axis_targets: Compensate axis targets, too.
         max_shift_mm: Largest correction.
@@ -83,6 +86,7 @@ class Request:
     wrench: str | None = None
     force: Path | None = None
     cutter: str | None = None
+    start: str | None = None
     free_spin: bool = False
     axis_targets: bool = False
     max_shift_mm: float = 10.0
@@ -119,6 +123,7 @@ class Ground:
     used: ModelIdentity
     stated: Array | DescribedForce
     table: FrameTable
+    home: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -186,6 +191,7 @@ def _ground(request: Request) -> Ground:
         used=identity_of(model or cell.robot),
         stated=described(cell, request.wrench, request.force, request.cutter),
         table=frame_table(cell),
+        home=start_joints(cell.robot, cell.controller.start, request.start),
     )
 
 
@@ -376,6 +382,7 @@ def _settings(request: Request, ground: Ground, force: StatedForce) -> Compensat
     return CompensationSettings(
         load=ground.cell.payload,
         wrench=force.wrench,
+        home=ground.home,
         axis_targets=request.axis_targets,
         max_shift=request.max_shift_mm * MM,
         covariance=True,
@@ -399,7 +406,9 @@ def _tell(name: str, target: Path, document: Mapping[str, Any], force: StatedFor
     sigma = document.get("predicted_sigma_um")
     if sigma:
         say(f"expected scatter about the target (1 sigma, 3-D): {sigma['mean']:.0f} um")
-    for sentence in [*force.sentences(), *sentences(document.get("free_spin"))]:
-        say(sentence)
+    stance = document.get("configuration")
+    stood = [] if stance is None else [sentence(stance)]
+    for text in [*stood, *force.sentences(), *sentences(document.get("free_spin"))]:
+        say(text)
     for note in document["notes"]:
         say(f"note: {note}")

@@ -18,6 +18,7 @@ from robotrue.cli.process_force import StatedForce, described, stated_forces
 from robotrue.cli.registered import opened
 from robotrue.compensation.difference import Change, Difference, difference
 from robotrue.compensation.process_force import DescribedForce
+from robotrue.compensation.start_posture import start_joints
 from robotrue.core.arrays import Array
 from robotrue.core.csv_text import csv_text
 from robotrue.core.files import write_atomic
@@ -47,6 +48,7 @@ def run(
     wrench: str | None = None,
     force: Path | None = None,
     cutter: str | None = None,
+    start: str | None = None,
 ) -> None:
     """Compares two programs; writes every target as CSV on request."""
     sources = [p for p in (first, second, model_path, registered, force) if p is not None]
@@ -58,7 +60,8 @@ def run(
             "a process force without --model: errors are not predicted.", hint="--model MODEL"
         )
     stated = np.empty(0) if cell is None else described(cell, wrench, force, cutter)
-    found = differences(first, second, cell, model, stated)
+    home = np.empty(0) if cell is None else start_joints(cell.robot, cell.controller.start, start)
+    found = differences(first, second, cell, model, stated, home)
     rows = [row for name, one in found for row in _rows(name, one)]
     if output is not None:
         write_atomic(output, _csv(rows))
@@ -76,6 +79,7 @@ def differences(
     cell: Cell | None,
     model: ErrorModel | None,
     force: Array | DescribedForce,
+    home: Array,
 ) -> list[tuple[str, Difference]]:
     """Returns name and difference of each file of two jobs.
 
@@ -85,6 +89,7 @@ def differences(
         cell: Frames, tools and payload; None to compare numbers alone.
         model: For predicted errors; None without.
         force: From :func:`robotrue.cli.process_force.described`.
+        home: (6,) rad, start posture; empty where none is stated.
 
     Raises:
         ModelMismatchError: Jobs of another number of files, or other programs.
@@ -101,7 +106,7 @@ def differences(
         return [(a.name, difference(a, b)) for a, b in zip(*jobs, strict=True)]
     forces = stated_forces(force, jobs[0])
     return [
-        (a.name, difference(a, b, model=model, load=_load(cell.payload, pushed)))
+        (a.name, difference(a, b, model=model, load=_load(cell.payload, pushed), home=home))
         for a, b, pushed in zip(*jobs, forces, strict=True)
     ]
 

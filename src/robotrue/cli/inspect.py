@@ -149,6 +149,7 @@ def cell_document(cell: Cell) -> dict[str, Any]:
     return {
         "holds": "cell",
         "robot": robot.name,
+        "maker": robot.maker,
         "convention": robot.convention,
         "reach_mm": robot.reach / MM,
         "tool_at_zero_mm": (home / MM).round(4).tolist(),
@@ -182,6 +183,7 @@ def _controller_document(cell: Cell) -> dict[str, Any]:
         ],
         "external_axes_at_rest": told.external_axes_at_rest,
         "fixed_tool": told.fixed_tool or None,
+        "start_deg": (told.start / DEG).tolist() if len(told.start) else None,
         "pulses_per_degree": None
         if told.pulses_per_degree is None
         else np.asarray(told.pulses_per_degree).tolist(),

@@ -102,8 +102,8 @@ def validate(work: Work) -> Publish:
 def compensate(work: Work) -> Publish:
     """Compensates a program with a model, a cell or a registration; leaves the program after."""
     asked = asked_of(
-        work, "program", "model", "cell", "registration", "part", "wrench", "cutter", "free_spin",
-        "axis_targets", "max_shift_mm", "split_um", "deviation",
+        work, "program", "model", "cell", "registration", "part", "wrench", "cutter", "start",
+        "free_spin", "axis_targets", "max_shift_mm", "split_um", "deviation",
     )  # fmt: skip
     before = asked.item(PROGRAM, "program")
     model, cell = asked.item_or_none(MODEL, "model"), asked.item_or_none(CELL, "cell")
@@ -126,6 +126,7 @@ def compensate(work: Work) -> Publish:
         part=asked.text_or_none("part"),
         wrench=asked.text_or_none("wrench"),
         cutter=asked.text_or_none("cutter"),
+        start=asked.text_or_none("start"),
         free_spin=asked.flag("free_spin", False),
         axis_targets=asked.flag("axis_targets", False),
         max_shift_mm=asked.number("max_shift_mm", 10.0),

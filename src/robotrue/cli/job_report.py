@@ -225,7 +225,7 @@ def _force(work: Work, record: ProgramRecord) -> dict[str, Any]:
     """The process force the program was compensated for, as it was stated."""
     job = str(record.detail.get("job", ""))
     stated = jobs.status(work.workspace, job).parameters if job else {}
-    return {name: stated[name] for name in ("wrench", "cutter") if stated.get(name)}
+    return {name: stated[name] for name in ("wrench", "cutter", "start") if stated.get(name)}
 
 
 def _simulated(work: Work, model: ModelRecord) -> bool:

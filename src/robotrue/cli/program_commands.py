@@ -114,6 +114,12 @@ def compensate(
         str | None,
         typer.Option(help="Axis of the tool from spindle to tip: x, y, z, -x, -y, -z; default z."),
     ] = None,
+    start: Annotated[
+        str | None,
+        typer.Option(
+            help="A1,..,A6 in deg before the first target; default: start_deg of the cell."
+        ),
+    ] = None,
     free_spin: Annotated[
         bool,
         typer.Option(
@@ -166,6 +172,7 @@ def compensate(
         wrench=wrench,
         force=force,
         cutter=cutter,
+        start=start,
         free_spin=free_spin,
         axis_targets=axis_targets,
         max_shift_mm=max_shift_mm,
@@ -195,6 +202,9 @@ def diff(
     cutter: Annotated[
         str | None, typer.Option(help="Axis of the tool from spindle to tip, as for compensate.")
     ] = None,
+    start: Annotated[
+        str | None, typer.Option(help="With --model: start posture, as compensate takes it.")
+    ] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Every target as CSV.")
     ] = None,
@@ -213,4 +223,5 @@ def diff(
         wrench=wrench,
         force=force,
         cutter=cutter,
+        start=start,
     )

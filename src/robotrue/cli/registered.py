@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 from robotrue.calibration.identity import identity_of
 from robotrue.calibration.model import ErrorModel
+from robotrue.cell.beside import beside
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
 from robotrue.cell.part import PartTable
@@ -22,10 +22,12 @@ def opened(path: Path, registered: Path | None = None) -> tuple[Cell, ErrorModel
     Args:
         path: Model file or cell; a registered cell brings the model it was registered with.
         registered: Another cell whose frames are wanted: its part frames, if it is registered,
-            and what it says of the controller.
+            and what else it states, see :func:`robotrue.cell.beside.beside`.
 
     Raises:
-        ModelMismatchError: The frames were registered with another model, or it is not there.
+        ConfigurationError: As :func:`robotrue.cell.beside.beside`, or two registered cells.
+        ModelMismatchError: The frames were registered with another model, or it is not there; or
+            the other cell has another arm.
     """
     cell, model = _cell_and_model(path)
     if registered is None:
@@ -33,14 +35,8 @@ def opened(path: Path, registered: Path | None = None) -> tuple[Cell, ErrorModel
             model = model_of_part(cell.part, path)
         return cell, model
     place = read_cell(registered)
-    if place.part is None and place.says_of_controller:
-        return replace(cell, controller=place.controller), model
     if place.part is None:
-        raise ConfigurationError(
-            "the cell is not registered: it has no part frame, and says nothing of the controller.",
-            source=registered,
-            hint="robotrue register CELL|MODEL POINTS -o CELL_OUT.",
-        )
+        return beside(cell, place), model
     if cell.part is not None:
         raise ConfigurationError(
             "two registered cells: one with --cell is enough.",
@@ -49,8 +45,7 @@ def opened(path: Path, registered: Path | None = None) -> tuple[Cell, ErrorModel
         )
     used = identity_of(model or cell.robot)
     require_same_model(place.part.identity, used, what="the part frame", source=str(registered))
-    controller = place.controller if place.says_of_controller else cell.controller
-    return replace(cell, part=place.part, controller=controller), model
+    return beside(cell, place), model
 
 
 def model_of_part(part: PartTable, cell: Path) -> ErrorModel | None:

@@ -92,6 +92,9 @@ def program(
     cutter: Annotated[
         str | None, typer.Option(help="Axis of [tool] from spindle to tip, for --force.")
     ] = None,
+    start: Annotated[
+        str | None, typer.Option(help="Start posture A1,..,A6 in deg, as compensate takes it.")
+    ] = None,
     strict: Annotated[
         bool,
         typer.Option("--strict", help="Axis targets count as targets that are not proven."),
@@ -113,6 +116,7 @@ def program(
         wrench=wrench,
         force=force,
         cutter=cutter,
+        start=start,
         strict=strict,
         simulated=simulated,
         as_json=json,

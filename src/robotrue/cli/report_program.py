@@ -10,6 +10,7 @@ from robotrue.cli.diff import differences
 from robotrue.cli.process_force import described
 from robotrue.cli.registered import opened
 from robotrue.cli.report_output import check_reports, file_fact, write_reports
+from robotrue.compensation.start_posture import start_joints
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
 from robotrue.report.calibration import fact
@@ -30,6 +31,7 @@ def run(
     wrench: str | None,
     force: Path | None,
     cutter: str | None,
+    start: str | None,
     simulated: bool,
     strict: bool,
     as_json: bool,
@@ -47,6 +49,7 @@ def run(
         wrench=wrench,
         force=force,
         cutter=cutter,
+        start=start,
         simulated=simulated,
         strict=strict,
     )
@@ -73,6 +76,7 @@ def program_report(
     wrench: str | None = None,
     force: Path | None = None,
     cutter: str | None = None,
+    start: str | None = None,
     simulated: bool = False,
     strict: bool = False,
 ) -> ReportContent:
@@ -88,6 +92,7 @@ def program_report(
         wrench: Process force, as for ``robotrue compensate``.
         force: Process force along the path.
         cutter: Axis of the tool from spindle to tip, for ``force``.
+        start: Start posture, as for ``robotrue compensate``.
         simulated: Whether the data are; also taken from what the sources call themselves.
         strict: Whether axis targets count as targets that are not proven.
 
@@ -102,7 +107,8 @@ def program_report(
             source=model_path,
             hint="--model MODEL, a file of `robotrue calibrate`.",
         )
-    found = differences(before, after, cell, model, described(cell, wrench, force, cutter))
+    home = start_joints(cell.robot, cell.controller.start, start)
+    found = differences(before, after, cell, model, described(cell, wrench, force, cutter), home)
     summary = model.training_summary()
     t = Words(lang=lang)
     return program_content(

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from robotrue.compensation.branch_lanes import choose_closed
 from robotrue.compensation.branches import Closed
 from robotrue.compensation.chunks import Helper, Outcome, Part
+from robotrue.compensation.guessed import PARTED, ErrorAt, Others, part_ways, standings
 from robotrue.compensation.iterated import Serial, choose_iterated
 from robotrue.compensation.lanes import correct
 from robotrue.compensation.memory import Aim, Arm, Asked, Space
@@ -36,6 +38,7 @@ class Arrival:
         joints: (6,) rad, while motions are followed.
         sign: (6,) of the last motion.
         branch: (4,) see :func:`robotrue.compensation.branch_lanes.choose_closed`.
+        known: (1,) see :mod:`robotrue.compensation.guessed`.
         space: Working memory.
     """
 
@@ -43,6 +46,7 @@ class Arrival:
     joints: Array
     sign: Array
     branch: IntArray
+    known: IntArray
     space: Space
 
 
@@ -54,6 +58,8 @@ def solve_chunk(
     load: Load,
     outcome: Outcome,
     search: Helper,
+    others: Others,
+    error_at: ErrorAt | None,
     arrival: Arrival,
     part: slice,
 ) -> Part:
@@ -73,6 +79,17 @@ def solve_chunk(
         nominal, route, been, settings.approach == "path", settings.max_joint_step,
         arrival.joints, arrival.sign, approach, jump,
     )  # fmt: skip
+    wanted = (route != Route.SKIP) & (route != Route.PASS) & np.isfinite(nominal[:, 0])
+    rows = np.flatnonzero(wanted)
+    predicted = partial(_error_at, pack, settings, load, part, target, tool, arrival.space)
+    standing = standings(plan.known[part], int(arrival.known[0]))
+    part_ways(
+        standing, plan.known[part], rows, nominal, approach, partial(_by_row, others, part.start),
+        predicted if error_at is None else partial(_by_row, error_at, part.start), settings.alike,
+    )  # fmt: skip
+    arrival.known[0] = standing[-1]
+    outcome.status[part][rows[standing[rows] == PARTED]] = Status.UNCHANGED_CONFIGURATION
+    rows = rows[standing[rows] != PARTED]
     asked = Asked(
         target=target,
         nominal=nominal,
@@ -88,8 +105,6 @@ def solve_chunk(
         after=outcome.after[part],
         singular=outcome.singular[part],
     )
-    wanted = (route != Route.SKIP) & (route != Route.PASS) & np.isfinite(nominal[:, 0])
-    rows = np.flatnonzero(wanted)
     _invert(pack, settings, asked, rows, tool, arrival.space)
     bounds = np.array([settings.min_shift, settings.max_shift, settings.max_turn])
     command(
@@ -98,6 +113,48 @@ def solve_chunk(
         asked.after, outcome.shift[part], outcome.turn[part], rotation, position,
     )  # fmt: skip
     return Part(rows=part, nominal=nominal, approach=approach)
+
+
+def _by_row(of: Callable[..., Array], first: int, rows: IntArray, *columns: Array) -> Array:
+    """Asks by the rows of the program what is known by those of the chunk."""
+    return of(rows + first, *columns)
+
+
+def _error_at(
+    pack: Pack,
+    settings: CompensationSettings,
+    load: Load,
+    part: slice,
+    target: Array,
+    tool: IntArray,
+    space: Space,
+    rows: IntArray,
+    joints: Array,
+    approach: Array,
+) -> Array:
+    """Returns the error (m, 3) m that the pack predicts at other joints of some targets."""
+    m = len(rows)
+    mass, com, wrench = (
+        each[rows] if len(each) > 1 else each
+        for each in (_share(column, part) for column in (load.mass, load.com, load.wrench))
+    )
+    asked = Asked(
+        target=target[rows],
+        nominal=joints,
+        approach=approach,
+        route=np.full(m, int(Route.LINEAR)),
+        mass=mass,
+        com=com,
+        wrench=wrench,
+        code=np.zeros(m, dtype=np.int64),
+        found=np.array(joints),
+        told=np.empty((m, 12)),
+        before=np.full((m, 3), np.nan),
+        after=np.full((m, 3), np.nan),
+        singular=np.full(m, np.nan),
+    )
+    _invert(pack, settings, asked, np.arange(m), tool[rows], space)
+    return asked.before
 
 
 def _nominal(

@@ -8,11 +8,13 @@ from typing import TypeAlias
 
 import numpy as np
 
+from robotrue.compensation.guessed import GUESSED, KNOWN, ErrorAt, Others
 from robotrue.compensation.memory import space
 from robotrue.compensation.pack import Pack
 from robotrue.compensation.plan import Plan
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.words import NO_WORD
 from robotrue.program.program import Program
 from robotrue.robot.statics import Load
 
@@ -62,6 +64,8 @@ class Standing:
         sign: (6,) of the last motion of every joint.
         branch: (4,) see :func:`robotrue.compensation.branch_lanes.choose_closed`.
         begun: (1,) whether there was a target before, reached or not.
+        known: (1,) what is known of the configuration, see :mod:`robotrue.compensation.guessed`.
+        words: (3,) words of the last target that names its branch, see ``Plan.words``.
     """
 
     near: Array
@@ -69,6 +73,8 @@ class Standing:
     sign: Array
     branch: IntArray
     begun: BoolArray
+    known: IntArray
+    words: IntArray
 
     def copy(self) -> Standing:
         """Returns the same in arrays of its own."""
@@ -78,13 +84,15 @@ class Standing:
             sign=np.array(self.sign),
             branch=np.array(self.branch),
             begun=np.array(self.begun),
+            known=np.array(self.known),
+            words=np.array(self.words),
         )
 
     def same(self, other: Standing) -> bool:
         """Returns whether both are equal bit for bit."""
         return all(
             getattr(self, name).tobytes() == getattr(other, name).tobytes()
-            for name in ("near", "joints", "sign", "branch", "begun")
+            for name in ("near", "joints", "sign", "branch", "begun", "known", "words")
         )
 
 
@@ -97,6 +105,8 @@ def at_home(pack: Pack, settings: CompensationSettings) -> Standing:
         sign=np.zeros(6),
         branch=np.zeros(4, dtype=np.int64),
         begun=np.zeros(1, dtype=np.bool_),
+        known=np.array([KNOWN if len(settings.home) else GUESSED]),
+        words=np.full(3, NO_WORD),
     )
 
 
@@ -153,7 +163,9 @@ def solve_chunks(
     load: Load,
     outcome: Outcome,
     search: Helper,
+    others: Others,
     standing: Standing | None = None,
+    error_at: ErrorAt | None = None,
 ) -> Iterator[Part]:
     """Yields each chunk after its targets were solved into ``outcome``.
 
@@ -165,15 +177,20 @@ def solve_chunks(
         load: One row or one per target.
         outcome: Renewed in place.
         search: For targets that nothing else reaches.
+        others: The other configurations at targets, by their row.
+        error_at: Errors that the pack does not hold, by row.
         standing: Where the arm is before the first target, renewed in place; at home if not given.
     """
     from robotrue.compensation.chunk import Arrival, solve_chunk  # compiles: only when needed
 
     now = standing or at_home(pack, settings)
     arrival = Arrival(
-        near=now.near, joints=now.joints, sign=now.sign, branch=now.branch, space=space()
-    )
+        near=now.near, joints=now.joints, sign=now.sign, branch=now.branch, known=now.known,
+        space=space(),
+    )  # fmt: skip
     for start in range(0, len(program), CHUNK):
         rows = slice(start, min(start + CHUNK, len(program)))
         begin(outcome, program, plan, rows)
-        yield solve_chunk(pack, program, plan, settings, load, outcome, search, arrival, rows)
+        yield solve_chunk(
+            pack, program, plan, settings, load, outcome, search, others, error_at, arrival, rows
+        )

@@ -15,15 +15,17 @@ import numpy as np
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.tables import rigid_tables
 from robotrue.compensation.chunks import Outcome, Standing, empty_outcome, solve_chunks
+from robotrue.compensation.guessed import other_configurations
 from robotrue.compensation.held_load import at_part
 from robotrue.compensation.pack import Pack, pack_tables
-from robotrue.compensation.plan import Plan, lay_out, new_words
-from robotrue.compensation.predicted import by_prediction, covariances
+from robotrue.compensation.plan import Plan, flange_poses, lay_out, new_words
+from robotrue.compensation.predicted import by_prediction, covariances, predicted_error
 from robotrue.compensation.result import Compensation
 from robotrue.compensation.row_notes import RowNote, row_note
 from robotrue.compensation.settings import CompensationSettings
+from robotrue.compensation.stance import Stance, first_stance
 from robotrue.compensation.status import Route, Status
-from robotrue.core.arrays import Array, BoolArray
+from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.poses import pose
 from robotrue.core.progress import Progress, unheard
 from robotrue.core.units import UM
@@ -74,8 +76,13 @@ def compensate(
     plan = lay_out(robot, program, settings)
     outcome = empty_outcome(program, plan, covariance=settings.covariance)
     turn_known = True
-    search = partial(_search, robot, program)
-    for part in solve_chunks(pack, program, plan, settings, load, outcome, search):
+    stance = None
+    for part in solve_chunks(
+        pack, program, plan, settings, load, outcome,
+        partial(_search, robot, program), partial(_others, robot, program),
+        error_at=None if tables else partial(predicted_error, model, program, load, measured),
+    ):  # fmt: skip
+        stance = stance or first_stance(robot, program, plan, settings, part)
         if tables is None:
             turn_known &= by_prediction(
                 model, robot, program, plan, settings, load, measured, outcome, part
@@ -104,6 +111,7 @@ def compensate(
         joints=outcome.joints,
         covariance=outcome.covariance,
         singular_value=outcome.singular,
+        stance=stance,
         notes=tuple(sentences),
     )
 
@@ -117,8 +125,8 @@ def compensate_part(
     settings: CompensationSettings,
     load: Load,
     standing: Standing,
-) -> tuple[Plan, Outcome]:
-    """Returns plan and outcome of some consecutive targets of a program; ``standing`` moves on.
+) -> tuple[Plan, Outcome, Stance | None]:
+    """Returns plan, outcome and first stance of consecutive targets; ``standing`` moves on.
 
     Args:
         model: For covariances; None where the settings do not ask for them.
@@ -130,14 +138,20 @@ def compensate_part(
         load: One row, or one per target of this part.
         standing: Where the arm is before them, renewed in place.
     """
-    plan = lay_out(robot, program, settings, begun=bool(standing.begun[0]))
+    plan = lay_out(robot, program, settings, begun=bool(standing.begun[0]), words=standing.words)
     standing.begun[0] |= (plan.route != Route.SKIP).any()
+    standing.words[: len(plan.words)] = plan.words
     outcome = empty_outcome(program, plan, covariance=settings.covariance)
-    search = partial(_search, robot, program)
-    for part in solve_chunks(pack, program, plan, settings, load, outcome, search, standing):
+    stance, been = None, bool(standing.branch[3])
+    for part in solve_chunks(
+        pack, program, plan, settings, load, outcome,
+        partial(_search, robot, program), partial(_others, robot, program), standing,
+    ):  # fmt: skip
+        if not been:
+            stance = stance or first_stance(robot, program, plan, settings, part)
         if model is not None and settings.covariance:
             covariances(model, program, load, measured, outcome, part)
-    return plan, outcome
+    return plan, outcome, stance
 
 
 def with_start(
@@ -163,6 +177,11 @@ def _search(robot: RobotModel, program: Program, row: int, near: Array) -> Array
     T_base_tool = program.T_base_frame[program.frame[row]] @ T_frame_tool
     found = solve_global(tool, T_base_tool[None], near=near)
     return found.joints[0] if found.converged[0] else None
+
+
+def _others(robot: RobotModel, program: Program, rows: IntArray, joints: Array) -> Array:
+    """Returns the other configurations (m, k, 6) rad of targets."""
+    return other_configurations(robot, flange_poses(program, rows), joints)
 
 
 def replaced(

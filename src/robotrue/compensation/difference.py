@@ -119,6 +119,7 @@ def difference(
     *,
     model: ErrorModel | None = None,
     load: Load = NO_LOAD,
+    home: Array | None = None,
 ) -> Difference:
     """Returns what the second program changes of the first.
 
@@ -127,6 +128,8 @@ def difference(
         second: The same with other numbers; the same frames and tools.
         model: Error of the arm, for the predicted errors.
         load: Payload and wrench, one row or one per target.
+        home: (6,) rad, where the arm is before the first target; empty or None: not stated, and
+            targets at which it matters get no predicted error.
 
     Raises:
         ModelMismatchError: The programs have another number of targets, or other motions.
@@ -144,7 +147,13 @@ def difference(
     if axis.any():
         turn[axis] = np.abs(second.axes[axis] - first.axes[axis]).max(axis=1)
     empty = np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3, 3))
-    errors = empty if model is None else _errors(model, first, T_first, T_second, posed, load)
+    errors = (
+        empty
+        if model is None
+        else _errors(
+            model, first, T_first, T_second, posed, load, np.empty(0) if home is None else home
+        )
+    )
     return Difference(
         change=_changes(first, second, shift, turn, posed | axis),
         line=first.line,
@@ -202,9 +211,10 @@ def _errors(
     T_second: Array,
     posed: BoolArray,
     load: Load,
+    home: Array,
 ) -> tuple[Array, Array, Array]:
     """Predicted errors of both programs against the first one's targets, and the covariance."""
-    joints = compensate(model, first, settings=CompensationSettings(load=load)).joints
+    joints = compensate(model, first, settings=CompensationSettings(load=load, home=home)).joints
     n = len(first)
     before, after = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
     covariance = np.full((n, 3, 3), np.nan)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -11,17 +11,25 @@ from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.status import Route, Status
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.poses import inverse, pose
-from robotrue.core.words import NO_WORD
+from robotrue.core.words import NO_WORD, Maker
 from robotrue.errors import ModelMismatchError
 from robotrue.program.program import Motion, Program, Reason
 from robotrue.robot.inverse import inverse_batch, inverse_branches
 from robotrue.robot.model import RobotModel
-from robotrue.robot.opw import opw_geometry
-from robotrue.robot.words import branch_fits, configuration_words, on_turn, renewed
+from robotrue.robot.opw import OpwGeometry, opw_geometry
+from robotrue.robot.words import (
+    branch_fits,
+    branch_words,
+    configuration_words,
+    on_turn,
+    renewed,
+)
 
 CALLED = {"kuka": "S and T", "abb": "confdata", "fanuc": "CONFIG", "yaskawa": "RCONF"}
-MISCOUNTED, ASTRAY, CROSSED = 0, 1, 3
+MISCOUNTED, ASTRAY, UNUSED, CROSSED = 0, 1, 2, 3
 """Places of the notes."""
+_ALIKE = 1e-6
+"""rad between joints that are one solution."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,6 +42,9 @@ class Plan:
         rows: (m,) targets whose joints are known beforehand.
         joints: (m, 6) rad of those, model's sense.
         worded: (k,) targets whose configuration words are to be renewed.
+        known: (n,) 1 where the arm's configuration is known from here on, -1 where from here on it
+            is not, 0 where it is what it was before.
+        words: (w,) the words that name the branch, of the last target that has any.
         notes: What the user should know.
     """
 
@@ -42,11 +53,18 @@ class Plan:
     rows: IntArray
     joints: Array
     worded: IntArray
+    known: IntArray
+    words: IntArray
     notes: tuple[RowNote, ...]
 
 
 def lay_out(
-    robot: RobotModel, program: Program, settings: CompensationSettings, *, begun: bool = False
+    robot: RobotModel,
+    program: Program,
+    settings: CompensationSettings,
+    *,
+    begun: bool = False,
+    words: IntArray | None = None,
 ) -> Plan:
     """Returns the plan for a program.
 
@@ -55,6 +73,7 @@ def lay_out(
         program: The targets.
         settings: Whether axis targets count.
         begun: These targets are not the first of their program.
+        words: Those of :attr:`Plan.words` before these targets.
 
     Raises:
         ModelMismatchError: Axis targets of an arm with another number of joints.
@@ -79,8 +98,13 @@ def lay_out(
             status[joints_known] = Status.UNCHANGED_AXIS_TARGET
     route[blocked] = Route.SKIP
     status[blocked] = Status.UNCHANGED_SOURCE
-    worded, chosen, notes = _by_words(robot, program, route, begun)
+    said = _by_words(robot, program, route, begun, words)
+    worded, chosen = said.rows, said.joints
     route[worded] = Route.GIVEN
+    known = np.where(np.isin(route, [Route.GIVEN, Route.PASS, Route.AXES]), 1, 0)
+    known[said.changed] = -1
+    if not len(settings.home):  # where the user chose, words that fit nothing do not unchoose
+        known[said.astray] = -1
     rows = np.concatenate([joints_known, worded])
     order = np.argsort(rows, kind="stable")
     return Plan(
@@ -89,7 +113,9 @@ def lay_out(
         rows=rows[order],
         joints=np.concatenate([joints, chosen])[order],
         worded=_with_words(robot, program, route, worded),
-        notes=miscounted + notes,
+        known=known,
+        words=said.last,
+        notes=miscounted + said.notes,
     )
 
 
@@ -100,11 +126,12 @@ def _miscounted(robot: RobotModel, program: Program, rows: IntArray) -> tuple[Ro
     """
     if program.words_of != "fanuc" or not len(rows):
         return ()
-    if not np.array_equal(robot.joint_map, np.eye(robot.dof)):
+    told = robot.controller is not None and robot.controller.coupling.size > 0
+    if told or not np.array_equal(robot.joint_map, np.eye(robot.dof)):
         return ()
     text = (
         f"Fanuc counts J3 from the horizontal, {robot.name} counts it from the arm before it; "
-        "axis targets are not used. Describe the arm with joint_map."
+        'axis targets are not used. State [robot] maker = "fanuc" in the cell.'
     )
     return (row_note(program, rows, text, rank=MISCOUNTED),)
 
@@ -150,36 +177,51 @@ def _tool_known(program: Program, rows: IntArray) -> BoolArray:
     return np.asarray(inside & tools[np.where(inside, index, 0)])
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Said:
+    """What configuration words say: of the joints, of targets that fit none, of a change."""
+
+    last: IntArray
+    rows: IntArray = field(default_factory=lambda: np.empty(0, np.int64))
+    joints: Array = field(default_factory=lambda: np.empty((0, 6)))
+    astray: IntArray = field(default_factory=lambda: np.empty(0, np.int64))
+    changed: IntArray = field(default_factory=lambda: np.empty(0, np.int64))
+    notes: tuple[RowNote, ...] = ()
+
+
 def _by_words(
-    robot: RobotModel, program: Program, route: IntArray, under_way: bool
-) -> tuple[IntArray, Array, tuple[RowNote, ...]]:
+    robot: RobotModel, program: Program, route: IntArray, under_way: bool, before: IntArray | None
+) -> _Said:
     """Returns the targets whose words choose the nominal joints, and those joints (k, 6) rad.
 
     Joint moves, and the first target when it is a straight one: straight moves keep the branch.
+    Where nothing says how this arm goes with the words, a joint move with other words than those
+    before leads to a configuration that is not known.
     """
     maker = program.words_of
+    last = np.full(len(branch_words(maker, program.words[:0]).T), NO_WORD)
+    last = last if before is None else before[: len(last)]
     asked = np.asarray(route == Route.FREE)
-    nothing = np.empty(0, dtype=np.int64), np.empty((0, 6)), ()
-    if maker == "kuka" and not asked.any():
-        return nothing
+    if maker == "" or (maker == "kuka" and not asked.any()):
+        return _Said(last=last)
     spoken = (program.words != NO_WORD).any(axis=1)
     asked &= spoken
     begun = np.flatnonzero(route != Route.SKIP)
     if len(begun) and maker != "kuka" and not under_way:  # KUKA reads S and T of joint moves alone
         asked[begun[0]] |= bool(spoken[begun[0]] and route[begun[0]] == Route.LINEAR)
     rows = np.flatnonzero(asked)
-    geometry = opw_geometry(robot) if robot.maker == maker and len(rows) else None
+    if not len(rows):
+        return _Said(last=last)
+    geometry = opw_geometry(robot) if robot.maker == maker else None
+    told = np.concatenate([last[None], branch_words(maker, program.words[rows])])
     if geometry is None:
-        return nothing
-    options = inverse_branches(robot, _flange(program, rows), geometry=geometry)
-    reached = np.asarray(np.isfinite(options).all(axis=2))
-    have = np.full((*options.shape[:2], program.words.shape[1]), NO_WORD)
-    have[reached] = configuration_words(robot, maker, options[reached])
-    fits = reached & branch_fits(maker, program.words[rows], have)
-    found = np.asarray(fits.any(axis=1))
-    joints = options[np.arange(len(rows)), np.argmax(fits, axis=1)]
-    joints, turned = on_turn(robot, maker, joints, program.words[rows])
-    astray = rows[reached.any(axis=1) & ~(found & turned)]
+        other = (told[1:] != told[:-1]).any(axis=1) & (told[:-1] != NO_WORD).any(axis=1)
+        note = row_note(program, rows, _unused(robot, maker), rank=UNUSED)
+        return _Said(changed=rows[other], last=told[-1], notes=(note,))
+    joints, reached, fits = _fitting(robot, program, rows, geometry)
+    # Words that leave the branch open choose nothing: the nearest to the target before does.
+    good = fits == 1
+    astray = rows[reached & (fits == 0)]
     notes: tuple[RowNote, ...] = ()
     if len(astray):
         text = (
@@ -187,11 +229,44 @@ def _by_words(
             "the nearest to the target before was taken."
         )
         notes = (row_note(program, astray, text, rank=ASTRAY),)
-    good = found & turned
-    return rows[good], joints[good], notes
+    return _Said(
+        rows=rows[good], joints=joints[good], astray=astray, last=told[-1], notes=notes
+    )  # fmt: skip
 
 
-def _flange(program: Program, rows: IntArray) -> Array:
+def _fitting(
+    robot: RobotModel, program: Program, rows: IntArray, geometry: OpwGeometry
+) -> tuple[Array, BoolArray, IntArray]:
+    """Returns joints (k, 6) rad that fit the words, whether any are, and how many branches fit."""
+    maker, wanted = program.words_of, program.words[rows]
+    options = inverse_branches(robot, flange_poses(program, rows), geometry=geometry)
+    reached = np.asarray(np.isfinite(options).all(axis=2))
+    have = np.full((*options.shape[:2], program.words.shape[1]), NO_WORD)
+    have[reached] = configuration_words(robot, maker, options[reached])
+    fits = reached & branch_fits(maker, wanted, have)
+    for branch in range(options.shape[1]):
+        turned, good = on_turn(robot, maker, options[:, branch], wanted)
+        options[:, branch] = turned
+        fits[:, branch] &= good
+    joints: Array = options[np.arange(len(rows)), np.argmax(fits, axis=1)]
+    # A stretched wrist or arm gives the same joints twice: that is one branch.
+    apart = np.abs(options - joints[:, None]).max(axis=2)
+    count = (fits & ~(apart < _ALIKE)).sum(axis=1) + fits.any(axis=1)
+    return joints, np.asarray(reached.any(axis=1)), count.astype(np.int64)
+
+
+def _unused(robot: RobotModel, maker: Maker) -> str:
+    """What is said of words that nobody can read for this arm."""
+    if robot.maker != maker:
+        stated = "not stated" if robot.maker == "generic" else f"{robot.maker!r}"
+        return (
+            f"{CALLED[maker]} are not used: the maker of {robot.name} is {stated}. State [robot] "
+            f'maker = "{maker}" in the cell it is calibrated with.'
+        )
+    return f"{CALLED[maker]} are not used: {robot.name} has no spherical wrist."
+
+
+def flange_poses(program: Program, rows: IntArray) -> Array:
     """(k, 4, 4) flange in base of the chosen targets."""
     T_flange_tool = program.T_flange_tool[program.tool[rows]]
     T_frame_tool = pose(program.rotation[rows], program.position[rows])
@@ -226,7 +301,9 @@ def new_words(
     doubtful = np.flatnonzero(((after != written) & (written != NO_WORD)).any(axis=1))
     if len(doubtful):
         flange = robot.with_tool(np.eye(4))
-        nominal = inverse_batch(flange, _flange(program, rows[doubtful]), near=joints[doubtful])
+        nominal = inverse_batch(
+            flange, flange_poses(program, rows[doubtful]), near=joints[doubtful]
+        )
         known = np.isfinite(nominal).all(axis=1)
         before[doubtful[known]] = configuration_words(robot, maker, nominal[known])
     words = renewed(maker, written, before, after)

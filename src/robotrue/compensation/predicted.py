@@ -54,6 +54,30 @@ def by_prediction(
     return known
 
 
+def predicted_error(
+    model: ErrorModel,
+    program: Program,
+    load: Load,
+    measured: BoolArray,
+    rows: IntArray,
+    joints: Array,
+    approach: Array,
+) -> Array:
+    """Returns the error (m, 3) m that the model predicts at joints (m, 6) rad of some targets."""
+    out = np.full((len(rows), 3), np.nan)
+    for tool in np.unique(program.tool[rows]):
+        mine = np.flatnonzero(program.tool[rows] == tool)
+        out[mine] = model.predict(
+            Query(
+                joints=joints[mine],
+                load=load_rows(load, rows[mine]),
+                approach=approach[mine],
+                T_flange_tool=None if measured[tool] else program.T_flange_tool[tool],
+            )
+        ).error
+    return out
+
+
 def _write(
     robot: RobotModel,
     program: Program,

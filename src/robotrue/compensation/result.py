@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from robotrue.compensation.stance import Stance
 from robotrue.compensation.status import Status
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.units import DEG, UM
@@ -32,6 +33,7 @@ class Compensation:
         covariance: (n, 3, 3) m^2 of the position at the commanded joints; empty if not asked for.
         singular_value: (n,) see ``CompensationSettings.min_singular_value``; NaN where unknown.
         notes: One sentence each, with line numbers.
+        stance: How the arm stands at the first target that it reaches; None if it reaches none.
     """
 
     replacement: Replacement
@@ -44,6 +46,7 @@ class Compensation:
     covariance: Array
     singular_value: Array
     notes: tuple[str, ...]
+    stance: Stance | None = None
 
     def __post_init__(self) -> None:
         """Freezes the arrays; they were made for this object."""
@@ -78,6 +81,8 @@ class Compensation:
             "correction_deg": _sizes(self.turn[done, None], DEG),
             "notes": list(self.notes),
         }
+        if self.stance is not None:
+            out["configuration"] = self.stance.document()
         if len(self.covariance):
             sigma = np.sqrt(np.trace(self.covariance[done], axis1=1, axis2=2))
             out["predicted_sigma_um"] = _sizes(sigma[:, None], UM)

@@ -25,8 +25,10 @@ class CompensationSettings:
             per target.
         wrench: (6,) for the program or (n, 6) per target: N and N m on the tool, at the tool
             point, in base axes. Empty takes the wrench of ``load``.
-        home: (6,) rad, where the arm is before the first target; empty is the middle of the
-            limits.
+        home: (6,) rad, where the arm is before the first target; empty: not known, taken to be the
+            middle of the limits.
+        alike: m by which the predicted errors of two configurations of the arm may differ where
+            nothing says which one it takes; targets with more are left alone.
         axis_targets: Compensate axis targets too.
         approach: Where the sign of the last motion comes from, for backlash.
         max_shift: m, largest correction of the position.
@@ -46,6 +48,7 @@ class CompensationSettings:
     home: Array = field(default_factory=lambda: np.empty(0))
     axis_targets: bool = False
     approach: ApproachRule = "path"
+    alike: float = 0.05e-3
     max_shift: float = 10e-3
     max_turn: float = 1.0 * DEG
     min_shift: float = 1e-9
@@ -61,7 +64,7 @@ class CompensationSettings:
         """Checks that every limit is a positive number and freezes the arrays."""
         for name in ("max_shift", "max_turn", "max_joint_step", "tolerance", "turn_tolerance"):
             self._require_positive(name, zero=False)
-        for name in ("min_shift", "min_singular_value", "min_wrist_angle", "max_sigma"):
+        for name in ("min_shift", "min_singular_value", "min_wrist_angle", "max_sigma", "alike"):
             self._require_positive(name, zero=True)
         if self.approach not in ("path", "unknown"):
             raise ConfigurationError(f"approach {self.approach!r}, expected 'path' or 'unknown'.")

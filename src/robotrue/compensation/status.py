@@ -19,6 +19,7 @@ class Status(IntEnum):
     UNCHANGED_BRANCH_JUMP = 8  # a straight move that would need another arm configuration
     UNCHANGED_STEP = 9  # the correction is larger than allowed
     UNCHANGED_NOT_CONVERGED = 10
+    UNCHANGED_CONFIGURATION = 11  # nothing says how the arm stands, and it matters
 
     @property
     def explanation(self) -> str:
@@ -38,6 +39,9 @@ _EXPLANATIONS = {
     Status.UNCHANGED_BRANCH_JUMP: "needs another arm configuration than the target before it",
     Status.UNCHANGED_STEP: "the correction is larger than allowed",
     Status.UNCHANGED_NOT_CONVERGED: "the inversion did not reach its tolerance",
+    Status.UNCHANGED_CONFIGURATION: "nothing says which configuration the arm takes, and another "
+    "one inside the joint limits has another error; state where it begins with [controller] "
+    "start_deg in the cell, or --start A1,..,A6",
 }
 
 

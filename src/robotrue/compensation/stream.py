@@ -238,7 +238,8 @@ def _after_some(work: Work, found: Outline, reading: BinaryIO, home: Standing) -
         lead = found.blocks[1].lead
         end = _line_end(reading, min(piece.end, piece.start + (lead.end - lead.start)))
         piece = replace(piece, end=end)
-    drive_through(work, piece, _bytes(reading, piece, found.name), standing)
+    data = _bytes(reading, piece, found.name)
+    drive_through(work, piece, data, standing, alike=work.settings.alike)
     return standing
 
 

@@ -105,7 +105,7 @@ def solve_block(work: Work, model: ErrorModel | None, task: Task) -> Done:
     start = standing.copy()
     program = read_piece(task.data, task.piece, work.judged)
     load = Load(mass=task.mass, com=task.com, wrench=task.wrench)
-    plan, outcome = compensate_part(
+    plan, outcome, stance = compensate_part(
         model, work.robot, work.pack, work.measured, program, work.settings, load, standing
     )
     replacement, notes = replaced(work.robot, program, plan, work.settings, outcome)
@@ -118,16 +118,24 @@ def solve_block(work: Work, model: ErrorModel | None, task: Task) -> Done:
         data=write_piece(program, replacement),
         start=start,
         end=standing,
-        tally=tally(outcome, notes),
+        tally=tally(outcome, notes, stance),
     )
 
 
-def drive_through(work: Work, piece: Piece, data: bytes, standing: Standing) -> None:
-    """Moves ``standing`` over the targets of a piece; nothing else comes of it."""
+def drive_through(
+    work: Work, piece: Piece, data: bytes, standing: Standing, *, alike: float = np.inf
+) -> None:
+    """Moves ``standing`` over the targets of a piece; nothing else comes of it.
+
+    Whether a guessed configuration matters is told by the block itself, under its load; ``alike``
+    is for a first look.
+    """
     program = read_piece(data, piece, work.judged)
     settings = CompensationSettings(
         axis_targets=work.settings.axis_targets,
         approach=work.settings.approach,
         max_joint_step=work.settings.max_joint_step,
+        home=work.settings.home,
+        alike=alike,
     )
     compensate_part(None, work.robot, work.pack, work.measured, program, settings, Load(), standing)

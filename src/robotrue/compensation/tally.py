@@ -14,6 +14,7 @@ import numpy as np
 
 from robotrue.compensation.chunks import Outcome
 from robotrue.compensation.row_notes import RowNote, merged
+from robotrue.compensation.stance import Stance
 from robotrue.compensation.status import Status
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.units import DEG, UM
@@ -37,6 +38,7 @@ class Tally:
         largest: (5,) largest values.
         sigma: Whether the last of them is known.
         notes: What is to be said of targets.
+        stance: How the arm stands at the first target of the program, where it is among them.
     """
 
     status: IntArray
@@ -44,6 +46,7 @@ class Tally:
     largest: Array
     sigma: bool
     notes: tuple[RowNote, ...]
+    stance: Stance | None = None
 
     def summary(self) -> Mapping[str, Any]:
         """Returns JSON values, as :meth:`robotrue.compensation.result.Compensation.summary`."""
@@ -60,10 +63,12 @@ class Tally:
         ):
             if name != SIZES[-1] or self.sigma:
                 out[name] = {"mean": total / done, "max": largest} if done else None
+        if self.stance is not None:
+            out["configuration"] = self.stance.document()
         return {**out, "notes": [str(note) for note in self.notes]}
 
 
-def tally(outcome: Outcome, notes: tuple[RowNote, ...]) -> Tally:
+def tally(outcome: Outcome, notes: tuple[RowNote, ...], stance: Stance | None = None) -> Tally:
     """Returns the sums over the targets of an outcome."""
     done = outcome.status == Status.COMPENSATED
     sizes = [
@@ -82,6 +87,7 @@ def tally(outcome: Outcome, notes: tuple[RowNote, ...]) -> Tally:
         largest=np.array([size.max(initial=0.0) for size in sizes]),
         sigma=known,
         notes=notes,
+        stance=stance,
     )
 
 
@@ -90,10 +96,14 @@ def summed(parts: Iterable[Tally]) -> Tally:
     status = np.zeros(len(Status), np.int64)
     total, largest, sigma = np.zeros(len(SIZES)), np.zeros(len(SIZES)), False
     notes: tuple[RowNote, ...] = ()
+    stance = None
     for part in parts:
         status += part.status
         total += part.total
         largest = np.maximum(largest, part.largest)
         sigma |= part.sigma
         notes = merged([*notes, *part.notes])
-    return Tally(status=status, total=total, largest=largest, sigma=sigma, notes=notes)
+        stance = stance or part.stance
+    return Tally(
+        status=status, total=total, largest=largest, sigma=sigma, notes=notes, stance=stance
+    )

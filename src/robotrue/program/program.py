@@ -159,6 +159,8 @@ class FrameTable:
         pulses_per_degree: (6,) drive pulses per degree of axes 1 to 6 (Yaskawa ALL.PRM), signed;
             without them axis targets written in pulses are not compensated.
         orientation: What angles and tool axes of G-code, APT and CSV say of the tool frame.
+        start: (6,) rad, the controller's axis values where a program begins, which tell how the arm
+            stands at a first target that does not say it; empty if not stated.
     """
 
     T_base_frame: Array = field(default_factory=lambda: np.eye(4))
@@ -170,6 +172,7 @@ class FrameTable:
     fixed_tool: FixedTool = ""
     pulses_per_degree: Array | None = None
     orientation: OrientationRule = field(default_factory=OrientationRule)
+    start: Array = field(default_factory=lambda: np.empty(0))
 
 
 class Dialect(Protocol):

@@ -162,17 +162,18 @@ def abb_confdata(robot: RobotModel, joints: Array) -> IntArray:
 def fanuc_words(robot: RobotModel, joints: Array) -> IntArray:
     """Returns Fanuc's CONFIG as numbers (..., 6) of joints q (..., 6) rad.
 
-    1 for F, U and T, 0 for N, D and B: F if J5 is negative; U if the elbow is above the line from
-    shoulder to wrist; T if the wrist point is in front of axis 1. Then the turns of J4, J5 and J6:
-    0 within +-180 deg, 1 for 180..540, -1 for -540..-180. F / N by the sign of J5 is *from memory*;
-    some robot types print the turn of J1 in place of J5's.
+    1 for F, U and T, 0 for N, D and B: N if J5 is negative, F else; U if the elbow is above the
+    line from shoulder to wrist; T if the wrist point is in front of axis 1. Then the turns of J4,
+    J5 and J6: 0 within +-180 deg, 1 for 180..540, -1 for -540..-180. N is the wrist bent down with
+    J4 at zero (J5 = -90 deg, tool down, ``N U T``), as in Tesseract's ``robot_config.h``; some
+    robot types print the turn of J1 in place of J5's.
 
     Raises:
         ConfigurationError: Not an ortho-parallel arm.
     """
     ahead, fold = _posture(require_opw(robot), joints)
     axes = controller_axes(robot, joints)
-    letters = [wrap(axes[..., 4]) < 0.0, fold >= 0.0, ahead >= 0.0]
+    letters = [wrap(axes[..., 4]) >= 0.0, fold >= 0.0, ahead >= 0.0]
     turns = np.rint(axes[..., 3:] / _TURN)
     out = np.concatenate([np.stack([np.asarray(x) for x in letters], axis=-1), turns], axis=-1)
     return out.astype(np.int64)

@@ -74,22 +74,28 @@ def parameter_slice(dof: int, group: str) -> slice:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Configuration:
-    """How the controller counts its axes, for programs: ``A = sign * q + offset``.
+    """How the controller counts its axes, for programs: ``A = coupling @ (sign * q + offset)``.
 
     Attributes:
         sign: (n,) +1 or -1.
         offset: (n,) rad.
+        coupling: (n, n) where an axis is displayed against another than the one before it (Fanuc's
+            J3 against the horizontal); empty where none is.
     """
 
     sign: Array
     offset: Array
+    coupling: Array = field(default_factory=lambda: np.empty((0, 0)))
 
     def to_controller(self, joints: Array) -> Array:
         """Returns the controller's axis values in rad from model joints (..., n) rad."""
-        return self.sign * joints + self.offset
+        axes: Array = self.sign * joints + self.offset
+        return axes @ self.coupling.T if self.coupling.size else axes
 
     def to_model(self, axes: Array) -> Array:
         """Returns model joints in rad from the controller's axis values (..., n) rad."""
+        if self.coupling.size:
+            axes = axes @ np.linalg.inv(self.coupling).T
         return self.sign * (axes - self.offset)
 
 

@@ -56,6 +56,13 @@ def configuration_words(robot: RobotModel, maker: Maker, joints: Array) -> IntAr
     return np.zeros((*np.shape(joints)[:-1], WORDS[maker]), dtype=np.int64)
 
 
+def branch_words(maker: Maker, words: IntArray) -> IntArray:
+    """Returns of words (n, w) what names the branch (n, b); ``NO_WORD`` where it is not written."""
+    out = words[:, _BRANCH.get(maker, ())]
+    mask = KUKA_SHAPE if maker == "kuka" else -1
+    return np.where(out == NO_WORD, out, out & mask)
+
+
 def branch_fits(maker: Maker, wanted: IntArray, have: IntArray) -> BoolArray:
     """Returns which branches (n, b) with words ``have`` (n, b, w) are those of ``wanted`` (n, w).
 

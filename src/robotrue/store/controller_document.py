@@ -27,6 +27,7 @@ def controller_document(told: FrameTable) -> dict[str, Any]:
             "spin": told.orientation.spin,
         },
         "pulses_per_degree": None if pulses is None else np.asarray(pulses).tolist(),
+        **({"start": told.start.tolist()} if len(told.start) else {}),
     }
 
 
@@ -51,6 +52,7 @@ def controller_from_document(stated: Mapping[str, Any]) -> FrameTable:
             spin=stated["orientation"]["spin"],
         ),
         pulses_per_degree=None if pulses is None else np.array(pulses),
+        start=np.array(stated.get("start", [])),
     )
 
 

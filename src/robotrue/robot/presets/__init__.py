@@ -20,6 +20,7 @@ _MODULES: Final = {
     "ABB IRB 120-3/0.6": "abb_irb120_3_0_6",
     "Staubli TX2-90L": "staubli_tx2_90l",
     "Yaskawa GP225": "yaskawa_gp225",
+    "Fanuc R-2000iC/165F": "fanuc_r2000ic_165f",
     "Franka Panda": "franka_panda",
     "KUKA LBR iiwa 14 R820": "kuka_lbr_iiwa_14_r820",
 }
@@ -30,6 +31,7 @@ _BRANDS: Final = (
     "universalrobots",
     "universalrobot",
     "abb",
+    "fanuc",
     "staubli",
     "yaskawa",
     "motoman",

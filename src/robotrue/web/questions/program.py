@@ -10,10 +10,12 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel
+from robotrue.cell.beside import beside
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
 from robotrue.cell.frame_table import frame_table
 from robotrue.compensation.difference import Difference, difference
+from robotrue.compensation.start_posture import start_joints
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply
 from robotrue.core.units import MM
@@ -62,7 +64,16 @@ def judged(
         judge = items.get(workspace, MODEL, model, version=model_version)
         found = _found(workspace, asked, judge, Path(scratch))
     parts = [
-        (first, difference(first, second, model=found.model, load=found.load))
+        (
+            first,
+            difference(
+                first,
+                second,
+                model=found.model,
+                load=found.load,
+                home=found.home,
+            ),
+        )
         for first, second in zip(found.first, found.second, strict=True)
     ]
     parts = [(program, one) for program, one in parts if len(one.change)]
@@ -79,6 +90,7 @@ class _Found:
     record: ModelRecord
     cell: Cell
     load: Load
+    home: Array
     simulated: bool
     compared: bool
 
@@ -100,8 +112,11 @@ def _found(
     if used:  # a compensated program is judged by the model that compensated it
         record = items.get(workspace, MODEL, used[0].id, version=used[0].version)
     held = models.model_of(workspace, record)
-    cell = _cell(workspace, after, scratch) or held.cell
+    other = _cell(workspace, after, scratch)
+    cell = held.cell if other is None else beside(held.cell, other)
     frames = frame_table(cell)
+    job = str(after.detail.get("job", ""))
+    said = jobs.status(workspace, job).parameters if job else {}
     before = [
         items.get(workspace, PROGRAM, to.id, version=to.version) for to in after.linked("before")
     ]
@@ -122,7 +137,8 @@ def _found(
         model=held.model,
         record=record,
         cell=cell,
-        load=_load(workspace, after, cell.payload),
+        load=_load(cell.payload, said.get("wrench")),
+        home=start_joints(cell.robot, cell.controller.start, said.get("start")),
         simulated=from_simulation(held.model, rows),
         compared=bool(before),
     )
@@ -139,10 +155,8 @@ def _cell(workspace: Workspace, record: ProgramRecord, scratch: Path) -> Cell | 
     return read_cell(cells.laid(workspace, found, place))
 
 
-def _load(workspace: Workspace, record: ProgramRecord, payload: Load) -> Load:
+def _load(payload: Load, stated: Any) -> Load:
     """The payload, with the process force the program was compensated for."""
-    job = str(record.detail.get("job", ""))
-    stated = jobs.status(workspace, job).parameters.get("wrench") if job else None
     if not stated:
         return payload
     force = [float(part) for part in str(stated).split(",")]
