@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 NUMBER = re.compile(rb"[-+]?\d+\.?\d*")
+START = "0,-80,80,0,40,0"
 
 
 def test_a_bare_cell_changes_nothing(cli, work: Path) -> None:
@@ -114,7 +115,10 @@ ENDDAT
 def test_a_job_of_two_files(cli, work: Path) -> None:
     (work / "job.src").write_text(SRC)
     (work / "job.dat").write_text(DAT)
-    got = cli("compensate", work / "model.rtm", work / "job.src", "-o", work / "new.src", "--json")
+    got = cli(
+        "compensate", work / "model.rtm", work / "job.src", "-o", work / "new.src", "--json",
+        "--start", START,
+    )  # fmt: skip
     assert got.code == 0, got.err
     assert got.document["targets"] == 2
     assert got.document["compensated"] == sum(f["compensated"] for f in got.document["files"])
@@ -148,7 +152,8 @@ def test_companions_of_one_suffix_keep_their_names(cli, work: Path, tmp_path: Pa
     out = tmp_path / "out"
     out.mkdir()
     files = [work / "main.src", work / "one.dat", work / "two.dat"]
-    got = cli("compensate", work / "model.rtm", *files, "-o", out / "job.src", "--json")
+    begun = ("--start", START)
+    got = cli("compensate", work / "model.rtm", *files, "-o", out / "job.src", "--json", *begun)
     assert got.code == 0
     names = [Path(each["output"]).name for each in got.document["files"]]
     assert names == ["job.src", "one.dat", "two.dat"]
@@ -186,7 +191,8 @@ def test_frames_the_cell_names_reach_the_program(cli, work: Path) -> None:
     told = (
         "[[controller.base]]\nnumber = 4\nxyz_mm = [700, 0, 700]\n[[controller.tool]]\nnumber = 2\n"
     )
-    (work / "frames.toml").write_text((work / "cell.toml").read_text() + told)
+    begun = f"[controller]\nstart_deg = [{START}]\n"
+    (work / "frames.toml").write_text((work / "cell.toml").read_text() + begun + told)
     known = cli(*command, "--cell", work / "frames.toml")
     assert known.document["status"] == {"compensated": 1}
     moved = cli(
@@ -199,7 +205,7 @@ def test_frames_the_cell_names_reach_the_program(cli, work: Path) -> None:
         "TOOL_DATA[2]={X 0.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}\nENDDAT\n"
     )
     first = (work / "o.src").read_bytes()
-    assert cli(*command).document["status"] == {"compensated": 1}
+    assert cli(*command, "--start", START).document["status"] == {"compensated": 1}
     assert (work / "o.src").read_bytes() == first
 
 

@@ -32,7 +32,7 @@ def both(cli, work: Path, monkeypatch: pytest.MonkeyPatch):
     """Compensates a program whole and in blocks with the same options; the two answers."""
 
     def run(name: str, *options: str):
-        call = ("compensate", work / "model.rtm", work / name, "-o")
+        call = ("compensate", work / "model.rtm", work / name, "--start", "0,-80,80,0,40,0", "-o")
         whole = cli(*call, work / "whole.src", *options, "--json")
         assert whole.code == 0, whole.err
         monkeypatch.setattr(long_program, "LONG", 1)

@@ -9,6 +9,7 @@ import pytest
 TOLD = """[controller]
 angles = "rpy"
 spin_deg = 0.0
+start_deg = [0, -80, 80, 0, 40, 0]
 [[controller.base]]
 name = "G54"
 xyz_mm = [1200, 0, 900]

@@ -16,6 +16,7 @@ from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.rotations import rotation_vector_from_matrix
 from robotrue.store.model_file import read_model
 
+BEGUN = ("--start", "0,-80,80,0,40,0")
 KEYS = {"xyz_mm", "abc_deg", "residual_mm", "rms_mm", "outliers", "covariance", "verdict"}
 
 
@@ -270,12 +271,13 @@ def registered(cli, work: Path) -> Path:
 
 def test_programs_without_a_frame_run_in_the_part(cli, registered: Path) -> None:
     work = registered
-    got = cli("compensate", work / "m.toml", work / "job.src", "-o", work / "a.src", "--json")
+    got = cli("compensate", work / "m.toml", work / "job.src", "-o", work / "a.src", "--json",
+              *BEGUN)  # fmt: skip
     assert got.code == 0, got.err
     assert got.document["compensated"] == 2
     assert got.document["part"]["name"] == "part"
     by_option = cli("compensate", work / "model.rtm", work / "job.src", "-o", work / "b.src",
-                    "--cell", work / "m.toml")  # fmt: skip
+                    "--cell", work / "m.toml", *BEGUN)  # fmt: skip
     assert by_option.code == 0, by_option.err
     assert (work / "a.src").read_bytes() == (work / "b.src").read_bytes()
     # The same program with the found frame written into it comes out the same.
@@ -284,7 +286,7 @@ def test_programs_without_a_frame_run_in_the_part(cli, registered: Path) -> None
     a, b, c = got.document["part"]["abc_deg"]
     base = f"$BASE={{X {x:.9f},Y {y:.9f},Z {z:.9f},A {a:.9f},B {b:.9f},C {c:.9f}}}\n"
     (work / "own.src").write_text(PROGRAM.replace("$TOOL", base + "$TOOL"))
-    cli("compensate", work / "model.rtm", work / "own.src", "-o", work / "c.src")
+    cli("compensate", work / "model.rtm", work / "own.src", "-o", work / "c.src", *BEGUN)
     targets = [line for line in (work / "c.src").read_text().split("\n") if "LIN" in line]
     assert targets == [line for line in (work / "a.src").read_text().split("\n") if "LIN" in line]
 
