@@ -158,7 +158,7 @@ def with_start(
     robot: RobotModel, start: Array, settings: CompensationSettings
 ) -> CompensationSettings:
     """Returns the settings with the arm at home where its program says it starts, if it does."""
-    if len(start) != robot.dof or robot.controller is None or len(settings.home):
+    if len(start) != robot.dof or robot.controller is None:
         return settings
     return replace(settings, home=robot.controller.to_model(start[None])[0])
 

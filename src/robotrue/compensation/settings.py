@@ -25,8 +25,8 @@ class CompensationSettings:
             per target.
         wrench: (6,) for the program or (n, 6) per target: N and N m on the tool, at the tool
             point, in base axes. Empty takes the wrench of ``load``.
-        home: (6,) rad, where the arm is before the first target; empty: not known, taken to be the
-            middle of the limits.
+        home: (6,) rad, where the arm is before the first target, unless the program says it;
+            empty: not known, taken to be the middle of the limits.
         alike: m by which the predicted errors of two configurations of the arm may differ where
             nothing says which one it takes; targets with more are left alone.
         axis_targets: Compensate axis targets too.

@@ -178,8 +178,9 @@ def _document(
     known = np.isfinite(before + after + bound)
     if not known.any():
         raise ModelMismatchError(
-            "no target has a predicted error: none is a pose the arm can take.",
-            hint="check tool, frames and robot of the cell.",
+            "no target has a predicted error: none is a pose the arm can take, or nothing says how "
+            "the arm stands there.",
+            hint="check tool, frames, robot and [controller] start_deg of the cell.",
         )
     states = conformity(after, bound, tolerance)
     drawn = np.flatnonzero(known & np.isfinite(position).all(axis=1))
