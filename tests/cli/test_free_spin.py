@@ -40,7 +40,8 @@ def test_off_by_default_and_on_request(cli, work: Path) -> None:
     said = []
     for name, options in (("a.src", ()), ("b.src", ("--free-spin",))):
         got = cli("compensate", work / "model.rtm", work / "r.src", "-o", work / name, "--json",
-                  "--force", work / "f.toml", "--cutter", "z", "--start", "0,-80,80,0,40,0", *options)  # fmt: skip
+                  "--start", "0,-80,80,0,40,0",
+                  "--force", work / "f.toml", "--cutter", "z", *options)  # fmt: skip
         assert got.code == 0, got.err
         said.append(got)
     assert "free_spin" not in said[0].document

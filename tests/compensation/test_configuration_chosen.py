@@ -129,6 +129,25 @@ def test_another_branch_under_way_is_not_followed_without_a_maker() -> None:
     assert (result.status[4:] == Status.UNCHANGED_CONFIGURATION).all()
 
 
+def test_words_behind_axis_values_are_not_read_past_either() -> None:
+    robot = replace(cases.kr160(), maker="generic")
+    joints = cases.path_joints(3)
+    words = configuration_words(robot, "kuka", joints)
+    axes = np.full((3, 6), np.nan)
+    axes[0] = robot.controller.to_controller(joints[0])
+    motion = np.array([Motion.PTP, Motion.PTP, Motion.LIN], dtype=np.int64)
+    reason = np.array([int(Reason.JOINT_TARGET), 0, 0])
+    program = replace(
+        cases.program_of(forward(robot, joints), words=words, reason=reason, axes=axes),
+        motion=motion,
+    )
+    result = compensate(cases.rigid_model(robot=robot), program)
+    assert (result.status[1:] == Status.UNCHANGED_CONFIGURATION).all()
+    known = replace(robot, maker="kuka")
+    result = compensate(cases.rigid_model(robot=known), program)
+    assert (result.status[1:] == Status.COMPENSATED).all()
+
+
 CONFIGS = ("N U T, 0, 0, 0", "F U T, 0, 0, 0", "N D B, 0, 0, 0")
 
 

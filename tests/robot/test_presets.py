@@ -4,6 +4,8 @@ import sys
 import numpy as np
 import pytest
 
+from robotrue.core.poses import pose
+from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.errors import ConfigurationError
 from robotrue.robot.forward import forward, walk
 from robotrue.robot.opw import opw_geometry
@@ -29,6 +31,8 @@ from .arms import SEVEN
         ("St\u00e4ubli TX2-90L", "Staubli TX2-90L"),
         ("tx2 90l", "Staubli TX2-90L"),
         ("Motoman GP225", "Yaskawa GP225"),
+        ("Fanuc R-2000iC/165F", "Fanuc R-2000iC/165F"),
+        ("fanuc r2000", "Fanuc R-2000iC/165F"),
         ("panda", "Franka Panda"),
         ("Franka Emika Panda", "Franka Panda"),
         ("iiwa14", "KUKA LBR iiwa 14 R820"),
@@ -131,3 +135,23 @@ def test_gravity_does_no_work_about_a_vertical_axis_and_masses_lie_in_their_link
     held = drive_torque(robot, level)[0, 1]
     assert 20.0 < held < 100.0
     assert np.abs(robot.link_com).max() < 0.15
+
+
+def test_the_fanuc_is_the_chain_of_its_urdf():
+    """Joint by joint as ``r2000ic165f_macro.xacro`` has them, from the controller's base."""
+
+    def turned(axis, angle):
+        return matrix_from_rotation_vector(np.array(axis, dtype=float) * angle)
+
+    origins = [(0, 0, 0), (0.312, 0, 0), (0, 0, 1.075), (0, 0, 0.225), (1.28, 0, 0), (0.215, 0, 0)]
+    axes = [(0, 0, 1), (0, 1, 0), (0, -1, 0), (-1, 0, 0), (0, -1, 0), (-1, 0, 0)]
+    zero_tool = turned((0, 1, 0), -np.pi / 2) @ turned((1, 0, 0), np.pi)
+    robot = preset("r2000")
+    for joints in np.random.default_rng(1).uniform(-2.0, 2.0, (10, 6)):
+        T = np.eye(4)
+        for origin, axis, q in zip(origins, axes, joints, strict=True):
+            T = T @ pose(turned(axis, q), np.array(origin, dtype=float))
+        T[:3, :3] = T[:3, :3] @ zero_tool
+        np.testing.assert_allclose(forward(robot, joints[None])[0], T, atol=1e-12)
+    shown = robot.controller.to_controller(np.radians([0, 20, 30, 0, 0, 0]))
+    np.testing.assert_allclose(np.degrees(shown), [0, 20, 10, 0, 0, 0], atol=1e-12)

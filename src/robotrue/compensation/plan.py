@@ -103,7 +103,7 @@ def lay_out(
     route[worded] = Route.GIVEN
     known = np.where(np.isin(route, [Route.GIVEN, Route.PASS, Route.AXES]), 1, 0)
     known[said.changed] = -1
-    if not len(settings.home):  # where the user chose, words that fit nothing do not unchoose
+    if not len(settings.home):  # where the user chose, words that say nothing do not unchoose
         known[said.astray] = -1
     rows = np.concatenate([joints_known, worded])
     order = np.argsort(rows, kind="stable")
@@ -179,7 +179,16 @@ def _tool_known(program: Program, rows: IntArray) -> BoolArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Said:
-    """What configuration words say: of the joints, of targets that fit none, of a change."""
+    """What configuration words say.
+
+    Attributes:
+        last: (b,) those that name the branch, of the last target that has any.
+        rows: (k,) targets whose joints they choose.
+        joints: (k, 6) rad of those.
+        astray: (m,) targets that have words, which lead nowhere.
+        changed: (m,) targets with other words than those before, which nobody can read.
+        notes: What the user should know.
+    """
 
     last: IntArray
     rows: IntArray = field(default_factory=lambda: np.empty(0, np.int64))
@@ -215,9 +224,12 @@ def _by_words(
     geometry = opw_geometry(robot) if robot.maker == maker else None
     told = np.concatenate([last[None], branch_words(maker, program.words[rows])])
     if geometry is None:
-        other = (told[1:] != told[:-1]).any(axis=1) & (told[:-1] != NO_WORD).any(axis=1)
+        other = np.asarray((told[1:] != told[:-1]).any(axis=1))
+        first = np.asarray((told[:-1] == NO_WORD).all(axis=1))
         note = row_note(program, rows, _unused(robot, maker), rank=UNUSED)
-        return _Said(changed=rows[other], last=told[-1], notes=(note,))
+        return _Said(
+            astray=rows[other & first], changed=rows[other & ~first], last=told[-1], notes=(note,)
+        )
     joints, reached, fits = _fitting(robot, program, rows, geometry)
     # Words that leave the branch open choose nothing: the nearest to the target before does.
     good = fits == 1
