@@ -111,7 +111,7 @@ def read_only(folder: Path) -> ConfigurationError:
 
 
 def unreachable(cause: DBAPIError, folder: Path) -> ConfigurationError:
-    """Returns the error for a database that does not answer or may only be read, without its URL."""
+    """Returns the error for a database that does not answer, or may only be read; it has no URL."""
     if "readonly database" in str(cause.orig):
         return read_only(folder)
     said = str(cause.orig).strip() or "it does not say why"
