@@ -25,6 +25,7 @@ EVERY = """
 pulses_per_degree = [1365.3, 1365.3, -1365.3, 900, 900, 500]
 external_axes_at_rest = true
 fixed_tool = "tool_in_part"
+harmless_routines = ["Spindle_On", "GRIP"]
 angles = "rpy"
 cutter = "-x"
 spin_deg = 30
@@ -68,6 +69,7 @@ def test_every_key_reaches_the_table(tmp_path: Path) -> None:
     assert told.pulses_per_degree.tolist() == [1365.3, 1365.3, -1365.3, 900, 900, 500]
     assert told.external_axes_at_rest
     assert told.fixed_tool == "tool_in_part"
+    assert told.harmless_routines == ("spindle_on", "grip")
     expected = pose_from_xyz_abc(np.array([100, 200, 300]) * MM, np.array([30, 20, 10]) * DEG)
     np.testing.assert_allclose(told.bases["3"], expected, atol=1e-15)
     np.testing.assert_array_equal(told.bases["w_fix"], told.bases["3"])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from fanuc_samples import JOINTS, POSE, TABLE, body, read, record, text
@@ -10,6 +12,7 @@ from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
 from robotrue.core.words import NO_WORD
 from robotrue.errors import FormatError
+from robotrue.program.formats import dialect
 from robotrue.program.program import FrameTable, Motion, Reason
 
 MOVE = "L P[1] 200mm/sec FINE ;"
@@ -273,3 +276,21 @@ def test_a_listing_in_german(odd: str, reason: Reason, encoding: str) -> None:
 
 def test_other_words_of_an_english_listing_are_let_pass() -> None:
     assert body(record(1), "L P[1] WELD_SPEED CNT100 PTH Wjnt ;").reason.tolist() == [Reason.NONE]
+
+
+@pytest.mark.parametrize(("call", "left"), [("CALL PROBE", True), ("CALL GRIP", False)])
+def test_a_called_program_may_set_the_numbers_in_force(call: str, left: bool) -> None:
+    table = replace(TABLE, harmless_routines=("grip",))
+    records = record(1, uf="F", ut="F") + record(2)
+    moves = f"UFRAME_NUM=1 ;\nUTOOL_NUM=1 ;\n{call} ;\n{MOVE}\nL P[2] 9mm/sec FINE ;"
+    program = body(records, moves, table)
+    assert program.reason.tolist() == [Reason.UNKNOWN_FRAME if left else Reason.NONE, Reason.NONE]
+    assert any('harmless_routines = ["PROBE"]' in note for note in program.notes) == left
+
+
+def test_a_called_program_that_is_given_and_sets_no_number_is_no_matter() -> None:
+    main = text(record(1, uf="F"), f"UFRAME_NUM=1 ;\nCALL TEST ;\n{MOVE}")
+    for inside, why in (("DO[1]=ON ;", Reason.NONE), ("UFRAME_NUM=2 ;", Reason.UNKNOWN_FRAME)):
+        job = [("main.ls", main.replace("/PROG  TEST", "/PROG  MAIN").encode())]
+        job.append(("test.ls", text(record(1), f"{inside}\n{MOVE}").encode()))
+        assert dialect("fanuc_ls").read_job(job, frames=TABLE)[0].reason.tolist() == [why]

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from jbi_samples import HEAD, TABLE, P, body, read, text
@@ -10,6 +13,7 @@ from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
 from robotrue.core.words import NO_WORD
 from robotrue.errors import FormatError, ShapeError
+from robotrue.program.formats import dialect
 from robotrue.program.program import FrameTable, Motion, Reason
 
 PULSES = "///TOOL 1\n///POSTYPE PULSE\n///PULSE\nC00000=1000,-2000,3000,0,500,-7\n"
@@ -283,3 +287,29 @@ def test_points_of_other_instructions(text: str, reason: Reason) -> None:
     program = body(f"{HEAD}C00000={P}\nC00001={P}", f"MOVL C00000\n{text}\nMOVL C00001")
     assert program.reason[0] == reason
     assert any("C00000 is used" in note for note in program.notes) == bool(reason)
+
+
+@pytest.mark.parametrize(
+    ("moves", "left"),
+    [
+        ("MOVL C00000\nCALL JOB:PROBE\nMOVL P001", True),
+        ("MOVL P001\nCALL JOB:PROBE", False),
+        ("*A\nMOVL P001\nCALL JOB:PROBE IF B000=1\nJUMP *A", True),
+        ("CALL JOB:GRIP\nMOVL P001", False),
+    ],
+)
+def test_a_job_that_is_called_may_change_p_points(moves: str, left: bool) -> None:
+    table = replace(TABLE, harmless_routines=("grip",))
+    program = body(f"{HEAD}C00000={P}\nP00001={P}", moves, table)
+    assert (program.reason[1] == Reason.EXPRESSION) == left
+    assert any(note.count('harmless_routines = ["PROBE"]') for note in program.notes) == left
+    assert program.reason[0] in (Reason.NONE, Reason.UNUSED)
+
+
+def test_a_called_job_that_is_given_and_sets_no_point_is_no_matter() -> None:
+    main = text(f"{HEAD}P00001={P}", "CALL JOB:SUB\nMOVL P001")
+    for inside, why in (("DOUT OT#(1) ON", Reason.NONE), ("SET P001 P002", Reason.EXPRESSION)):
+        sub = text(f"{HEAD}C00000={P}", f"{inside}\nMOVL C00000").replace("//NAME ", "//NAME SUB#")
+        sub = re.sub(r"//NAME .*", "//NAME SUB", sub)
+        job = [("main.jbi", main.encode()), ("sub.jbi", sub.encode())]
+        assert dialect("jbi").read_job(job, frames=TABLE)[0].reason.tolist() == [why]

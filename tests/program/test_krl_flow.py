@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from krl_samples import changed_lines, read, replacement, write
@@ -108,14 +110,43 @@ def test_a_handler_that_changes_frames_is_named() -> None:
     )
 
 
-def test_an_unknown_routine_is_named_once() -> None:
-    text = f"DEF p()\nBAS(#BASE,1)\n{P}\nspindle_on(9000)\n{P}\nCUT()\n{P}\nEND\n"
-    program = read(text, TABLE)
-    assert program.reason.tolist() == [Reason.NONE] * 3
+def test_targets_behind_an_unknown_routine_are_left_alone_until_both_frames_are_set() -> None:
+    text = (
+        f"DEF p()\nBAS(#BASE,1)\n{P}\nSpindle_On(9000)\n{P}\nBAS(#TOOL,1)\n{P}\nBAS(#BASE,2)\n{P}\n"
+    )
+    program = read(text + f"CUT()\n{P}\nEND\n", TABLE)
+    unknown = Reason.UNKNOWN_FRAME
+    assert program.reason.tolist() == [Reason.NONE, unknown, unknown, Reason.NONE, unknown]
     assert program.notes == (
-        "part.src:4: this calls a routine that is not in these files. 2 targets are compensated "
-        "in the base and tool set before it: if a called routine changes either, set them again "
-        "after the call.",
+        "part.src:4: Spindle_On stands in no file given and may change base or tool: 2 targets "
+        "behind it are not compensated, until both are set again. Give its file, too; if it "
+        "changes none of them, say so in the cell: [controller] harmless_routines = "
+        '["Spindle_On"].',
+        "part.src:10: CUT stands in no file given and may change base or tool: 1 targets behind it "
+        "are not compensated, until both are set again. Give its file, too; if it changes none of "
+        'them, say so in the cell: [controller] harmless_routines = ["CUT"].',
+    )
+    table = replace(TABLE, harmless_routines=("spindle_on", "cut"))
+    assert read(text + f"CUT()\n{P}\nEND\n", table).reason.tolist() == [Reason.NONE] * 5
+
+
+def test_an_unknown_routine_that_a_trigger_or_a_subprogram_starts() -> None:
+    late = f"TRIGGER WHEN DISTANCE=0 DELAY=0 DO Glue(1) PRIO=-1\n{P}"
+    assert read(f"DEF p()\n{late}\nEND\n", TABLE).reason.tolist() == [Reason.UNKNOWN_FRAME]
+    sub = f"DEF p()\ns()\n{P}\nEND\nDEF s()\nGlue(1)\nEND\n"
+    assert read(sub, TABLE).reason.tolist() == [Reason.UNKNOWN_FRAME]
+    one_way = f"DEF p()\nIF $IN[1] THEN\nGlue(1)\nENDIF\n{P}\nEND\n"
+    assert read(one_way, TABLE).reason.tolist() == [Reason.UNKNOWN_FRAME]
+
+
+def test_interrupts_of_routines_in_no_file() -> None:
+    head = "DEF p()\nGLOBAL INTERRUPT DECL 3 WHEN $STOPMESS==TRUE DO IR_STOPM ( )\n"
+    assert read(f"{head}BAS(#INITMOV,0)\n{P}\nEND\n", TABLE).notes == ()
+    program = read(f"DEF p()\nINTERRUPT DECL 9 WHEN $IN[1] DO Retreat()\n{P}\nEND\n", TABLE)
+    assert program.reason.tolist() == [Reason.NONE]
+    assert program.notes == (
+        "part.src: Retreat, which an interrupt starts, stands in no file given; targets are "
+        "compensated as if it changed neither base nor tool.",
     )
 
 

@@ -50,7 +50,7 @@ def cam_job() -> tuple[str, str]:
     return "\r\n".join([*src, "END", ""]), "\r\n".join([*dat, ""])
 
 
-FRAMES = FrameTable(external_axes_at_rest=True)
+FRAMES = FrameTable(external_axes_at_rest=True, harmless_routines=("spindle_on",))
 
 
 def planted(program: Program, seed: int) -> Replacement:
@@ -74,8 +74,7 @@ def test_a_large_dirty_job(tmp_path: Path) -> None:
     assert len(source) == INLINE + 1
     assert source.reason.tolist() == [Reason.JOINT_TARGET] + [Reason.NONE] * INLINE
     assert (source.motion == Motion.PTP).sum() == 1 + INLINE // 20
-    assert len(source.notes) == 1
-    assert ":9: this calls a routine" in source.notes[0]
+    assert source.notes == ()
     for program in (source, points):
         assert write(program, replacement(program)).encode("latin-1") == program.data
 

@@ -268,8 +268,41 @@ def test_quaternions_that_are_none() -> None:
 def test_notes_name_foreign_routines_and_unchecked_configuration() -> None:
     program = module("ConfL \\Off;\nGripper 5;\n" + move(target()))
     assert any(n.startswith("part.mod:6: ConfL \\Off: the controller") for n in program.notes)
-    assert any("gripper stand in no file given here" in note for note in program.notes)
+    assert any(n.startswith("part.mod:7: gripper stands in no file given") for n in program.notes)
     assert not module("WaitTime 1;\nSetDO a,1;\n" + move(target())).notes
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("Gripper 5;\n", Reason.UNKNOWN_FRAME),
+        ("IF done Gripper 5;\n", Reason.UNKNOWN_FRAME),
+        ("IF done THEN\nGripper 5;\nENDIF\n", Reason.UNKNOWN_FRAME),
+        ("Gripper 5;\nPDispOff;\n", Reason.UNKNOWN_FRAME),
+        ('IF NOT done AND a=5 SetDO do1,1;\nTPWrite "Gripper 5";\n', Reason.NONE),
+        (
+            "Gripper 5;\nPDispOff;\n"
+            "spindle:=[TRUE,[[0,0,200],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\n"
+            'fixture:=[FALSE,TRUE,"",[[800,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\n',
+            Reason.NONE,
+        ),
+    ],
+)
+def test_a_routine_in_no_file_may_move_frames(text: str, expected: Reason) -> None:
+    assert reasons(text + move(target())) == [expected]
+
+
+def test_harmless_routines_and_data_no_other_module_can_change() -> None:
+    known = FrameTable(harmless_routines=("gripper",))
+    text = f"{FRAMES}PROC main()\nGripper 5;\n{move(target())}ENDPROC\nENDMODULE"
+    assert read(text).reason.tolist() == [Reason.UNKNOWN_FRAME]
+    assert read(text, known).reason.tolist() == [Reason.NONE]
+    shut = (
+        text.replace("TASK PERS", "PERS")
+        .replace("PERS", "LOCAL PERS")
+        .replace("Gripper 5;", "Gripper 5;\nPDispOff;")
+    )
+    assert read(shut).reason.tolist() == [Reason.NONE]
 
 
 def test_frames_of_the_module_beside() -> None:
@@ -312,7 +345,7 @@ def test_settings_a_caller_passes_on() -> None:
 
 def test_calls_by_name_and_traps_are_told() -> None:
     program = module('%"proc"+x%;\n' + move(target()))
-    assert any("a call by name stand in no file" in note for note in program.notes)
+    assert any("a call by name stands in no file" in note for note in program.notes)
     trap = "TRAP stop\nfixture.uframe:=[[1,0,0],[1,0,0,0]];\nENDTRAP\n"
     program = read(f"{FRAMES}PROC main()\n{move(target())}ENDPROC\n{trap}ENDMODULE")
     assert program.reason.tolist() == [0]

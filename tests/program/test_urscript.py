@@ -223,3 +223,17 @@ def test_a_routine_of_the_script_that_is_called_like_a_motion() -> None:
     program = read(text)
     assert NONE in program.reason
     assert not any("move_to is not followed" in note for note in program.notes)
+
+
+def test_a_function_in_no_script_may_set_the_tool() -> None:
+    text = f"movel({P})\nrq_close(1)\nmovel({P})\nset_tcp({P})\nmovel({P})"
+    assert reasons(text) == [NONE, UNKNOWN, NONE]
+    assert script(text).notes == (
+        "part.script:3: rq_close stands in no file given and may change the tool: 1 targets behind "
+        "it are not compensated, until set_tcp. Give its file, too; if it changes none of them, "
+        'say so in the cell: [controller] harmless_routines = ["rq_close"].',
+    )
+    known = FrameTable(harmless_routines=("rq_close",))
+    assert script(text, known).reason.tolist() == [NONE] * 3
+    own = "sleep(0.1)\nset_digital_out(1, True)\nif (get_digital_in(1) and x.go(2)):\nend\n"
+    assert reasons(f"{own}movel({P})") == [NONE]

@@ -141,6 +141,7 @@ class Cell:
             told.bases or told.tools or told.external or told.external_axes_at_rest
             or told.fixed_tool or told.pulses_per_degree is not None or told.orientation.stated
             or len(told.start)
+            or told.harmless_routines
         )  # fmt: skip
 
     @property

@@ -50,6 +50,7 @@ def controller_of(table: ControllerTable, folder: Path) -> FrameTable:
         pulses_per_degree=None if pulses is None else np.array(pulses),
         orientation=_orientation(table),
         start=np.array(table.start_deg or []) * DEG,
+        harmless_routines=tuple(name.strip().lower() for name in table.harmless_routines),
     )
 
 

@@ -30,6 +30,8 @@ def controller_text(told: FrameTable) -> list[str]:
     lines += _orientation_text(told.orientation)
     if len(told.start):
         lines.append(f"start_deg = {numbers(told.start / DEG)}")
+    if told.harmless_routines:
+        lines.append(f"harmless_routines = {json.dumps(told.harmless_routines)}")
     for side, table in (("base", told.bases), ("tool", told.tools)):
         for key, matrix in table.items():
             plain = key.isascii() and key.isdigit()

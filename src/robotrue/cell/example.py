@@ -66,6 +66,7 @@ abc_deg = [0, 0, 0]
 # pulses_per_degree = [1365, 1365, 1365, 910, 910, 455]   # Yaskawa jobs in pulses; may be negative
 # external_axes_at_rest = false      # those not described below stand still, frames hold there
 # fixed_tool = "tool_in_part"        # KUKA #TCP: what a target says; or "part_in_tool"
+# harmless_routines = ["Spindle"]    # called, in no given file, changing neither frame nor point
 # [[controller.base]]                # USER 3, UF 3, BASE_DATA[3], a work object: in the robot base
 # number = 3                         # or name = "w_fixture", or both
 # xyz_mm = [800, -100, 450]

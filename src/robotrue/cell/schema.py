@@ -168,6 +168,7 @@ class ControllerTable(_Table):
     cutter: Literal["x", "y", "z", "-x", "-y", "-z"] | None = None
     spin_deg: Number | None = None
     start_deg: Annotated[list[Number], Field(min_length=6, max_length=6)] | None = None
+    harmless_routines: list[str] = []
     base: list[NamedFrameTable] = []
     tool: list[NamedFrameTable] = []
     external: list[ExternalTable] = []

@@ -161,6 +161,8 @@ class FrameTable:
         orientation: What angles and tool axes of G-code, APT and CSV say of the tool frame.
         start: (6,) rad, the controller's axis values where a program begins, which tell how the arm
             stands at a first target that does not say it; empty if not stated.
+        harmless_routines: Routines in no given file that change neither frames nor points, in
+            lower case; behind others that are called, targets are left alone.
     """
 
     T_base_frame: Array = field(default_factory=lambda: np.eye(4))
@@ -173,6 +175,7 @@ class FrameTable:
     pulses_per_degree: Array | None = None
     orientation: OrientationRule = field(default_factory=OrientationRule)
     start: Array = field(default_factory=lambda: np.empty(0))
+    harmless_routines: tuple[str, ...] = ()
 
 
 class Dialect(Protocol):

@@ -21,6 +21,7 @@ def controller_document(told: FrameTable) -> dict[str, Any]:
         "external": [_axis_document(axis) for axis in told.external],
         "external_axes_at_rest": told.external_axes_at_rest,
         "fixed_tool": told.fixed_tool,
+        "harmless_routines": list(told.harmless_routines),
         "orientation": {
             "angles": told.orientation.angles,
             "cutter": told.orientation.cutter.tolist(),
@@ -46,6 +47,7 @@ def controller_from_document(stated: Mapping[str, Any]) -> FrameTable:
         external=tuple(_axis(each) for each in stated["external"]),
         external_axes_at_rest=bool(stated["external_axes_at_rest"]),
         fixed_tool=stated["fixed_tool"],
+        harmless_routines=tuple(stated.get("harmless_routines", ())),
         orientation=OrientationRule(
             angles=stated["orientation"]["angles"],
             cutter=np.array(stated["orientation"]["cutter"]),

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 from robotrue.program.program import FrameTable, Program, Replacement
@@ -50,6 +51,10 @@ class FanucLs:
         Raises:
             FormatError: Not an LS program, cut off, or a record that cannot be read.
         """
+        from robotrue.program.formats.fanuc_moves import quiet_programs
+
+        quiet = (*frames.harmless_routines, *quiet_programs(files))
+        frames = replace(frames, harmless_routines=quiet)
         return tuple(self.read(data, name=name, frames=frames) for name, data in files)
 
     def write(self, program: Program, replacement: Replacement) -> bytes:

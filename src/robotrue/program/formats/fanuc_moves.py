@@ -8,6 +8,7 @@ else counts: an offset or an increment makes it another pose than the one that s
 from __future__ import annotations
 
 import re
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -25,6 +26,8 @@ _POINT: Final = re.compile(rb"(?<![\w$])P\s*\[\s*([^\]:]*)\s*(?::[^\]]*)?\]")
 _FRAME_NUMBER: Final = re.compile(rb"\b(UFRAME|UTOOL|BENUTZER|WKZ)_NUM\s*=\s*([^;,)]*)")
 _FRAME_DATA: Final = re.compile(rb"\b(UFRAME|UTOOL|BENUTZER|WKZ)\s*\[([^=;]*)\]\s*=")
 _MOTION: Final = {b"J": Motion.PTP, b"L": Motion.LIN, b"S": Motion.SPLINE}
+_CALL: Final = re.compile(rb"\b(?:CALL|RUN)\s+([\w.]+)")
+_PROG: Final = re.compile(rb"^/PROG[ \t]+(\w+)", re.MULTILINE)
 _SIDE: Final = {b"UFRAME": "base", b"BENUTZER": "base", b"UTOOL": "tool", b"WKZ": "tool"}
 _SHIFT: Final = re.compile(rb"(?:TOUCH|MP)[ \t]+OFFSET\b[ \t]*(END\b)?")
 _LEAP: Final = re.compile(rb"\bJMP\b|[:;]\s*(?:FOR|IF|ELSE|SELECT)\b")
@@ -58,6 +61,7 @@ class Moves:
         arcs: Rows that make one arc, or one run of arcs.
         current: What ``UFRAME_NUM`` and ``UTOOL_NUM`` are set to: distinct texts by side.
         changed: Line of the frames that the program computes, by side and number, ``?`` for any.
+        calls: Programs called that may set the number of frame and tool.
         notes: Sentences.
     """
 
@@ -66,16 +70,32 @@ class Moves:
     arcs: list[list[int]] = field(default_factory=list)
     current: dict[str, set[str]] = field(default_factory=lambda: {"base": set(), "tool": set()})
     changed: dict[tuple[str, str], int] = field(default_factory=dict)
+    calls: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
 
-def moves(scan: FanucScan, name: str) -> Moves:
+def quiet_programs(files: Sequence[tuple[str, bytes]]) -> tuple[str, ...]:
+    """Returns the names, in lower case, of programs that set no frame number and call none."""
+    named = [(_PROG.search(data), data) for _, data in files]
+    return tuple(
+        match[1].decode("latin-1").lower()
+        for match, data in named
+        if match and not _FRAME_NUMBER.search(data) and not _CALL.search(data)
+    )
+
+
+def moves(scan: FanucScan, name: str, harmless: Container[str] = ()) -> Moves:
     """Returns what the statements do.
+
+    Args:
+        scan: The program.
+        name: Of its file.
+        harmless: Programs that set no frame or tool number, in lower case.
 
     Raises:
         FormatError: A statement without its ``;``.
     """
-    walk = _Walk(scan, name)
+    walk = _Walk(scan, name, harmless)
     at, end = scan.statements
     match = _STATEMENT.match(scan.data, at, end)
     while match is not None:
@@ -96,7 +116,8 @@ def moves(scan: FanucScan, name: str) -> Moves:
 
 
 class _Walk:
-    def __init__(self, scan: FanucScan, name: str) -> None:
+    def __init__(self, scan: FanucScan, name: str, harmless: Container[str]) -> None:
+        self._harmless = harmless
         self.name, self.data = name, scan.data
         self.out = Moves()
         self._row = {number: row for row, number in enumerate(scan.number.tolist())}
@@ -132,7 +153,7 @@ class _Walk:
             self._move(place, move[1], text)
         elif shift:
             self._shift(place, bool(shift[1]))
-        elif b"P" in text or b"U" in text:
+        elif b"P" in text or b"U" in text or b"CALL" in text:
             self._other(place, text)
 
     def close_run(self) -> None:
@@ -206,6 +227,9 @@ class _Walk:
         """Reads a statement that is no move: frames it sets, positions it reads."""
         for kind, number in _FRAME_NUMBER.findall(text):
             self.out.current[_SIDE[kind]].add(_digits(number))
+        for called in _CALL.findall(text):
+            if called.decode("latin-1").lower() not in self._harmless:
+                self.out.calls.append(called.decode("latin-1"))
         for kind, number in _FRAME_DATA.findall(text):
             key = _SIDE[kind], _digits(number.partition(b":")[0])
             if key not in self.out.changed:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Final
 
 import numpy as np
@@ -30,7 +31,7 @@ def read_fanuc(data: bytes, name: str, frames: FrameTable) -> Program:
         FormatError: Not an LS program, cut off, or a record that cannot be read.
     """
     found = scan(data, name=name)
-    return _Builder(found, moves(found, name), name, frames).program()
+    return _Builder(found, moves(found, name, frames.harmless_routines), name, frames).program()
 
 
 class _Builder:
@@ -102,7 +103,14 @@ class _Builder:
             return self.frames.unknown(side, what, line, "write the number out")
         if number.isdigit():
             return self.frames.number(side, number, line)
-        current = self.walk.current[side]
+        current, calls = self.walk.current[side], list(dict.fromkeys(self.walk.calls))
+        if calls:
+            what = f"is the one in force, which {', '.join(calls[:5])} may change"
+            cure = (
+                "give what is called, too, write the number at the positions, or say in the cell "
+                f"that it sets none: [controller] harmless_routines = {json.dumps(calls[:5])}"
+            )
+            return self.frames.unknown(side, what, line, cure)
         if len(current) == 1 and current != {"?"}:
             return self.frames.number(side, next(iter(current)), line)
         name = _HOLDER[side]

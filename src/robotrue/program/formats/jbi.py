@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 from robotrue.program.program import FrameTable, Program, Replacement
@@ -51,6 +52,10 @@ class Jbi:
         Raises:
             FormatError: Not a job, cut off, or a line that cannot be read.
         """
+        from robotrue.program.formats.jbi_moves import quiet_jobs
+
+        quiet = (*frames.harmless_routines, *quiet_jobs(files))
+        frames = replace(frames, harmless_routines=quiet)
         return tuple(self.read(data, name=name, frames=frames) for name, data in files)
 
     def write(self, program: Program, replacement: Replacement) -> bytes:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
 from robotrue.errors import FormatError
 from robotrue.program.formats.jbi_scan import P_POINTS, JbiScan
+from robotrue.program.formats.target_notes import absent_routine
 from robotrue.program.program import Motion, Reason
 
 _PLAIN: Final = re.compile(rb"MOV([JLC])[ \t]+C(\d{1,6})(?![^ \t])(.*)", re.DOTALL)
@@ -28,6 +29,13 @@ _MOTION: Final = {
     b"S": Motion.SPLINE,
     b"": Motion.LIN,
 }
+_CALL: Final = re.compile(rb"\bCALL[ \t]+JOB:([^\s()]+)")
+_JOB: Final = re.compile(rb"^//NAME[ \t]+(\S+)", re.MULTILINE)
+_SETS: Final = re.compile(
+    rb"(?m)^(?!(?:\+?[ \t]*)?(?:S?MOV|P\d|///))[^'\r\n]*?"
+    rb"(?:\b(?:CALL|JUMP)[ \t]+JOB|\bPX?(?:\d|\[))"
+)
+"""A line that is no move and names a P point, or calls a job."""
 _LEAPS: Final = (b"JUMP", b"FOR ", b"WHILE", b"IFTHEN", b"ELSE", b"SWITCH")
 """Instructions with which a job does not run from its first line to its last."""
 _TAILS: Final = 4096
@@ -57,13 +65,28 @@ class Moves:
     notes: list[str] = field(default_factory=list)
 
 
-def moves(scan: JbiScan, name: str) -> Moves:
+def quiet_jobs(files: Sequence[tuple[str, bytes]]) -> tuple[str, ...]:
+    """Returns the names, in lower case, of jobs that set no point and call no job."""
+    named = [(_JOB.search(data), data) for _, data in files]
+    return tuple(
+        match[1].decode("latin-1").strip().lower()
+        for match, data in named
+        if match and not _SETS.search(data, match.end())
+    )
+
+
+def moves(scan: JbiScan, name: str, harmless: Container[str] = ()) -> Moves:
     """Returns what the instructions do.
+
+    Args:
+        scan: The job.
+        name: Of its file.
+        harmless: Jobs that change no point, in lower case.
 
     Raises:
         FormatError: A move to a C point that the job does not hold.
     """
-    walk = _Walk(scan, name)
+    walk = _Walk(scan, name, harmless)
     for line, text in scan.body:
         walk.instruction(line, text.partition(b"'")[0])
     walk.finish()
@@ -71,8 +94,10 @@ def moves(scan: JbiScan, name: str) -> Moves:
 
 
 class _Walk:
-    def __init__(self, scan: JbiScan, name: str) -> None:
-        self.name = name
+    def __init__(self, scan: JbiScan, name: str, harmless: Container[str]) -> None:
+        self.name, self._harmless = name, harmless
+        self._variables: list[int] = []
+        self._calls: list[tuple[str, int]] = []
         self.out = Moves()
         self._row = {number: row for row, number in enumerate(scan.names.tolist())}
         self._external = scan.external
@@ -104,7 +129,9 @@ class _Walk:
                        "targets are not compensated.")  # fmt: skip
         elif text.startswith(b"SFTOF") and not self._leaps:
             self._shift = 0
-        elif text.startswith(b"CALL") and self._shift:
+        if b"CALL" in text:
+            self._call(line, text)
+        if text.startswith(b"CALL") and self._shift:
             self._tell("called", f"{self.name}:{line}: a job that is called while SFTON shifts "
                        "moves elsewhere than its points say; do not compensate it.")  # fmt: skip
         for pattern, found in ((_FRAME, self.out.frames), (_TOOL, self.out.tools)):
@@ -119,9 +146,30 @@ class _Walk:
     def finish(self) -> None:
         """Closes what is open at the end."""
         self._close_run()
+        self._behind_calls()
         if self._shift and self._leaps:
             self._shifted = list(self.out.motion)
         self.out.flags |= dict.fromkeys(self._shifted, Reason.RELATIVE)
+
+    def _call(self, line: int, text: bytes) -> None:
+        """A job that is called may give P points, which are global, other values."""
+        for name in _CALL.findall(text):
+            called = name.decode("latin-1").strip()
+            if called.lower() not in self._harmless:
+                self._calls.append((called, line))
+
+    def _behind_calls(self) -> None:
+        """Flags the P points that are moved to behind a call; all where the job jumps."""
+        used = sorted({row for row in self._variables if row >= 0})
+        if not self._calls or not used:
+            return
+        for row in used:
+            self._flag(row, Reason.EXPRESSION)
+        names = list(dict.fromkeys(name for name, _ in self._calls))
+        what = (f"P points: {len(used)} points behind it are not compensated; user frames, tools "
+                "and shifts are taken to stay as they are")  # fmt: skip
+        sentence = absent_routine(f"{self.name}:{self._calls[0][1]}", names, what)
+        self.out.notes.append(sentence)
 
     def _is_plain(self, tail: bytes) -> bool:
         """Whether a move's tail names no point and no second group; tails repeat themselves."""
@@ -200,6 +248,8 @@ class _Walk:
             if kind not in ("C", "P"):
                 continue
             row = self._row.get(number + (P_POINTS if kind == "P" else 0))
+            if kind == "P" and row is not None and (self._calls or self._leaps):
+                self._variables.append(row)
             if row is not None:
                 yield row
             elif kind == "C":

@@ -37,7 +37,7 @@ def read_jbi(data: bytes, name: str, frames: FrameTable) -> Program:
         ShapeError: ``frames.pulses_per_degree`` are not six numbers other than zero.
     """
     found = scan(data, name=name)
-    return _Builder(found, moves(found, name), name, frames).program()
+    return _Builder(found, moves(found, name, frames.harmless_routines), name, frames).program()
 
 
 class _Builder:

@@ -18,6 +18,7 @@ from robotrue.program.formats.krl_modal import Visits, inherit, inherit_external
 from robotrue.program.formats.krl_scan import INLINE_ARC, NOT_CONSTANT, STATEMENT, STATUS, Scan
 from robotrue.program.formats.krl_walk import MOTION_OF, Walk
 from robotrue.program.formats.krl_write import KrlSpans
+from robotrue.program.formats.target_notes import absent_routine
 from robotrue.program.held import turned_round
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 
@@ -53,6 +54,13 @@ class Builder:
             f"{self.frames.name}: {name}, which an interrupt or trigger starts, changes base or "
             "tool; targets that may come after it are compensated as if it had not run."
             for name in ways.handlers
+        ]
+        self._calls = ways.foreign
+        self.story.notes += [
+            f"{self.frames.name}: {self.story.spelled.get(name, name)}, which an interrupt starts, "
+            "stands in no file given; targets are compensated as if it changed neither base nor "
+            "tool."
+            for name in ways.lost
         ]
         table = np.array(ways.value, dtype=np.int64)
         for side, column in _SIDES:
@@ -117,7 +125,7 @@ class Builder:
         if self.given.fixed_tool == "tool_in_part":
             reason[state[:, ON_ROBOT] > 0] = Reason.TOOL_ON_FLOOR
         frame, bases, said = self._external(external, state[:, BASE], reason, name, axis)
-        notes += said + self._foreign_notes(state, reason)
+        notes += said
         return Settled(
             reason, frame, state[:, TOOL], bases, np.array(self.frames.matrices["tool"]), notes
         )
@@ -147,7 +155,7 @@ class Builder:
         for row, why in self._flagged(file, agg):
             reason[row] = why
         self._pair_arcs(file, agg, motion, reason)
-        notes = self._file_notes(file, name) + notes + self._foreign_notes(state, reason)
+        notes = self._file_notes(file, name) + notes
         free = ((motion == Motion.ARC_VIA) & ~is_axis)[partial][:, None] & (np.arange(6) >= 3)
         values[incomplete] = np.nan
         position, rotation, axes = _si(values, is_axis)
@@ -268,6 +276,7 @@ class Builder:
                 lost &= ~axis
             reason[lost] = Reason.UNKNOWN_FRAME
             notes += [cures[side, i] for i in np.unique(state[lost, column]).tolist()]
+        notes += self._foreign(state, axis, reason)
         if refused.any():
             notes.append(
                 f"{self.frames.name}: {int(refused.sum())} targets carry the workpiece on the "
@@ -314,16 +323,24 @@ class Builder:
             "so there (external_axes_at_rest)."
         ]
 
-    def _foreign_notes(self, state: IntArray, reason: IntArray) -> list[str]:
-        """Names the first call out of these files that a compensated target relies on."""
-        after = (state[:, 3:] > 0).any(axis=1) & (reason == Reason.NONE)
-        if not after.any():
-            return []
-        calls = state[after, 3:]
+    def _foreign(self, state: IntArray, axis: BoolArray, reason: IntArray) -> list[str]:
+        """Flags, in place, targets behind a call that may have changed their frames; tells why."""
+        calls = np.where(state[:, 3] > 0, state[:, 3], state[:, 4])
+        after = ((state[:, 3] > 0) & ~axis | (state[:, 4] > 0)) & (reason != Reason.UNKNOWN_FRAME)
+        found: dict[tuple[str, ...], list[int]] = {}
+        for line, count in zip(*np.unique(calls[after], return_counts=True), strict=True):
+            names = self._calls.get(int(line), ())
+            known = found.setdefault(names, [int(line), 0])
+            known[1] += int(count)
+        reason[after] = Reason.UNKNOWN_FRAME
         return [
-            f"{self.frames.name}:{calls[calls > 0].min()}: this calls a routine that is not in "
-            f"these files. {int(after.sum())} targets are compensated in the base and tool set "
-            "before it: if a called routine changes either, set them again after the call."
+            absent_routine(
+                f"{self.frames.name}:{line}",
+                [self.story.spelled.get(name, name) for name in names],
+                f"base or tool: {count} targets behind it are not compensated, until both are set "
+                "again",
+            )
+            for names, (line, count) in found.items()
         ]
 
     def _file_notes(self, file: int, name: str) -> list[str]:

@@ -44,6 +44,9 @@ _HARMLESS: Final = frozenset(
     sptp scirc lin_rel ptp_rel circ_rel trigger interrupt when delay distance path prio onstart
     anin anout pto ezero delete_backward_buffer svel_cp svel_joint stool stool2 sbase sipo_mode
     sload
+    ir_stopm rob_stop rob_stop_release is_key_pressed set_krl_msg set_krl_dlg exists_krl_msg
+    exists_krl_dlg clear_krl_msg krl_fopen krl_fclose krl_fread krl_fwrite krl_fputs cioctl lk
+    strtoframe strtopos strtoe6pos mbx_rec wsostatus
     sacc_cp sacc_joint sapo sapo_ptp sori_typ sjerk sgear_jerk use_cm_pro_values ek k_root k_type
     k_offs time_block""".split()
 )
@@ -58,12 +61,16 @@ class Ways(NamedTuple):
         what: What to say of a node at which ways differ.
         handlers: Interrupt and trigger routines that change frames, so that they may change
             anywhere.
+        foreign: Routines called that are in no file, by the one-based line of the call.
+        lost: Interrupt routines that are in no file.
     """
 
     line: list[int]
     value: list[Value]
     what: list[str]
     handlers: list[str]
+    foreign: dict[int, tuple[str, ...]]
+    lost: list[str]
 
 
 def differing(mark: int) -> int:
@@ -75,9 +82,14 @@ _DARK: Final = "is not known here: no way through the program leads here"
 
 
 class Flow:
-    """The graph while it is drawn, line by line."""
+    """The graph while it is drawn, line by line.
 
-    def __init__(self) -> None:
+    Args:
+        harmless: Routines, in lower case, that leave frames alone wherever they stand.
+    """
+
+    def __init__(self, harmless: Iterable[str] = ()) -> None:
+        self._harmless = _HARMLESS.union(harmless)
         self._line: list[int] = []
         self._what: list[str] = []
         self._before: list[list[int]] = []
@@ -95,6 +107,7 @@ class Flow:
         self._labels: dict[tuple[int, str], int] = {}
         self._jumps: list[tuple[int, int, str]] = []
         self._handlers: set[str] = set()
+        self._triggers: set[int] = set()
         self._resumes = False
         self.pending: list[tuple[int, int, int]] = [(0, 0, 0)]
         self.start(0, "")
@@ -136,7 +149,7 @@ class Flow:
 
     def call(self, line: int, names: Iterable[str]) -> None:
         """Passes through other routines, of this file or not."""
-        names = tuple(name for name in names if name not in _HARMLESS)
+        names = tuple(name for name in names if name not in self._harmless)
         if names:
             node = self._add(line, [self._at], "depends on the way a called subprogram took")
             self._calls[node] = names
@@ -144,6 +157,12 @@ class Flow:
     def handler(self, name: str) -> None:
         """Names a routine that an interrupt or trigger may start at any line."""
         self._handlers.add(name)
+
+    def trigger(self, line: int, names: Iterable[str]) -> None:
+        """Passes a trigger: a routine in no file may run from here on, as if it were called."""
+        before = len(self._line)
+        self.call(line, names)
+        self._triggers.update(range(before, len(self._line)))
 
     def resume(self) -> None:
         """The program has RESUME: a routine may be left at any line."""
@@ -242,7 +261,21 @@ class Flow:
             for name in sorted(self._handlers & self._names.keys())
             if set(effect[self._names[name]][: ON_ROBOT + 1]) - {AS_FOUND, UNREACHED}
         ]
-        return Ways(self._line, value, self._what, changing)
+        return Ways(self._line, value, self._what, changing, self._foreign(), self._lost())
+
+    def _foreign(self) -> dict[int, tuple[str, ...]]:
+        """Returns the routines in no file that each one-based line calls."""
+        out = {}
+        for line, names in zip(self._line, self._calls, strict=True):
+            absent = tuple(name for name in names if name not in self._names)
+            if absent:
+                out[line + 1] = absent
+        return out
+
+    def _lost(self) -> list[str]:
+        """Returns the routines in no file that interrupts start."""
+        called = {name for names in self._calls for name in names}
+        return sorted(self._handlers - self._names.keys() - self._harmless - called)
 
     def _light(self, value: list[Value], effect: list[Value]) -> None:
         """Says what holds where no way leads, as if the program began there knowing nothing.
@@ -321,6 +354,8 @@ class Flow:
             routine = self._names.get(name, -1)
             if routine < 0:
                 new[FOREIGN_BASE] = new[FOREIGN_TOOL] = self._line[node] + 1
+                continue
+            if node in self._triggers:
                 continue
             for column, does in enumerate(effect[routine]):
                 if does <= _DIFFERS:

@@ -42,6 +42,7 @@ class Story:
         notes: Sentences for the user.
         has_def: The file has a DEF, DEFFCT or DEFDAT.
         called_files: CAMRob files whose targets the robot moves through.
+        spelled: Names of called routines as the program writes them, by lower case.
     """
 
     definitions: list[Definition]
@@ -53,3 +54,4 @@ class Story:
     notes: list[str]
     has_def: bool
     called_files: list[Called]
+    spelled: dict[str, str]

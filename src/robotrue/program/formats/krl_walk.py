@@ -46,6 +46,7 @@ _WITH: Final = re.compile(r"\$(?:BASE|TOOL|IPO_MODE)\s*=", re.IGNORECASE)
 _MEMBER: Final = re.compile(r"(\w*)\s*(\[[^\]]*\])?\s*([{}])")
 _CALL: Final = re.compile(r"\s*(\w+)\s*\(")
 _CALLED: Final = re.compile(r"(\w+)\s*\(")
+_STARTED: Final = re.compile(r"\s*(?:GLOBAL\s+)?(INTERRUPT|TRIGGER)\b", re.IGNORECASE)
 _HANDLER: Final = re.compile(r"\bDO\s+(\w+)\s*\(", re.IGNORECASE)
 _LABEL: Final = re.compile(r"\s*(\w+)\s*:\s*$")
 _GOTO: Final = re.compile(r"\s*GOTO\s+(\w+)", re.IGNORECASE)
@@ -76,10 +77,10 @@ class Walk:
         self.scans, self.names, self.frames = scans, names, frames
         self.beside: set[str] = set()
         self.scope = frames.scope
-        self.flow = Flow()
+        self.flow = Flow(frames.table.harmless_routines)
         self._storing = False
         self.first = [_first_aggregates(found) for found in scans]
-        self.story = Story([], defaultdict(list), {}, [], {}, [], [], False, [])
+        self.story = Story([], defaultdict(list), {}, [], {}, [], [], False, [], {})
         self._current: dict[str, dict[tuple[str, str], Definition]] = defaultdict(dict)
         self._variables: dict[str, Array] = {}
         self._absent: set[str] = set()
@@ -117,7 +118,7 @@ class Walk:
             self._define(line, code)
             return
         if "(" in code and word not in ("bas", *_SILENT):
-            self._called(line, word, code)
+            self._called(line, code)
         motion = _MOTION.match(code)
         if motion and not re.match(r"\s*[=(\[.]", code[motion.end() :]):
             self._motion(file, line, code, motion)
@@ -159,12 +160,18 @@ class Walk:
             name = match[1] if match else "a file named elsewhere"
             self._note(line, file, f"the targets stand in {name}, which is not beside the program")
 
-    def _called(self, line: int, word: str, code: str) -> None:
-        if word in ("interrupt", "trigger"):
-            for name in _HANDLER.findall(code):
-                self.flow.handler(name.lower())
+    def _called(self, line: int, code: str) -> None:
+        started = _STARTED.match(code)
+        names = (_HANDLER if started else _CALLED).findall(code)
+        self.story.spelled.update((name.lower(), name) for name in names)
+        names = [name.lower() for name in names]
+        if started:
+            for name in names:
+                self.flow.handler(name)
+            if started[1].lower() == "trigger":
+                self.flow.trigger(line, names)
         else:
-            self.flow.call(line, [name.lower() for name in _CALLED.findall(code)])
+            self.flow.call(line, names)
 
     def _define(self, line: int, code: str) -> None:
         if code.rstrip().endswith(":"):

@@ -11,18 +11,24 @@ from robotrue.core.rotations import matrix_from_quat_wxyz
 from robotrue.core.units import DEG, MM
 from robotrue.core.words import NO_WORD
 from robotrue.program.external_axes import described
+from robotrue.program.formats.course import DIFFERS
 from robotrue.program.formats.rapid_data import AXIS, NOTHING
 from robotrue.program.formats.rapid_frames import TOOL, WORK
-from robotrue.program.formats.rapid_walk import AXES_SHIFTED, SHIFTED, Walk
+from robotrue.program.formats.rapid_walk import AXES_SHIFTED, FOREIGN, SHIFTED, Walk
 from robotrue.program.formats.rapid_write import RapidSpans
 from robotrue.program.formats.stored_points import firsts
-from robotrue.program.formats.target_notes import TOLD, TargetNotes
+from robotrue.program.formats.target_notes import TargetNotes, absent_routine
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.held import turned_round
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 
 _NOT_CONNECTED: Final = 8.9e9
 """9E9 and beyond: the external axis is not there."""
+
+
+def _worse(one: IntArray, other: IntArray) -> IntArray:
+    """Returns what is not 0 of two columns; where neither is, that of the second."""
+    return np.where(other != 0, other, one)
 
 
 def build(walk: Walk, given: FrameTable) -> Program:
@@ -50,6 +56,7 @@ class _Builder:
         self.starts = line_starts(walk.data)
         self.line = np.searchsorted(self.starts, offsets, side="right")
         self.order = np.argsort(offsets, kind="stable")
+        self.outside = walk.outside(given.harmless_routines)
         self.tell = TargetNotes(walk.name, self.line)
 
     def program(self) -> Program:
@@ -119,6 +126,7 @@ class _Builder:
             "a program displacement or offset of external axes (PDisp.., EOffs..) is in force; "
             "such targets are not compensated",
         )
+        self._foreign()
         same = states == states[:, self.first[self.point]]
         self._put(
             self._any(~(same[0] & (same[1] | self.is_axis[self.point]))),
@@ -126,6 +134,38 @@ class _Builder:
             "this target is used with more than one tool or work object; it is not compensated",
         )
         return state
+
+    def _foreign(self) -> None:
+        """Flags the targets behind routines in no file that may have moved them, and tells why."""
+        if not self.outside or not len(self.place):
+            return
+        course = self.walk.course
+        after = course.versions((FOREIGN, SHIFTED), self.place)
+        keys = [(FOREIGN, AXES_SHIFTED)] if self.given.external else []
+        for key in keys:
+            after = _worse(after, course.versions(key, self.place))
+        for (tool, work), (number, _) in self.walk.story.settings.items():
+            rows = np.flatnonzero(self.setting == number)
+            for key in ((TOOL, tool), (WORK, work)):
+                found = course.versions((FOREIGN, key), self.place[rows])
+                after[rows] = _worse(after[rows], found)
+        left = self._any(after != 0) & (self.kind != NOTHING)
+        left &= (self.reason == Reason.NONE) | (self.reason == Reason.JOINT_TARGET)
+        self.reason[left] = Reason.UNKNOWN_FRAME
+        uses = after[left[self.point]]
+        marks = np.unique(uses).tolist()
+        every = DIFFERS in marks
+        calls = [each for k, each in enumerate(self.outside, 1) if every or k in marks]
+        if calls:
+            line = int(np.searchsorted(self.starts, calls[0][1], side="right"))
+            self.tell.say(
+                absent_routine(
+                    f"{self.walk.name}:{line}",
+                    list(dict.fromkeys(name for name, _ in calls)),
+                    f"a program displacement, tool or work object: {int(left.sum())} targets "
+                    "behind it are not compensated",
+                )
+            )
 
     def _hold(self, states: IntArray, swapped: BoolArray) -> None:
         """Exchanges tool and work frame, in place, where the robot holds the part."""
@@ -272,12 +312,4 @@ class _Builder:
                 f"{name}: {each}, which an interrupt or an error starts, changes a tool, work "
                 "object or displacement; targets that may come after it are compensated as if it "
                 "had not run."
-            )
-        foreign = self.walk.outside()
-        if foreign and len(self.place):
-            names = ["a call by name" if each == "late" else each for each in foreign]
-            shown = ", ".join(names[:TOLD]) + (" and others" if len(foreign) > TOLD else "")
-            self.tell.say(
-                f"{name}: {shown} stand in no file given here. Targets are compensated as if they "
-                "change no tool, work object or program displacement."
             )

@@ -128,6 +128,8 @@ class Data:
             value = self.data[start:end] if match["given"] else b""
             if not frames_only or not self.frames.has(KINDS[kind], name):
                 self.frames.declare(KINDS[kind], name, value, self._line(statement.start))
+                if self.scope or statement.word in ("local", "const"):
+                    self.frames.own.add((KINDS[kind], name))
         elif frames_only:
             if kind in LITERAL and statement.word != "local":
                 self.frames.elsewhere.setdefault(name, self.name)

@@ -77,11 +77,17 @@ class RapidFrames:
     Attributes:
         frames: The matrices by index, and the sentence for each that is not known.
         elsewhere: Modules beside the one that is read, by the targets they declare.
+        own: (side, name) of those no other module can change: LOCAL, CONST, or of a routine.
+        routines: Names of routines of modules beside that change no frame.
+        renewed: (place, (side, name)) where one is given a whole value.
     """
 
     def __init__(self, table: FrameTable, name: str, course: Course) -> None:
         self.frames = Frames(table, name)
         self.elsewhere: dict[str, str] = {}
+        self.own: set[tuple[str, str]] = set()
+        self.routines: set[str] = set()
+        self.renewed: list[tuple[int, tuple[str, str]]] = []
         self._table, self._course = table, course
         self._known: dict[tuple[str, str], _Variable] = {}
         given = _given(table.bases, "wobj0")
@@ -109,6 +115,7 @@ class RapidFrames:
             new: dict[str, Member] = dict.fromkeys(_MEMBERS[side])
         elif match is None:
             new = self._whole(side, value)
+            self.renewed.append((place, (side, name)))
         else:
             member, deeper = match[1].lower(), match[2].strip()
             if member in _OTHER:

@@ -76,7 +76,18 @@ BUILT_IN: Final = frozenset(
     waitao waitgi waitgo waitload waitrob waitsyncTask waittime waituntil waitwobj worldacclim write
     writebin writestrbin syncmoveon syncmoveoff syncmovesuspend syncmoveresume waitsynctask exit
     exitcycle connect wzboxdef wzcyldef wzdosset wzenable wzdisable wzfree wzlimsup open text
-    singareaoff moveextj""".lower().split()
+    singareaoff moveextj cirpathreori clearrawbytes copyrawbytes packrawbytes unpackrawbytes
+    packdnheader readrawbytes writerawbytes readanybin writeanybin cleariobuff copyfile removefile
+    renamefile makedir removedir opendir closedir rewind socketcreate socketconnect socketbind
+    socketlisten socketaccept socketsend socketsendto socketreceive socketreceivefrom socketclose
+    tpreaddnum uimsgwrite uimsgwriteabort ivarvalue ipers ierror ipathpos irmqmessage isignalai
+    isignalao isignalgi isignalgo triggcheckio triggdataclear triggdatacopy triggdatareset
+    deactEventBuffer stopmovereset stepbwdpath resetretrycount procerrrecovery geterrdata getdataval
+    getsysdata readcfgdata readerrdata texttabinstall waitsensor writevar readvar pathreclimit
+    testsigndefine testsignreset rmqsendmessage rmqfindslot rmqgetmessage rmqgetmsgdata
+    rmqgetmsgheader rmqemptyqueue rmqreadwait rmqsendwait systemstopaction errtoerrlog warmstart
+    setleadthrough motionprocessmodeset fricidinit getjointdata checkprogref eraseModule
+    safetycontrollersyncrequest comment""".lower().split()
 )
 """Instructions of the controller that change no tool, work object or program displacement."""
 _SWALLOWED: Final = re.compile(

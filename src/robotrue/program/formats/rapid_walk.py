@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Container
 from typing import Final
 
 from robotrue.errors import FormatError
 from robotrue.program.formats.course import Course
 from robotrue.program.formats.rapid_data import LITERAL, NOTHING, POSE, Data
-from robotrue.program.formats.rapid_frames import RapidFrames
+from robotrue.program.formats.rapid_frames import TOOL, WORK, RapidFrames
 from robotrue.program.formats.rapid_moves import BUILT_IN, Move, Tail, move_of, read_tail
 from robotrue.program.formats.rapid_scan import (
     INLINE,
@@ -34,6 +35,19 @@ _SHIFTS: Final = {
     "eoffsset": (AXES_SHIFTED, 1),
     "eoffsoff": (AXES_SHIFTED, 0),
 }
+FOREIGN: Final = "routine in no file"
+"""Since it ran nothing has put again what it may have changed: this, and a key of ``_SHIFTS`` or
+(side, name) of tools and work objects."""
+_BY_NAME: Final = "a call by name"
+_ROUTINE: Final = re.compile(rb"(?im)^[ \t]*PROC[ \t]+([\w\x80-\xff]+)")
+_CHANGES: Final = re.compile(
+    rb"(?i)\b(?:PDisp|EOffs)(?:On|Set)\b|\b[uot]frame\b[^:;]*:=|"
+    rb"^[ \t]*(?:t|tool|w|wobj)[\w\x80-\xff]*[ \t]*:=|%",
+    re.MULTILINE,
+)
+"""What a module holds that may change a displacement, a tool or a work object, or call anything."""
+_TOKEN: Final = re.compile(r'"(?:[^"]|"")*"|[\w\x80-\xff]+|\S')
+_OPERATORS: Final = frozenset("and or xor not div mod".split())
 _REFERENCE: Final = re.compile(r"([\w\x80-\xff]+)\s*(?:\{([^}]*)\})?$")
 _SHIFTING: Final = re.compile(r"(offs|reltool)\s*\((.*)\)$", re.IGNORECASE | re.DOTALL)
 _PARAMETER: Final = re.compile(
@@ -54,11 +68,15 @@ class Walk(Data):
         super().__init__(data, name, frames, course)
         self._open, self._in_record, self._with_parameters = 0, False, False
         self._tails: dict[tuple[bytes, bytes], Tail | None] = {}
-        self._calls: list[str] = []
+        self._calls: list[tuple[int, str, int]] = []
         self._routines: set[str] = set()
+        self._shifts: list[tuple[int, str]] = []
 
     def declarations(self) -> None:
         """Reads the tools and work objects only: a file beside the program."""
+        if not _CHANGES.search(self.data):
+            names = (name.decode("latin-1").lower() for name in _ROUTINE.findall(self.data))
+            self.frames.routines.update(names)
         at = beginning(self.data)
         while True:
             statement, at = next_statement(self.data, at, self.name)
@@ -87,9 +105,32 @@ class Walk(Data):
                 hint="export it again.",
             )
 
-    def outside(self) -> list[str]:
-        """Returns the instructions called that no file here holds and RAPID itself may not."""
-        return list(dict.fromkeys(n for n in self._calls if n not in self._routines))
+    def outside(self, harmless: Container[str]) -> list[tuple[str, int]]:
+        """Returns name and first byte of the calls of routines called that stand in no file here.
+
+        The course knows from then on which of displacement, tools and work objects each may have
+        changed: ``FOREIGN`` keys hold one more than its number here.
+
+        Args:
+            harmless: Routines that change none of them.
+        """
+        calls = [(p, _BY_NAME if name == "late" else name, at) for p, name, at in self._calls]
+        known = self._routines | self.frames.routines
+        found = [each for each in calls if each[1] not in known and each[1] not in harmless]
+        data = {(side, name) for pair in self.story.settings for side, name in
+                ((TOOL, pair[0]), (WORK, pair[1]))}  # fmt: skip
+        for key in (SHIFTED, AXES_SHIFTED, *(each for each in data if self._open_to_all(*each))):
+            for number, (place, _, _) in enumerate(found, start=1):
+                self.course.set(place, (FOREIGN, key), number)
+        for place, key in (*self._shifts, *self.frames.renewed):
+            self.course.set(place, (FOREIGN, key), 0)
+        return [(name, at) for _, name, at in found]
+
+    def _open_to_all(self, side: str, name: str) -> bool:
+        """Returns whether routines of other modules may change a tool or work object."""
+        if name in ("", "tool0", "wobj0") or (side, name) in self.frames.own:
+            return False
+        return re.fullmatch(r"[\w\x80-\xff]+", name) is not None
 
     def _statement(self, statement: Statement) -> None:
         word = statement.word
@@ -98,6 +139,7 @@ class Walk(Data):
             self._move(statement.body, statement.end, move)
         elif word in _SHIFTS:
             self.course.set(self.place, *_SHIFTS[word])
+            self._shifts.append((self.place, _SHIFTS[word][0]))
             self.mention(statement.body, statement.end, word)
         elif not self._control(statement, word) and not self.declare(statement):
             if not self.assign(statement.start, statement.end):
@@ -112,7 +154,7 @@ class Walk(Data):
             if said.lower().endswith("off"):
                 self.story.checks.setdefault(said, statement.start)
         if word not in BUILT_IN:
-            self._calls.append(word)
+            self._calls.append((self.place, word, statement.start))
             self.course.call(self.place, [word])
         for match in ROBTARGET.finditer(self.data, start, end):
             point = self.add_point(match.start(), self.table.add(*match.span(), POSE), POSE)
@@ -187,8 +229,11 @@ class Walk(Data):
         self.place += 1
         if match is None:
             self.mention(statement.body, statement.end, "if")
-            words = re.findall(r"[\w\x80-\xff]+", self._text(statement).lower())
-            self.course.call(self.place, words)
+            text = self._text(statement).lower()
+            self.course.call(self.place, re.findall(r"[\w\x80-\xff]+", text))
+            word = _behind_condition(text)
+            if word and word not in BUILT_IN:
+                self._calls.append((self.place, word, statement.start))
         else:
             start, body = match.start(1), match.end(1)
             self.mention(statement.body, start, "")
@@ -303,3 +348,14 @@ class Walk(Data):
         self.story.flags[point] = reason
         self.story.notes.append((offset, what))
         return point
+
+
+def _behind_condition(text: str) -> str:
+    """Returns the instruction of ``IF condition instruction``: the word right behind an operand."""
+    operand = False
+    for token in _TOKEN.findall(text):
+        word = token[0].isalnum() or token[0] == "_" or token[0] >= "\x80"
+        if operand and word and token not in _OPERATORS:
+            return str(token)
+        operand = (word and token not in _OPERATORS) or token[-1] in ')]}"'
+    return ""

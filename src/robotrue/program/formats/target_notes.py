@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -10,6 +12,23 @@ from robotrue.core.arrays import BoolArray, IntArray
 
 TOLD: Final = 5
 """Lines named one by one before the rest is counted."""
+
+
+def absent_routine(place: str, names: Sequence[str], what: str) -> str:
+    """Returns the sentence on called routines in no given file.
+
+    Args:
+        place: File, and line of the first call.
+        names: As the program writes them.
+        what: What they may change, and what is therefore left alone.
+    """
+    shown = ", ".join(names[:TOLD]) + (" and others" if len(names) > TOLD else "")
+    listed = json.dumps(list(names[:TOLD]), ensure_ascii=False)
+    return (
+        f"{place}: {shown or 'a routine'} stands in no file given and may change {what}. Give its "
+        f"file, too; if it changes none of them, say so in the cell: [controller] "
+        f"harmless_routines = {listed}."
+    )
 
 
 class TargetNotes:

@@ -51,7 +51,7 @@ class UrScript:
         require_text(data, name)
         code = quieted(data)
         found = routines(code, name)
-        walk = Walk(code, found)
+        walk = Walk(code, found, frames.harmless_routines)
         walk.all()
         if len(found) == 1 and not walk.moves:
             raise FormatError(

@@ -14,9 +14,17 @@ from robotrue.program.formats.course import DIFFERS
 from robotrue.program.formats.krl_frames import Frames
 from robotrue.program.formats.number_text import LARGEST
 from robotrue.program.formats.stored_points import firsts
-from robotrue.program.formats.target_notes import TargetNotes
+from robotrue.program.formats.target_notes import TargetNotes, absent_routine
 from robotrue.program.formats.text_lines import line_starts
-from robotrue.program.formats.urscript_walk import BASE, FRAME, JOINTS, NOTHING, TOOL, Walk
+from robotrue.program.formats.urscript_walk import (
+    BASE,
+    FOREIGN,
+    FRAME,
+    JOINTS,
+    NOTHING,
+    TOOL,
+    Walk,
+)
 from robotrue.program.formats.urscript_write import UrSpans
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 
@@ -123,11 +131,29 @@ class _Builder:
             self.reason[lost] = Reason.UNKNOWN_FRAME
             for each in np.unique(state[side][lost]).tolist():
                 self.tell.say(cures[each])
+        self._foreign()
         same = states == states[:, self.first[self.point]]
         conflict = np.zeros(self.count, np.bool_)
         conflict[self.point[~(same[0] & (same[1] | self.is_axis[self.point]))]] = True
         self._put(conflict, Reason.UNKNOWN_FRAME, "conflict")
         return state
+
+    def _foreign(self) -> None:
+        """Flags the targets behind routines in no script that may have set the tool; tells why."""
+        outside = self.walk.story.outside
+        after = self.walk.course.versions(FOREIGN, self.place)
+        left = np.zeros(self.count, np.bool_)
+        left[self.point[after != 0]] = True
+        left &= (self.reason == Reason.NONE) | (self.reason == Reason.JOINT_TARGET)
+        if not left.any():
+            return
+        self.reason[left] = Reason.UNKNOWN_FRAME
+        marks = np.unique(after[left[self.point]]).tolist()
+        calls = [each for k, each in enumerate(outside, 1) if DIFFERS in marks or k in marks]
+        line = int(np.searchsorted(self.starts, calls[0][1], side="right"))
+        names = list(dict.fromkeys(name for name, _ in calls))
+        what = f"the tool: {int(left.sum())} targets behind it are not compensated, until set_tcp"
+        self.tell.say(absent_routine(f"{self.name}:{line}", names, what))
 
     def _index(self, side: str, number: int, point: int) -> int:
         """Returns the index of a frame or tool: the default, a literal, or not known."""

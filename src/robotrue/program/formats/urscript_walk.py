@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Container
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -22,6 +23,8 @@ UNKNOWN: Final = -1
 BASE: Final = -2
 """Frames that are no point: computed, and the robot's base."""
 TOOL: Final = "tool"
+FOREIGN: Final = "routine in no script"
+"""What ran since the tool was set: number of the call, from 1."""
 _MOVES: Final = {
     "movel": (Motion.LIN,),
     "movep": (Motion.LIN,),
@@ -33,6 +36,24 @@ _ASSIGNED: Final = re.compile(
 )
 _CALL: Final = re.compile(rb"\s*([A-Za-z_]\w*)\s*\(")
 _CALLED: Final = re.compile(rb"([A-Za-z_]\w*)\s*\(")
+_ASKED: Final = re.compile(rb"(?<![\w.])([A-Za-z_]\w*)\s*\(")
+_BUILT_IN: Final = re.compile(
+    r"(?:get|is|str|to|pose|modbus|rtde|socket|read|write|request|path_offset|conveyor|encoder|zero|"
+    r"screw_driving|interpolate|wrench|point|undo|watchdog|track_conveyor|force_mode|freedrive_mode|"
+    r"end_force|end_freedrive|end_teach|end_screw|teach_mode|bin|binary|integer|list)(?:_\w+)?|"
+    r"(?:opti)?move[a-z]|servo[a-z]|speed[a-z]|stop[jl]|stop_conveyor_tracking|(?:enter|exit)_critical|"
+    r"set_(?:analog|base_acc|configurable|conveyor|digital|euromap|flag|gp|gravity|input_actions|"
+    r"payload|runstate|safety_mode|standard|target_payload|tool_(?:analog|comm|digital|output|"
+    r"voltage)|watchdog)\w*|tool_contact"
+)
+"""Functions of the controller that do not set the tool."""
+_OTHERS: Final = frozenset(
+    """while if elif and or not xor return acos asin atan atan2 ceil floor cos sin tan d2r r2d exp
+    log pow sqrt norm random abs min max length inv size make_list transpose sleep sync popup
+    textmsg powerdown assert position_deviation_warning rpc_factory reset_revolution_counter
+    unlock_protective_stop force eval debug run thread join kill in_deadband sign
+    protective_stop high_holding_torque_enable high_holding_torque_disable""".split()
+)
 _KEYWORD: Final = re.compile(rb"\s*(while|if|elif|else|return|break|end|run|halt)\b")
 _NAME: Final = re.compile(rb"[A-Za-z_]\w*+$")
 _WORDS: Final = re.compile(rb"(?<![\w.])[A-Za-z_]\w*+")
@@ -65,6 +86,8 @@ class Story:
         flags: Reasons found in the text.
         arcs: Pairs of points.
         notes: (byte, what to say).
+        outside: Name and first byte of the calls of routines that are neither here nor the
+            controller's own.
     """
 
     offset: list[int] = field(default_factory=list)
@@ -77,12 +100,20 @@ class Story:
     flags: dict[int, Reason] = field(default_factory=dict)
     arcs: list[tuple[int, int]] = field(default_factory=list)
     notes: list[tuple[int, str]] = field(default_factory=list)
+    outside: list[tuple[str, int]] = field(default_factory=list)
 
 
 class Walk:
-    """One reading of a script."""
+    """One reading of a script.
 
-    def __init__(self, code: bytes, routines: list[Routine]) -> None:
+    Args:
+        code: Without comments.
+        routines: It consists of.
+        harmless: Routines in no script that leave the tool alone, in lower case.
+    """
+
+    def __init__(self, code: bytes, routines: list[Routine], harmless: Container[str] = ()) -> None:
+        self._harmless = harmless
         self.code, self.course = code, Course()
         self.table = NumberTable(code, (tuple(range(6)), tuple(range(6))), b"#")
         self.story, self.variables = Story(), Variables()
@@ -155,6 +186,7 @@ class Walk:
         self._mention(start, end)
         called = [name.decode() for name in _CALLED.findall(self.code, start, end)]
         own = [name for name in called if name in self._own]
+        self._outside(start, end)
         if own:
             self._at += 1
             self.course.call(self._at, own)
@@ -166,6 +198,19 @@ class Walk:
             for match in POSE.finditer(self.code, motion.start(), end):
                 point = self._point(match.start(), self.table.add(*match.span(), POINT), POINT)
                 self.story.flags[point] = Reason.EXPRESSION
+
+    def _outside(self, start: int, end: int) -> None:
+        """Notes calls of what stands in no script given: it may set the tool."""
+        for match in _ASKED.finditer(self.code, start, end):
+            name = match[1].decode()
+            if name in self._own or name in _OTHERS or _BUILT_IN.fullmatch(name):
+                if name != "set_tcp":
+                    continue
+            elif name.lower() in self._harmless:
+                continue
+            self.story.outside.append((name, match.start()))
+            self._at += 1
+            self.course.set(self._at, FOREIGN, len(self.story.outside))
 
     def _mention(self, start: int, end: int) -> None:
         for match in _WORDS.finditer(self.code, start, end):
@@ -220,6 +265,7 @@ class Walk:
             tools.append(point)
             self.story.asked[TOOL, version] = start
         self.course.set(self._at, TOOL, version)
+        self.course.set(self._at, FOREIGN, 0)
 
     def _frame(self, start: int, end: int) -> int:
         """Returns the point that a frame or tool argument means, or ``UNKNOWN``."""
@@ -298,6 +344,7 @@ class Walk:
                 frame = self._frame(*inside[0])
                 return point, frame if inner == BASE else UNKNOWN
         self._mention(start, end)
+        self._outside(start, end)
         shown = text[:40].decode("latin-1")
         if _ADDED.match(self.code, start, end):
             what = f"the target {shown!r} starts from another pose"
