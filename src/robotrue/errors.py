@@ -12,6 +12,7 @@
     ├── ConvergenceError     an iteration that did not reach its tolerance
     ├── ReachError           a pose the robot cannot take
     ├── ModelMismatchError   two things that do not belong to the same robot or model
+    ├── StepError            a compensated program with a ledge in its path
     ├── ArchiveError         a model file that is damaged or from the future
     └── MissingExtraError    an optional package that is not installed
 
@@ -21,7 +22,9 @@ and one thing to try. The same facts are fields, for programs.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 
 class RobotrueError(Exception):
@@ -31,7 +34,11 @@ class RobotrueError(Exception):
         source: File the fault was found in, if any.
         line: One-based line of that file, if any.
         hint: One thing to try.
+        detail: JSON values for programs, empty for most errors.
+        exit_code: What the command line exits with.
     """
+
+    exit_code = 1
 
     def __init__(
         self,
@@ -45,6 +52,7 @@ class RobotrueError(Exception):
         self.source = str(source) if source is not None else None
         self.line = line
         self.hint = hint
+        self.detail: Mapping[str, Any] = {}
         super().__init__(self._compose())
 
     def _compose(self) -> str:
@@ -89,6 +97,15 @@ class ReachError(RobotrueError):
 
 class ModelMismatchError(RobotrueError):
     """Two things that do not belong together: another robot, another model, another tool."""
+
+
+class StepError(RobotrueError):
+    """A step between a target left alone and a compensated one, larger than allowed.
+
+    ``detail`` holds the steps.
+    """
+
+    exit_code = 2
 
 
 class ArchiveError(RobotrueError):

@@ -234,7 +234,8 @@ def test_a_program_cut_off(cli, work: Path) -> None:
 
 
 def test_a_target_out_of_reach_is_flagged_and_kept(cli, work: Path) -> None:
-    got = cli("compensate", work / "model.rtm", work / "part.src", "-o", work / "o.src", "--json")
+    got = cli("compensate", work / "model.rtm", work / "part.src", "-o", work / "o.src", "--json",
+              "--allow-steps")  # fmt: skip
     assert got.code == 0
     assert got.document["status"]["unchanged_unreachable"] == 1
     kept = (work / "part.src").read_bytes().split(b"\n")[7]

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shop
 
 NUMBER = re.compile(rb"[-+]?\d+\.?\d*")
 START = "0,-80,80,0,40,0"
@@ -22,7 +23,8 @@ def test_a_bare_cell_changes_nothing(cli, work: Path) -> None:
 
 def test_only_numbers_change(cli, work: Path) -> None:
     before = (work / "part.src").read_bytes()
-    got = cli("compensate", work / "model.rtm", work / "part.src", "-o", work / "o.src", "--json")
+    got = cli("compensate", work / "model.rtm", work / "part.src", "-o", work / "o.src", "--json",
+              "--allow-steps")  # fmt: skip
     after = (work / "o.src").read_bytes()
     assert got.code == 0
     assert (work / "part.src").read_bytes() == before
@@ -34,7 +36,8 @@ def test_only_numbers_change(cli, work: Path) -> None:
 
 
 def test_document_and_statuses(cli, work: Path) -> None:
-    got = cli("compensate", work / "model.rtm", work / "part.src", "-o", work / "o.src", "--json")
+    got = cli("compensate", work / "model.rtm", work / "part.src", "-o", work / "o.src", "--json",
+              "--allow-steps")  # fmt: skip
     document = got.document
     assert document["output"] == str(work / "o.src")
     assert document["targets"] == 5
@@ -54,13 +57,16 @@ def test_document_and_statuses(cli, work: Path) -> None:
 
 def test_axis_targets_on_request(cli, work: Path) -> None:
     got = cli("compensate", work / "model.rtm", work / "part.src", "-o", work / "o.src",
-              "--axis-targets", "--json")  # fmt: skip
+              "--axis-targets", "--allow-steps", "--json")  # fmt: skip
     assert got.document["compensated"] == 4
     assert b"PTP {A1 0,A2 -80" not in (work / "o.src").read_bytes()
 
 
 def test_a_wrench_moves_the_command_against_it(cli, work: Path) -> None:
-    for name, options in (("free", ()), ("held", ("--wrench", "0,0,-500"))):
+    for name, options in (
+        ("free", ("--allow-steps",)),
+        ("held", ("--allow-steps", "--wrench", "0,0,-500")),
+    ):
         cli(
             "compensate",
             work / "model.rtm",
@@ -173,10 +179,11 @@ def test_a_folder_is_a_job_and_a_folder_takes_it(cli, work: Path, tmp_path: Path
     out.mkdir()
     (source / "part.src").write_bytes((work / "part.src").read_bytes())
     (source / "readme.txt").write_text("not a program\n")
-    got = cli("compensate", work / "model.rtm", source, "-o", out, "--json")
+    got = cli("compensate", work / "model.rtm", source, "-o", out, "--allow-steps", "--json")
     assert got.code == 0
     assert got.document["output"] == str(out / "part.src")
-    alone = cli("compensate", work / "model.rtm", work / "part.src", "-o", work / "o.src", "--json")
+    alone = cli("compensate", work / "model.rtm", work / "part.src", "-o", work / "o.src", "--json",
+                "--allow-steps")  # fmt: skip
     assert (out / "part.src").read_bytes() == (work / "o.src").read_bytes()
     assert got.document["compensated"] == alone.document["compensated"] == 3
 
@@ -235,3 +242,73 @@ def test_a_note_names_its_file_once_and_a_program_of_calls_is_told(cli, work: Pa
         assert all(line.count(f"{name}.src") == 1 for line in notes)
         assert said in got.err
         (work / "o.src").unlink()
+
+
+LEDGE = "LIN {X 9800.0,Y -200.0,Z 900.0,A 0,B 120,C 0}\n"
+
+
+def test_a_ledge_in_the_path_is_measured_and_not_written(cli, work: Path) -> None:
+    got = cli("compensate", work / "model.rtm", work / "part.src", "-o", work / "o.src", "--json")
+    assert got.code == 2
+    assert not (work / "o.src").exists()
+    assert not list(work.glob("*.identity.json"))
+    fault = got.fault
+    assert fault["kind"] == "StepError"
+    steps = fault["steps"]
+    assert (steps["count"], steps["limit_mm"], steps["allowed"]) == (2, 0.1, False)
+    assert [(each["from"], each["to"], each["left_alone"]) for each in steps["first"]] == [
+        ("part.src:7", "part.src:8", "part.src:8"),
+        ("part.src:8", "part.src:9", "part.src:8"),
+    ]
+    # Twice from the bytes: how far the neighbours are moved.
+    arguments = (work / "model.rtm", work / "part.src", "-o", work / "o.src", "--allow-steps")
+    allowed = cli("compensate", *arguments, "--json")
+    assert allowed.code == 0
+    before, after = (_places(work / name) for name in ("part.src", "o.src"))
+    moved = np.linalg.norm(after - before, axis=1)
+    assert [each["mm"] for each in steps["first"]] == pytest.approx(moved[[1, 3]], abs=1e-3)
+    assert steps["max_mm"] == pytest.approx(moved[[1, 3]].max(), abs=1e-3)
+    assert allowed.document["steps"] == {**steps, "allowed": True}
+    assert f"the largest {steps['max_mm']:.3f} mm from" not in got.err
+    assert f"the largest {steps['max_mm']:.3f} mm" in got.err
+    assert "line 8: unchanged, out of the robot's reach." in got.err
+    assert "Nothing was written. Try: " in got.err
+
+
+def _places(path: Path) -> np.ndarray:
+    lines = [row for row in path.read_bytes().split(b"\n") if row.startswith(b"LIN")]
+    return np.array([[float(v) for v in NUMBER.findall(row)[:3]] for row in lines])
+
+
+def test_the_limit_of_a_step_can_be_said(cli, work: Path) -> None:
+    call = ("compensate", work / "model.rtm", work / "part.src", "-o", work / "o.src", "--json")
+    assert cli(*call, "--max-step", "10").code == 0
+    assert cli(*call, "--max-step", "-1").code == 1
+
+
+def test_joint_moves_and_home_positions_make_no_step(cli, work: Path) -> None:
+    text = shop.PROGRAM.replace(LEDGE, LEDGE.replace("LIN", "PTP"))
+    last = "LIN {X 1150.0"
+    (work / "joint.src").write_text(text.replace(last, last.replace("LIN", "PTP")))
+    call = ("compensate", work / "model.rtm", work / "joint.src", "-o", work / "o.src", "--json")
+    got = cli(*call)
+    assert got.code == 0, got.err
+    assert got.document["status"]["unchanged_unreachable"] == 1
+    assert got.document["steps"]["count"] == 0
+    assert got.document["steps"]["max_mm"] == 0.0
+
+
+def test_steps_between_stored_points_in_the_order_of_the_moves(cli, work: Path) -> None:
+    pose = "Y -200.0,Z 900.0,A 0,B 120,C 0}"
+    points = [f"DECL E6POS XP{k}={{X {x},{pose}" for k, x in enumerate((1150, 1100, 9800, 1200))]
+    (work / "s.dat").write_text("\n".join(["DEFDAT s", *points, "ENDDAT", ""]))
+    head = shop.PROGRAM.split("LIN")[0].replace("part()", "s()")
+    # XP2 is out of reach; only XP3 is next to it, though it stands elsewhere in the file.
+    order = "LIN XP0\nLIN XP1\nLIN XP0\nPTP XP2\nLIN XP3\nEND\n"
+    (work / "s.src").write_text(head + order)
+    got = cli("compensate", work / "model.rtm", work / "s.src", "-o", work / "out.src", "--json")
+    assert got.code == 2
+    assert not (work / "out.src").exists()
+    assert not (work / "out.dat").exists()
+    steps = got.fault["steps"]["first"]
+    assert [(each["from"], each["to"]) for each in steps] == [("s.dat:4", "s.dat:5")]

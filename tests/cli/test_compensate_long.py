@@ -33,6 +33,7 @@ def both(cli, work: Path, monkeypatch: pytest.MonkeyPatch):
 
     def run(name: str, *options: str):
         call = ("compensate", work / "model.rtm", work / name, "--start", "0,-80,80,0,40,0", "-o")
+        options = (*options, "--allow-steps")
         whole = cli(*call, work / "whole.src", *options, "--json")
         assert whole.code == 0, whole.err
         monkeypatch.setattr(long_program, "LONG", 1)
@@ -65,6 +66,30 @@ def test_blocks_are_the_whole(both, work: Path) -> None:
     assert "lines 84, 184: unchanged, out of the robot's reach." in blocks.err
 
 
+def test_steps_are_those_of_the_whole_also_between_blocks(both, work: Path) -> None:
+    rows = program(250).replace("LIN P9\n", "").split("\n")
+    for line in (64, 65, 130, 185):  # ends and begins of blocks of 60 targets; the first is axes
+        rows[line] = rows[line].replace("{X 1", "{X 91")
+    (work / "long.src").write_text("\n".join(rows))
+    whole, blocks = both("long.src")
+    assert blocks.document["blocks"] == 5
+    one, other = whole.document["steps"], blocks.document["steps"]
+    assert one["count"] == 10
+    assert other.pop("path_mm") == pytest.approx(one.pop("path_mm"), rel=1e-12)
+    corrected = one.pop("compensated_path_mm")
+    assert other.pop("compensated_path_mm") == pytest.approx(corrected, rel=1e-12)
+    assert other == one
+
+
+def test_a_ledge_in_a_long_program_leaves_no_file(cli, work: Path, short_blocks: None) -> None:
+    (work / "long.src").write_text(program(250).replace("LIN P9\n", ""))
+    got = cli("compensate", work / "model.rtm", work / "long.src", "-o", work / "o.src", "--json")
+    assert got.code == 2
+    assert got.fault["steps"]["count"] == 4
+    assert "lines 83, 183: unchanged, out of the robot's reach." in got.err
+    assert not list(work.glob("o.src*"))
+
+
 def test_arrays_in_the_dat(both, work: Path) -> None:
     (work / "job.src").write_text(
         "DEF job()\n$BASE={X 0,Y 0,Z 0,A 0,B 0,C 0}\n$TOOL={X 60,Y 40,Z 250,A 0,B 0,C 0}\n"
@@ -91,7 +116,8 @@ def test_arrays_in_the_dat(both, work: Path) -> None:
 def test_the_identity_is_written_and_asked_for(cli, work: Path, short_blocks: None) -> None:
     (work / "long.src").write_text(program(150).replace("LIN P9\n", ""))
     call = ("compensate", work / "model.rtm")
-    assert cli(*call, work / "long.src", "-o", work / "once.src").code == 0
+    first = cli(*call, work / "long.src", "-o", work / "once.src", "--allow-steps")
+    assert first.code == 0
     again = cli(*call, work / "once.src", "-o", work / "twice.src")
     assert again.code == 1
     assert "compensated already" in again.err
@@ -105,7 +131,8 @@ def test_what_is_held_whole_says_so(
         "LIN P9\n", "LIN {X 1200,Y 0,Z 900,A 0,B 120,C 0} WITH $TOOL=$NULLFRAME\n"
     )
     (work / "long.src").write_text(text)
-    call = ("compensate", work / "model.rtm", work / "long.src", "-o", work / "out.src", "--json")
+    call = ("compensate", work / "model.rtm", work / "long.src", "-o", work / "out.src", "--json",
+            "--allow-steps")  # fmt: skip
     got = cli(*call)
     assert got.code == 0
     assert got.document["route"] == "whole"

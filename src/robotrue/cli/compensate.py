@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -32,19 +32,21 @@ from robotrue.cli.split import (
     require_no_spin,
     rereader,
 )
+from robotrue.cli.steps import StepRule, say_steps
 from robotrue.compensation.compensate import compensate
 from robotrue.compensation.process_force import DescribedForce
-from robotrue.compensation.result import unchanged
+from robotrue.compensation.result import Compensation, unchanged
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.stance import sentence
 from robotrue.compensation.start_posture import start_joints
-from robotrue.core.arrays import Array
+from robotrue.compensation.steps import Steps, job_steps, joined
+from robotrue.core.arrays import Array, IntArray
 from robotrue.core.files import sha256, write_atomic
 from robotrue.core.identity import ModelIdentity
 from robotrue.core.progress import Progress, unheard
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
-from robotrue.errors import ConfigurationError
+from robotrue.errors import ConfigurationError, StepError
 from robotrue.program.formats import read_job, unfollowed, write_program
 from robotrue.program.identity import (
     ProgramIdentity,
@@ -55,6 +57,9 @@ from robotrue.program.identity import (
 from robotrue.program.program import FrameTable, Program, Reason
 from robotrue.program.stream import Outline
 from robotrue.robot.statics import NO_LOAD
+
+Seen: TypeAlias = tuple[Program, IntArray, Array]
+"""A program with the status (n,) and the shift (n, 3) m of its targets."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,6 +81,7 @@ class Request:
         max_shift_mm: Largest correction.
         split: What is asked between the targets.
         staff: Who does long programs.
+        steps: What is allowed between targets left alone and compensated ones.
     """
 
     model: Path
@@ -92,6 +98,7 @@ class Request:
     max_shift_mm: float = 10.0
     split: SplitOptions = NOT_SPLIT
     staff: Staff = ALONE
+    steps: StepRule = field(default_factory=StepRule)
 
     @property
     def folder(self) -> Path:
@@ -153,9 +160,12 @@ def compensated(request: Request, *, told: Progress = unheard) -> dict[str, Any]
     ground = _ground(request)
     job = _job(request, ground)
     forces = stated_forces(ground.stated, job.programs)
-    rewritten, between = _rewritten(request, ground, job, forces, told)
+    rewritten, between, seen = _rewritten(request, ground, job, forces, told)
+    steps = job_steps(seen) if seen else Steps()
+    _require_steps(request, job, steps, [document for _, document in rewritten])
     # The longest work comes first: while it can still fail, nothing stands written.
-    long = _in_blocks(request, ground, job, told)
+    long, stepped = _in_blocks(request, ground, job, told)
+    steps = joined([steps, stepped])
     documents = [
         _whole(ground, *each)
         for each in zip(job.programs, job.outputs, forces, rewritten, strict=True)
@@ -163,7 +173,25 @@ def compensated(request: Request, *, told: Progress = unheard) -> dict[str, Any]
     if job.long is not None:
         documents.insert(job.long.place, long)
     document = documents[0] if len(documents) == 1 else _together(documents)
+    if ground.model is not None:
+        document = {**document, "steps": request.steps.document(steps)}
+        say_steps(document["steps"], steps)
     return document if between is None else {**document, "between_targets": between.told()}
+
+
+def _require_steps(
+    request: Request, job: Job, steps: Steps, documents: Sequence[Mapping[str, Any]]
+) -> None:
+    """Passes if steps are small or allowed; else says first why targets are left alone."""
+    try:
+        request.steps.require(steps, request.programs[0])
+    except StepError:
+        for program, document in zip(job.programs, documents, strict=True):
+            for note in program.notes:
+                remark(program.name, note)
+            for note in document["notes"]:
+                remark(program.name, note)
+        raise
 
 
 def _ground(request: Request) -> Ground:
@@ -220,8 +248,8 @@ def _rewritten(
     job: Job,
     forces: Sequence[StatedForce],
     told: Progress,
-) -> tuple[list[tuple[bytes, Mapping[str, Any]]], Between | None]:
-    """Bytes and counts of every program held whole, and what was seen between its targets."""
+) -> tuple[list[tuple[bytes, Mapping[str, Any]]], Between | None, list[Seen]]:
+    """Bytes and counts of every program held whole, what was seen between targets, the targets."""
     if request.free_spin:
         require_free(ground.model, ground.stated)
     if request.split:
@@ -230,15 +258,19 @@ def _rewritten(
         reread = rereader(list(request.programs), ground.table)
         between = looked_between(ground.model, job.programs, guards, request.split, reread)
         made = between.written([pushed.uses and pushed.document() for pushed in forces])
-        return list(made), between
+        both = zip(between.programs, between.results, strict=True)
+        return list(made), between, [(one, made.status, made.shift) for one, made in both]
     turned = cutter_axis(ground.cell, request.cutter) if request.free_spin else None
     every = sum(map(len, job.programs))
-    made, past = [], 0
+    made, seen, past = [], [], 0
     for program, pushed in zip(job.programs, forces, strict=True):
         part = partial(_of_all, told, past, every)
-        made.append(_compensated_whole(request, ground, program, pushed, turned, part))
+        data, document, result = _compensated_whole(request, ground, program, pushed, turned, part)
+        made.append((data, document))
+        if result is not None:
+            seen.append((program, result.status, result.shift))
         past += len(program)
-    return made, None
+    return made, None, seen
 
 
 def _of_all(told: Progress, past: int, every: int, text: str, done: int, of: int) -> None:
@@ -246,20 +278,26 @@ def _of_all(told: Progress, past: int, every: int, text: str, done: int, of: int
     told(text, past + done, every)
 
 
-def _in_blocks(request: Request, ground: Ground, job: Job, told: Progress) -> dict[str, Any]:
+def _in_blocks(
+    request: Request, ground: Ground, job: Job, told: Progress
+) -> tuple[dict[str, Any], Steps]:
     """Writes the program that goes in blocks, if there is one."""
     found, target = job.long, job.long_output
     if found is None or target is None or ground.model is None:
-        return {}
+        return {}, Steps()
     pushed = StatedForce(wrench=np.asarray(ground.stated))
     in_use = found.T_base_frame[found.judged[found.judged[:, 2] == Reason.NONE, 0]]
-    for note in [*_frame_notes(in_use, ground.frame), *useless(pushed, ground.model)]:
+    beside = "moves between points beside it and its own are not looked at for steps."
+    notes = [beside] if any(len(program.path) for program in job.programs) else []
+    for note in [*notes, *_frame_notes(in_use, ground.frame), *useless(pushed, ground.model)]:
         remark(found.name, note)
     settings = _settings(request, ground, pushed)
-    digest, document = compensated_in_blocks(
-        ground.model, found, request.folder / found.name, target, settings, request.staff, told
-    )
-    return _finished(ground, (found.name, found.sha256), target, digest, document, pushed)
+    digest, document, steps = compensated_in_blocks(
+        ground.model, found, request.folder / found.name, target, settings, request.staff,
+        request.steps, told,
+    )  # fmt: skip
+    made = _finished(ground, (found.name, found.sha256), target, digest, document, pushed)
+    return made, steps
 
 
 def _whole(
@@ -362,11 +400,11 @@ def _compensated_whole(
     force: StatedForce,
     turned: Array | None,
     told: Progress,
-) -> tuple[bytes, Mapping[str, Any]]:
+) -> tuple[bytes, Mapping[str, Any], Compensation | None]:
     if ground.model is None:
         n = len(program)
         counts = {"targets": n, "compensated": 0, "unchanged": n, "status": {}, "notes": []}
-        return write_program(program, unchanged(program)), counts
+        return write_program(program, unchanged(program)), counts, None
     settings = _settings(request, ground, force)
     if turned is None:
         result, won = compensate(ground.model, program, settings=settings, progress=told), {}
@@ -375,7 +413,7 @@ def _compensated_whole(
         won = {"free_spin": spins}
     summary = {**result.summary(), **({"force": force.document()} if force.uses else {}), **won}
     summary["notes"] = [*summary["notes"], *unfollowed(program, result.replacement)]
-    return write_program(program, result.replacement), summary
+    return write_program(program, result.replacement), summary, result
 
 
 def _settings(request: Request, ground: Ground, force: StatedForce) -> CompensationSettings:

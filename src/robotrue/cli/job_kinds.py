@@ -27,6 +27,7 @@ from robotrue.cli.plan import document as plan_document
 from robotrue.cli.plan import planned, program_text
 from robotrue.cli.plan_page import plan_page
 from robotrue.cli.split import SplitOptions
+from robotrue.cli.steps import MAX_STEP_MM, StepRule
 from robotrue.core.files import write_atomic
 from robotrue.errors import ConfigurationError
 from robotrue.planning.sheet import plan_sheet
@@ -104,6 +105,7 @@ def compensate(work: Work) -> Publish:
     asked = asked_of(
         work, "program", "model", "cell", "registration", "part", "wrench", "cutter", "start",
         "free_spin", "axis_targets", "max_shift_mm", "split_um", "deviation",
+        "max_step_mm", "allow_steps",
     )  # fmt: skip
     before = asked.item(PROGRAM, "program")
     model, cell = asked.item_or_none(MODEL, "model"), asked.item_or_none(CELL, "cell")
@@ -130,6 +132,10 @@ def compensate(work: Work) -> Publish:
         free_spin=asked.flag("free_spin", False),
         axis_targets=asked.flag("axis_targets", False),
         max_shift_mm=asked.number("max_shift_mm", 10.0),
+        steps=StepRule(
+            max_mm=asked.number("max_step_mm", MAX_STEP_MM),
+            allow=asked.flag("allow_steps", False),
+        ),
         split=SplitOptions(
             tolerance_um=asked.number_or_none("split_um"), deviation=asked.flag("deviation", False)
         ),

@@ -10,9 +10,12 @@ from typing import Any, Final
 
 from robotrue.calibration.model import ErrorModel
 from robotrue.cli.console import remark, say
+from robotrue.cli.steps import StepRule
 from robotrue.compensation.settings import CompensationSettings
+from robotrue.compensation.steps import Steps
+from robotrue.compensation.tally import Tally
 from robotrue.core.progress import Progress, unheard
-from robotrue.errors import ConfigurationError
+from robotrue.errors import ConfigurationError, StepError
 from robotrue.program.program import FrameTable
 from robotrue.program.stream import Outline, longest, outline
 
@@ -86,19 +89,32 @@ def compensated_in_blocks(
     target: Path,
     settings: CompensationSettings,
     staff: Staff,
+    steps: StepRule,
     told: Progress = unheard,
-) -> tuple[str, Mapping[str, Any]]:
-    """Writes the compensated program; returns its SHA-256 and the counts as JSON values."""
+) -> tuple[str, Mapping[str, Any], Steps]:
+    """Writes the compensated program; returns its SHA-256, the counts as JSON values, its steps.
+
+    Raises:
+        StepError: Steps are too large and not allowed; nothing is written.
+    """
     from robotrue.compensation.stream import compensate_stream
 
+    def accept(total: Tally) -> None:
+        try:
+            steps.require(total.steps, source)
+        except StepError:
+            for note in [*found.notes, *map(str, total.notes)]:
+                remark(found.name, note)
+            raise
+
     result = compensate_stream(
-        model, found, source, target,
-        settings=settings, workers=staff.workers, dask=staff.dask, progress=told,
+        model, found, source, target, settings=settings, workers=staff.workers, dask=staff.dask,
+        progress=told, accept=accept,
     )  # fmt: skip
     for note in [*found.notes, *result.notes]:
         remark(found.name, note)
     say(f"{found.name}: {result.blocks} blocks by {result.workers} at a time")
-    return result.sha256, result.summary()
+    return result.sha256, result.summary(), result.tally.steps
 
 
 def _memory() -> int:

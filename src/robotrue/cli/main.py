@@ -111,7 +111,7 @@ def run() -> None:
         _asked()(prog_name="robotrue")
     except RobotrueError as error:
         _report(error)
-        raise SystemExit(1) from None
+        raise SystemExit(error.exit_code) from None
     except SystemExit as stopped:
         if stopped.code != INTERRUPTED:
             raise
@@ -162,5 +162,6 @@ def _report(error: RobotrueError) -> None:
             "source": error.source,
             "line": error.line,
             "hint": error.hint,
+            **error.detail,
         }
         sys.stdout.write(json.dumps({"error": fault}) + "\n")

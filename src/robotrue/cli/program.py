@@ -17,6 +17,7 @@ from robotrue.cli.compensate import Request, compensated
 from robotrue.cli.console import count, emit_json, emit_table, say
 from robotrue.cli.cutter import cutter_axis
 from robotrue.cli.inputs import check_output
+from robotrue.cli.steps import StepRule
 from robotrue.core.arrays import Array
 from robotrue.core.files import read_bytes, sha256, write_atomic
 from robotrue.core.mesh import TriangleMesh, read_mesh
@@ -57,6 +58,7 @@ def run(
     feed_mm_per_min: float | None,
     blend_mm: float,
     max_shift_mm: float,
+    steps: StepRule,
     report: Path | None,
     as_json: bool,
 ) -> None:
@@ -103,7 +105,7 @@ def run(
         document |= {"identity": beside, "compensation": None}
     else:
         document |= _with_model(
-            model_path, cell_path, cell, frames[0], data, identity, output, max_shift_mm
+            model_path, cell_path, cell, frames[0], data, identity, output, max_shift_mm, steps
         )
     document["notes"] = notes
     if report is not None:
@@ -205,6 +207,7 @@ def _with_model(
     identity: ProgramIdentity | None,
     output: Path,
     max_shift_mm: float,
+    steps: StepRule,
 ) -> dict[str, Any]:
     """Compensates the program as ``robotrue compensate`` would, from a file of its own."""
     stored = read_model(model_path).cell.robot
@@ -226,6 +229,7 @@ def _with_model(
             registered=None if cell.part is None else cell_path,
             part=None if frame is None else frame.name,
             max_shift_mm=max_shift_mm,
+            steps=steps,
         )
         made = compensated(request)
     return {"identity": made.get("identity"), "compensation": made}

@@ -9,6 +9,18 @@ import typer
 
 from robotrue.cli.app import Json, app
 
+MaxStep = Annotated[
+    float,
+    typer.Option(
+        metavar="MM",
+        help="Refuse (exit 2) a larger step between a target left alone and its compensated "
+        "neighbours on a line, arc or spline.",
+    ),
+]
+AllowSteps = Annotated[
+    bool, typer.Option("--allow-steps", help="Write a program with larger steps all the same.")
+]
+
 
 @app.command()
 def program(
@@ -51,11 +63,14 @@ def program(
     max_shift_mm: Annotated[
         float, typer.Option(help="With --model: leave a target alone that would move further.")
     ] = 10.0,
+    max_step: MaxStep = 0.1,
+    allow_steps: AllowSteps = False,
     report: Annotated[Path | None, typer.Option(help="Also write a report page (HTML).")] = None,
     json: Json = False,
 ) -> None:
     """Make a robot program of CAM tool paths, in the frame where the part was found."""
     from robotrue.cli.program import run
+    from robotrue.cli.steps import StepRule
 
     run(
         cell,
@@ -72,6 +87,7 @@ def program(
         feed_mm_per_min=feed_mm_per_min,
         blend_mm=blend_mm,
         max_shift_mm=max_shift_mm,
+        steps=StepRule(max_mm=max_step, allow=allow_steps),
         report=report,
         as_json=json,
     )
@@ -133,6 +149,8 @@ def compensate(
     max_shift_mm: Annotated[
         float, typer.Option(help="Leave a target alone if it would move further than this.")
     ] = 10.0,
+    max_step: MaxStep = 0.1,
+    allow_steps: AllowSteps = False,
     workers: Annotated[
         int | None,
         typer.Option(help="Processes for a long program; default: as many as help; 1: only this."),
@@ -162,6 +180,7 @@ def compensate(
     from robotrue.cli.compensate import Request, run
     from robotrue.cli.long_program import Staff
     from robotrue.cli.split import SplitOptions
+    from robotrue.cli.steps import StepRule
 
     request = Request(
         model=model,
@@ -178,6 +197,7 @@ def compensate(
         max_shift_mm=max_shift_mm,
         split=SplitOptions(tolerance_um=split, limit=split_limit, deviation=deviation),
         staff=Staff(workers=workers, dask=dask),
+        steps=StepRule(max_mm=max_step, allow=allow_steps),
     )
     run(request, as_json=json)
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, BinaryIO, Final
@@ -71,6 +71,10 @@ class Streamed:
         }
 
 
+def _any(_: Tally) -> None:
+    """Accepts whatever came of the targets."""
+
+
 def compensate_stream(
     model: ErrorModel,
     found: Outline,
@@ -81,6 +85,7 @@ def compensate_stream(
     workers: int | None = None,
     dask: str | None = None,
     progress: Progress = unheard,
+    accept: Callable[[Tally], None] = _any,
 ) -> Streamed:
     """Writes the compensated program to ``target`` and returns the sums over its targets.
 
@@ -97,6 +102,7 @@ def compensate_stream(
             without side effects where it is not one.
         dask: Address of a Dask scheduler that has workers; takes the place of processes.
         progress: Told how many blocks are done, and of how many.
+        accept: Told the sums before the file takes its place; what it raises leaves none.
 
     Raises:
         ConfigurationError: No tables, a number of workers that is none, or workers that died.
@@ -122,9 +128,11 @@ def compensate_stream(
             progress("compensating", len(tallies), len(found.blocks))
         if os.fstat(reading.fileno()).st_size != found.size:
             raise FormatError("the file changed while it was compensated.", source=source)
+        total = summed(tallies)
+        accept(total)
         notes = [] if closed else ["an arm without a closed form is followed by one process."]
         return Streamed(
-            tally=summed(tallies),
+            tally=total,
             sha256=digest.hexdigest(),
             blocks=len(found.blocks),
             again=again,

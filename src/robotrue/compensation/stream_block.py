@@ -118,7 +118,7 @@ def solve_block(work: Work, model: ErrorModel | None, task: Task) -> Done:
         data=write_piece(program, replacement),
         start=start,
         end=standing,
-        tally=tally(outcome, notes, stance),
+        tally=tally(program, outcome, notes, stance),
     )
 
 

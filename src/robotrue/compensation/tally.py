@@ -16,8 +16,10 @@ from robotrue.compensation.chunks import Outcome
 from robotrue.compensation.row_notes import RowNote, merged
 from robotrue.compensation.stance import Stance
 from robotrue.compensation.status import Status
+from robotrue.compensation.steps import Steps, joined, steps_of
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.units import DEG, UM
+from robotrue.program.program import Program
 
 SIZES: Final = (
     "predicted_error_before_um",
@@ -39,6 +41,7 @@ class Tally:
         sigma: Whether the last of them is known.
         notes: What is to be said of targets.
         stance: How the arm stands at the first target of the program, where it is among them.
+        steps: Between targets left alone and compensated ones.
     """
 
     status: IntArray
@@ -46,6 +49,7 @@ class Tally:
     largest: Array
     sigma: bool
     notes: tuple[RowNote, ...]
+    steps: Steps
     stance: Stance | None = None
 
     def summary(self) -> Mapping[str, Any]:
@@ -68,8 +72,13 @@ class Tally:
         return {**out, "notes": [str(note) for note in self.notes]}
 
 
-def tally(outcome: Outcome, notes: tuple[RowNote, ...], stance: Stance | None = None) -> Tally:
-    """Returns the sums over the targets of an outcome."""
+def tally(
+    program: Program,
+    outcome: Outcome,
+    notes: tuple[RowNote, ...],
+    stance: Stance | None = None,
+) -> Tally:
+    """Returns the sums over the targets of a program from their outcome."""
     done = outcome.status == Status.COMPENSATED
     sizes = [
         np.linalg.norm(outcome.before[done], axis=1) / UM,
@@ -88,6 +97,7 @@ def tally(outcome: Outcome, notes: tuple[RowNote, ...], stance: Stance | None = 
         sigma=known,
         notes=notes,
         stance=stance,
+        steps=steps_of([(program, outcome.status, outcome.shift)]),
     )
 
 
@@ -97,6 +107,7 @@ def summed(parts: Iterable[Tally]) -> Tally:
     total, largest, sigma = np.zeros(len(SIZES)), np.zeros(len(SIZES)), False
     notes: tuple[RowNote, ...] = ()
     stance = None
+    steps = Steps()
     for part in parts:
         status += part.status
         total += part.total
@@ -104,6 +115,13 @@ def summed(parts: Iterable[Tally]) -> Tally:
         sigma |= part.sigma
         notes = merged([*notes, *part.notes])
         stance = stance or part.stance
+        steps = joined([steps, part.steps])
     return Tally(
-        status=status, total=total, largest=largest, sigma=sigma, notes=notes, stance=stance
+        status=status,
+        total=total,
+        largest=largest,
+        sigma=sigma,
+        notes=notes,
+        steps=steps,
+        stance=stance,
     )

@@ -76,6 +76,9 @@ class Program:
             of the job says them; empty if not known.
         notes: What the reader wants the user to know, one sentence each, with line numbers.
         spans: Dialect's own table of byte positions; opaque to everyone else.
+        path: (k, 3) the moves in the order of the text: a place that grows from move to move (in
+            the files of one KRL job the same), the row moved to, or the line of a target that is
+            no row, negative, and the :class:`Motion`. Empty: the rows are moved to in file order.
     """
 
     name: str
@@ -97,6 +100,7 @@ class Program:
     start: Array = field(default_factory=lambda: np.empty(0))
     notes: tuple[str, ...] = ()
     spans: Any = None
+    path: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 3), np.int64))
 
     def __post_init__(self) -> None:
         """Checks shapes and freezes."""
@@ -111,6 +115,7 @@ class Program:
             object.__setattr__(self, name, frozen(getattr(self, name), shape, name, allow_nan=True))
         for name in ("motion", "reason", "line", "frame", "tool"):
             object.__setattr__(self, name, frozen(getattr(self, name), (n,), name, dtype=np.int64))
+        object.__setattr__(self, "path", frozen(self.path, (None, 3), "path", dtype=np.int64))
         words = frozen(self.words, (n, WORDS[self.words_of]), "words", dtype=np.int64)
         object.__setattr__(self, "words", words)
         object.__setattr__(self, "start", frozen(self.start, (None,), "start"))

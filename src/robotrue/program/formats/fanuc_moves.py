@@ -8,6 +8,7 @@ else counts: an offset or an increment makes it another pose than the one that s
 from __future__ import annotations
 
 import re
+from array import array
 from collections.abc import Container, Sequence
 from dataclasses import dataclass, field
 from typing import Final
@@ -62,6 +63,7 @@ class Moves:
         current: What ``UFRAME_NUM`` and ``UTOOL_NUM`` are set to: distinct texts by side.
         changed: Line of the frames that the program computes, by side and number, ``?`` for any.
         calls: Programs called that may set the number of frame and tool.
+        path: As ``Program.path``: byte, row or minus the line, motion.
         notes: Sentences.
     """
 
@@ -71,6 +73,7 @@ class Moves:
     current: dict[str, set[str]] = field(default_factory=lambda: {"base": set(), "tool": set()})
     changed: dict[tuple[str, str], int] = field(default_factory=dict)
     calls: list[str] = field(default_factory=list)
+    path: array[int] = field(default_factory=lambda: array("q"))
     notes: list[str] = field(default_factory=list)
 
 
@@ -142,7 +145,7 @@ class _Walk:
         if plain and not self._run and not self._shifted:
             row, options = self._row.get(int(plain[2])), self._options(plain[3])
             if row is not None and not options:
-                self._use(row, _MOTION[plain[1]])
+                self._use(place, row, _MOTION[plain[1]])
                 return
         text = text.lstrip()
         if not text or text.startswith((b"!", b"//", b"--")):
@@ -170,12 +173,15 @@ class _Walk:
         tail = text[targets[-1].end() :] if targets else b""
         rows = [self._target(place, each) for each in targets]
         known = [row for row in rows if row is not None]
+        if not known:
+            line, how = line_at(self.data, place), _MOTION.get(letter, Motion.ARC_END)
+            self.out.path.extend((place, -line, int(how)))
         if letter != b"A":
             self.close_run()
         if letter == b"C":
             for row, how in zip(rows, (Motion.ARC_VIA, Motion.ARC_END), strict=False):
                 if row is not None:
-                    self._use(row, how)
+                    self._use(place, row, how)
             if len(known) < 2:
                 for row in known:
                     self._flag(row, Reason.EXPRESSION)
@@ -184,11 +190,11 @@ class _Walk:
             for row in known:
                 # The first is reached on a straight line and begins the arc.
                 how = Motion.ARC_VIA if len(self._run) % 2 else Motion.ARC_END
-                self._use(row, how if self._run else Motion.LIN)
+                self._use(place, row, how if self._run else Motion.LIN)
                 self._run.append(row)
         else:
             for row in known:
-                self._use(row, _MOTION[letter])
+                self._use(place, row, _MOTION[letter])
         for reason, what in self._options(tail):
             self._tell(what, place, f"{what}; such targets are not compensated")
             for row in known:
@@ -265,7 +271,8 @@ class _Walk:
                 self._tails[tail] = known
         return known
 
-    def _use(self, row: int, how: Motion) -> None:
+    def _use(self, place: int, row: int, how: Motion) -> None:
+        self.out.path.extend((place, row, int(how)))
         before = self.out.motion.get(row)
         if before is None or how == Motion.PTP:
             self.out.motion[row] = how

@@ -180,6 +180,7 @@ class _Builder:
             frame=table.rows_of(base), tool=table.rows_of(tool),
             T_base_frame=self.frames.stacked("base"), T_flange_tool=self.frames.stacked("tool"),
             notes=(*self.frames.notes, *self.notes.notes()),
+            path=self._moves(arcs),
             spans=PathWords(
                 numbers=numbers, value=value, unit=unit, turn=turn, skip=arcs.skip,
                 at=arcs.behind(self._behind()), barred=self._barred(arcs),
@@ -203,6 +204,15 @@ class _Builder:
         rows = self.rows
         axis_wise = (rows.force[:, Group.AXIS_WISE] == 1) | (rows.turn == Turn.AXES)
         return np.where(axis_wise, int(Motion.PTP), int(Motion.LIN))
+
+    def _moves(self, arcs: ArcRows) -> IntArray:
+        """Returns the rows in file order, rapid ones as joint moves: they cut nothing."""
+        table, motion = arcs.spread, arcs.motion(self._motion())
+        rapid = table.rows_of(self.rows.force[:, Group.MOTION] == Drive.RAPID)
+        if not rapid.any():
+            return np.empty((0, 3), np.int64)
+        row = np.arange(table.count)
+        return np.stack([row, row, np.where(rapid, int(Motion.PTP), motion)], axis=1)
 
     def _behind(self) -> IntArray:
         """Returns the byte (m,) behind the last word of each row, -1 where none may be inserted."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from array import array
 from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Final
@@ -53,6 +54,7 @@ class Moves:
         runs: Rows of each run of ``MOVC``, in order.
         frames: User frames that the job computes (number, line).
         tools: Tools likewise.
+        path: As ``Program.path``: line, row or minus the line, motion.
         notes: Sentences.
     """
 
@@ -62,6 +64,7 @@ class Moves:
     runs: list[list[int]] = field(default_factory=list)
     frames: list[tuple[str, int]] = field(default_factory=list)
     tools: list[tuple[str, int]] = field(default_factory=list)
+    path: array[int] = field(default_factory=lambda: array("q"))
     notes: list[str] = field(default_factory=list)
 
 
@@ -116,7 +119,7 @@ class _Walk:
             row = self._row.get(int(plain[2]))
             if row is not None:
                 self._master = [row]
-                self._track(self._master, plain[1], b"FPT" in plain[3])
+                self._track(line, self._master, plain[1], b"FPT" in plain[3])
                 return
         match = _MOVE.match(text)
         if match:
@@ -211,9 +214,11 @@ class _Walk:
                 self._flag(row, Reason.EXTERNAL_AXIS)
         if self._shift:
             self._shifted += rows
-        self._track(rows, letter, b"FPT" in own)
+        if not second and not rows and verb in (b"MOV", b"SMOV"):
+            self.out.path.extend((line, -line, int(_MOTION[letter])))
+        self._track(line, rows, letter, b"FPT" in own)
 
-    def _track(self, rows: list[int], letter: bytes, ends: bool) -> None:
+    def _track(self, line: int, rows: list[int], letter: bytes, ends: bool) -> None:
         """Notes how rows are moved to; runs of MOVC are arcs of two points each."""
         if letter != b"C" and rows:
             self._close_run()
@@ -224,6 +229,7 @@ class _Walk:
                 how = (Motion.ARC_VIA, Motion.ARC_END)[len(self._run) % 2 == 0]
                 how = how if self._run else Motion.LIN
                 self._run.append(row)
+            self.out.path.extend((line, row, int(how)))
             before = self.out.motion.get(row)
             if before is None or how == Motion.PTP:
                 self.out.motion[row] = how

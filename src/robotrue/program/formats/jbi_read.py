@@ -96,6 +96,7 @@ class _Builder:
             T_base_frame=moved.T_base_frame,
             T_flange_tool=self.frames.stacked("tool"),
             notes=tuple(dict.fromkeys(self.notes + self.walk.notes)),
+            path=np.array(self.walk.path, np.int64).reshape(-1, 3),
             spans=JbiSpans(tokens=tokens, rconf=rconf, fields=tuple(found.rconf)),
         )
 

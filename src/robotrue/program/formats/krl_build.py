@@ -182,7 +182,31 @@ class Builder:
             held=held,
             notes=tuple(dict.fromkeys(notes)),
             spans=_spans(found, agg, is_axis, partial, donor, (donor >= 0) & ~free),
+            path=self._moves(file, agg, motion),
         )
+
+    def _moves(self, file: int, agg: IntArray, motion: IntArray) -> IntArray:
+        """Returns the moves of the main file to the points of one, see ``Program.path``."""
+        story = self.story
+        if self.main < 0 or not (story.uses or story.lost):
+            return np.empty((0, 3), np.int64)
+        moves = [
+            (2 * line + (how != Motion.ARC_VIA), int(np.searchsorted(agg, point)), int(how))
+            for (where, point), uses in story.uses.items()
+            if where == file
+            for line, how in uses
+        ]
+        if file == self.main:
+            found = self.scans[file]
+            moves += [(2 * line + 1, -line - 1, int(how)) for line, how in story.lost]
+            rows = np.flatnonzero(found.line_kind[found.agg_line[agg]] > STATEMENT)
+            place = 2 * found.agg_line[agg[rows]].astype(np.int64)
+            place += motion[rows] != Motion.ARC_VIA
+            inline = np.stack([place, rows, motion[rows]], axis=1)
+        else:
+            inline = np.empty((0, 3), np.int64)
+        every = np.concatenate([np.array(moves, np.int64).reshape(-1, 3), inline])
+        return np.asarray(every[np.argsort(every[:, 0], kind="stable")])
 
     def _rows(self, file: int) -> tuple[IntArray, IntArray]:
         """Returns the motion of every aggregate (-1: no target) and the line it is moved to in."""

@@ -211,8 +211,17 @@ class _Text:
                     held=whole.held[mine] if len(whole.held) else whole.held,
                     notes=tuple(note for note, at in zip(said, owner, strict=True) if at == k),
                     spans=_part_of(whole.spans, mine, int(self.place[k])),
+                    path=self._path(whole.path, k, mine),
                 )
             )  # fmt: skip
+        return out
+
+    def _path(self, path: IntArray, file: int, rows: slice) -> IntArray:
+        """Returns the moves to rows of one file, and those in it to a target that is no row."""
+        first, end = int(self.line[file]), int(self.line[file + 1])
+        lost = (path[:, 1] < 0) & (-path[:, 1] > first) & (-path[:, 1] <= end)
+        out = np.array(path[lost | (path[:, 1] >= rows.start) & (path[:, 1] < rows.stop)])
+        out[:, 1] += np.where(out[:, 1] < 0, first, -rows.start)
         return out
 
 

@@ -42,6 +42,7 @@ class Story:
         notes: Sentences for the user.
         has_def: The file has a DEF, DEFFCT or DEFDAT.
         called_files: CAMRob files whose targets the robot moves through.
+        lost: (line, motion) of moves to a target that is not known.
         spelled: Names of called routines as the program writes them, by lower case.
     """
 
@@ -55,3 +56,4 @@ class Story:
     has_def: bool
     called_files: list[Called]
     spelled: dict[str, str]
+    lost: list[tuple[int, Motion]]

@@ -80,7 +80,7 @@ class Walk:
         self.flow = Flow(frames.table.harmless_routines)
         self._storing = False
         self.first = [_first_aggregates(found) for found in scans]
-        self.story = Story([], defaultdict(list), {}, [], {}, [], [], False, [], {})
+        self.story = Story([], defaultdict(list), {}, [], {}, [], [], False, [], {}, [])
         self._current: dict[str, dict[tuple[str, str], Definition]] = defaultdict(dict)
         self._variables: dict[str, Array] = {}
         self._absent: set[str] = set()
@@ -362,6 +362,8 @@ class Walk:
                 self.story.uses[key].append((line, how))
                 if relative:
                     self.story.flags[key] = Reason.RELATIVE
+            if not operand:
+                self.story.lost.append((line, how))
             used.append(operand)
             single = len(operand) == 1 and operand[0][0] == file and not relative
             agg = operand[0][1] if single else -1

@@ -16,7 +16,7 @@ from robotrue.program.formats.rapid_data import AXIS, NOTHING
 from robotrue.program.formats.rapid_frames import TOOL, WORK
 from robotrue.program.formats.rapid_walk import AXES_SHIFTED, FOREIGN, SHIFTED, Walk
 from robotrue.program.formats.rapid_write import RapidSpans
-from robotrue.program.formats.stored_points import firsts
+from robotrue.program.formats.stored_points import firsts, moves_to
 from robotrue.program.formats.target_notes import TargetNotes, absent_routine
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.held import turned_round
@@ -88,6 +88,7 @@ class _Builder:
             held=self.held[order] if self.held.any() else np.empty(0, np.bool_),
             notes=self.tell.notes(),
             spans=RapidSpans(numbers=self.numbers.rows(order), is_axis=self.is_axis[order]),
+            path=moves_to(self.walk.story.uses, np.argsort(order)),
         )
 
     def _put(self, rows: BoolArray, why: Reason, what: str) -> None:

@@ -103,6 +103,22 @@ class Uses:
         self.setting.append(setting)
 
 
+def moves_to(uses: Uses, rows: IntArray) -> IntArray:
+    """Returns ``Program.path`` (k, 3) of what is moved to; empty where that is file order.
+
+    Args:
+        uses: The motions.
+        rows: (n,) row of every point in the program, -1 of one that is none.
+    """
+    place, motion = np.array(uses.place, np.int64), np.array(uses.motion, np.int64)
+    point = rows[np.array(uses.point, np.int64)]
+    found = np.stack([place, point, motion], axis=1)[point >= 0]
+    found = found[np.argsort(found[:, 0], kind="stable")]
+    if np.array_equal(found[:, 1], np.arange((rows >= 0).sum())):
+        return np.empty((0, 3), np.int64)
+    return np.asarray(found)
+
+
 def firsts(point: IntArray, count: int) -> IntArray:
     """Returns for every point (count,) the first of its uses, -1 if it has none."""
     out = np.full(count, -1, np.int64)

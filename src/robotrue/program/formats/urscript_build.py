@@ -13,7 +13,7 @@ from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.program.formats.course import DIFFERS
 from robotrue.program.formats.krl_frames import Frames
 from robotrue.program.formats.number_text import LARGEST
-from robotrue.program.formats.stored_points import firsts
+from robotrue.program.formats.stored_points import firsts, moves_to
 from robotrue.program.formats.target_notes import TargetNotes, absent_routine
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.formats.urscript_walk import (
@@ -78,6 +78,8 @@ class _Builder:
         rows = np.argsort(self.offset, kind="stable")
         held = (self.kind == FRAME) | ~self.used & self._flags(tools_and_frames=True)
         rows = rows[~held[rows]]
+        row_of = np.full(self.count, -1)
+        row_of[rows] = np.arange(len(rows))
         return Program(
             name=self.name,
             dialect="urscript",
@@ -96,6 +98,7 @@ class _Builder:
             T_flange_tool=np.array(self.frames.matrices["tool"]),
             notes=self.tell.notes(),
             spans=UrSpans(numbers=self.numbers.rows(rows), is_axis=self.is_axis[rows]),
+            path=moves_to(self.walk.story.uses, row_of),
         )
 
     def _motion(self) -> IntArray:

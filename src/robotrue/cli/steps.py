@@ -1,0 +1,86 @@
+"""``robotrue compensate --max-step``: whether a mixed program may be written."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from robotrue.cli.console import say
+from robotrue.compensation.steps import Step, Steps
+from robotrue.core.units import MM
+from robotrue.errors import ConfigurationError, StepError
+
+MAX_STEP_MM = 0.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepRule:
+    """What is allowed between a target left alone and its compensated neighbours.
+
+    Attributes:
+        max_mm: Largest step.
+        allow: Write the program all the same.
+    """
+
+    max_mm: float = MAX_STEP_MM
+    allow: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuses a limit that is none.
+
+        Raises:
+            ConfigurationError: Below 0, or not finite.
+        """
+        if not 0.0 <= self.max_mm < math.inf:
+            raise ConfigurationError(
+                f"--max-step is {self.max_mm:g} mm, expected 0 or more.", hint="--max-step 0.1"
+            )
+
+    def require(self, steps: Steps, name: str | Path) -> None:
+        """Passes if the program may be written.
+
+        Raises:
+            StepError: A step beyond the limit, and steps are not allowed.
+        """
+        if self.allow or steps.worst is None or steps.largest <= self.max_mm * MM:
+            return
+        fault = StepError(
+            f"{_counted(steps)}, above {self.max_mm:g} mm; {_which(steps.worst)}. Nothing was "
+            "written.",
+            source=name,
+            hint="what the notes say of the targets left alone; or --allow-steps, "
+            f"--max-step {math.ceil(steps.largest / MM * 10.0) / 10.0:g}.",
+        )
+        fault.detail = {"steps": self.document(steps)}
+        raise fault
+
+    def document(self, steps: Steps) -> dict[str, Any]:
+        """Returns JSON values: the steps, and what is allowed."""
+        return {**steps.document(), "limit_mm": self.max_mm, "allowed": self.allow}
+
+
+def say_steps(found: Mapping[str, Any], steps: Steps) -> None:
+    """Says on stderr how much of the path is compensated, and the steps in it."""
+    if steps.length > 0.0 and steps.corrected < steps.length:
+        share = 100.0 * steps.corrected / steps.length
+        say(
+            f"{found['compensated_path_mm']:.1f} of {found['path_mm']:.1f} mm of the path "
+            f"({share:.1f} %) lie between compensated targets"
+        )
+    if steps.worst is not None:
+        say(f"note: {_counted(steps)}; {_which(steps.worst)}.")
+
+
+def _counted(steps: Steps) -> str:
+    size = f"{steps.largest / MM:.3f} mm"
+    where = "in the path between targets left alone and compensated ones"
+    if steps.count == 1:
+        return f"1 step of {size} {where}"
+    return f"{steps.count} steps {where}, the largest {size}"
+
+
+def _which(step: Step) -> str:
+    return f"from {step.before} to {step.after}, {step.left} is left alone"

@@ -1,0 +1,254 @@
+"""The ledges a mixed program leaves: a target left alone beside one that is compensated.
+
+On a path the tool follows (lines, arcs, splines) the contour has a step where one end of a move is
+corrected and the other is not: the target left alone stands at no correction, so the step is the
+length of its neighbour's. A joint move or a rapid one cuts nothing and makes no step, nor does the
+way from a home position, an axis target reached by a joint move.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from robotrue.compensation.status import Status
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.units import MM
+from robotrue.program.program import Motion, Program, Reason
+
+NAMED: Final = 5
+"""Steps told one by one."""
+_FOLLOWING: Final = ("krl", "fanuc_ls", "sinumerik", "fanuc_gcode", "heidenhain", "apt")
+"""Dialects whose relative targets start from where the one before was commanded."""
+
+
+class Edge(NamedTuple):
+    """A target of the path.
+
+    Attributes:
+        where: File and line.
+        left: It is left alone.
+        size: m, length of its correction.
+        joined: A line, arc or spline leads to it.
+        home: An axis target left alone, that a joint move leads to.
+        place: (3,) m, in the robot base.
+    """
+
+    where: str
+    left: bool
+    size: float
+    joined: bool
+    home: bool
+    place: tuple[float, float, float]
+
+
+class Step(NamedTuple):
+    """The move between two targets, one of them left alone: file and line of both, and m."""
+
+    before: str
+    after: str
+    left: str
+    size: float
+
+    def document(self) -> dict[str, Any]:
+        """Returns JSON values."""
+        return {
+            "from": self.before,
+            "to": self.after,
+            "left_alone": self.left,
+            "mm": self.size / MM,
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Steps:
+    """What the steps of a program, or of a part of it, come to.
+
+    Attributes:
+        count: How many there are.
+        first: The first ``NAMED`` of them.
+        worst: The largest.
+        length: m, of the moves on a path between targets whose place is known, arcs as chords.
+        corrected: m, of those whose two ends are compensated.
+        head: First target of the part.
+        tail: Last target of the part.
+    """
+
+    count: int = 0
+    first: tuple[Step, ...] = ()
+    worst: Step | None = None
+    length: float = 0.0
+    corrected: float = 0.0
+    head: Edge | None = None
+    tail: Edge | None = None
+
+    @property
+    def largest(self) -> float:
+        """m, 0 without any."""
+        return 0.0 if self.worst is None else self.worst.size
+
+    def document(self) -> Mapping[str, Any]:
+        """Returns JSON values."""
+        return {
+            "count": self.count,
+            "max_mm": self.largest / MM,
+            "worst": None if self.worst is None else self.worst.document(),
+            "first": [step.document() for step in self.first],
+            "path_mm": self.length / MM,
+            "compensated_path_mm": self.corrected / MM,
+        }
+
+
+class _Path(NamedTuple):
+    """Targets in the order the program text moves to them, as columns; see :class:`Edge`."""
+
+    file: IntArray
+    line: IntArray
+    left: BoolArray
+    size: Array
+    joined: BoolArray
+    home: BoolArray
+    place: Array
+
+
+def steps_of(parts: Sequence[tuple[Program, IntArray, Array]]) -> Steps:
+    """Returns the steps of programs that one text moves through: a ``.src`` with its ``.dat``.
+
+    Args:
+        parts: Each program with the :class:`Status` (n,) and the shift (n, 3) m of its targets.
+    """
+    columns, orders = zip(*(_columns(k, *part) for k, part in enumerate(parts)), strict=True)
+    path = columns[0]
+    if len(columns) > 1:
+        order = np.argsort(np.concatenate(orders), kind="stable")
+        merged = (np.concatenate(each)[order] for each in zip(*columns, strict=True))
+        path = _Path(*merged)
+    if not len(path.line):
+        return Steps()
+    return _measured(path, [program.name for program, _, _ in parts])
+
+
+def job_steps(parts: Sequence[tuple[Program, IntArray, Array]]) -> Steps:
+    """Returns the steps of a job; the files of a KRL job are one text.
+
+    Args:
+        parts: As :func:`steps_of`, in the order of the job.
+    """
+    one = [part for part in parts if part[0].dialect == "krl" and len(part[0].path)]
+    texts = [one] if one else []
+    texts += [[part] for part in parts if not any(part is each for each in one)]
+    apart = [replace(steps_of(text), head=None, tail=None) for text in texts]
+    return joined(apart)
+
+
+def joined(parts: Iterable[Steps]) -> Steps:
+    """Returns the steps of a whole from those of its parts in order, and those between them."""
+    out = Steps()
+    for part in parts:
+        between = _between(out.tail, part.head)
+        both = [*out.first, *between.first, *part.first]
+        known = [step for step in (out.worst, between.worst, part.worst) if step is not None]
+        out = Steps(
+            count=out.count + between.count + part.count,
+            first=tuple(both[:NAMED]),
+            worst=max(known, key=lambda step: step.size, default=None),
+            length=out.length + between.length + part.length,
+            corrected=out.corrected + between.corrected + part.corrected,
+            head=out.head or part.head,
+            tail=part.tail or out.tail,
+        )
+    return out
+
+
+def _between(tail: Edge | None, head: Edge | None) -> Steps:
+    if tail is None or head is None or not head.joined:
+        return Steps()
+    far = float(np.linalg.norm(np.subtract(head.place, tail.place)))
+    far = far if np.isfinite(far) else 0.0
+    step: tuple[Step, ...] = ()
+    if head.left != tail.left and not tail.home:
+        size = head.size + tail.size
+        left = head.where if head.left else tail.where
+        step = (Step(tail.where, head.where, left, size),)
+    return Steps(
+        count=len(step),
+        first=step,
+        worst=step[0] if step else None,
+        length=far,
+        corrected=0.0 if head.left or tail.left else far,
+    )
+
+
+def _columns(file: int, program: Program, status: IntArray, shift: Array) -> tuple[_Path, IntArray]:
+    """Returns the path through one program, and the place of each of its targets in the text."""
+    place, row, motion = _order(program)
+    known = np.maximum(row, 0)
+    left = ~np.isin(status, (Status.COMPENSATED, Status.UNCHANGED_NO_ERROR))[known] | (row < 0)
+    follows = (program.reason[known] == Reason.RELATIVE) & (row >= 0)
+    if program.dialect not in _FOLLOWING:
+        follows[:] = False
+    size = np.where(left, 0.0, np.linalg.norm(shift, axis=1)[known])
+    reached = motion != Motion.PTP
+    home = left & ~reached & (status == Status.UNCHANGED_AXIS_TARGET)[known] & (row >= 0)
+    where = np.where((row < 0)[:, None], np.nan, _places(program)[known])
+    line = np.where(row < 0, -row, program.line[known])
+    columns = (np.full(len(row), file), line, left, size, reached, home, where)
+    keep = ~follows
+    if keep.all():
+        return _Path(*columns), place
+    return _Path(*(column[keep] for column in columns)), place[keep]
+
+
+def _order(program: Program) -> tuple[IntArray, IntArray, IntArray]:
+    """Returns place, row and motion of the targets in the order they are moved to."""
+    if len(program.path):
+        return program.path[:, 0], program.path[:, 1], program.path[:, 2]
+    row = np.flatnonzero(program.motion != Motion.UNUSED)
+    return row, row, program.motion[row]
+
+
+def _places(program: Program) -> Array:
+    """Returns the targets (n, 3) m in the robot base, NaN for axis targets."""
+    if not len(program):
+        return np.full((1, 3), np.nan)
+    out = np.empty((len(program), 3))
+    for frame in np.unique(program.frame).tolist():
+        rows = program.frame == frame
+        T = program.T_base_frame[frame]
+        out[rows] = program.position[rows] @ T[:3, :3].T + T[:3, 3]
+    return out
+
+
+def _measured(path: _Path, names: Sequence[str]) -> Steps:
+    joined, left = path.joined[1:], path.left
+    far = np.nan_to_num(np.linalg.norm(np.diff(path.place, axis=0), axis=1)) * joined
+    uneven = joined & (left[1:] != left[:-1]) & ~path.home[:-1]
+    at = np.flatnonzero(uneven)
+    size = path.size[at] + path.size[at + 1]
+
+    def where(row: int) -> str:
+        return f"{names[path.file[row]]}:{path.line[row]}"
+
+    def step(k: int) -> Step:
+        row = int(at[k])
+        odd = row if left[row] else row + 1
+        return Step(where(row), where(row + 1), where(odd), float(size[k]))
+
+    def edge(row: int) -> Edge:
+        x, y, z = path.place[row].tolist()
+        each = (path.left[row], path.size[row], path.joined[row], path.home[row])
+        return Edge(where(row), bool(each[0]), float(each[1]), bool(each[2]), bool(each[3]),
+                    (x, y, z))  # fmt: skip
+
+    return Steps(
+        count=len(at),
+        first=tuple(step(k) for k in range(min(len(at), NAMED))),
+        worst=step(int(np.argmax(size))) if len(at) else None,
+        length=float(far.sum()),
+        corrected=float(far[~(left[1:] | left[:-1])].sum()),
+        head=edge(0),
+        tail=edge(len(path.line) - 1),
+    )
