@@ -272,7 +272,7 @@ def test_a_ledge_in_the_path_is_measured_and_not_written(cli, work: Path) -> Non
     assert f"the largest {steps['max_mm']:.3f} mm from" not in got.err
     assert f"the largest {steps['max_mm']:.3f} mm" in got.err
     assert "line 8: unchanged, out of the robot's reach." in got.err
-    assert "Nothing was written. Try: " in got.err
+    assert "Nothing was written. Try: --allow-steps; the notes say why" in got.err
 
 
 def _places(path: Path) -> np.ndarray:

@@ -81,13 +81,14 @@ def test_three_axes_keep_one_orientation() -> None:
     rotary = read("sinumerik", plain + b"G1 X1.0 C=30.0\nX3.0\n")
     assert reasons(rotary)[2:] == [Reason.EXPRESSION] * 2
     off = sinumerik(f"{FIRST}\nTRAFOOF\nG1 X1.0 Y1.0 Z1.0")
-    assert reasons(off) == [Reason.NONE, Reason.EXPRESSION]
+    assert reasons(off) == [Reason.INCOMPLETE, Reason.EXPRESSION]  # A, B, C are kept from it
 
 
 def test_fanuc_tool_point_by_angles_and_by_axis() -> None:
     program = read("fanuc_gcode", FANUC)
     line = dict(zip(program.line.tolist(), reasons(program), strict=True))
-    assert [line[k] for k in (7, 8, 9, 10, 15, 17, 19, 20)] == [Reason.NONE] * 8
+    assert [line[k] for k in (7, 8, 9, 10, 15, 17, 19)] == [Reason.NONE] * 7
+    assert line[20] == Reason.INCOMPLETE  # what stands behind G68 keeps words of it
     assert line[14] == Reason.EXPRESSION  # X#100
     assert line[16] == Reason.INCOMPLETE  # a block with /
     assert line[22] == Reason.UNKNOWN_FRAME  # G68
@@ -200,7 +201,8 @@ def test_tools_come_from_the_cell() -> None:
 )
 def test_what_moves_the_coordinates_or_the_path(before: str, behind: str, reason: Reason) -> None:
     program = sinumerik(f"{FIRST}\n{before}\n{FIRST[3:]}")
-    assert reasons(program) == [Reason.NONE, reason]
+    kept = any("left alone, too: the next point" in note for note in program.notes)
+    assert reasons(program) == [Reason.INCOMPLETE if kept else Reason.NONE, reason]
     assert any(":5" in note or ":6" in note for note in program.notes)
     if behind:
         assert reasons(sinumerik(f"{FIRST}\n{before}\n{behind}\n{FIRST}"))[1] == Reason.NONE
@@ -227,7 +229,8 @@ def test_what_moves_the_coordinates_or_the_path(before: str, behind: str, reason
 )
 def test_fanuc_words_that_are_not_followed(block: str, reason: Reason) -> None:
     program = fanuc(f"G1 X1. Y2. Z3. A0. B0. C0.\n{block}")
-    assert reasons(program) == [Reason.NONE, reason]
+    kept = any("left alone, too: the next point" in note for note in program.notes)
+    assert reasons(program) == [Reason.INCOMPLETE if kept else Reason.NONE, reason]
     assert any(":5" in note or ":6" in note for note in program.notes)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -201,3 +202,78 @@ def test_status_in_binary_and_hexadecimal() -> None:
     out = dialect("sinumerik").write(program, change)
     assert out == program.data.replace(b"'B010'", b"'B110'").replace(b"'H11'", b"'HAB'")
     assert dialect("sinumerik").write(program, moved(program, np.zeros(3), STILL)) == program.data
+
+
+def modal(lines: list[str]) -> list[dict[str, float]]:
+    """Where every line leaves the words X Y Z A B C, as a control keeps them; G28 goes home."""
+    state: dict[str, float] = {}
+    out = []
+    for line in lines:
+        words = re.findall(r"([XYZABC])=?(IC\(([-.\d]+)\)|[-.\d]+)", line)
+        for axis, text, step in words if not line.startswith(("G52", "TRANS")) else ():
+            state[axis] = state.get(axis, 0.0) + float(step) if step else float(text)
+        if line.startswith("G28"):
+            state |= {axis: 999.0 for axis, _, _ in words}
+        out.append(dict(state))
+    return out
+
+
+FIRST = "G1 X1.000 Y2.000 Z3.000 A0. B1. C2.\nX2.000 Y3.000 Z4.000 A1. B2. C3.\nX4.000"
+
+
+@pytest.mark.parametrize(
+    "behind",
+    [
+        "G52 X10. Y0. Z0.\nX5.000\nY4.000",
+        "G49\nX5.000",
+        "G28 Z5.\nX5.000 Y5.000\nZ2.000",
+        "M98 P1000\nG1 X5.000\nZ2.000",
+        "G53 X5.000",
+        "G81 Z1.000 R2.",
+        "G68.2 X0. Y0. Z0. I0. J0. K0.\nX7.000 Z1.000",
+    ],
+)
+def test_a_point_left_alone_inherits_no_correction(behind: str) -> None:
+    program = fanuc(f"{FIRST}\n{behind}")
+    left = program.reason != Reason.NONE
+    assert left.tolist()[:2] == [False, False]
+    assert left[2:].all()  # the last point before is left alone, too
+    assert any(":6: left alone, too: the next point" in note for note in program.notes)
+    turn = matrix_from_abc(np.array([0.3, 0.2, 0.1]) * DEG)
+    change = moved(program, np.array([0.4, 0.5, 0.6]) * MM, turn)
+    change = replace(change, changed=~left)
+    after = dialect("fanuc_gcode").write(program, change).decode()
+    before = program.data.decode()
+    assert after != before
+    one, other = (modal(text.split("\n")) for text in (before, after))
+    for line in program.line[left].tolist():
+        assert other[line - 1] == one[line - 1], line
+
+
+@pytest.mark.parametrize(
+    ("point", "alone"),
+    [("X=IC(10)", False), ("X=IC(10) Y5", True), ("X=AC(10)", False), ("X=10*R1", False)],
+)
+def test_a_step_from_the_point_before(point: str, alone: bool) -> None:
+    head = "G1 X1 Y2 Z3 A=0 B=0 C=0\nX2 Y3 Z4 A=1 B=1 C=1"
+    program = sinumerik(f"{head}\nG1 {point}\nX5 Y6 Z7 A=0 B=0 C=0")
+    left = Reason.INCOMPLETE if alone else Reason.NONE
+    assert program.reason.tolist()[:2] == [Reason.NONE, left]
+    assert program.reason[2] == (Reason.RELATIVE if "IC" in point else Reason.EXPRESSION)
+    lines = written(program, [[100, 100, 100]] * 4, matrix_from_abc(np.array([0.1, 0.1, 0.1])))
+    if "IC" in point:  # it goes on from where the point before it is: nothing may be put in
+        assert lines[2] == f"G1 {point}"
+        assert (lines[1] == "X2 Y3 Z4 A=1 B=1 C=1") == alone
+    else:  # it says all words that changed as they were
+        assert lines[2] == f"G1 {point} Y3 Z4 A=1 B=1 C=1"
+
+
+def test_a_step_by_conversational_words_takes_nothing_in() -> None:
+    text = "BEGIN PGM A MM\nM128\nL X+1 Y+2 Z+3 A+0 B+0 C+0\nL IX+10\nL X+4 Y+5 Z+6\nEND PGM A MM\n"
+    program = read("heidenhain", text.encode())
+    change = replace(
+        moved(program, np.full((3, 3), 1e-4), STILL), changed=program.reason == Reason.NONE
+    )
+    lines = dialect("heidenhain").write(program, change).decode().split("\n")
+    assert program.reason.tolist() == [Reason.NONE, Reason.RELATIVE, Reason.NONE]
+    assert lines[3] == "L IX+10"

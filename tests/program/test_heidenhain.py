@@ -36,7 +36,8 @@ def written(
 def test_lines_and_what_they_leave_out() -> None:
     program = read("heidenhain", HEIDENHAIN)
     line = dict(zip(program.line.tolist(), reasons(program), strict=True))
-    assert [line[k] for k in (7, 8, 9, 10, 11, 13, 14, 17, 18)] == [Reason.NONE] * 9
+    assert [line[k] for k in (7, 8, 9, 10, 11, 13, 14, 17)] == [Reason.NONE] * 8
+    assert line[18] == Reason.INCOMPLETE  # the point behind M129 keeps words of it
     assert line[15] == Reason.RELATIVE
     assert line[16] == Reason.EXPRESSION
     assert line[20] == Reason.EXPRESSION  # A+0 behind M129
@@ -52,7 +53,7 @@ def test_tool_axes_and_angles() -> None:
     tcpm = of(FIRST, head="0 BEGIN PGM A MM\n1 TOOL CALL 1 Z\n2 FUNCTION TCPM F TCP AXIS POS\n")
     assert reasons(tcpm) == [Reason.NONE]
     off = of(f"{FIRST}\nFUNCTION RESET TCPM\nL X+1.0 Y+1.0 Z+1.0")
-    assert reasons(off) == [Reason.NONE, Reason.EXPRESSION]
+    assert reasons(off) == [Reason.INCOMPLETE, Reason.EXPRESSION]  # A, B, C are kept from it
 
 
 def test_inches_of_the_head() -> None:
@@ -114,7 +115,8 @@ def test_conversational_blocks_take_no_words_they_do_not_know() -> None:
 )
 def test_what_is_not_compensated(block: str, reason: Reason) -> None:
     program = of(f"{FIRST}\n{block}")
-    assert reasons(program)[0] == Reason.NONE
+    kept = any("left alone, too: the next point" in note for note in program.notes)
+    assert reasons(program)[0] == (Reason.INCOMPLETE if kept else Reason.NONE)
     assert reasons(program)[-1] == reason
     assert any("part.nc:" in note for note in program.notes)
 
@@ -180,7 +182,7 @@ def test_a_head_for_people_and_blocks_with_an_n() -> None:
 
 def test_a_retreat_to_the_limit_is_told_as_what_it_is() -> None:
     program = of(f"{FIRST}\nL M140 MB MAX\nL X+2.0\nL Y+2.0 Z+3.0 A+0.0 B+0.0 C+0.0")
-    assert reasons(program) == [Reason.NONE, Reason.INCOMPLETE, Reason.NONE]
+    assert reasons(program) == [Reason.INCOMPLETE, Reason.INCOMPLETE, Reason.NONE]
     assert not any("not understood" in note for note in program.notes)
     assert any("Y, Z, A, B, C: left out here and not said before" in n for n in program.notes)
 

@@ -51,8 +51,7 @@ class StepRule:
             f"{_counted(steps)}, above {self.max_mm:g} mm; {_which(steps.worst)}. Nothing was "
             "written.",
             source=name,
-            hint="what the notes say of the targets left alone; or --allow-steps, "
-            f"--max-step {math.ceil(steps.largest / MM * 10.0) / 10.0:g}.",
+            hint="--allow-steps; the notes say why targets are left alone, and what cures it.",
         )
         fault.detail = {"steps": self.document(steps)}
         raise fault

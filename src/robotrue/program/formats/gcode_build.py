@@ -167,6 +167,7 @@ class _Builder:
         open_ = (reason == Reason.NONE) | (reason == Reason.JOINT_TARGET)
         reason[open_ & ~known] = Reason.INCOMPLETE
         self._tell_unknown(rows, open_[table.place] & ~known[table.place])
+        self._keep_inherited(reason, table.place)
         share_fate(reason, arcs.groups(reason))
         words, marks = self._status(table.count, table.place)
         self.notes.each(found.told, self.blocks.first)
@@ -188,6 +189,41 @@ class _Builder:
                 arcs=arcs.plane, marks=marks,
             ),
         )  # fmt: skip
+
+    def _keep_inherited(self, reason: IntArray, place: IntArray) -> None:
+        """Leaves alone, in place, the last point before one that would inherit its correction.
+
+        A point left alone gets the words it left out as they were, so that it goes where it always
+        went. Where none can be inserted, or what they were is not known, the point they come from
+        must not move. A relative point goes on from where the one before was commanded.
+
+        Args:
+            reason: (n,) of all rows.
+            place: (m,) row of every block that goes somewhere.
+        """
+        rows, own = self.rows, reason[place]
+        left = ~np.isin(own, (Reason.NONE, Reason.JOINT_TARGET))
+        told = self.words.numbers((Column.X, Column.Y, Column.Z))
+        angles = self.words.numbers((Column.A, Column.B, Column.C))[1]
+        vector = self.words.numbers((Column.AX, Column.AY, Column.AZ))[1]
+        relative = own == Reason.RELATIVE
+        mixed = relative & (rows.force[:, Group.RELATIVE] == 0) & (told[0].start >= 0).any(axis=1)
+        turns = np.isin(rows.turn, (Turn.ANGLES, Turn.VECTOR))[:, None]
+        lacking = np.concatenate([~told[1], turns & ~(angles | vector)], axis=1)
+        lost = (self._behind() < 0)[:, None] | np.isnan(rows.value)
+        heir = left & ~relative & (rows.turn != Turn.AXES) & (lacking & lost).any(axis=1)
+        fixed = np.where(relative & ~mixed, -1, np.arange(len(own)))
+        donor = np.maximum.accumulate(np.concatenate([[-1], fixed]))[:-1]
+        donor = donor[(heir | mixed) & (donor >= 0)]
+        donor = np.unique(donor[own[donor] == Reason.NONE])
+        which = np.zeros(len(own), np.bool_)
+        which[donor] = True
+        reason[place[donor]] = Reason.INCOMPLETE
+        self.notes.rows(
+            which,
+            "left alone, too: the next point is left alone and takes over words from here that "
+            "cannot be written there",
+        )
 
     def _remark(self) -> None:
         """Says what was taken for granted."""
@@ -235,7 +271,8 @@ class _Builder:
         force, flags = self.rows.force, self.blocks.findings.flags
         out = (force[:, Group.RELATIVE] != 0) | (force[:, Group.SHIFTED] != 0)
         out |= ~np.isin(force[:, Group.MOTION], np.arange(Drive.OTHER))
-        moved = [block for block, why in flags.items() if why == Reason.UNKNOWN_FRAME]
+        kinds = (Reason.UNKNOWN_FRAME, Reason.RELATIVE)
+        moved = [block for block, why in flags.items() if why in kinds]
         return np.asarray(out | np.isin(self.rows.block, moved))
 
     def _barred(self, arcs: ArcRows) -> BoolArray:

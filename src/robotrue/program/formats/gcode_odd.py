@@ -268,8 +268,9 @@ class _Block:
 
     def _word(self, column: int, start: int, end: int, value: float | None) -> None:
         if value is None:
-            self._out.flag(self._block, Reason.EXPRESSION)
-            self._tell("a coordinate is computed")
+            counted = self._text[start:end].startswith(b"IC(")
+            self._out.flag(self._block, Reason.RELATIVE if counted else Reason.EXPRESSION)
+            self._tell("IC counts from the point before" if counted else "a coordinate is computed")
             self._found.append((self._block, column, -1, 0, np.nan))
             return
         token = _NUMBER.match(self._text, start)

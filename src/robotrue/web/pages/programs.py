@@ -107,8 +107,12 @@ async def _one(bench: Bench, record: ProgramRecord) -> None:
         parameters = escape(json.dumps({"program": record.id, "model": model.id}), quote=True)
         acts += (
             f'<button class="act" data-testid="compensate" data-parameters="{parameters}" '
-            "onclick=\"bench.job('compensate',JSON.parse(this.dataset.parameters),this)\">"
+            "onclick=\"bench.job('compensate',{...JSON.parse(this.dataset.parameters),"
+            'allow_steps:this.nextElementSibling.firstElementChild.checked},this)">'
             f"{escape(say('programs.compensate'))}</button>"
+            '<label class="note" style="display:inline-flex;gap:8px;align-items:center">'
+            '<input type="checkbox" data-testid="allow-steps">'
+            f"{escape(say('programs.allow_steps'))}</label>"
         )
     stage = say("programs.stage_after" if after else "programs.stage_before")
     gone = tag(say("history.action_deleted"), "caution") if record.deleted else ""
