@@ -305,7 +305,7 @@ def test_a_model_of_another_robot(cli, work: Path) -> None:
 OUTPUTS = [
     ("calibrate", "cell.toml", "cal.csv", "-o", "{}"),
     ("predict", "model.rtm", "test.csv", "-o", "{}"),
-    ("compensate", "model.rtm", "part.src", "-o", "{}"),
+    ("compensate", "model.rtm", "part.src", "--allow-steps", "-o", "{}"),
 ]
 
 

@@ -312,3 +312,41 @@ def test_steps_between_stored_points_in_the_order_of_the_moves(cli, work: Path) 
     assert not (work / "out.dat").exists()
     steps = got.fault["steps"]["first"]
     assert [(each["from"], each["to"]) for each in steps] == [("s.dat:4", "s.dat:5")]
+
+
+def test_notes_carry_the_reason_with_file_line_and_remedy(cli, work: Path) -> None:
+    text = shop.PROGRAM.replace(LEDGE, "").replace("LIN {X 1150", "Spindle_On(9)\nLIN {X 1150")
+    (work / "named.src").write_text(text)
+    got = cli("compensate", work / "model.rtm", work / "named.src", "-o", work / "o.src",
+              "--allow-steps", "--json")  # fmt: skip
+    first, second = got.document["notes"]
+    assert first.startswith("named.src:8: Spindle_On stands in no file given and may change base")
+    assert 'harmless_routines = ["Spindle_On"]' in first
+    assert second == "line 9: unchanged, its base or tool is not known."
+    folder = work / "in"
+    folder.mkdir()
+    (folder / "named.src").write_text(text)
+    (folder / "other.src").write_text(shop.PROGRAM.replace("part()", "other()"))
+    (work / "out").mkdir()
+    both = cli("compensate", work / "model.rtm", folder, "-o", work / "out", "--allow-steps",
+               "--json")  # fmt: skip
+    assert [note for note in both.document["notes"] if "unchanged" in note] == [
+        f"named.src: {second}",
+        "other.src: line 8: unchanged, out of the robot's reach.",
+    ]
+
+
+def test_a_copy_without_its_identity_is_known_by_its_bytes(cli, work: Path) -> None:
+    first = cli("compensate", work / "model.rtm", work / "part.src", "-o", work / "o.src",
+                "--allow-steps")  # fmt: skip
+    assert first.code == 0
+    assert "part.src: no identity file beside; taken as not compensated before" in first.err
+    away = work / "elsewhere"
+    away.mkdir()
+    for copy in (work / "copy.src", away / "o.src"):
+        copy.write_bytes((work / "o.src").read_bytes())
+        got = cli("compensate", work / "model.rtm", copy, "-o", work / "twice.src")
+        assert got.code == 1
+        assert "the program is a copy of o.src, which is compensated already" in got.err
+        assert "Try: compensate part.src." in got.err
+        assert not (work / "twice.src").exists()

@@ -40,7 +40,7 @@ def test_off_by_default_and_on_request(cli, work: Path) -> None:
     said = []
     for name, options in (("a.src", ()), ("b.src", ("--free-spin",))):
         got = cli("compensate", work / "model.rtm", work / "r.src", "-o", work / name, "--json",
-                  "--start", "0,-80,80,0,40,0",
+                  "--start", "0,-80,80,0,40,0", "--allow-steps",
                   "--force", work / "f.toml", "--cutter", "z", *options)  # fmt: skip
         assert got.code == 0, got.err
         said.append(got)

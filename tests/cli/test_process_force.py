@@ -16,7 +16,14 @@ MILLING = """milling = { kind = "flat", mode = "down", diameter_mm = 10, teeth =
 
 def compensated(cli, work: Path, name: str, *options: object):
     got = cli(
-        "compensate", work / "model.rtm", work / "part.src", "-o", work / name, "--json", *options
+        "compensate",
+        work / "model.rtm",
+        work / "part.src",
+        "-o",
+        work / name,
+        "--json",
+        "--allow-steps",
+        *options,
     )
     assert got.code == 0, got.err
     return got

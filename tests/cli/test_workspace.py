@@ -66,7 +66,12 @@ def test_the_whole_story(folder: Path, shelf: Path, cli: Command, tmp_path: Path
     model = result(job, "model")
     assert "poses from 1 file" in " ".join(job.remarks)
     judged = done(folder, submitted(cli, "validate", "model=spring", "measurements=test"))
-    cut = done(folder, submitted(cli, "compensate", "program=part.src", "model=spring"))
+    refused = done(folder, submitted(cli, "compensate", "program=part.src", "model=spring"))
+    assert refused.error is not None
+    assert refused.error["kind"] == "StepError"
+    assert any("out of the robot's reach" in remark for remark in refused.remarks)
+    cut = done(folder, submitted(cli, "compensate", "program=part.src", "model=spring",
+                                 "allow_steps=true"))  # fmt: skip
     again = done(folder, submitted(cli, "compensate", "program=part.src, compensated",
                                    "model=spring"))  # fmt: skip
 
@@ -89,7 +94,9 @@ def test_the_whole_story(folder: Path, shelf: Path, cli: Command, tmp_path: Path
     assert cli("workspace", "show", "spring", "-o", tmp_path / "out").code == 0
     target = tmp_path / "by_command.src"
     model_file = tmp_path / "out" / "model.rtm"
-    assert cli("compensate", model_file, shelf / "part.src", "-o", target).code == 0
+    assert (
+        cli("compensate", model_file, shelf / "part.src", "-o", target, "--allow-steps").code == 0
+    )
     assert sha256(target.read_bytes()) == sha256(written)
 
     # What is compensated already is refused: its identity came along.

@@ -226,3 +226,18 @@ def test_the_files_a_program_names() -> None:
     assert names(b'LOG("it\'s" CR_PROCESS_FILE("b.csv")') == ("b.csv",)
     assert names(b'CR_PROCESS_FILE("../a.csv") CR_PROCESS_FILE("") OTHER("c.csv")') == ()
     assert names(b'LIN {X 1} CR_PROCESS_FILE("a.csv") CR_PROCESS_FILE("a.csv"') == ("a.csv",)
+
+
+def test_global_points_that_are_compensated_are_told() -> None:
+    src = "DEF a()\n$BASE={X 0,Y 0,Z 0,A 0,B 0,C 0}\n$TOOL={X 0,Y 0,Z 0,A 0,B 0,C 0}\n"
+    src += "LIN gp\nLIN own\nLIN gf[1]\nEND\n"
+    pose = "{X 1,Y 2,Z 3,A 0,B 0,C 0}"
+    dat = f"DEFDAT a PUBLIC\nDECL GLOBAL FRAME gp={pose}\nDECL FRAME own={pose}\n"
+    dat += f"GLOBAL DECL FRAME gf[2]\ngf[1]={pose}\nENDDAT\n"
+    for text, told in ((dat, True), (dat.replace("GLOBAL ", ""), False)):
+        files = [("a.src", src.encode()), ("a.dat", text.encode())]
+        program = DIALECT.read_job(files, frames=FrameTable())[1]
+        assert program.reason.tolist() == [Reason.NONE] * 3
+        assert (
+            any("a.dat: 2 targets are GLOBAL points (gp, gf)" in n for n in program.notes) == told
+        )

@@ -49,12 +49,16 @@ class Served:
     folder: Path
 
 
+PART = shop.PROGRAM.replace("LIN {X 9800", "PTP {X 9800").replace("LIN {X 1150", "PTP {X 1150")
+"""The target out of reach between joint moves: it leaves no step in a path."""
+
+
 def write_files(folder: Path) -> None:
     """A cell, simulated measurements and a program."""
     (folder / "cell.toml").write_text(shop.CELL)
     joints = shop.postures(POSES, SEED)
     shop.write_csv(folder / "simulated.csv", joints, shop.points(joints, noise_seed=SEED))
-    (folder / "part.src").write_text(shop.PROGRAM)
+    (folder / "part.src").write_text(PART)
 
 
 def fill(folder: Path, files: Path) -> Shop:

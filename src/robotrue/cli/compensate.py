@@ -184,7 +184,7 @@ def _require_steps(
 ) -> None:
     """Passes if steps are small or allowed; else says first why targets are left alone."""
     try:
-        request.steps.require(steps, request.programs[0])
+        request.steps.require(steps, request.programs[0].name)
     except StepError:
         for program, document in zip(job.programs, documents, strict=True):
             for note in program.notes:
@@ -236,8 +236,15 @@ def _job(request: Request, ground: Ground) -> Job:
     language = programs[0].dialect if long is None else long.dialect
     names = [name for name, _ in files]
     outputs = list(job_outputs(names, request.folder, request.output, language))
-    for name, digest in files:
-        require_compensable(request.folder / name, digest, ground.used)
+    known = [
+        require_compensable(request.folder / name, digest, ground.used, copies=outputs[0].parent)
+        for name, digest in files
+    ]
+    if ground.model is not None and not any(known):
+        say(
+            f"{', '.join(names[:3])}: no identity file beside; taken as not compensated before. "
+            "A copy of a compensated program would be corrected twice."
+        )
     long_output = None if long is None else outputs.pop(long.place)
     return Job(programs=tuple(programs), long=long, outputs=tuple(outputs), long_output=long_output)
 
@@ -297,7 +304,7 @@ def _in_blocks(
         request.steps, told,
     )  # fmt: skip
     made = _finished(ground, (found.name, found.sha256), target, digest, document, pushed)
-    return made, steps
+    return {**made, "notes": [*found.notes, *notes, *made["notes"]]}, steps
 
 
 def _whole(
@@ -316,7 +323,8 @@ def _whole(
     write_atomic(target, data)
     source = (program.name, sha256(program.data))
     document = {"route": "whole", **document}
-    return _finished(ground, source, target, sha256(data), document, force)
+    made = _finished(ground, source, target, sha256(data), document, force)
+    return {**made, "notes": [*notes, *made["notes"]]}
 
 
 def _together(documents: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -328,9 +336,15 @@ def _together(documents: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "output": documents[0]["output"],
         **{k: sum(d[k] for d in documents) for k in ("targets", "compensated", "unchanged")},
         "status": dict(status),
-        "notes": [note for document in documents for note in document["notes"]],
+        "notes": [note for document in documents for note in _placed(document)],
         "files": list(documents),
     }
+
+
+def _placed(document: Mapping[str, Any]) -> list[str]:
+    """The notes of one file of several, each with its name."""
+    name = document["source"]
+    return [n if n.startswith(f"{name}:") else f"{name}: {n}" for n in document["notes"]]
 
 
 def _frame_notes(in_use: Array, frame: PartFrame | None) -> list[str]:
@@ -371,6 +385,7 @@ def _finished(
         )
         write_identity(target, digest, made)
         document = {**document, **_identity_document(made, frame, target)}
+    document = {"source": source[0], **document}
     _tell(source[0], target, document, force)
     return {"output": str(target), **document}
 

@@ -53,11 +53,13 @@ def rows_of(
 @contextlib.contextmanager
 def heard(work: Work) -> Iterator[None]:
     """Keeps what the commands say to the terminal as remarks of the job."""
-    with stderr.capture() as told:
-        yield
-    for line in told.get().splitlines():
-        # where the server keeps its files is nobody's business, and gone when the job is over
-        work.remark(line.removeprefix("note: ").replace(f"{work.folder}/", ""))
+    try:
+        with stderr.capture() as told:
+            yield
+    finally:  # what was said before a refusal says why
+        for line in told.get().splitlines():
+            # where the server keeps its files is nobody's business, and gone when the job is over
+            work.remark(line.removeprefix("note: ").replace(f"{work.folder}/", ""))
 
 
 def leave_document(

@@ -101,7 +101,7 @@ def compensated_in_blocks(
 
     def accept(total: Tally) -> None:
         try:
-            steps.require(total.steps, source)
+            steps.require(total.steps, source.name)
         except StepError:
             for note in [*found.notes, *map(str, total.notes)]:
                 remark(found.name, note)

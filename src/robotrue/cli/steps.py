@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from robotrue.cli.console import say
@@ -39,7 +38,7 @@ class StepRule:
                 f"--max-step is {self.max_mm:g} mm, expected 0 or more.", hint="--max-step 0.1"
             )
 
-    def require(self, steps: Steps, name: str | Path) -> None:
+    def require(self, steps: Steps, name: str) -> None:
         """Passes if the program may be written.
 
         Raises:

@@ -30,7 +30,7 @@ from robotrue.core.poses import pose
 from robotrue.core.progress import Progress, unheard
 from robotrue.core.units import UM
 from robotrue.core.words import NO_WORD
-from robotrue.program.program import Program, Replacement
+from robotrue.program.program import Program, Reason, Replacement
 from robotrue.robot.inverse_numeric import solve_global
 from robotrue.robot.model import RobotModel
 from robotrue.robot.statics import Load
@@ -229,8 +229,15 @@ def _notes(program: Program, settings: CompensationSettings, outcome: Outcome) -
         ):
             continue
         rows = np.flatnonzero(outcome.status == status)
-        text = f"unchanged, {status.explanation}."
-        notes.append(row_note(program, rows, text, rank=_LEFT_ALONE + status))
+        rank = _LEFT_ALONE + status
+        if status != Status.UNCHANGED_SOURCE:
+            text = f"unchanged, {status.explanation}."
+            notes.append(row_note(program, rows, text, rank=rank))
+            continue
+        for reason in np.unique(program.reason[rows]).tolist():
+            text = f"unchanged, {Reason(reason).explanation}."
+            mine = rows[program.reason[rows] == reason]
+            notes.append(row_note(program, mine, text, rank=rank))
     if len(outcome.covariance):
         sigma = np.sqrt(np.trace(outcome.covariance, axis1=1, axis2=2))
         rows = np.flatnonzero(sigma > settings.max_sigma)

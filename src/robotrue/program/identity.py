@@ -119,26 +119,59 @@ def _document(path: Path) -> dict[str, Any]:
     return found
 
 
-def require_compensable(program: str | Path, data: bytes | str, model: ModelIdentity) -> None:
-    """Passes if a program may be compensated by a model.
+def _copied(folder: Path, digest: str) -> tuple[Path, ProgramIdentity] | None:
+    """Returns the program in a folder that has these bytes and is compensated, and its identity."""
+    if not folder.is_dir():
+        return None
+    for path in sorted(folder.glob(f"*{SUFFIX}")):
+        try:
+            stated = _document(path).get("program_sha256")
+            known = None if stated != digest else read_identity(_program_of(path), digest)
+        except FormatError:
+            continue  # of another program: it matters where that one is compensated
+        changed = known is not None and known.made_from_sha256 != digest
+        if known is not None and known.compensated and changed:
+            return _program_of(path), known
+    return None
+
+
+def _program_of(identity: Path) -> Path:
+    return identity.with_name(identity.name.removesuffix(SUFFIX))
+
+
+def require_compensable(
+    program: str | Path,
+    data: bytes | str,
+    model: ModelIdentity,
+    *,
+    copies: str | Path | None = None,
+) -> bool:
+    """Passes if a program may be compensated by a model; returns whether anything speaks of it.
 
     Args:
         program: The program file.
         data: Its bytes, or their SHA-256 in hexadecimal.
         model: Whoever is to compensate it.
+        copies: Another folder in which a compensated program of the same bytes may lie.
 
     Raises:
-        ModelMismatchError: It is compensated already, or belongs to another model.
+        ModelMismatchError: It or a program of the same bytes is compensated already, or it belongs
+            to another model.
         FormatError: As :func:`read_identity`.
     """
-    known = read_identity(program, data)
+    known, what = read_identity(program, data), "the program"
     if known is None:
-        return
+        folders = dict.fromkeys([Path(program).parent, *([Path(copies)] if copies else [])])
+        found = [each for each in (_copied(f, _digest(data)) for f in folders) if each]
+        if not found:
+            return False
+        known, what = found[0][1], f"the program is a copy of {found[0][0].name}, which"
     if known.compensated:
         raise ModelMismatchError(
-            f"the program is compensated already, with {known.model}; the correction would be "
+            f"{what} is compensated already, with {known.model}; the correction would be "
             "made twice.",
             source=program,
             hint=f"compensate {known.made_from or 'the program it came from'}.",
         )
     require_same_model(known.model, model, what="the program", source=str(program))
+    return True

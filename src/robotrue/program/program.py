@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any, Literal, Protocol, TypeAlias
+from typing import Any, Final, Literal, Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -45,6 +45,24 @@ class Reason(IntEnum):
     INCOMPLETE = 6
     TOOL_ON_FLOOR = 7  # workpiece on the robot
     UNUSED = 8
+
+    @property
+    def explanation(self) -> str:
+        """One clause for reports: why a target keeps its bytes."""
+        return _EXPLANATIONS[self]
+
+
+_EXPLANATIONS: Final = {
+    Reason.NONE: "its pose cannot be read from the program",
+    Reason.EXPRESSION: "its target is computed, or used by what is not followed",
+    Reason.RELATIVE: "it is relative, or shifted by the program",
+    Reason.UNKNOWN_FRAME: "its base or tool is not known",
+    Reason.EXTERNAL_AXIS: "an external axis may carry it",
+    Reason.JOINT_TARGET: "its axis values are not those of this arm",
+    Reason.INCOMPLETE: "what it leaves out, or what is in force there, is not known",
+    Reason.TOOL_ON_FLOOR: "the robot carries the part, or may do so",
+    Reason.UNUSED: "no move of the job goes to it",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

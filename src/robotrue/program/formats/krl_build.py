@@ -155,7 +155,7 @@ class Builder:
         for row, why in self._flagged(file, agg):
             reason[row] = why
         self._pair_arcs(file, agg, motion, reason)
-        notes = self._file_notes(file, name) + notes
+        notes = self._file_notes(file, name) + notes + self._shared(file, name, agg, reason)
         free = ((motion == Motion.ARC_VIA) & ~is_axis)[partial][:, None] & (np.arange(6) >= 3)
         values[incomplete] = np.nan
         position, rotation, axes = _si(values, is_axis)
@@ -184,6 +184,24 @@ class Builder:
             spans=_spans(found, agg, is_axis, partial, donor, (donor >= 0) & ~free),
             path=self._moves(file, agg, motion),
         )
+
+    def _shared(self, file: int, name: str, agg: IntArray, reason: IntArray) -> list[str]:
+        """Tells of GLOBAL points that are compensated: programs outside of the job may use them."""
+        shared = self.story.shared
+        own = [d for d in self.story.definitions if d.file == file and d.variable in shared]
+        if not own:
+            return []
+        rows = np.searchsorted(agg, np.array([item.agg for item in own]))
+        done = [d for d, row in zip(own, rows.tolist(), strict=True) if reason[row] == Reason.NONE]
+        if not done:
+            return []
+        names = list(dict.fromkeys(item.variable.partition("@")[0] for item in done))
+        shown = ", ".join(names[:5]) + (" and others" if len(names) > 5 else "")
+        return [
+            f"{name}: {len(done)} targets are GLOBAL points ({shown}), compensated in the base and "
+            "tool of this job; a program outside of it that moves to them gets the same numbers. "
+            "Give all programs that use them as one job."
+        ]
 
     def _moves(self, file: int, agg: IntArray, motion: IntArray) -> IntArray:
         """Returns the moves of the main file to the points of one, see ``Program.path``."""

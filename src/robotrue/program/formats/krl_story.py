@@ -43,6 +43,7 @@ class Story:
         has_def: The file has a DEF, DEFFCT or DEFDAT.
         called_files: CAMRob files whose targets the robot moves through.
         lost: (line, motion) of moves to a target that is not known.
+        shared: Names of GLOBAL points of the data files.
         spelled: Names of called routines as the program writes them, by lower case.
     """
 
@@ -57,3 +58,4 @@ class Story:
     called_files: list[Called]
     spelled: dict[str, str]
     lost: list[tuple[int, Motion]]
+    shared: set[str]

@@ -48,6 +48,11 @@ _CALL: Final = re.compile(r"\s*(\w+)\s*\(")
 _CALLED: Final = re.compile(r"(\w+)\s*\(")
 _STARTED: Final = re.compile(r"\s*(?:GLOBAL\s+)?(INTERRUPT|TRIGGER)\b", re.IGNORECASE)
 _HANDLER: Final = re.compile(r"\bDO\s+(\w+)\s*\(", re.IGNORECASE)
+_GLOBAL: Final = re.compile(
+    r"\s*(?:DECL\s+GLOBAL|GLOBAL\s+DECL|GLOBAL)\s+(?!DEF|INTERRUPT|DECL)\w+\s+([^=]+)",
+    re.IGNORECASE,
+)
+_GIVEN_NAME: Final = re.compile(r"(\w+)\s*(?:\[[^\]]*\])?\s*(?:,|$)")
 _LABEL: Final = re.compile(r"\s*(\w+)\s*:\s*$")
 _GOTO: Final = re.compile(r"\s*GOTO\s+(\w+)", re.IGNORECASE)
 _STRING: Final = re.compile(r'"[^"]*"')
@@ -80,7 +85,7 @@ class Walk:
         self.flow = Flow(frames.table.harmless_routines)
         self._storing = False
         self.first = [_first_aggregates(found) for found in scans]
-        self.story = Story([], defaultdict(list), {}, [], {}, [], [], False, [], {}, [])
+        self.story = Story([], defaultdict(list), {}, [], {}, [], [], False, [], {}, [], set())
         self._current: dict[str, dict[tuple[str, str], Definition]] = defaultdict(dict)
         self._variables: dict[str, Array] = {}
         self._absent: set[str] = set()
@@ -93,6 +98,10 @@ class Walk:
             code = self._code(file, line)
             match = _WORD.match(code)
             word = match[1].lower() if match else ""
+            shared = _GLOBAL.match(code)
+            if shared:
+                names = _GIVEN_NAME.findall(shared[1].strip())
+                self.story.shared.update(self.scope.name(name) for name in names)
             if word == "defdat":
                 self.story.has_def = True
             elif word not in _SILENT and "=" in code:
