@@ -295,8 +295,8 @@ def _in_blocks(
     pushed = StatedForce(wrench=np.asarray(ground.stated))
     in_use = found.T_base_frame[found.judged[found.judged[:, 2] == Reason.NONE, 0]]
     beside = "moves between points beside it and its own are not looked at for steps."
-    notes = [beside] if any(len(program.path) for program in job.programs) else []
-    for note in [*notes, *_frame_notes(in_use, ground.frame), *useless(pushed, ground.model)]:
+    notes = [*_frame_notes(in_use, ground.frame), *useless(pushed, ground.model)]
+    for note in [*([beside] if any(len(p.path) for p in job.programs) else []), *notes]:
         remark(found.name, note)
     settings = _settings(request, ground, pushed)
     digest, document, steps = compensated_in_blocks(
