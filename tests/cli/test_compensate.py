@@ -350,3 +350,21 @@ def test_a_copy_without_its_identity_is_known_by_its_bytes(cli, work: Path) -> N
         assert "the program is a copy of o.src, which is compensated already" in got.err
         assert "Try: compensate part.src." in got.err
         assert not (work / "twice.src").exists()
+
+
+def test_the_arm_goes_home_also_behind_a_routine_in_no_file(cli, work: Path) -> None:
+    # The other wrist: only the axis target says so.
+    home = "PTP {A1 0,A2 -80,A3 80,A4 180,A5 -40,A6 180}\n"
+    frames = "".join(line + "\n" for line in shop.PROGRAM.split("\n")[2:4])
+    lines = "".join(line + "\n" for line in shop.PROGRAM.split("\n")[5:7])
+    texts = {"known": "WAIT SEC 1\n", "unknown": "Spindle_On()\n"}
+    written = {}
+    for name, call in texts.items():
+        (work / f"{name}.src").write_text(f"DEF part()\n{call}{home}{frames}{lines}END\n")
+        got = cli("compensate", work / "model.rtm", work / f"{name}.src", "-o", work / "o.src",
+                  "--json")  # fmt: skip
+        assert got.code == 0, got.err
+        assert got.document["compensated"] == 2
+        assert got.document["steps"]["count"] == 0
+        written[name] = (work / "o.src").read_text().split("\n")[5:]
+    assert written["unknown"] == written["known"]

@@ -24,7 +24,7 @@ from robotrue.web.workers import Unanswered
 def test_every_error_has_a_name_in_every_language() -> None:
     ours = [e for e in vars(errors).values() if isinstance(e, type) and e is not RobotrueError]
     raised = [e("no") for e in ours if issubclass(e, RobotrueError)]
-    assert len(raised) == 10
+    assert len(raised) == 12
     for each in (*raised, MissingError("no"), Unanswered("no")):
         assert title_of(each) in KINDS
 

@@ -323,8 +323,8 @@ def _whole(
     write_atomic(target, data)
     source = (program.name, sha256(program.data))
     document = {"route": "whole", **document}
-    made = _finished(ground, source, target, sha256(data), document, force)
-    return {**made, "notes": [*notes, *made["notes"]]}
+    told = _finished(ground, source, target, sha256(data), document, force)
+    return {**told, "notes": [*notes, *told["notes"]]}
 
 
 def _together(documents: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

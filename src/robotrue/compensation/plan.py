@@ -84,11 +84,13 @@ def lay_out(
     axis = np.asarray(program.reason == Reason.JOINT_TARGET)
     blocked = np.asarray(program.reason != Reason.NONE) & ~axis
     blocked |= ~axis & ~_has_pose(program)
-    joints_known = np.flatnonzero(axis)
+    lost = _axes_in_a_lost_frame(robot, program)
+    joints_known = np.flatnonzero(axis | lost)
     joints = np.empty((0, 6))
     miscounted = _miscounted(robot, program, joints_known)
     if miscounted:
         blocked |= axis
+        lost = np.zeros(n, np.bool_)
         joints_known = np.empty(0, dtype=np.int64)
     if len(joints_known):
         joints, joints_known = _axis_joints(robot, program, joints_known)
@@ -96,7 +98,9 @@ def lay_out(
         route[joints_known] = int(Route.AXES if settings.axis_targets else Route.PASS)
         if not settings.axis_targets:
             status[joints_known] = Status.UNCHANGED_AXIS_TARGET
+    lost &= np.isin(np.arange(n), joints_known)
     route[blocked] = Route.SKIP
+    route[lost] = Route.PASS
     status[blocked] = Status.UNCHANGED_SOURCE
     said = _by_words(robot, program, route, begun, words)
     worded, chosen = said.rows, said.joints
@@ -168,6 +172,14 @@ def _axis_joints(robot: RobotModel, program: Program, rows: IntArray) -> tuple[A
         )
     whole = np.isfinite(axes).all(axis=1) & _tool_known(program, rows)
     return robot.controller.to_model(axes[whole]), rows[whole]
+
+
+def _axes_in_a_lost_frame(robot: RobotModel, program: Program) -> BoolArray:
+    """Returns the axis targets whose tool a called routine may have changed: the arm goes there."""
+    if program.axes.shape[1] != robot.dof:
+        return np.zeros(len(program), np.bool_)
+    lost = program.reason == Reason.UNKNOWN_FRAME
+    return np.asarray(lost & np.isfinite(program.axes).all(axis=1))
 
 
 def _tool_known(program: Program, rows: IntArray) -> BoolArray:

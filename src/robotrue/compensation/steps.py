@@ -192,7 +192,8 @@ def _columns(file: int, program: Program, status: IntArray, shift: Array) -> tup
         follows[:] = False
     size = np.where(left, 0.0, np.linalg.norm(shift, axis=1)[known])
     reached = motion != Motion.PTP
-    home = left & ~reached & (status == Status.UNCHANGED_AXIS_TARGET)[known] & (row >= 0)
+    axes = np.isfinite(program.axes).any(axis=1)
+    home = left & ~reached & axes[known] & (row >= 0)
     where = np.where((row < 0)[:, None], np.nan, _places(program)[known])
     line = np.where(row < 0, -row, program.line[known])
     columns = (np.full(len(row), file), line, left, size, reached, home, where)
