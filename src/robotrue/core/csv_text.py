@@ -13,7 +13,7 @@ import re
 from collections.abc import Iterable
 from typing import Final
 
-_NUMBER: Final = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf)|")
+_NUMBER: Final = re.compile(r"[+-]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf)|")
 _FORMULA: Final = re.compile(r"[\s']*[=+\-@\uff1d\uff0b\uff0d\uff20\t\r\n]")
 """What spreadsheets take for the beginning of a formula, the wide signs of East Asia among it."""
 _QUOTED: Final = re.compile(r'[",;\t\r\n|]')

@@ -35,10 +35,10 @@ from robotrue.online.xml_text import parse_xml
 Six = tuple[float, float, float, float, float, float]
 _JOINTS: Final = ("A1", "A2", "A3", "A4", "A5", "A6")
 _POSE: Final = ("X", "Y", "Z", "A", "B", "C")
-_NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_NUMBER: Final = re.compile(r"[+-]?(\d++\.?+\d*+|\.\d++)([eE][+-]?\d+)?")
 _NOT_A_NUMBER: Final = re.compile(r"[+-]?(nan|inf(inity)?|1\.#\w+)", re.IGNORECASE)
 _IPOC: Final = re.compile(rb"<IPOC>(\d{1,18})</IPOC>")
-_VALUE: Final = rb'="([+-]?\d+\.?\d*(?:[eE][+-]?\d+)?)"'
+_VALUE: Final = rb'="([+-]?\d++\.?+\d*+(?:[eE][+-]?\d+)?)"'
 _FAST_JOINTS: Final = re.compile(
     rb"<AIPos " + rb" ".join(n.encode() + _VALUE for n in _JOINTS) + rb" ?/>"
 )

@@ -35,7 +35,7 @@ HELD: Final = frozenset(name.lower() for names in BESIDE.values() for name in na
 
 _SAME: Final = 1e-6
 """m and rad; a frame that differs by less is the one printed with fewer digits."""
-_NUMBER: Final = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_NUMBER: Final = r"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d+)?"
 _KUKA: Final = re.compile(
     r"^[ \t]*(?:DECL[ \t]+)?(?:FRAME[ \t]+)?(BASE|TOOL)_DATA[ \t]*"
     r"\[[ \t]*(\d+)[ \t]*\][ \t]*=[ \t]*"

@@ -18,7 +18,7 @@ Counting: TypeAlias = Literal["controller", "model", "stated"]
 LONGEST: Final = 2000
 MOST: Final = 1e5
 """mm or deg."""
-_NUMBER: Final = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_NUMBER: Final = r"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d+)?"
 _LABELLED: Final = re.compile(
     rf"(?<![A-Za-z0-9_])([A-Za-z]\d?)(?:_deg|_mm)?\s*[:=]?\s*({_NUMBER})(?![\w.])"
 )

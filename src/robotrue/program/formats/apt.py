@@ -96,7 +96,7 @@ def read_apt(data: bytes, *, source: str) -> Toolpath:
 
 def looks_like_apt(text: str) -> bool:
     """Returns whether a text has the motion statements of APT or CL data."""
-    return bool(re.search(r"(?im)^\s*(GOTO|FROM|GODLTA)\s*/", text))
+    return bool(re.search(r"(?im)^[^\S\n]*+(GOTO|FROM|GODLTA)\s*/", text))
 
 
 class _Reader:

@@ -10,7 +10,7 @@ from robotrue.errors import FormatError
 
 LARGEST: Final = 1e7
 """Of any number in a statement; 10 km."""
-_NUMBER: Final = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][+-]?\d+)?")
+_NUMBER: Final = re.compile(r"[+-]?(?:\d++\.?+\d*+|\.\d++)(?:[EeDd][+-]?\d+)?")
 _NUMBERS: Final = re.compile(r"[\d\s.,+\-Ee]+\$?\s*")
 _LINE_END: Final = re.compile(r"\r\n|\n|\r")
 _HEAD: Final = re.compile(r"[A-Za-z][\w ,.\-]*")

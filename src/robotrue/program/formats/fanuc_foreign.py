@@ -16,7 +16,7 @@ _ENGLISH: Final = re.compile(
     re.MULTILINE,
 )
 _ATTRIBUTE: Final = re.compile(rb"^[ \t]*[^\s=;:]+[ \t]*=[^;\n]*[;,]", re.MULTILINE)
-_CONFIG: Final = re.compile(rb"(\w+)\s*:\s*'")
+_CONFIG: Final = re.compile(rb"\b(\w++)\s*+:\s*+'")
 _TIMED: Final = re.compile(rb"\b(?:ZEIT|TB|TA|DB)\b")
 _HARMLESS: Final = re.compile(
     rb"(?:R\s*\[[^\]]*\]|[\d.]+)?(?:%|(?:MM|CM|INCH|DEG|GRAD)/(?:SEC|SEK|MIN)|M?SE[CK])"
@@ -44,7 +44,9 @@ def words_behind(tail: bytes) -> bytes:
 
     What is called at a time before or after the end of the move stands last, and is left out.
     """
-    words = _BRACKETS.sub(b"[]", tail.upper())
+    words = tail.upper()
+    closed = words.rfind(b"]") + 1  # brackets behind it are not closed
+    words = _BRACKETS.sub(b"[]", words[:closed]) + words[closed:]
     timed = _TIMED.search(words)
     return words[: timed.start()] if timed else words
 

@@ -13,19 +13,21 @@ from collections.abc import Container, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
+import numpy as np
+
 from robotrue.errors import FormatError
 from robotrue.program.formats.fanuc_foreign import in_another_language, odd_word, words_behind
 from robotrue.program.formats.fanuc_scan import FanucScan
-from robotrue.program.formats.text_lines import line_at
+from robotrue.program.formats.text_lines import line_at, line_starts
 from robotrue.program.program import Motion, Reason
 
-_STATEMENT: Final = re.compile(rb"\s*(?:\d{0,6}\s*:)?([^;]*);")
+_STATEMENT: Final = re.compile(rb"\s*+(?:\d{0,6}+\s*+:)?+([^;]*+);")
 _PLAIN: Final = re.compile(rb"[ \t]*([JLS])[ \t]+P\[(\d{1,6})(?::[^\]]*)?\](.*)", re.DOTALL)
 _MOVE: Final = re.compile(rb"\s*([JLCAS])\s+(P|PR)\s*\[(.*)", re.DOTALL)
-_TARGET: Final = re.compile(rb"\b(P|PR)\s*\[\s*([^\]:]*)\s*(?::[^\]]*)?\]")
-_POINT: Final = re.compile(rb"(?<![\w$])P\s*\[\s*([^\]:]*)\s*(?::[^\]]*)?\]")
+_TARGET: Final = re.compile(rb"\b(P|PR)\s*+\[\s*+([^\]:]*+)(?::[^\]]*+)?\]")
+_POINT: Final = re.compile(rb"(?<![\w$])P\s*+\[\s*+([^\]:]*+)(?::[^\]]*+)?\]")
 _FRAME_NUMBER: Final = re.compile(rb"\b(UFRAME|UTOOL|BENUTZER|WKZ)_NUM\s*=\s*([^;,)]*)")
-_FRAME_DATA: Final = re.compile(rb"\b(UFRAME|UTOOL|BENUTZER|WKZ)\s*\[([^=;]*)\]\s*=")
+_FRAME_DATA: Final = re.compile(rb"\b(UFRAME|UTOOL|BENUTZER|WKZ)\s*+\[")
 _MOTION: Final = {b"J": Motion.PTP, b"L": Motion.LIN, b"S": Motion.SPLINE}
 _CALL: Final = re.compile(rb"\b(?:CALL|RUN)\s+([\w.]+)")
 _PROG: Final = re.compile(rb"^/PROG[ \t]+(\w+)", re.MULTILINE)
@@ -41,7 +43,7 @@ _OPTIONS: Final = (
         "an offset from a register moves the target",
     ),
     (
-        re.compile(rb"\b(?:PR|VR)\s*\[[^\]]*\](?!\s*=)"),
+        re.compile(rb"\b(?:PR|VR)\s*+\[\](?!\s*=)"),
         Reason.EXPRESSION,
         "an offset from a register moves the target",
     ),
@@ -123,6 +125,7 @@ class _Walk:
         self._harmless = harmless
         self.name, self.data = name, scan.data
         self.out = Moves()
+        self._starts = line_starts(self.data)
         self._row = {number: row for row, number in enumerate(scan.number.tolist())}
         self._others = scan.others
         self._run: list[int] = []
@@ -169,7 +172,7 @@ class _Walk:
 
     def _move(self, place: int, letter: bytes, text: bytes) -> None:
         count = 2 if letter == b"C" else 1
-        targets = list(_TARGET.finditer(text))[:count]
+        targets = list(_TARGET.finditer(text, 0, text.rfind(b"]") + 1))[:count]
         tail = text[targets[-1].end() :] if targets else b""
         rows = [self._target(place, each) for each in targets]
         known = [row for row in rows if row is not None]
@@ -210,6 +213,7 @@ class _Walk:
             self._tell("shift", place, "Touch Offset and MP OFFSET move the targets after them by "
                        "a register; they are not compensated")  # fmt: skip
             if self._leaps:
+                self._leaps = False  # once is enough
                 for row in self._row.values():
                     self._flag(row, Reason.EXPRESSION)
         self._shifted = not ends
@@ -236,11 +240,15 @@ class _Walk:
         for called in _CALL.findall(text):
             if called.decode("latin-1").lower() not in self._harmless:
                 self.out.calls.append(called.decode("latin-1"))
-        for kind, number in _FRAME_DATA.findall(text):
-            key = _SIDE[kind], _digits(number.partition(b":")[0])
-            if key not in self.out.changed:
-                self.out.changed[key] = line_at(self.data, place)
-        for found in _POINT.findall(text):
+        for part in text.split(b"=")[:-1]:
+            given = part.rstrip()
+            holder = _FRAME_DATA.search(given) if given.endswith(b"]") else None
+            if holder:
+                number = given[holder.end() : -1].partition(b":")[0]
+                key = _SIDE[holder[1]], _digits(number)
+                if key not in self.out.changed:
+                    self.out.changed[key] = int(np.searchsorted(self._starts, place, "right"))
+        for found in _POINT.findall(text, 0, text.rfind(b"]") + 1):
             plain = _digits(found)
             row = self._row.get(int(plain)) if plain.isdigit() and len(plain) <= 6 else None
             if row is not None:

@@ -21,8 +21,9 @@ from robotrue.program.formats.fanuc_records import COLUMNS, CURRENT, plain_recor
 from robotrue.program.formats.number_text import NUMBER
 from robotrue.program.formats.text_lines import line_at, require_text
 
-_SECTION: Final = re.compile(rb"/(PROG|MN|POS|END)\b")
-_LINE_HEAD: Final = (b"", b"\xef\xbb\xbf")
+_SECTION: Final = re.compile(
+    rb"(?:\A|(?<=[\r\n]))[ \t]*+(?:\xef\xbb\xbf)?[ \t]*+/(PROG|MN|POS|END)\b"
+)
 _HEAD: Final = re.compile(rb"\s*P\s*\[\s*(\d{1,6})\s*(?::[^\]\r\n]*)?\]\s*\{\s*", re.IGNORECASE)
 _GROUP: Final = re.compile(
     rb"GP(\d{1,2})\s*:\s*UF\s*:\s*(\d{1,9}|F)\s*,\s*UT\s*:\s*(\d{1,9}|F)\s*,\s*"
@@ -106,11 +107,10 @@ class _Reader:
         """Returns where the statements and where the records stand."""
         found: dict[str, re.Match[bytes]] = {}
         for match in _SECTION.finditer(self.data):
-            if not self._begins_line(match.start()):
-                continue
             key = match[1].decode()
             if key in found:
-                self._refuse(f"a second /{key}", "give one program per file", match.start())
+                place = match.start(1) - 1
+                self._refuse(f"a second /{key}", "give one program per file", place)
             found[key] = match
         for key, cure in (
             ("PROG", "give a Fanuc LS program (ASCII), not the binary TP"),
@@ -120,14 +120,10 @@ class _Reader:
         ):
             if key not in found:
                 self._refuse(f"there is no /{key}", cure, 0 if key == "PROG" else len(self.data))
-        ends = [found[key].start() for key in ("PROG", "MN", "POS", "END")]
+        ends = [found[key].start(1) - 1 for key in ("PROG", "MN", "POS", "END")]
         if ends != sorted(ends):
             self._refuse("sections in another order than /PROG, /MN, /POS, /END", "export again", 0)
-        return (found["MN"].end(), found["POS"].start()), (found["POS"].end(), found["END"].start())
-
-    def _begins_line(self, place: int) -> bool:
-        line = max(self.data.rfind(b"\n", 0, place), self.data.rfind(b"\r", 0, place)) + 1
-        return self.data[line:place].strip(b" \t") in _LINE_HEAD
+        return (found["MN"].end(), ends[2]), (found["POS"].end(), ends[3])
 
     def records(self, at: int, end: int) -> None:
         """Reads the records between two places."""

@@ -21,8 +21,10 @@ _LOCAL: Final = re.compile(rb"(?<![\w#(])L(?:P|BP|EX)[ \t]*(?:\d{1,6}\b|\[)")
 _VARIABLE: Final = re.compile(rb"\bL?PX?(\d{1,6})\b")
 _USED: Final = re.compile(rb"(?<![\w#(*:\"])C(\d{1,6})\b")
 _VARIABLES: Final = re.compile(rb"\bPX?\[")
-_FRAME: Final = re.compile(rb"\b(?:MFRAME|SETUFRAME)\b.*?UF#\((\d+)\)", re.IGNORECASE)
-_TOOL: Final = re.compile(rb"\b(?:SETTOOL)\b.*?TL#\((\d+)\)", re.IGNORECASE)
+_FRAME: Final = re.compile(
+    rb"\b(?:MFRAME|SETUFRAME)\b(?:(?!\b(?:MFRAME|SETUFRAME)\b).)*?UF#\((\d++)\)", re.IGNORECASE
+)
+_TOOL: Final = re.compile(rb"\bSETTOOL\b(?:(?!\bSETTOOL\b).)*?TL#\((\d++)\)", re.IGNORECASE)
 _MOTION: Final = {
     b"J": Motion.PTP,
     b"L": Motion.LIN,

@@ -103,20 +103,24 @@ class _Builder:
     def _header_frames(self) -> tuple[IntArray, IntArray, dict[int, Reason]]:
         """Returns work frame and tool of every header state, and states that cannot be used."""
         base, tool, doubtful = [], [], {}
+        used, first, counts = np.unique(self.scan.header, return_index=True, return_counts=True)
+        of = dict(
+            zip(used.tolist(), zip(first.tolist(), counts.tolist(), strict=True), strict=True)
+        )
         for index, header in enumerate(self.scan.headers):
-            rows = np.flatnonzero(self.scan.header == index)
-            line = int(self.scan.line[rows[0]]) if len(rows) else 1
-            if not len(rows):  # a state that no point has names nothing
+            if index not in of:  # a state that no point has names nothing
                 base.append(0)
                 tool.append(0)
                 continue
-            base.append(self._base(header, line, len(rows)))
+            row, count = of[index]
+            line = int(self.scan.line[row])
+            base.append(self._base(header, line, count))
             number = header.tool
             tool.append(self.frames.number("tool", number, line) if number else 0)
             if header.unit == UNITS["RECTAN"] and header.postype == "TOOL":
                 doubtful[index] = Reason.RELATIVE
                 self.notes.append(
-                    f"{self.name}:{line}: {len(rows)} points in tool coordinates; they are not "
+                    f"{self.name}:{line}: {count} points in tool coordinates; they are not "
                     "compensated. Convert them to BASE or USER."
                 )
         return np.array(base, np.int64), np.array(tool, np.int64), doubtful
@@ -159,8 +163,9 @@ class _Builder:
         """Returns the first reason of every row, from its kind and frames."""
         is_axis = kind != UNITS["RECTAN"]
         reason = np.where(is_axis, int(Reason.JOINT_TARGET), int(Reason.NONE))
-        for index, why in doubtful.items():
-            reason[self.scan.header == index] = why
+        for why in set(doubtful.values()):
+            told = [index for index, each in doubtful.items() if each == why]
+            reason[np.isin(self.scan.header, told)] = why
         for side, column in (("base", base), ("tool", tool)):
             lost = np.isin(column, self.frames.lost_of(side))
             if side == "base":

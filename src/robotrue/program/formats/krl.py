@@ -17,11 +17,11 @@ from robotrue.program.held import as_printed
 from robotrue.program.program import FrameTable, Program, Replacement
 
 _HEAD: Final = re.compile(
-    rb"^(?:\xef\xbb\xbf)?\s*&ACCESS|^\s*(?:GLOBAL\s+)?DEF(?:DAT|FCT)?\s+\w",
+    rb"^(?:\xef\xbb\xbf)?[^\S\n]*+&ACCESS|^[^\S\n]*+(?:GLOBAL\s+)?DEF(?:DAT|FCT)?\s+\w",
     re.IGNORECASE | re.MULTILINE,
 )
 _MOTION: Final = re.compile(
-    rb"^\s*S?(?:PTP|LIN|CIRC|SPL)(?:_REL)?\s*\{|=\s*\{\s*(?:E6POS|E6AXIS|POS|FRAME|AXIS)\s*:",
+    rb"^[^\S\n]*+S?(?:PTP|LIN|CIRC|SPL)(?:_REL)?\s*\{|=\s*\{\s*(?:E6POS|E6AXIS|POS|FRAME|AXIS)\s*:",
     re.IGNORECASE | re.MULTILINE,
 )
 
@@ -43,7 +43,7 @@ class Krl:
     def detect(self, data: bytes) -> float:
         """Returns 1 for a KRL header with a motion or point, less for one of the two."""
         data = data[:_LOOKED_AT]
-        python_like = re.search(rb"^\s*def\s+\w+\(.*\):", data, re.MULTILINE)
+        python_like = re.search(rb"^[^\S\n]*+def\s+\w+\(.*\):", data, re.MULTILINE)
         head = bool(_HEAD.search(data)) and not python_like
         motion = bool(_MOTION.search(data))
         return 0.5 * motion + 0.5 * head

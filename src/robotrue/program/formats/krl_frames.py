@@ -72,7 +72,7 @@ def with_settings(code: str) -> list[Setting]:
         while end < last and (depth or code[end] != ","):
             depth += (code[end] in "({[") - (code[end] in ")}]")
             end += 1
-        text = re.sub(r"\s+C_\w+\s*$", "", code[match.end() : end])
+        text = re.sub(r"(?<!\s)\s++C_\w++\s*$", "", code[match.end() : end])
         out.append(Setting(match[1].lower(), text.strip(), match.end()))
     return out
 

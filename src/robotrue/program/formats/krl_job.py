@@ -130,7 +130,9 @@ class _Text:
         """
         parts, place, line = [], [0], [0]
         for name, data in files:
-            if not re.search(rb"^\s*(?:GLOBAL\s+)?DEF(?:FCT)?\s", data.lstrip(_BOM), re.I | re.M):
+            if not re.search(
+                rb"^[^\S\n]*+(?:GLOBAL\s+)?DEF(?:FCT)?\s", data.lstrip(_BOM), re.I | re.M
+            ):
                 raise FormatError(
                     "no DEF: a job of several programs needs one in each.",
                     source=name,

@@ -25,7 +25,7 @@ from robotrue.program.toolpath import FASTEST, Toolpath
 
 LONGEST_NAME: Final = 24
 _COMMENT: Final = 100
-_WAIT: Final = re.compile(r"DELAY\s*/\s*(\d+\.?\d*|\.\d+)", re.IGNORECASE)
+_WAIT: Final = re.compile(r"DELAY\s*/\s*(\d++\.?+\d*+|\.\d++)", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

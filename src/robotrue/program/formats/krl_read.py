@@ -15,12 +15,12 @@ from robotrue.program.formats.krl_walk import Walk
 from robotrue.program.program import FrameTable, Program
 
 _SIGNS: Final = (
-    (rb"(?m)^\s*/PROG\b", "a Fanuc LS program"),
+    (rb"(?m)^[^\S\n]*+/PROG\b", "a Fanuc LS program"),
     (rb"(?m)^/JOB\b", "a Yaskawa JBI job"),
-    (rb"(?im)^\s*MODULE\s+\w|\bMove[LJC]\s", "an ABB RAPID module"),
-    (rb"(?m)^\s*(def\s+\w+\(\):|movel\()", "a UR script"),
-    (rb"(?m)^\s*GOTO\s*/", "APT or CL data"),
-    (rb"(?m)^\s*(%|N?\d*\s*G0?[0-3]\b)", "ISO G-code"),
+    (rb"(?im)^[^\S\n]*+MODULE\s+\w|\bMove[LJC]\s", "an ABB RAPID module"),
+    (rb"(?m)^[^\S\n]*+(def\s+\w+\(\):|movel\()", "a UR script"),
+    (rb"(?m)^[^\S\n]*+GOTO\s*/", "APT or CL data"),
+    (rb"(?m)^[^\S\n]*+(%|N?\d*+[^\S\n]*+G0?[0-3]\b)", "ISO G-code"),
 )
 
 

@@ -8,7 +8,8 @@ from collections.abc import Iterable, Sequence
 from typing import Final
 
 _GIVEN: Final = re.compile(
-    rb"^[ \t]*(?:(?:GLOBAL|DECL|CONST)\s+)*(?:\w+\s+)?(\w+)[ \t]*(?:\[[^\]\r\n]*\])?[ \t]*=(?!=)",
+    rb"^[ \t]*+(?:(?:GLOBAL|DECL|CONST)[^\S\n]++)*(?:\w++[^\S\n]++)?(\w++)"
+    rb"[ \t]*+(?:\[[^\]\r\n]*+\][ \t]*+)?=(?!=)",
     re.IGNORECASE | re.MULTILINE,
 )
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
+from collections.abc import Iterable, Iterator
 from typing import Final
 
 import numpy as np
@@ -43,16 +44,17 @@ _DEFINE: Final = re.compile(
 )
 _BAS: Final = re.compile(r"\s*BAS\s*\(\s*#(\w+)\s*(?:,\s*(\w+)\s*)?", re.IGNORECASE)
 _WITH: Final = re.compile(r"\$(?:BASE|TOOL|IPO_MODE)\s*=", re.IGNORECASE)
-_MEMBER: Final = re.compile(r"(\w*)\s*(\[[^\]]*\])?\s*([{}])")
+_MEMBER: Final = re.compile(r"(?:\b(\w++)\s*+(?=[\[{}]))?+(?:(\[[^\[\]{}]*+\])\s*+)?+([{}])")
+_LAST: Final = re.compile(r"\b(\w++)\s*+(\[[^\[\]]*+\])?+\s*+$")
 _CALL: Final = re.compile(r"\s*(\w+)\s*\(")
-_CALLED: Final = re.compile(r"(\w+)\s*\(")
+_CALLED: Final = re.compile(r"\b(\w++)\s*+\(")
 _STARTED: Final = re.compile(r"\s*(?:GLOBAL\s+)?(INTERRUPT|TRIGGER)\b", re.IGNORECASE)
 _HANDLER: Final = re.compile(r"\bDO\s+(\w+)\s*\(", re.IGNORECASE)
 _GLOBAL: Final = re.compile(
     r"\s*(?:DECL\s+GLOBAL|GLOBAL\s+DECL|GLOBAL)\s+(?!DEF|INTERRUPT|DECL)\w+\s+([^=]+)",
     re.IGNORECASE,
 )
-_GIVEN_NAME: Final = re.compile(r"(\w+)\s*(?:\[[^\]]*\])?\s*(?:,|$)")
+_GIVEN_NAME: Final = re.compile(r"\b(\w++)\s*+(?:\[[^\[\]]*+\])?+\s*+(?:,|$)")
 _LABEL: Final = re.compile(r"\s*(\w+)\s*:\s*$")
 _GOTO: Final = re.compile(r"\s*GOTO\s+(\w+)", re.IGNORECASE)
 _STRING: Final = re.compile(r'"[^"]*"')
@@ -187,7 +189,7 @@ class Walk:
             return  # ``def name():`` is Python's or URScript's
         self.story.has_def = True
         self._barrier(line)
-        name = re.search(r"(\w+)\s*\(", code)
+        name = _CALLED.search(code)
         self.flow.start(line, name[1].lower() if name else "")
 
     def _control(self, line: int, word: str, code: str) -> bool:
@@ -264,9 +266,9 @@ class Walk:
         scan, first = self.scans[file], self.first[file]
         offset = int(scan.line_start[line])
         aggs = range(int(first[line]), int(first[line + 1]))
-        for agg in aggs:
-            here = int(scan.agg_open[agg]) - offset
-            inner = path if here == at else _member_path(code[at:here], path)
+        opened = [int(scan.agg_open[agg]) - offset for agg in aggs]
+        for agg, here, member in zip(aggs, opened, _members(code, at, opened, path), strict=True):
+            inner = path if here == at else member
             definition = Definition(file, agg, variable, index, inner)
             self.story.definitions.append(definition)
             self._current[variable][index, inner] = definition
@@ -326,14 +328,14 @@ class Walk:
 
     def _with(self, file: int, line: int, code: str) -> None:
         """Puts in force what a WITH clause sets for its motion or spline block."""
+        scan, aggs = self.scans[file], range(*self.first[file][line : line + 2].tolist())
+        opened = {int(scan.agg_open[a]) - int(scan.line_start[line]): a for a in aggs}
         for side, text, place in with_settings(code):
             if side == "ipo_mode":
                 self._set(line, ON_ROBOT, self.frames.holder(text))
             elif text.startswith("{"):
-                scan, start = self.scans[file], int(self.scans[file].line_start[line])
-                aggs = range(int(self.first[file][line]), int(self.first[file][line + 1]))
-                here = [a for a in aggs if int(scan.agg_open[a]) - start == place]
-                values = self._values(file, here[0]) if here else np.full(6, np.nan)
+                here = opened.get(place)
+                values = np.full(6, np.nan) if here is None else self._values(file, here)
                 self._put(line, side, self.frames.aggregate(side, line, values))
             else:
                 index = self.frames.expression(side, line, text, self._variables)
@@ -350,7 +352,8 @@ class Walk:
         self.story.sequence.append((line, -1, False))
 
     def _taint(self, line: int, code: str) -> None:
-        for name, _, path in _REFERENCE.findall(code):
+        closed = code.rfind("]") + 1  # a bracket behind it is not closed: it holds no index
+        for name, _, path in _REFERENCE.findall(code[:closed] + code[closed:].replace("[", "(")):
             self.story.tainted.setdefault((self.scope.name(name), _clean(path).strip(".")), line)
 
     def _motion(self, file: int, line: int, code: str, match: re.Match[str]) -> None:
@@ -464,14 +467,25 @@ class Walk:
         self.story.notes.append(f"{self.names[file]}:{line + 1}: {text}.")
 
 
-def _member_path(prefix: str, outer: str) -> str:
-    """Returns the member path of an aggregate inside a structure: ``{fCnC {`` gives ``fcnc``."""
+def _members(code: str, at: int, places: Iterable[int], outer: str) -> Iterator[str]:
+    """Yields the member path of each aggregate of a structure: ``{fCnC {`` gives ``fcnc``.
+
+    Args:
+        code: A line.
+        at: Where its value begins.
+        places: Where the aggregates open, in order.
+        outer: Path of the value.
+    """
     stack: list[str] = []
-    for match in _MEMBER.finditer(prefix):
-        if match[3] == "{":
-            stack.append((match[1] + _clean(match[2])).lower())
-        elif stack:
-            stack.pop()
-    last = re.search(r"(\w+)\s*(\[[^\]]*\])?\s*$", prefix)
-    names = [outer, *stack[1:], last[1].lower() + _clean(last[2]) if last else ""]
-    return ".".join(name for name in names if name)
+    braces = _MEMBER.finditer(code, at)
+    brace = next(braces, None)
+    for here in places:
+        while brace is not None and brace.end() <= here:
+            if brace[3] == "{":
+                stack.append(((brace[1] or "") + _clean(brace[2])).lower())
+            elif stack:
+                stack.pop()
+            at, brace = brace.end(), next(braces, None)
+        last = _LAST.search(code, at, here)
+        names = [outer, *stack[1:], last[1].lower() + _clean(last[2]) if last else ""]
+        yield ".".join(name for name in names if name)

@@ -153,7 +153,7 @@ def written_lines(
     return out[out.index(form.mark) + len(form.mark) : len(out) - len(form.foot)]
 
 
-NUMBER = rb"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+NUMBER = rb"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d+)?"
 
 
 def listed(item: bytes, count: int) -> bytes:

@@ -11,8 +11,8 @@ from robotrue.program.program import FrameTable, Program, Replacement
 
 LOOKED_AT: Final = 1 << 16
 _OTHERS: Final = re.compile(
-    rb"(?im)^\s*(?:/JOB|/PROG|&ACCESS|DEF(?:DAT)?\s+\w+ *\(|(?:SYS)?MODULE\b|def |///|GOTO\s*/)"
-    rb"|x_mm"
+    rb"(?im)^[^\S\n]*+(?:/JOB|/PROG|&ACCESS|DEF(?:DAT)?\s+\w+ *\(|(?:SYS)?MODULE\b|def |///"
+    rb"|GOTO\s*/)|x_mm"
 )
 
 

@@ -48,9 +48,9 @@ _FEED: Final = re.compile(rb"F\s*=?\s*" + WHOLE_NUMBER, re.IGNORECASE)
 _POINT: Final = re.compile(
     rb"(?:(?:[XYZIJK]|[ABC]3?)\s*=?\s*|STAT\s*=\s*|TU\s*=\s*)" + WHOLE_NUMBER, re.IGNORECASE
 )
-_ONCE: Final = re.compile(rb"^\s*RAPID\b", re.IGNORECASE | re.MULTILINE)
+_ONCE: Final = re.compile(rb"^[^\S\n]*+RAPID\b", re.IGNORECASE | re.MULTILINE)
 _BETWEEN: Final = re.compile(
-    rb"(?im)^\s*(?:N\d+\s*)?(?:GOTO[FBC]?\b|IF\b|WHILE\b|FOR\b|LOOP\b|REPEAT\b|M98|M99|CALL\b|[LO]\d)"
+    rb"(?im)^[^\S\n]*+(?:N\d+\s*)?(?:GOTO[FBC]?\b|IF\b|WHILE\b|FOR\b|LOOP\b|REPEAT\b|M98|M99|CALL\b|[LO]\d)"
 )
 _PLAIN: Final = re.compile(
     rb"^(?:[ \t]*+(?:N\d++[ \t]*+)?(?:G0*[01][ \t]++)?"

@@ -17,12 +17,12 @@ from robotrue.program.held import as_printed
 from robotrue.program.program import FrameTable, Program, Replacement
 
 _HEAD: Final = re.compile(
-    rb"^(?:\xef\xbb\xbf)?\s*(?:%%%|MODULE\s+[\w\x80-\xff])", re.IGNORECASE | re.MULTILINE
+    rb"^(?:\xef\xbb\xbf)?[^\S\n]*+(?:%%%|MODULE\s+[\w\x80-\xff])", re.IGNORECASE | re.MULTILINE
 )
 _BODY: Final = re.compile(
-    rb"^\s*Move(?:L|J|C|AbsJ)\b[\s\\\[\w\x80-\xff]"
+    rb"^[^\S\n]*+Move(?:L|J|C|AbsJ)\b[\s\\\[\w\x80-\xff]"
     rb"|\b(?:CONST|PERS|VAR)\s+(?:robtarget|jointtarget)\s"
-    rb"|^\s*ENDMODULE\b|^\s*(?:LOCAL\s+)?(?:PERS|VAR|CONST)\s+[\w\x80-\xff]+\s+[\w\x80-\xff]+\s*:=",
+    rb"|^[^\S\n]*+ENDMODULE\b|^[^\S\n]*+(?:LOCAL\s+)?(?:PERS|VAR|CONST)\s+[\w\x80-\xff]+\s+[\w\x80-\xff]+\s*:=",
     re.IGNORECASE | re.MULTILINE,
 )
 _MOVES: Final = re.compile(rb"\bMove(?:L|J|C|AbsJ)\b", re.IGNORECASE)

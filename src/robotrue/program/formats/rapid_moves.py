@@ -91,7 +91,8 @@ BUILT_IN: Final = frozenset(
 )
 """Instructions of the controller that change no tool, work object or program displacement."""
 _SWALLOWED: Final = re.compile(
-    rb"[\r\n]\s*(?:(?:Move|Trigg|Arc)(?:L|J|C|AbsJ)\b|ENDPROC|PROC\b|ENDIF|SetDO\b)", re.IGNORECASE
+    rb"[\r\n][^\S\r\n]*+(?:(?:Move|Trigg|Arc)(?:L|J|C|AbsJ)\b|ENDPROC|PROC\b|ENDIF|SetDO\b)",
+    re.IGNORECASE,
 )
 
 

@@ -14,6 +14,7 @@ from robotrue.program.formats.rapid_moves import BUILT_IN, Move, Tail, move_of, 
 from robotrue.program.formats.rapid_scan import (
     INLINE,
     ROBTARGET,
+    WORD,
     Statement,
     beginning,
     clean,
@@ -51,12 +52,16 @@ _OPERATORS: Final = frozenset("and or xor not div mod".split())
 _REFERENCE: Final = re.compile(r"([\w\x80-\xff]+)\s*(?:\{([^}]*)\})?$")
 _SHIFTING: Final = re.compile(r"(offs|reltool)\s*\((.*)\)$", re.IGNORECASE | re.DOTALL)
 _PARAMETER: Final = re.compile(
-    r"(?:INOUT|VAR|PERS|switch)?\s*[\w\x80-\xff]+\s+([\w\x80-\xff]+)\s*(?:\{[^}]*\})?\s*$"
+    r"(?:INOUT|VAR|PERS|switch)?\s*[\w\x80-\xff]+\s+([\w\x80-\xff]+)\s*+(?:\{[^}]*+\}\s*+)?$"
 )
 _COMPACT: Final = re.compile(
-    rb'(?:"(?:[^"\r\n]|"")*+"|![^\r\n]*+|[^"!])*?(?<![\w\x80-\xff])'
-    rb"((?:Move|Trigg|Search|Arc)[\w\x80-\xff]+|[\w\x80-\xff]+(?=\s*(?:\{[^}]*\}"
-    rb"\s*)?(?:\.\s*[\w\x80-\xff]+\s*)*:=)|GOTO|RETURN|EXIT)(?![\w\x80-\xff])",
+    rb'(?:"(?:[^"\r\n]|"")*+"|![^\r\n]*+|[^"!\w\x80-\xff]|'
+    + WORD
+    + rb"(?:\s*+\.\s*+"
+    + WORD
+    + rb")*+)*?(?<![\w\x80-\xff])"
+    rb"((?:Move|Trigg|Search|Arc)" + WORD + rb"|" + WORD + rb"(?=\s*+(?:\{[^{}]*+\}"
+    rb"\s*+)?+(?:\.\s*+" + WORD + rb"\s*+)*+:=)|GOTO|RETURN|EXIT)(?![\w\x80-\xff])",
     re.IGNORECASE | re.DOTALL,
 )
 

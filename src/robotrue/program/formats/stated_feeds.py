@@ -8,7 +8,7 @@ point of another file) is not known, nor is one that is computed or per revoluti
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Final
 
 import numpy as np
@@ -25,14 +25,16 @@ from robotrue.program.toolpath import Toolpath
 RAPID: Final = np.inf
 """The feed of a move that cuts nothing."""
 _FLAGS: Final = re.IGNORECASE | re.MULTILINE
-_NUMBER: Final = rb"(\d+\.?\d*|\.\d+)"
-_G: Final = re.compile(
-    rb"(?P<note>;[^\r\n]*|\([^)\r\n]*\)|(?<![A-Z_])G0*4\b[^\r\n;(]*)"
+_NUMBER: Final = rb"(\d++\.?+\d*+|\.\d++)"
+_G_WORDS: Final = (
+    rb"(?P<note>;[^\r\n]*|(?<![A-Z_])G0*+4\b[^\r\n;(]*)"
     rb"|(?<![A-Z_])G0*(?P<mode>[0-3])(?![\d.])|(?P<cip>\bCIP\b)"
-    rb"|(?<![A-Z_#])F[ \t]*=?[ \t]*(?P<feed>\d+\.?\d*|\.\d+)|(?<![A-Z_#])F[ \t]*(?P<lost>[=#\[])"
-    rb"|(?<![A-Z_])(?P<odd>G(?:93|95|20|70|700)\b)",
-    _FLAGS,
+    rb"|(?<![A-Z_#])F[ \t]*+(?:=[ \t]*+)?(?P<feed>\d++\.?+\d*+|\.\d++)"
+    rb"|(?<![A-Z_#])F[ \t]*+(?P<lost>[=#\[])|(?<![A-Z_])(?P<odd>G(?:93|95|20|70|700)\b)"
 )
+_G: Final = re.compile(rb"\((?P<inside>[^)\r\n]*+)(?P<closed>\))?|" + _G_WORDS, _FLAGS)
+_G_OPEN: Final = re.compile(_G_WORDS, _FLAGS)
+"""Words behind a bracket that its line does not close, which is no comment."""
 _HEIDENHAIN: Final = re.compile(
     rb";[^\r\n]*|\bF(?:" + _NUMBER + rb"|(?P<max>MAX)|(?P<odd>AUTO|[UZQ]))", _FLAGS
 )
@@ -53,10 +55,11 @@ _UR_SPEED: Final = re.compile(
     + rb"|\][ \t]*,[ \t]*(?:a[ \t]*=[ \t]*)?[\d.]+[ \t]*,[ \t]*" + _NUMBER
 )  # fmt: skip
 _FANUC_MOVE: Final = re.compile(
-    rb"P\[(\d+)[^\]\r\n]*\][ \t]+" + _NUMBER + rb"[ \t]*(mm/sec|cm/min)", re.IGNORECASE
+    rb"P\[(\d++)(?:(?!P\[)[^\]\r\n])*+\][ \t]++" + _NUMBER + rb"[ \t]*(mm/sec|cm/min)",
+    re.IGNORECASE,
 )
 _FANUC_POINT: Final = re.compile(rb"[ \t]*P\[(\d+)")
-_JBI_MOVE: Final = re.compile(rb"^MOV[LCS][ \t]+([CP]\d+)[^\r\n]*?\bV=" + _NUMBER, re.MULTILINE)
+_JBI_MOVE: Final = re.compile(rb"^MOV[LCS][ \t]+([CP]\d++)[^\r\n]*?\bV=" + _NUMBER, re.MULTILINE)
 _JBI_POINT: Final = re.compile(rb"[ \t]*([CP]\d+)")
 
 
@@ -82,9 +85,17 @@ def _at(program: Program, place: list[int], value: list[float]) -> Array:
     return np.where(found < 0, np.nan, np.array([*value, np.nan])[found])
 
 
+def _g_words(data: bytes) -> Iterator[re.Match[bytes]]:
+    for match in _G.finditer(data):
+        if match["inside"] is None:
+            yield match
+        elif not match["closed"]:
+            yield from _G_OPEN.finditer(data, *match.span("inside"))
+
+
 def _g_code(program: Program) -> Array:
     place, value, feed, rapid, known = [], [], np.nan, False, True
-    for match in _G.finditer(program.data):
+    for match in _g_words(program.data):
         if match["note"]:
             continue
         if match["odd"]:

@@ -48,7 +48,7 @@ class Variables:
 
     def __init__(self) -> None:
         self._known: dict[tuple[str, str], Variable] = {}
-        self._uncertain: list[tuple[Variable, str]] = []
+        self._uncertain: dict[tuple[int, str], Variable] = {}
 
     def declare(self, scope: str, name: str, kind: str) -> Variable:
         """Returns the variable of this scope, new if it is not known there."""
@@ -64,7 +64,7 @@ class Variables:
         found = [each for each in asked if each in variable.points]
         for each in found:
             if variable.given[each] != barriers:
-                self._uncertain.append((variable, each))
+                self._uncertain[id(variable), each] = variable
         return [variable.points[each] for each in found]
 
     def uncertain(self) -> set[int]:
@@ -73,7 +73,7 @@ class Variables:
         for variable in self._known.values():
             if variable.computed or variable.outside:
                 out.update(point for points in variable.all.values() for point in points)
-        for variable, subscript in self._uncertain:
+        for (_, subscript), variable in self._uncertain.items():
             if len(variable.all[subscript]) > 1:
                 out.update(variable.all[subscript])
         return out

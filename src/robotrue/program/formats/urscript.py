@@ -18,8 +18,12 @@ from robotrue.program.program import FrameTable, Program, Replacement
 _MOTION: Final = re.compile(
     rb"(?<![\w.])(?:move[lpjc]|set_tcp)\s*\(\s*(?:p?\[|[A-Za-z_]\w*\s*[,)(=])", re.IGNORECASE
 )
-_HEAD: Final = re.compile(rb"^(?:\xef\xbb\xbf)?\s*def\s+\w+\s*\([^)]*\)\s*:", re.MULTILINE)
-_FOREIGN: Final = re.compile(rb"^\s*(?:import|from)\s+\w|^\s*&ACCESS", re.MULTILINE)
+_HEAD: Final = re.compile(
+    rb"^(?:\xef\xbb\xbf)?[^\S\n]*+def\s+\w++\s*+\((?:(?!^[^\S\n]*+def\s)[^)])*+\)\s*+:",
+    re.MULTILINE,
+)
+"""A head that is not closed before the next one: what closes that one would close it, too."""
+_FOREIGN: Final = re.compile(rb"^[^\S\n]*+(?:import|from)\s+\w|^[^\S\n]*+&ACCESS", re.MULTILINE)
 _LOOKED_AT: Final = 1 << 18
 """Bytes that decide on the dialect."""
 

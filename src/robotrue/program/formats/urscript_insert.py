@@ -38,10 +38,10 @@ from robotrue.program.insertion import Insertion, Moves, Obstacle, job_rows
 from robotrue.program.program import Program
 
 _MOVE: Final = re.compile(rb"\s*(move[lpjc])\s*\(")
-_GIVEN: Final = re.compile(rb"(?<![\w.])([A-Za-z_]\w*)\s*=(?!=)\s*(p\[)?")
+_GIVEN: Final = re.compile(rb"(?<![\w.])([A-Za-z_]\w*+)\s*+=(?!=)\s*+(p\[)?")
 _NAME: Final = re.compile(rb"[A-Za-z_]\w*$")
 _KEYWORD: Final = re.compile(rb"\s*(while|if|elif|else|return|break|end|run|halt|def|thread)\b")
-_CALLED: Final = re.compile(rb"([A-Za-z_]\w*)\s*\(")
+_CALLED: Final = re.compile(rb"(?<!\w)\d*+([A-Za-z_]\w*+)\s*+\(")
 _PLAIN: Final = re.compile(
     rb"[ \t]*+(move[lp])[ \t]*+\([ \t]*+(" + POSE.pattern + rb")(,?[^()\[\]\r\n]*+)\)[ \t]*+$"
 )

@@ -100,7 +100,7 @@ def routines(code: bytes, name: str) -> list[Routine]:
 def _routine(opening: re.Match[bytes]) -> Routine:
     return Routine(
         (opening[2] or b"").decode("latin-1"),
-        tuple(re.findall(r"\w+(?=\s*(?:,|=|$))", (opening[3] or b"").decode("latin-1"))),
+        tuple(re.findall(r"\b\w++(?=\s*+(?:,|=|$))", (opening[3] or b"").decode("latin-1"))),
         opening[1] != b"def",
     )
 

@@ -32,11 +32,11 @@ _MOVES: Final = {
     "movec": (Motion.ARC_VIA, Motion.ARC_END),
 }
 _ASSIGNED: Final = re.compile(
-    rb"\s*(?:(global|local)\s+)?([A-Za-z_]\w*)\s*(\[[^\]]*\])?\s*=(?!=)\s*"
+    rb"\s*+(?:(global|local)\s++)?([A-Za-z_]\w*+)\s*+(\[[^\]]*+\])?+\s*+=(?!=)\s*+"
 )
 _CALL: Final = re.compile(rb"\s*([A-Za-z_]\w*)\s*\(")
-_CALLED: Final = re.compile(rb"([A-Za-z_]\w*)\s*\(")
-_ASKED: Final = re.compile(rb"(?<![\w.])([A-Za-z_]\w*)\s*\(")
+_CALLED: Final = re.compile(rb"(?<!\w)\d*+([A-Za-z_]\w*+)\s*+\(")
+_ASKED: Final = re.compile(rb"(?<![\w.])([A-Za-z_]\w*+)\s*+\(")
 _BUILT_IN: Final = re.compile(
     r"(?:get|is|str|to|pose|modbus|rtde|socket|read|write|request|path_offset|conveyor|encoder|zero|"
     r"screw_driving|interpolate|wrench|point|undo|watchdog|track_conveyor|force_mode|freedrive_mode|"
