@@ -13,7 +13,7 @@ from pydantic import BaseModel, ValidationError
 from robotrue.cell.schema import CellFile
 from robotrue.errors import ConfigurationError
 
-_HEADER: Final = re.compile(r"\s*(\[\[?)\s*([^\[\]]+?)\s*\]\]?\s*(?:#.*)?")
+_HEADER: Final = re.compile(r"\s*+(\[\[?)([^\[\]]++)\]\]?\s*+(?:#.*)?")
 
 
 def configuration_error(

@@ -38,25 +38,25 @@ _SAME: Final = 1e-6
 _NUMBER: Final = r"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d+)?"
 _KUKA: Final = re.compile(
     r"^[ \t]*(?:DECL[ \t]+)?(?:FRAME[ \t]+)?(BASE|TOOL)_DATA[ \t]*"
-    r"\[[ \t]*(\d+)[ \t]*\][ \t]*=[ \t]*"
+    r"\[[ \t]*(\d{1,9})[ \t]*\][ \t]*=[ \t]*"
     r"\{(?:[ \t]*FRAME[ \t]*:)?([^{}]*)\}",
     re.IGNORECASE | re.MULTILINE,
 )
 _KUKA_PART: Final = re.compile(rf"[ \t]*([XYZABC])[ \t]+({_NUMBER})[ \t]*", re.IGNORECASE)
 _ON_MACHINE: Final = re.compile(
-    r"^[ \t]*MACHINE_FRAME_DAT[ \t]*\[[ \t]*(\d+)[ \t]*\][ \t]*=[ \t]*\{[ \t]*"
-    r"MACH_DEF_INDEX[ \t]+(\d+)",
+    r"^[ \t]*MACHINE_FRAME_DAT[ \t]*\[[ \t]*(\d{1,9})[ \t]*\][ \t]*=[ \t]*\{[ \t]*"
+    r"MACH_DEF_INDEX[ \t]+(\d{1,9})",
     re.IGNORECASE | re.MULTILINE,
 )
-_CND: Final = re.compile(r"^//(TOOL|UFRAME)[ \t]+(\d+)[ \t]*$", re.IGNORECASE)
+_CND: Final = re.compile(r"^//(TOOL|UFRAME)[ \t]+(\d{1,9})[ \t]*$", re.IGNORECASE)
 _SIX: Final = re.compile(rf"{_NUMBER}(?:[ \t]*,[ \t]*{_NUMBER}){{5}}")
 _BASIC: Final = re.compile(r"^/+BASICFRM[ \t]+(.*)$", re.IGNORECASE)
 _BASE_FRAME: Final = 16
 """Second value of ``BASICFRM`` of a user frame in the base frame."""
 _VA: Final = re.compile(r"^\[\*SYSTEM\*\]\$MNU(FRAME|TOOL)\b(?!NUM)", re.MULTILINE)
 _VA_ONE: Final = re.compile(
-    r"\[[ \t]*1[ \t]*,[ \t]*(\d+)[ \t]*\][ \t]*=[^\[]*?Group[ \t]*:[ \t]*1\b[^\[]*?"
-    + r"\s+".join(rf"{letter}[ \t]*:[ \t]*({_NUMBER})" for letter in "XYZWPR"),
+    r"\[[ \t]*1[ \t]*,[ \t]*(\d{1,9})[ \t]*\][ \t]*=(?>[^\[]*?Group[ \t]*:[ \t]*1\b)[^\[]*?"
+    + r"\s++".join(rf"{letter}[ \t]*+:[ \t]*+({_NUMBER})" for letter in "XYZWPR"),
     re.IGNORECASE,
 )
 

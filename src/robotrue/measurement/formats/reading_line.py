@@ -20,7 +20,7 @@ MOST: Final = 1e5
 """mm or deg."""
 _NUMBER: Final = r"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d+)?"
 _LABELLED: Final = re.compile(
-    rf"(?<![A-Za-z0-9_])([A-Za-z]\d?)(?:_deg|_mm)?\s*[:=]?\s*({_NUMBER})(?![\w.])"
+    rf"(?<![A-Za-z0-9_])([A-Za-z]\d?)(?:_deg|_mm)?\s*+(?:[:=]\s*+)?({_NUMBER})(?![\w.])"
 )
 _FIRST_GROUP: Final = re.compile(r"\[\s*\[([^\[\]]*)\]")
 _UR: Final = re.compile(r"p\s*\[([^\[\]]*)\]")

@@ -298,7 +298,7 @@ def _rectangle(
 
 
 def _is_number(cell: str) -> bool:
-    return bool(re.fullmatch(r"[+-]?\d*[.,]?\d+(?:[eE][+-]?\d+)?", cell))
+    return bool(re.fullmatch(r"[+-]?(?:\d++(?:[.,]\d++)?|[.,]\d++)(?:[eE][+-]?\d+)?", cell))
 
 
 def _workbook_rows(

@@ -32,10 +32,10 @@ from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.insertion import Insertion, Moves, Obstacle
 from robotrue.program.program import Program
 
-_STATEMENT: Final = re.compile(rb"\s*(?:(\d{0,6})\s*:)?([^;]*);[ \t]*(?:\r\n|\n|\r)?")
+_STATEMENT: Final = re.compile(rb"\s*+(?:(\d{0,6}+)\s*+:)?+([^;]*+);[ \t]*+(?:\r\n|\n|\r)?")
 _MOVE: Final = re.compile(rb"[ \t]*([JLCAS])[ \t]+(P|PR)\s*\[", re.DOTALL)
-_TARGET: Final = re.compile(rb"\bP\s*\[\s*(\d{1,6})\s*(?::[^\]]*)?\]")
-_TIMED: Final = re.compile(rb"\d\s*m?sec\b(?!\w)|\bR\[[^\]]*\]\s*m?sec", re.IGNORECASE)
+_TARGET: Final = re.compile(rb"\bP\s*+\[\s*+(\d{1,6})\s*+(?::(?:(?!\bP\s*\[)[^\]])*+)?\]")
+_TIMED: Final = re.compile(rb"\d\s*m?sec\b(?!\w)|\bR\[[^\[\]]*+\]\s*+m?sec", re.IGNORECASE)
 _PER_SECOND: Final = re.compile(rb"(?:mm|inch|cm|deg)\s*/\s*m?(?:sec|in)", re.IGNORECASE)
 _TIED: Final = re.compile(rb"\b(?:TA|TB|DB|DA|Skip|SKIP|POINT_LOGIC|PTH_PLN)\b|\bCALL\b")
 _FINE: Final = re.compile(rb"\bFINE\b")

@@ -20,7 +20,7 @@ from robotrue.program.formats.gcode_vocabulary import NAMED, UNCERTAIN, Drive, G
 from robotrue.program.formats.number_text import WHOLE_NUMBER
 from robotrue.program.program import Reason
 
-_ASSIGNED: Final = re.compile(rb"([A-Z_$][A-Z0-9_$]*+(?:\[[^\]]*\])?+)[ \t]*+=(?!=)[ \t]*+")
+_ASSIGNED: Final = re.compile(rb"([A-Z_$][A-Z0-9_$]*+(?:\[[^\[\]]*+\])?+)[ \t]*+=(?!=)[ \t]*+")
 _FARTHEST: Final = 1e9
 """mm or deg; a frame beyond is none."""
 _VALUE: Final = re.compile(rb"(" + WHOLE_NUMBER + rb")(?=[ \t]|$|[A-DF-Z_$])")
@@ -35,6 +35,9 @@ _BLOCK_NUMBER: Final = re.compile(rb"N\d+[ \t]*(?=[/#])")
 _FRAME: Final = re.compile(rb"\$P_UIFR\[(\d{1,2})\]$")
 _PART: Final = re.compile(rb"(CTRANS|CROT)\(([^()]*)\)")
 _NUMBER: Final = re.compile(WHOLE_NUMBER)
+_GAP: Final = re.compile(rb"\s*+")
+_POSITION: Final = re.compile(rb"[XYZ]")
+_PRESET: Final = re.compile(rb"P(\d{1,3})")
 _BASED: Final = re.compile(rb"'(?:B([01]{1,40})|H([0-9A-F]{1,10}))'")
 
 _QUIET: Final = frozenset(
@@ -155,6 +158,7 @@ class _Block:
         self._found: list[tuple[int, int, int, int, float]] = []
         self._quiet = False
         self._keyword = False
+        self._looked_for: dict[re.Pattern[bytes], re.Match[bytes] | None] = {}
 
     def read(self) -> None:
         """Reads the block to its end."""
@@ -193,6 +197,12 @@ class _Block:
                 return at
         return self._text.rfind(bytes([closes]), self._at)
 
+    def _anywhere(self, pattern: re.Pattern[bytes]) -> re.Match[bytes] | None:
+        """Returns the first match in the block; it is looked for once."""
+        if pattern not in self._looked_for:
+            self._looked_for[pattern] = pattern.search(self._text)
+        return self._looked_for[pattern]
+
     def _shown(self) -> str:
         return repr(self._text[self._at : self._at + 40].decode("latin-1").strip())
 
@@ -217,13 +227,15 @@ class _Block:
 
     def _computed_end(self, at: int) -> int:
         """End of an expression: a blank outside brackets, and outside an operator's reach."""
-        depth = 0
+        depth, beyond = 0, at
         while at < len(self._text):
             c = self._text[at : at + 1]
             depth += (c in (b"(", b"[")) - (c in (b")", b"]"))
             if c in (b" ", b"\t") and depth <= 0:
-                rest = self._text[at:].lstrip()
-                if not (rest[:1] in b"+-*/" and rest[:1]) and self._text[at - 1] not in b"+-*/=":
+                gap = None if beyond > at else _GAP.match(self._text, at)
+                beyond = gap.end() if gap else beyond
+                after = self._text[beyond : beyond + 1]
+                if not (after in b"+-*/" and after) and self._text[at - 1] not in b"+-*/=":
                     break
             at += 1
         return at
@@ -314,11 +326,11 @@ class _Block:
         elif code in _QUIET_CODES:
             self._quiet = True
         elif code == "G54.1" and self._vocabulary.name == "fanuc_gcode":
-            match = re.search(rb"P(\d{1,3})", self._text)
+            match = self._anywhere(_PRESET)
             named = self._out.name(f"G54.1 P{int(match[1])}" if match else "G54.1")
             self._out.set(self._block, Group.FRAME, NAMED - named)
             self._quiet = True
-        elif code in _ENDING and not re.search(rb"[XYZ]", self._text):
+        elif code in _ENDING and not self._anywhere(_POSITION):
             self._out.shift(self._block, _ENDING[code], False)
             self._out.forget(self._block)
         elif code in _MOVING:

@@ -7,6 +7,8 @@ arc of two blocks; cycles that move the coordinates are followed as far as they 
 from __future__ import annotations
 
 import re
+from bisect import bisect_left
+from operator import itemgetter
 from typing import Final
 
 import numpy as np
@@ -51,7 +53,7 @@ class ConversationalReader:
         self.begun = self.ended = False
         self._address = {name.encode(): k for name, k in vocabulary.columns.items() if k >= 0}
         self._pole: dict[int, tuple[int, int, float]] = {}
-        self._user = -1
+        self._user, self._shared = -1, False
         self._preset = False
 
     def take(self, block: int, first: int, text: bytes) -> None:
@@ -213,11 +215,14 @@ class ConversationalReader:
         if len(self._pole) < 2:
             return
         if self._user >= 0:
-            user = self._user
-            arc = range(Column.I, Column.K + 1)
-            self.found.words = [w for w in self.found.words if w[0] != user or w[1] not in arc]
+            if not self._shared:
+                every, user = self.found.words, self._user
+                at = bisect_left(every, user, key=itemgetter(0))
+                arc = range(Column.I, Column.K + 1)
+                every[at:] = [w for w in every[at:] if w[0] != user or w[1] not in arc]
+            self._shared = True
             return
-        self._user = block
+        self._user, self._shared = block, False
         for axis, word in self._pole.items():
             words[Column.I + axis] = word
 

@@ -47,7 +47,7 @@ _OPERANDS: Final = {
     1: re.compile(_POINT + rb"(?=\s|$)"),
     2: re.compile(_POINT + rb"\s*,\s*" + _POINT + rb"(?=\s|$)"),
 }
-_TAIL: Final = re.compile(rb"(?:\s*C_\w+)*\s*(?:WITH\s.*)?$", re.IGNORECASE | re.DOTALL)
+_TAIL: Final = re.compile(rb"(?:\s*+C_\w++)*+\s*+(?:WITH\s.*)?$", re.IGNORECASE | re.DOTALL)
 _SMOOTH: Final = re.compile(rb"\bC_\w+", re.IGNORECASE)
 _STORED: Final = re.compile(
     rb"^[ \t]*+(?:(?:GLOBAL|DECL|CONST)[ \t]++)*+(?:[A-Za-z_]\w*+[ \t]++)?"

@@ -33,7 +33,7 @@ from robotrue.program.program import Motion, Program
 from robotrue.program.stream import Whole
 
 _LONGEST: Final = 256
-_ELEMENT: Final = re.compile(rb"(\w+)\s*\[\s*(\d+)\s*\]")
+_ELEMENT: Final = re.compile(rb"\b(\w++)\s*+\[\s*+(\d++)\s*+\]")
 _NO_POINT: Final = re.compile(
     rb"\$|\b(?:BASE_DATA|TOOL_DATA|LOAD_DATA|FDAT_ACT|PDAT_ACT|LDAT_ACT|FDAT|PDAT|LDAT|LOAD)\b",
     re.IGNORECASE,

@@ -40,13 +40,14 @@ _BLOCK: Final = re.compile(rb"[^;(\r\n]*")
 _NUMBERED: Final = re.compile(rb"\s*/?\s*(?:N\d+)?\s*", re.IGNORECASE)
 _DRIVE: Final = re.compile(rb"G0*[0-3](?![\d.])", re.IGNORECASE)
 _CENTRE: Final = re.compile(
-    rb"(?:CR\s*=|[IJKR])\s*=?\s*(?:AC\s*\(\s*)?" + WHOLE_NUMBER + rb"(?:\s*\))?",
+    rb"(?:CR\s*+=|[IJKR])\s*+(?:=\s*+)?(?:AC\s*+\(\s*+)?" + WHOLE_NUMBER + rb"(?:\s*\))?",
     re.IGNORECASE,
 )
 _MOVES: Final = re.compile(rb"G0*[0-3](?![\d.])|\bCIP\b|\bCT\b|\bINVCW\b", re.IGNORECASE)
-_FEED: Final = re.compile(rb"F\s*=?\s*" + WHOLE_NUMBER, re.IGNORECASE)
+_FEED: Final = re.compile(rb"F\s*+(?:=\s*+)?" + WHOLE_NUMBER, re.IGNORECASE)
 _POINT: Final = re.compile(
-    rb"(?:(?:[XYZIJK]|[ABC]3?)\s*=?\s*|STAT\s*=\s*|TU\s*=\s*)" + WHOLE_NUMBER, re.IGNORECASE
+    rb"(?:(?:[XYZIJK]|[ABC]3?)\s*+(?:=\s*+)?|STAT\s*+=\s*+|TU\s*+=\s*+)" + WHOLE_NUMBER,
+    re.IGNORECASE,
 )
 _ONCE: Final = re.compile(rb"^[^\S\n]*+RAPID\b", re.IGNORECASE | re.MULTILINE)
 _BETWEEN: Final = re.compile(

@@ -51,8 +51,8 @@ from robotrue.program.program import Motion, Program
 
 _GIVEN: Final = re.compile(
     rb"(?:^|;)[ \t]*+(?:(?:(?:LOCAL|TASK|GLOBAL)\b" + GAP + rb")?(?:CONST|PERS|VAR)\b" + GAP
-    + rb"robtarget\b" + GAP + rb")?(?P<name>[\w\x80-\xff]++)" + GAP + rb"(?:\{(?P<at>[^}]*)\}" + GAP
-    + rb")?:=" + GAP,
+    + rb"robtarget\b" + GAP + rb")?(?P<name>[\w\x80-\xff]++)" + GAP
+    + rb"(?:\{(?P<at>[^{}]*+)\}" + GAP + rb")?:=" + GAP,
     re.IGNORECASE | re.MULTILINE,
 )  # fmt: skip
 _REFERENCE: Final = re.compile(r"([\w\x80-\xff]+)\s*(?:\{\s*(\d+)\s*\})?$")
