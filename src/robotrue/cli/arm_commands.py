@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from robotrue.cli.app import CellFile, Json, ModelFile, app
+from robotrue.cli.outputs import CSV, KRL, MODEL, PAGE
 
 
 @app.command()
@@ -30,7 +31,9 @@ def demo(
 @app.command()
 def plan(
     cell: CellFile,
-    output: Annotated[Path, typer.Option("--output", "-o", help="CSV of the poses to write.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="CSV of the poses to write.", callback=CSV)
+    ],
     poses: Annotated[int, typer.Option("--poses", "-n", help="How many, at most.")] = 30,
     region: Annotated[
         str | None,
@@ -59,12 +62,15 @@ def plan(
     candidates: Annotated[int, typer.Option(help="Postures to choose from.")] = 2000,
     seed: Annotated[int, typer.Option(help="Seed of the candidates.")] = 1,
     program: Annotated[
-        Path | None, typer.Option(help="Also write a KRL program that measures them (.src).")
+        Path | None,
+        typer.Option(help="Also write a KRL program that measures them (.src).", callback=KRL),
     ] = None,
     trigger_output: Annotated[
         int, typer.Option(help="Digital output that triggers the tracker.")
     ] = 17,
-    report: Annotated[Path | None, typer.Option(help="Also write a report page (HTML).")] = None,
+    report: Annotated[
+        Path | None, typer.Option(help="Also write a report page (HTML).", callback=PAGE)
+    ] = None,
     json: Json = False,
 ) -> None:
     """Choose the poses that are worth measuring, and say what accuracy to expect."""
@@ -95,14 +101,18 @@ def plan(
 def calibrate(
     cell: CellFile,
     measurements: Annotated[list[Path], typer.Argument(metavar="MEAS...", help="Measurements.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Model file to write.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Model file to write.", callback=MODEL)
+    ],
     method: Annotated[
         str, typer.Option(help="auto, or one of nominal, geometric, elastic, ripple, gp.")
     ] = "auto",
     mapping: Annotated[
         Path | None, typer.Option(help="Column mapping (TOML) for files of another layout.")
     ] = None,
-    report: Annotated[Path | None, typer.Option(help="Also write a report page (HTML).")] = None,
+    report: Annotated[
+        Path | None, typer.Option(help="Also write a report page (HTML).", callback=PAGE)
+    ] = None,
     json: Json = False,
 ) -> None:
     """Learn the robot's error from measured poses and write a model file."""
@@ -121,14 +131,18 @@ def transfer(
             help="NAME=FILE[,region|campaign|unit]: measurements or a model; may be repeated.",
         ),
     ],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Model file to write.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Model file to write.", callback=MODEL)
+    ],
     targets: Annotated[
         list[Path] | None, typer.Argument(metavar="[TARGET...]", help="Target measurements.")
     ] = None,
     mapping: Annotated[
         Path | None, typer.Option(help="Column mapping (TOML) for files of another layout.")
     ] = None,
-    report: Annotated[Path | None, typer.Option(help="Also write a report page (HTML).")] = None,
+    report: Annotated[
+        Path | None, typer.Option(help="Also write a report page (HTML).", callback=PAGE)
+    ] = None,
     curve: Annotated[
         bool, typer.Option("--curve", help="Also accuracy against the number of target poses.")
     ] = False,
@@ -154,7 +168,9 @@ def validate(
     model: ModelFile,
     measurements: Annotated[list[Path], typer.Argument(metavar="MEAS...", help="Held-out poses.")],
     mapping: Annotated[Path | None, typer.Option(help="Column mapping (TOML).")] = None,
-    report: Annotated[Path | None, typer.Option(help="Also write a report page (HTML).")] = None,
+    report: Annotated[
+        Path | None, typer.Option(help="Also write a report page (HTML).", callback=PAGE)
+    ] = None,
     json: Json = False,
 ) -> None:
     """Say how well a model predicts poses it has not seen."""
@@ -167,7 +183,7 @@ def validate(
 def predict(
     model: ModelFile,
     queries: Annotated[Path, typer.Argument(metavar="QUERIES", help="CSV of joints, wrench.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="CSV to write.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="CSV to write.", callback=CSV)],
     mapping: Annotated[Path | None, typer.Option(help="Column mapping (TOML).")] = None,
     json: Json = False,
 ) -> None:

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from robotrue.cli.app import Json, ModelFile, app
+from robotrue.cli.outputs import CSV
 
 
 @app.command()
@@ -29,7 +30,9 @@ def drift(
 @app.command(name="drift-plan")
 def drift_plan(
     model: ModelFile,
-    output: Annotated[Path, typer.Option("--output", "-o", help="Sheet (CSV) to write.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Sheet (CSV) to write.", callback=CSV)
+    ],
     poses: Annotated[int, typer.Option(help="How many; 4 at least.")] = 7,
     seed: Annotated[int, typer.Option(help="Of the draw of candidates.")] = 0,
     json: Json = False,

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from robotrue.cli.app import Json, app
+from robotrue.cli.outputs import CSV, MODEL
 
 drill = typer.Typer(
     name="drill",
@@ -30,7 +31,9 @@ DrillModel = Annotated[Path, typer.Argument(metavar="MODEL", help="Model file of
 def fit(
     foot: FootFile,
     campaign: CampaignFile,
-    output: Annotated[Path, typer.Option("--output", "-o", help="Model file to write.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Model file to write.", callback=MODEL)
+    ],
     kind: Annotated[
         str,
         typer.Option(
@@ -112,7 +115,9 @@ def adjust(
 @drill.command()
 def plan(
     foot: FootFile,
-    output: Annotated[Path, typer.Option("--output", "-o", help="Execution sheet (CSV) to write.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Execution sheet (CSV) to write.", callback=CSV)
+    ],
     clamps: Annotated[int, typer.Option(help="How many; 15 at least.")] = 60,
     forces_N: Annotated[
         str, typer.Option("--forces-n", help="Clamp forces in N.")
@@ -142,7 +147,9 @@ def plan(
 @drill.command()
 def refine(
     model: DrillModel,
-    output: Annotated[Path, typer.Option("--output", "-o", help="Model file to write.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Model file to write.", callback=MODEL)
+    ],
     records: Annotated[
         Path | None,
         typer.Argument(
@@ -228,7 +235,9 @@ def run_online(
     ] = "udp://127.0.0.1:47600",
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", help="Model file, written after every reference."),
+        typer.Option(
+            "--output", "-o", help="Model file, written after every reference.", callback=MODEL
+        ),
     ] = None,
     foot: Annotated[
         Path | None, typer.Option(help="Foot file, where the readings are not less their zero.")

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from robotrue.cli.app import Json, app
+from robotrue.cli.outputs import CSV, FIGURE, FORCE, MODEL
 
 dynamics = typer.Typer(
     name="dynamics",
@@ -26,7 +27,9 @@ def predict(
         Path, typer.Option(help="Frequency response of the tool: CSV, UFF58 (.uff, .unv) or MAT.")
     ],
     force: Annotated[Path, typer.Option(help="Recorded force on the tool: CSV, TDMS or MAT.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="CSV of the error to write.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="CSV of the error to write.", callback=CSV)
+    ],
     static_um_per_n: Annotated[
         str | None,
         typer.Option(
@@ -42,7 +45,10 @@ def predict(
         typer.Option(help="Zeros behind the record; default: twice as long as it rings."),
     ] = None,
     report: Annotated[
-        Path | None, typer.Option(help="Also draw force, error and response (PNG, SVG or PDF).")
+        Path | None,
+        typer.Option(
+            help="Also draw force, error and response (PNG, SVG or PDF).", callback=FIGURE
+        ),
     ] = None,
     json: Json = False,
 ) -> None:
@@ -73,7 +79,9 @@ def frf(
         Path | None,
         typer.Option("--output", "-o", help="Receptance to write: .csv or .uff."),
     ] = None,
-    modes: Annotated[Path | None, typer.Option(help="Also write the fitted modes.")] = None,
+    modes: Annotated[
+        Path | None, typer.Option(help="Also write the fitted modes.", callback=MODEL)
+    ] = None,
     duration_s: Annotated[
         float | None, typer.Option(help="Length of a segment; default: up to the next hit.")
     ] = None,
@@ -88,7 +96,8 @@ def frf(
         ),
     ] = None,
     report: Annotated[
-        Path | None, typer.Option(help="Also draw size, phase, coherence (PNG, SVG or PDF).")
+        Path | None,
+        typer.Option(help="Also draw size, phase, coherence (PNG, SVG or PDF).", callback=FIGURE),
     ] = None,
     json: Json = False,
 ) -> None:
@@ -117,6 +126,7 @@ def force(
             "-o",
             help="Force record (CSV); with --along a table for `compensate --force`; with "
             "--slots the cutting data (TOML).",
+            callback=FORCE,
         ),
     ] = None,
     slots: Annotated[
@@ -160,7 +170,9 @@ Direction = Annotated[
 def fit(
     windows: Annotated[Path, typer.Argument(metavar="WINDOWS", help="Measured windows (CSV).")],
     cell: Annotated[Path, typer.Option(help="cell.toml with tool and joint stiffness.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Deviation model to write.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Deviation model to write.", callback=MODEL)
+    ],
     direction: Direction = "0,-1,0",
     frf: Annotated[
         Path | None,
@@ -185,7 +197,9 @@ def validate(
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", help="With --model: CSV of every window's estimate."),
+        typer.Option(
+            "--output", "-o", help="With --model: CSV of every window's estimate.", callback=CSV
+        ),
     ] = None,
     split: Annotated[
         list[str] | None,
@@ -228,7 +242,8 @@ def sensor(
         ),
     ],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Mass, centre and offsets to write.")
+        Path | None,
+        typer.Option("--output", "-o", help="Mass, centre and offsets to write.", callback=MODEL),
     ] = None,
     json: Json = False,
 ) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from robotrue.cli.console import emit_facts, emit_json, emit_table, say
 from robotrue.cli.cutting_data import coefficient_keys, cutting_data
 from robotrue.cli.inputs import check_output
+from robotrue.cli.outputs import CSV, CUTTING
 from robotrue.core.arrays import Array
 from robotrue.core.files import write_atomic
 from robotrue.core.toml_text import read_toml
@@ -56,6 +57,7 @@ def run(
         )
     if output is not None:
         check_output(output, [cut_path, *given])
+        (CSV if slots is None else CUTTING)(output)
     stated, _ = read_toml(cut_path, example=_EXAMPLE)
     cutter, cut, coefficients = cutting_data(stated, where=str(cut_path), slots=slots is not None)
     if slots is not None:

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from robotrue.cli.app import Json, ModelFile, app
+from robotrue.cli.outputs import CSV, SHEET, URDF
 
 export = typer.Typer(
     name="export",
@@ -19,7 +20,9 @@ export = typer.Typer(
 )
 app.add_typer(export)
 
-Output = Annotated[Path, typer.Option("--output", "-o", help="File to write.")]
+Urdf = Annotated[Path, typer.Option("--output", "-o", help="File to write.", callback=URDF)]
+Table = Annotated[Path, typer.Option("--output", "-o", help="File to write.", callback=CSV)]
+Sheet = Annotated[Path, typer.Option("--output", "-o", help="File to write.", callback=SHEET)]
 Lossy = Annotated[
     str,
     typer.Option(
@@ -31,7 +34,7 @@ At = Annotated[str, typer.Option(help="target (the measured point) or tool (of p
 
 @export.command()
 def urdf(
-    model: ModelFile, output: Output, lossy: Lossy = "", at: At = "target", json: Json = False
+    model: ModelFile, output: Urdf, lossy: Lossy = "", at: At = "target", json: Json = False
 ) -> None:
     """Write a URDF of the calibrated arm, and what URDF cannot say as JSON beside it."""
     from robotrue.cli.export import run
@@ -41,7 +44,7 @@ def urdf(
 
 @export.command()
 def dh(
-    model: ModelFile, output: Output, lossy: Lossy = "", at: At = "target", json: Json = False
+    model: ModelFile, output: Table, lossy: Lossy = "", at: At = "target", json: Json = False
 ) -> None:
     """Write the calibrated DH table as CSV, with base and tool."""
     from robotrue.cli.export import run
@@ -51,7 +54,7 @@ def dh(
 
 @export.command()
 def controller(
-    model: ModelFile, output: Output, lossy: Lossy = "", at: At = "target", json: Json = False
+    model: ModelFile, output: Sheet, lossy: Lossy = "", at: At = "target", json: Json = False
 ) -> None:
     """Write joint zeros, tool and base fitted to the model: .json, or text for any other name."""
     from robotrue.cli.export import run

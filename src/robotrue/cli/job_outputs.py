@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Final
 
 from robotrue.cli.inputs import check_output
+from robotrue.cli.outputs import require_suffix
 from robotrue.errors import ConfigurationError
 from robotrue.program.formats import dialect
+
+_G_CODE: Final = ("sinumerik", "fanuc_gcode")
+"""Their files go by each other's suffixes."""
 
 
 def job_outputs(names: Sequence[str], folder: Path, output: Path, language: str) -> list[Path]:
@@ -28,6 +33,7 @@ def job_outputs(names: Sequence[str], folder: Path, output: Path, language: str)
     if output.is_dir():
         paths = [output / name for name in names]
     else:
+        _require_language(output, names[0], language)
         paths = [output]
         beside = {each.lower() for each in dialect(language).companions(names[0])}
         for name in map(Path, names[1:]):
@@ -44,6 +50,17 @@ def job_outputs(names: Sequence[str], folder: Path, output: Path, language: str)
             hint="a folder after -o: every file keeps its name there.",
         )
     return paths
+
+
+def _require_language(output: Path, source: str, language: str) -> None:
+    """Refuses a name that says another language than that of the program, or no program at all."""
+    own = dialect(language)
+    kin = [dialect(name) for name in _G_CODE if language in _G_CODE] or [own]
+    suffixes = [suffix for each in kin for suffix in each.suffixes]
+    usual = Path(source).suffix.lower()
+    tables = [".csv"] if language == "toolpath_csv" else []
+    what = f"a program in {own.name}, as {source} is,"
+    require_suffix(output, what, tuple(dict.fromkeys([usual, *tables, *suffixes])))
 
 
 def _require_other(path: Path, originals: Sequence[Path], *, several: bool) -> None:

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from robotrue.cli.app import Json, app
+from robotrue.cli.outputs import CELL, CSV, MODEL, PAGE, PNG
 
 
 @app.command(name="probe-plan")
@@ -24,7 +25,9 @@ def probe_plan(
             help="Postures (CSV with joints), tool path or program; may be repeated.",
         ),
     ],
-    output: Annotated[Path, typer.Option("--output", "-o", help="CSV of the touches to write.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="CSV of the touches to write.", callback=CSV)
+    ],
     touches: Annotated[int, typer.Option("--touches", "-n", help="How many, at most.")] = 20,
     frame: Annotated[
         str | None,
@@ -52,9 +55,12 @@ def probe_plan(
     tip_axis: Annotated[
         str, typer.Option(help="The way to the tip in the tool frame: +z, or +x on many KUKA.")
     ] = "+z",
-    report: Annotated[Path | None, typer.Option(help="Also write a report page (HTML).")] = None,
+    report: Annotated[
+        Path | None, typer.Option(help="Also write a report page (HTML).", callback=PAGE)
+    ] = None,
     picture: Annotated[
-        Path | None, typer.Option(help="Also write the uncertainty over the part (PNG).")
+        Path | None,
+        typer.Option(help="Also write the uncertainty over the part (PNG).", callback=PNG),
     ] = None,
     json: Json = False,
 ) -> None:
@@ -85,7 +91,9 @@ def register(
         typer.Argument(metavar="CELL|MODEL", help="cell.toml (nominal arm) or model file."),
     ],
     points: Annotated[Path, typer.Argument(metavar="POINTS", help="CSV of the touches.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Registered cell to write.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Registered cell to write.", callback=CELL)
+    ],
     touch_sigma_mm: Annotated[
         float, typer.Option(help="One standard deviation per axis of one touch.")
     ] = 0.1,
@@ -109,7 +117,10 @@ def register(
     mesh_unit: Annotated[str, typer.Option(help="mm, m or inch.")] = "mm",
     model_out: Annotated[
         Path | None,
-        typer.Option(help="Refined model, where touching moved the arm; default: beside the cell."),
+        typer.Option(
+            help="Refined model, where touching moved the arm; default: beside the cell.",
+            callback=MODEL,
+        ),
     ] = None,
     frame_format: Annotated[
         list[str] | None,
@@ -149,7 +160,8 @@ def slot_test(
         typer.Option(help="Way shown beside the paper's: calibrated, planned-30, per-side, ..."),
     ] = "calibrated",
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Page (.html) with the error per side.")
+        Path | None,
+        typer.Option("--output", "-o", help="Page (.html) with the error per side.", callback=PAGE),
     ] = None,
     across: Annotated[
         str, typer.Option(help="Measured: direction of the step in the part, x,y,z.")

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from robotrue.cli.app import Json, app
+from robotrue.cli.outputs import CSV, KRL, PAGE
 
 MaxStep = Annotated[
     float,
@@ -30,7 +31,9 @@ def program(
     toolpaths: Annotated[
         list[Path], typer.Argument(metavar="TOOLPATH...", help="APT/CL data or CSV, one per side.")
     ],
-    output: Annotated[Path, typer.Option("--output", "-o", help="KRL program (.src) to write.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="KRL program (.src) to write.", callback=KRL)
+    ],
     model: Annotated[
         Path | None, typer.Option(help="Also compensate the program with this model.")
     ] = None,
@@ -65,7 +68,9 @@ def program(
     ] = 10.0,
     max_step: MaxStep = 0.1,
     allow_steps: AllowSteps = False,
-    report: Annotated[Path | None, typer.Option(help="Also write a report page (HTML).")] = None,
+    report: Annotated[
+        Path | None, typer.Option(help="Also write a report page (HTML).", callback=PAGE)
+    ] = None,
     json: Json = False,
 ) -> None:
     """Make a robot program of CAM tool paths, in the frame where the part was found."""
@@ -226,7 +231,7 @@ def diff(
         str | None, typer.Option(help="With --model: start posture, as compensate takes it.")
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Every target as CSV.")
+        Path | None, typer.Option("-o", "--output", help="Every target as CSV.", callback=CSV)
     ] = None,
     json: Json = False,
 ) -> None:

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from robotrue.cli.app import Json, app
+from robotrue.cli.outputs import CSV
 
 record = typer.Typer(
     name="record",
@@ -28,7 +29,7 @@ SkipDamage = Annotated[
 @record.command()
 def export(
     folder: RecordFolder,
-    output: Annotated[Path, typer.Option("--output", "-o", help="CSV to write.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="CSV to write.", callback=CSV)],
     stream: Annotated[
         str, typer.Option(help="joints, force (as a replay reads them) or estimates.")
     ] = "estimates",

@@ -9,6 +9,7 @@ import typer
 from typer.core import TyperGroup
 
 from robotrue.cli.app import CellFile, Json, app
+from robotrue.cli.outputs import JSON
 
 
 class _ServiceFirst(TyperGroup):
@@ -140,7 +141,9 @@ def align(
     force: Annotated[
         Path, typer.Argument(metavar="FORCE", help="The same jog, force: CSV or TDMS.")
     ],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Clock file to write (JSON).")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Clock file to write (JSON).", callback=JSON)
+    ],
     most_s: Annotated[float, typer.Option(help="How far apart the clocks may be.")] = 1.0,
     json: Json = False,
 ) -> None:

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from robotrue.cli.app import Json, app
+from robotrue.cli.outputs import CSV, XML
 
 simulate = typer.Typer(
     name="simulate",
@@ -118,10 +119,14 @@ def rdt(
     page_port: Annotated[
         int | None, typer.Option(help="Serves netftapi2.xml over HTTP there; 0 takes a free one.")
     ] = None,
-    scale: Annotated[Path | None, typer.Option(help="Writes netftapi2.xml to this file.")] = None,
+    scale: Annotated[
+        Path | None, typer.Option(help="Writes netftapi2.xml to this file.", callback=XML)
+    ] = None,
     poses: Annotated[
         Path | None,
-        typer.Option(help="Writes readings at rest in six attitudes, for `dynamics sensor`."),
+        typer.Option(
+            help="Writes readings at rest in six attitudes, for `dynamics sensor`.", callback=CSV
+        ),
     ] = None,
     robot: Robot = None,
     seconds: Seconds = None,

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from robotrue.cli.app import Json, app
+from robotrue.cli.outputs import ZIP
 from robotrue.errors import MissingExtraError
 
 workspace = typer.Typer(
@@ -197,7 +198,9 @@ def empty_bin(
 
 @workspace.command(name="export")
 def export_all(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="File (.zip) to write.")],
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="File (.zip) to write.", callback=ZIP)
+    ],
     folder: Folder = HERE,
     json: Json = False,
 ) -> None:

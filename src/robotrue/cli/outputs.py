@@ -1,0 +1,96 @@
+"""Names of files to write: none ends as a file of another format does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+from typing import Final, TypeVar
+
+from robotrue.errors import ConfigurationError
+
+_NAMED: Final = {
+    "a KRL program": ".src .sub",
+    "a KRL point file": ".dat",
+    "a Yaskawa job": ".jbi",
+    "a Fanuc LS program": ".ls",
+    "a RAPID module": ".mod .modx .prg",
+    "a UR script": ".script .urscript",
+    "a G-code program": ".mpf .spf .arc .nc .tap .cnc .ngc",
+    "a Heidenhain program": ".h",
+    "APT or CL data": ".apt .cls .cl .ncl .aptsource",
+    "a CSV table": ".csv",
+    "JSON": ".json",
+    "TOML": ".toml",
+    "XML": ".xml",
+    "a page": ".html .htm",
+    "a PDF": ".pdf",
+    "a picture": ".png .svg .jpg .jpeg",
+    "a workbook": ".xlsx .xls .xlsm .ods",
+    "a robotrue model": ".robotrue",
+    "a robot description": ".urdf",
+    "a mesh": ".stl .step .stp",
+    "a UFF58 response": ".uff .unv",
+    "a recording": ".tdms .mat",
+    "an archive": ".zip",
+}
+FORMATS: Final[Mapping[str, str]] = MappingProxyType(
+    {suffix: named for named, suffixes in _NAMED.items() for suffix in suffixes.split()}
+)
+"""What a file of each suffix holds."""
+_Given = TypeVar("_Given", Path, list[Path], Path | None)
+
+
+def require_suffix(output: Path, what: str, suffixes: Sequence[str], *, only: bool = False) -> None:
+    """Refuses a name that says another format than is written; other endings say none.
+
+    Args:
+        output: File to write.
+        what: What is written.
+        suffixes: In lower case, the usual one first.
+        only: What is written has no other suffix, unknown ones neither.
+
+    Raises:
+        ConfigurationError: The name ends as a file of another format does.
+    """
+    suffix = output.suffix.lower()
+    if suffix in suffixes or not (only or suffix in FORMATS):
+        return
+    ends = f"ends in {output.suffix}" if suffix else "has no suffix"
+    named = f", as {FORMATS[suffix]} does" if suffix in FORMATS else ""
+    raise ConfigurationError(
+        f"the name {ends}{named}; {what} is written ({', '.join(suffixes)}).",
+        source=output,
+        hint=f"name it {output.with_suffix(suffixes[0]).name}.",
+    )
+
+
+def writes(what: str, *suffixes: str, only: bool = False) -> Callable[[_Given], _Given]:
+    """Returns the callback of an option that names files to write: :func:`require_suffix`."""
+
+    def checked(given: _Given) -> _Given:
+        for output in _each(given):
+            require_suffix(output, what, suffixes, only=only)
+        return given
+
+    return checked
+
+
+def _each(given: Path | list[Path] | None) -> Iterable[Path]:
+    return given if isinstance(given, list) else [] if given is None else [given]
+
+
+CSV: Final = writes("a CSV table", ".csv")
+PAGE: Final = writes("a page", ".html", ".htm")
+MODEL: Final = writes("a robotrue file", ".robotrue")
+KRL: Final = writes("a KRL program", ".src", only=True)
+FIGURE: Final = writes("a figure", ".png", ".svg", ".pdf", only=True)
+PNG: Final = writes("a picture", ".png")
+CELL: Final = writes("a cell", ".toml")
+JSON: Final = writes("JSON", ".json")
+XML: Final = writes("XML", ".xml")
+URDF: Final = writes("a robot description", ".urdf", ".xml")
+SHEET: Final = writes("a sheet of the controller", ".txt", ".json")
+ZIP: Final = writes("an archive", ".zip")
+CUTTING: Final = writes("cutting data", ".toml")
+FORCE: Final = writes("a force table", ".csv", ".toml")

@@ -1,0 +1,101 @@
+"""Names of files to write: what is written under a name is what the name says."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+
+import robotrue.cli.main
+from conftest import Command
+from robotrue.cli.app import app
+from robotrue.cli.outputs import FORMATS
+from robotrue.program.formats import dialect, dialects
+
+OWN = {  # refused by the command itself, in its own tests
+    ("compensate", "-o"),
+    ("dynamics frf", "-o"),
+    ("map", "-o"),
+    ("drill report", "-o"),
+    ("report calibration", "-o"),
+    ("report program", "-o"),
+    ("report registration", "-o"),
+}
+FOLDERS = {("demo", "--out"), ("reproduce", "-o"), ("workspace show", "-o"),
+           ("simulate drill", "--write")}  # fmt: skip
+
+
+def written() -> Iterator[tuple[str, str]]:
+    """Every option that names a file or folder to write, with its command."""
+    assert robotrue.cli.main.app is app
+
+    def below(command: Any, words: list[str]) -> Iterator[tuple[str, str]]:
+        for name, each in getattr(command, "commands", {}).items():
+            yield from below(each, [*words, name])
+        for option in getattr(command, "params", []):
+            says = re.search(
+                r"\b(?:Also )?(?:[Ww]rites?|draw)\b", getattr(option, "help", "") or ""
+            )
+            if option.param_type_name == "option" and ("-o" in option.opts or says):
+                if "path" in repr(vars(option)).lower():
+                    yield " ".join(words), "-o" if "-o" in option.opts else option.opts[0]
+
+    yield from below(typer.main.get_command(app), [])
+
+
+CHECKED = sorted({*written()} - OWN - FOLDERS)
+
+
+def test_every_command_is_looked_at() -> None:
+    assert {*written()} >= OWN
+    assert len(CHECKED) > 30
+
+
+@pytest.mark.parametrize(("command", "option"), CHECKED)
+def test_a_name_of_another_format_is_refused_before_any_work(
+    cli: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str, option: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    got = cli(*command.split(), option, "job.JBI")
+    assert got.code == 1
+    assert "ends in .JBI, as a Yaskawa job does" in got.err
+    assert "is written" in got.err
+    assert "Try: name it job." in got.err
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_archive_of_a_workspace_is_no_table(cli: Command) -> None:
+    assert "an archive is written (.zip)" in cli("workspace", "export", "all.csv").err
+
+
+def test_a_program_is_written_as_krl_and_nothing_else(cli: Command) -> None:
+    for name in ("job", "job.txt", "job.dat", "job.mod"):
+        got = cli("program", "-o", name)
+        assert got.code == 1
+        assert "a KRL program is written (.src). Try: name it job.src" in got.err
+
+
+def test_a_compensated_program_keeps_its_language(
+    cli: Command, shelf: Path, tmp_path: Path
+) -> None:
+    def at(name: str) -> tuple[int, str]:
+        got = cli("compensate", shelf / "model.rtm", shelf / "part.src", "-o", tmp_path / name)
+        return got.code, got.err
+
+    for name in ("part.JBI", "part.html", "part.csv"):
+        code, err = at(name)
+        assert code == 1
+        assert "a program in krl, as part.src is, is written (.src, " in err
+        assert not list(tmp_path.iterdir())
+    code, err = at("part.new")  # an ending that says nothing
+    assert code == 0, err
+    assert (tmp_path / "part.new").is_file()
+
+
+def test_suffixes_of_programs_are_known() -> None:
+    own = {suffix for name in dialects() for suffix in dialect(name).suffixes}
+    assert own <= set(FORMATS)
