@@ -15,6 +15,7 @@ from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.start import start_state
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.files import sha256
+from robotrue.core.provenance import Provenance
 from robotrue.errors import ConfigurationError, ModelMismatchError, ObservabilityError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import PER_JOINT, RobotModel
@@ -66,6 +67,7 @@ class Estimate:
     rows: int
     data_sha256: str
     sources: tuple[str, ...]
+    provenance: Provenance
     joint_range: Array
     position_range: Array
 
@@ -168,6 +170,7 @@ def estimate(
         rows=len(measurements),
         data_sha256=sha256(measurements.joints.tobytes() + measurements.position.tobytes()),
         sources=measurements.sources,
+        provenance=measurements.provenance,
         joint_range=np.stack([measurements.joints.min(axis=0), measurements.joints.max(axis=0)]),
         position_range=np.stack(
             [measurements.position.min(axis=0), measurements.position.max(axis=0)]

@@ -197,6 +197,7 @@ def _summary(
         "screened_rows": [int(i) for i in screened],
         "data_sha256": physical.data_sha256,
         "sources": list(physical.sources),
+        "provenance": physical.provenance.to_document(),
         "joint_range_rad": physical.joint_range.tolist(),
         "position_range_m": physical.position_range.tolist(),
         "verdict": physical.verdict.status,

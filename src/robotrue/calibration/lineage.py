@@ -8,6 +8,7 @@ from typing import Any
 from robotrue.calibration.model import ErrorModel
 from robotrue.core.archive import archive_bytes
 from robotrue.core.files import sha256
+from robotrue.core.provenance import Provenance, merge, provenance_from
 from robotrue.measurement.measurement_set import MeasurementSet
 
 
@@ -19,6 +20,21 @@ def model_hash(model: ErrorModel) -> str:
 def data_hash(measurements: MeasurementSet) -> str:
     """Returns the SHA-256 of joints and positions, as fits record it."""
     return sha256(measurements.joints.tobytes() + measurements.position.tobytes())
+
+
+def provenance_of(model: ErrorModel) -> Provenance:
+    """Returns where everything a model was fitted to comes from.
+
+    Raises:
+        ArchiveError: The model's summary holds something else in its place.
+    """
+    recorded = [source for step in history(model) for source in step.get("sources", ())]
+    return provenance_from(model.training_summary().get("provenance"), before=recorded)
+
+
+def merged_document(models: Sequence[ErrorModel], *data: Provenance) -> dict[str, Any]:
+    """Returns the JSON values of the provenance of a model made of other models and of data."""
+    return merge([*map(provenance_of, models), *data]).to_document()
 
 
 def history(model: ErrorModel) -> list[dict[str, Any]]:

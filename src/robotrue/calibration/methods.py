@@ -142,6 +142,7 @@ def _summary(result: Estimate, method: str) -> dict[str, Any]:
         "screened_rows": [int(i) for i in result.screened],
         "data_sha256": result.data_sha256,
         "sources": list(result.sources),
+        "provenance": result.provenance.to_document(),
         "joint_range_rad": result.joint_range.tolist(),
         "position_range_m": result.position_range.tolist(),
         "verdict": result.verdict.status,

@@ -9,7 +9,7 @@ import numpy as np
 
 from robotrue.calibration.belief import Belief
 from robotrue.calibration.identifiability import SEEN, UNSEEN
-from robotrue.calibration.lineage import added, history
+from robotrue.calibration.lineage import added, history, merged_document
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.update import moved_summary
 from robotrue.core.arrays import Array
@@ -63,7 +63,8 @@ def probing_summary(
     ] * (scatter > NOISY)
     if parents:
         past = [old for parent in parents for old in history(parent)]
-        summary = dict(parents[0].training_summary())
+        origin = merged_document(parents, touches.provenance)
+        summary = {**parents[0].training_summary(), "provenance": origin}
         summary["doubts"] = [*summary.get("doubts", ()), *doubts]
         return moved_summary(summary, [*past, step], after)
     return {
@@ -73,6 +74,7 @@ def probing_summary(
         "screened_rows": screened,
         "data_sha256": step["data_sha256"],
         "sources": step["sources"],
+        "provenance": touches.provenance.to_document(),
         "joint_range_rad": [
             touches.joints.min(axis=0).tolist(),
             touches.joints.max(axis=0).tolist(),

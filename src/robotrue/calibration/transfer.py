@@ -26,7 +26,7 @@ from robotrue.calibration.drift_scales import (
     mean_slopes,
     stacked,
 )
-from robotrue.calibration.lineage import added, history
+from robotrue.calibration.lineage import added, history, merged_document
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.new_rows import NUISANCE_SD, NewRows, new_rows
@@ -276,7 +276,8 @@ def _summary(
     settings: FitSettings,
 ) -> dict[str, Any]:
     """JSON values of the transfer; the leading source's summary below them."""
-    lead = dict(models[0].training_summary())
+    data = [] if target is None else [target.provenance]
+    lead = {**models[0].training_summary(), "provenance": merged_document(models, *data)}
     step = added(
         "transfer",
         models,

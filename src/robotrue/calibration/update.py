@@ -22,7 +22,7 @@ from robotrue.calibration.belief import (
     with_centres,
     with_nuisances,
 )
-from robotrue.calibration.lineage import added, history
+from robotrue.calibration.lineage import added, history, merged_document
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.new_rows import NUISANCE_SD, NewRows, Piece, new_rows, whitened
 from robotrue.calibration.residual import LearnedModel
@@ -74,7 +74,8 @@ def updated(
         prior, rows.pieces(prior), noise, rows.count, settings.solver.loss, belief.inflation
     )
     after, rows = settled(prior, rows, noise, u)
-    summary = dict(model.training_summary())
+    origin = merged_document([model], measurements.provenance)
+    summary = {**model.training_summary(), "provenance": origin}
     step = added(
         "update",
         [model],

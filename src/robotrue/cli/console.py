@@ -14,6 +14,7 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 from rich.table import Table
 from rich.text import Text
 
+from robotrue.core.provenance import Provenance, marked, marked_document
 from robotrue.core.json_values import json_values
 
 stderr = Console(stderr=True, highlight=False)
@@ -31,13 +32,24 @@ def remark(name: str, text: str) -> None:
     say(f"note: {text}" if text.startswith(f"{name}:") else f"note: {name}: {text}")
 
 
-def emit_json(document: Mapping[str, Any]) -> None:
-    """Writes one JSON document to stdout; numbers that are not finite become null."""
+def emit_json(document: Mapping[str, Any], provenance: Provenance | None = None) -> None:
+    """Writes one JSON document to stdout; numbers that are not finite become null.
+
+    Args:
+        document: The values.
+        provenance: Of what they rest on, written in front of them; None if they rest on no data.
+    """
+    document = marked_document(document, provenance)
     sys.stdout.write(json.dumps(json_values(document), indent=1, allow_nan=False) + "\n")
 
 
 def emit_table(
-    title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], *, words: bool = False
+    title: str,
+    columns: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    *,
+    words: bool = False,
+    provenance: Provenance | None = None,
 ) -> None:
     """Writes a table to stdout, first column left, the rest right.
 
@@ -46,7 +58,9 @@ def emit_table(
         columns: Headings; all empty leaves the heading out.
         rows: One string per column.
         words: The other columns hold words and not numbers: left as well.
+        provenance: Of the numbers: the title of simulated ones is marked.
     """
+    title = marked(title, provenance)
     table = Table(title=title, title_justify="left", show_header=any(columns), box=box.SIMPLE)
     for k, column in enumerate(columns):
         left = k == 0 or words
@@ -61,9 +75,11 @@ def emit_table(
     console.print(table)
 
 
-def emit_facts(title: str, facts: Sequence[tuple[str, str]]) -> None:
-    """Writes names and values in two columns to stdout."""
-    emit_table(title, ("", ""), facts, words=True)
+def emit_facts(
+    title: str, facts: Sequence[tuple[str, str]], provenance: Provenance | None = None
+) -> None:
+    """Writes names and values in two columns to stdout; ``provenance`` marks the title."""
+    emit_table(title, ("", ""), facts, words=True, provenance=provenance)
 
 
 def count(number: int, noun: str) -> str:

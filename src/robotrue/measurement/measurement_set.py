@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Literal, TypeAlias
+from typing import Final, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from robotrue.core.arrays import Array, frozen
+from robotrue.core.provenance import MEASURED, Provenance, merge
 from robotrue.errors import ShapeError
 
 MeasurementFrame: TypeAlias = Literal["base", "tracker"]
 """``base``: positions are in the robot base. ``tracker``: in an instrument frame not yet known."""
+_OF_THE_SET: Final = ("frame", "group_names", "sources", "provenance")
+"""Fields that have no row for each pose."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,6 +43,7 @@ class MeasurementSet:
         group_names: Name of each group.
         source_row: (n,) one-based line in the source file.
         sources: Per group: file name and SHA-256, ``"grid.csv sha256:ab12..."``.
+        provenance: Simulated or measured, instrument and files of all rows.
     """
 
     joints: Array
@@ -59,6 +63,7 @@ class MeasurementSet:
     group_names: tuple[str, ...] = ("set 1",)
     source_row: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     sources: tuple[str, ...] = ()
+    provenance: Provenance = MEASURED
 
     def __post_init__(self) -> None:
         """Checks every shape once; empty columns take their neutral value."""
@@ -119,9 +124,7 @@ class MeasurementSet:
         """Returns the chosen rows (indices or a mask), in that order."""
         index = np.asarray(rows)
         columns = {
-            f.name: getattr(self, f.name)[index]
-            for f in fields(self)
-            if f.name not in ("frame", "group_names", "sources")
+            f.name: getattr(self, f.name)[index] for f in fields(self) if f.name not in _OF_THE_SET
         }
         return replace(self, **columns)
 
@@ -145,12 +148,13 @@ def concatenate(sets: Sequence[MeasurementSet]) -> MeasurementSet:
     columns = {
         f.name: np.concatenate([getattr(s, f.name) for s in sets])
         for f in fields(first)
-        if f.name not in ("frame", "group", "group_names", "sources")
+        if f.name not in (*_OF_THE_SET, "group")
     }
     return MeasurementSet(
         frame=first.frame,
         group=np.concatenate(groups),
         group_names=tuple(names),
         sources=tuple(source for s in sets for source in s.sources),
+        provenance=merge(s.provenance for s in sets),
         **columns,
     )

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
+from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.core.surfaces import Surface
 from robotrue.errors import ShapeError
 
@@ -71,6 +72,7 @@ class ProbingSet:
         distances: Known between the origins of parts.
         source: File and SHA-256 the touches came from.
         lines: (n,) one-based line in it.
+        provenance: Simulated or measured, instrument and file.
     """
 
     names: tuple[str, ...]
@@ -86,6 +88,7 @@ class ProbingSet:
     distances: tuple[KnownDistance, ...] = ()
     source: str = ""
     lines: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    provenance: Provenance = MEASURED
 
     def __post_init__(self) -> None:
         """Checks shapes once; empty columns take their neutral value.

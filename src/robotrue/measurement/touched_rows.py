@@ -40,4 +40,5 @@ def touched_rows(touches: ProbingSet, *, sigma: float) -> MeasurementSet:
         group_names=tuple(f"part {k}" for k in parts),
         source_row=touches.lines,
         sources=(touches.source,) if touches.source else (),
+        provenance=touches.provenance,
     )

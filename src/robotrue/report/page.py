@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from html import escape
 
+from robotrue.core.provenance import simulation_mark
 from robotrue.report.content import (
     Block,
     Cell,
@@ -31,10 +32,11 @@ def report_html(content: ReportContent) -> str:
     Write it with ``write_atomic(path, report_html(content).encode())``.
     """
     words = Words(lang=content.lang)
-    simulated = content.simulated
-    footer = words("page.footer") + (f" {words('page.footer_simulated')}" if simulated else "")
+    mark = simulation_mark(content.simulated, words("page.simulated"))
+    footer = words("page.footer")
+    footer += simulation_mark(content.simulated, f" {words('page.footer_simulated')}")
     body = [
-        f'<div class="simulated" role="note">{words("page.simulated")}</div>' if simulated else "",
+        f'<div class="simulated" role="note">{mark}</div>' if mark else "",
         "<main>",
         f"<h1>{escape(content.title)}</h1>",
         f'<p class="subtitle">{escape(content.subtitle)}</p>' if content.subtitle else "",

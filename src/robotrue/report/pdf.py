@@ -10,6 +10,7 @@ import re
 from importlib.resources import files
 from typing import Any, Final
 
+from robotrue.core.provenance import simulation_mark
 from robotrue.errors import ConfigurationError, MissingExtraError
 from robotrue.report.content import Block, ReportContent, Table
 from robotrue.report.drawing import block_svg
@@ -97,15 +98,14 @@ def _document(content: ReportContent, fonts: tuple[str, ...]) -> dict[str, Any]:
     """What the template prints, every number already in words."""
     words = Words(lang=content.lang)
     footer = words("page.footer")
-    if content.simulated:
-        footer += " " + words("page.footer_simulated")
+    footer += simulation_mark(content.simulated, f" {words('page.footer_simulated')}")
     return {
         "lang": HTML_LANG[content.lang][:2],
         "fonts": list(fonts),
         "colours": LIGHT,
         "title": content.title,
         "subtitle": content.subtitle,
-        "simulated": words("page.simulated") if content.simulated else "",
+        "simulated": simulation_mark(content.simulated, words("page.simulated")),
         "verdict": {
             "text": content.verdict.text,
             "detail": content.verdict.detail,

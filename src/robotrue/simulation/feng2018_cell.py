@@ -28,6 +28,7 @@ import numpy as np
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.poses import apply, inverse, pose
+from robotrue.core.provenance import Provenance
 from robotrue.core.rotations import matrix_from_abc, matrix_from_rotation_vector
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ReachError
@@ -409,6 +410,7 @@ def tracker_poses(
         covariance=np.broadcast_to(sigma**2 * np.eye(3), (len(joints), 3, 3)),
         group_names=("simulated tracker",),
         sources=(f"simulated tracker, cell {cell.seed}",),
+        provenance=Provenance(simulated=True, instrument="tracker"),
     )
 
 

@@ -25,6 +25,7 @@ from robotrue.calibration.settings import RP_PER_SIGMA, FitSettings
 from robotrue.cell.registration.feature_frame import fit_feature_frame
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, fit_rigid, pose
+from robotrue.core.provenance import Provenance
 from robotrue.core.rotations import matrix_from_rotation_vector, skew
 from robotrue.core.units import DEG, MM
 from robotrue.measurement.probing_set import ProbingSet
@@ -240,7 +241,11 @@ def probing_set(touches: Touches) -> ProbingSet:
     """Returns touches as the estimator takes them."""
     names = tuple(str(i + 1) for i in range(len(touches.points)))
     return ProbingSet(
-        names=names, point=touches.points, joints=touches.joints, source="simulated touches"
+        names=names,
+        point=touches.points,
+        joints=touches.joints,
+        source="simulated touches",
+        provenance=Provenance(simulated=True, instrument="touch probe"),
     )
 
 

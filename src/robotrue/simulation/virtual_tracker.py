@@ -9,6 +9,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.poses import apply, inverse, pose
+from robotrue.core.provenance import Provenance
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.measurement_set import MeasurementFrame, MeasurementSet
 from robotrue.measurement.tracker import TRACKERS, TrackerSpecification, point_covariance
@@ -122,4 +123,5 @@ def measure(
         approach=approach,
         group_names=(name,),
         sources=(f"{name}: simulated seed={seed} campaign={campaign}, {virtual.name}",),
+        provenance=Provenance(simulated=True, instrument=tracker.specification.name),
     )

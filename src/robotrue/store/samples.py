@@ -14,6 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from robotrue.core.arrays import Array
+from robotrue.core.provenance import provenance_from
 from robotrue.errors import ArchiveError, ConfigurationError
 from robotrue.measurement.measurement_set import MeasurementSet
 
@@ -100,6 +101,7 @@ def samples_bytes(rows: MeasurementSet) -> bytes:
         "frame": rows.frame,
         "group_names": list(rows.group_names),
         "sources": list(rows.sources),
+        "provenance": rows.provenance.to_document(),
     }
     table = pa.table({name: pa.array(values) for name, values in columns.items()})
     table = table.replace_schema_metadata({_KEY: json.dumps(head).encode()})
@@ -127,6 +129,9 @@ def read_samples(path: Path) -> MeasurementSet:
         frame="base" if head["frame"] == "base" else "tracker",
         group_names=tuple(head["group_names"]),
         sources=tuple(head["sources"]),
+        provenance=provenance_from(
+            head.get("provenance"), before=(*head["sources"], *head["group_names"])
+        ),
         **values,
     )
 

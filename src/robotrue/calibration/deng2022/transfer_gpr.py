@@ -243,6 +243,7 @@ def pose_summary(
         "screened_rows": [],
         "data_sha256": sha256(rows.joints.tobytes() + rows.position.tobytes()),
         "sources": list(rows.sources),
+        "provenance": rows.provenance.to_document(),
         "joint_range_rad": [rows.joints.min(axis=0).tolist(), rows.joints.max(axis=0).tolist()],
         "position_range_m": [
             rows.position.min(axis=0).tolist(),

@@ -22,6 +22,7 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.csv_text import csv_text
 from robotrue.core.files import write_atomic
+from robotrue.core.provenance import mark_line
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.errors import FormatError
@@ -96,14 +97,16 @@ def write_canonical(path: str | Path, measurements: MeasurementSet) -> None:
     """Writes a measurement set as canonical CSV, whole or not at all.
 
     Every number is printed with all its digits. The frame of the positions and the covariance of
-    the orientation have no column; whoever reads the file states the frame.
+    the orientation have no column; whoever reads the file states the frame. Simulated measurements
+    are marked by a comment line above the columns.
 
     Raises:
         FormatError: The file cannot be written, or orientation was measured on some rows only.
     """
     columns = _columns(measurements)
     rows = zip(*columns.values(), strict=True)
-    write_atomic(path, csv_text(chain([columns], rows)).encode())
+    head = mark_line(measurements.provenance)
+    write_atomic(path, (head + csv_text(chain([columns], rows))).encode())
 
 
 def _columns(m: MeasurementSet) -> dict[str, list[str]]:

@@ -20,6 +20,7 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.csv_text import csv_text
 from robotrue.core.files import read_bytes, write_atomic
+from robotrue.core.provenance import mark_line
 from robotrue.core.units import DEG, MM
 from robotrue.errors import FormatError
 from robotrue.measurement.formats.canonical import canonical_joints
@@ -84,6 +85,7 @@ def read_points(path: str | Path) -> PointsFile:
         part=np.array(part, dtype=np.int64),
         source=f"{Path(path).name} sha256:{sheet.digest}",
         lines=np.array(sheet.lines, dtype=np.int64),
+        provenance=sheet.provenance,
     )
     return PointsFile(touches=touches, parts=parts, digest=sheet.digest)
 
@@ -110,7 +112,8 @@ def write_points(path: str | Path, touches: ProbingSet, parts: Sequence[str] = (
     if parts:
         columns["part"] = [parts[int(k)] for k in touches.part]
     rows = zip(*columns.values(), strict=True)
-    write_atomic(path, csv_text(chain([columns], rows)).encode())
+    head = mark_line(touches.provenance)
+    write_atomic(path, (head + csv_text(chain([columns], rows))).encode())
 
 
 def _block(names: Sequence[str], values: Array) -> dict[str, list[str]]:

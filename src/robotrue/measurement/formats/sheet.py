@@ -14,6 +14,7 @@ from typing import Final
 
 from robotrue.core.csv_text import as_written
 from robotrue.core.files import read_bytes, sha256
+from robotrue.core.provenance import Provenance, file_provenance, provenance_of_lines
 from robotrue.errors import FormatError
 
 WORKBOOKS: Final = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
@@ -36,6 +37,7 @@ class Sheet:
         lines: One-based line (or workbook row) of each row.
         header_line: That of the header; None without one.
         decimal: Decimal mark of the numbers, ``"."`` or ``","``.
+        provenance: The file, and whether a comment line in it says that it was simulated.
     """
 
     source: str
@@ -45,6 +47,7 @@ class Sheet:
     lines: tuple[int, ...]
     header_line: int | None
     decimal: str
+    provenance: Provenance
 
 
 def column_key(name: str) -> str:
@@ -112,7 +115,9 @@ def read_sheet(
     if not data.strip():
         raise FormatError("the file is empty.", source=path, hint="export it again.")
     if Path(path).suffix.lower() in WORKBOOKS:
-        rows = _workbook_rows(path, data, worksheet)
+        every = _workbook_rows(path, data, worksheet)
+        comments = [row[0] for _, row in every if _is_comment(row)]
+        rows = [(line, row) for line, row in every if not _is_comment(row)]
     elif data.startswith(b"PK\3\4"):
         raise FormatError(
             "a zip file (a model, or a workbook without its suffix), not a table.",
@@ -120,7 +125,9 @@ def read_sheet(
             hint="give the measurements as CSV, TSV or workbook.",
         )
     else:
-        rows = _text_rows(path, _decode(path, data, encoding, skip_lines), delimiter, skip_lines)
+        text = _decode(path, data, encoding, skip_lines)
+        comments = [line for line in text.splitlines() if line.lstrip().startswith(_COMMENT)]
+        rows = _text_rows(path, text, delimiter, skip_lines)
     rows = [(line, row) for line, row in rows if any(row)]
     if not rows:
         raise FormatError("no rows with values.", source=path, hint="export it again.")
@@ -133,14 +140,16 @@ def read_sheet(
             "a header and no rows.", source=path, line=rows[0][0], hint="export it again."
         )
     cells = _rectangle(path, names, body)
+    digest = sha256(data)
     return Sheet(
         source=str(path),
-        digest=sha256(data),
+        digest=digest,
         header=names,
         cells=cells,
         lines=tuple(line for line, _ in body),
         header_line=rows[0][0] if header else None,
         decimal=decimal or _sniff_decimal(cells),
+        provenance=file_provenance(Path(path).name, digest, provenance_of_lines(comments)),
     )
 
 
@@ -295,6 +304,11 @@ def _rectangle(
             )
         out.append(row)
     return tuple(out)
+
+
+def _is_comment(row: tuple[str, ...]) -> bool:
+    """Whether a row of a workbook is a comment line of a text file that was saved as one."""
+    return bool(row) and row[0].startswith(_COMMENT) and not any(row[1:])
 
 
 def _is_number(cell: str) -> bool:

@@ -190,6 +190,7 @@ def read_table(
         group_names=names,
         source_row=np.array(sheet.lines),
         sources=tuple(f"{Path(sheet.source).name} sha256:{sheet.digest}" for _ in names),
+        provenance=sheet.provenance,
     )
 
 
