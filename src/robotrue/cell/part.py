@@ -7,6 +7,7 @@ from typing import Any
 
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.identity import ModelIdentity
+from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ShapeError
@@ -64,6 +65,7 @@ class PartTable:
         model_file: That model's file, relative to the cell file; empty for the nominal arm.
         points_file: File name of the touches.
         points_sha256: Of that file.
+        provenance: Of the touches, and of the model that a joint estimate refined with them.
     """
 
     frames: tuple[PartFrame, ...]
@@ -72,6 +74,7 @@ class PartTable:
     model_file: str = ""
     points_file: str = ""
     points_sha256: str = ""
+    provenance: Provenance = MEASURED
 
     def __post_init__(self) -> None:
         """Checks the names.

@@ -14,6 +14,7 @@ from robotrue.cell.schema import CellFile, PartFrameTable
 from robotrue.core.arrays import Array
 from robotrue.core.identity import ModelIdentity
 from robotrue.core.poses import pose_from_xyz_abc
+from robotrue.core.provenance import Provenance, SourceFile
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
@@ -54,6 +55,13 @@ def part_of(file: CellFile) -> PartTable | None:
         model_file=made.model.file,
         points_file=made.points_file,
         points_sha256=made.points_sha256,
+        provenance=Provenance(
+            simulated=made.simulated,
+            instrument=made.instrument,
+            files=(SourceFile(name=made.points_file, sha256=made.points_sha256),)
+            if made.points_file
+            else (),
+        ),
     )
 
 
@@ -78,6 +86,7 @@ def part_text(part: PartTable) -> str:
         f"method = {_quoted(part.method)}",
         f"points_file = {_quoted(part.points_file)}",
         f"points_sha256 = {_quoted(part.points_sha256)}",
+        *_origin_lines(part.provenance),
         "",
         "[registration.model]              # programs of another model are refused",
         f"kind = {_quoted(made.kind)}",
@@ -88,6 +97,13 @@ def part_text(part: PartTable) -> str:
     for frame in part.frames:
         lines += ["", *_frame_lines(frame)]
     return "\n".join(lines) + "\n"
+
+
+def _origin_lines(origin: Provenance) -> list[str]:
+    return [
+        *(["simulated = true"] if origin.simulated else []),
+        *([f"instrument = {_quoted(origin.instrument)}"] if origin.instrument else []),
+    ]
 
 
 def _frame_lines(frame: PartFrame) -> list[str]:

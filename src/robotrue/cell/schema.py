@@ -106,6 +106,8 @@ class RegistrationTable(_Table):
     method: str
     points_file: str = ""
     points_sha256: str = ""
+    simulated: bool = False
+    instrument: str = ""
     model: IdentityTable
 
 

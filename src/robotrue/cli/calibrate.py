@@ -6,11 +6,12 @@ from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 
+from robotrue.calibration.lineage import provenance_of
 from robotrue.calibration.methods import METHODS, fit
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
-from robotrue.cli.console import emit_facts, emit_json, progress, say
+from robotrue.cli.console import emit_facts, emit_json, progress, say, say_mark
 from robotrue.cli.inputs import check_output, measured
 from robotrue.errors import ConfigurationError, ObservabilityError
 from robotrue.measurement.measurement_set import MeasurementSet
@@ -51,6 +52,8 @@ def run(
             cause.message, source=", ".join(map(str, paths)), hint=cause.hint
         ) from cause
     write_model(output, model, cell)
+    origin = provenance_of(model)
+    say_mark(origin)
     say(f"model written to {output}")
     if report is not None:
         write_report(report, model, measurements, cell, selection)
@@ -58,9 +61,9 @@ def run(
     for line in screened_remarks(measurements, summary.get("screened_rows", ())):
         say(line)
     if as_json:
-        emit_json({"model": str(output), **summary})
+        emit_json({"model": str(output), **summary}, origin)
     else:
-        emit_facts(f"calibration of {model.robot.name}", result_facts(summary))
+        emit_facts(f"calibration of {model.robot.name}", result_facts(summary), origin)
         for line in remarks(summary):
             say(line)
 
@@ -126,5 +129,12 @@ def write_report(
     from robotrue.cli.pages import write_page
 
     result = validate(model, measurements, payload=cell.payload)
-    write_page(path, model, result, title="Calibration, on its own poses", selection=selection)
+    write_page(
+        path,
+        model,
+        result,
+        title="Calibration, on its own poses",
+        measured=measurements.provenance,
+        selection=selection,
+    )
     say(f"report written to {path} (fit residuals; hold poses out and validate for the truth)")

@@ -16,14 +16,14 @@ from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.frame_table import frame_table
 from robotrue.cell.part import PartFrame
-from robotrue.cli.console import emit_json, remark, say
+from robotrue.cli.console import emit_json, remark, say, say_mark
 from robotrue.cli.cutter import cutter_axis
 from robotrue.cli.free_spin import require_free, sentences, spun
 from robotrue.cli.inputs import check_output
 from robotrue.cli.job_outputs import job_outputs
 from robotrue.cli.long_program import ALONE, Staff, compensated_in_blocks, outlined
 from robotrue.cli.process_force import StatedForce, described, stated_forces, useless
-from robotrue.cli.registered import opened
+from robotrue.cli.registered import opened, provenance_used
 from robotrue.cli.split import (
     NOT_SPLIT,
     Between,
@@ -44,6 +44,7 @@ from robotrue.core.arrays import Array, IntArray
 from robotrue.core.files import sha256, write_atomic
 from robotrue.core.identity import ModelIdentity
 from robotrue.core.progress import Progress, unheard
+from robotrue.core.provenance import marked_document, provenance_from
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, StepError
@@ -146,6 +147,7 @@ class Job:
 def run(request: Request, *, as_json: bool) -> None:
     """Writes the compensated program and says what became of each target."""
     document = compensated(request)
+    say_mark(provenance_from(document["provenance"]))
     if as_json:
         emit_json(document)
 
@@ -176,6 +178,7 @@ def compensated(request: Request, *, told: Progress = unheard) -> dict[str, Any]
     if ground.model is not None:
         document = {**document, "steps": request.steps.document(steps)}
         say_steps(document["steps"], steps)
+    document = marked_document(document, provenance_used(ground.cell, ground.model))
     return document if between is None else {**document, "between_targets": between.told()}
 
 
@@ -382,6 +385,7 @@ def _finished(
             part="" if frame is None else frame.name,
             made_from=source[0],
             made_from_sha256=source[1],
+            provenance=provenance_used(ground.cell, ground.model),
         )
         write_identity(target, digest, made)
         document = {**document, **_identity_document(made, frame, target)}

@@ -14,8 +14,14 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 from rich.table import Table
 from rich.text import Text
 
-from robotrue.core.provenance import Provenance, marked, marked_document
 from robotrue.core.json_values import json_values
+from robotrue.core.provenance import (
+    MARK,
+    Provenance,
+    marked,
+    marked_document,
+    simulation_mark,
+)
 
 stderr = Console(stderr=True, highlight=False)
 PIPED_WIDTH = 160
@@ -25,6 +31,13 @@ PIPED_WIDTH = 160
 def say(text: str) -> None:
     """Writes one remark to stderr, on one line: the terminal wraps, a log does not."""
     stderr.print(text, markup=False, soft_wrap=True)
+
+
+def say_mark(provenance: Provenance | None) -> None:
+    """Writes to stderr that a result rests on simulated data, if it does."""
+    text = simulation_mark(provenance, f"{MARK}: no real robot was measured for this result")
+    if text:
+        say(text)
 
 
 def remark(name: str, text: str) -> None:

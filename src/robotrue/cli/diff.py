@@ -12,16 +12,17 @@ import numpy as np
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.frame_table import frame_table
-from robotrue.cli.console import emit_json, emit_table, say
+from robotrue.cli.console import emit_json, emit_table, say, say_mark
 from robotrue.cli.inputs import check_output
 from robotrue.cli.process_force import StatedForce, described, stated_forces
-from robotrue.cli.registered import opened
+from robotrue.cli.registered import opened, provenance_used
 from robotrue.compensation.difference import Change, Difference, difference
 from robotrue.compensation.process_force import DescribedForce
 from robotrue.compensation.start_posture import start_joints
 from robotrue.core.arrays import Array
 from robotrue.core.csv_text import csv_text
 from robotrue.core.files import write_atomic
+from robotrue.core.provenance import Provenance, mark_line
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.program.formats import read_job
@@ -63,14 +64,16 @@ def run(
     home = np.empty(0) if cell is None else start_joints(cell.robot, cell.controller.start, start)
     found = differences(first, second, cell, model, stated, home)
     rows = [row for name, one in found for row in _rows(name, one)]
+    origin = None if cell is None else provenance_used(cell, model)
+    say_mark(origin)
     if output is not None:
-        write_atomic(output, _csv(rows))
+        write_atomic(output, mark_line(origin).encode() + _csv(rows))
         say(f"{len(rows)} targets written to {output}")
     if as_json:
-        emit_json({"files": [{"file": name, **one.summary()} for name, one in found]})
+        emit_json({"files": [{"file": name, **one.summary()} for name, one in found]}, origin)
         return
     for name, one in found:
-        _show(name, one)
+        _show(name, one, origin)
 
 
 def differences(
@@ -159,7 +162,7 @@ def _cell(value: object) -> str:
     return str(value)
 
 
-def _show(name: str, found: Difference) -> None:
+def _show(name: str, found: Difference, origin: Provenance | None) -> None:
     size = np.nan_to_num(np.linalg.norm(found.shift, axis=1))
     before, after, bound = _errors(found)
     order = np.argsort(-size, kind="stable")[:SHOWN]
@@ -178,6 +181,7 @@ def _show(name: str, found: Difference) -> None:
             for i in order.tolist()
             if found.change[i] == Change.MOVED
         ],
+        provenance=origin,
     )
     number = np.bincount(found.change, minlength=len(Change))
     said = ", ".join(f"{number[c]} {c.name.lower()}" for c in Change if number[c])

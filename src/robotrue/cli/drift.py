@@ -7,8 +7,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from robotrue.cli.console import emit_facts, emit_json, emit_table, say
+from robotrue.calibration.lineage import provenance_of
+from robotrue.cli.console import emit_facts, emit_json, emit_table, say, say_mark
 from robotrue.cli.inputs import measured
+from robotrue.core.provenance import merge
 from robotrue.core.units import DEG, MM
 from robotrue.store.model_file import read_model
 from robotrue.validation.drift import Cause, DriftCheck, drift_check
@@ -29,8 +31,10 @@ def run(
     stored = read_model(model_path)
     check = measured(stored.cell, [poses], mapping, minimum=4)
     found = drift_check(stored.model, check, payload=stored.cell.payload, level=level)
+    origin = merge([provenance_of(stored.model), check.provenance])
+    say_mark(origin)
     if as_json:
-        emit_json(document(found))
+        emit_json(document(found), origin)
         return
     facts = [
         ("verdict", found.verdict),
@@ -44,7 +48,7 @@ def run(
     ]
     if found.not_seen:
         facts.append(("not seen by these poses", ", ".join(found.not_seen)))
-    emit_facts(f"drift check of {stored.model.robot.name}", facts)
+    emit_facts(f"drift check of {stored.model.robot.name}", facts, origin)
     if found.changed:
         emit_table(
             "causes, most likely first",
@@ -60,6 +64,7 @@ def run(
                 for c in found.causes[:MOST_CAUSES]
             ],
             words=True,
+            provenance=origin,
         )
     if found.verdict == "update":
         say(f"try: robotrue transfer CELL {poses} --source old={model_path},campaign -o MODEL_NEW")

@@ -9,9 +9,10 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.stats import qmc
 
+from robotrue.calibration.lineage import provenance_of
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.cell.cell import Cell, tracker_covariance
-from robotrue.cli.console import count, emit_json, emit_table, say
+from robotrue.cli.console import count, emit_json, emit_table, say, say_mark
 from robotrue.cli.inputs import check_output
 from robotrue.core.arrays import Array
 from robotrue.core.files import write_atomic
@@ -43,15 +44,18 @@ def run(model_path: Path, output: Path, *, poses: int, seed: int, as_json: bool)
         )
     stored = read_model(model_path)
     joints, seen = chosen(stored.model, stored.cell, poses, seed=seed)
+    origin = provenance_of(stored.model)
     write_atomic(output, sheet(joints))
+    say_mark(origin)
     say(f"{count(len(joints), 'pose')} written to {output}: fill in what the tracker reads")
     if as_json:
-        emit_json({"poses_csv": str(output), "sd": seen})
+        emit_json({"poses_csv": str(output), "sd": seen}, origin)
         return
     emit_table(
         "standard deviation of each cause, alone",
         ("cause", "known to"),
         [(name, f"{value:.4f} {unit}") for name, (value, unit) in _worst(seen).items()],
+        provenance=origin,
     )
 
 

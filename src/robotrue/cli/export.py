@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
-from robotrue.cli.console import emit_json, say
+from robotrue.cli.console import emit_json, say, say_mark
 from robotrue.cli.inputs import check_output
 from robotrue.core.files import write_atomic
 from robotrue.core.units import MM
@@ -32,6 +32,7 @@ def run(model_path: Path, output: Path, *, kind: str, lossy: str, at: str, as_js
     for path, text in files.items():
         check_output(path, [model_path])
         write_atomic(path, text.encode("utf-8"))
+    say_mark(found.provenance)
     say(f"written: {', '.join(str(path) for path in files)}")
     say(
         f"misses the model by {total.rms / MM:.4f} mm rms, {total.largest / MM:.4f} mm at most, "
@@ -44,7 +45,8 @@ def run(model_path: Path, output: Path, *, kind: str, lossy: str, at: str, as_js
                 "holds": list(found.held),
                 "misses_rms_mm": total.rms / MM,
                 "misses_largest_mm": total.largest / MM,
-            }
+            },
+            found.provenance,
         )
 
 

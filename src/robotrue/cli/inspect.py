@@ -10,13 +10,15 @@ from typing import Any, Final
 
 import numpy as np
 
+from robotrue.calibration.lineage import provenance_of
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
 from robotrue.cell.part import PartTable
-from robotrue.cli.console import emit_facts, emit_json, emit_table, say
+from robotrue.cli.console import emit_facts, emit_json, emit_table, say, say_mark
 from robotrue.cli.inputs import read_mapping
 from robotrue.core.files import read_bytes
+from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import FormatError
 from robotrue.measurement.formats.registry import read_measurements
@@ -25,7 +27,7 @@ from robotrue.program.formats import detect, read_job
 from robotrue.program.formats.apt import looks_like_apt
 from robotrue.program.formats.toolpath_csv import is_toolpath_header
 from robotrue.program.formats.toolpaths import read_toolpath
-from robotrue.program.identity import read_identity
+from robotrue.program.identity import ProgramIdentity, read_identity
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 from robotrue.program.toolpath import Toolpath, cut_length
 from robotrue.report.model_view import drive_errors, identified, remarks, result_facts, stiffness
@@ -44,24 +46,31 @@ def run(path: Path, *, mapping: Path | None, as_json: bool) -> None:
     if data.startswith(b"PK") and path.suffix.lower() not in WORKBOOKS:
         stored = read_model(path)
         if as_json:
-            emit_json(model_document(stored))
+            emit_json(model_document(stored), provenance_of(stored.model))
         else:
             show_model(path, stored)
         return
+    origin = None
     untold = mapping is None and path.suffix.lower() not in WORKBOOKS
     if untold and _is_cell(path, data):
-        document = cell_document(read_cell(path))
+        cell = read_cell(path)
+        document = cell_document(cell)
+        origin = None if cell.part is None else cell.part.provenance
     elif untold and _is_toolpath(data):
         document = toolpath_document(read_toolpath(path))
     elif untold and _is_program(path, data):
         document = program_document(read_job(path, FrameTable()))
-        document |= _program_identity(path, data)
+        known = read_identity(path, data)
+        document |= {} if known is None else _program_identity(known)
+        origin = None if known is None else known.provenance
     else:
-        document = measurement_document(_measurements(path, mapping))
+        rows = _measurements(path, mapping)
+        document, origin = measurement_document(rows), rows.provenance
+    say_mark(origin)
     if as_json:
-        emit_json(document)
+        emit_json(document, origin)
     else:
-        _show(path, document)
+        _show(path, document, origin)
 
 
 def model_document(stored: ModelFile) -> dict[str, Any]:
@@ -87,6 +96,8 @@ def model_document(stored: ModelFile) -> dict[str, Any]:
 def show_model(path: Path, stored: ModelFile) -> None:
     """Prints a model: what it came to, the errors it found, the stiffness, where it came from."""
     summary, cell = stored.model.training_summary(), stored.cell
+    origin = provenance_of(stored.model)
+    say_mark(origin)
     emit_facts(
         f"{path.name}: error model of {stored.model.robot.name}",
         [
@@ -97,6 +108,7 @@ def show_model(path: Path, stored: ModelFile) -> None:
             ("tracker frame", "the robot base" if cell.frame == "base" else "found by the fit"),
             ("kind", f"{stored.archive.kind}, schema {stored.archive.schema}"),
         ],
+        origin,
     )
     _show_errors(stored.model)
     for line in remarks(summary):
@@ -199,11 +211,8 @@ def _part_document(part: PartTable) -> dict[str, Any]:
     }
 
 
-def _program_identity(path: Path, data: bytes) -> dict[str, Any]:
-    """What the file beside a program says of it; empty if nothing does."""
-    known = read_identity(path, data)
-    if known is None:
-        return {}
+def _program_identity(known: ProgramIdentity) -> dict[str, Any]:
+    """What the file beside a program says of it."""
     return {
         "identity": {
             "model": known.model.document(),
@@ -306,7 +315,7 @@ def _measurements(path: Path, mapping: Path | None) -> MeasurementSet:
         ) from cause
 
 
-def _show(path: Path, document: dict[str, Any]) -> None:
+def _show(path: Path, document: dict[str, Any], origin: Provenance | None) -> None:
     remarks_of = ("doubts", "notes")
     emit_facts(
         f"{path.name}: {document['holds']}",
@@ -315,6 +324,7 @@ def _show(path: Path, document: dict[str, Any]) -> None:
             for key, value in document.items()
             if key not in (*remarks_of, "holds")
         ],
+        origin,
     )
     for key in remarks_of:
         for line in document.get(key, ()):

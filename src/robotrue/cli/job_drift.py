@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.lineage import provenance_of
 from robotrue.calibration.sources import Source
 from robotrue.cli.drift import document
 from robotrue.cli.drift_plan import chosen, sheet
@@ -19,9 +19,9 @@ from robotrue.cli.job_items import (
     rows_of,
 )
 from robotrue.core.files import write_atomic
+from robotrue.core.provenance import marked_document, merge
 from robotrue.core.units import DEG
 from robotrue.errors import ConfigurationError
-from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.planning.information import settings_of
 from robotrue.report.model_view import remarks
 from robotrue.store import drift_checks, models
@@ -50,7 +50,8 @@ def drift_plan(work: Work) -> Publish:
     joints, seen = chosen(held.model, held.cell, n, seed=asked.whole("seed", 0))
     path = work.folder / "check_poses.csv"
     write_atomic(path, sheet(joints))
-    detail = {"poses": len(joints), "joints_deg": (joints / DEG).tolist(), "sd": seen}
+    found = {"poses": len(joints), "joints_deg": (joints / DEG).tolist(), "sd": seen}
+    detail = marked_document(found, provenance_of(held.model))
     links = [Link(role="model", to=record.ref)]
     return leave_document(work, asked, "drift-plan", record.name, [path], links, detail)
 
@@ -70,7 +71,8 @@ def drift(work: Work) -> Publish:
         work.step("predicting", 1, 3)
         level = asked.number("level", LEVEL)
         found = drift_check(held.model, rows, payload=held.cell.payload, level=level)
-    detail = {**document(found), "simulated": _simulated(held.model, rows), "job": work.job.id}
+    origin = merge([provenance_of(held.model), rows.provenance])
+    detail = {**marked_document(document(found), origin), "job": work.job.id}
     name = asked.text("name", f"{record.name}: {data.name}")
 
     def publish(into: Transaction) -> Mapping[str, Any]:
@@ -130,8 +132,3 @@ def _new_version(
         return {"model": ref_document(made.ref), "method": made.method}
 
     return publish
-
-
-def _simulated(model: ErrorModel, rows: MeasurementSet) -> bool:
-    named = [*model.training_summary().get("sources", ()), *rows.sources, *rows.group_names]
-    return any("simulated" in str(name).lower() for name in named)

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from robotrue.calibration.lineage import provenance_of
 from robotrue.cli.calibrate import calibrated, require_method, screened_remarks, write_report
 from robotrue.cli.compensate import Request, compensated
 from robotrue.cli.job_items import (
@@ -26,9 +27,11 @@ from robotrue.cli.pages import write_page
 from robotrue.cli.plan import document as plan_document
 from robotrue.cli.plan import planned, program_text
 from robotrue.cli.plan_page import plan_page
+from robotrue.cli.registered import provenance_of_file
 from robotrue.cli.split import SplitOptions
 from robotrue.cli.steps import MAX_STEP_MM, StepRule
 from robotrue.core.files import write_atomic
+from robotrue.core.provenance import marked_document, merge
 from robotrue.errors import ConfigurationError
 from robotrue.planning.sheet import plan_sheet
 from robotrue.program.identity import SUFFIX
@@ -93,11 +96,13 @@ def validate(work: Work) -> Publish:
         result = validated(held.model, rows, payload=held.cell.payload)
         work.step("writing the report", 2, 3)
         page = work.folder / PAGE
-        write_page(page, held.model, result, title="Held-out validation")
+        write_page(page, held.model, result, title="Held-out validation", measured=rows.provenance)
     for doubt in result.doubts:
         work.remark(doubt)
     links = [Link(role="model", to=record.ref), *(Link(role="data", to=s.ref) for s in sets)]
-    return leave_document(work, asked, "validation", record.name, [page], links, result.to_json())
+    origin = merge([provenance_of(held.model), rows.provenance])
+    detail = marked_document(result.to_json(), origin)
+    return leave_document(work, asked, "validation", record.name, [page], links, detail)
 
 
 def compensate(work: Work) -> Publish:
@@ -179,6 +184,8 @@ def plan(work: Work) -> Publish:
     if before is not None:
         (work.folder / "before").mkdir()
         targets = programs.laid(work.workspace, before, work.folder / "before")[0]
+    start = None if model is None else models.laid(work.workspace, model, work.folder)
+    origin = provenance_of_file(start)
     work.step("drawing postures", 0, 1)
     with heard(work):
         found = planned(
@@ -188,7 +195,7 @@ def plan(work: Work) -> Publish:
             region=asked.text_or_none("region"),
             within=asked.text_or_none("within"),
             program_targets=targets,
-            model_path=None if model is None else models.laid(work.workspace, model, work.folder),
+            model_path=start,
             payloads=asked.texts("payloads"),
             approach=asked.text("approach", "one-side"),
             candidates=asked.whole("candidates", 2000),
@@ -198,7 +205,7 @@ def plan(work: Work) -> Publish:
         )
     files = [work.folder / "poses.csv", work.folder / PAGE]
     write_atomic(files[0], plan_sheet(found))
-    write_atomic(files[1], plan_page(cell, found).encode())
+    write_atomic(files[1], plan_page(cell, found, origin).encode())
     if asked.flag("krl", False):
         files.append(work.folder / "measure.src")
         output = asked.whole("trigger_output", 17)
@@ -210,7 +217,8 @@ def plan(work: Work) -> Publish:
         *([Link(role="model", to=model.ref)] if model is not None else []),
         *([Link(role="before", to=before.ref)] if before is not None else []),
     ]
-    return leave_document(work, asked, "plan", record.name, files, links, plan_document(found))
+    detail = marked_document(plan_document(found), origin)
+    return leave_document(work, asked, "plan", record.name, files, links, detail)
 
 
 KINDS: Final[Mapping[str, str]] = {

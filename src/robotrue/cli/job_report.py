@@ -13,6 +13,7 @@ from robotrue.cli.report_calibration import certificate_facts
 from robotrue.cli.report_output import put_reports
 from robotrue.cli.report_program import program_report, verdict_word
 from robotrue.cli.report_registration import registration_report
+from robotrue.core.provenance import Provenance, merge
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, MissingExtraError
 from robotrue.report.certificate import certificate_content
@@ -21,10 +22,10 @@ from robotrue.report.words import Lang, language
 from robotrue.store import cells, items, jobs, models, programs
 from robotrue.store.jobs_work import Publish, Work
 from robotrue.store.layout import laid_out
+from robotrue.store.measurements import provenance_of_record
 from robotrue.store.nouns import CELL, MEASUREMENT, MODEL, PROGRAM, REGISTRATION
 from robotrue.store.records import (
     Link,
-    MeasurementRecord,
     ModelRecord,
     ProgramRecord,
     Record,
@@ -78,6 +79,7 @@ def report(work: Work) -> Publish:
         "subject": subject,
         "lang": speech,
         "title": made.content.title,
+        "simulated": made.content.simulated,
         "tone": made.content.verdict.tone,
         "text": made.content.verdict.text,
         **made.facts,
@@ -125,7 +127,7 @@ def _certificate(work: Work, asked: Parameters, speech: Lang) -> Made:
         held.model,
         held.cell,
         rows,
-        simulated=_simulated(work, record) or any(map(_says_simulated, sets)),
+        simulated=_origin(work, record).simulated,
         files=[("fact.model", path)],
         lang=speech,
     )
@@ -155,7 +157,7 @@ def _program(work: Work, asked: Parameters, speech: Lang) -> Made:
         tolerance=tolerance or 0.0,
         lang=speech,
         registered=_registered(work, record),
-        simulated=_simulated(work, model),
+        simulated=_origin(work, model).simulated,
         strict=asked.flag("strict", False),
         **_force(work, record),
     )
@@ -172,7 +174,7 @@ def _registration(work: Work, asked: Parameters, speech: Lang) -> Made:
         for each in record.linked("model")
     ]
     work.step("judging", 1, 4)
-    simulated = any(_simulated(work, each) for each in used)
+    simulated = any(_origin(work, each).simulated for each in used)
     content = registration_report(path, lang=speech, simulated=simulated, name=record.name)
     facts = {"verdict": verdict_word(content)}
     return Made(content=content, about=record, links=(), facts=facts)
@@ -228,14 +230,9 @@ def _force(work: Work, record: ProgramRecord) -> dict[str, Any]:
     return {name: stated[name] for name in ("wrench", "cutter", "start") if stated.get(name)}
 
 
-def _simulated(work: Work, model: ModelRecord) -> bool:
-    """Whether anything a model was fitted to says that it was simulated."""
-    return any(
-        _says_simulated(items.get(work.workspace, MEASUREMENT, each.id, version=each.version))
+def _origin(work: Work, model: ModelRecord) -> Provenance:
+    """Of the measurements a model was fitted to; models of today say it themselves, too."""
+    return merge(
+        provenance_of_record(items.get(work.workspace, MEASUREMENT, each.id, version=each.version))
         for each in model.linked("data")
     )
-
-
-def _says_simulated(record: MeasurementRecord) -> bool:
-    named = [*record.detail.get("sources", ()), *record.detail.get("groups", ())]
-    return any("simulated" in str(name).lower() for name in named)

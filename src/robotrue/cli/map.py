@@ -7,14 +7,16 @@ from typing import Any, Final
 
 import numpy as np
 
+from robotrue.calibration.lineage import provenance_of
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
-from robotrue.cli.console import count, emit_json, emit_table, say
+from robotrue.cli.console import count, emit_json, emit_table, say, say_mark
 from robotrue.cli.inputs import check_output
 from robotrue.core.arrays import Array
 from robotrue.core.csv_text import csv_text
 from robotrue.core.files import read_bytes, sha256, write_atomic
+from robotrue.core.provenance import Provenance, mark_line, marked
 from robotrue.core.regions import CubeRegion, CylinderRegion, Region
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
@@ -82,31 +84,28 @@ def run(
     alike = sector_similarities(found)
     summary = model.training_summary()
     title = f"Predicted error of {model.robot.name} at {_point_word(at_tool)}"
-    simulated = any("simulated" in str(s).lower() for s in summary.get("sources", ()))
+    origin = provenance_of(model)
+    say_mark(origin)
     if output.suffix.lower() == ".png":
         from robotrue.report.map_figure import slices_png
 
-        write_atomic(output, slices_png(map_slices(found, title=_marked(title, simulated))))
+        write_atomic(output, slices_png(map_slices(found, title=marked(title, origin))))
     elif output.suffix.lower() == ".csv":
-        write_atomic(output, _table(found).encode())
+        write_atomic(output, (mark_line(origin) + _table(found)).encode())
     else:
-        _write_page(output, path, model, found, alike, title, simulated)
+        _write_page(output, path, model, found, alike, title)
     say(f"map written to {output}")
     for doubt in summary.get("doubts", ()):
         say(f"doubt: {doubt}")
     document = _document(found, alike, model, at_tool)
     if as_json:
-        emit_json({"map": str(output), **document})
+        emit_json({"map": str(output), **document}, origin)
     else:
-        _show(found, alike, title)
+        _show(found, alike, title, origin)
 
 
 def _point_word(at_tool: bool) -> str:
     return "the programs' tool point" if at_tool else "the measured point"
-
-
-def _marked(title: str, simulated: bool) -> str:
-    return f"{title} (from simulated measurements)" if simulated else title
 
 
 def _model(path: Path) -> tuple[ErrorModel, Cell]:
@@ -194,7 +193,6 @@ def _write_page(
     found: WorkspaceMap,
     alike: tuple[SectorSimilarity, ...],
     title: str,
-    simulated: bool,
 ) -> None:
     from robotrue.report.page import report_html
 
@@ -204,7 +202,7 @@ def _write_page(
         alike,
         title=title,
         subtitle=f"{path.name}, method {summary.get('method', 'unknown')}",
-        simulated=simulated,
+        simulated=provenance_of(model).simulated,
         doubts=tuple(str(d) for d in summary.get("doubts", ())),
         provenance=(Fact(name=path.name, value=f"sha256:{sha256(read_bytes(path))}"),),
     )
@@ -283,7 +281,9 @@ def _statistics(values: Array) -> dict[str, float]:
     return {"mean": float(values.mean()), "max": float(values.max())}
 
 
-def _show(found: WorkspaceMap, alike: tuple[SectorSimilarity, ...], title: str) -> None:
+def _show(
+    found: WorkspaceMap, alike: tuple[SectorSimilarity, ...], title: str, origin: Provenance
+) -> None:
     rows = []
     names = sector_names(found)
     for k, name in enumerate(names):
@@ -299,6 +299,7 @@ def _show(found: WorkspaceMap, alike: tuple[SectorSimilarity, ...], title: str) 
         f"{title}; {ATTITUDES[found.attitude]}",
         ("sector", "poses", "mean mm", "max mm", "x mm", "y mm", "z mm", "stays 95 % mm"),
         rows,
+        provenance=origin,
     )
     if alike:
         emit_table(
@@ -312,6 +313,7 @@ def _show(found: WorkspaceMap, alike: tuple[SectorSimilarity, ...], title: str) 
                 )
                 for s in alike
             ],
+            provenance=origin,
         )
     lost = int((~found.reachable).sum())
     if lost:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from robotrue.calibration.lineage import provenance_of
 from robotrue.calibration.model import ErrorModel
 from robotrue.core.files import write_atomic
+from robotrue.core.provenance import Provenance, merge
 from robotrue.report.calibration import calibration_content
 from robotrue.report.content import Fact
 from robotrue.report.page import report_html
@@ -19,19 +21,29 @@ def write_page(
     result: ValidationReport,
     *,
     title: str,
+    measured: Provenance,
     selection: Selection | None = None,
 ) -> None:
     """Writes one validation as a self-contained HTML page.
+
+    Args:
+        path: To be written.
+        model: That was checked.
+        result: Of the check.
+        title: Heading.
+        measured: Provenance of the poses it was checked on.
+        selection: Why this method, if it was chosen automatically.
 
     Raises:
         FormatError: The file cannot be written.
     """
     summary = model.training_summary()
     sources = [str(source) for source in summary.get("sources", ())]
+    origin = merge([provenance_of(model), measured])
     content = calibration_content(
         result,
         title=title,
-        simulated=any("simulated" in source.lower() for source in sources),
+        simulated=origin.simulated,
         subtitle=f"{result.robot}, method {summary.get('method', 'unknown')}",
         selection=selection,
         unseen=[f"{d['name']}: {d['cure']}" for d in summary.get("unseen", ()) if d.get("cure")],

@@ -11,12 +11,14 @@ import numpy as np
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
 from robotrue.cell.frame_table import frame_table
-from robotrue.cli.console import count, emit_json, emit_table, say
+from robotrue.cli.console import count, emit_json, emit_table, say, say_mark
 from robotrue.cli.inputs import check_output
+from robotrue.cli.registered import provenance_of_file
 from robotrue.core.arrays import Array
 from robotrue.core.files import write_atomic
 from robotrue.core.poses import pose
 from robotrue.core.progress import Progress, unheard
+from robotrue.core.provenance import Provenance
 from robotrue.core.regions import CubeRegion, CylinderRegion, Region
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError, ModelMismatchError, ReachError
@@ -80,6 +82,8 @@ def run(
         tolerance_um=tolerance_um,
         seed=seed,
     )
+    origin = provenance_of_file(model_path)
+    say_mark(origin)
     text = None if program is None else program_text(cell, plan, program, trigger_output)
     write_atomic(output, plan_sheet(plan))
     say(f"{count(len(plan), 'pose')} written to {output}: fill in what the tracker reads")
@@ -89,16 +93,16 @@ def run(
     if report is not None:
         from robotrue.cli.plan_page import plan_page
 
-        write_atomic(report, plan_page(cell, plan).encode())
+        write_atomic(report, plan_page(cell, plan, origin).encode())
         say(f"report written to {report}")
     for note in plan.notes:
         say(f"note: {note}")
     if plan.stopped:
         say(f"stopped at {len(plan)}: the next pose would gain less than {tolerance_um:g} um")
     if as_json:
-        emit_json({"poses_csv": str(output), **document(plan)})
+        emit_json({"poses_csv": str(output), **document(plan)}, origin)
     else:
-        _show(plan)
+        _show(plan, origin)
 
 
 def planned(
@@ -299,7 +303,7 @@ def document(plan: PosePlan) -> dict[str, Any]:
     }
 
 
-def _show(plan: PosePlan) -> None:
+def _show(plan: PosePlan, origin: Provenance) -> None:
     n, expected = len(plan), plan.expected
     shown = sorted({k for k in SHOWN if k < n} | {n})
     rows = [
@@ -315,6 +319,7 @@ def _show(plan: PosePlan) -> None:
         f"expected mean error, mm, of an arm of this type (floor {expected.floor_mean / MM:.3f})",
         ("poses", "planned", "random", "random, quartiles"),
         rows,
+        provenance=origin,
     )
     lost = ", ".join(f"{reason} {number}" for reason, number in plan.rejected)
     say(f"{plan.candidates} candidates from {plan.drawn} postures{': ' + lost if lost else ''}")

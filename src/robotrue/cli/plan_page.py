@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robotrue.cell.cell import Cell
+from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM
 from robotrue.planning.plan import PosePlan
 from robotrue.report.content import (
@@ -24,8 +25,8 @@ FIRST = 4
 """Poses from which the curve is drawn: fewer do not fix base and tool."""
 
 
-def plan_page(cell: Cell, plan: PosePlan) -> str:
-    """Returns the page (HTML)."""
+def plan_page(cell: Cell, plan: PosePlan, origin: Provenance) -> str:
+    """Returns the page (HTML); ``origin`` is that of the model the plan starts from."""
     n, expected = len(plan), plan.expected
     counts = np.arange(min(FIRST, n), n + 1)
     poses_axis = counts.astype(np.float64)
@@ -81,7 +82,7 @@ def plan_page(cell: Cell, plan: PosePlan) -> str:
                 detail=f"Criterion {plan.criterion}; as many random poses "
                 f"{expected.random_mean[n] / MM:.3f} mm.",
             ),
-            simulated=False,
+            simulated=origin.simulated,
             subtitle="a plan, before any measurement",
             tiles=(
                 Tile(label="planned", value=float(expected.mean[n] / MM), unit="mm"),

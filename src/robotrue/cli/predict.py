@@ -6,10 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
+from robotrue.calibration.lineage import provenance_of
 from robotrue.calibration.model import Query
-from robotrue.cli.console import count, emit_json, say
+from robotrue.cli.console import count, emit_json, say, say_mark
 from robotrue.cli.inputs import check_output, read_mapping
 from robotrue.core.files import write_atomic
+from robotrue.core.provenance import mark_line
 from robotrue.core.units import MM
 from robotrue.errors import ModelMismatchError
 from robotrue.measurement.queries import QueryTable, read_queries
@@ -37,9 +39,11 @@ def run(
     )
     sigma = np.sqrt(np.diagonal(prediction.covariance, axis1=1, axis2=2))
     rows = np.hstack([prediction.error, sigma]) / MM
+    origin = provenance_of(stored.model)
     lines = ["ex_mm,ey_mm,ez_mm,sx_mm,sy_mm,sz_mm"]
     lines += [",".join(f"{value:.6f}" for value in row) for row in rows]
-    write_atomic(output, ("\n".join(lines) + "\n").encode())
+    write_atomic(output, (mark_line(origin) + "\n".join(lines) + "\n").encode())
+    say_mark(origin)
     size = np.linalg.norm(prediction.error, axis=1) / MM
     if as_json:
         emit_json(
@@ -49,7 +53,8 @@ def run(
                 "max_mm": size.max(),
                 "mean_sigma_mm": (sigma / MM).mean(),
                 "output": str(output),
-            }
+            },
+            origin,
         )
     else:
         say(

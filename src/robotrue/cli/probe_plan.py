@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.calibration.probing import ProbingSettings, before_touching
-from robotrue.cli.console import count, emit_json, emit_table, say
+from robotrue.cli.console import count, emit_json, emit_table, say, say_mark
 from robotrue.cli.inputs import check_output
 from robotrue.cli.probe_plan_inputs import (
     opened,
@@ -18,7 +18,9 @@ from robotrue.cli.probe_plan_inputs import (
     read_machining,
     rough_frames,
 )
+from robotrue.cli.registered import provenance_used
 from robotrue.core.files import write_atomic
+from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.formats.features import read_features
@@ -106,8 +108,10 @@ def run(
     )
     planner = plan_touches if options.run == "compensated" else plan_frame_touches
     plan = planner(task, options.touches, goal=goal, tolerance=options.tolerance_mm * MM)
+    origin = provenance_used(cell, model)
+    say_mark(origin)
     notes = _notes(candidates, options, calibrated=model is not None, checked=bool(cell.obstacles))
-    pages = _pages(plan, task, options, limits, notes, cell_or_model)
+    pages = _pages(plan, task, options, limits, notes, cell_or_model, origin)
     write_atomic(output, touch_sheet(plan.touches, features.parts))
     say(
         f"{count(len(plan.row), 'touch') if len(plan.row) == 1 else f'{len(plan.row)} touches'} "
@@ -124,9 +128,9 @@ def run(
     if plan.stopped:
         say(f"stopped at {len(plan.row)}: below the tolerance of {options.tolerance_mm:g} mm")
     if as_json:
-        emit_json({"touches_csv": str(output), **document(plan, task, candidates, notes)})
+        emit_json({"touches_csv": str(output), **document(plan, task, candidates, notes)}, origin)
     else:
-        _show(plan, task, candidates)
+        _show(plan, task, candidates, origin)
 
 
 def _checked(options: Options) -> tuple[Goal, TouchLimits]:
@@ -223,7 +227,7 @@ def document(
     }
 
 
-def _show(plan: ProbePlan, task: ProbingTask, candidates: Candidates) -> None:
+def _show(plan: ProbePlan, task: ProbingTask, candidates: Candidates, origin: Provenance) -> None:
     n = len(plan.row)
     shown = sorted({k for k in SHOWN if k < n} | {n})
     emit_table(
@@ -234,6 +238,7 @@ def _show(plan: ProbePlan, task: ProbingTask, candidates: Candidates) -> None:
             for k in shown
             if np.isfinite(plan.mean[k])
         ],
+        provenance=origin,
     )
     radius = radius_95(plan.covariance)
     emit_table(
@@ -249,6 +254,7 @@ def _show(plan: ProbePlan, task: ProbingTask, candidates: Candidates) -> None:
             ]
             for group in plan.groups
         ],
+        provenance=origin,
     )
     lost = ", ".join(f"{reason} {number}" for reason, number in candidates.rejected)
     say(
@@ -268,6 +274,7 @@ def _pages(
     limits: TouchLimits,
     notes: tuple[str, ...],
     source: Path,
+    origin: Provenance,
 ) -> dict[Path, tuple[str, bytes]]:
     """What else is written: path, what it is, and its bytes."""
     from robotrue.cli.probe_plan_page import part_map, probe_plan_page
@@ -281,6 +288,7 @@ def _pages(
             notes=notes,
             source=source.name,
             robot=task.belief.robot.name,
+            origin=origin,
         )
         out[options.report] = "report", page.encode()
     if options.picture is not None:

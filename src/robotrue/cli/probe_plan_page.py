@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robotrue.core.arrays import Array
+from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM
 from robotrue.planning.probing import ProbePlan, ProbingTask
 from robotrue.report.content import (
@@ -61,6 +62,7 @@ def probe_plan_page(
     notes: tuple[str, ...],
     source: str,
     robot: str,
+    origin: Provenance,
 ) -> str:
     """Returns the page (HTML)."""
     n = len(plan.row)
@@ -79,7 +81,7 @@ def probe_plan_page(
                 detail=f"As many touches spread evenly: {plan.spread_mean[n] / MM:.3f} mm rms "
                 f"instead of {plan.mean[n] / MM:.3f} mm.",
             ),
-            simulated=False,
+            simulated=origin.simulated,
             subtitle="a plan, before any touch",
             tiles=(
                 Tile(label="touches", value=float(n), digits=0),

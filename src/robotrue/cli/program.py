@@ -14,13 +14,15 @@ from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
 from robotrue.cell.part import PartFrame
 from robotrue.cli.compensate import Request, compensated
-from robotrue.cli.console import count, emit_json, emit_table, say
+from robotrue.cli.console import count, emit_json, emit_table, say, say_mark
 from robotrue.cli.cutter import cutter_axis
 from robotrue.cli.inputs import check_output
+from robotrue.cli.registered import provenance_of_file, provenance_used
 from robotrue.cli.steps import StepRule
 from robotrue.core.arrays import Array
 from robotrue.core.files import read_bytes, sha256, write_atomic
 from robotrue.core.mesh import TriangleMesh, read_mesh
+from robotrue.core.provenance import Provenance, marked_document, merge
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.planning.lifts import Side
@@ -107,7 +109,9 @@ def run(
         document |= _with_model(
             model_path, cell_path, cell, frames[0], data, identity, output, max_shift_mm, steps
         )
-    document["notes"] = notes
+    origin = _origin(cell, model_path)
+    document = marked_document({**document, "notes": notes}, origin)
+    say_mark(origin)
     if report is not None:
         from robotrue.cli.program_page import program_page
 
@@ -119,7 +123,7 @@ def run(
     if as_json:
         emit_json(document)
     else:
-        _show(document)
+        _show(document, origin)
 
 
 def _side(path: Path, mesh: TriangleMesh | None, margin: float) -> Toolpath:
@@ -182,7 +186,13 @@ def _identity(cell: Cell, frame: PartFrame | None, path: Path) -> ProgramIdentit
         part=frame.name,
         made_from=path.name,
         made_from_sha256=sha256(read_bytes(path)),
+        provenance=provenance_used(cell, None),
     )
+
+
+def _origin(cell: Cell, model_path: Path | None) -> Provenance:
+    """Of the part frame, and of the model that compensates."""
+    return merge([provenance_used(cell, None), provenance_of_file(model_path)])
 
 
 def _home(text: str) -> Array:
@@ -272,7 +282,7 @@ def _side_document(side: Posed, frame: PartFrame | None, speeds: Speeds) -> dict
     }
 
 
-def _show(document: dict[str, Any]) -> None:
+def _show(document: dict[str, Any], origin: Provenance) -> None:
     rows = [
         [
             side["name"],
@@ -297,4 +307,5 @@ def _show(document: dict[str, Any]) -> None:
             "wrist, deg",
         ),
         rows,
+        provenance=origin,
     )

@@ -46,7 +46,7 @@ def program_page(cell: Cell, document: Mapping[str, Any]) -> str:
                 detail="compensated: "
                 + (f"{made['compensated']} targets" if made else "not yet; robotrue compensate"),
             ),
-            simulated=False,
+            simulated=document["simulated"],
             subtitle=cell.robot.name,
             tiles=(
                 Tile(label="cut", value=sum(s["cut_mm"] for s in sides) / 1e3, unit="m"),

@@ -16,7 +16,7 @@ from robotrue.cell.config import parse_cell
 from robotrue.cell.part import PartTable
 from robotrue.cell.part_tables import with_files, with_part, with_urdf
 from robotrue.cell.writer import cell_text
-from robotrue.cli.console import emit_json, say
+from robotrue.cli.console import emit_json, say, say_mark
 from robotrue.cli.inputs import check_output
 from robotrue.cli.register_view import document, frame_document, show
 from robotrue.cli.registered import opened
@@ -88,6 +88,7 @@ def run(
             f"model written to {refined_path}; the frames belong to it"
         )
     write_atomic(output, data)
+    say_mark(found.provenance)
     say(f"registered cell written to {output}")
     if as_json:
         emit_json(
@@ -96,7 +97,8 @@ def run(
                 "refined_model": None if found.refined is None else str(refined_path),
                 **document(found),
                 "frames": [frame_document(name, frame) for name, frame in frames],
-            }
+            },
+            found.provenance,
         )
     else:
         show(found, frames)

@@ -97,6 +97,7 @@ def show(found: RegisteredPart, frames: list[tuple[str, ControllerFrame]]) -> No
                 (f"{_share(frame)}, 95 %", f"{frame.region.max() / MM:.3f} mm or better"),
                 ("verdict", frame.verdict),
             ],
+            found.provenance,
         )
         emit_table(
             "touches",
@@ -107,6 +108,7 @@ def show(found: RegisteredPart, frames: list[tuple[str, ControllerFrame]]) -> No
                     zip(fit.names, fit.distances, frame.region, fit.believed, strict=True)
                 )[:SHOWN]
             ],
+            provenance=found.provenance,
         )
         about = f"{frame.name}: " if len(found.frames) > 1 else ""
         for reason in frame.reasons:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from robotrue.calibration.identity import identity_of
+from robotrue.calibration.lineage import provenance_of
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.beside import beside
 from robotrue.cell.cell import Cell
@@ -12,6 +13,7 @@ from robotrue.cell.config import read_cell
 from robotrue.cell.part import PartTable
 from robotrue.core.files import read_bytes
 from robotrue.core.identity import require_same_model
+from robotrue.core.provenance import Provenance, merge
 from robotrue.errors import ArchiveError, ConfigurationError, ModelMismatchError
 from robotrue.store.model_file import ZIP, read_model
 
@@ -46,6 +48,21 @@ def opened(path: Path, registered: Path | None = None) -> tuple[Cell, ErrorModel
     used = identity_of(model or cell.robot)
     require_same_model(place.part.identity, used, what="the part frame", source=str(registered))
     return beside(cell, place), model
+
+
+def provenance_used(cell: Cell | None, model: ErrorModel | None) -> Provenance:
+    """Returns where what a program is written or checked with comes from: model and part frame."""
+    return merge(
+        [
+            *([] if model is None else [provenance_of(model)]),
+            *([] if cell is None or cell.part is None else [cell.part.provenance]),
+        ]
+    )
+
+
+def provenance_of_file(model_path: Path | None) -> Provenance:
+    """Returns the provenance of the model in a file; no file has none of its own."""
+    return provenance_used(None, None if model_path is None else read_model(model_path).model)
 
 
 def model_of_part(part: PartTable, cell: Path) -> ErrorModel | None:

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from robotrue.calibration.lineage import history
+from robotrue.calibration.lineage import history, provenance_of
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.cell.cell import Cell, tracker_covariance
-from robotrue.cli.console import emit_json
+from robotrue.cli.console import emit_json, say_mark
 from robotrue.cli.inputs import measured
 from robotrue.cli.registered import opened
 from robotrue.cli.report_output import check_reports, file_fact, write_reports
 from robotrue.core.arrays import Array
+from robotrue.core.provenance import Provenance, merge
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, ObservabilityError
 from robotrue.measurement.measurement_set import MeasurementSet
@@ -81,6 +83,8 @@ def run(
     )
     tolerance = None if tolerance_mm is None else tolerance_mm * MM
     content = certificate_content(facts, tolerance=tolerance, lang=speech)
+    origin = replace(_origin(model, check), simulated=facts.simulated)
+    say_mark(origin)
     written = write_reports(outputs, content)
     if as_json:
         emit_json(
@@ -93,7 +97,8 @@ def run(
                     c.name: c.standard_uncertainty / MM for c in facts.budget.contributions
                 },
                 "check": None if facts.check is None else facts.check.to_json(),
-            }
+            },
+            origin,
         )
 
 
@@ -116,7 +121,7 @@ def certificate_facts(
         check: Poses the model has not seen; None without.
         part: Which part frame counts; the only one if None.
         force_sigma: N per axis.
-        simulated: Whether the data are; also taken from what the files call themselves.
+        simulated: Whether the data are; also taken from the provenance of model and check.
         files: Catalog key and path of each file to name with its hash.
         lang: Language of the names of regions.
 
@@ -127,7 +132,6 @@ def certificate_facts(
     places = known_places(model, load=cell.payload)
     seen = None if check is None else evaluate(model, check, payload=cell.payload)
     sources = [str(s) for s in summary.get("sources", ())]
-    everything = [*sources, *(check.sources if check is not None else ())]
     held_out = summary.get("held_out_blocks_mean_m")
     t = Words(lang=lang)
     regions: tuple[tuple[str, ErrorStatistics], ...] = ()
@@ -137,7 +141,7 @@ def certificate_facts(
     return CertificateFacts(
         robot=model.robot.name,
         method=str(summary.get("method", "-")),
-        simulated=simulated or any("simulated" in s.lower() for s in everything),
+        simulated=simulated or _origin(model, check).simulated,
         budget=_budget(model, cell, check, seen, places, part, force_sigma),
         places=places,
         check=None if check is None else validate(model, check, payload=cell.payload),
@@ -163,6 +167,10 @@ def certificate_facts(
             fact(t, "fact.payload", f"{float(cell.payload.mass[0]):g} kg"),
         ),
     )
+
+
+def _origin(model: ErrorModel, check: MeasurementSet | None) -> Provenance:
+    return merge([provenance_of(model), *([] if check is None else [check.provenance])])
 
 
 def _budget(

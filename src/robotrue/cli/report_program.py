@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from robotrue.cli.console import emit_json
+from robotrue.cli.console import emit_json, say_mark
 from robotrue.cli.diff import differences
 from robotrue.cli.process_force import described
-from robotrue.cli.registered import opened
+from robotrue.cli.registered import opened, provenance_used
 from robotrue.cli.report_output import check_reports, file_fact, write_reports
 from robotrue.compensation.start_posture import start_joints
+from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
 from robotrue.report.calibration import fact
@@ -53,6 +54,8 @@ def run(
         simulated=simulated,
         strict=strict,
     )
+    origin = Provenance(simulated=content.simulated)
+    say_mark(origin)
     written = write_reports(outputs, content)
     if as_json:
         emit_json(
@@ -61,7 +64,8 @@ def run(
                 "verdict": verdict_word(content),
                 "text": content.verdict.text,
                 "tolerance_mm": tolerance_mm,
-            }
+            },
+            origin,
         )
 
 
@@ -93,7 +97,7 @@ def program_report(
         force: Process force along the path.
         cutter: Axis of the tool from spindle to tip, for ``force``.
         start: Start posture, as for ``robotrue compensate``.
-        simulated: Whether the data are; also taken from what the sources call themselves.
+        simulated: Whether the data are; also taken from the provenance of model and part frame.
         strict: Whether axis targets count as targets that are not proven.
 
     Raises:
@@ -117,8 +121,7 @@ def program_report(
         before=before.name,
         after=after.name,
         tolerance=tolerance,
-        simulated=simulated
-        or any("simulated" in str(s).lower() for s in summary.get("sources", ())),
+        simulated=simulated or provenance_used(cell, model).simulated,
         doubts=[str(d) for d in summary.get("doubts", ())],
         provenance=[
             *(

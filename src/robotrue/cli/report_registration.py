@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from robotrue.cell.config import read_cell
-from robotrue.cli.console import emit_json
+from robotrue.cli.console import emit_json, say_mark
 from robotrue.cli.report_output import check_reports, file_fact, write_reports
 from robotrue.cli.report_program import verdict_word
+from robotrue.core.provenance import Provenance
 from robotrue.errors import ConfigurationError
 from robotrue.report.calibration import fact
 from robotrue.report.content import ReportContent
@@ -26,6 +27,8 @@ def run(
     """
     check_reports(outputs, [cell_path])
     content = registration_report(cell_path, lang=language(lang), simulated=simulated)
+    origin = Provenance(simulated=content.simulated)
+    say_mark(origin)
     written = write_reports(outputs, content)
     if as_json:
         emit_json(
@@ -33,7 +36,8 @@ def run(
                 "written": [str(path) for path in written],
                 "verdict": verdict_word(content),
                 "text": content.verdict.text,
-            }
+            },
+            origin,
         )
 
 
@@ -45,7 +49,7 @@ def registration_report(
     Args:
         cell_path: What ``robotrue register`` wrote.
         lang: Language of the report.
-        simulated: Whether the data are.
+        simulated: Whether the data are; also taken from the provenance of the part frame.
         name: Of the registration in the report; None: that of the file.
 
     Raises:
@@ -62,7 +66,7 @@ def registration_report(
         cell.part,
         name=name or cell_path.name,
         robot=cell.robot.name,
-        simulated=simulated,
+        simulated=simulated or cell.part.provenance.simulated,
         provenance=[fact(Words(lang=lang), "fact.cell", file_fact(cell_path))],
         lang=lang,
     )

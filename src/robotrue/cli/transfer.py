@@ -8,13 +8,15 @@ from pathlib import Path
 import numpy as np
 
 from robotrue.calibration.drift import RELATIONS
+from robotrue.calibration.lineage import provenance_of
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.sources import Source
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
-from robotrue.cli.console import count, emit_facts, emit_json, emit_table, progress, say
+from robotrue.cli.console import count, emit_facts, emit_json, emit_table, progress, say, say_mark
 from robotrue.cli.inputs import check_output, read_rows
 from robotrue.core.files import read_bytes, sha256, write_atomic
+from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, ModelMismatchError, ObservabilityError
 from robotrue.measurement.measurement_set import MeasurementSet, concatenate
@@ -140,22 +142,26 @@ def _print(
     as_json: bool,
 ) -> None:
     verdict, selection = told
-    summary = dict(model.training_summary())
+    summary, origin = dict(model.training_summary()), provenance_of(model)
+    say_mark(origin)
     if as_json:
         drawn = {} if curve is None else {"curve": curve.to_json()}
-        emit_json({"model": str(output), **summary, **drawn})
+        emit_json({"model": str(output), **summary, **drawn}, origin)
         return
     if selection is not None:
         emit_table(
             f"candidates on {verdict.target_rows} target poses, each held out in turn",
             ("", "mean mm", "max mm", "in 95 % region", "gain mm", "noise mm", ""),
             [_row(selection, k, verdict.winner) for k in range(len(selection.table))],
+            provenance=origin,
         )
         say(selection.reason)
     if curve is not None:
-        _print_curve(curve)
+        _print_curve(curve, origin)
     emit_facts(
-        f"transfer to {model.robot.name}", [("used", verdict.winner), *result_facts(summary)]
+        f"transfer to {model.robot.name}",
+        [("used", verdict.winner), *result_facts(summary)],
+        origin,
     )
     for line in remarks(summary):
         say(line)
@@ -177,7 +183,7 @@ def _row(selection: Selection, index: int, winner: str) -> tuple[str, ...]:
     )
 
 
-def _print_curve(curve: LearningCurve) -> None:
+def _print_curve(curve: LearningCurve, origin: Provenance) -> None:
     median = curve.quartiles()[1] / MM
     emit_table(
         f"mean error in mm against target poses, median of {curve.repeats} subsets, tested on "
@@ -187,6 +193,7 @@ def _print_curve(curve: LearningCurve) -> None:
             (name, *(f"{v:.4f}" if np.isfinite(v) else "-" for v in median[c]))
             for c, name in enumerate(curve.names)
         ],
+        provenance=origin,
     )
     for failure in curve.failures:
         say(f"note: {failure}")
@@ -214,7 +221,7 @@ def _write_report(
         title=f"Transfer to {model.robot.name}",
         subtitle=", ".join(f"{name} ({relation})" for name, _, relation in named)
         + f"; {count(verdict.target_rows, 'target pose')}",
-        simulated=any("simulated" in str(s).lower() for s in summary.get("sources", ())),
+        simulated=provenance_of(model).simulated,
         doubts=[str(d) for d in summary.get("doubts", ())],
         provenance=[
             Fact(name=what, value=f"{file.name} sha256:{sha256(read_bytes(file))}")

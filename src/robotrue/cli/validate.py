@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from robotrue.cli.console import count, emit_json, emit_table, say
+from robotrue.calibration.lineage import provenance_of
+from robotrue.cli.console import count, emit_json, emit_table, say, say_mark
 from robotrue.cli.inputs import check_output, measured
+from robotrue.core.provenance import merge
 from robotrue.core.units import MM
 from robotrue.report.model_view import harmless_remark
 from robotrue.store.model_file import read_model
@@ -28,6 +30,8 @@ def run(
     stored = read_model(model_path)
     measurements = measured(stored.cell, paths, mapping)
     result = validate(stored.model, measurements, payload=stored.cell.payload)
+    origin = merge([provenance_of(stored.model), measurements.provenance])
+    say_mark(origin)
     for doubt in result.doubts:
         say(f"note: {doubt}")
     for line in harmless_remark(stored.model.training_summary()):
@@ -35,10 +39,16 @@ def run(
     if report is not None:
         from robotrue.cli.pages import write_page
 
-        write_page(report, stored.model, result, title="Held-out validation")
+        write_page(
+            report,
+            stored.model,
+            result,
+            title="Held-out validation",
+            measured=measurements.provenance,
+        )
         say(f"report written to {report}")
     if as_json:
-        emit_json(result.to_json())
+        emit_json(result.to_json(), origin)
         return
     aligned = result.before_aligned
     emit_table(
@@ -49,6 +59,7 @@ def run(
             *([_row("base and tool corrected", aligned)] if aligned is not None else []),
             _row("after", result.after),
         ],
+        provenance=origin,
     )
     say(
         f"{100 * result.coverage.share:.1f} % of the points lie in their stated 95 % region"

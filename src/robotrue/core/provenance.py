@@ -20,7 +20,7 @@ MOST_FILES: Final = 64
 """Files named in one provenance; those beyond are counted."""
 _LONGEST: Final = 200
 """Characters of an instrument's name that a provenance keeps."""
-_LINE: Final = re.compile(r"#\s*robotrue simulated(?::([^,;\t]*))?[,;\t\s]*")
+_LINE: Final = re.compile(rf"#\s*robotrue {MARK}(?::([^,;\t]*))?[,;\t\s]*", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,7 +138,7 @@ def mark_line(provenance: Provenance | None) -> str:
         return ""
     instrument = re.sub(r"[,;\t\"']+", " ", provenance.instrument)
     name = f": {' '.join(instrument.split())}" if instrument.strip() else ""
-    return simulation_mark(provenance, f"# robotrue simulated{name}\n")
+    return simulation_mark(provenance, f"# robotrue {MARK}{name}\n")
 
 
 def provenance_of_lines(lines: Iterable[str]) -> Provenance:

@@ -14,6 +14,7 @@ from typing import Any, Final
 
 from robotrue.core.files import read_bytes, sha256, write_atomic
 from robotrue.core.identity import ModelIdentity, identity_from, require_same_model
+from robotrue.core.provenance import MEASURED, Provenance, provenance_from
 from robotrue.errors import FormatError, ModelMismatchError
 
 FORMAT: Final = "robotrue-program-identity"
@@ -31,6 +32,7 @@ class ProgramIdentity:
         part: Name of the part frame it is written for; empty: it has frames of its own.
         made_from: File name of the program or tool path it came from.
         made_from_sha256: Of that file.
+        provenance: Of the model, and of the part frame.
     """
 
     model: ModelIdentity
@@ -38,6 +40,7 @@ class ProgramIdentity:
     part: str = ""
     made_from: str = ""
     made_from_sha256: str = ""
+    provenance: Provenance = MEASURED
 
 
 def identity_path(program: str | Path) -> Path:
@@ -67,6 +70,7 @@ def write_identity(program: str | Path, data: bytes | str, identity: ProgramIden
         "part": identity.part,
         "made_from": identity.made_from,
         "made_from_sha256": identity.made_from_sha256,
+        "provenance": identity.provenance.to_document(),
     }
     text = json.dumps(document, indent=1, ensure_ascii=False) + "\n"
     write_atomic(identity_path(program), text.encode())
@@ -98,6 +102,7 @@ def read_identity(program: str | Path, data: bytes | str) -> ProgramIdentity | N
         part=str(document.get("part", "")),
         made_from=str(document.get("made_from", "")),
         made_from_sha256=str(document.get("made_from_sha256", "")),
+        provenance=provenance_from(document.get("provenance")),
     )
 
 

@@ -18,6 +18,7 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
+from robotrue.core.provenance import MARK, simulation_mark
 from robotrue.core.rotations import (
     abc_from_matrix,
     matrix_from_rotation_vector,
@@ -168,6 +169,7 @@ def _document(
         "format": "robotrue-controller-sheet",
         "format_version": 1,
         "robot": robot.name,
+        "simulated": found.provenance.simulated,
         "maker": robot.maker,
         "model_sha256": found.digest,
         "joint_zero_offset_deg": {f"A{i + 1}": float(v) / DEG for i, v in enumerate(offset)},
@@ -193,7 +195,8 @@ def _frame(T: Array) -> dict[str, list[float]]:
 
 def _text(d: Mapping[str, Any]) -> str:
     lines = [
-        f"Controller sheet, {d['robot']}, calibrated by robotrue",
+        simulation_mark(d["simulated"], f"{MARK}: ")
+        + f"Controller sheet, {d['robot']}, calibrated by robotrue",
         f"Model sha256 {d['model_sha256']}",
         "",
         f"Joint zeros ({d['joint_zero_meaning']}), deg; {d['where']['joint zeros']}",

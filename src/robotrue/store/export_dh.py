@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.csv_text import csv_remark, csv_text
+from robotrue.core.provenance import mark_line
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
@@ -68,7 +69,8 @@ def export_dh(found: Calibrated, *, lossy: Sequence[str] = ()) -> DhExport:
     lost = losses(found, [name for name in found.held if name in CANNOT])
     total = part_left_over(found, CANNOT)
     as_rigid = left_over(found, rigid(robot))
-    head = "".join(map(csv_remark, _remarks(robot, found, lost, total, as_rigid)))
+    head = mark_line(found.provenance)
+    head += "".join(map(csv_remark, _remarks(robot, found, lost, total, as_rigid)))
     text = head + csv_text([COLUMNS, *_rows(robot)])
     return DhExport(text=text, total=total, as_rigid=as_rigid)
 

@@ -12,10 +12,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from robotrue.calibration.lineage import model_hash
+from robotrue.calibration.lineage import model_hash, provenance_of
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.calibration.tables import MeanTables
 from robotrue.core.arrays import Array, frozen
+from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.robot.forward import forward
@@ -54,6 +55,7 @@ class Calibrated:
         turn: (n, 3) rad, left rotation vector of the tool against the nominal one; NaN where the
             model does not know it.
         load: The payload.
+        provenance: Of the model.
     """
 
     tables: MeanTables
@@ -62,6 +64,7 @@ class Calibrated:
     position: Array
     turn: Array
     load: Load
+    provenance: Provenance
 
     def __post_init__(self) -> None:
         """Freezes the arrays."""
@@ -118,6 +121,7 @@ def calibrated(
         position=forward(nominal, places.joints)[:, :3, 3] + seen.error,
         turn=seen.rotation_error,
         load=load,
+        provenance=provenance_of(model),
     )
 
 

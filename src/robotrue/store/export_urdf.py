@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.core.arrays import Array
+from robotrue.core.provenance import marked
 from robotrue.errors import ConfigurationError
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.urdf import to_urdf
@@ -62,12 +63,13 @@ def export_urdf(found: Calibrated, *, lossy: Sequence[str] = ()) -> UrdfExport:
     total = left_over(found, robot)
     head, _, rest = to_urdf(robot).partition("\n")
     said = [
-        "Calibrated by robotrue: lengths m, angles rad, joints in the sense of the robot model.",
+        marked("Calibrated by robotrue", found.provenance)
+        + ": lengths m, angles rad, joints in the sense of the robot model.",
         f"Model sha256 {found.digest}.",
         *loss_sentences(lost, total),
     ]
     comment = "<!--\n" + "\n".join(f"  {line}" for line in said) + "\n-->"
-    side = {**_side(found), **loss_document(lost, total)}
+    side = {**_side(found), "simulated": found.provenance.simulated, **loss_document(lost, total)}
     return UrdfExport(
         urdf=f"{head}\n{comment}\n{rest}",
         side=json.dumps(side, indent=1, allow_nan=False) + "\n",

@@ -14,6 +14,7 @@ from robotrue.cell.registration.fit import Registration, point_covariance
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.graduated import GAUSS_POINT
 from robotrue.core.identity import ModelIdentity
+from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.core.units import MM, UM
 
 Route = Literal["frame", "joint"]
@@ -93,6 +94,7 @@ class RegisteredPart:
         refined: The arm as the joint estimate has it; None where it stayed as it was.
         moved: m, rms, by which the refined arm puts the tip elsewhere at the touches; 0 without.
         doubts: About all frames.
+        provenance: Of the touches and of the arm's model.
     """
 
     route: Route
@@ -102,6 +104,7 @@ class RegisteredPart:
     refined: LearnedModel | None = None
     moved: float = 0.0
     doubts: tuple[str, ...] = ()
+    provenance: Provenance = MEASURED
 
     @property
     def verdict(self) -> str:
@@ -119,6 +122,7 @@ class RegisteredPart:
             model_file=model_file,
             points_file=points_file,
             points_sha256=points_sha256,
+            provenance=self.provenance,
         )
 
 

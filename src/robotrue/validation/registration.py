@@ -14,9 +14,11 @@ from typing import Final
 import numpy as np
 
 from robotrue.calibration.identity import identity_of
+from robotrue.calibration.lineage import provenance_of
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.registration.fit import Noise
 from robotrue.core.mesh import TriangleMesh
+from robotrue.core.provenance import merge
 from robotrue.errors import ModelMismatchError, ShapeError
 from robotrue.measurement.probing_set import NO_SURFACE, ProbingSet
 from robotrue.robot.model import RobotModel
@@ -104,6 +106,9 @@ def register(
         identity=identity,
         touched_with=identity,
         doubts=(NOMINAL_COST,) if nominal else (),
+        provenance=merge(
+            [touches.provenance, *([] if isinstance(arm, RobotModel) else [provenance_of(arm)])]
+        ),
     )
 
 

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.calibration.identity import identity_of
+from robotrue.calibration.lineage import provenance_of
 from robotrue.calibration.machined import compensated_covariance
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.calibration.probing import (
@@ -150,6 +151,7 @@ def joint_registration(
         ),
         identity=identity_of(refined),
         touched_with=identity_of(arm),
+        provenance=provenance_of(refined),
         refined=refined,
         moved=_moved(arm, in_base, touches, settings),
         doubts=doubts,
