@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, get_args
 
 import numpy as np
 
-from robotrue.cli.console import emit_json, emit_table, say
+from robotrue.cli.console import emit_json, emit_table, say, say_mark
 from robotrue.cli.inputs import check_output
+from robotrue.core.provenance import merge
 from robotrue.core.units import DEG, UM
 from robotrue.drilling.campaign import Campaign, reading_errors
 from robotrue.drilling.campaign_checks import check_campaign
@@ -45,11 +47,12 @@ def run_fit(foot: Path, campaign: Path, output: Path, *, kind: str, as_json: boo
     model, trials = fit_model(setup.foot, head, data, kind=wanted, digest=digest)
     write_model(output, model)
     terms = terms_of(model, data)
+    say_mark(model.provenance)
     if as_json:
         emit_json({"output": str(output), **model_document(model, trials), "terms": terms})
         return
     _show_trials(model, trials)
-    _show_terms(terms)
+    _show_terms(terms, model)
     say(f"{model.kind} learned from {len(data)} clamps, written to {output}")
 
 
@@ -59,8 +62,10 @@ def run_evaluate(model_path: Path, test: Path, *, foot: Path | None, as_json: bo
     data, _ = read_campaign(test, setup_of(model, model_path, foot), model.head.order)
     check_campaign(model.foot, data)
     result = evaluated(model, data)
+    origin = merge([model.provenance, data.provenance])
+    say_mark(origin)
     if as_json:
-        emit_json(evaluation_document(result))
+        emit_json(evaluation_document(result), origin)
         return
     rows = [("uncorrected", result.uncorrected)]
     rows += [("patent's regression", result.patent)] if result.patent is not None else []
@@ -69,6 +74,7 @@ def run_evaluate(model_path: Path, test: Path, *, foot: Path | None, as_json: bo
         f"Tilt left after one move, {result.clamps} clamps",
         ("", "mean deg", "p95 deg", "max deg"),
         [(name, *(f"{v / DEG:.4f}" for v in (r.mean, r.p95, r.largest))) for name, r in rows],
+        provenance=origin,
     )
     say(f"{100.0 * result.covered:.0f} % of the true tilts lie in the model's 95 % regions")
 
@@ -161,11 +167,14 @@ def _show_trials(model: NormalModel, trials: tuple[Trial, ...]) -> None:
             )
         )
     emit_table(
-        "Tilt left on forces and tilts held out", ("correction", "mean deg", "p95 deg"), rows
+        "Tilt left on forces and tilts held out",
+        ("correction", "mean deg", "p95 deg"),
+        rows,
+        provenance=model.provenance,
     )
 
 
-def _show_terms(terms: list[dict[str, Any]]) -> None:
+def _show_terms(terms: list[dict[str, Any]], model: NormalModel) -> None:
     if not terms:
         return
     emit_table(
@@ -180,6 +189,7 @@ def _show_terms(terms: list[dict[str, Any]]) -> None:
             )
             for term in terms
         ],
+        provenance=model.provenance,
     )
 
 
@@ -208,9 +218,11 @@ def run_report(
     content = drilling_content(
         model, data, result, digest=digest, limit=limit_deg * DEG, simulated=simulated, lang=speech
     )
+    origin = replace(merge([model.provenance, data.provenance]), simulated=content.simulated)
+    say_mark(origin)
     written = write_reports([output], content)
     if as_json:
         twin = str(written[-1])
-        emit_json({"output": str(output), "json": twin, **evaluation_document(result)})
+        emit_json({"output": str(output), "json": twin, **evaluation_document(result)}, origin)
         return
     say(content.verdict.text)

@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel
-from robotrue.cli.console import emit_facts, emit_json, say
+from robotrue.cli.console import emit_facts, emit_json, say, say_mark
+from robotrue.cli.registered import provenance_of_file
 from robotrue.core.arrays import Array
+from robotrue.core.provenance import Provenance, merge
 from robotrue.core.rotations import abc_from_matrix, matrix_from_abc
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.adjust import Adjustment, adjustment
@@ -58,10 +60,12 @@ def run(
         if not move.rotation_known:
             document["notes"].append("the robot's model knows no rotation error: nominal axis.")
         text = robot_fragment(language, move.T_base_tool) if language else ""
+    origin = merge([model.provenance, provenance_of_file(robot)])
+    say_mark(origin)
     if as_json:
-        emit_json({**document, **({"program": text} if text else {})})
+        emit_json({**document, **({"program": text} if text else {})}, origin)
         return
-    _show(document)
+    _show(document, origin)
     sys.stdout.write(text)
 
 
@@ -161,7 +165,7 @@ def _notes(found: Adjustment) -> list[str]:
     ]
 
 
-def _show(document: dict[str, Any]) -> None:
+def _show(document: dict[str, Any], origin: Provenance) -> None:
     a, b, sa, sb = (document[k] for k in ("a_deg", "b_deg", "a_sigma_deg", "b_sigma_deg"))
     facts = [("surface", f"a {a:+.4f} +- {sa:.4f} deg, b {b:+.4f} +- {sb:.4f} deg")]
     if "move" in document:
@@ -176,6 +180,6 @@ def _show(document: dict[str, Any]) -> None:
             ("joints to", ", ".join(f"{v:.4f}" for v in robot["joints_deg"]) + " deg"),
             ("turned by", f"{robot['turn_deg']:.4f} deg about the tip"),
         ]
-    emit_facts("One move", facts)
+    emit_facts("One move", facts, origin)
     for note in document["notes"]:
         say(f"note: {note}")

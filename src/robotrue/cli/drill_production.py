@@ -7,7 +7,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from robotrue.cli.console import count, emit_json, say
+from robotrue.cli.console import count, emit_json, say, say_mark
 from robotrue.cli.drill import residuals_document, setup_of
 from robotrue.cli.inputs import check_output
 from robotrue.core.units import DEG, MM
@@ -103,8 +103,9 @@ def run_refine(
         test, digest = read_campaign(freeze, setup, model.head.order)
         model = frozen(model, test, digest, allowed=allowed_deg * DEG, before=before)
     write_model(output, model)
+    say_mark(model.provenance)
     if as_json:
-        emit_json(_document(output, before, model, holes, alarms))
+        emit_json(_document(output, before, model, holes, alarms), model.provenance)
         return
     if records is not None:
         say(f"{count(holes, 'record')} of {truth}, {count(len(alarms), 'alarm')}")
@@ -121,7 +122,7 @@ def _refined(
     moved = with_refinement(before, plain).tilt
     for i, name in enumerate(holes.hole):
         found = with_refinement(model, plain.row(i))
-        record = record_of(name, found, holes.left[i], truth, moved=moved[i])
+        record = record_of(name, found, holes.left[i], truth, holes.provenance, moved=moved[i])
         step = recorded(model, found, record, reference=reference)
         model = step.model
         if step.alarm:

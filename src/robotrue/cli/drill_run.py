@@ -15,14 +15,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from robotrue.cli.console import count, say
+from robotrue.cli.console import count, say, say_mark
 from robotrue.cli.drill import setup_of
 from robotrue.cli.drill_robot import DrillingRobot, drilling_robot, followed, with_robot
 from robotrue.cli.inputs import check_output
+from robotrue.core.provenance import marked
 from robotrue.core.units import DEG
 from robotrue.drilling.clamp_watch import ClampSettings
 from robotrue.drilling.foot_file import FootSetup
-from robotrue.drilling.foot_signals import foot_sample, is_reference, left_by
+from robotrue.drilling.foot_signals import SIMULATED, foot_sample, is_reference, left_by
 from robotrue.drilling.hole_session import HoleAnswer, HoleSession
 from robotrue.drilling.journal import Journal, answer_document, step_document
 from robotrue.drilling.model_archive import read_model, write_model
@@ -78,6 +79,7 @@ def run(
         if robot is not None:
             order, still = model.head.order, settings.quiet
             arm = drilling_robot(robot, joints, order, foot_abc_deg, still=still)
+        say_mark(session.provenance)
         desk = Desk(session, setup, kept, truth=truth, output=output, robot=arm, as_json=as_json)
         asyncio.run(_serve(desk, address, seconds))
     if not as_json:
@@ -126,17 +128,21 @@ class Desk:
         if not sample.valid:
             self._session.broken()
             return None
+        if sample.values.get(SIMULATED, 0.0) and not self._session.provenance.simulated:
+            self._session.simulated()
+            say_mark(self._session.provenance)
         if is_reference(sample.values):
             return self._reference(sample)
         return self._foot(sample)
 
     def summary(self) -> str:
         """What it came to."""
-        return (
+        text = (
             f"{count(self.moves, 'move')}, {count(self.refusals, 'refusal')}, "
             f"{count(self.references, 'reference')}, {count(self.alarms, 'alarm')}; model version "
             f"{self._session.model.version}"
         )
+        return marked(text, self._session.provenance)
 
     def _foot(self, sample: SignalSample) -> dict[str, Any] | None:
         try:
@@ -283,5 +289,5 @@ def _flat(document: Mapping[str, Any]) -> dict[str, Any]:
         elif name == "shift_deg":
             out |= {"shift_a_deg": value[0], "shift_b_deg": value[1]}
         else:
-            out[name] = value
+            out[name] = int(value) if isinstance(value, bool) else value
     return out

@@ -58,7 +58,6 @@ def drill_fit(work: Work) -> Publish:
             **model_document(model, trials),
             "terms": terms,
             "clamps": len(data),
-            "simulated": bool(record.detail.get("simulated")),
         }
     )
     links = [Link(role="data", to=record.ref)]
@@ -86,9 +85,8 @@ def drill_report(work: Work) -> Publish:
             )
         check_campaign(model.foot, data)
         result = evaluated(model, data)
-        simulated = bool(record.detail.get("simulated"))
         content = drilling_content(
-            model, data, result, digest=digest, limit=limit * DEG, simulated=simulated, lang=speech
+            model, data, result, digest=digest, limit=limit * DEG, lang=speech
         )
         made = write_reports([work.folder / "report.html"], content)
     detail = {
@@ -96,7 +94,7 @@ def drill_report(work: Work) -> Publish:
         "limit_deg": limit,
         "before_deg": np.round(result.before / DEG, 5).tolist(),
         "left_deg": np.round(result.left / DEG, 5).tolist(),
-        "simulated": simulated,
+        "simulated": content.simulated,
     }
     links = [Link(role="model", to=held.ref), Link(role="data", to=record.ref)]
     return leave_document(work, asked, TEST, held.name, made, links, json_values(detail))

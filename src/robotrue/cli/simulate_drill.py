@@ -62,11 +62,13 @@ def write_campaign_files(
     )
     write_campaign(test, held_out)
     if as_json:
-        emit_json({"simulated": "drilling head", "files": [str(path) for path in paths]})
+        emit_json(
+            {"simulated": True, "what": "drilling head", "files": [str(path) for path in paths]}
+        )
         return
     say(f"SIMULATED drilling head of seed {seed}: {', '.join(map(str, paths))}")
     say(f"robotrue drill fit {foot} {campaign} -o drill.robotrue")
-    say(f"robotrue drill report drill.robotrue {test} --simulated -o drill.html")
+    say(f"robotrue drill report drill.robotrue {test} -o drill.html")
 
 
 def run_drill(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.drilling.foot import Foot, plane_under, readings
 from robotrue.drilling.head import AxisOrder, normal_from_tilt, tilt_from_normal
 from robotrue.errors import ShapeError
@@ -63,6 +64,7 @@ class Campaign:
         order: Axis order the tilts are written in.
         source: File the campaign came from, or "".
         lines: (n,) its lines, or empty.
+        provenance: Simulated or measured, and the file.
     """
 
     clamps: Clamps
@@ -70,6 +72,7 @@ class Campaign:
     order: AxisOrder = "AB"
     source: str = ""
     lines: tuple[int, ...] = ()
+    provenance: Provenance = MEASURED
 
     def __post_init__(self) -> None:
         """Checks shapes and freezes."""
@@ -92,6 +95,7 @@ class Campaign:
             order=self.order,
             source=self.source,
             lines=lines,
+            provenance=self.provenance,
         )
 
 

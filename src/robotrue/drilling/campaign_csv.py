@@ -17,6 +17,7 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.csv_text import csv_text
 from robotrue.core.files import write_atomic
+from robotrue.core.provenance import Provenance, mark_line
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign import Campaign, Clamps
 from robotrue.drilling.foot_file import FootSetup
@@ -55,7 +56,12 @@ def read_campaign(path: str | Path, setup: FootSetup, order: AxisOrder) -> tuple
             hint="a_deg and b_deg are the surface's tilt against the spindle, in degrees.",
         )
     campaign = Campaign(
-        clamps=clamps, tilt=tilt * DEG, order=order, source=sheet.source, lines=lines
+        clamps=clamps,
+        tilt=tilt * DEG,
+        order=order,
+        source=sheet.source,
+        lines=lines,
+        provenance=sheet.provenance,
     )
     return campaign, sheet.digest
 
@@ -69,12 +75,14 @@ class ProductionRecord:
         left: (n, 2) rad, tilt that remained.
         hole: n names.
         lines: (n,) of the file.
+        provenance: Simulated or measured, and the file.
     """
 
     clamps: Clamps
     left: Array
     hole: tuple[str, ...]
     lines: tuple[int, ...]
+    provenance: Provenance
 
 
 def read_production(path: str | Path, setup: FootSetup) -> ProductionRecord:
@@ -95,7 +103,11 @@ def read_production(path: str | Path, setup: FootSetup) -> ProductionRecord:
     else:
         hole = tuple(str(i + 1) for i in range(len(sheet.cells)))
     return ProductionRecord(
-        clamps=clamps, left=_columns(sheet, LEFT) * DEG, hole=hole, lines=sheet.lines
+        clamps=clamps,
+        left=_columns(sheet, LEFT) * DEG,
+        hole=hole,
+        lines=sheet.lines,
+        provenance=sheet.provenance,
     )
 
 
@@ -118,7 +130,7 @@ def write_campaign(path: str | Path, campaign: Campaign) -> None:
                 clamps.approach[i],
             ]
         )
-    write_atomic(path, csv_text(rows).encode())
+    write_atomic(path, (mark_line(campaign.provenance) + csv_text(rows)).encode())
 
 
 def write_sheet(path: str | Path, plan: CampaignPlan, sensors: int) -> None:

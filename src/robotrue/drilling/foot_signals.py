@@ -19,6 +19,8 @@ from robotrue.drilling.clamp_watch import FootSample
 from robotrue.drilling.foot_file import FootSetup
 from robotrue.errors import FormatError, ImplausibleDataError
 
+SIMULATED: Final = "simulated"
+"""Name of the value by which a simulated machine says what it is; not 0."""
 _FORMS: Final = ("d{}_mm", "raw{}_mm", "raw{}_counts")
 
 

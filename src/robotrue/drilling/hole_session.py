@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from robotrue.core.arrays import Array
+from robotrue.core.provenance import MEASURED, Provenance, merge
 from robotrue.drilling.adjust import Adjustment, adjustment
 from robotrue.drilling.campaign import Clamps
 from robotrue.drilling.clamp_watch import ClampSettings, ClampWatch, FootSample, Seen
@@ -15,6 +16,7 @@ from robotrue.drilling.model import NormalModel, seen
 from robotrue.drilling.production import Step, record_of, recorded
 from robotrue.errors import ConfigurationError, RobotrueError
 
+SIMULATED: Final = Provenance(simulated=True, instrument="drilling head")
 KEPT: Final = 10_000
 """Holes kept for a reference that measures them later."""
 
@@ -30,6 +32,7 @@ class HoleAnswer:
         adjustment: The one move; None where the machine is not told to move.
         refused: Why not, with what to try; "" where it is.
         version: Of the model.
+        simulated: Whether the machine said that its clamps are, or the model rests on such.
     """
 
     hole: str
@@ -38,6 +41,7 @@ class HoleAnswer:
     adjustment: Adjustment | None
     refused: str
     version: int
+    simulated: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,6 +88,16 @@ class HoleSession:
         self._reference = reference
         self._waiting = OrderedDict(waiting or {})
         self._count = count
+        self._machine = MEASURED
+
+    @property
+    def provenance(self) -> Provenance:
+        """Of the model, and of the machine that speaks to it."""
+        return merge([self.model.provenance, self._machine])
+
+    def simulated(self) -> None:
+        """Takes note that the machine says it is simulated; it stays so."""
+        self._machine = SIMULATED
 
     def push(self, sample: FootSample, *, hole: str = "") -> HoleAnswer | None:
         """Returns the answer to a clamp with the sample that completes it; None otherwise.
@@ -115,6 +129,7 @@ class HoleSession:
             adjustment=found,
             refused=refused,
             version=self.model.version,
+            simulated=self.provenance.simulated,
         )
 
     def broken(self) -> None:
@@ -143,7 +158,7 @@ class HoleSession:
                 hint="the name of the hole as it was answered with a move; each reference once.",
             )
         found = seen(self.model, drilled.clamps)
-        record = record_of(hole, found, left, truth, moved=drilled.tilt)
+        record = record_of(hole, found, left, truth, self._machine, moved=drilled.tilt)
         step = recorded(self.model, found, record, reference=self._reference)
         self.model = step.model
         del self._waiting[hole]

@@ -44,6 +44,8 @@ class JournalState:
 def answer_document(answer: HoleAnswer) -> dict[str, Any]:
     """Returns an answer as machine and journal are told it: deg, mm, N."""
     document: dict[str, Any] = {"hole": answer.hole, "version": answer.version}
+    if answer.simulated:
+        document["simulated"] = True
     if answer.adjustment is None:
         return {**document, "status": "refused", "said": answer.refused}
     found = answer.adjustment
@@ -73,6 +75,7 @@ def step_document(
 ) -> dict[str, Any]:
     """Returns what a reference did to the model, as machine and journal are told it."""
     return {
+        **({"simulated": True} if step.model.provenance.simulated else {}),
         "hole": hole,
         "status": "alarm" if step.alarm else "recorded",
         "left_a_deg": left_deg[0],

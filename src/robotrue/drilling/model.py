@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array, frozen
+from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.core.units import DEG
 from robotrue.drilling.campaign import Campaign, Clamps
 from robotrue.drilling.choose import Step, Trial, all_tried, chosen, tried
@@ -91,6 +92,7 @@ class NormalModel:
         monitor: Watch on what was left.
         version: Counts refinements and freezes.
         frozen: What it was frozen as; None while it may be refined.
+        provenance: Of its campaign, of references in production, of the test it was frozen on.
     """
 
     foot: Foot
@@ -106,6 +108,7 @@ class NormalModel:
     monitor: Watch = field(default_factory=lambda: watch(2))
     version: int = 1
     frozen: Frozen | None = None
+    provenance: Provenance = MEASURED
 
 
 def seen(model: NormalModel, clamps: Clamps) -> Corrected:
@@ -178,6 +181,7 @@ def fit_model(
         stretch=trial.stretch,
         campaign=digest,
         refinement=refinement(max(trial.mean, SMALLEST)),
+        provenance=campaign.provenance,
     )
     return model, trials
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from robotrue.core.archive import Archive, archive_reader, read_archive, write_archive
 from robotrue.core.arrays import Array
+from robotrue.core.provenance import provenance_from
 from robotrue.drilling.correction import Correction, Kind
 from robotrue.drilling.foot import Foot
 from robotrue.drilling.head import Head
@@ -80,6 +81,7 @@ def to_archive(model: NormalModel) -> Archive:
         },
         "version": model.version,
         "frozen": None if model.frozen is None else asdict(model.frozen),
+        "provenance": model.provenance.to_document(),
     }
     arrays = {
         "radius": model.foot.radius,
@@ -158,6 +160,7 @@ def from_archive(archive: Archive) -> NormalModel:
         ),
         version=int(d["version"]),
         frozen=None if d["frozen"] is None else Frozen(**d["frozen"]),
+        provenance=provenance_from(d.get("provenance"), before=kept["truths"]),
     )
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from robotrue.core.provenance import marked_document
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.choose import Trial
 from robotrue.drilling.model import NormalModel
@@ -15,7 +16,7 @@ from robotrue.drilling.model import NormalModel
 
 def model_document(model: NormalModel, trials: Sequence[Trial] = ()) -> dict[str, Any]:
     """Returns a model as JSON values in deg, mm and N, with the trials it was chosen by."""
-    return {
+    values = {
         "kind": model.kind,
         "held_out_mean_deg": model.left / DEG,
         "trials": [
@@ -39,3 +40,4 @@ def model_document(model: NormalModel, trials: Sequence[Trial] = ()) -> dict[str
         "version": model.version,
         "frozen": None if model.frozen is None else asdict(model.frozen),
     }
+    return marked_document(values, model.provenance)

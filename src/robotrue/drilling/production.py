@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robotrue.core.arrays import Array
+from robotrue.core.provenance import MEASURED, Provenance, merge
 from robotrue.core.units import DEG
 from robotrue.drilling.campaign import Campaign
 from robotrue.drilling.correction import Corrected
@@ -48,6 +49,7 @@ def recorded(model: NormalModel, found: Corrected, record: Remaining, *, referen
         record: What remained, with what measured it.
         reference: rad, deviation of the reference in each of a and b.
     """
+    model = replace(model, provenance=merge([model.provenance, record.provenance]))
     deviation = np.sqrt(np.diagonal(found.covariance[0]) + reference**2)
     score = record.tilt / deviation
     state = watched(model.monitor, score)
@@ -141,6 +143,7 @@ def frozen(
         ),
         version=model.version + 1,
         monitor=watch(2),
+        provenance=merge([model.provenance, test.provenance]),
     )
 
 
@@ -156,7 +159,13 @@ def _refuse_worse(mean: float, was: float, test: Campaign) -> None:
 
 
 def record_of(
-    hole: str, found: Corrected, left: Array, truth: str, *, moved: Array | None = None
+    hole: str,
+    found: Corrected,
+    left: Array,
+    truth: str,
+    provenance: Provenance = MEASURED,
+    *,
+    moved: Array | None = None,
 ) -> Remaining:
     """Returns the record of what one move left.
 
@@ -168,6 +177,7 @@ def record_of(
         found: What the model to be refined makes of the clamp, one row.
         left: (2,) rad, as the reference measured it after the move.
         truth: What measured it.
+        provenance: Of clamp and reference: simulated or measured.
         moved: (2,) rad, tilt by which the spindle moved; that of ``found`` without it.
 
     Raises:
@@ -176,4 +186,4 @@ def record_of(
     c = found.conditions
     cause = np.array([c.a[0], c.b[0], c.force[0]])
     tilt = left if moved is None else moved + left - found.tilt[0]
-    return Remaining(hole=hole, tilt=tilt, cause=cause, truth=truth)
+    return Remaining(hole=hole, tilt=tilt, cause=cause, truth=truth, provenance=provenance)

@@ -18,6 +18,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array, frozen
+from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.core.units import DEG
 from robotrue.errors import ConfigurationError, ShapeError
 
@@ -52,12 +53,14 @@ class Remaining:
             as (a, b). Where that model moved the hole, it is what the reference measured.
         cause: (3,) a and b in deg as the foot saw them before the move, clamp force in kN.
         truth: What measured it: a mandrel plane, a hole gauge, a tracker.
+        provenance: Of clamp and reference: simulated or measured.
     """
 
     hole: str
     tilt: Array
     cause: Array
     truth: str
+    provenance: Provenance = MEASURED
 
     def __post_init__(self) -> None:
         """Freezes, and refuses the foot as its own judge.

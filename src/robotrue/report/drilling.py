@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from robotrue.core.provenance import merge
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign import Campaign
 from robotrue.drilling.evaluate import Evaluation, Residuals
@@ -39,7 +40,7 @@ def drilling_content(
         result: What it left there.
         digest: SHA-256 of the test's file.
         limit: rad, 95th percentile that is asked for.
-        simulated: Whether the test is.
+        simulated: Whether the test is; also taken from the provenance of model and test.
         lang: Language of the report.
     """
     t = Words(lang=lang)
@@ -48,7 +49,7 @@ def drilling_content(
     return ReportContent(
         title=t("drill.title"),
         subtitle=t("drill.subtitle", kind=model.kind, version=model.version),
-        simulated=simulated,
+        simulated=simulated or merge([model.provenance, test.provenance]).simulated,
         verdict=Verdict(
             tone="good" if good else "bad",
             text=t("drill.verdict", mean=ours.mean / DEG, p95=ours.p95 / DEG, n=result.clamps),

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array
+from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM, UM
 from robotrue.drilling.campaign import Campaign, Clamps
 from robotrue.drilling.foot import Foot, readings
@@ -201,4 +202,5 @@ def random_campaign(
         chosen = grid[np.arange(count) % len(grid)]
         force, height = chosen[:, 0] * 9.81, chosen[:, 1] * HEIGHT
     clamps = clamp(machine, tilt, force, height, random, approach=approach)
-    return Campaign(clamps=clamps, tilt=tilt, order=machine.order)
+    origin = Provenance(simulated=True, instrument="pressure foot")
+    return Campaign(clamps=clamps, tilt=tilt, order=machine.order, provenance=origin)

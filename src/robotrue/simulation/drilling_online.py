@@ -15,6 +15,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM, UM
+from robotrue.drilling.foot_signals import SIMULATED
 from robotrue.drilling.head import normal_from_tilt, rotation, tilt_from_normal
 from robotrue.errors import FormatError
 from robotrue.online.signals import read_signals, write_signals
@@ -239,7 +240,7 @@ class _Machine:
             self._transport.sendto(write_signals(values)[:-9])
 
     def _put(self, values: Mapping[str, Any]) -> None:
-        self._transport.sendto(write_signals({"seq": self._sequence, **values}))
+        self._transport.sendto(write_signals({"seq": self._sequence, **values, SIMULATED: 1}))
         self._sequence += 1
         self.tally.sent += 1
 

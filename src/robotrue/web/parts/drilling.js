@@ -127,6 +127,7 @@ export default {
     take(entries) {
       for (const e of entries) {
         this.version = e.version;
+        this.simulated ||= e.simulated === true;
         if (e.kind === "answer") {
           const move = e.status === "move";
           this.holes.push({
@@ -139,7 +140,6 @@ export default {
           if (hole) Object.assign(hole, { left: [e.left_a_deg, e.left_b_deg], alarm: e.status === "alarm", frozen: e.frozen, version: e.version });
           if (e.status === "alarm") this.alarms.push({ key: this.alarms.length, name: e.hole, at: e.written_utc, said: this.shifted(e) });
           this.frozen = e.frozen ?? null;
-          this.simulated ||= /simulated/i.test(e.truth ?? "");
         }
       }
       if (this.simulated) document.querySelectorAll("[data-simulated-later]").forEach((n) => (n.hidden = false));

@@ -88,14 +88,12 @@ def _campaign(path: Path, foot: Path) -> dict[str, Any]:
         "tilt_deg": float(np.hypot(*data.tilt.T).max() / DEG),
         "sensors": len(setup.foot.radius),
         "sha256": digest,
-        "simulated": _simulated(path, foot),
+        "simulated": data.provenance.simulated,
     }
 
 
 def _model(path: Path) -> dict[str, Any]:
-    model = read_model(path)
-    named = any("simulated" in truth.lower() for truth in model.refinement.truths)
-    return {**model_document(model), "terms": [], "simulated": named or _simulated(path)}
+    return {**model_document(read_model(path)), "terms": []}
 
 
 def _journal(path: Path) -> dict[str, Any]:
@@ -103,10 +101,5 @@ def _journal(path: Path) -> dict[str, Any]:
     if not entries:
         raise ConfigurationError("a journal without a line.", source=path.name)
     holes = len({each["hole"] for each in entries})
-    return {"holes": holes, "entries": len(entries), "simulated": _simulated(path)}
-
-
-def _simulated(*paths: Path) -> bool:
-    """Whether the data say so themselves: in their names, or in the foot file's first line."""
-    first = [p.read_text(errors="replace").partition("\n")[0] for p in paths if p.suffix == FOOT]
-    return any("simulated" in text.lower() for text in (*(p.name for p in paths), *first))
+    simulated = any(each.get("simulated") is True for each in entries)
+    return {"holes": holes, "entries": len(entries), "simulated": simulated}
