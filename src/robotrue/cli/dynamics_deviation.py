@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from robotrue.cell.config import read_cell
-from robotrue.cli.console import count, emit_facts, emit_json, emit_table, say
+from robotrue.cli.console import count, emit_facts, emit_json, emit_table, say, say_mark
 from robotrue.cli.dynamics_predict import curve_of
 from robotrue.cli.inputs import check_output
 from robotrue.core.archive import read_archive, write_archive
 from robotrue.core.arrays import Array
 from robotrue.core.csv_text import csv_text
 from robotrue.core.files import write_atomic
+from robotrue.core.provenance import Provenance, mark_line, merge
 from robotrue.core.units import UM
 from robotrue.dynamics.deviation import (
     DeviationModel,
@@ -53,11 +55,14 @@ def fit(
     check_output(output, [p for p in (windows_path, cell_path, frf) if p is not None])
     windows, arm = read_windows(windows_path), arm_of(cell_path, direction)
     check_direction(windows, arm)
+    origin = _origin(windows, frf)
+    windows = replace(windows, provenance=origin)
+    say_mark(origin)
     model = fit_deviation(windows, arm, row=_row(frf, arm))
     write_archive(output, model.to_archive())
     document = _fit_document(model, output)
     if as_json:
-        emit_json(document)
+        emit_json(document, origin)
         return
     dof = arm.robot.dof
     emit_facts(
@@ -70,6 +75,7 @@ def fit(
             )
         ]
         + [(name, f"{value:.3g}") for name, value in document["sizes"].items()],
+        origin,
     )
 
 
@@ -108,16 +114,25 @@ def validate(
             say("note: one pass: what it says of other poses cannot be tested")
     row = _row(frf, arm)
     found = scores(windows, arm, kinds=kinds, row=row, known=known, seed=seed)
+    origin = _origin(windows, frf)
+    say_mark(origin)
     if as_json:
-        emit_json({"windows": len(windows), "scores": [s.document() for s in found]})
+        document = {"windows": len(windows), "scores": [s.document() for s in found]}
+        emit_json(document, origin)
         return
     emit_table(
         f"{windows_path.name}: errors of windows held out, um",
         ("split", "method", "rmse", "mean", "max", "in 95 % band"),
         [_score_row(s) for s in found],
+        provenance=origin,
     )
     for kind in kinds:
         say(f"{kind}: {QUESTIONS[kind]}")
+
+
+def _origin(windows: WindowSet, frf: Path | None) -> Provenance:
+    """Of the windows, and of the response they were predicted with."""
+    return merge([windows.provenance, *([] if frf is None else [read_frf(frf).provenance])])
 
 
 def arm_of(cell_path: Path, direction: str) -> CompliantArm:
@@ -215,8 +230,10 @@ def _judge(windows: WindowSet, path: Path, output: Path | None, *, as_json: bool
     check_units(windows)
     model = deviation_from_archive(read_archive(path))
     found = model.predict(windows)
+    origin = merge([model.windows.provenance, windows.provenance])
+    say_mark(origin)
     if output is not None:
-        write_atomic(output, _estimates(windows, found))
+        write_atomic(output, mark_line(origin).encode() + _estimates(windows, found))
         say(f"{count(len(windows), 'window')} written to {output}")
     standing = np.bincount(found.standing, minlength=len(Standing))
     known = np.isfinite(windows.measured) & (found.standing != Standing.INVALID)
@@ -242,14 +259,14 @@ def _judge(windows: WindowSet, path: Path, output: Path | None, *, as_json: bool
                 }
             )
     if as_json:
-        emit_json(document)
+        emit_json(document, origin)
         return
     facts = [(name, count(number, "window")) for name, number in document["standing"].items()]
     facts += [
         (f"{NAMES[s['method']]}, um", f"rmse {s['rmse_um']:.2f}, max {s['max_um']:.2f}")
         for s in document["scores"]
     ]
-    emit_facts(f"{path.name} on {windows.source}", facts)
+    emit_facts(f"{path.name} on {windows.source}", facts, origin)
 
 
 def _estimates(windows: WindowSet, found: DeviationPrediction) -> bytes:

@@ -8,12 +8,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from robotrue.cli.console import emit_facts, emit_json, emit_table, say
+from robotrue.cli.console import emit_facts, emit_json, emit_table, say, say_mark
 from robotrue.cli.cutting_data import coefficient_keys, cutting_data
 from robotrue.cli.inputs import check_output
 from robotrue.cli.outputs import CSV, CUTTING
 from robotrue.core.arrays import Array
 from robotrue.core.files import write_atomic
+from robotrue.core.provenance import Provenance, mark_line, read_provenance
 from robotrue.core.toml_text import read_toml
 from robotrue.core.units import MM
 from robotrue.dynamics.coefficients import (
@@ -27,7 +28,7 @@ from robotrue.dynamics.force import ForceRecord
 from robotrue.dynamics.formats.columns import read_columns, table_bytes
 from robotrue.dynamics.formats.force_csv import write_force_csv
 from robotrue.dynamics.formats.registry import read_force
-from robotrue.dynamics.milling_force import force_over_time, mean_force
+from robotrue.dynamics.milling_force import CALCULATED, force_over_time, mean_force
 from robotrue.dynamics.path_force import MillingAlongPath
 from robotrue.dynamics.spectrum import spindle_lines
 from robotrue.errors import ConfigurationError, FormatError
@@ -66,10 +67,12 @@ def run(
         document = _along(along, cutter, cut, coefficients, output)
     else:
         document = _predict(cutter, cut, coefficients, rate, duration, output, measured)
+    origin = CALCULATED if slots is None else read_provenance(slots)
+    say_mark(origin)
     if as_json:
-        emit_json(document)
+        emit_json(document, origin)
     else:
-        _show(document)
+        _show(document, origin)
 
 
 def _predict(
@@ -84,7 +87,6 @@ def _predict(
     record = force_over_time(cutter, cut, coefficients, rate=rate, duration=duration)
     mean = mean_force(cutter, cut, coefficients)
     found = {
-        "simulated": True,
         "mean_N": mean,
         "min_N": record.force.min(axis=0),
         "max_N": record.force.max(axis=0),
@@ -181,11 +183,11 @@ def _along(
     force = model.at(lengths)
     if output is not None:
         rows = np.column_stack([lengths / MM, force])
-        write_atomic(output, table_bytes(["path_mm", "fx_N", "fy_N", "fz_N"], rows))
+        text = table_bytes(["path_mm", "fx_N", "fy_N", "fz_N"], rows)
+        write_atomic(output, mark_line(CALCULATED).encode() + text)
         say(f'{len(rows)} rows written to {output}: axes = "path" in `compensate --force`')
     size = np.linalg.norm(force, axis=1)
     return {
-        "simulated": True,
         "rows": len(force),
         "path_mm": lengths,
         "force_N": force,
@@ -219,7 +221,7 @@ def _toml(value: Any) -> str:
     return str(value) if isinstance(value, int) else repr(float(value))
 
 
-def _show(d: dict[str, Any]) -> None:
+def _show(d: dict[str, Any], origin: Provenance) -> None:
     def three(values: Array) -> str:
         return "  ".join(f"{v:8.2f}" for v in values)
 
@@ -228,15 +230,18 @@ def _show(d: dict[str, Any]) -> None:
             f"cutting coefficients of {d['tests']} tests, mean forces {d['noise_N']:.2g} N off",
             ("", "value", "+- (1 sigma)"),
             [(k, f"{v:.4g}", f"{d['deviations'][k]:.2g}") for k, v in d["coefficients"].items()],
+            provenance=origin,
         )
         return
     if "rows" in d:
         emit_facts(
-            "mean force along the path (simulated)",
+            "mean force along the path",
             [("rows", str(d["rows"])), ("largest", f"{d['largest_N']:.1f} N")],
+            origin,
         )
         return
-    for title, one in (("simulated", d), ("measured", d.get("measured"))):
+    sides = (("milling model", d, origin), ("measured", d.get("measured"), None))
+    for title, one, of_it in sides:
         if one is None:
             continue
         emit_facts(
@@ -253,4 +258,5 @@ def _show(d: dict[str, Any]) -> None:
                     for line in one["lines"]
                 ),
             ],
+            of_it,
         )  # fmt: skip

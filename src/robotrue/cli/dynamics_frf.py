@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from robotrue.cli.console import count, emit_facts, emit_json, emit_table, say
+from robotrue.cli.console import count, emit_facts, emit_json, emit_table, say, say_mark
 from robotrue.cli.dynamics_predict import parse_static
 from robotrue.cli.inputs import check_output
 from robotrue.core.archive import write_archive
@@ -70,9 +70,10 @@ def run(
     remarks = (*(_left_out(t) for t in tests if t.left_out), *response_remarks(frf), *remarks)
     for remark in remarks:
         say(f"note: {remark}")
+    say_mark(frf.provenance)
     document = _document(frf, fitted, tests) | {"notes": list(remarks)}
     if as_json:
-        emit_json(document)
+        emit_json(document, frf.provenance)
     else:
         _show(frf, fitted, document)
 
@@ -169,7 +170,7 @@ def _show(frf: FrequencyResponse, fitted: ModalModel | None, d: dict[str, Any]) 
         (f"{pair} against {pair[::-1]}", f"{100.0 * value:.2g} %")
         for pair, value in d["reciprocity"].items()
     ]
-    emit_facts("frequency response of the tool", facts)
+    emit_facts("frequency response of the tool", facts, frf.provenance)
     if fitted is None:
         return
     rows = [
@@ -184,6 +185,7 @@ def _show(frf: FrequencyResponse, fitted: ModalModel | None, d: dict[str, Any]) 
         f"modes, {100.0 * d['modes']['rebuild_error']:.2g} % off the lines",
         ("Hz", "damping %", *(f"{a}{a} um/N" for a in frf.response_axes)),
         rows,
+        provenance=frf.provenance,
     )
 
 

@@ -7,10 +7,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from robotrue.cli.console import emit_facts, emit_json, say
+from robotrue.cli.console import emit_facts, emit_json, say, say_mark
 from robotrue.cli.inputs import check_output
 from robotrue.core.arrays import Array
 from robotrue.core.files import write_atomic
+from robotrue.core.provenance import Provenance, mark_line, merge
 from robotrue.core.units import UM
 from robotrue.dynamics.formats.columns import table_bytes
 from robotrue.dynamics.formats.registry import read_force, read_frf
@@ -48,7 +49,10 @@ def run(
         from robotrue.report.dynamics_figure import prediction_figure
 
         write_atomic(report, prediction_figure(curve, found, report.suffix))
-    write_atomic(output, table_bytes(*prediction_columns(found)))
+    origin = merge([frf.provenance, record.provenance])
+    say_mark(origin)
+    table = table_bytes(*prediction_columns(found))
+    write_atomic(output, mark_line(origin).encode() + table)
     remarks = (*odd, *found.remarks)
     for remark in remarks:
         say(f"note: {remark}")
@@ -56,9 +60,9 @@ def run(
         say(f"NOT VALID: {reason}")
     document = _document(curve, found, output) | {"notes": list(remarks)}
     if as_json:
-        emit_json(document)
+        emit_json(document, origin)
     else:
-        _show(document)
+        _show(document, origin)
 
 
 def curve_of(frf: FrequencyResponse, between: str) -> ResponseCurve:
@@ -145,7 +149,7 @@ def _over(values: Array, how: str) -> Array:
     return np.asarray(np.abs(values).max(axis=0))
 
 
-def _show(d: dict[str, Any]) -> None:
+def _show(d: dict[str, Any], origin: Provenance) -> None:
     def axes(values: Array) -> str:
         cells = zip(AXES, values, strict=True)
         return ", ".join(f"{a} {v:.3g}" if np.isfinite(v) else f"{a} -" for a, v in cells)
@@ -171,4 +175,5 @@ def _show(d: dict[str, Any]) -> None:
             ),
             ("written", d["output_csv"]),
         ],
+        origin,
     )

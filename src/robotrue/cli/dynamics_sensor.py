@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
-from robotrue.cli.console import emit_facts, emit_json, say
+from robotrue.cli.console import emit_facts, emit_json, say, say_mark
 from robotrue.cli.inputs import check_output
 from robotrue.core.archive import write_archive
 from robotrue.core.arrays import Array
+from robotrue.core.provenance import read_provenance
 from robotrue.core.units import MM
 from robotrue.dynamics.flange_sensor import held_tool_remarks, identify_held_tool
 from robotrue.dynamics.formats.sensor_csv import read_sensor_csv
@@ -18,7 +20,9 @@ def run(poses: Path, output: Path | None, *, as_json: bool) -> None:
     if output is not None:
         check_output(output, [poses])
     R_base_sensor, readings = read_sensor_csv(poses)
-    tool = identify_held_tool(R_base_sensor, readings)
+    origin = read_provenance(poses)
+    tool = replace(identify_held_tool(R_base_sensor, readings), provenance=origin)
+    say_mark(origin)
     remarks = held_tool_remarks(tool)
     for remark in remarks:
         say(f"note: {remark}")
@@ -41,7 +45,8 @@ def run(poses: Path, output: Path | None, *, as_json: bool) -> None:
                 "force_noise_N": tool.force_noise,
                 "moment_noise_Nm": tool.moment_noise,
                 "notes": list(remarks),
-            }
+            },
+            origin,
         )
         return
 
@@ -58,4 +63,5 @@ def run(poses: Path, output: Path | None, *, as_json: bool) -> None:
             ("noise", f"{tool.force_noise:.2g} N, {tool.moment_noise:.2g} N m"),
             ("condition of the poses", f"{tool.condition:.2f}"),
         ],
+        origin,
     )

@@ -19,6 +19,7 @@ import numpy as np
 from robotrue.cli.console import emit_facts, emit_json, say
 from robotrue.cli.inputs import check_output
 from robotrue.core.files import write_atomic
+from robotrue.core.provenance import Provenance
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
 from robotrue.dynamics.formats.sensor_csv import sensor_csv
@@ -45,6 +46,7 @@ from robotrue.simulation.rtde_controller import RtdeController, RtdeControllerSe
 from robotrue.simulation.wire_faults import FAULTS as UDP_FAULTS
 
 _RSI_PORT: Final = 49152
+SENSOR: Final = Provenance(simulated=True, instrument="force sensor")
 _WRIST: Final = matrix_from_abc(
     np.array([[0, 0, 0], [0, 0, 180], [0, 0, 90], [0, 0, -90], [0, 90, 0], [0, -90, 0]]) * DEG
 )
@@ -222,7 +224,7 @@ def run_rdt(
     scenario = online_scenario(seed, robot)
     if poses is not None:
         check_output(poses, [])
-        write_atomic(poses, sensor_csv(_WRIST, scenario.at_rest(_WRIST, seed)))
+        write_atomic(poses, sensor_csv(_WRIST, scenario.at_rest(_WRIST, seed), SENSOR))
         say(f"six simulated readings at rest written to {poses}: robotrue dynamics sensor {poses}")
 
     async def serve(stop: asyncio.Event) -> Any:

@@ -11,8 +11,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any, Final
 
+from robotrue.core.files import read_bytes, sha256
 from robotrue.errors import ArchiveError
 
 MARK: Final = "SIMULATED"
@@ -20,6 +22,9 @@ MOST_FILES: Final = 64
 """Files named in one provenance; those beyond are counted."""
 _LONGEST: Final = 200
 """Characters of an instrument's name that a provenance keeps."""
+_HEAD: Final = 1 << 16
+"""Bytes of a file in which its mark is looked for."""
+_COMMENT: Final = re.compile(rb"^#[^\r\n]*", re.MULTILINE)
 _LINE: Final = re.compile(rf"#\s*robotrue {MARK}(?::([^,;\t]*))?[,;\t\s]*", re.IGNORECASE)
 
 
@@ -159,3 +164,15 @@ def file_provenance(name: str, sha256: str, stated: Provenance = MEASURED) -> Pr
         stated: What the file states of itself.
     """
     return merge([stated, Provenance(files=(SourceFile(name=name, sha256=sha256),))])
+
+
+def read_provenance(path: str | Path) -> Provenance:
+    """Returns the provenance of a file: its name, its hash, and the mark among its first lines.
+
+    Raises:
+        FormatError: The file cannot be read.
+    """
+    data = read_bytes(path)
+    head = _COMMENT.findall(data[:_HEAD])
+    stated = provenance_of_lines(line.decode("utf-8", errors="replace") for line in head)
+    return file_provenance(Path(path).name, sha256(data), stated)

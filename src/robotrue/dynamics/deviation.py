@@ -23,6 +23,7 @@ from robotrue.calibration.archive import robot_arrays, robot_document, robot_fro
 from robotrue.calibration.learners.marginal import Solved
 from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.core.provenance import provenance_from
 from robotrue.core.units import UM
 from robotrue.dynamics.deviation_kernel import (
     NAMES,
@@ -194,6 +195,7 @@ class DeviationModel:
             "settings": asdict(self.settings),
             "passes": list(w.passes),
             "source": w.source,
+            "provenance": w.provenance.to_document(),
         }
         arrays = {
             **robot_arrays(self.arm.robot),
@@ -285,6 +287,9 @@ def deviation_from_archive(archive: Archive) -> DeviationModel:
             passes=tuple(archive.document["passes"]),
             source=str(archive.document["source"]),
             measured=archive.array("measured", finite=False),
+            provenance=provenance_from(
+                archive.document.get("provenance"), before=[archive.document["source"]]
+            ),
             **{name: archive.array(name) for name in fields},
         ),
         theta=archive.array("theta"),

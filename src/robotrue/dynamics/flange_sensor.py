@@ -20,6 +20,7 @@ import numpy as np
 
 from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array, frozen
+from robotrue.core.provenance import MEASURED, Provenance, provenance_from
 from robotrue.core.rotations import skew
 from robotrue.core.units import MM, STANDARD_GRAVITY
 from robotrue.errors import ArchiveError, ImplausibleDataError, ObservabilityError, ShapeError
@@ -54,6 +55,7 @@ class HeldTool:
         condition: Of the poses; 1 is best.
         force_noise: N, standard deviation of a reading about the model.
         moment_noise: N m, likewise.
+        provenance: Of the readings.
     """
 
     mass: float
@@ -67,6 +69,7 @@ class HeldTool:
     condition: float
     force_noise: float
     moment_noise: float
+    provenance: Provenance = MEASURED
 
     def __post_init__(self) -> None:
         """Freezes."""
@@ -81,9 +84,8 @@ class HeldTool:
         """
         numbers = {name: getattr(self, name) for name in _NUMBERS}
         arrays = {name: getattr(self, name) for name in _VECTORS}
-        return Archive(
-            kind=KIND, schema=SCHEMA, document={"source": source, **numbers}, arrays=arrays
-        )
+        origin = {"source": source, "provenance": self.provenance.to_document()}
+        return Archive(kind=KIND, schema=SCHEMA, document={**origin, **numbers}, arrays=arrays)
 
 
 @archive_reader
@@ -98,7 +100,8 @@ def held_tool_from_archive(archive: Archive) -> HeldTool:
     if not all(0.0 <= value < np.inf for value in values.values()) or values["mass"] > _HEAVIEST:
         raise ArchiveError(f"a held tool with {values}.")
     values |= {name: archive.array(name) for name in _VECTORS}
-    return HeldTool(**values)
+    origin = provenance_from(archive.document.get("provenance"))
+    return HeldTool(**values, provenance=origin)
 
 
 def identify_held_tool(R_base_sensor: Array, readings: Array) -> HeldTool:

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array, frozen
+from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.dynamics.frf import AXES
 from robotrue.errors import ImplausibleDataError, ShapeError
 
@@ -33,12 +34,14 @@ class ForceRecord:
         force: (n, 3) N along x, y, z, what acts **on the tool**, in the axes of the frequency
             response it is to meet.
         source: File or model it came from.
+        provenance: Simulated or measured, and the file.
     """
 
     start: float
     rate: float
     force: Array
     source: str
+    provenance: Provenance = MEASURED
 
     def __post_init__(self) -> None:
         """Freezes and checks."""

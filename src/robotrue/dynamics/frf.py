@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robotrue.core.arrays import Array, BoolArray, frozen
+from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.errors import ConfigurationError, ImplausibleDataError, ShapeError
 
 ComplexArray: TypeAlias = npt.NDArray[np.complex128]
@@ -42,6 +43,7 @@ class FrequencyResponse:
             know nothing of the static deflection.
         static: (r, e) m/N of a static load test, NaN for pairs it left out; or None.
         source: File or test it came from.
+        provenance: Simulated or measured, and the files.
     """
 
     frequency: Array
@@ -54,6 +56,7 @@ class FrequencyResponse:
     measured_as: str
     static: Array | None
     source: str
+    provenance: Provenance = MEASURED
 
     def __post_init__(self) -> None:
         """Freezes and checks shapes, order and band."""

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array
+from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.dynamics.checks import BLIND_BELOW, check_response, diverges_below
 from robotrue.dynamics.frf import AXES, ComplexArray, FrequencyResponse, in_form
 from robotrue.errors import FormatError, ImplausibleDataError
@@ -33,7 +34,12 @@ class Pairs:
 
 
 def assembled(
-    frequency: Array, pairs: Pairs, *, source: str, valid: tuple[float, float] | None = None
+    frequency: Array,
+    pairs: Pairs,
+    *,
+    source: str,
+    provenance: Provenance = MEASURED,
+    valid: tuple[float, float] | None = None,
 ) -> FrequencyResponse:
     """Returns one response of all curves, as receptance, checked.
 
@@ -45,6 +51,7 @@ def assembled(
         frequency: (m,) Hz.
         pairs: The curves.
         source: Of messages.
+        provenance: Simulated or measured, and the files.
         valid: Hz, band to trust, where somebody knows it.
 
     Raises:
@@ -93,6 +100,7 @@ def assembled(
         measured_as=pairs.form,
         static=static,
         source=source,
+        provenance=provenance,
     )
     check_response(found)
     return found

@@ -18,6 +18,7 @@ import numpy as np
 import scipy.fft
 
 from robotrue.core.arrays import Array
+from robotrue.core.provenance import merge
 from robotrue.dynamics.checks import BLIND_BELOW, coherent_band
 from robotrue.dynamics.frf import FORMS, ComplexArray, FrequencyResponse
 from robotrue.dynamics.frf_build import Pairs, assembled
@@ -181,7 +182,13 @@ def combined(results: Sequence[HammerResult]) -> FrequencyResponse:
         )
     pairs = Pairs(form=first.record.form, response=response, coherence=coherence)
     names = ", ".join(r.record.source for r in results)
-    return assembled(first.frequency[1:], _without_rest(pairs), source=names, valid=valid)
+    return assembled(
+        first.frequency[1:],
+        _without_rest(pairs),
+        source=names,
+        provenance=merge(r.record.provenance for r in results),
+        valid=valid,
+    )
 
 
 def without_window(model: ModalModel, added_damping: float) -> ModalModel:

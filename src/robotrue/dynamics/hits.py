@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array, frozen
+from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.errors import ImplausibleDataError, ShapeError
 
 _TRIGGER: Final = 0.1
@@ -29,6 +30,7 @@ class HammerRecord:
         form: ``accelerance`` for an accelerometer, ``mobility`` for a velocity,
             ``receptance`` for a displacement.
         source: File.
+        provenance: Simulated or measured, and the file.
     """
 
     rate: float
@@ -38,6 +40,7 @@ class HammerRecord:
     response_axes: tuple[str, ...]
     form: str
     source: str
+    provenance: Provenance = MEASURED
 
     def __post_init__(self) -> None:
         """Freezes and checks."""

@@ -16,10 +16,13 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array
+from robotrue.core.provenance import Provenance
 from robotrue.dynamics.cutter import Cut, Cutter, CuttingCoefficients, engagement
 from robotrue.dynamics.force import ForceRecord
 from robotrue.errors import ConfigurationError
 
+CALCULATED: Final = Provenance(simulated=True, instrument="milling model")
+"""Of forces that nobody measured."""
 _SLICE_LAG: Final = float(np.deg2rad(1.0))
 _FEWEST: Final = {"flat": 4, "ball": 24}
 _TURN: Final = 2.0 * np.pi
@@ -99,7 +102,13 @@ def force_over_time(
         raise ConfigurationError(f"{duration:g} s at {rate:g} samples/s hold no record.")
     angle = np.asarray(_TURN * cut.spindle * np.arange(count) / rate, dtype=np.float64)
     force = milling_force(cutter, cut, coefficients, angle)
-    return ForceRecord(start=0.0, rate=rate, force=force, source="milling model (simulated)")
+    return ForceRecord(
+        start=0.0,
+        rate=rate,
+        force=force,
+        source="milling model (simulated)",
+        provenance=CALCULATED,
+    )
 
 
 def mean_force(cutter: Cutter, cut: Cut, coefficients: CuttingCoefficients) -> Array:

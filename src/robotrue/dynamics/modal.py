@@ -18,6 +18,7 @@ import numpy as np
 
 from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array, frozen
+from robotrue.core.provenance import MEASURED, Provenance, provenance_from
 from robotrue.dynamics.frf import AXES, ComplexArray
 from robotrue.errors import ArchiveError, ConfigurationError, ShapeError
 
@@ -41,6 +42,7 @@ class ModalModel:
         excitation_axes: e of x, y, z.
         valid: Hz, band of the response it was fitted to.
         source: File or model it came from.
+        provenance: Of the response.
     """
 
     poles: ComplexArray
@@ -52,6 +54,7 @@ class ModalModel:
     excitation_axes: tuple[str, ...]
     valid: tuple[float, float]
     source: str
+    provenance: Provenance = MEASURED
 
     def __post_init__(self) -> None:
         """Freezes and checks."""
@@ -138,6 +141,7 @@ class ModalModel:
             "excitation_axes": list(self.excitation_axes),
             "valid_hz": list(self.valid),
             "source": self.source,
+            "provenance": self.provenance.to_document(),
         }
         return Archive(kind=KIND, schema=SCHEMA, document=document, arrays=arrays)
 
@@ -164,6 +168,7 @@ def modal_model_from_archive(archive: Archive) -> ModalModel:
         excitation_axes=tuple(document["excitation_axes"]),
         valid=(low, high),
         source=str(document["source"]),
+        provenance=provenance_from(document.get("provenance"), before=[document["source"]]),
     )
 
 

@@ -277,4 +277,5 @@ def _model(frf: FrequencyResponse, poles: ComplexArray, found: Residues) -> Moda
         excitation_axes=frf.excitation_axes,
         valid=frf.valid,
         source=frf.source,
+        provenance=frf.provenance,
     )

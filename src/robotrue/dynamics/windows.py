@@ -8,12 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
+from robotrue.core.provenance import MEASURED, Provenance, merge
 from robotrue.errors import ShapeError
+
+_OF_THE_SET: Final = ("passes", "source", "provenance")
+"""Fields that are no array with a row for each window."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,6 +34,7 @@ class WindowSet:
         predicted: (n,) m, error by frequency response and force (eq. 1 of the paper).
         measured: (n,) m; NaN where nobody measured.
         source: File or experiment.
+        provenance: Simulated or measured, and the files.
     """
 
     passes: tuple[str, ...]
@@ -40,6 +45,7 @@ class WindowSet:
     predicted: Array
     measured: Array
     source: str = ""
+    provenance: Provenance = MEASURED
 
     def __post_init__(self) -> None:
         """Freezes and checks shapes."""
@@ -76,7 +82,7 @@ class WindowSet:
         rows = np.arange(len(self))[which]
         chosen: dict[str, Any] = {"passes": tuple(self.passes[i] for i in rows)}
         for field in fields(self):
-            if field.name not in ("passes", "source"):
+            if field.name not in _OF_THE_SET:
                 chosen[field.name] = getattr(self, field.name)[rows]
         return replace(self, **chosen)
 
@@ -92,10 +98,13 @@ def concatenated(parts: Sequence[WindowSet]) -> WindowSet:
     values = {
         field.name: np.concatenate([getattr(p, field.name) for p in parts])
         for field in fields(WindowSet)
-        if field.name not in ("passes", "source")
+        if field.name not in _OF_THE_SET
     }
     return WindowSet(
-        passes=tuple(name for p in parts for name in p.passes), source=parts[0].source, **values
+        passes=tuple(name for p in parts for name in p.passes),
+        source=parts[0].source,
+        provenance=merge(p.provenance for p in parts),
+        **values,
     )
 
 

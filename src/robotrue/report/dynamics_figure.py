@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from robotrue.core.arrays import Array
+from robotrue.core.provenance import marked, merge, simulation_mark
 from robotrue.core.units import UM
 from robotrue.dynamics.frf import AXES, FrequencyResponse
 from robotrue.dynamics.interpolation import ResponseCurve
@@ -40,7 +41,8 @@ def response_figure(
     axes = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
     _response(frf, axes[0], axes[1], None if rows == 2 else axes[2], curve)
     axes[-1].set_xlabel("frequency, Hz")
-    figure.suptitle(f"Receptance of the tool ({frf.source.rsplit('/', 1)[-1]})", x=0.01, ha="left")
+    title = f"Receptance of the tool ({frf.source.rsplit('/', 1)[-1]})"
+    figure.suptitle(marked(title, frf.provenance), x=0.01, ha="left")
     return _picture(figure, suffix)
 
 
@@ -51,6 +53,9 @@ def prediction_figure(curve: ResponseCurve, found: Prediction, suffix: str) -> b
         ConfigurationError: Another suffix than ``.png``, ``.svg`` or ``.pdf``.
     """
     figure = Figure(figsize=(9.0, 9.5), layout="constrained")
+    mark = simulation_mark(merge([curve.frf.provenance, found.record.provenance]))
+    if mark:
+        figure.suptitle(mark, x=0.01, ha="left")
     top, middle, bottom, begin = figure.subplots(4, 1)
     _response(curve.frf, top, None, None, curve)
     top.set_xlabel("frequency, Hz")

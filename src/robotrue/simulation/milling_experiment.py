@@ -21,6 +21,7 @@ import numpy as np
 import scipy.fft
 
 from robotrue.core.arrays import Array, IntArray
+from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, UM
 from robotrue.dynamics.frf import ComplexArray
 from robotrue.dynamics.oscillators import joined
@@ -154,6 +155,7 @@ def _pass(
         predicted=table[:, 4],
         measured=table[:, 5],
         source=f"virtual milling experiment, seed {seed} (simulated)",
+        provenance=Provenance(simulated=True, instrument="virtual milling experiment"),
     )
     return windows, static, middle
 

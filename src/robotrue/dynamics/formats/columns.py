@@ -12,6 +12,7 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.csv_text import as_written, csv_text
 from robotrue.core.files import read_bytes, sha256
+from robotrue.core.provenance import Provenance, read_provenance
 from robotrue.core.utf8 import utf8_text
 from robotrue.errors import FormatError
 
@@ -27,6 +28,7 @@ class Columns:
         values: (n, k) in the units of the names.
         first_line: Line of the first row; the rows follow without a gap.
         header_line: Line of the names.
+        provenance: The file, and whether a comment line in it says that it was simulated.
     """
 
     source: str
@@ -35,6 +37,7 @@ class Columns:
     values: Array
     first_line: int
     header_line: int
+    provenance: Provenance
 
     def column(self, name: str) -> Array:
         """Returns (n,) of a column that is there."""
@@ -90,6 +93,7 @@ def read_columns(path: str | Path) -> Columns:
         values=values,
         first_line=head + 1,
         header_line=head,
+        provenance=read_provenance(path),
     )
 
 

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.files import write_atomic
+from robotrue.core.provenance import mark_line
 from robotrue.dynamics.clock import even_rate
 from robotrue.dynamics.force import ForceRecord, check_force
 from robotrue.dynamics.formats.columns import read_columns, table_bytes
@@ -50,7 +51,9 @@ def read_force_csv(path: str | Path) -> tuple[ForceRecord, tuple[str, ...]]:
             )
     start, rate = even_rate(table.column("t_s"), path, table.line)
     force = np.column_stack([table.column(name) for name in COLUMNS[1:]])
-    record = ForceRecord(start=start, rate=rate, force=force, source=str(path))
+    record = ForceRecord(
+        start=start, rate=rate, force=force, source=str(path), provenance=table.provenance
+    )
     return record, check_force(record, table.line)
 
 
@@ -60,4 +63,5 @@ def write_force_csv(path: str | Path, record: ForceRecord) -> None:
     Raises:
         FormatError: The file cannot be written.
     """
-    write_atomic(path, table_bytes(list(COLUMNS), np.column_stack([record.time, record.force])))
+    table = table_bytes(list(COLUMNS), np.column_stack([record.time, record.force]))
+    write_atomic(path, mark_line(record.provenance).encode() + table)

@@ -16,6 +16,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.files import read_bytes
+from robotrue.core.provenance import read_provenance
 from robotrue.dynamics.clock import even_rate
 from robotrue.dynamics.force import ForceRecord, check_force
 from robotrue.errors import FormatError, ImplausibleDataError, MissingExtraError
@@ -57,7 +58,11 @@ def read_force_tdms(path: str | Path) -> tuple[ForceRecord, tuple[str, ...]]:
         )
     start, step = clocks["x"]
     record = ForceRecord(
-        start=start, rate=1.0 / step, force=np.column_stack(columns), source=str(path)
+        start=start,
+        rate=1.0 / step,
+        force=np.column_stack(columns),
+        source=str(path),
+        provenance=read_provenance(path),
     )
     return record, check_force(record)
 

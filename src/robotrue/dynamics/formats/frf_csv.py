@@ -16,6 +16,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.files import write_atomic
+from robotrue.core.provenance import mark_line
 from robotrue.core.units import MM, UM
 from robotrue.dynamics.formats.columns import Columns, read_columns, table_bytes
 from robotrue.dynamics.frf import AXES, ComplexArray, FrequencyResponse
@@ -69,7 +70,10 @@ def read_frf_csv(path: str | Path) -> FrequencyResponse:
         for pair, (re_, im) in parts.items()
     }
     return assembled(
-        frequency, Pairs(form=form, response=pairs, coherence=coherence), source=str(path)
+        frequency,
+        Pairs(form=form, response=pairs, coherence=coherence),
+        source=str(path),
+        provenance=table.provenance,
     )
 
 
@@ -96,7 +100,7 @@ def write_frf_csv(path: str | Path, frf: FrequencyResponse) -> None:
     table = np.column_stack(columns)
     if frf.frequency[0] > 0.0 and np.isfinite(at_rest).all():
         table = np.vstack([at_rest, table])
-    write_atomic(path, table_bytes(names, table))
+    write_atomic(path, mark_line(frf.provenance).encode() + table_bytes(names, table))
 
 
 def _sorted(

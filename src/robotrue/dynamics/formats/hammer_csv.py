@@ -78,4 +78,5 @@ def read_hammer_csv(path: str | Path) -> HammerRecord:
         response_axes=axes,
         form=form,
         source=str(path),
+        provenance=table.provenance,
     )

@@ -16,6 +16,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.files import read_bytes
+from robotrue.core.provenance import read_provenance
 from robotrue.dynamics.clock import even_rate
 from robotrue.dynamics.force import ForceRecord, check_force
 from robotrue.dynamics.formats.frf_csv import UNITS
@@ -73,7 +74,7 @@ def read_frf_mat(path: str | Path) -> FrequencyResponse:
             hint="save f_Hz and Gxx_m_per_N.",
         )
     pairs = Pairs(form=UNITS[units.pop()][0], response=response, coherence=coherence)
-    return assembled(frequency, pairs, source=str(path))
+    return assembled(frequency, pairs, source=str(path), provenance=read_provenance(path))
 
 
 def read_force_mat(path: str | Path) -> tuple[ForceRecord, tuple[str, ...]]:
@@ -90,7 +91,13 @@ def read_force_mat(path: str | Path) -> tuple[ForceRecord, tuple[str, ...]]:
         start, rate = 0.0, float(_vector(found, "rate_Hz", path, 1)[0])
     else:
         start, rate = even_rate(_vector(found, "t_s", path, len(force)), path)
-    record = ForceRecord(start=start, rate=rate, force=np.column_stack(columns), source=str(path))
+    record = ForceRecord(
+        start=start,
+        rate=rate,
+        force=np.column_stack(columns),
+        source=str(path),
+        provenance=read_provenance(path),
+    )
     return record, check_force(record)
 
 

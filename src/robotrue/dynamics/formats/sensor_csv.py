@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array
+from robotrue.core.provenance import MEASURED, Provenance, mark_line
 from robotrue.core.rotations import abc_from_matrix, matrix_from_abc
 from robotrue.core.units import DEG
 from robotrue.dynamics.formats.columns import read_columns
@@ -51,10 +52,10 @@ def read_sensor_csv(path: str | Path) -> tuple[Array, Array]:
     return matrix_from_abc(angles), readings
 
 
-def sensor_csv(R_base_sensor: Array, readings: Array) -> bytes:
-    """Returns the file of rotations (n, 3, 3) and readings (n, 6) N, N m."""
+def sensor_csv(R_base_sensor: Array, readings: Array, provenance: Provenance = MEASURED) -> bytes:
+    """Returns the file of rotations (n, 3, 3) and readings (n, 6) N, N m, with its mark."""
     angles = abc_from_matrix(R_base_sensor)[:, ::-1] / DEG
     rows = np.concatenate([angles, readings], axis=1)
-    lines = [",".join((*ATTITUDE, *WRENCH))]
+    lines = [mark_line(provenance) + ",".join((*ATTITUDE, *WRENCH))]
     lines += [",".join(f"{v:.6f}" for v in row) for row in rows.tolist()]
     return ("\n".join(lines) + "\n").encode()

@@ -17,6 +17,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.files import read_bytes, write_atomic
+from robotrue.core.provenance import mark_line, merge, provenance_of_lines, read_provenance
 from robotrue.core.units import MM, STANDARD_GRAVITY, UM
 from robotrue.dynamics.frf import AXES, ComplexArray, FrequencyResponse
 from robotrue.dynamics.frf_build import Pairs, assembled
@@ -32,6 +33,8 @@ _MOTION_UNITS: Final = {
     "accelerance": {"m/s2": 1.0, "m/s^2": 1.0, "m/s²": 1.0, "mm/s2": MM, "mm/s^2": MM}
     | dict.fromkeys(("g", "gn"), STANDARD_GRAVITY),
 }
+_ID: Final = 80
+"""Characters of an identification line."""
 _FORCE_UNITS: Final = {"n": 1.0, "kn": 1e3, "mn": 1e-3}
 _LABELS: Final = {"receptance": "m", "mobility": "m/s", "accelerance": "m/s^2"}
 
@@ -93,7 +96,9 @@ def read_uff(path: str | Path) -> FrequencyResponse:
         raise FormatError(f"curves of {' and '.join(sorted(forms))}.", source=path)
     coherence = {pair: values for pair, values in coherence.items() if pair in response}
     pairs = Pairs(form=forms.pop(), response=response, coherence=coherence)
-    return assembled(frequency, pairs, source=str(path))
+    stated = provenance_of_lines(f"# {one.get('id5', '')}" for one in sets)
+    origin = merge([read_provenance(path), stated])
+    return assembled(frequency, pairs, source=str(path), provenance=origin)
 
 
 def write_uff(path: str | Path, frf: FrequencyResponse) -> None:
@@ -137,6 +142,7 @@ def _set(
         "ref_node": 1,
         "ref_dir": AXES.index(pair[1]) + 1,
         "id1": f"{'FRF' if kind == _RESPONSE else 'coherence'} {pair}",
+        "id5": mark_line(frf.provenance).strip("# \n")[:_ID] or "NONE",
         "ord_data_type": 6 if kind == _RESPONSE else 4,
         "num_pts": len(frf.frequency),
         "abscissa_spacing": int(even),

@@ -16,6 +16,7 @@ import numpy as np
 
 from robotrue.core.csv_text import as_written, csv_text
 from robotrue.core.files import read_bytes
+from robotrue.core.provenance import mark_line, read_provenance
 from robotrue.core.units import DEG, UM
 from robotrue.core.utf8 import utf8_text
 from robotrue.dynamics.windows import WindowSet
@@ -86,6 +87,7 @@ def read_windows(path: str | Path) -> WindowSet:
         predicted=values[:, n + 5] * UM,
         measured=values[:, n + 6] * UM,
         source=str(path),
+        provenance=read_provenance(path),
     )
 
 
@@ -103,7 +105,7 @@ def windows_bytes(windows: WindowSet) -> bytes:
             windows.measured[k] / UM,
         ]
         rows.append([name, *("" if math.isnan(v) else f"{v:.12g}" for v in numbers)])
-    return csv_text(rows).encode()
+    return (mark_line(windows.provenance) + csv_text(rows)).encode()
 
 
 def _number(cell: str, name: str, path: str | Path, line: int) -> float:
