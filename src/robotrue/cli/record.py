@@ -6,12 +6,12 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from robotrue.cli.console import count, emit_facts, emit_json, say
+from robotrue.cli.console import count, emit_facts, emit_json, say, say_mark
 from robotrue.cli.inputs import check_output
 from robotrue.core.files import atomic_stream
 from robotrue.errors import ConfigurationError
 from robotrue.online.record import Record
-from robotrue.online.record_export import STREAMS, exported_lines
+from robotrue.online.record_export import STREAMS, exported_lines, stream_provenance
 from robotrue.online.record_frames import Kind
 
 
@@ -36,10 +36,14 @@ def run_export(
             out.write(data)
             rows += contained
     _say_torn(record)
+    header = record.header()
+    origin = stream_provenance(header, next(name for name in STREAMS if name == stream))
+    say_mark(origin)
     if as_json:
         emit_json(
             {"record": str(folder), "output": str(output), "stream": stream, "rows": rows}
-            | {"torn": _torn(record)}
+            | {"torn": _torn(record)},
+            origin,
         )
     else:
         say(f"{count(rows, 'row')} of {stream} in {output}")
@@ -63,6 +67,8 @@ def run_info(folder: Path, *, skip_damage: bool, as_json: bool) -> None:
     _say_torn(record)
     segments = record.segments()
     size = sum(path.stat().st_size for path in segments)
+    origin = stream_provenance(header, "estimates")
+    say_mark(origin)
     if as_json:
         emit_json(
             {
@@ -70,6 +76,8 @@ def run_info(folder: Path, *, skip_damage: bool, as_json: bool) -> None:
                 "segments": len(segments),
                 "bytes": size,
                 "started": header.started,
+                "simulated": bool(header.simulated),
+                "simulated_roles": list(header.simulated),
                 "addresses": dict(header.addresses),
                 "provenance": dict(header.provenance),
                 "settings": dict(header.settings),
@@ -86,7 +94,7 @@ def run_info(folder: Path, *, skip_damage: bool, as_json: bool) -> None:
         *((name, f"{number} rows in {frames[name]} frames") for name, number in rows.items()),
         *((name, f"{frames[name]} frames") for name in frames if name not in rows),
     ]
-    emit_facts(f"record {folder}", facts)
+    emit_facts(f"record {folder}", facts, origin)
 
 
 def _torn(record: Record) -> list[dict[str, Any]]:

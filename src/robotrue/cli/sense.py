@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
@@ -18,11 +18,12 @@ import numpy as np
 
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
-from robotrue.cli.console import emit_facts, emit_json, emit_table, say
-from robotrue.cli.sense_models import SensingFiles, sensing_of
+from robotrue.cli.console import emit_facts, emit_json, emit_table, say, say_mark
+from robotrue.cli.sense_models import SensingFiles, provenances, sensing_of
 from robotrue.cli.sense_table import HEADINGS, health_rows, live_table, summary
 from robotrue.core.arrays import Array
 from robotrue.core.files import sha256_of_file
+from robotrue.core.provenance import Provenance, merge, read_provenance, simulation_mark
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ModelMismatchError
@@ -103,22 +104,26 @@ def run_sense(options: SenseOptions, *, as_json: bool) -> None:
     sensing, remarks = sensing_of(options, rate)
     for remark in remarks:
         say(f"note: {remark}")
+    origins = _origins(options)
+    origin = merge(origins.values())
+    options = replace(options, note=_noted(options.note, origin))
+    say_mark(origin)
     warmed(sensing)
     shift = StreamShift()
     if options.clock is not None:
         shift, _ = read_clock(options.clock, live=not options.replayed)
     chain = SensingChain(sensing, shift=shift, patient=options.replayed)
     corrections = _corrections(options, cell)
-    header = _header(options, rate)
+    header = _header(options, rate, origins)
     resumed = _resumed(options, header, chain)
     writer = None if options.record is None else RecordWriter(options.record, header)
     try:
         with prompt_answers() if _answers(options) else contextlib.nullcontext():
-            shot = asyncio.run(_served(options, cell, chain, corrections, writer, resumed))
+            shot = asyncio.run(_served(options, cell, chain, corrections, writer, resumed, origin))
     finally:
         if writer is not None:
             writer.close()
-    _report(shot, options, as_json=as_json)
+    _report(shot, options, origin, as_json=as_json)
 
 
 def warmed(sensing: Sensing) -> None:
@@ -158,6 +163,7 @@ async def _served(
     corrections: Corrections | None,
     writer: RecordWriter | None,
     resumed: Resumed | None,
+    origin: Provenance,
 ) -> Snapshot:
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
@@ -165,7 +171,7 @@ async def _served(
         with contextlib.suppress(NotImplementedError):  # Windows: Ctrl-C raises instead
             loop.add_signal_handler(number, stop.set)
     latest: list[Snapshot] = []
-    plans = _sinks(options, cell, writer, resumed, lambda: _all_healths(latest))
+    plans = _sinks(options, cell, writer, resumed, lambda: _all_healths(latest), origin)
     guard = None if corrections is None else corrections.guard
     settings = SourceSettings(
         corrector=guard if isinstance(guard, CorrectionGuard | RemoteGuard) else None
@@ -215,10 +221,12 @@ def _sinks(
     writer: RecordWriter | None,
     resumed: Resumed | None,
     shown: Callable[[], tuple[Health, ...]],
+    origin: Provenance,
 ) -> list[SinkPlan]:
     settings = SinkSettings(
         cell=options.name or "cell",
         note=options.note,
+        provenance=origin,
         joints=cell.robot.dof,
         resume=options.resume,
         healths=shown,
@@ -281,7 +289,25 @@ def _resumed(options: SenseOptions, header: RecordHeader, chain: SensingChain) -
     return found
 
 
-def _header(options: SenseOptions, rate: float) -> RecordHeader:
+def _origins(options: SenseOptions) -> dict[str, Provenance]:
+    """Where models and replayed streams come from, by role; a live wire says nothing of itself."""
+    found = provenances(options)
+    for role in ("robot", "force"):
+        address = getattr(options, role)
+        if address.lower().startswith("replay://"):
+            found[role] = read_provenance(_path_of(address))
+    return found
+
+
+def _noted(note: str, origin: Provenance) -> str:
+    """The note that every sink shows, with the mark in front where it lacks it."""
+    mark = simulation_mark(origin, "simulated")
+    if not mark or mark in note.lower():
+        return note
+    return f"{mark}, {note}" if note else mark
+
+
+def _header(options: SenseOptions, rate: float, origins: Mapping[str, Provenance]) -> RecordHeader:
     provenance = {
         name: sha256_of_file(path)
         for name in _FILES
@@ -304,6 +330,7 @@ def _header(options: SenseOptions, rate: float) -> RecordHeader:
         },
         started=datetime.now(UTC).isoformat(timespec="seconds"),
         host_to_utc=time.time() - time.monotonic(),
+        simulated=tuple(role for role, origin in origins.items() if simulation_mark(origin)),
     )
 
 
@@ -431,10 +458,11 @@ def _all_healths(latest: list[Snapshot]) -> tuple[Health, ...]:
     return (*shot.sources.values(), *shot.sinks, *((shot.record,) if shot.record else ()))
 
 
-def _report(shot: Snapshot, options: SenseOptions, *, as_json: bool) -> None:
+def _report(shot: Snapshot, options: SenseOptions, origin: Provenance, *, as_json: bool) -> None:
     if as_json:
         clocks = {stream: asdict(fix) for stream, fix in shot.clocks.items()}
-        emit_json(snapshot_document(shot) | {"seconds": shot.running, "clocks": clocks})
+        document = snapshot_document(shot) | {"seconds": shot.running, "clocks": clocks}
+        emit_json(document, origin)
         return
     emit_facts(
         "sensed",
@@ -443,6 +471,7 @@ def _report(shot: Snapshot, options: SenseOptions, *, as_json: bool) -> None:
             *((f"{stream} samples", str(rows)) for stream, rows in shot.rows.items()),
             ("estimates", f"{shot.given}, {shot.invalid} invalid in this run"),
         ],
+        origin,
     )
     emit_table("health", HEADINGS, health_rows(shot))
     say(summary(shot, options.note))

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from robotrue.cli.console import emit_facts, emit_json
+from robotrue.cli.console import emit_facts, emit_json, say_mark
 from robotrue.cli.inputs import check_output
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.files import read_bytes, sha256
+from robotrue.core.provenance import merge, read_provenance
 from robotrue.errors import ImplausibleDataError
 from robotrue.online.blocks import Block
 from robotrue.online.clock_alignment import align_streams
@@ -44,10 +45,12 @@ def run(joints: Path, force: Path, output: Path, *, most: float, as_json: bool) 
         )
     found = align_streams(joint_time, angles, force_time, wrench, most=most)
     sources = {"joints": sha256(read_bytes(joints)), "force": sha256(read_bytes(force))}
+    origin = merge([read_provenance(joints), read_provenance(force)])
+    say_mark(origin)
     document = clock_document(found, host=joint_host, sources=sources)
     write_clock(output, document)
     if as_json:
-        emit_json(document)
+        emit_json(document, origin)
         return
     emit_facts(
         "clocks",
@@ -59,6 +62,7 @@ def run(joints: Path, force: Path, output: Path, *, most: float, as_json: bool) 
             ("joints moved for", f"{found.moved:.1f} s"),
             ("clock", "host" if joint_host else "recorder"),
         ],
+        origin,
     )
 
 

@@ -8,11 +8,13 @@ from typing import Final, cast
 
 import numpy as np
 
+from robotrue.calibration.lineage import provenance_of
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
 from robotrue.core.archive import read_archive
 from robotrue.core.arrays import Array
 from robotrue.core.poses import pose_from_xyz_abc
+from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM
 from robotrue.dynamics.checks import check_response, response_remarks
 from robotrue.dynamics.deviation import DeviationModel, deviation_from_archive
@@ -182,6 +184,21 @@ def _response(cell: Cell, files: SensingFiles, remarks: list[str]) -> MeasuredRe
         frame=cast(Axes, files.frf_frame),
         misfit=max(LEAST_MISFIT, misfit),
     )
+
+
+def provenances(files: SensingFiles) -> dict[str, Provenance]:
+    """Returns where the models of the estimator come from, by the option that names them."""
+    made: dict[str, Provenance] = {}
+    if files.model is not None:
+        made["model"] = provenance_of(read_model(files.model).model)
+    if files.frf is not None:
+        made["frf"] = read_frf(files.frf).provenance
+    if files.tool is not None:
+        made["tool"] = held_tool_from_archive(read_archive(files.tool)).provenance
+    if files.deviation is not None:
+        learned = deviation_from_archive(read_archive(files.deviation))
+        made["deviation"] = learned.windows.provenance
+    return made
 
 
 def _learned(files: SensingFiles, remarks: list[str]) -> LearnedPart | None:

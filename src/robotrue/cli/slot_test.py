@@ -8,11 +8,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from robotrue.cli.console import emit_facts, emit_json, emit_table, progress, say
+from robotrue.cli.console import emit_facts, emit_json, emit_table, progress, say, say_mark
 from robotrue.cli.inputs import check_output
 from robotrue.cli.slot_page import SlotPage, Tried, slot_page
 from robotrue.core.arrays import Array
 from robotrue.core.files import write_atomic
+from robotrue.core.provenance import Provenance, read_provenance
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
@@ -24,6 +25,7 @@ from robotrue.simulation.slot_test import cut_contour, cut_slots
 from robotrue.validation.datum_check import DatumCheck
 from robotrue.validation.slot_test import Frames, SlotEvaluation, SlotTest, evaluate_slots
 
+VIRTUAL: Final = Provenance(simulated=True, instrument="virtual cell")
 PAPER: Final = "paper"
 LONG: Final = "planned-90"
 """Planning its touches takes longer than all the rest; shown only when asked for."""
@@ -64,8 +66,9 @@ def run_simulated(*, seed: int, way: str, output: Path | None, as_json: bool) ->
         write_atomic(output, slot_page(page).encode())
         say(f"page: {output}")
     if as_json:
-        emit_json(_simulated_document(page))
+        emit_json(_simulated_document(page), VIRTUAL)
         return
+    say_mark(VIRTUAL)
     _tell(page)
 
 
@@ -84,8 +87,10 @@ def run_measured(
         frames=frames,
     )
     found = evaluate_slots(test)
+    origin = read_provenance(path)
+    say_mark(origin)
     if as_json:
-        emit_json({"simulated": False, "source": path.name} | _document(found, names))
+        emit_json({"source": path.name} | _document(found, names), origin)
         return
     low, high = found.interval / MM
     facts = [
@@ -100,8 +105,8 @@ def run_measured(
         facts.append(("chance that slots differ so", f"{found.uneven:.3f}"))
     if np.isfinite(found.tip):
         facts.append(("tip that alone explains it", f"{found.tip / MM:+.3f} mm across the tool"))
-    emit_facts(f"Slot test {path.name}", facts)
-    _tell_sight(found)
+    emit_facts(f"Slot test {path.name}", facts, origin)
+    _tell_sight(found, origin)
 
 
 def _tried(way: Way, session: Session, seed: int) -> Tried:
@@ -161,7 +166,6 @@ def _simulated_document(page: SlotPage) -> dict[str, Any]:
         }
 
     return {
-        "simulated": True,
         "seed": page.seed,
         "chosen": page.chosen.way.key,
         "ways": [way(t) for t in page.tried],
@@ -183,14 +187,16 @@ def _tell(page: SlotPage) -> None:
         for t in page.tried
     ]
     columns = ("way", "", "step", "sd of 4", "rms first", "rms second", "sculpture")
-    emit_table(f"SIMULATED: slots cut from two sides, cell {page.seed}, mm", columns, rows)
+    title = f"slots cut from two sides, cell {page.seed}, mm"
+    emit_table(title, columns, rows, provenance=VIRTUAL)
     emit_facts(
-        "A datum that was not used for the frame, touched again (SIMULATED)",
+        "A datum that was not used for the frame, touched again",
         [("block where it was", page.rest.reason), ("block pushed by 1 mm", page.knocked.reason)],
+        VIRTUAL,
     )
-    _tell_sight(page.chosen.slots.evaluation)
+    _tell_sight(page.chosen.slots.evaluation, VIRTUAL)
 
 
-def _tell_sight(found: SlotEvaluation) -> None:
-    emit_facts("The steps see", [("", text) for text in found.sees])
-    emit_facts("The steps do not see", [("", text) for text in found.blind])
+def _tell_sight(found: SlotEvaluation, origin: Provenance) -> None:
+    emit_facts("The steps see", [("", text) for text in found.sees], origin)
+    emit_facts("The steps do not see", [("", text) for text in found.blind], origin)

@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from robotrue.core.files import read_bytes, sha256
+from robotrue.core.files import sha256_of_file
 from robotrue.errors import ArchiveError
 
 MARK: Final = "SIMULATED"
@@ -172,7 +172,8 @@ def read_provenance(path: str | Path) -> Provenance:
     Raises:
         FormatError: The file cannot be read.
     """
-    data = read_bytes(path)
-    head = _COMMENT.findall(data[:_HEAD])
+    digest = sha256_of_file(path)
+    with Path(path).open("rb") as stream:
+        head = _COMMENT.findall(stream.read(_HEAD))
     stated = provenance_of_lines(line.decode("utf-8", errors="replace") for line in head)
-    return file_provenance(Path(path).name, sha256(data), stated)
+    return file_provenance(Path(path).name, digest, stated)

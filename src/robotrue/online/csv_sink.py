@@ -15,6 +15,7 @@ from io import FileIO
 from pathlib import Path
 from typing import Final
 
+from robotrue.core.provenance import mark_line
 from robotrue.errors import ConfigurationError, FormatError, ShapeError
 from robotrue.online.estimate_columns import doubt_words, number_columns, numbers
 from robotrue.online.estimates import EstimateBlock
@@ -81,7 +82,8 @@ class CsvSink:
         await asyncio.to_thread(self._open)
 
     def _open(self) -> None:
-        header = (",".join(self._columns) + "\n").encode()
+        mark = mark_line(self._settings.provenance)
+        header = (mark + ",".join(self._columns) + "\n").encode()
         try:
             file = FileIO(self._path, "a+")
         except OSError as cause:

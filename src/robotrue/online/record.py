@@ -45,6 +45,7 @@ class RecordHeader:
         settings: JSON values of what else the estimates depend on.
         started: UTC, ISO 8601, when the service was started that wrote the segment.
         host_to_utc: s to add to host times for UTC (seconds since 1970), at that moment.
+        simulated: Roles whose data say that they are simulated: streams, models.
     """
 
     addresses: Mapping[str, str]
@@ -52,6 +53,7 @@ class RecordHeader:
     settings: Mapping[str, Any]
     started: str
     host_to_utc: float
+    simulated: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Makes the mappings read-only."""
@@ -205,6 +207,7 @@ def header_bytes(header: RecordHeader) -> bytes:
         "settings": dict(header.settings),
         "started": header.started,
         "host_to_utc_s": header.host_to_utc,
+        "simulated": list(header.simulated),
     }
     text = json.dumps(document, sort_keys=True, allow_nan=False).encode()
     numbers = len(text).to_bytes(4, "little") + zlib.crc32(text).to_bytes(4, "little")
@@ -237,6 +240,7 @@ def _read_header(stream: BinaryIO, source: Path) -> RecordHeader | None:
         settings=document["settings"],
         started=document["started"],
         host_to_utc=document["host_to_utc_s"],
+        simulated=tuple(document.get("simulated", ())),
     )
 
 

@@ -9,13 +9,14 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
+from robotrue.core.provenance import Provenance, mark_line
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.errors import FormatError
 from robotrue.online.blocks import ForceBlock, JointBlock
 from robotrue.online.csv_sink import estimate_columns, estimate_lines
 from robotrue.online.estimates import EstimateBlock
-from robotrue.online.record import Record
+from robotrue.online.record import Record, RecordHeader
 from robotrue.online.record_frames import Kind
 from robotrue.online.replay import FORCE, JOINTS, POSE, TORQUE
 
@@ -46,6 +47,9 @@ def exported_lines(
     if not first:
         raise FormatError(f"the record has no {stream}.", source=record.path)
     every = chain(first, blocks)
+    mark = mark_line(stream_provenance(record.header(), stream)).encode()
+    if mark:
+        yield mark, 0
     if stream == "estimates":
         yield from _estimates(every, max(b.joints.shape[1] for b in first))
         return
@@ -56,6 +60,13 @@ def exported_lines(
     else:
         turned = not all(np.isnan(b.wrench[:, 3:]).all() for b in first)
         yield from _forces(every, counted, turned)
+
+
+def stream_provenance(header: RecordHeader, stream: Exported) -> Provenance:
+    """Returns whether a stream of a record is simulated; estimates are if anything is."""
+    role = {"joints": "robot", "force": "force"}.get(stream)
+    simulated = bool(header.simulated) if role is None else role in header.simulated
+    return Provenance(simulated=simulated, instrument="record of the service")
 
 
 def _joints(

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.errors import ConfigurationError
 from robotrue.online.link import Health
 
@@ -25,6 +26,7 @@ class SinkSettings:
         cell: Name of the cell, in topics, titles and object trees; a word without blanks or
             ``/ + #``.
         note: Shown wherever an estimate is shown, "simulated" for one; empty says nothing.
+        provenance: Of the streams and models: files of simulated estimates begin with a mark.
         joints: Joints of the arm.
         resume: Whether a file that stands there is gone on with (after a crash) or refused.
         healths: Asked once a second for the counters of the sources and sinks to be shown.
@@ -34,6 +36,7 @@ class SinkSettings:
 
     cell: str = "cell"
     note: str = ""
+    provenance: Provenance = MEASURED
     joints: int = 6
     resume: bool = False
     healths: Callable[[], Sequence[Health]] = _nobody
