@@ -28,6 +28,7 @@ from robotrue.store import drift_checks, models
 from robotrue.store.jobs_work import Publish, Work
 from robotrue.store.model_file import write_model
 from robotrue.store.nouns import CELL, MEASUREMENT, MODEL
+from robotrue.store.provenance import provenance_of_record
 from robotrue.store.records import Link, MeasurementRecord, ModelRecord
 from robotrue.store.workspace import Transaction
 from robotrue.validation.drift import FEWEST, LEVEL, drift_check
@@ -88,7 +89,11 @@ def drift(work: Work) -> Publish:
             verdict=found.verdict,
             detail=detail,
         )
-        return {"check": ref_document(made.ref), "verdict": found.verdict}
+        return {
+            "check": ref_document(made.ref),
+            "verdict": found.verdict,
+            "simulated": origin.simulated,
+        }
 
     return publish
 
@@ -129,6 +134,7 @@ def _new_version(
             settings={"relation": "campaign"},
             job=work.job.id,
         )
-        return {"model": ref_document(made.ref), "method": made.method}
+        simulated = provenance_of_record(made).simulated
+        return {"model": ref_document(made.ref), "method": made.method, "simulated": simulated}
 
     return publish

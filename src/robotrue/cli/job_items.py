@@ -15,6 +15,7 @@ from robotrue.cli.job_parameters import Parameters
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.store import cells, documents, measurements
 from robotrue.store.jobs_work import Publish, Work
+from robotrue.store.provenance import provenance_of_record
 from robotrue.store.records import CellRecord, Link, MeasurementRecord, Record, Ref
 from robotrue.store.workspace import Transaction
 
@@ -93,7 +94,8 @@ def leave_document(
             about=links,
             detail={**detail, "job": work.job.id},
         )
-        return {"document": ref_document(made.ref)}
+        simulated = provenance_of_record(made).simulated
+        return {"document": ref_document(made.ref), "simulated": simulated}
 
     return publish
 

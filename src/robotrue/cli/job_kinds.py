@@ -79,7 +79,12 @@ def calibrate(work: Work) -> Publish:
             reports=[page],
             job=work.job.id,
         )
-        return {"model": ref_document(made.ref), "method": made.method, "rows": len(rows)}
+        return {
+            "model": ref_document(made.ref),
+            "method": made.method,
+            "rows": len(rows),
+            "simulated": rows.provenance.simulated,
+        }
 
     return publish
 
@@ -166,7 +171,7 @@ def compensate(work: Work) -> Publish:
             job=work.job.id,
             detail=_portable(detail),
         )
-        counts = {key: detail[key] for key in ("targets", "compensated", "unchanged")}
+        counts = {key: detail[key] for key in ("targets", "compensated", "unchanged", "simulated")}
         return {"program": ref_document(after.ref), **counts}
 
     return publish

@@ -22,8 +22,8 @@ from robotrue.report.words import Lang, language
 from robotrue.store import cells, items, jobs, models, programs
 from robotrue.store.jobs_work import Publish, Work
 from robotrue.store.layout import laid_out
-from robotrue.store.measurements import provenance_of_record
 from robotrue.store.nouns import CELL, MEASUREMENT, MODEL, PROGRAM, REGISTRATION
+from robotrue.store.provenance import provenance_of_record
 from robotrue.store.records import (
     Link,
     ModelRecord,

@@ -15,6 +15,7 @@ from typing import Any, Final
 from robotrue.cli.console import count, emit_facts, emit_json, emit_table, say
 from robotrue.cli.job_kinds import KINDS
 from robotrue.cli.workspace import opened
+from robotrue.core.provenance import Provenance, simulation_mark
 from robotrue.errors import ConfigurationError
 from robotrue.store import jobs
 from robotrue.store.jobs import Job
@@ -76,7 +77,7 @@ def run_list(folder: Path, *, state: str | None, limit: int, as_json: bool) -> N
         return
     emit_table(
         f"{count(page.total, 'job')}",
-        ("id", "kind", "state", "done", "attempts", "submitted", ""),
+        ("id", "kind", "state", "done", "attempts", "submitted", "", ""),
         [
             (
                 each.id[:8],
@@ -86,6 +87,7 @@ def run_list(folder: Path, *, state: str | None, limit: int, as_json: bool) -> N
                 str(each.attempts),
                 _time(each.submitted),
                 each.text if each.error is None else str(each.error["message"]),
+                simulation_mark(_simulated(each)),
             )
             for each in page.items
         ],
@@ -110,7 +112,7 @@ def run_show(folder: Path, job: str, *, as_json: bool) -> None:
         *((f"error: {n}", str(v)) for n, v in (found.error or {}).items() if v and n != "trace"),
         *(("remark", remark) for remark in found.remarks),
     ]
-    emit_facts(f"job {found.kind}", facts)
+    emit_facts(f"job {found.kind}", facts, Provenance(simulated=_simulated(found)))
 
 
 def run_cancel(folder: Path, job: str, *, as_json: bool) -> None:
@@ -138,13 +140,18 @@ def run_worker_here(
         emit_json({"attempts": done})
 
 
+def _simulated(found: Job) -> bool:
+    """Whether the result of a job that is done says so."""
+    return bool((found.result or {}).get("simulated"))
+
+
 def document(found: Job) -> dict[str, Any]:
     """Returns a job as JSON values."""
     told = asdict(found)
     for name in ("submitted", "started", "finished"):
         at = told[name]
         told[name] = None if at is None else at.isoformat()
-    return told
+    return {"simulated": _simulated(found), **told}
 
 
 def _time(at: datetime | None) -> str:

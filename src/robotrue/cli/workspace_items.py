@@ -10,13 +10,15 @@ from pathlib import Path
 from typing import Any, Final
 
 from robotrue.cell.config import read_cell
-from robotrue.cli.console import emit_facts, emit_json, emit_table, say
+from robotrue.cli.console import emit_facts, emit_json, emit_table, say, say_mark
 from robotrue.cli.inputs import measured
 from robotrue.cli.workspace import opened
+from robotrue.core.provenance import simulation_mark
 from robotrue.errors import ConfigurationError
 from robotrue.store import cells, items, journal, measurements, models, programs
 from robotrue.store.layout import laid_out
 from robotrue.store.nouns import CELL, MEASUREMENT, MODEL, NOUNS, PROGRAM, noun_of
+from robotrue.store.provenance import provenance_of_record
 from robotrue.store.records import Query, Record
 from robotrue.store.workspace import Workspace
 
@@ -65,6 +67,7 @@ def run_add(
             made = programs.add(workspace, files, name=name, note=note)
         else:
             made = _measurements(workspace, files, cell, mapping, label, note)
+    say_mark(provenance_of_record(made))
     say(f"{noun} {made.name!r} taken in as {made.id}")
     if as_json:
         emit_json(document(noun, made))
@@ -129,7 +132,7 @@ def run_list(
     columns = SHOWN[noun]
     emit_table(
         f"{noun}: {offset + 1 if page.items else 0} to {offset + len(page.items)} of {page.total}",
-        ("id", "name", "version", "created", *columns),
+        ("id", "name", "version", "created", *columns, ""),
         [
             (
                 each.id[:8],
@@ -137,6 +140,7 @@ def run_list(
                 str(each.version),
                 _time(each.created),
                 *(_text(getattr(each, column)) for column in columns),
+                simulation_mark(provenance_of_record(each)),
             )
             for each in page.items
         ],
@@ -179,7 +183,7 @@ def run_show(
         for key, value in found.detail.items()
         if isinstance(value, str | int | float) and value != ""
     ]
-    emit_facts(f"{noun} {found.name}", facts)
+    emit_facts(f"{noun} {found.name}", facts, provenance_of_record(found))
 
 
 def run_history(folder: Path, item: str | None, *, limit: int, as_json: bool) -> None:
@@ -236,7 +240,8 @@ def document(noun: str, found: Record) -> dict[str, Any]:
     links, files = told.pop("links"), told.pop("attachments")
     told["created"] = found.created.isoformat()
     told["links"] = [{"role": each["role"], **each["to"]} for each in links]
-    return {"noun": noun, **told, "files": list(files)}
+    told = {"noun": noun, **told, "files": list(files)}
+    return {"simulated": provenance_of_record(found).simulated, **told}
 
 
 def _condition(text: str) -> tuple[str, str | int]:

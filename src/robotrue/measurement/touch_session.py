@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Final, Literal, TypeAlias
 
 from robotrue.core.csv_text import csv_text
+from robotrue.core.provenance import Provenance, mark_line
 from robotrue.errors import ConfigurationError
 
 State: TypeAlias = Literal["kept", "held", "dropped", "replaced", "skipped", "undone"]
@@ -248,4 +249,5 @@ def session_csv(session: TouchSession, readings: Sequence[TouchReading]) -> byte
         if len(session.parts) > 1:
             row.append(session.parts[feature.part])
         rows.append(row)
-    return csv_text(rows).encode()
+    origin = Provenance(simulated=session.simulated, instrument="robot at the part")
+    return (mark_line(origin) + csv_text(rows)).encode()

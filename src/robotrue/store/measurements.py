@@ -9,7 +9,6 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.calibration.lineage import data_hash
-from robotrue.core.provenance import Provenance, provenance_from
 from robotrue.errors import ImplausibleDataError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.store import items
@@ -80,13 +79,6 @@ def add(
         }
         links = () if cell is None else (Link(role="cell", to=cell),)
         return items.insert(into, MEASUREMENT, columns, links=links, attachments=attachments, id=id)
-
-
-def provenance_of_record(record: MeasurementRecord) -> Provenance:
-    """Returns where the poses of a set come from, without reading them."""
-    detail = record.detail
-    before = (*detail.get("sources", ()), *detail.get("groups", ()))
-    return provenance_from(detail.get("provenance"), before=before)
 
 
 def rows_of(workspace: Workspace, record: MeasurementRecord) -> MeasurementSet:

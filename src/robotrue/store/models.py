@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from robotrue import __version__
 from robotrue.calibration.identity import identity_of
-from robotrue.calibration.lineage import history
+from robotrue.calibration.lineage import history, provenance_of
 from robotrue.store import items
 from robotrue.store.layout import attached, laid_out
 from robotrue.store.model_file import ModelFile, read_model
@@ -71,6 +71,7 @@ def add(
                 "data_sha256": str(summary.get("data_sha256", "")),
                 "history": history(held.model),
                 "job": job,
+                "provenance": provenance_of(held.model).to_document(),
             },
             "kind": held.archive.kind,
             "method": str(summary.get("method", "")),

@@ -71,7 +71,10 @@ def add(
         columns = {
             "name": name,
             "note": note,
-            "detail": {"frames": [frame.document() for frame in part.frames]},
+            "detail": {
+                "frames": [frame.document() for frame in part.frames],
+                "provenance": part.provenance.to_document(),
+            },
             "method": part.method,
             "verdict": "GO" if good else "NO-GO",
             "frames": len(part.frames),

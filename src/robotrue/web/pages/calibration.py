@@ -31,7 +31,7 @@ from robotrue.web.parts.icons import icon
 from robotrue.web.parts.interval import interval
 from robotrue.web.parts.job import JobCard, under_way
 from robotrue.web.parts.later import later
-from robotrue.web.parts.naming import heading
+from robotrue.web.parts.naming import heading, record_mark
 from robotrue.web.parts.reports import reports
 
 METHODS: Final = ("auto", "geometric", "elastic", "ripple", "gp")
@@ -305,7 +305,7 @@ async def _others(bench: Bench) -> None:
         return
     rows = [
         (
-            f"<b>{escape(each.name)}</b>",
+            f"<b>{escape(each.name)}</b>{record_mark(say, each)}",
             escape(_method(bench, each.method)),
             f"{each.detail.get('rows', 0):,}",
             when(each.created),

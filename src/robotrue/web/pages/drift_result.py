@@ -15,7 +15,6 @@ from robotrue.web.parts.elements import (
     Tile,
     Tone,
     delete_button,
-    simulated_mark,
     table,
     tag,
     tiles,
@@ -23,6 +22,7 @@ from robotrue.web.parts.elements import (
 )
 from robotrue.web.parts.frame import html
 from robotrue.web.parts.job import JobCard, under_way
+from robotrue.web.parts.naming import record_mark
 
 TONES: Final[Mapping[str, Tone]] = {
     "keep": "good", "update": "caution", "recalibrate": "bad", "measure again": "caution",
@@ -77,7 +77,7 @@ def probability(p: float) -> str:
 def _verdict(bench: Bench, record: DriftCheckRecord) -> str:
     say = bench.say
     means = say(f"drift.means_{record.verdict.replace(' ', '_')}")
-    mark = simulated_mark(say, bool(record.detail.get("simulated")))
+    mark = record_mark(say, record)
     rule = say("drift.rule", level=f"{100 * record.detail['level']:g}")
     return (
         f"<b>{escape(verdict_word(bench, record.verdict))}</b><div><div>{escape(means)}{mark}</div>"

@@ -17,9 +17,10 @@ from robotrue.web.drill_journals import FOLDER, JournalFile, folder_of, journals
 from robotrue.web.pages.drilling_model import model_cards
 from robotrue.web.parts.drilling import DrillMonitor
 from robotrue.web.parts.drop import DropZone
-from robotrue.web.parts.elements import delete_button, link_to, table, tag, when
+from robotrue.web.parts.elements import delete_button, link_to, table, when
 from robotrue.web.parts.frame import html
 from robotrue.web.parts.job import JobCard, under_way
+from robotrue.web.parts.naming import record_mark
 
 VIEWS: Final = ("monitor", "model")
 TOLERANCE_DEG: Final = 0.1
@@ -123,7 +124,7 @@ async def _model(bench: Bench, models: tuple[DocumentRecord, ...]) -> None:
     if len(models) > 1:
         rows = [
             (
-                f"<b>{escape(e.name)}</b>",
+                f"<b>{escape(e.name)}</b>{record_mark(say, e)}",
                 escape(say(f"drilling.kind_{e.detail['kind']}")),
                 when(e.created),
             )
@@ -142,10 +143,9 @@ def _campaigns(bench: Bench, campaigns: tuple[DocumentRecord, ...]) -> str:
     rows = []
     for each in campaigns:
         d = each.detail
-        mark = tag(say("scene.simulated"), "caution") if d.get("simulated") else ""
         rows.append(
             (
-                f"<b>{escape(each.name)}</b> {mark}",
+                f"<b>{escape(each.name)}</b>{record_mark(say, each)}",
                 str(d["clamps"]),
                 f"{d['force_N'][0]:.0f} … {d['force_N'][1]:.0f}",
                 f"{d['z_mm'][0]:.0f} … {d['z_mm'][1]:.0f}",

@@ -11,9 +11,10 @@ from nicegui import ui
 from robotrue.store.records import DocumentRecord
 from robotrue.web.bench import Bench
 from robotrue.web.parts.drilling import DrillMonitor
-from robotrue.web.parts.elements import Tile, delete_button, simulated_mark, table, tag, tiles, when
+from robotrue.web.parts.elements import Tile, delete_button, table, tag, tiles, when
 from robotrue.web.parts.frame import html
 from robotrue.web.parts.icons import icon
+from robotrue.web.parts.naming import record_mark
 
 
 def model_cards(
@@ -34,7 +35,7 @@ def model_cards(
         tolerance_deg: What tilts left are judged against, unless the user says otherwise.
     """
     say, d = bench.say, record.detail
-    mark = simulated_mark(say, bool(d.get("simulated")))
+    mark = record_mark(say, record)
     html(
         f"<h2>{escape(record.name)}</h2>{mark}"
         f"<span class='note'>{when(record.created)}</span><div class='acts'>"

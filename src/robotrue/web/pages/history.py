@@ -13,6 +13,7 @@ from robotrue.web.bench import Bench, Page
 from robotrue.web.live_sources import BEGUN, OVER, alarms
 from robotrue.web.parts.elements import Tone, table, tag, undo_button, when
 from robotrue.web.parts.frame import html
+from robotrue.web.parts.naming import record_mark
 
 PER_PAGE: Final = 100
 GONE: Final = "discarded"
@@ -119,7 +120,7 @@ def _deleted(bench: Bench, gone: list[tuple[str, Record]]) -> str:
     say = bench.say
     rows = [
         (
-            f"<b>{escape(each.name)}</b>",
+            f"<b>{escape(each.name)}</b>{record_mark(say, each)}",
             escape(_word(bench, "noun", noun)),
             when(each.created),
             undo_button(say("history.undo"), noun, each.id, each.version),

@@ -31,7 +31,7 @@ from robotrue.web.parts.faults import not_found
 from robotrue.web.parts.frame import html
 from robotrue.web.parts.icons import icon
 from robotrue.web.parts.later import later
-from robotrue.web.parts.naming import heading
+from robotrue.web.parts.naming import heading, record_mark
 from robotrue.web.parts.rows import row_pages
 from robotrue.web.parts.scene import SceneView
 
@@ -77,7 +77,7 @@ async def _list(bench: Bench) -> None:
     begun = await bench.ask(items.begun, bench.house.workspace, [each.id for each in found.items])
     rows = [
         (
-            f"<b>{escape(each.name)}</b>",
+            f"<b>{escape(each.name)}</b>{record_mark(say, each)}",
             f"{each.poses:,}",
             escape(say(f"measurements.frame_{each.frame}")),
             str(len(each.detail.get("stations", ()))),

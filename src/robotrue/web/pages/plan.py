@@ -32,6 +32,7 @@ from robotrue.web.parts.frame import html
 from robotrue.web.parts.icons import icon
 from robotrue.web.parts.job import JobCard, under_way
 from robotrue.web.parts.later import later
+from robotrue.web.parts.naming import record_mark
 from robotrue.web.parts.scene import SceneView
 
 KIND: Final = "plan"
@@ -88,7 +89,7 @@ def _plans(bench: Bench, found: Sequence[DocumentRecord]) -> None:
         return
     rows = [
         (
-            f"<b>{escape(each.name)}</b>",
+            f"<b>{escape(each.name)}</b>{record_mark(say, each)}",
             str(each.detail["poses"]),
             view.error(each.detail["expected_mean_mm"][-1] * 1e-3),
             escape(str(each.detail["criterion"])),

@@ -31,7 +31,7 @@ from robotrue.web.parts.frame import html
 from robotrue.web.parts.icons import icon
 from robotrue.web.parts.job import JobCard, under_way
 from robotrue.web.parts.later import later
-from robotrue.web.parts.naming import heading
+from robotrue.web.parts.naming import heading, record_mark
 from robotrue.web.parts.reports import reports
 from robotrue.web.parts.scene import SceneView
 
@@ -79,7 +79,7 @@ async def _list(bench: Bench) -> None:
         stage = say("programs.stage_after" if after else "programs.stage_before")
         rows.append(
             (
-                f"<b>{escape(each.name)}</b>",
+                f"<b>{escape(each.name)}</b>{record_mark(say, each)}",
                 tag(stage, "good" if after else "plain"),
                 escape(each.dialect),
                 f"{each.bytes / 1e3:,.1f} kB",

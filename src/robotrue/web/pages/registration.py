@@ -27,7 +27,7 @@ from robotrue.web.parts.elements import (
 from robotrue.web.parts.faults import not_found
 from robotrue.web.parts.frame import html
 from robotrue.web.parts.icons import icon
-from robotrue.web.parts.naming import heading
+from robotrue.web.parts.naming import heading, record_mark
 from robotrue.web.parts.reports import reports
 from robotrue.web.parts.touch import TouchBegin, TouchSession
 
@@ -101,7 +101,7 @@ def _registrations(
         return
     rows = [
         (
-            f"<b>{escape(each.name)}</b>",
+            f"<b>{escape(each.name)}</b>{record_mark(say, each)}",
             _verdict(each.verdict),
             escape(_route(bench, each.method)),
             escape(_cell_name(each, cells)),
@@ -118,10 +118,9 @@ def _registrations(
 def _session(bench: Bench, record: DocumentRecord) -> None:
     if record.kind != KIND:
         raise ConfigurationError(f"document {record.name!r} is no session of touches.")
-    session = session_of(record.detail["session"])
     gone = delete_button(bench.say("frame.delete"), "document", record.id, "/registration")
     html(
-        f"{heading(bench, 'document', record)}{simulated_mark(bench.say, session.simulated)}"
+        f"{heading(bench, 'document', record)}"
         f"<span class='note'>{when(record.created)}</span><div class='acts'>{gone}</div>"
     ).classes("head")
     TouchSession(bench, record.id)
@@ -139,9 +138,10 @@ async def _registered(bench: Bench, record: RegistrationRecord) -> None:
             f"{escape(say('registration.go_on'))}</a>"
         )
     gone = delete_button(say("frame.delete"), "registration", record.id, "/registration")
+    mark = "" if record_mark(say, record) else simulated_mark(say, simulated)  # older records
     html(
         f"{heading(bench, 'registration', record)}{_verdict(record.verdict)}"
-        f"{simulated_mark(bench.say, simulated)}"
+        f"{mark}"
         f"<span class='note'>{when(record.created)}</span>"
         f"<div class='acts'>{gone}{session}{_files(bench, record)}</div>"
     ).classes("head")

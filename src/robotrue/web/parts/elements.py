@@ -8,6 +8,7 @@ from datetime import datetime
 from html import escape
 from typing import Literal, TypeAlias
 
+from robotrue.core.provenance import simulation_mark
 from robotrue.web.bench import Bench
 from robotrue.web.language import Wording
 
@@ -52,7 +53,8 @@ def tag(text: str, tone: Tone = "plain") -> str:
 
 def simulated_mark(say: Wording, simulated: bool) -> str:
     """Returns the word that stands behind whatever rests on simulated data; else nothing."""
-    return f' <span class="simulated">{escape(say("scene.simulated"))}</span>' if simulated else ""
+    word = simulation_mark(simulated, say("scene.simulated"))
+    return f' <span class="simulated">{escape(word)}</span>' if word else ""
 
 
 def table(

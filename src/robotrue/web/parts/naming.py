@@ -6,8 +6,11 @@ import json
 from html import escape
 from typing import Final
 
+from robotrue.store.provenance import provenance_of_record
 from robotrue.store.records import Record
 from robotrue.web.bench import Bench
+from robotrue.web.language import Wording
+from robotrue.web.parts.elements import simulated_mark
 from robotrue.web.parts.icons import icon
 
 TEXTS: Final = ("edit", "name", "note", "keep", "before")
@@ -22,12 +25,10 @@ def heading(bench: Bench, noun: str, record: Record, *, level: int = 1) -> str:
         record: Its latest version.
         level: Of the heading.
     """
+    mark = record_mark(bench.say, record)
     note = f'<p class="lead" style="order:9">{escape(record.note)}</p>' if record.note else ""
-    return (
-        f"<h{level}>{escape(record.name)}</h{level}>{rename_button(bench, noun, record)}{note}"
-        if not record.deleted
-        else f"<h{level}>{escape(record.name)}</h{level}>{note}"
-    )
+    pen = "" if record.deleted else rename_button(bench, noun, record)
+    return f"<h{level}>{escape(record.name)}</h{level}>{pen}{mark}{note}"
 
 
 def rename_button(bench: Bench, noun: str, record: Record) -> str:
@@ -47,3 +48,8 @@ def rename_button(bench: Bench, noun: str, record: Record) -> str:
         f'data-item="{escape(json.dumps(facts), quote=True)}" '
         f'onclick="bench.rename(JSON.parse(this.dataset.item))">{icon("pen")}</button>'
     )
+
+
+def record_mark(say: Wording, record: Record) -> str:
+    """Returns the mark of an item whose record says that it rests on simulated data."""
+    return simulated_mark(say, provenance_of_record(record).simulated)

@@ -15,6 +15,7 @@ from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.core.arrays import Array
 from robotrue.core.poses import fit_rigid, pose_from_xyz_abc
+from robotrue.core.provenance import read_provenance
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.measurement.formats.features import Features, read_features
@@ -112,7 +113,7 @@ def _session(
         ),
         reads="joints" if reads == "joints" else "position",
         settings=settings,
-        simulated=from_simulation(model) or "simulated" in path.name.lower(),
+        simulated=from_simulation(model) or read_provenance(path).simulated,
     )
 
 

@@ -75,7 +75,8 @@ def taken_in(folder: str, id: str, version: int, path: str) -> bytes:
     with Workspace.open(folder) as workspace:
         at = opened(workspace, id, version)
         at = replace(at, session=_with_file(at, Path(path)))
-        simulated = at.session.simulated or "simulated" in Path(path).name.lower()
+        file = read_points(Path(path)).touches.provenance
+        simulated = at.session.simulated or file.simulated
         session = replace(at.session, simulated=simulated)
         return _told(changed(workspace, id, version, session))
 
