@@ -26,6 +26,7 @@ from robotrue.compensation.result import Compensation
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.core.arrays import Array
 from robotrue.core.files import write_atomic
+from robotrue.core.provenance import Provenance
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM, UM
 from robotrue.measurement.formats.canonical import write_canonical
@@ -107,12 +108,14 @@ def run(*, out: Path, data: Path | None, seed: int, as_json: bool) -> None:
             from robotrue.cli.demo_data import run_demo_on_data
 
             result = run_demo_on_data(data, out, seed=seed, progress=step)
+    origin = Provenance(simulated=result.simulated, instrument="virtual cell" * result.simulated)
     if as_json:
-        emit_json(result.results)
+        emit_json(result.results, origin)
     else:
         for table in result.tables:
             columns = [f"{c.title} {c.unit}".strip() for c in table.columns]
-            emit_table(table.title, columns, [[_cell(c) for c in row] for row in table.rows])
+            rows = [[_cell(c) for c in row] for row in table.rows]
+            emit_table(table.title, columns, rows, provenance=origin)
     say(f"page: {result.page}")
     say(f"everything to run it again: {result.folder}")
 

@@ -62,9 +62,7 @@ def write_campaign_files(
     )
     write_campaign(test, held_out)
     if as_json:
-        emit_json(
-            {"simulated": True, "what": "drilling head", "files": [str(path) for path in paths]}
-        )
+        emit_json({"simulated": "drilling head", "files": [str(path) for path in paths]})
         return
     say(f"SIMULATED drilling head of seed {seed}: {', '.join(map(str, paths))}")
     say(f"robotrue drill fit {foot} {campaign} -o drill.robotrue")
