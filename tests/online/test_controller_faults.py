@@ -32,7 +32,9 @@ def _source(scheme, corrector=None):
     given = {"name": scheme, "mode": ABSOLUTE, "host": "127.0.0.1", "port": 0}
     if scheme == "rsi":
         config = usual_rsi_config("127.0.0.1", 1)
-        return RsiSource(RsiSettings(config=config, cycle_ms=4, **given), corrector)
+        return RsiSource(
+            RsiSettings(config=config, cycle_ms=4, trust_restart=True, **given), corrector
+        )
     return EgmSource(EgmSettings(generation=RobotWare.SEVEN, **given), corrector)
 
 

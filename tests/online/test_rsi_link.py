@@ -178,20 +178,29 @@ def test_a_second_sender_is_refused_and_the_first_kept():
     assert health.reconnects == 0
 
 
-def test_a_controller_that_comes_back_is_answered_with_no_correction():
-    guard = _guard(ABSOLUTE)
+@pytest.mark.parametrize(("mode", "answered"), [(ABSOLUTE, False), (RELATIVE, True)])
+def test_a_controller_that_comes_back_is_not_moved(mode, answered):
+    """Another port and another clock: it holds what it held, or nothing; no answer suits both."""
+    guard = _guard(mode)
 
     def play(robot, source):
         _led(robot, guard, 30)
         assert not guard.at_rest
         until(lambda: not source.health().connected)
         with Robot(source.address) as again:
-            answer = again.ask(rob(17))
-            assert b'X="0.000000"' in answer
-            assert "anew" in guard.why
-            again.ask(rob(21))
+            for ipoc in (17, 21):
+                again.send(rob(ipoc))
+                if answered:
+                    assert b'X="0.000000"' in again.socket.recv(65535)
+                else:
+                    assert again.quiet()
+            until(lambda: source.health().received == 32)
+            assert "may have begun anew or still hold 0." in guard.why
+            guard.rearm()
+            assert not guard.active
 
-    health, flags, _ = _session(play, guard, mode=ABSOLUTE)
+    config = DROP if mode is RELATIVE else HOLD
+    health, flags, _ = _session(play, guard, mode=mode, config=config)
     assert health.reconnects == 1
     assert flags[17] & Flag.CLOCK_JUMP
     assert not flags[21] & Flag.INVALID

@@ -90,6 +90,8 @@ def settings_of(document: Document) -> LinkSettings:
     found = dict(document)
     scheme = found.pop("scheme")
     found["mode"] = None if found["mode"] is None else CorrectionMode(found["mode"])
+    peer = found["peer"]
+    found["peer"] = None if peer is None else (str(peer[0]), int(peer[1]))
     if scheme == "rsi":
         config = parse_rsi_config(found["config"].encode())
         found["config"] = replace(config, port=found.pop("config_port"))
@@ -111,7 +113,10 @@ def guard_of(document: Document) -> tuple[CorrectionLimits, CorrectionMode]:
 def guard_state(document: Document) -> GuardState:
     """Returns the state of a guard from its fields."""
     shift, turn = (_steps(document[name]) for name in ("shift", "turn"))
-    return GuardState(**{**document, "shift": shift, "turn": turn})
+    pending = _steps(document["pending"][0]), _steps(document["pending"][1])
+    spread = tuple(document["spread"])
+    held = {"shift": shift, "turn": turn, "pending": pending, "spread": spread}
+    return GuardState(**{**document, **held})
 
 
 def link_state(document: Document) -> LinkState:

@@ -28,11 +28,13 @@ from robotrue.online.egm import (
 from robotrue.online.link import Corrector, Health
 from robotrue.online.robot_link import LinkState, RobotLink
 from robotrue.online.samples import CorrectionMode, Flag, ForceSample, JointSample
-from robotrue.online.sequence import advance
+from robotrue.online.sequence import SequenceState, advance
 from robotrue.online.udp import CROWDED, Address, Inbox
 
 PORT: Final = 6510
 _CYCLE: Final = 4e-3
+_UNSEEN: Final = 25
+"""Messages lost in a row in which the guidance may have ended and begun anew."""
 _STALE: Final = Flag.REPEATED | Flag.REORDERED
 """What is not answered: the controller has had an answer to something newer."""
 
@@ -49,6 +51,7 @@ class EgmSettings:
         host: Own address; ``0.0.0.0`` for all.
         port: Own port; 0 takes a free one.
         waiting: Samples that may wait for their reader before the health says so.
+        peer: Address and port of the controller, 0 for any port: all other senders are ignored.
     """
 
     name: str
@@ -58,6 +61,7 @@ class EgmSettings:
     host: str = "0.0.0.0"  # noqa: S104 (the controller is another computer)
     port: int = PORT
     waiting: int = CROWDED
+    peer: Address | None = None
 
     def check_corrections(self) -> CorrectionMode:
         """Returns the mode, if corrections can be sent safely.
@@ -110,10 +114,12 @@ class EgmSource(RobotLink[JointSample]):
             watch=egm_sequence(),
             corrector=corrector,
             waiting=settings.waiting,
+            peer=settings.peer,
             before=before,
         )
         self.settings = settings
         self._own = 0
+        self._guided = before is not None
         self._view: EgmForce | None = None
         self._endpoint.start()
 
@@ -127,14 +133,14 @@ class EgmSource(RobotLink[JointSample]):
         """Reads, answers, and keeps joints and force."""
         robot = read_robot(data, self.settings.generation)
         sample = joint_sample(robot, host_time)
-        if begins:
-            self._begin(sender, robot.seqno)
-        lost = self._watch.lost
-        self._watch, flags = advance(self._watch, robot.seqno, host_time)
+        same = self._begin(sender) if begins else True
+        before = self._watch
+        self._watch, flags = advance(before, robot.seqno, host_time)
         if self._corrector is not None:
+            self._follow(robot.guidance, before, flags, same=same, silent=begins)
             if not flags & _STALE and robot.guidance is GuidanceState.RUNNING:
                 self._answer(self._corrector, sender, host_time)
-            missed = max(0, self._watch.lost - lost) + bool(flags & Flag.LATE)
+            missed = max(0, self._watch.lost - before.lost) + bool(flags & Flag.LATE)
             if missed:
                 self._corrector.missed(missed, host_time)
         if flags:
@@ -146,10 +152,34 @@ class EgmSource(RobotLink[JointSample]):
     def _block(self, kept: list[JointSample]) -> JointBlock:
         return joint_block(kept)
 
+    def _follow(
+        self,
+        guidance: GuidanceState | None,
+        before: SequenceState,
+        flags: Flag,
+        *,
+        same: bool,
+        silent: bool,
+    ) -> None:
+        """Tells the corrector of a guidance that ended, or may have ended unseen."""
+        if self._corrector is None or not self._guided:
+            return
+        if guidance is not GuidanceState.RUNNING:
+            if not flags & _STALE:
+                self._guided = False
+                self._corrector.restarted(certain=same)
+        elif silent and same and self._watch.total - before.total <= _UNSEEN:
+            self._corrector.fault("the controller was not heard for a while")
+        elif silent or flags & Flag.CLOCK_JUMP or self._watch.total - before.total > _UNSEEN:
+            self._corrector.restarted(certain=False)
+
     def _answer(self, corrector: Corrector, sender: Address, host_time: float) -> None:
         # asked for now: the message may have waited, and estimates have come since
         now = time.monotonic()
         correction, age = corrector.next(now), corrector.age(now)
+        if correction is None:
+            return
+        self._guided = True
         message = write_path_correction(self._own, round(now * 1e3), correction, age)
         self._own += 1
         if self._endpoint.send(message, sender):

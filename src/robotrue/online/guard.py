@@ -3,6 +3,10 @@
 The correction that the robot holds is kept in whole steps of the wire (1 nm, 1e-6 deg), so that
 what was sent adds up to what is held for as long as the service runs. Each answer may change it by
 the rate times one cycle at most, however long the computer slept before.
+
+Where the controller adds corrections up (RELATIVE), an answer that it did not confirm may have
+moved the robot or not. Its length is then added to the *spread*, the radius around ``held`` in
+which the robot is for certain; the spread counts against the limit.
 """
 
 from __future__ import annotations
@@ -13,28 +17,26 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
-
-from robotrue.core.arrays import Array, frozen
 from robotrue.core.units import DEG
 from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.online.samples import Correction, CorrectionMode
+from robotrue.online.wire_steps import (
+    MICRODEGREE,
+    NANOMETRE,
+    NONE,
+    Steps,
+    correction_of,
+    step_toward,
+    steps_scaled,
+    steps_sum,
+    steps_within,
+)
 
-_NANOMETRE: Final = 1e-9
-_MICRODEGREE: Final = 1e-6 * DEG
-_FUZZ: Final = 1e-6
-"""Of a step; what division leaves of a whole number."""
-_INSIDE: Final = 10
-"""Steps inside the limit that are aimed for, so that steps made whole stay within."""
 _EARLY: Final = 1e-3
 """s by which a measurement may lie ahead of the answer: two threads read one clock."""
 _HISTORY: Final = 1000
 _WIDEST_TURN: Final = 5.0 * DEG
 """Turns are added up as vectors, which holds for small ones."""
-
-_Steps = tuple[int, int, int]
-_NONE: Final[_Steps] = (0, 0, 0)
-_ZEROS: Final[Array] = frozen(np.zeros(3), (3,), "zeros")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,23 +92,37 @@ class GuardState:
         bites: How often the watchdog has bitten.
         why: For the last time, or empty.
         active: Whether estimates are followed.
+        pending: Of these, what the latest answer added (nm, 1e-6 deg), not confirmed yet.
+        spread: Radius in nm and in 1e-6 deg around ``shift`` and ``turn`` that holds the truth.
+        refused: Whether corrections cannot begin again before the controller starts anew.
+        frozen: Whether nothing is known well enough to move the robot at all.
     """
 
-    shift: tuple[int, int, int] = (0, 0, 0)
-    turn: tuple[int, int, int] = (0, 0, 0)
+    shift: Steps = (0, 0, 0)
+    turn: Steps = (0, 0, 0)
     bites: int = 0
     why: str = ""
     active: bool = True
+    pending: tuple[Steps, Steps] = ((0, 0, 0), (0, 0, 0))
+    spread: tuple[int, int] = (0, 0)
+    refused: bool = False
+    frozen: bool = False
 
     @property
     def at_rest(self) -> bool:
-        """Whether the robot holds no correction."""
-        return self.shift == _NONE and self.turn == _NONE
+        """Whether the robot holds no correction, but for the spread."""
+        return self.shift == NONE and self.turn == NONE and not self.frozen
+
+    @property
+    def farthest(self) -> float:
+        """The largest shift in m that the robot may hold."""
+        without = math.hypot(*steps_sum(self.shift, self.pending[0], -1))
+        return (max(math.hypot(*self.shift), without) + self.spread[0]) * NANOMETRE
 
     @property
     def held(self) -> Correction:
         """The whole correction that the robot holds."""
-        return _correction(self.shift, self.turn, CorrectionMode.ABSOLUTE)
+        return correction_of(self.shift, self.turn, CorrectionMode.ABSOLUTE)
 
 
 class CorrectionGuard:
@@ -126,10 +142,13 @@ class CorrectionGuard:
         self.why = ""
         self.bites = 0
         self._lock = threading.Lock()
-        self._shift: _Steps = _NONE
-        self._turn: _Steps = _NONE
-        self._wanted: tuple[_Steps, _Steps, float] | None = None
-        self._sent: deque[tuple[_Steps, _Steps]] = deque(maxlen=_HISTORY)
+        self._shift: Steps = NONE
+        self._turn: Steps = NONE
+        self._wanted: tuple[Steps, Steps, float] | None = None
+        self._pending: tuple[Steps, Steps] = (NONE, NONE)
+        self._spread = [0, 0]
+        self._doubtful = False
+        self._frozen = self._refused = False
         self._late: deque[float] = deque(maxlen=_HISTORY)
         self._time = math.nan
         self._started = math.nan
@@ -147,8 +166,8 @@ class CorrectionGuard:
             ModelMismatchError: It is meant as an increment.
         """
         check_whole(correction)
-        shift = _within(correction.shift.tolist(), self.limits.shift, _NANOMETRE)
-        turn = _within(correction.turn.tolist(), self.limits.turn, _MICRODEGREE)
+        shift = steps_within(correction.shift.tolist(), self.limits.shift, NANOMETRE)
+        turn = steps_within(correction.turn.tolist(), self.limits.turn, MICRODEGREE)
         with self._lock:
             if not math.isfinite(host_time):
                 self._bite("an estimate without a time")
@@ -159,8 +178,10 @@ class CorrectionGuard:
         """Takes note that the estimate is invalid."""
         self.fault(why)
 
-    def next(self, host_time: float) -> Correction:
+    def next(self, host_time: float) -> Correction | None:
         """Returns the correction to send now, which is finite and within the limits.
+
+        None where any answer could make the robot jump: then it is not to be answered.
 
         Args:
             host_time: s on the monotonic clock.
@@ -168,27 +189,93 @@ class CorrectionGuard:
         with self._lock:
             elapsed = self._elapsed(host_time)
             gain = self._gain(host_time)
-            shift, turn = _NONE, _NONE
-            if gain > 0.0 and self._wanted is not None:
-                shift, turn = _scaled(self._wanted[0], gain), _scaled(self._wanted[1], gain)
+            moved = turned = NONE
+            if not (self._frozen or self._doubtful):
+                shift, turn = NONE, NONE
+                if gain > 0.0 and self._wanted is not None:
+                    shift, turn = self._wanted[0], self._wanted[1]
+                    if gain < 1.0:
+                        shift, turn = steps_scaled(shift, gain), steps_scaled(turn, gain)
+                limits = self.limits
+                if shift != self._shift:
+                    moved = step_toward(
+                        self._shift,
+                        shift,
+                        limits.shift_rate * elapsed / NANOMETRE,
+                        limits.shift / NANOMETRE - self._spread[0],
+                    )
+                    self._shift = steps_sum(self._shift, moved)
+                if turn != self._turn:
+                    turned = step_toward(
+                        self._turn,
+                        turn,
+                        limits.turn_rate * elapsed / MICRODEGREE,
+                        limits.turn / MICRODEGREE - self._spread[1],
+                    )
+                    self._turn = steps_sum(self._turn, turned)
+            self._pending = moved, turned
+            return self._answer(moved, turned)
+
+    def hold(self) -> Correction | None:
+        """Returns the answer to a packet whose cycle is over: it moves nothing, or is not sent."""
+        if self.mode is CorrectionMode.ABSOLUTE:
+            return None
+        return correction_of(NONE, NONE, self.mode)
+
+    def book(self, *, taken: bool) -> None:
+        """Takes note of what became of the answer before; to be called before the next one.
+
+        Args:
+            taken: Whether the controller took it for certain. If not, the next answer moves
+                nothing: the controller may take the late one in the same cycle.
+        """
+        with self._lock:
+            self._book(taken=taken)
+
+    def _book(self, *, taken: bool) -> None:
+        self._doubtful = not taken
+        moved, turned = self._pending
+        self._pending = NONE, NONE
+        if taken or self.mode is CorrectionMode.ABSOLUTE or moved == turned == NONE:
+            return
+        self._shift, self._turn = (
+            steps_sum(self._shift, moved, -1),
+            steps_sum(self._turn, turned, -1),
+        )
+        self._widen(math.hypot(*moved), math.hypot(*turned))
+
+    def untold(self, answers: int) -> None:
+        """Takes note of answers that the guard before this one gave without saying so."""
+        if self.mode is CorrectionMode.RELATIVE and answers > 0:
             limits = self.limits
-            moved = _toward(
-                self._shift,
-                shift,
-                limits.shift_rate * elapsed / _NANOMETRE,
-                limits.shift / _NANOMETRE,
+            with self._lock:
+                self._widen(
+                    answers * limits.shift_rate * limits.cycle / NANOMETRE,
+                    answers * limits.turn_rate * limits.cycle / MICRODEGREE if limits.turn else 0.0,
+                )
+
+    def _widen(self, shift: float, turn: float) -> None:
+        """Adds to the spread; once its width passes the limit corrections end for good."""
+        self._spread[0] += math.ceil(shift)
+        self._spread[1] += math.ceil(turn)
+        limits = self.limits
+        # beyond the limit itself not even the way to zero is safe
+        self._frozen |= self._spread[0] * NANOMETRE > limits.shift
+        if (
+            2.0 * self._spread[0] * NANOMETRE > limits.shift
+            or 2.0 * self._spread[1] * MICRODEGREE > limits.turn > 0.0
+        ):
+            self._refuse(
+                f"answers without confirmation add up to {self._spread[0] * 1e-6:.3f} mm, more "
+                f"than half of the limit of {limits.shift * 1e3:g} mm"
             )
-            turned = _toward(
-                self._turn,
-                turn,
-                limits.turn_rate * elapsed / _MICRODEGREE,
-                limits.turn / _MICRODEGREE,
-            )
-            self._shift, self._turn = _sum(self._shift, moved), _sum(self._turn, turned)
-            self._sent.append((moved, turned))
-            if self.mode is CorrectionMode.RELATIVE:
-                return _correction(moved, turned, self.mode)
-            return _correction(self._shift, self._turn, self.mode)
+
+    def _answer(self, moved: Steps, turned: Steps) -> Correction | None:
+        if self.mode is CorrectionMode.RELATIVE:
+            return correction_of(moved, turned, self.mode)
+        if self._frozen:
+            return None
+        return correction_of(self._shift, self._turn, self.mode)
 
     def age(self, host_time: float) -> float:
         """Returns s since the measurement that the correction rests on; 0 where there is none.
@@ -199,20 +286,8 @@ class CorrectionGuard:
         return 0.0 if wanted is None or not self.active else max(0.0, host_time - wanted[2])
 
     def missed(self, answers: int, host_time: float) -> None:
-        """Takes note of answers before the latest one that were not taken.
-
-        Increments among them were never made. Answers are counted as missed once.
-        """
+        """Counts answers that were not taken in time; too many within a while are a fault."""
         with self._lock:
-            if self.mode is CorrectionMode.RELATIVE and self._sent:
-                latest = self._sent.pop()
-                for _ in range(min(answers, len(self._sent))):
-                    moved, turned = self._sent.pop()
-                    self._shift, self._turn = (
-                        _sum(self._shift, moved, -1),
-                        _sum(self._turn, turned, -1),
-                    )
-                self._sent.append(latest)
             self._late.extend([host_time] * min(answers, _HISTORY))
             recent = sum(host_time - at <= self.limits.late_window for at in self._late)
             if recent >= self.limits.late_answers:
@@ -223,13 +298,30 @@ class CorrectionGuard:
         with self._lock:
             self._bite(why)
 
-    def restarted(self) -> None:
-        """Begins at zero, as the controller does, and bites."""
+    def restarted(self, *, certain: bool = True) -> None:
+        """Bites, since the controller has begun anew, or may have.
+
+        Args:
+            certain: It has, and holds no correction. If not, it holds the correction of before or
+                none: nothing can be sent that is safe in both cases, so the robot is not moved
+                any more until the controller begins anew for certain.
+        """
         with self._lock:
-            self._shift, self._turn = _NONE, _NONE
-            self._sent.clear()
             self._late.clear()
-            self._bite("the controller has begun anew")
+            if certain:
+                self._shift, self._turn, self._pending = NONE, NONE, (NONE, NONE)
+                self._spread = [0, 0]
+                self._doubtful = self._frozen = self._refused = False
+                self._bite("the controller has begun anew")
+                return
+            state = self._state()
+            if state.farthest == 0.0 and state.turn == NONE and state.spread[1] == 0:
+                self._bite("the controller may have begun anew")
+                return
+            self._frozen = True
+            self._refuse(
+                f"the controller may have begun anew or still hold {state.farthest * 1e3:.3f} mm"
+            )
 
     def release(self) -> None:
         """Goes to zero at the stated rate, for good."""
@@ -239,6 +331,8 @@ class CorrectionGuard:
     def rearm(self) -> None:
         """Lets corrections grow again after a bite, by the ramp, on the next valid estimate."""
         with self._lock:
+            if self._refused:
+                return
             self._bitten_at, self.why = None, ""
             self._wanted, self._started = None, math.nan
             self._late.clear()
@@ -246,13 +340,21 @@ class CorrectionGuard:
     def state(self) -> GuardState:
         """Returns how it stands."""
         with self._lock:
-            return GuardState(
-                shift=self._shift,
-                turn=self._turn,
-                bites=self.bites,
-                why=self.why,
-                active=self.active,
-            )
+            return self._state()
+
+    def _state(self) -> GuardState:
+        spread, turn_spread = self._spread
+        return GuardState(
+            shift=self._shift,
+            turn=self._turn,
+            bites=self.bites,
+            why=self.why,
+            active=self.active,
+            pending=self._pending,
+            spread=(spread, turn_spread),
+            refused=self._refused,
+            frozen=self._frozen,
+        )
 
     def resume(self, state: GuardState, why: str) -> None:
         """Goes on for a guard that has ended: from what the robot holds back to zero.
@@ -262,7 +364,9 @@ class CorrectionGuard:
             why: What ended it; a bite, unless it had bitten before.
         """
         with self._lock:
-            self._shift, self._turn = state.shift, state.turn
+            self._shift, self._turn, self._pending = state.shift, state.turn, state.pending
+            self._spread = list(state.spread)
+            self._refused, self._frozen, self._doubtful = state.refused, state.frozen, True
             self.bites, self.why = state.bites + state.active, state.why
             if state.active:
                 self.why = why
@@ -270,8 +374,14 @@ class CorrectionGuard:
 
     @property
     def at_rest(self) -> bool:
-        """Whether the robot holds no correction."""
-        return self._shift == _NONE and self._turn == _NONE
+        """Whether the robot holds no correction, but for the spread."""
+        open_value = self._doubtful and self.mode is CorrectionMode.ABSOLUTE
+        return self._shift == self._turn == NONE and not self._frozen and not open_value
+
+    @property
+    def frozen(self) -> bool:
+        """Whether nothing is known well enough to move the robot at all."""
+        return self._frozen
 
     @property
     def active(self) -> bool:
@@ -281,7 +391,7 @@ class CorrectionGuard:
     @property
     def held(self) -> Correction:
         """The whole correction that the robot holds, as far as its controller has told."""
-        return _correction(self._shift, self._turn, CorrectionMode.ABSOLUTE)
+        return correction_of(self._shift, self._turn, CorrectionMode.ABSOLUTE)
 
     def _elapsed(self, host_time: float) -> float:
         """Seconds this answer may move for: a cycle at most, none on a broken clock."""
@@ -303,7 +413,8 @@ class CorrectionGuard:
         age = host_time - wanted[2]
         stale = not -_EARLY <= age <= self.limits.timeout
         if self._bitten_at is not None:
-            if self.limits.latch or stale or wanted[2] <= self._bitten_at or not self.at_rest:
+            waits = stale or wanted[2] <= self._bitten_at or not self.at_rest
+            if self.limits.latch or self._refused or waits:
                 return 0.0
             self._bitten_at, self.why, self._started = None, "", math.nan
         elif stale:
@@ -325,6 +436,14 @@ class CorrectionGuard:
             self.why = why
         self._bitten_at = -math.inf if math.isnan(self._time) else self._time
 
+    def _refuse(self, why: str) -> None:
+        """Bites for good: only a controller that begins anew for certain ends it."""
+        self.bites += self._bitten_at is None
+        self._bitten_at = -math.inf if math.isnan(self._time) else self._time
+        if not self._refused:
+            self.why = f"{why}; no more corrections until the controller is started anew"
+        self._refused = True
+
 
 def check_whole(correction: Correction) -> None:
     """Checks that a correction is the whole of it.
@@ -337,53 +456,3 @@ def check_whole(correction: Correction) -> None:
             "an increment as the wanted correction, expected the whole of it.",
             hint="CorrectionMode.ABSOLUTE; the guard makes the increments.",
         )
-
-
-def _within(vector: list[float], limit: float, unit: float) -> _Steps:
-    """The vector in whole steps, cut to its limit along itself."""
-    most = max(0.0, limit - _INSIDE * unit)
-    largest = max(abs(v) for v in vector)
-    if largest == 0.0:
-        return _NONE
-    # by its largest: the square of what no robot can do need not be finite
-    way = [v / largest for v in vector]
-    length = math.hypot(*way)
-    size = min(largest, most / length) / unit
-    x, y, z = (int(v * size) for v in way)
-    return x, y, z
-
-
-def _toward(now: _Steps, target: _Steps, most: float, limit: float) -> _Steps:
-    """The step from now towards the target, no longer than most, that does not leave the limit."""
-    way = _sum(target, now, -1)
-    length = math.hypot(*way)
-    if length == 0.0:
-        return _NONE
-    share = min(1.0, most / length)
-    x, y, z = (int(v * share + math.copysign(_FUZZ, v)) for v in way)
-    step: _Steps = (x, y, z)
-    if math.hypot(*_sum(now, step)) > max(limit, math.hypot(*now)):
-        return _NONE
-    return step
-
-
-def _sum(a: _Steps, b: _Steps, sign: int = 1) -> _Steps:
-    return a[0] + sign * b[0], a[1] + sign * b[1], a[2] + sign * b[2]
-
-
-def _scaled(steps: _Steps, gain: float) -> _Steps:
-    x, y, z = (int(v * gain) for v in steps)
-    return x, y, z
-
-
-def _correction(shift: _Steps, turn: _Steps, mode: CorrectionMode) -> Correction:
-    return Correction(shift=_vector(shift, _NANOMETRE), turn=_vector(turn, _MICRODEGREE), mode=mode)
-
-
-def _vector(steps: _Steps, unit: float) -> Array:
-    """Whole steps in SI; not to be written to, so that nobody copies it."""
-    if steps == _NONE:
-        return _ZEROS
-    vector = np.array([step * unit for step in steps])
-    vector.flags.writeable = False
-    return vector

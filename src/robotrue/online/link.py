@@ -67,20 +67,32 @@ class Corrector(Protocol):
     A link also tells it what it sees of the controller, from a thread of its own.
     """
 
-    def next(self, host_time: float) -> Correction:
-        """Returns the correction to send now: limited, ramped, zero when the watchdog bit."""
+    def next(self, host_time: float) -> Correction | None:
+        """Returns the correction to send now: limited, ramped, zero when the watchdog bit.
+
+        None where the controller is not to be answered at all.
+        """
+
+    def hold(self) -> Correction | None:
+        """Returns the answer to a packet whose cycle is over, which moves nothing; or None."""
+
+    def book(self, *, taken: bool) -> None:
+        """Takes note, before the next answer, whether the one before was taken for certain."""
+
+    def untold(self, answers: int) -> None:
+        """Takes note of answers that a link which has ended gave at last, without a record."""
 
     def age(self, host_time: float) -> float:
         """Returns s since the measurement that the correction rests on; 0 where there is none."""
 
     def missed(self, answers: int, host_time: float) -> None:
-        """Takes note that so many answers before the latest one came too late to be taken."""
+        """Counts answers that came too late to be taken, or were never made."""
 
     def fault(self, why: str) -> None:
         """Takes note of what makes corrections unsafe: a packet with NaN, a clock that jumped."""
 
-    def restarted(self) -> None:
-        """Takes note that the controller begins anew and holds no correction."""
+    def restarted(self, *, certain: bool = True) -> None:
+        """Takes note that the controller begins anew and holds no correction, or may do so."""
 
     def release(self) -> None:
         """Goes to zero for good: the link is about to be closed."""
@@ -88,6 +100,10 @@ class Corrector(Protocol):
     @property
     def at_rest(self) -> bool:
         """Whether the robot holds no correction (any more)."""
+
+    @property
+    def frozen(self) -> bool:
+        """Whether the robot is not to be moved, since nobody knows what it holds."""
 
 
 class Sink(Protocol):

@@ -28,8 +28,6 @@ _RELEASE: Final = 10.0
 """s, at most, that closing waits for a correction to go to zero."""
 _TOLD: Final = 4
 """Packets after the last answer with a correction: an answer that was late is told in them."""
-_COUNTED: Final = 0.5
-"""Share of the packets nobody answered that a controller which goes on has counted as late."""
 _UNSAFE: Final = Flag.NOT_FINITE | Flag.IMPLAUSIBLE | Flag.CLOCK_JUMP | Flag.SENSOR_FAULT
 
 
@@ -68,6 +66,7 @@ class RobotLink(Generic[S]):
         watch: Before the first packet.
         corrector: Asked for each answer, from the link's own thread; None corrects nothing.
         waiting: Samples that may wait for their reader before the health says so.
+        peer: The only sender that is heard, port 0 for any of its ports; None hears the first.
         before: Of the link that this one goes on for: nobody has answered since.
 
     Raises:
@@ -84,6 +83,7 @@ class RobotLink(Generic[S]):
         watch: SequenceState,
         corrector: Corrector | None,
         waiting: int,
+        peer: Address | None = None,
         before: LinkState | None = None,
     ) -> None:
         self._name, self._cycle = name, cycle
@@ -91,7 +91,7 @@ class RobotLink(Generic[S]):
         self._corrector = corrector
         self._silence = _SILENCE * cycle
         self._peer = None if before is None else before.peer
-        self._unanswered = before is not None
+        self._pinned = peer
         self._seen = float("-inf")
         self._refused = 0 if before is None else before.refused
         self._reconnects = 0 if before is None else before.reconnects
@@ -128,7 +128,7 @@ class RobotLink(Generic[S]):
         """Waits for a robot without correction that has had the time to say otherwise."""
         until = time.monotonic() + _RELEASE
         since = None
-        while self._there() and time.monotonic() < until:
+        while self._there() and not corrector.frozen and time.monotonic() < until:
             if not corrector.at_rest:
                 since = None
             elif since is None:
@@ -189,6 +189,13 @@ class RobotLink(Generic[S]):
 
     def _take(self, data: bytes, sender: Address, host_time: float) -> None:
         """One datagram, in the endpoint's thread."""
+        pinned = self._pinned
+        if pinned is not None and (sender[0] != pinned[0] or pinned[1] not in (0, sender[1])):
+            self._refuse(f"{sender[0]}:{sender[1]} is not the stated controller {pinned[0]}")
+            return
+        if self._corrector is not None and self._peer is not None and sender[0] != self._peer[0]:
+            self._refuse(f"{sender[0]} is not {self._peer[0]}, the controller that is corrected")
+            return
         silent = host_time - self._seen > self._silence
         if self._peer is not None and sender != self._peer and not silent:
             self._refuse(f"a second sender, {sender[0]}:{sender[1]}")
@@ -198,34 +205,15 @@ class RobotLink(Generic[S]):
         except FormatError as refused:
             self._refuse(str(refused))
 
-    def _begin(self, sender: Address, count: int, late_count: int | None = None) -> None:
+    def _begin(self, sender: Address) -> bool:
         """Takes a sender as the peer, with a packet that could be read; before it is answered.
 
-        Args:
-            sender: Whom.
-            count: Its packet's.
-            late_count: The controller's count of late answers, where it tells.
+        Returns:
+            Whether it is the controller of before: nobody else is allowed, or the same port.
         """
         before, self._peer = self._peer, sender
-        unanswered, self._unanswered = self._unanswered, False
-        if before is None:
-            return
-        self._reconnects += 1
-        if self._corrector is not None:
-            watch = self._watch
-            ahead = (count - (watch.last or 0)) / watch.step
-            most: float = watch.window
-            same = sender == before
-            if unanswered:
-                # it went on without answers, for as long as that took, and has counted them
-                most += (time.monotonic() - watch.host_time) / self._cycle
-                same = same and (
-                    late_count is None or late_count - watch.late_count >= _COUNTED * ahead
-                )
-            if same and 0 < ahead <= most:
-                self._corrector.fault("the controller was not heard for a while")
-            else:
-                self._corrector.restarted()
+        self._reconnects += before is not None
+        return self._pinned is not None or sender == before
 
     def _keep(self, kept: S, sequence: int, host_time: float, flags: Flag) -> None:
         """Hands on what is kept of a packet, and tells the corrector of what makes it unsafe."""

@@ -108,6 +108,18 @@ def read_ipoc(data: bytes) -> int:
     return int(found[0])
 
 
+def read_late(data: bytes) -> int | None:
+    """Returns the Delay of a packet alone, or None where it has none.
+
+    Raises:
+        FormatError: As ``read_rob``.
+    """
+    found = _FAST_DELAY.findall(data)
+    if len(found) == 1 and data.count(b"<Delay") == 1 and b"<!" not in data:
+        return int(found[0])
+    return read_rob(data).late
+
+
 def read_rob_fast(data: bytes) -> RobPacket:
     """Returns IPOC, late count, joints and pose as :func:`read_rob` does, without the signals.
 

@@ -11,21 +11,23 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Final
 
-from robotrue.errors import ConfigurationError
+from robotrue.errors import ConfigurationError, FormatError
 from robotrue.online.blocks import JointBlock
 from robotrue.online.link import Corrector
 from robotrue.online.robot_link import LinkState, RobotLink
 from robotrue.online.rsi import (
     RobPacket,
     read_ipoc,
+    read_late,
     read_rob,
     read_rob_fast,
     rsi_sequence,
 )
 from robotrue.online.rsi_answer import SenWriter
 from robotrue.online.rsi_block import SeenPacket, packet_flags, rob_block
+from robotrue.online.rsi_booking import RsiBooking
 from robotrue.online.rsi_config import RsiConfig
-from robotrue.online.samples import CorrectionMode, no_correction
+from robotrue.online.samples import Correction, CorrectionMode, no_correction
 from robotrue.online.sequence import advance
 from robotrue.online.udp import CROWDED, Address
 
@@ -45,6 +47,8 @@ class RsiSettings:
         host: Own address; ``0.0.0.0`` for all.
         port: Own port; None takes that of the configuration, 0 a free one.
         waiting: Samples that may wait for their reader before the health says so.
+        peer: Address and port of the controller, 0 for any port: all other senders are ignored.
+        trust_restart: Whether a Delay near zero after a pause means RSI_ON, with no correction.
     """
 
     name: str
@@ -54,6 +58,8 @@ class RsiSettings:
     host: str = "0.0.0.0"  # noqa: S104 (the controller is another computer)
     port: int | None = None
     waiting: int = CROWDED
+    peer: Address | None = None
+    trust_restart: bool = False
 
     def check_corrections(self) -> CorrectionMode:
         """Returns the mode, if corrections can be sent safely.
@@ -129,53 +135,77 @@ class RsiSource(RobotLink[SeenPacket]):
             watch=rsi_sequence(settings.cycle_ms),
             corrector=corrector,
             waiting=settings.waiting,
+            peer=settings.peer,
             before=before,
         )
         self.settings = settings
         self._rest = no_correction(mode)
         self._writer = None if settings.config.only_send else SenWriter(settings.config, mode)
         self._answered: deque[int] = deque(maxlen=_REMEMBERED)
+        self._booking = None
+        if corrector is not None:
+            watch = None if before is None else before.watch
+            self._booking = RsiBooking(
+                corrector, settings.cycle_ms, watch, trust_restart=settings.trust_restart
+            )
         self._endpoint.start()
 
     def _packet(self, data: bytes, sender: Address, host_time: float, *, begins: bool) -> None:
-        """Answers first, by the IPOC alone; the first of a session is read whole before."""
+        """Answers first, by IPOC and Delay alone; the first of a session is read whole before."""
         if begins:
             packet = read_rob(data, self.settings.config)
             packet_flags(packet)
-            self._begin(sender, packet.ipoc, packet.late)
+            same = self._begin(sender)
             self._answered.clear()
-            self._answer(packet.ipoc, sender, host_time)
+            moves = self._booked(packet.ipoc, packet.late, host_time, same=same, silent=True)
+            self._answer(packet.ipoc, sender, host_time, moves=moves)
         else:
-            self._answer(read_ipoc(data), sender, host_time)
+            ipoc = read_ipoc(data)
+            moves = self._booking is not None and self._booked(ipoc, read_late(data), host_time)
+            self._answer(ipoc, sender, host_time, moves=moves)
             packet = read_rob_fast(data)
         self._watched(packet, host_time)
 
-    def _answer(self, ipoc: int, sender: Address, host_time: float) -> None:
+    def _booked(
+        self,
+        ipoc: int,
+        late: int | None,
+        host_time: float,
+        *,
+        same: bool = True,
+        silent: bool = False,
+    ) -> bool:
+        """Whether the answer to a packet may move the robot; the one before is booked."""
+        if self._booking is None:
+            return False
+        if late is None:
+            raise FormatError("RSI packet without Delay: what became of the answers is not known.")
+        return self._booking.packet(ipoc, late, host_time, same=same, silent=silent)
+
+    def _answer(self, ipoc: int, sender: Address, host_time: float, *, moves: bool) -> None:
         if self._writer is None or ipoc in self._answered:
             return
         self._answered.append(ipoc)
-        correction = self._rest
+        correction: Correction | None = self._rest
         if self._corrector is not None:
             # asked for now: the packet may have waited, and estimates have come since
-            correction = self._corrector.next(time.monotonic())
+            now = time.monotonic()
+            correction = self._corrector.next(now) if moves else self._corrector.hold()
+        if correction is None:
+            return
         if self._endpoint.send(self._writer.write(ipoc, correction), sender):
             self.turnaround.add(time.monotonic() - host_time)
 
     def _watched(self, packet: RobPacket, host_time: float) -> None:
-        """Watches the counts and tells the corrector of answers that were not taken."""
+        """Watches the counts."""
         watch = self._watch
-        before = now = watch.late_count
+        now = watch.late_count
         older = watch.last is not None and (
             0 <= watch.last - packet.ipoc <= watch.window * watch.step
         )
         if packet.late is not None and not older:
             now = packet.late
         self._watch, flags = advance(watch, packet.ipoc, host_time, late_count=now)
-        if self._corrector is not None and watch.last is not None:
-            if now > before:
-                self._corrector.missed(now - before, host_time)
-            elif now < before:
-                self._corrector.restarted()
         wrong = packet_flags(packet) | flags
         self._keep((packet, host_time, flags), packet.ipoc, host_time, wrong)
 

@@ -35,6 +35,8 @@ from robotrue.simulation.pace import Pace
 from robotrue.simulation.wire_faults import FaultyWire
 
 _CYCLE: Final = 4e-3
+_REST: Final = 10
+"""Messages of a guidance that is stopped, before it begins anew."""
 _OLDEST: Final = 1000
 """ms; an older measurement is no correction."""
 
@@ -153,6 +155,7 @@ class EgmController:
         self.elapsed = 0.0
         self._wanted = np.zeros(3)
         self._heard: int | None = None
+        self._resting = 0
 
     def next_message(self) -> bytes | None:
         """Returns the message of the cycle that begins; None when there is no more to send."""
@@ -162,6 +165,8 @@ class EgmController:
         if over or elapsed > settings.motion.duration:
             return None
         self.elapsed = elapsed
+        if self.wire.over(FaultKind.SILENCE, elapsed, _CYCLE):
+            self._begin_anew()
         self._follow(made)
         joints, T_base_tool = settings.motion.at(elapsed)
         shown = tuple((joints / DEG).tolist())
@@ -177,7 +182,7 @@ class EgmController:
             planned_deg=shown,
             clock=(made // 250 + round(leapt), made % 250 * 4000),
             motors=MotorState.ON,
-            guidance=GuidanceState.ERROR if self.report.stopped else GuidanceState.RUNNING,
+            guidance=self._guidance(),
             converged=False,
             rapid=RapidState.RUNNING,
             force_sent=settings.force is not None,
@@ -208,9 +213,21 @@ class EgmController:
             self.report = replace(report, faulty=report.faulty + 1)
         elif np.abs(wanted).max() > self.settings.limit:
             self._stop(f"offset {wanted / MM} mm is beyond {self.settings.limit / MM:g} mm")
-        else:
+        elif not self._resting:
             self._wanted, self._heard = wanted, report.cycles
             self.report = replace(report, corrections=report.corrections + 1)
+
+    def _guidance(self) -> GuidanceState:
+        self._resting -= self._resting > 0
+        if self.report.stopped:
+            return GuidanceState.ERROR
+        return GuidanceState.STOPPED if self._resting else GuidanceState.RUNNING
+
+    def _begin_anew(self) -> None:
+        """EGMRunMove once more: it begins on the programmed path."""
+        self._resting, self._heard = _REST + 1, None
+        self._wanted = np.zeros(3)
+        self.report = replace(self.report, offset=np.zeros(3))
 
     def _follow(self, made: int) -> None:
         if self._heard is not None and (made - self._heard) * _CYCLE > self.settings.silence:

@@ -152,7 +152,7 @@ class RsiController:
         self._most = [settings.limit / MM] * 3 + [settings.limit_turn / DEG] * 3
         self._faulty = False
         self._attached = False
-        self._forgiven = 0
+        self._forgiven = self._excused = 0
         self._held = dict.fromkeys(_AXES, 0.0)
 
     def next_packet(self) -> bytes | None:
@@ -177,7 +177,7 @@ class RsiController:
         if pose is not None:
             pose = six([a + b for a, b in zip(pose, self._total, strict=True)])
         self.report = replace(self.report, cycles=made + 1)
-        return self._writer.write(self._ipoc, self._counted(self.report), joints, pose)
+        return self._writer.write(self._ipoc, self._delay(), joints, pose)
 
     def leave_out(self, cycles: int) -> None:
         """Lets cycles pass without a packet."""
@@ -231,8 +231,13 @@ class RsiController:
         self.report = report
 
     def _counted(self, report: RsiControllerReport) -> int:
-        """What Delay says: late and faulty answers since RSI_ON, of cycles that had their time."""
+        """Late and faulty answers since RSI_ON, of cycles that had their time."""
         return report.late - report.overslept + report.faulty - self._forgiven
+
+    def _delay(self) -> int:
+        """What Delay says: where answers are added up, those that were cut short count, too."""
+        relative = self.settings.mode is CorrectionMode.RELATIVE
+        return self._counted(self.report) + relative * (self.report.overslept - self._excused)
 
     @property
     def _silent(self) -> bool:
@@ -243,6 +248,7 @@ class RsiController:
         self._attached = False
         self._held = dict.fromkeys(_AXES, 0.0)
         self._forgiven += self._counted(self.report)
+        self._excused = self.report.overslept
         self._total = [0.0] * 6
         self.report = replace(self.report, correction=np.zeros(6))
 

@@ -1,0 +1,116 @@
+"""What a KUKA controller has done with each answer, as its IPOC and Delay tell.
+
+Delay grows by one in each cycle that ends without an answer. Of two packets that are ``n`` cycles
+apart the later one has therefore counted ``n - 1`` more if the answer to the earlier was taken: the
+packets between were lost and nobody answered them. Every other number leaves it open. Controllers
+that set Delay back to zero with the next answer in time are read likewise. Some count from the
+first answer on, so the first answers of a session move nothing: one of them arrives.
+
+Assumed of the controller: it takes an answer once, none after the cycle that follows its own, and
+from the last packet before RSI_OFF to the first after RSI_ON :data:`RESTART` cycles pass or more.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from robotrue.online.link import Corrector
+from robotrue.online.sequence import SequenceState
+
+RESTART: Final = 8
+"""Cycles, at least, from the last packet of a session to the first of the next."""
+SILENCE: Final = 25
+"""Cycles without a packet after which the controller is taken as gone."""
+_OLD: Final = 100
+"""Cycles by which a packet may come late; farther back it is of another clock."""
+_FEW: Final = 3
+"""Answers that a new session may have missed before we heard of it."""
+_NEAR: Final = (0.05, 0.2)
+"""s, and share of a pause, by which the IPOC may differ from our clock after it."""
+
+
+class RsiBooking:
+    """Books each answer with the corrector as taken, or as open.
+
+    Args:
+        corrector: Told before it is asked for the next answer.
+        cycle_ms: Of the controller.
+        before: Of a link that has ended; its last answers may not be recorded.
+        trust_restart: Whether a Delay near zero after a pause is a session started anew, which
+            holds no correction. A count that was set back otherwise looks the same.
+    """
+
+    def __init__(
+        self,
+        corrector: Corrector,
+        cycle_ms: int,
+        before: SequenceState | None = None,
+        *,
+        trust_restart: bool = False,
+    ) -> None:
+        self._trust = trust_restart
+        self._corrector, self._step = corrector, cycle_ms
+        self._ipoc = None if before is None else before.last
+        self._late = 0 if before is None else before.late_count
+        self._time = float("-inf") if before is None else before.host_time
+        self._resumed = self._ipoc is not None
+        self._first = SILENCE
+
+    def packet(
+        self, ipoc: int, late: int, host_time: float, *, same: bool = True, silent: bool = False
+    ) -> bool:
+        """Books the answer before; returns whether the answer to this packet may move the robot.
+
+        Args:
+            ipoc: Of the packet.
+            late: Its Delay.
+            host_time: s, when it came.
+            same: Whether its sender is that of the packet before, or the only one allowed.
+            silent: Whether it ends a pause.
+        """
+        before, late_before, gap = self._ipoc, self._late, host_time - self._time
+        cycles, odd = (1, 0) if before is None else divmod(ipoc - before, self._step)
+        if same and not silent and not odd and -_OLD <= cycles <= 0:
+            return False
+        self._ipoc, self._late, self._time = ipoc, late, host_time
+        if before is None:
+            self._corrector.book(taken=False)
+            return True
+        resumed, self._resumed = self._resumed, False
+        if same and not odd and cycles > 0:
+            rise = late - late_before
+            untold = cycles - (rise if rise >= 0 else late)
+            if resumed and 0 <= untold < SILENCE:
+                self._first = 0
+                self._corrector.book(taken=False)
+                self._corrector.untold(untold)
+                self._corrector.fault("the controller was without answers for a while")
+                return True
+            if not resumed and (rise in (cycles - 1, cycles) or late == cycles - 1):
+                # a clock that leapt by a cycle looks like a lost packet, but takes no time
+                passed = cycles == 1 or gap >= (cycles - 0.5) * self._step * 1e-3
+                self._first -= self._first > 0
+                self._corrector.book(taken=passed and rise == cycles - 1 and not self._first)
+                if rise:
+                    self._corrector.missed(max(rise, 1), host_time)
+                if silent:
+                    self._corrector.fault("the controller was not heard for a while")
+                return True
+        self._corrector.book(taken=False)
+        if same and not resumed and gap < RESTART * self._step * 1e-3:
+            self._corrector.fault(
+                f"from packet to packet IPOC went by {ipoc - before} ms, Delay by "
+                f"{late - late_before}"
+            )
+        else:
+            certain = same and not odd and self._is_new_session(cycles, late, gap)
+            self._first = SILENCE if certain else self._first
+            self._corrector.restarted(certain=certain)
+            self._corrector.book(taken=False)
+        return True
+
+    def _is_new_session(self, cycles: int, late: int, gap: float) -> bool:
+        """Whether RSI was started anew in a pause: else Delay would have counted the pause."""
+        passed = cycles * self._step * 1e-3
+        near = abs(passed - gap) <= _NEAR[0] + _NEAR[1] * gap
+        return self._trust and near and cycles >= SILENCE and late <= _FEW
