@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import adversary_links
@@ -109,7 +109,10 @@ def plotted(path: Path, seconds: float, seed: int) -> None:
     number, world = hardest(60, seconds, seed)
     time_s, held, believed, farthest = zip(*world.outcome.trace, strict=True)
     figure, (upper, lower) = plt.subplots(2, 1, figsize=(11, 7), sharex=True, height_ratios=(3, 1))
-    micro: Callable[[tuple[float, ...]], list[float]] = lambda nm: [v * 1e-3 for v in nm]
+
+    def micro(nm: tuple[float, ...]) -> list[float]:
+        return [v * 1e-3 for v in nm]
+
     upper.fill_between(
         time_s, 0.0, micro(farthest), color="0.88", label="may be held, by what the guard knows"
     )

@@ -234,7 +234,7 @@ class World:
     def __init__(
         self, seed: int, mode: CorrectionMode, cycle_ms: int, *, link: bool = False
     ) -> None:
-        rng = self.rng = random.Random(seed)
+        rng = self.rng = random.Random(seed)  # noqa: S311
         self.cycle, self.mode = cycle_ms * 1e-3, mode
         self.limits = limits(rng.choice([1.0, 1.0, 10.0]), cycle_ms, rng.choice([0.0, 0.2]))
         self.guard = CorrectionGuard(self.limits, mode)
@@ -267,6 +267,7 @@ class World:
         return outcome
 
     def record(self) -> None:
+        """Leaves a point of the plot."""
         held, state = math.hypot(*self.robot.held), self.guard.state()
         believed = math.hypot(*state.shift)
         self.outcome.trace.append((self.count * self.cycle, held, believed, state.farthest / NM))
@@ -286,7 +287,6 @@ class World:
 
     def events(self) -> None:
         """What happens by itself, and what the operator does about a refusal."""
-        rng, robot = self.rng, self.robot
         while self._due and self._due[0][0] <= self.count:
             name = heapq.heappop(self._due)[1]
             self.plan(name)
@@ -322,7 +322,7 @@ class World:
         """One event."""
         rng, robot = self.rng, self.robot
         if name == "restart":
-            robot.restart(rng.randrange(10, 200))
+            robot.restart(rng.randrange(30, 200))
         elif name == "pause":
             self._cut = max(self._cut, rng.randrange(2, 150))
         elif name == "ipoc":
@@ -398,6 +398,7 @@ class World:
             self.push(now + self.cycle * self.rng.uniform(0.01, 2.0), kind, content)
 
     def push(self, when: float, kind: str, content: tuple) -> None:
+        """A datagram that arrives then."""
         self._number += 1
         heapq.heappush(self._line, (when, self._number, kind, content))
 

@@ -38,6 +38,7 @@ class Clock:
     now = 0.0
 
     def monotonic(self) -> float:
+        """The time that is set."""
         return self.now
 
 
@@ -55,7 +56,10 @@ class Sent:
         """Nothing runs."""
 
     def send(self, data: bytes, to: tuple[str, int]) -> bool:
-        self.last = data if to == ROBOT else None
+        """Keeps what would be sent."""
+        if to != ROBOT:
+            raise RuntimeError(f"an answer to {to}")
+        self.last = data
         return True
 
 
@@ -78,10 +82,11 @@ class LinkedRsi:
         guard: CorrectionGuard,
         mode: CorrectionMode,
         cycle_ms: int,
-        rng: random.Random,
+        rng: random.Random | None = None,
         before: SequenceState | None = None,
         *,
         trust: bool = False,
+        stated: bool = True,
     ) -> None:
         config = usual_rsi_config("0.0.0.0", 49152, hold=mode is ABSOLUTE)  # noqa: S104
         settings = RsiSettings(
@@ -89,27 +94,31 @@ class LinkedRsi:
             config=config,
             cycle_ms=cycle_ms,
             mode=mode,
-            peer=(ROBOT[0], 0),
+            peer=(ROBOT[0], 0) if stated else None,
             trust_restart=trust,
         )
         state = None
         if before is not None:
             state = robot_link.LinkState(watch=before, peer=ROBOT)
         self.link, self._rng = RsiSource(settings, guard, before=state), rng
-        self._strays = rng.random() < 0.5
+        self._strays = rng is not None and rng.random() < 0.5
 
     @property
     def watch(self) -> SequenceState:
+        """What it knows of the controller's packets."""
         return self.link.seen[0]
 
-    def receive(self, ipoc: int, late: int, now: float) -> Vector | None:
+    def receive(
+        self, ipoc: int, late: int, now: float, sender: tuple[str, int] = ROBOT
+    ) -> Vector | None:
+        """The answer to a packet, if there is one; strange senders get none."""
         CLOCK.now = now
-        rob = RobPacket(ipoc=ipoc, late=late, joints_deg=JOINTS, pose_mm_deg=POSE)
+        rob = write_rob(RobPacket(ipoc=ipoc, late=late, joints_deg=JOINTS, pose_mm_deg=POSE))
         sent: Sent = self.link._endpoint  # type: ignore[assignment]
-        if self._strays and self._rng.random() < 0.01:
-            self.link._take(write_rob(rob), STRAY, now)
+        if self._strays and self._rng is not None and self._rng.random() < 0.01:
+            self.link._take(rob, STRAY, now)
         sent.last = None
-        self.link._take(write_rob(rob), ROBOT, now)
+        self.link._take(rob, sender, now)
         self.link._inbox._items.clear()
         if sent.last is None:
             return None
@@ -128,7 +137,7 @@ class EgmWorld:
     """
 
     def __init__(self, seed: int, *, rate_mm_s: float = 1.0) -> None:
-        rng = self.rng = random.Random(seed)
+        rng = self.rng = random.Random(seed)  # noqa: S311
         self.limits = limits(rate_mm_s, 4, rng.choice([0.0, 0.2]))
         self.guard = CorrectionGuard(self.limits, ABSOLUTE)
         self.link = EgmSource(
@@ -152,6 +161,7 @@ class EgmWorld:
         self._line: list[tuple[float, str, tuple]] = []
 
     def cycles(self, count: int) -> Outcome:
+        """Runs so many cycles."""
         for _ in range(count):
             self.one_cycle()
         self.outcome.trips = self.guard.bites
@@ -167,6 +177,7 @@ class EgmWorld:
             self._seqno = 0
 
     def one_cycle(self) -> None:
+        """A message, its answer, and what else arrives."""
         now, rng = self.count * 4e-3, self.rng
         if self.count % 4 == 0:
             self.guard.want(self.targets.at(now), now)
@@ -199,6 +210,7 @@ class EgmWorld:
         self.count += 1
 
     def send(self, kind: str, content: tuple, now: float) -> None:
+        """Puts a datagram on its way, or loses it."""
         rng = self.rng
         aimed = self._aimed and self.guard._pending[0] != (0, 0, 0) and rng.random() < 0.01
         if self._cut or aimed or rng.random() < self._loss:
@@ -207,6 +219,7 @@ class EgmWorld:
         self._line.append((now + delay, kind, content))
 
     def deliver(self, until: float) -> None:
+        """Everything that arrives by then."""
         sent: Sent = self.link._endpoint  # type: ignore[assignment]
         while due := sorted((d for d in self._line if d[0] <= until), key=lambda d: d[0]):
             self._line.remove(due[0])

@@ -33,7 +33,9 @@ from robotrue.online.blocks import ForceBlock, JointBlock
 from robotrue.online.clock_file import read_clock
 from robotrue.online.corrections import Corrections, fixed_axes
 from robotrue.online.guard import CorrectionGuard, CorrectionLimits
+from robotrue.online.held_note import begin_note, end_note
 from robotrue.online.link import Health
+from robotrue.online.net_address import parse_peer
 from robotrue.online.path_axes import PathAxes
 from robotrue.online.record import Record, RecordHeader, segments
 from robotrue.online.record_frames import Kind
@@ -77,6 +79,9 @@ class SenseOptions(SensingFiles):
     rate_mm_per_s: float | None = None
     watchdog_ms: float = 100.0
     recover: bool = False
+    peer: str | None = None
+    trust_restart: bool = False
+    confirm_zero: bool = False
     low_pass_hz: float = 2.0
     correct_in: str = "base"
     name: str | None = None
@@ -116,6 +121,10 @@ def run_sense(options: SenseOptions, *, as_json: bool) -> None:
     corrections = _corrections(options, cell)
     header = _header(options, rate, origins)
     resumed = _resumed(options, header, chain)
+    peer = parse_peer(options.peer)[0] if options.peer is not None else ""
+    if corrections is not None:
+        limit = correction_limits(options).shift
+        begin_note(peer, limit, confirmed=options.confirm_zero)
     writer = None if options.record is None else RecordWriter(options.record, header)
     try:
         with prompt_answers() if _answers(options) else contextlib.nullcontext():
@@ -123,6 +132,8 @@ def run_sense(options: SenseOptions, *, as_json: bool) -> None:
     finally:
         if writer is not None:
             writer.close()
+        if corrections is not None and (left := end_note(peer, corrections.guard.state())):
+            say(f"warning: {left}")
     _report(shot, options, origin, as_json=as_json)
 
 
@@ -174,7 +185,9 @@ async def _served(
     plans = _sinks(options, cell, writer, resumed, lambda: _all_healths(latest), origin)
     guard = None if corrections is None else corrections.guard
     settings = SourceSettings(
-        corrector=guard if isinstance(guard, CorrectionGuard | RemoteGuard) else None
+        corrector=guard if isinstance(guard, CorrectionGuard | RemoteGuard) else None,
+        peer=None if options.peer is None else parse_peer(options.peer),
+        trust_restart=options.trust_restart,
     )
     rows = {"joints": 0, "force": 0} if resumed is None else dict(resumed.rows)
     robot = open_stream(options.robot, "robot", _with(settings, start_row=rows["joints"]))
@@ -212,7 +225,7 @@ async def _served(
 
 
 def _with(settings: SourceSettings, *, start_row: int) -> SourceSettings:
-    return SourceSettings(corrector=settings.corrector, start_row=start_row)
+    return replace(settings, start_row=start_row)
 
 
 def _sinks(
@@ -395,7 +408,8 @@ def _asked(address: str, name: str) -> str:
 
 def _corrections(options: SenseOptions, cell: Cell) -> Corrections | None:
     if not options.correct:
-        if options.limit_mm is not None or options.rate_mm_per_s is not None or options.recover:
+        stated = options.recover or options.trust_restart or options.confirm_zero
+        if options.limit_mm is not None or options.rate_mm_per_s is not None or stated:
             raise ConfigurationError("limits of a correction without --correct.")
         return None
     limits = correction_limits(options)
@@ -403,6 +417,11 @@ def _corrections(options: SenseOptions, cell: Cell) -> Corrections | None:
         raise ConfigurationError(
             f"corrections to {_shown(options.robot)}: only rsi:// and egm:// robots take them.",
             hint="leave --correct out.",
+        )
+    if options.peer is None:
+        raise ConfigurationError(
+            "corrections without the address of the controller: any sender could take its place.",
+            hint="--peer 192.168.1.10; --peer 127.0.0.1 for `robotrue simulate` on this computer.",
         )
     relative = _asked(options.robot, "mode") == CorrectionMode.RELATIVE.value
     mode = CorrectionMode.RELATIVE if relative else CorrectionMode.ABSOLUTE

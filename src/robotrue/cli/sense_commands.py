@@ -84,6 +84,23 @@ def run(
         bool,
         typer.Option("--recover", help="After a fault begin again from zero, once all is well."),
     ] = False,
+    peer: Annotated[
+        str | None,
+        typer.Option(
+            help="Address of the controller; other senders are ignored. Needed to correct."
+        ),
+    ] = None,
+    trust_restart: Annotated[
+        bool,
+        typer.Option(
+            "--trust-restart",
+            help="RSI: a Delay near zero after a pause is a new RSI_ON without correction.",
+        ),
+    ] = False,
+    confirm_zero: Annotated[
+        bool,
+        typer.Option("--confirm-zero", help="I have checked: the robot holds no correction."),
+    ] = False,
     low_pass_hz: Annotated[float, typer.Option(help="Of the correction.")] = 2.0,
     correct_in: Annotated[
         str,
@@ -124,6 +141,9 @@ def run(
             rate_mm_per_s=rate_mm_per_s,
             watchdog_ms=watchdog_ms,
             recover=recover,
+            peer=peer,
+            trust_restart=trust_restart,
+            confirm_zero=confirm_zero,
             low_pass_hz=low_pass_hz,
             correct_in=correct_in,
             name=name,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import signal
+import socket
 import time
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import asdict, replace
@@ -89,7 +90,7 @@ def run_rsi(
     if config is not None:
         agreed = replace(read_rsi_config(config), host=host)
     if port is not None:
-        agreed = replace(agreed, port=port)
+        agreed = replace(agreed, port=port or _free_port())
     scenario = online_scenario(seed, robot)
     settings = rsi_controller.RsiControllerSettings(
         config=agreed,
@@ -130,6 +131,7 @@ def run_egm(
     generation = _chosen(str(robotware), {"6": RobotWare.SIX, "7": RobotWare.SEVEN}, "robotware")
     scenario = online_scenario(seed, robot)
     begun = time.monotonic()
+    port = port or _free_port()
 
     def felt(elapsed: float) -> tuple[float, ...]:
         return tuple(scenario.felt(np.array([begun + elapsed]))[0].tolist())
@@ -244,6 +246,13 @@ def run_rdt(
         return await serving
 
     until_stopped("ATI force sensor", serve, seconds=seconds, as_json=as_json)
+
+
+def _free_port() -> int:
+    """A UDP port that nobody has here: who listens for the controller can have it."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as trial:
+        trial.bind(("", 0))
+        return int(trial.getsockname()[1])
 
 
 def _announce(what: str, scenario: OnlineScenario, option: str) -> None:

@@ -37,7 +37,9 @@ Faults = Annotated[
 @simulate.command()
 def rsi(
     host: Target = "127.0.0.1",
-    port: Annotated[int | None, typer.Option(help="UDP port that it sends to.")] = None,
+    port: Annotated[
+        int | None, typer.Option(help="UDP port that it sends to; 0 picks a free one.")
+    ] = None,
     config: Annotated[
         Path | None, typer.Option(help="EthernetConfig.xml; otherwise the usual one.")
     ] = None,
@@ -69,7 +71,9 @@ def rsi(
 @simulate.command()
 def egm(
     host: Target = "127.0.0.1",
-    port: Annotated[int, typer.Option(help="UDP port that it sends to.")] = 6510,
+    port: Annotated[
+        int, typer.Option(help="UDP port that it sends to; 0 picks a free one.")
+    ] = 6510,
     robotware: Annotated[int, typer.Option(help="6 or 7: their messages differ.")] = 7,
     no_force: Annotated[bool, typer.Option("--no-force", help="Sends no measured force.")] = False,
     robot: Robot = None,

@@ -16,6 +16,7 @@ from robotrue.online.link import Corrector, Source
 from robotrue.online.net_address import NetAddress, net_address
 from robotrue.online.rdt import RdtDevice, parse_netftapi, parse_rate
 from robotrue.online.samples import CorrectionMode
+from robotrue.online.udp import Address
 
 if TYPE_CHECKING:
     from robotrue.online.egm_link import EgmSettings
@@ -76,6 +77,8 @@ class SourceSettings:
         robot: The robot's source, for a force that comes in the same messages (EGM).
         own_process: Whether a process of its own answers an RSI or EGM robot, on Linux. A
             corrector that lives here is asked from a thread here, whatever this says.
+        peer: Address and port of the only controller that is heard, port 0 for any of its ports.
+        trust_restart: RSI: whether a Delay near zero after a pause is a session without correction.
     """
 
     role: Role = "robot"
@@ -83,6 +86,8 @@ class SourceSettings:
     start_row: int = 0
     robot: Source[JointBlock] | None = None
     own_process: bool = True
+    peer: Address | None = None
+    trust_restart: bool = False
 
 
 def open_source(address: str, settings: SourceSettings | None = None) -> Source[Block]:
@@ -165,6 +170,8 @@ def _rsi(address: str, settings: SourceSettings) -> Source[Block]:
             mode=None if mode is None else CorrectionMode(mode),
             host=where.host,
             port=where.port,
+            peer=settings.peer,
+            trust_restart=settings.trust_restart,
         ),
         settings,
     )
@@ -210,6 +217,7 @@ def _egm(address: str, settings: SourceSettings) -> Source[Block]:
             force_frame=options.word("frame", _FRAMES) or "sensor",
             host=where.host,
             port=where.port,
+            peer=settings.peer,
         ),
         settings,
     )

@@ -12,6 +12,7 @@ from robotrue.core.arrays import Array
 from robotrue.errors import ConfigurationError
 from robotrue.online.estimate_columns import doubt_words
 from robotrue.online.estimates import EstimateBlock
+from robotrue.online.guard import GuardState
 from robotrue.online.samples import Correction, CorrectionMode
 
 CUTOFF: Final = 2.0
@@ -38,6 +39,9 @@ class Guard(Protocol):
     @property
     def held(self) -> Correction:
         """The correction that the robot holds."""
+
+    def state(self) -> GuardState:
+        """Returns how it stands."""
 
 
 class Corrections:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+import socket
 from dataclasses import dataclass
 from urllib.parse import SplitResult, parse_qsl, unquote, urlsplit
 
@@ -81,6 +82,26 @@ class NetAddress:
             return ipaddress.ip_address(self.host).is_loopback
         except ValueError:
             return False
+
+
+def parse_peer(text: str) -> tuple[str, int]:
+    """Returns number and port of ``HOST`` or ``HOST:PORT``; port 0 where none is stated.
+
+    Raises:
+        ConfigurationError: A host that is not known, or a port that is none.
+    """
+    host, colon, port = text.partition(":")
+    try:
+        number = socket.gethostbyname(host) if host else ""
+    except (OSError, UnicodeError):
+        number = ""
+    given = int(port) if port.isdecimal() else -1
+    if not number or number == "0.0.0.0" or (colon and not 0 < given < 65536):  # noqa: S104
+        raise ConfigurationError(
+            f"peer {text!r}, expected the address of the controller, with its port or without.",
+            hint="--peer 192.168.1.10",
+        )
+    return number, max(given, 0)
 
 
 def net_address(address: str, *, default_port: int) -> NetAddress:

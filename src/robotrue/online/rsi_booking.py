@@ -17,8 +17,9 @@ from typing import Final
 from robotrue.online.link import Corrector
 from robotrue.online.sequence import SequenceState
 
-RESTART: Final = 8
-"""Cycles, at least, from the last packet of a session to the first of the next."""
+RESTART: Final = 20
+"""Cycles, at least, from the last packet of a session to the first of the next, less the most that
+a packet is late."""
 SILENCE: Final = 25
 """Cycles without a packet after which the controller is taken as gone."""
 _OLD: Final = 100
@@ -77,7 +78,9 @@ class RsiBooking:
             self._corrector.book(taken=False)
             return True
         resumed, self._resumed = self._resumed, False
-        if same and not odd and cycles > 0:
+        # less on its clock than on ours: time enough to begin anew and to set the clock back
+        whole = gap <= (cycles + RESTART) * self._step * 1e-3
+        if same and whole and not odd and cycles > 0:
             rise = late - late_before
             untold = cycles - (rise if rise >= 0 else late)
             if resumed and 0 <= untold < SILENCE:
