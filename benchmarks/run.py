@@ -119,6 +119,9 @@ BENCHMARKS = (
     Benchmark(name="planned_touches", quick=("--quick",), rows=stated),
     Benchmark(name="drilling", quick=("--quick",), rows=stated),
     Benchmark(name="tool_axis", quick=("--quick",), rows=stated),
+    Benchmark(
+        name="adversarial_corrections", quick=("--runs", "20", "--seconds", "20"), rows=stated
+    ),
     Benchmark(name="rsi_answers", quick=("--cycles", "2000", "--ours", "0"), rows=stated),
 )
 

@@ -12,6 +12,8 @@ import pytest
 from robotrue.cli.record import run_export, run_info
 from robotrue.cli.sense import SenseOptions, correction_limits, run_sense
 from robotrue.errors import ConfigurationError, FormatError, ModelMismatchError
+from robotrue.online.guard import GuardState
+from robotrue.online.held_note import end_note, note_path
 from robotrue.online.record import Record
 from robotrue.online.record_frames import Kind
 
@@ -120,6 +122,44 @@ def test_what_cannot_be_is_said_before_anything_begins(
         run_info(tmp_path, skip_damage=False, as_json=True)
     with pytest.raises(ConfigurationError, match="expected joints, force, estimates"):
         run_export(tmp_path, tmp_path / "x", stream="all", skip_damage=False, as_json=True)
+
+
+def test_corrections_need_the_address_of_the_controller(options: SenseOptions) -> None:
+    stated = replace(
+        options, robot="rsi://127.0.0.1:0?mode=absolute", limit_mm=0.2, rate_mm_per_s=1.5
+    )
+    with pytest.raises(ConfigurationError, match=r"any sender could take its place.*--peer"):
+        run_sense(replace(stated, correct=True), as_json=True)
+    with pytest.raises(ConfigurationError, match=r"peer .10\.0\.0\.1:0., expected the address"):
+        run_sense(replace(stated, correct=True, peer="10.0.0.1:0"), as_json=True)
+    for given in ({"trust_restart": True}, {"confirm_zero": True}):
+        with pytest.raises(ConfigurationError, match="limits of a correction without --correct"):
+            run_sense(replace(options, **given), as_json=True)
+
+
+def test_a_robot_that_may_hold_a_correction_is_not_corrected_before_the_operator_confirms(
+    options: SenseOptions, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    stated = replace(
+        options,
+        robot="rsi://127.0.0.1:0?mode=absolute",
+        limit_mm=0.2,
+        rate_mm_per_s=1.5,
+        correct=True,
+        peer="127.0.0.1",
+        seconds=0.2,
+    )
+    run_sense(stated, as_json=True)
+    assert not note_path("127.0.0.1").exists(), "no robot came: nothing is held"
+    assert end_note("127.0.0.1", GuardState(shift=(150_000, 0, 0), spread=(2000, 0)))
+    with pytest.raises(ConfigurationError, match=r"may still hold up to 0\.152 mm since"):
+        run_sense(stated, as_json=True)
+    run_sense(replace(stated, confirm_zero=True), as_json=True)
+    assert not note_path("127.0.0.1").exists()
+    note_path("127.0.0.1").write_text("{")
+    with pytest.raises(ConfigurationError, match="may still hold an unknown correction"):
+        run_sense(stated, as_json=True)
 
 
 def test_a_fault_ends_corrections_unless_they_may_recover(options: SenseOptions) -> None:

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -43,6 +44,19 @@ def simulated(*arguments):
             out, _ = process.communicate(timeout=LIMIT)
             said.append(out)
             assert process.returncode == 0 or "robotrue:" in said[-2]
+
+
+@pytest.mark.parametrize(("kind", "head"), [("egm", b"\x0a"), ("rsi", b"<Rob")])
+def test_port_zero_is_a_free_port_that_packets_go_to(kind, head):
+    with simulated(kind, "--port", "0") as said:
+        told = "".join(said)
+        port = int(told.split("sends to udp 127.0.0.1:")[1].split(" ")[0])
+        assert port > 0
+        assert f"{kind}://127.0.0.1:{port}?" in told
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listener:
+            listener.settimeout(LIMIT)
+            listener.bind(("127.0.0.1", port))
+            assert listener.recv(65535).startswith(head)
 
 
 @pytest.mark.peer
