@@ -82,20 +82,20 @@ def judged(part: str, found: Iterator[tuple[int, Outcome, float]], runs: int) ->
         )
 
 
-def hardest(runs: int, seconds: float, seed: int) -> tuple[int, World]:
-    """Of a few runs with aimed losses the one with most trips and most ways to the limit."""
-
-    def hard(outcome: Outcome) -> float:
-        return outcome.farthest_nm + 1e3 * min(outcome.trips, 50) + 5e4 * min(outcome.refusals, 2)
-
+def telling(runs: int, seconds: float, seed: int) -> tuple[int, World]:
+    """Of some runs with aimed losses at 1 mm/s one that refuses and trips about ten times."""
+    cycles = round(seconds / 12e-3)
     found = []
     for number in range(seed, seed + runs):
         world = World(number, RELATIVE, 12)
-        if world.harm.aimed == "packet out":
-            found.append((hard(world.cycles(round(seconds / 12e-3))), number))
+        if world.harm.aimed != "packet out" or world.limits.shift_rate > 1e-3:
+            continue
+        outcome = world.cycles(cycles)
+        score = 1e-3 * outcome.farthest_nm + 20.0 * min(outcome.refusals, 2)
+        found.append((score - 2.0 * abs(outcome.trips - 10), number))
     number = max(found)[1]
     world = World(number, RELATIVE, 12)
-    world.cycles(round(seconds / 12e-3), trace=1)
+    world.cycles(cycles, trace=1)
     return number, world
 
 
@@ -106,7 +106,7 @@ def plotted(path: Path, seconds: float, seed: int) -> None:
     mpl.use("Agg")
     import matplotlib.pyplot as plt
 
-    number, world = hardest(60, seconds, seed)
+    number, world = telling(150, seconds, seed)
     time_s, held, believed, farthest = zip(*world.outcome.trace, strict=True)
     figure, (upper, lower) = plt.subplots(2, 1, figsize=(11, 7), sharex=True, height_ratios=(3, 1))
 
@@ -116,7 +116,7 @@ def plotted(path: Path, seconds: float, seed: int) -> None:
     upper.fill_between(
         time_s, 0.0, micro(farthest), color="0.88", label="may be held, by what the guard knows"
     )
-    upper.plot(time_s, micro(believed), color="tab:orange", lw=1.6, label="believed by the guard")
+    upper.plot(time_s, micro(believed), color="tab:orange", lw=2.4, label="believed by the guard")
     upper.plot(time_s, micro(held), color="tab:blue", lw=0.8, label="held by the robot (truth)")
     upper.axhline(1e-3 * LIMIT_NM, color="tab:red", ls="--", label="limit 200 um")
     upper.set_ylabel("shift, um")
@@ -128,7 +128,7 @@ def plotted(path: Path, seconds: float, seed: int) -> None:
     upper.legend(loc="upper right", ncols=2, fontsize=8)
     lower.plot(time_s, [abs(a - b) * 1e-3 for a, b in zip(held, believed, strict=True)], lw=0.8)
     lower.set_ylabel("|held - believed|, um")
-    lower.set_xlabel("time, s")
+    lower.set_xlabel("time, s   (after RSI_OFF the robot holds 0; the next packet tells the guard)")
     figure.tight_layout()
     figure.savefig(path, dpi=110)
     print(f"picture: {path} (simulated)")
