@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import http.client
+import shutil
 import socket
+import ssl
+import subprocess
 import sys
 import threading
 from collections.abc import Iterator
@@ -25,7 +28,7 @@ PASSWORD = "correct horse"  # noqa: S105
 SECRET = "secret=correct+horse"  # noqa: S105
 SECONDS = 1.0
 """s for a head and for a pause in a body, here; 10 s otherwise."""
-PATIENCE = 60.0
+PATIENCE = 40.0
 """s: the machine may have other things to do."""
 START = f"""
 import sys
@@ -38,6 +41,7 @@ server.serve(
         port=0,
         password={PASSWORD!r},
         limits=Limits(head_seconds={SECONDS}, body_seconds={SECONDS}, per_address=100),
+        **dict(zip(("certificate", "key"), map(Path, sys.argv[2:]))),
     ),
     ready=lambda address: print("at", address, flush=True),
 )
@@ -120,6 +124,23 @@ def test_half_open_heads_are_dropped_and_keep_nobody_out(guarded: Served) -> Non
         assert logged_in(guarded, "127.0.0.1") == 303
         assert logged_in(guarded, "127.0.0.2") == 303
         assert [ended(each) for each in many] == [b""] * 200
+
+
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="needs openssl for a certificate")
+def test_a_tls_handshake_that_does_not_come_is_dropped(tmp_path: Path) -> None:
+    certificate, key = tmp_path / "c.pem", tmp_path / "k.pem"
+    made = "openssl req -x509 -newkey rsa:2048 -nodes -days 2 -subj /CN=127.0.0.1".split()
+    subprocess.run(  # noqa: S603
+        [*made, "-keyout", key, "-out", certificate], check=True, capture_output=True, timeout=60
+    )
+    with serving(tmp_path / "shop", str(certificate), str(key), start=START) as secure:
+        with connected(secure) as connection:
+            assert ended(connection) == b""
+        trusting = ssl.create_default_context(cafile=certificate)
+        trusting.check_hostname = False
+        with trusting.wrap_socket(connected(secure)) as connection:
+            connection.sendall(b"GET /login HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+            assert connection.recv(65536).startswith(b"HTTP/1.1 200")
 
 
 def test_a_second_head_on_the_same_connection_has_no_more_time(guarded: Served) -> None:
