@@ -104,6 +104,7 @@ def chain(text: str) -> Iterator[Row]:
 BENCHMARKS = (
     Benchmark(name="start_up", quick=("--quick",), rows=stated),
     Benchmark(name="learners", quick=("--quick",), rows=stated),
+    Benchmark(name="constant_attitude", quick=("--quick",), rows=stated),
     Benchmark(name="heavy_arm", quick=("--quick",), rows=stated),
     Benchmark(name="compensation_chain", quick=("20000",), rows=chain),
     Benchmark(name="program_files", quick=("20000",), rows=stated),
