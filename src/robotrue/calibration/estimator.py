@@ -19,15 +19,19 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.linalg.lapack import dtrtri
 
-from robotrue.calibration.observations import CHANNELS, Linearisation, Observation
+from robotrue.calibration.observations import (
+    CHANNELS,
+    Linearisation,
+    Observation,
+    joined,
+    linearise_all,
+)
 from robotrue.calibration.parameters import Layout, State, difference, retract
 from robotrue.calibration.priors import PULL, Prior
 from robotrue.calibration.robust import LOSSES, Loss, consistency, robust_variance, weights
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.errors import ConfigurationError, ConvergenceError, ObservabilityError
 
-CHUNK: Final = 2048
-"""Rows linearised at a time: bounds the memory of the chain walk."""
 INNER: Final = 60
 """Scale updates per linearisation."""
 SETTLED: Final = 5e-3
@@ -155,7 +159,7 @@ def maximise(
             f"{int(prior.free.sum())} free parameters."
         )
     centre, free = prior.centre, prior.free
-    point = _Point(state=centre, data=_linearise(observations, layout, centre))
+    point = _Point(state=centre, data=linearise_all(observations, layout, centre))
     scales = _first_scales(point.data, prior, free, settings)
     damping = 0.0
     for iteration in range(1, settings.max_iterations + 1):
@@ -198,7 +202,7 @@ def _descend(
         whole = np.zeros(layout.size)
         whole[free] = step
         state = retract(layout, point.state, whole)
-        data = _linearise(observations, layout, state)
+        data = linearise_all(observations, layout, state)
         misfit = _objective(data, difference(layout, state, centre)[free], scales)
         return _Point(state=state, data=data), misfit
 
@@ -251,16 +255,6 @@ def _position_change(
         moved = inverse @ (item.jacobian[:, :, free] @ solution.step)[:, :, None]
         largest = max(largest, float(np.linalg.norm(moved, axis=1).max(initial=0.0)))
     return largest
-
-
-def _linearise(
-    observations: Sequence[Observation], layout: Layout, state: State
-) -> tuple[Linearisation, ...]:
-    return tuple(
-        o.linearise(layout, state, slice(start, start + CHUNK))
-        for o in observations
-        for start in range(0, len(o.rows), CHUNK)
-    )
 
 
 def _whitener(item: Linearisation, noise: Array) -> tuple[Array, Array]:
@@ -488,20 +482,10 @@ def _finish(
         covariance=covariance,
         information=information,
         noise=scales.noise,
-        residuals=_joined([item.residual for item in data], observations),
-        weights=_joined(list(scales.weights), observations),
+        residuals=joined([item.residual for item in data], observations),
+        weights=joined(list(scales.weights), observations),
         chi2=chi2,
         numbers=numbers,
         evidence=evidence,
         iterations=iterations,
     )
-
-
-def _joined(parts: list[Array], observations: Sequence[Observation]) -> tuple[Array, ...]:
-    """Chunks put together again, one array per observation."""
-    out, start = [], 0
-    for o in observations:
-        count = -(-len(o.rows) // CHUNK)
-        out.append(np.concatenate(parts[start : start + count]))
-        start += count
-    return tuple(out)

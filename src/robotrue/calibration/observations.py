@@ -7,6 +7,7 @@ step solves ``jacobian @ step = residual``. Covariances hold the instrument and 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
@@ -25,6 +26,8 @@ IN_BASE: Final = -1
 """Station number of a row that is measured in the robot base."""
 CHANNELS: Final = 2
 """Learned white noise: of lengths (m^2) and of angles (rad^2)."""
+CHUNK: Final = 2048
+"""Rows linearised at a time: bounds the memory of the chain walk."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -175,6 +178,27 @@ class DistanceObservation:
             covariance=self.variance[part][:, None, None],
             white=np.array([[2.0], [0.0]]),
         )
+
+
+def linearise_all(
+    observations: Sequence[Observation], layout: Layout, state: State
+) -> tuple[Linearisation, ...]:
+    """Returns all rows linearised, in chunks."""
+    return tuple(
+        o.linearise(layout, state, slice(start, start + CHUNK))
+        for o in observations
+        for start in range(0, len(o.rows), CHUNK)
+    )
+
+
+def joined(parts: list[Array], observations: Sequence[Observation]) -> tuple[Array, ...]:
+    """Returns chunks put together again, one array per observation."""
+    out, start = [], 0
+    for o in observations:
+        count = -(-len(o.rows) // CHUNK)
+        out.append(np.concatenate(parts[start : start + count]))
+        start += count
+    return tuple(out)
 
 
 def loads_of(measurements: MeasurementSet, payload: Load) -> Load:
