@@ -197,7 +197,8 @@ CASES: Final[Mapping[str, Case]] = {
     "predict": Case(lambda f: (f("m.rtm"), f("q.csv"), "-o", f("p.csv")), files=("p.csv",)),
     "map": Case(
         lambda f: (f("m.rtm"), "-o", f("map.html"), "--region", "cylinder", "--angle-deg=-10,10",
-                   "--radius-mm", "1000,1200", "--height-mm", "800,1000", "--grid", "2,2,2", "--sectors", 1),
+                   "--radius-mm", "1000,1200", "--height-mm", "800,1000", "--grid", "2,2,2",
+                   "--sectors", 1),
         made=("map.html",),
     ),
     "inspect": Case(lambda f: (f("m.rtm"),)),

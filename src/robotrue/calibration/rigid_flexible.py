@@ -271,7 +271,6 @@ def _check_covariance(covariance: Array) -> None:
         raise ArchiveError("the covariance of the errors is none.")
 
 
-
 def _reflector(archive: Archive, number: int) -> Reflector:
     T = archive.array(f"reflector{number}")
     check_pose(T, f"reflector{number}")
