@@ -192,7 +192,7 @@ def _columns(file: int, program: Program, status: IntArray, shift: Array) -> tup
         follows[:] = False
     size = np.where(left, 0.0, np.linalg.norm(shift, axis=1)[known])
     reached = motion != Motion.PTP
-    axes = np.isfinite(program.axes).any(axis=1)
+    axes: BoolArray = np.asarray(np.isfinite(program.axes).any(axis=1))
     home = left & ~reached & axes[known] & (row >= 0)
     where = np.where((row < 0)[:, None], np.nan, _places(program)[known])
     line = np.where(row < 0, -row, program.line[known])
