@@ -7,15 +7,14 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray, IntArray
-from robotrue.core.compiled import PLAIN, compiled
-from robotrue.core.units import DEG, MM
+from robotrue.core.units import DEG
 from robotrue.core.words import NO_WORD
-from robotrue.program.euler import matrices_from_abc
 from robotrue.program.external_axes import described
+from robotrue.program.formats.krl_columns import lean, si_columns, target_columns
 from robotrue.program.formats.krl_flow import BASE, FOREIGN_BASE, ON_ROBOT, TOOL, differing
 from robotrue.program.formats.krl_frames import UNSURE
 from robotrue.program.formats.krl_modal import Visits, inherit, inherit_external, visits
-from robotrue.program.formats.krl_scan import INLINE_ARC, NOT_CONSTANT, STATEMENT, STATUS, Scan
+from robotrue.program.formats.krl_scan import INLINE_ARC, NOT_CONSTANT, STATEMENT, Scan
 from robotrue.program.formats.krl_walk import MOTION_OF, Walk
 from robotrue.program.formats.krl_write import KrlSpans
 from robotrue.program.formats.target_notes import absent_routine
@@ -107,7 +106,7 @@ class Builder:
         last = max(moved, key=lambda each: each[:2], default=(0, -1, False))[1]
         if last < 0:
             return np.empty(0)
-        values, _, _, is_pose, is_axis = _columns(found, np.array([last]))
+        values, _, _, is_pose, is_axis = target_columns(found, np.array([last]))
         axes: Array = values[0] * DEG
         return axes if is_axis[0] and not is_pose[0] and np.isfinite(axes).all() else np.empty(0)
 
@@ -137,7 +136,7 @@ class Builder:
         agg = np.flatnonzero(every >= 0)
         motion = every[agg]
         state, conflicts = self._row_states(file, agg, where[agg])
-        values, external, words, is_pose, is_axis = _columns(found, agg)
+        values, external, words, is_pose, is_axis = target_columns(found, agg)
         mixed = is_pose & is_axis
         partial, donor = self._modal(file, agg, motion, values, is_axis, state, mixed)
         incomplete = mixed | np.isnan(values).any(axis=1)
@@ -158,7 +157,7 @@ class Builder:
         notes = self._file_notes(file, name) + notes + self._shared(file, name, agg, reason)
         free = ((motion == Motion.ARC_VIA) & ~is_axis)[partial][:, None] & (np.arange(6) >= 3)
         values[incomplete] = np.nan
-        position, rotation, axes = _si(values, is_axis)
+        position, rotation, axes = si_columns(values, is_axis)
         held = np.zeros(0, np.bool_)
         if self.given.fixed_tool == "tool_in_part" and (state[:, ON_ROBOT] == 1).any():
             held = (state[:, ON_ROBOT] == 1) & ~is_axis
@@ -170,13 +169,13 @@ class Builder:
             position=position,
             rotation=rotation,
             axes=axes,
-            motion=_lean(motion),
-            reason=_lean(reason),
-            words=_lean(np.where(words < 0, NO_WORD, words)),
+            motion=lean(motion),
+            reason=lean(reason),
+            words=lean(np.where(words < 0, NO_WORD, words)),
             words_of="kuka",
             line=line,
-            frame=_lean(frame),
-            tool=_lean(state[:, TOOL]),
+            frame=lean(frame),
+            tool=lean(state[:, TOOL]),
             T_base_frame=bases,
             T_flange_tool=np.array(self.frames.matrices["tool"]),
             held=held,
@@ -473,69 +472,3 @@ def _spans(
         donor=donor,
         owed=owed,
     )
-
-
-def _columns(
-    found: Scan, agg: IntArray
-) -> tuple[Array, Array | None, IntArray, BoolArray, BoolArray]:
-    """Returns values (n, 6) in mm and deg, external axes if any, S and T, is pose, is axis."""
-    n = len(agg)
-    values = np.full((n, 6), np.nan)
-    any_external = bool((found.tok_component >= 12).any()) and n > 0
-    external = np.full((n if any_external else 1, 6), np.nan)
-    any_words = bool((found.tok_component >= STATUS).any())
-    words = np.full((n if any_words else 1, 2), -1, np.int64)
-    pose, axis = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
-    token, end = found.agg_token[agg], found.agg_token[agg + 1]
-    _gather(token, end, found.tok_component, found.tok_value, values, external, words, pose, axis)
-    words = np.broadcast_to(words, (n, 2))
-    return values, (external if any_external else None), words, pose, axis
-
-
-def _lean(column: IntArray) -> IntArray:
-    """Returns a column read-only, and as one row seen n times where all rows are the same."""
-    alike = len(column) > 1 and bool((column == column[0]).all())
-    lean = np.broadcast_to(np.array(column[:1]), column.shape) if alike else column.copy()
-    lean.flags.writeable = False
-    return lean
-
-
-def _si(values: Array, axis: BoolArray) -> tuple[Array, Array, Array]:
-    """Returns position, rotation and axes in m and rad, read-only, from (n, 6) in mm and deg."""
-    position = values[:, :3] * MM
-    rotation = matrices_from_abc(values[:, 3:], DEG)
-    axes: Array = np.broadcast_to(np.nan, (len(values), 6))
-    if axis.any():
-        position[axis], rotation[axis] = np.nan, np.nan
-        axes = np.where(axis[:, None], values * DEG, np.nan)
-    for array in (position, rotation, axes):
-        array.flags.writeable = False
-    return position, rotation, axes
-
-
-@compiled(PLAIN, borrows=True)
-def _gather(
-    token: Any,
-    end: Any,
-    component: Any,
-    value: Any,
-    values: Any,
-    external: Any,
-    words: Any,
-    pose: Any,
-    axis: Any,
-) -> None:
-    """Fills the dense columns of every row from its tokens."""
-    for row in range(token.size):
-        for t in range(token[row], end[row]):
-            code = component[t]
-            if code < 12:
-                values[row, code % 6] = value[t]
-                if code < 6:
-                    pose[row] = True
-                else:
-                    axis[row] = True
-            elif code < 18:
-                external[row, code - 12] = value[t]
-            else:
-                words[row, code - 18] = int(value[t])
