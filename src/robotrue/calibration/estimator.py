@@ -63,7 +63,7 @@ class SolverSettings:
     loss: Loss = "huber"
     learn_noise: bool = True
     learn_scales: bool = True
-    max_iterations: int = 60
+    max_iterations: int = 300
     tolerance: float = 1e-3
 
     def __post_init__(self) -> None:
