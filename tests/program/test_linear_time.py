@@ -26,7 +26,7 @@ STEEP = 8.0
 """Times as long for four times as much; linear is 4, quadratic 16."""
 QUICK = 0.1
 """s; less is never too long."""
-ENOUGH = 0.01
+ENOUGH = 0.006
 """s; what takes longer, and about four times as long as a quarter of it, is linear."""
 MOST = 1 << 18
 WORST = tuple(
@@ -210,14 +210,17 @@ def spent(work: Callable[[bytes], object], data: bytes, runs: int = 1) -> float:
 
 
 def steep(
-    work: Callable[[bytes], object], make: Callable[[int], bytes], size: int = 1 << 13
+    work: Callable[[bytes], object],
+    make: Callable[[int], bytes],
+    size: int = 1 << 13,
+    most: int = MOST,
 ) -> str:
     """What takes more than its share of time, nothing if nothing does.
 
     The input grows to four times as much until it takes long enough to tell.
     """
     before = spent(work, make(size))
-    while size < MOST:
+    while size < most:
         size *= 4
         took = spent(work, make(size))
         if took > max(QUICK, STEEP * before):
@@ -264,7 +267,10 @@ def test_programs_here_are_read(name: str) -> None:
 
 @pytest.mark.parametrize("worst", [b"\n", b" ", b"a", b"1", b"(", b'"', b"a\n"], ids=repr)
 def test_a_megabyte_of_anything_is_told_from_a_program_at_once(worst: bytes) -> None:
-    assert not steep(lambda data: detect(data, "job.src"), lambda size: of(worst, size), 1 << 16)
+    def told(data: bytes) -> None:
+        detect(data, "job.src")
+
+    assert not steep(told, lambda size: of(worst, size), size=1 << 18, most=1 << 20)
 
 
 @pytest.mark.parametrize("name", dialects())

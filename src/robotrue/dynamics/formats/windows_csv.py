@@ -42,7 +42,14 @@ def read_windows(path: str | Path) -> WindowSet:
         raise FormatError("no header with windows below it.", source=path)
     head = lines[0][1]
     mark = max(",;\t", key=head.count)
-    table = list(csv.reader((line for _, line in lines), delimiter=mark))
+    try:
+        table = list(csv.reader((line for _, line in lines), delimiter=mark))
+    except csv.Error as cause:
+        raise FormatError(
+            f"cannot be split into cells ({cause}).",
+            source=path,
+            hint="look for a stray quotation mark.",
+        ) from None
     names = [name.strip() for name in table[0]]
     joints = [name for name in names if name.startswith("j") and name.endswith("_deg")]
     wanted = ["pass", *(f"j{i + 1}_deg" for i in range(max(len(joints), 6))), *FORCES]

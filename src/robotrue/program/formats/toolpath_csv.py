@@ -92,7 +92,7 @@ def columns_of(data: bytes, source: str) -> tuple[str, list[str]]:
     """
     number, line = next(_lines(data, source), (1, ""))
     mark = ";" if ";" in line else ","
-    return mark, _header(_split(line, mark), source, number)
+    return mark, _header(_split(line, mark, source, number), source, number)
 
 
 def _lines(data: bytes, source: str) -> Iterator[tuple[int, str]]:
@@ -102,8 +102,16 @@ def _lines(data: bytes, source: str) -> Iterator[tuple[int, str]]:
             yield number, line.removesuffix("\n")
 
 
-def _split(line: str, mark: str) -> list[str]:
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=mark))]
+def _split(line: str, mark: str, source: str, number: int) -> list[str]:
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=mark))]
+    except csv.Error as cause:
+        raise FormatError(
+            f"cannot be split into cells ({cause}).",
+            source=source,
+            line=number,
+            hint="look for a stray quotation mark.",
+        ) from None
 
 
 def _rows(data: bytes, source: str) -> list[tuple[int, list[str]]]:
@@ -113,7 +121,7 @@ def _rows(data: bytes, source: str) -> list[tuple[int, list[str]]]:
             "no row with a point.", source=source, line=1, hint="export the path again."
         )
     mark = ";" if ";" in lines[0][1] else ","
-    return [(number, _split(line, mark)) for number, line in lines]
+    return [(number, _split(line, mark, source, number)) for number, line in lines]
 
 
 def _header(header: list[str], source: str, line: int) -> list[str]:
