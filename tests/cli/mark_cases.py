@@ -296,9 +296,9 @@ CASES: Final[Mapping[str, Case]] = {
         lambda f: _workspace(f, "measurement", f("cal.csv"), "--cell", "cell", "--name", "set")
     ),
     "workspace list": Case(lambda f: _workspace(f, "measurement")),
-    "workspace show": Case(lambda f: _workspace(f, "set")),
-    "workspace delete": Case(lambda f: _workspace(f, "set")),
-    "workspace undo": Case(lambda f: _workspace(f, "set")),
+    "workspace show": Case(lambda f: _workspace(f, (f.folder / "set").read_text())),
+    "workspace delete": Case(lambda f: _workspace(f, (f.folder / "set").read_text())),
+    "workspace undo": Case(lambda f: _workspace(f, (f.folder / "set").read_text())),
     "jobs list": Case(lambda f: _workspace(f)),
     "jobs show": Case(lambda f: _workspace(f, (f.folder / "job").read_text())),
 }  # fmt: skip

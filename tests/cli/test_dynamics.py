@@ -240,7 +240,12 @@ def test_force_of_a_cut(cli, lab: Path) -> None:
     assert d["tooth_passing_Hz"] == 120.0
     # Slot: N a c / 4 K, Altintas 2012, eq. 2.22.
     assert d["mean_N"] == pytest.approx([-4.25, 20.0, 2 * 0.05 * 220 / np.pi], rel=1e-6)
-    assert list(pd.read_csv(lab / "out.csv").columns) == ["t_s", "fx_N", "fy_N", "fz_N"]
+    assert list(pd.read_csv(lab / "out.csv", comment="#").columns) == [
+        "t_s",
+        "fx_N",
+        "fy_N",
+        "fz_N",
+    ]
     beside = cli("dynamics", "force", lab / "cut.toml", "--measured", lab / "out.csv")
     assert beside.code == 0
     assert "measured" in beside.out
@@ -281,7 +286,7 @@ def test_force_along_a_path(cli, lab: Path) -> None:
     got = cli("dynamics", "force", lab / "cut.toml", "--along", lab / "along.csv", "-o",
               lab / "table.csv", "--json")  # fmt: skip
     assert got.code == 0
-    table = pd.read_csv(lab / "table.csv")
+    table = pd.read_csv(lab / "table.csv", comment="#")
     assert list(table.columns) == ["path_mm", "fx_N", "fy_N", "fz_N"]
     assert table["fy_N"].tolist() == pytest.approx([0.0, 20.0, 40.0], rel=1e-6)
 

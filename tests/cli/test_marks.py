@@ -53,9 +53,12 @@ def renewed(lab: Lab, command: str) -> None:
         call("workspace", "add", "cell", lab("cell.toml"), "--name", "cell", "-w", space)
     elif command == "workspace add":  # one set of the name remains
         call("workspace", "delete", "set", "-w", space)
+    elif command == "workspace list":
+        out, _ = call("workspace", "list", "measurement", "-w", space, "--json")
+        (lab.folder / "set").write_text(json.loads(out)["items"][0]["id"])
     elif command == "workspace delete":
         if (lab.folder / "deleted").exists():
-            call("workspace", "undo", "set", "-w", space)
+            call("workspace", "undo", (lab.folder / "set").read_text(), "-w", space)
         (lab.folder / "deleted").touch()
     elif command == "jobs list" and not (lab.folder / "job").exists():
         call("workspace", "add", "model", lab("m.rtm"), "--name", "model", "-w", space)
@@ -163,8 +166,8 @@ def test_compensated_programs_do_not_differ(
     measured: dict[str, Printed],
 ) -> None:
     base = tmp_path_factory.getbasetemp()
-    (plain,) = base.glob("lab*/cell 7/after.src")
-    (other,) = base.glob("lab*/simulated/simulated_after.src")
+    (plain,) = base.glob("lab[0-9]*/cell 7/after.src")
+    (other,) = base.glob("lab[0-9]*/simulated/simulated_after.src")
     assert plain.read_bytes() == other.read_bytes()
 
 
@@ -210,7 +213,7 @@ def test_demo_and_its_data_are_marked(
         for as_json in (True, False):
             demo.run(out=tmp_path, data=None, seed=1, as_json=as_json)
         out = capsys.readouterr().out
-        assert (f"{MARK}: dry run" in out) is virtual
+        assert (MARK in out) is virtual
         assert ('"simulated": true' in out) is virtual
     known, hole = reflector_at_tool(deng2022(1)), FlangeHole()
     demo.write_virtual_cell(known, hole, tmp_path)

@@ -75,7 +75,8 @@ def test_from_tracker_file_to_downloaded_program(
     tracker = shop.write_csv(
         tmp_path / "simulated.csv", joints, shop.points(joints, noise_seed=SEED)
     )
-    tracker.write_text(tracker.read_text().replace("x_mm,y_mm,z_mm", "Px,Py,Pz"))
+    text = tracker.read_text().replace("x_mm,y_mm,z_mm", "Px,Py,Pz")
+    tracker.write_text(f"# robotrue SIMULATED: virtual tracker\n{text}")
     (tmp_path / "download").mkdir()
     with watching(browser, empty) as watched:
         page = watched.page

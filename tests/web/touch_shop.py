@@ -82,4 +82,4 @@ def touch_bench() -> Bench:
 def write_touch_files(folder: Path) -> None:
     """cell.toml and the features, which say that they are simulated."""
     (folder / "cell.toml").write_text(CELL)
-    (folder / "block simulated.csv").write_text(FEATURES)
+    (folder / "block simulated.csv").write_text("# robotrue SIMULATED: block\n" + FEATURES)

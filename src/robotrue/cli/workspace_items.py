@@ -218,6 +218,7 @@ def run_delete(folder: Path, item: str, *, as_json: bool) -> None:
     with opened(folder) as workspace:
         noun, id = items.resolve(workspace, item)
         made = items.delete(workspace, noun_of(noun), id)
+    say_mark(provenance_of_record(made))
     say(f"{noun} {made.name!r} deleted; robotrue workspace undo {id[:8]} brings it back")
     if as_json:
         emit_json(document(noun, made))
@@ -228,6 +229,7 @@ def run_undo(folder: Path, item: str, *, as_json: bool) -> None:
     with opened(folder) as workspace:
         noun, id = items.resolve(workspace, item)
         made = items.undo(workspace, noun_of(noun), id)
+    say_mark(provenance_of_record(made))
     state = "deleted again" if made.deleted else "as it was"
     say(f"{noun} {made.name!r} is {state}, version {made.version}")
     if as_json:
