@@ -10,7 +10,7 @@ import numpy as np
 
 from robotrue.calibration.model import ErrorModel
 from robotrue.cli.console import emit_facts, emit_json, say, say_mark
-from robotrue.cli.registered import provenance_of_file
+from robotrue.cli.registered import opened, provenance_used
 from robotrue.core.arrays import Array
 from robotrue.core.provenance import Provenance, merge
 from robotrue.core.rotations import abc_from_matrix, matrix_from_abc
@@ -60,7 +60,9 @@ def run(
         if not move.rotation_known:
             document["notes"].append("the robot's model knows no rotation error: nominal axis.")
         text = robot_fragment(language, move.T_base_tool) if language else ""
-    origin = merge([model.provenance, provenance_of_file(robot)])
+    origin = merge(
+        [model.provenance, *([] if robot is None else [provenance_used(*opened(robot))])]
+    )
     say_mark(origin)
     if as_json:
         emit_json({**document, **({"program": text} if text else {})}, origin)
@@ -116,8 +118,6 @@ def carrying_robot(path: Path, foot_abc_deg: str) -> tuple[ErrorModel, Load, Arr
     Raises:
         ConfigurationError: A cell instead of a calibrated model, or no three angles.
     """
-    from robotrue.cli.registered import opened
-
     cell, robot = opened(path, None)
     if robot is None:
         raise ConfigurationError(

@@ -19,7 +19,7 @@ from robotrue.cli.console import count, say, say_mark
 from robotrue.cli.drill import setup_of
 from robotrue.cli.drill_robot import DrillingRobot, drilling_robot, followed, with_robot
 from robotrue.cli.inputs import check_output
-from robotrue.core.provenance import marked
+from robotrue.core.provenance import Provenance, marked
 from robotrue.core.units import DEG
 from robotrue.drilling.clamp_watch import ClampSettings
 from robotrue.drilling.foot_file import FootSetup
@@ -79,7 +79,6 @@ def run(
         if robot is not None:
             order, still = model.head.order, settings.quiet
             arm = drilling_robot(robot, joints, order, foot_abc_deg, still=still)
-        say_mark(session.provenance)
         desk = Desk(session, setup, kept, truth=truth, output=output, robot=arm, as_json=as_json)
         asyncio.run(_serve(desk, address, seconds))
     if not as_json:
@@ -134,6 +133,11 @@ class Desk:
         if is_reference(sample.values):
             return self._reference(sample)
         return self._foot(sample)
+
+    @property
+    def provenance(self) -> Provenance:
+        """Of the model and of the machine that speaks to it."""
+        return self._session.provenance
 
     def summary(self) -> str:
         """What it came to."""
@@ -254,6 +258,7 @@ async def _serve(desk: Desk, address: str, seconds: float | None) -> None:
         with contextlib.suppress(NotImplementedError):
             loop.add_signal_handler(name, stop.set)
     say(f"listening on udp://{source.address[0]}:{source.address[1]}; Ctrl-C ends")
+    say_mark(desk.provenance)
     ended = asyncio.create_task(stop.wait())
     async with followed(desk.robot) as joints:
         work = asyncio.create_task(_answer(desk, source))
