@@ -70,9 +70,10 @@ def judged(part: str, found: Iterator[tuple[int, Outcome, float]], runs: int) ->
     )
     within = farthest <= LIMIT_NM and not outside
     verdict = "reached" if within else "missed"
+    before = "3.96 before" if part == "relative" else "-"
     print(
-        f"RESULT | corrections, {part}, {runs} runs, simulated: largest held, mm | 3.96 before | "
-        f"<= 0.200 | {1e-6 * farthest:.4f} | {verdict}"
+        f"RESULT | corrections, {part}, {runs} runs, simulated: largest held, mm | "
+        f"{before} | <= 0.200 | {1e-6 * farthest:.4f} | {verdict}"
     )
     if part == "egm":
         verdict = "reached" if first <= 4000.0 else "missed"

@@ -1,6 +1,7 @@
 """A robot answered by a process of its own: as by a thread, and when either side is killed."""
 
 import asyncio
+import json
 import os
 import signal
 import socket
@@ -8,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -21,8 +23,15 @@ from robots import Robot, rob, until
 from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.online import answering_link
 from robotrue.online.answering_link import AnsweringLink, answering_guard
-from robotrue.online.answering_wire import fault_document, fault_of, settings_document, settings_of
-from robotrue.online.guard import CorrectionGuard
+from robotrue.online.answering_wire import (
+    fault_document,
+    fault_of,
+    guard_state,
+    plain,
+    settings_document,
+    settings_of,
+)
+from robotrue.online.guard import CorrectionGuard, GuardState
 from robotrue.online.remote_guard import RemoteGuard
 from robotrue.online.rsi_config import usual_rsi_config
 from robotrue.online.rsi_link import RsiSource
@@ -79,6 +88,12 @@ class Controller:
         self.inner.take(self.robot.ask(packet)) if answered else self.robot.send(packet)
         self.inner.close_cycle()
         return self.shift
+
+    def wait(self, cycles):
+        """Its clock goes on: nobody answers, and it counts that."""
+        for _ in range(cycles):
+            self.inner.next_packet()
+            self.inner.close_cycle()
 
     @property
     def shift(self):
@@ -141,6 +156,7 @@ def test_a_killed_answering_process_is_told_and_another_goes_on():
             for _ in range(20):
                 controller.cycle(answered=False)
             await asyncio.to_thread(until, lambda: source.process_id != first and not source._died)
+            controller.wait(2500)
             await asyncio.to_thread(until, lambda: controller.cycle() == 0.0)
             assert controller.inner.report.largest_step_mm <= 2.0 * STEP
             assert not guard.active
@@ -239,6 +255,13 @@ def test_twenty_thousand_samples_reach_a_service_that_slept(monkeypatch):
 def test_what_is_said_over_the_pipe_comes_back_as_it_was():
     for made in (settings(), settings(mode=None, port=None), egm._settings(egm.SEVEN)):
         assert settings_of(settings_document(made)) == made
+    pinned = settings(peer=("192.0.2.1", 0), trust_restart=True)
+    assert settings_of(json.loads(json.dumps(settings_document(pinned)))) == pinned
+    state = GuardState(
+        shift=(3, 2, 1), pending=((1, 0, 0), (0, 2, 0)), spread=(7, 1), refused=True, frozen=True
+    )
+    assert guard_state(json.loads(json.dumps(plain(state)))) == state
+    assert guard_state(asdict(state)) == state
     fault = ConfigurationError("no.", source="here", hint="yes.")
     again = fault_of(fault_document(fault))
     assert (type(again), str(again)) == (ConfigurationError, str(fault))
