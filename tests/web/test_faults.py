@@ -29,6 +29,12 @@ def test_every_error_has_a_name_in_every_language() -> None:
         assert title_of(each) in KINDS
 
 
+@pytest.mark.parametrize("language", ["en", "zh"])
+def test_every_kind_says_what_helps(language: str) -> None:
+    for kind in KINDS:
+        assert "<b>" in stated(Wording(language), kind, "x", None)
+
+
 def test_a_chinese_page_frames_what_is_said_in_english() -> None:
     error = FormatError("<b>1 row</b>", source="/home/x/part.src", line=7, hint="export it.")
     english, chinese = (refusal(Wording(each), error) for each in ("en", "zh"))
