@@ -11,7 +11,7 @@ from robotrue.cli.console import emit_facts, emit_json, say_mark
 from robotrue.cli.inputs import check_output
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.files import read_bytes, sha256
-from robotrue.core.provenance import merge, read_provenance
+from robotrue.core.provenance import marked_document, merge, read_provenance
 from robotrue.errors import ImplausibleDataError
 from robotrue.online.blocks import Block
 from robotrue.online.clock_alignment import align_streams
@@ -47,10 +47,10 @@ def run(joints: Path, force: Path, output: Path, *, most: float, as_json: bool) 
     sources = {"joints": sha256(read_bytes(joints)), "force": sha256(read_bytes(force))}
     origin = merge([read_provenance(joints), read_provenance(force)])
     say_mark(origin)
-    document = clock_document(found, host=joint_host, sources=sources)
+    document = marked_document(clock_document(found, host=joint_host, sources=sources), origin)
     write_clock(output, document)
     if as_json:
-        emit_json(document, origin)
+        emit_json(document)
         return
     emit_facts(
         "clocks",
