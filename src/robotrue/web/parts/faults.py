@@ -18,8 +18,8 @@ from robotrue.web.problems import source_name, title_of
 KINDS: Final = (
     "configuration error", "database down error", "format error", "implausible data error",
     "shape error", "observability error", "convergence error", "reach error",
-    "model mismatch error", "step error", "archive error", "missing extra error", "missing error", "unanswered",
-    "invalid request", "too large", "no connection", "other",
+    "model mismatch error", "step error", "archive error", "missing extra error",
+    "missing error", "unanswered", "invalid request", "too large", "no connection", "other",
 )  # fmt: skip
 OF_COMMANDS: Final = ("--", "robotrue workspace ")
 """Beginnings of hints for who types commands; the page has buttons for what they say."""
