@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +11,11 @@ import pytest
 import typer
 
 import robotrue.cli.main
-from conftest import Command
 from robotrue.cli.app import app
 from robotrue.cli.outputs import FORMATS
 from robotrue.program.formats import dialect, dialects
 
+Command = Callable[..., Any]
 OWN = {  # refused by the command itself, in its own tests
     ("compensate", "-o"),
     ("dynamics frf", "-o"),

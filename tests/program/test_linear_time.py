@@ -20,22 +20,23 @@ from robotrue.program.controller_files import read_controller_file
 from robotrue.program.formats import detect, dialect, dialects, inserter, write_program
 from robotrue.program.formats.stated_feeds import stated_feeds
 from robotrue.program.insertion import Inserter
-from robotrue.program.program import FrameTable, Replacement
+from robotrue.program.program import FrameTable, Reason, Replacement
 
 STEEP = 8.0
 """Times as long for four times as much; linear is 4, quadratic 16."""
 QUICK = 0.1
 """s; less is never too long."""
-ENOUGH = 0.005
+ENOUGH = 0.003
 """s; what takes longer, and about four times as long as a quarter of it, is linear."""
 MOST = 1 << 17
 INSIDE = (
-    *(b"\n", b" ", b"a", b"1", b"(", b"[", b"{", b")", b'"', b";", b"=", b","),
-    *(b"1 ", b"( ", b"\n ", b";\n", b"a\n", b"a(", b"a[", b"P[", b"1."),
+    *(b"\n", b" ", b"a", b"1", b"(", b"[", b"{", b'"', b","),
+    *(b"( ", b"\n ", b";\n", b"a\n", b"a(", b"a[", b"P["),
 )
 WORST = (
     *INSIDE,
-    *(b"\r\n", b"\t", b"_", b"'", b"-", b".", b"/", b"a ", b'" ', b"N1 ", b"{a "),
+    *(b"\r\n", b"\t", b"_", b")", b";", b"=", b"'", b"-", b".", b"/", b"a ", b"1 ", b'" ', b"1."),
+    *(b"N1 ", b"{a "),
 )
 
 KRL = b"""DEF job()
@@ -296,6 +297,33 @@ def test_worst_characters_in_a_program_take_linear_time(name: str, place: bytes)
     for worst in INSIDE:
         found[worst] = steep(work, lambda size, w=worst: filled(program, place, w, size))
     assert not {key: why for key, why in found.items() if why}
+
+
+def test_calls_inside_each_other_take_linear_time() -> None:
+    def nested(size: int) -> bytes:
+        count = size // len(b"get_inverse_kin()")
+        call = b"get_inverse_kin(" * count + b"p[.1,.2,.3,0,0,0]" + b")" * count
+        return filled(URSCRIPT, b"between", b"", 0).replace(
+            b"q = p[", b"movej(" + call + b")\nq = p["
+        )
+
+    work = used("urscript", "job.script")
+    work(nested(1 << 15))  # too deep to be followed, which is told, not run into
+    assert not steep(work, nested)
+
+
+def test_moves_to_computed_elements_take_linear_time() -> None:
+    point = b"P[%d]={X 1,Y 2,Z 3,A 0,B 0,C 0}\n"
+
+    def program(size: int) -> bytes:
+        count = size // (len(point) + len(b"LIN P[i]\n"))
+        return b"".join([b"DEF a()\n", *(point % k for k in range(count)), b"LIN P[i]\n" * count])
+
+    work = used("krl", "job.src")
+    assert not steep(work, program, size=1 << 15)
+    (read,) = dialect("krl").read_job([("job.src", program(1 << 17))], frames=NONE)
+    assert (read.reason == Reason.EXPRESSION).all()
+    assert "is computed" in " ".join(read.notes)
 
 
 @pytest.mark.parametrize("name", BESIDE)

@@ -58,6 +58,8 @@ _GIVEN_NAME: Final = re.compile(r"\b(\w++)\s*+(?:\[[^\[\]]*+\])?+\s*+(?:,|$)")
 _LABEL: Final = re.compile(r"\s*(\w+)\s*:\s*$")
 _GOTO: Final = re.compile(r"\s*GOTO\s+(\w+)", re.IGNORECASE)
 _STRING: Final = re.compile(r'"[^"]*"')
+_MOST_SEARCHED: Final = 100_000
+"""Elements that moves to a computed one may mean, in all; with more, none is compensated."""
 _POINT_TYPES: Final = ("e6pos", "pos", "frame", "e6axis", "axis")
 _OTHER_TYPES: Final = ("fdat", "pdat", "ldat", "load", "int", "real", "bool", "char", "signal")
 _COLUMN: Final = {"base": BASE, "tool": TOOL}
@@ -91,6 +93,7 @@ class Walk:
         self._current: dict[str, dict[tuple[str, str], Definition]] = defaultdict(dict)
         self._variables: dict[str, Array] = {}
         self._absent: set[str] = set()
+        self._searched = 0
 
     def data_file(self, file: int) -> None:
         """Reads declarations only."""
@@ -449,7 +452,12 @@ class Walk:
         )
         stored = self._current.get(variable, {})
         if index and not re.fullmatch(r"\d+(,\d+)*", index):
-            keys = [(d.file, d.agg) for (_, p), d in stored.items() if p == path]
+            self._searched += len(stored)
+            if self._searched <= _MOST_SEARCHED:
+                keys = [(d.file, d.agg) for (_, p), d in stored.items() if p == path]
+            else:
+                keys = []
+                self.story.tainted.setdefault((variable, path), line)
         else:
             one = stored.get((index, path))
             keys = [] if one is None else [(one.file, one.agg)]

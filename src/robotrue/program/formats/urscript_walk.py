@@ -64,6 +64,8 @@ _SOLVED: Final = re.compile(rb"get_inverse_kin\s*\(")
 _OWN_TOOL: Final = re.compile(rb"tcp\w*\s*=")
 _SOLVED_WITH_TOOL: Final = 4
 """Arguments of get_inverse_kin that leave the tool what it is; a fifth names another."""
+_NESTED: Final = 20
+"""Calls inside each other that are followed."""
 _ADDED: Final = re.compile(rb"pose_add\s*\(")
 _MOTION: Final = re.compile(
     rb"(?<!\w)((?:optimove|move|servo|speed|jog)[a-z]?(?:_\w+)?|tool_contact_move)\s*\("
@@ -313,7 +315,7 @@ class Walk:
         if len(found) == 2:
             self.story.arcs.append((found[0][0], found[1][0]))
 
-    def _operand(self, start: int, end: int) -> tuple[int, int]:
+    def _operand(self, start: int, end: int, depth: int = 0) -> tuple[int, int]:
         """Returns the point an argument means and the frame it stands in."""
         named = _NAMED.match(self.code, start, end)
         start = named.end() if named else start
@@ -328,7 +330,7 @@ class Walk:
             if points:
                 return points[0], BASE
         framed, solved = (each.match(self.code, start, end) for each in (_FRAMED, _SOLVED))
-        call = framed or solved
+        call = framed or solved if depth < _NESTED else None
         if call and self._closed(call.end(), end) == end - 1:
             inside = arguments(self.code, call.end(), end - 1)
             if (
@@ -338,9 +340,9 @@ class Walk:
             ):
                 for place in inside[1:]:
                     self._mention_seed(*place)
-                return self._operand(*inside[0])
+                return self._operand(*inside[0], depth + 1)
             if framed and len(inside) == 2:
-                point, inner = self._operand(*inside[1])
+                point, inner = self._operand(*inside[1], depth + 1)
                 frame = self._frame(*inside[0])
                 return point, frame if inner == BASE else UNKNOWN
         self._mention(start, end)
