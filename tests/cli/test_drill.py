@@ -170,7 +170,7 @@ def test_the_report_says_simulated(job: Path, tmp_path: Path) -> None:
              "--as", "krl"),
             "without --robot",
         ),
-        (("fit", "foot.toml", "campaign.csv", "-o", "campaign.csv"), "which is read here"),
+        (("fit", "foot.toml", "campaign.csv", "-o", "campaign.csv"), "a robotrue file is written"),
         (("fit", "foot.toml", "campaign.csv", "-o", "x", "--kind", "best"), "expected auto"),
         (("plan", "foot.toml", "-o", "x.csv", "--tilt-deg", "20"), "follows up to 8 deg"),
         (("plan", "foot.toml", "-o", "x.csv", "--clamps", "5"), "at least 15"),

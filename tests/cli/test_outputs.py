@@ -19,6 +19,8 @@ Command = Callable[..., Any]
 OWN = {  # refused by the command itself, in its own tests
     ("compensate", "-o"),
     ("dynamics frf", "-o"),
+    ("dynamics frf", "--report"),
+    ("dynamics predict", "--report"),
     ("map", "-o"),
     ("drill report", "-o"),
     ("report calibration", "-o"),

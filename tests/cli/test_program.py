@@ -237,7 +237,10 @@ def test_what_is_wrong_is_named_with_file_and_line(cli, bench: Path, name, text,
         (("--lift-mm", "-1"), "the lift is -1 mm"),
         (("--rapid-mm-per-s", "0"), "rapid 0 mm/s"),
         (("--mesh", "cell.toml"), "no mesh could be read"),
-        (("-o", "top.apt"), "the output is top.apt, which is read here"),
+        (
+            ("-o", "top.apt"),
+            "ends in .apt, as APT or CL data does; a KRL program is written (.src)",
+        ),
         (("-o", "1.src"), "program name '1'"),
     ],
 )

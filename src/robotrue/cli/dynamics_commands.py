@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from robotrue.cli.app import Json, app
-from robotrue.cli.outputs import CSV, FIGURE, FORCE, MODEL
+from robotrue.cli.outputs import CSV, FORCE, MODEL
 
 dynamics = typer.Typer(
     name="dynamics",
@@ -46,9 +46,7 @@ def predict(
     ] = None,
     report: Annotated[
         Path | None,
-        typer.Option(
-            help="Also draw force, error and response (PNG, SVG or PDF).", callback=FIGURE
-        ),
+        typer.Option(help="Also draw force, error and response (PNG, SVG or PDF)."),
     ] = None,
     json: Json = False,
 ) -> None:
@@ -97,7 +95,7 @@ def frf(
     ] = None,
     report: Annotated[
         Path | None,
-        typer.Option(help="Also draw size, phase, coherence (PNG, SVG or PDF).", callback=FIGURE),
+        typer.Option(help="Also draw size, phase, coherence (PNG, SVG or PDF)."),
     ] = None,
     json: Json = False,
 ) -> None:
