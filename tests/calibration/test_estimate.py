@@ -232,7 +232,7 @@ def test_several_reflectors_show_the_last_axis():
         **{
             name: np.concatenate([getattr(data, name)] * 2)
             for name in data.__dataclass_fields__
-            if name not in ("frame", "group_names", "sources", "position", "target")
+            if name not in ("frame", "group_names", "sources", "provenance", "position", "target")
         },
         position=np.concatenate([data.position, second]),
         target=np.repeat([0, 1], 40),

@@ -224,7 +224,7 @@ CASES: Final[Mapping[str, Case]] = {
         files=("job.src.identity.json",),
     ),
     "compensate": Case(
-        lambda f: (f("m.rtm"), f("part.src"), "-o", f("after.src")),
+        lambda f: (f("m.rtm"), f("part.src"), "-o", f("after.src"), "--allow-steps"),
         files=("after.src.identity.json",),
     ),
     "diff": Case(

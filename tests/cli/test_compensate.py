@@ -306,8 +306,9 @@ def test_steps_between_stored_points_in_the_order_of_the_moves(cli, work: Path) 
     # XP2 is out of reach; only XP3 is next to it, though it stands elsewhere in the file.
     order = "LIN XP0\nLIN XP1\nLIN XP0\nPTP XP2\nLIN XP3\nEND\n"
     (work / "s.src").write_text(head + order)
-    got = cli("compensate", work / "model.rtm", work / "s.src", "-o", work / "out.src", "--json")
-    assert got.code == 2
+    got = cli("compensate", work / "model.rtm", work / "s.src", "-o", work / "out.src", "--json",
+              "--start", "0,-80,80,0,40,0")  # fmt: skip
+    assert got.code == 2, got.err
     assert not (work / "out.src").exists()
     assert not (work / "out.dat").exists()
     steps = got.fault["steps"]["first"]

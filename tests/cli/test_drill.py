@@ -138,7 +138,9 @@ def test_refine_and_freeze(job: Path, tmp_path: Path) -> None:
 
 def _turned(test: Path, out: Path) -> Path:
     """The test with true tilts that are off as the references say."""
-    rows = list(csv.DictReader(test.read_text().splitlines()))
+    mark, *lines = test.read_text().splitlines()
+    assert mark.startswith("# robotrue SIMULATED")
+    rows = list(csv.DictReader(lines))
     for row in rows:
         row |= {f"{n}_deg": float(row[f"{n}_deg"]) + v for n, v in (("a", 0.01), ("b", -0.01))}
     with out.open("w") as stream:

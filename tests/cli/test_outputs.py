@@ -85,7 +85,8 @@ def test_a_compensated_program_keeps_its_language(
     cli: Command, shelf: Path, tmp_path: Path
 ) -> None:
     def at(name: str) -> tuple[int, str]:
-        got = cli("compensate", shelf / "model.rtm", shelf / "part.src", "-o", tmp_path / name)
+        got = cli("compensate", shelf / "model.rtm", shelf / "part.src", "-o", tmp_path / name,
+                  "--allow-steps")  # fmt: skip
         return got.code, got.err
 
     for name in ("part.JBI", "part.html", "part.csv"):

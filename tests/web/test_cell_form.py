@@ -48,7 +48,7 @@ def test_what_the_form_says_is_what_the_cell_is(client: Client) -> None:
 def test_an_empty_form_is_a_usual_cell(client: Client) -> None:
     made = client()
     names = [each["name"] for each in made.get("/api/presets").json()["presets"]]
-    assert len(names) == 10
+    assert len(names) == 11
     for name in names:
         text = described(made, {}, name)["text"]
         cell = parse_cell(text.encode(), "cell.toml")
