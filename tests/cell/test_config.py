@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from robotrue.cell.cell import Cell, tracker_covariance
 from robotrue.cell.config import read_cell
 from robotrue.cell.example import write_cell_example
 from robotrue.cell.obstacles import Box, HalfSpace
+from robotrue.cell.wording import line_of_key
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError, FormatError, ShapeError
@@ -323,3 +325,12 @@ def test_cell_made_in_code() -> None:
         Cell(robot=preset("UR5"), repeatability=-1.0)
     with pytest.raises(ShapeError, match="compliance_prior"):
         Cell(robot=preset("UR5"), compliance_prior=np.zeros(5))
+
+
+def test_the_line_of_a_key_is_found_in_linear_time() -> None:
+    def seconds(blanks: int) -> float:
+        begun = time.process_time()
+        assert line_of_key(f"[robot]\n[{' ' * blanks}\nname = 1\n", ("robot", "name")) == 3
+        return time.process_time() - begun
+
+    assert seconds(4_000) < 0.1 + 8.0 * min(seconds(1_000) for _ in range(3))

@@ -285,3 +285,10 @@ def test_row_of_a_response_along_the_direction():
     np.testing.assert_allclose(row.value, -curve.at_rest[1])
     with pytest.raises(ModelMismatchError, match="no displacement along y"):
         row_of(response_curve(measured(single(), highest=400.0)), [0.0, 1.0, 0.0])
+
+
+def test_a_cell_of_windows_beyond_the_reader_is_refused(tmp_path):
+    path = tmp_path / "windows.csv"
+    path.write_text("pass,j1_deg\n1," + "1" * 200_000 + "\n")
+    with pytest.raises(FormatError, match="cannot be split into cells"):
+        read_windows(path)
