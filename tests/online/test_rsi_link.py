@@ -3,7 +3,6 @@
 import asyncio
 import time
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,9 +19,7 @@ from robotrue.online.rsi_link import RsiSettings, RsiSource
 from robotrue.online.samples import Correction, CorrectionMode, Flag
 from robotrue.online.turnaround import Turnaround
 from robotrue.robot.presets import preset
-from robotrue.simulation import pace
 from robotrue.simulation.joint_motion import Jog
-from robotrue.simulation.pace import Pace
 from robotrue.simulation.rsi_controller import RsiController, RsiControllerSettings, run
 
 ABSOLUTE, RELATIVE = CorrectionMode.ABSOLUTE, CorrectionMode.RELATIVE
@@ -441,29 +438,6 @@ def test_a_late_answer_to_a_cycle_that_was_cut_short_is_told_apart():
             robot.take(write_sen(HOLD, robot.settings.first_ipoc, rest, ABSOLUTE))
         robot.close_cycle(short=bool(short))
     assert (robot.report.answered, robot.report.late, robot.report.overslept) == (1, 3, 2)
-
-
-def test_the_pace_says_which_cycles_it_cut_short(monkeypatch):
-    class Clock:
-        now = 100.0
-
-        def time(self):
-            return self.now
-
-        async def sleep(self, seconds):
-            self.now += seconds
-
-    clock = Clock()
-    stands_in = SimpleNamespace(get_running_loop=lambda: clock, sleep=clock.sleep)
-    monkeypatch.setattr(pace, "asyncio", stands_in)
-
-    async def paced():
-        found = Pace(0.2)
-        whole = await found.wait()
-        clock.now += 0.3
-        return whole, await found.wait()
-
-    assert asyncio.run(paced()) == (False, True)
 
 
 def test_the_simulated_robot_holds_or_drops_and_limits():
