@@ -58,7 +58,7 @@ _GIVEN_NAME: Final = re.compile(r"\b(\w++)\s*+(?:\[[^\[\]]*+\])?+\s*+(?:,|$)")
 _LABEL: Final = re.compile(r"\s*(\w+)\s*:\s*$")
 _GOTO: Final = re.compile(r"\s*GOTO\s+(\w+)", re.IGNORECASE)
 _STRING: Final = re.compile(r'"[^"]*"')
-_MOST_SEARCHED: Final = 100_000
+_MOST_SEARCHED: Final = 50_000
 """Elements that moves to a computed one may mean, in all; with more, none is compensated."""
 _POINT_TYPES: Final = ("e6pos", "pos", "frame", "e6axis", "axis")
 _OTHER_TYPES: Final = ("fdat", "pdat", "ldat", "load", "int", "real", "bool", "char", "signal")
