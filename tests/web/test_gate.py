@@ -180,7 +180,7 @@ def test_what_leaves_can_load_nothing_from_elsewhere(client: Client) -> None:
 
 
 def test_what_is_too_large_is_refused_whether_it_says_so_or_not(client: Client) -> None:
-    here = client(upload_limit=100_000)
+    here = client(upload_limit=100_000, upload_total=10**9)
     assert here.post("/api/files?name=a", content=b"x" * 100_001).status_code == 413
     chunks = (b"x" * 10_000 for _ in range(11))
     assert here.post("/api/files?name=a", content=chunks).status_code == 413
