@@ -187,3 +187,11 @@ def test_rtde_takes_no_corrections():
     guard = CorrectionGuard(adversary.limits(1.0, 12, 0.0), ABSOLUTE)
     with pytest.raises(ConfigurationError, match="only rsi:// and egm:// robots take them"):
         open_source("rtde://127.0.0.1", SourceSettings(corrector=guard))
+
+
+def test_a_process_that_goes_on_counts_on_answers_that_nobody_told():
+    """Killed with answers unreported, and Delay set anew meanwhile: the robot is not at rest."""
+    outcome = World(3462, RELATIVE, 12).cycles(2200)
+    assert outcome.farthest_nm <= LIMIT
+    assert outcome.outside == 0
+    assert outcome.refusals > 0

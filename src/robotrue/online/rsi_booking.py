@@ -108,6 +108,9 @@ class RsiBooking:
         else:
             certain = same and not odd and self._is_new_session(cycles, late, gap)
             self._first = SILENCE if certain else self._first
+            if resumed and not certain:
+                # the process before may have moved the robot after it last said where it is
+                self._corrector.untold(SILENCE)
             self._corrector.restarted(certain=certain)
             self._corrector.book(taken=False)
         return True
