@@ -1,6 +1,3 @@
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
@@ -9,7 +6,7 @@ from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.errors import ConfigurationError
 from robotrue.robot.forward import forward, walk
 from robotrue.robot.opw import opw_geometry
-from robotrue.robot.presets import preset, preset_names
+from robotrue.robot.presets import FOLDER, preset, preset_names, rated_payload
 from robotrue.robot.statics import drive_torque
 
 from .arms import SEVEN
@@ -68,15 +65,14 @@ def test_nearest_name_is_offered():
         preset("ur10e")
 
 
-def test_only_the_robot_asked_for_is_imported():
-    code = (
-        "import sys; from robotrue.robot.presets import preset; preset('ur5');"
-        "print(*[m for m in sys.modules if m.startswith('robotrue.robot.presets.')])"
-    )
-    shown = subprocess.run(  # noqa: S603
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True
-    )
-    assert shown.stdout.split() == ["robotrue.robot.presets.ur5"]
+def test_a_preset_is_one_file_in_the_folder():
+    assert len(list(FOLDER.glob("*.toml"))) == len(preset_names())
+    assert preset_names()[0] == "KUKA KR160 R1570"
+
+
+def test_a_rated_payload_is_that_of_the_name():
+    assert rated_payload("KUKA KR160 R1570") == 160.0
+    assert rated_payload("Staubli TX2-90L") is None
 
 
 @pytest.mark.parametrize(

@@ -16,18 +16,6 @@ from robotrue.measurement.tracker import DEFAULT_SPECIFICATION, one_sigma
 from robotrue.robot.presets import preset
 from robotrue.robot.statics import Load
 
-RATED_KG: Final = {
-    "KUKA KR160 R1570": 160.0,
-    "KUKA KR300 R2500": 300.0,
-    "UR5": 5.0,
-    "UR10": 10.0,
-    "ABB IRB 6660-205/1.9": 205.0,
-    "ABB IRB 120-3/0.6": 3.0,
-    "Yaskawa GP225": 225.0,
-    "Fanuc R-2000iC/165F": 165.0,
-    "KUKA LBR iiwa 14 R820": 14.0,
-}
-"""Rated payload where the name of the type says it."""
 FIRST_LINE: Final = "# Made from a preset; change and extend it.\n"
 
 

@@ -23,8 +23,6 @@ from robotrue.robot.opw import TOLERANCE, OpwGeometry, opw_geometry
 
 MAKERS: Final = ("kuka", "abb", "fanuc", "yaskawa", "ur")
 """Makers a cell may name."""
-
-
 FROM_HORIZONTAL: Final[Array] = np.eye(6) - np.outer(np.eye(6)[2], np.eye(6)[1])
 """Fanuc's display: J3 is the angle of the forearm to the horizontal, whatever J2 is."""
 _COUNTING: Final[Mapping[str, tuple[tuple[int, ...], tuple[float, ...]]]] = {
@@ -35,6 +33,17 @@ _COUNTING: Final[Mapping[str, tuple[tuple[int, ...], tuple[float, ...]]]] = {
 }
 """Sense, and zero in deg of axes 1 to 5; that of axis 6 is a matter of the flange."""
 _SAME: Final = 1e-4  # rad; a zero that is printed with four digits in deg is met
+
+
+def count_axes(
+    maker: str, dof: int, *, sign: Array | None = None, offset: Array | None = None
+) -> Configuration:
+    """Returns how a maker's controller counts the axes of an arm; arguments as :func:`made_by`."""
+    return Configuration(
+        sign=np.ones(dof) if sign is None else sign,
+        offset=np.zeros(dof) if offset is None else offset,
+        coupling=FROM_HORIZONTAL if maker == "fanuc" and dof == 6 else np.empty((0, 0)),
+    )
 
 
 def made_by(
@@ -54,11 +63,7 @@ def made_by(
         ConfigurationError: q does not count as the maker does, and nothing says how it counts.
     """
     stated = sign is not None or offset is not None
-    counting = Configuration(
-        sign=np.ones(robot.dof) if sign is None else sign,
-        offset=np.zeros(robot.dof) if offset is None else offset,
-        coupling=FROM_HORIZONTAL if maker == "fanuc" and robot.dof == 6 else np.empty((0, 0)),
-    )
+    counting = count_axes(maker, robot.dof, sign=sign, offset=offset)
     made = replace(robot, maker=maker, controller=counting)
     geometry = opw_geometry(made) if maker in _COUNTING else None
     if geometry is None:

@@ -1,29 +1,36 @@
-"""Robots by name, one file each; only the one asked for is imported."""
+"""Robots by name, one TOML file each: the keys of ``[robot]`` in cell.toml, and a few more.
+
+Further keys of a preset: ``name``; ``order`` in lists; ``rated_payload_kg`` where the name of the
+type says it; ``joint_map`` of a parallelogram; and instead of ``limits_deg`` of the joints q either
+``limits_rad``, or ``axis_limits_deg`` of the axes that the controller counts. The comment at the
+top of a file names source and date.
+"""
 
 from __future__ import annotations
 
 import difflib
-import importlib
 import re
+import tomllib
 import unicodedata
-from typing import Final
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any, Final
 
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
-from robotrue.robot.model import RobotModel
+from robotrue.robot.makers import count_axes
+from robotrue.robot.model import Configuration, RobotModel
 
-_MODULES: Final = {
-    "KUKA KR160 R1570": "kuka_kr160_r1570",
-    "KUKA KR300 R2500": "kuka_kr300_r2500",
-    "UR5": "ur5",
-    "UR10": "ur10",
-    "ABB IRB 6660-205/1.9": "abb_irb6660_205_1_9",
-    "ABB IRB 120-3/0.6": "abb_irb120_3_0_6",
-    "Staubli TX2-90L": "staubli_tx2_90l",
-    "Yaskawa GP225": "yaskawa_gp225",
-    "Fanuc R-2000iC/165F": "fanuc_r2000ic_165f",
-    "Franka Panda": "franka_panda",
-    "KUKA LBR iiwa 14 R820": "kuka_lbr_iiwa_14_r820",
-}
+FOLDER: Final = Path(__file__).parent
+_KEYS: Final = frozenset({
+    "name", "order", "maker", "rated_payload_kg", "convention", "dh", "joint_map", "axes_sign",
+    "axes_offset_deg", "limits_deg", "limits_rad", "axis_limits_deg", "mass_kg",
+    "centre_of_mass_mm",
+})  # fmt: skip
 _BRANDS: Final = (
     "kukalbr",
     "kuka",
@@ -40,13 +47,36 @@ _BRANDS: Final = (
 )
 
 
+@cache
+def _preset_tables() -> dict[str, Mapping[str, Any]]:
+    """Reads the files of this folder; returns their tables by the name of the robot."""
+    tables = []
+    for path in sorted(FOLDER.glob("*.toml")):
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        unknown = sorted(table.keys() - _KEYS)
+        if unknown:
+            raise ConfigurationError(
+                f"unknown key {unknown[0]}; allowed in a preset are {', '.join(sorted(_KEYS))}.",
+                source=path,
+            )
+        tables.append(table)
+    tables.sort(key=lambda table: (table.get("order", len(tables) + 1), table["name"]))
+    return {table["name"]: table for table in tables}
+
+
 def preset_names() -> tuple[str, ...]:
     """Returns the full names of all presets."""
-    return tuple(_MODULES)
+    return tuple(_preset_tables())
+
+
+def rated_payload(name: str) -> float | None:
+    """Returns the rated payload in kg of a preset, by its full name; None where it is not known."""
+    table = _preset_tables().get(name, {})
+    return float(table["rated_payload_kg"]) if "rated_payload_kg" in table else None
 
 
 def preset(name: str) -> RobotModel:
-    """Returns the nominal robot of a name.
+    """Returns the nominal robot of a name, flange without tool.
 
     Upper and lower case, blanks, ``-``, ``_``, ``/`` and the brand do not matter, and the front
     part of a name will do where it is unique: ``"kr160"``, ``"KUKA KR 160 R1570"``,
@@ -55,29 +85,59 @@ def preset(name: str) -> RobotModel:
     Raises:
         ConfigurationError: No such preset, or several; the message lists them.
     """
+    names = preset_names()
     wanted = _bare("".join(_tokens(name)))
-    exact = [full for full in _MODULES if wanted == _bare("".join(_tokens(full)))]
-    found = exact or [full for full in _MODULES if wanted in _short_forms(full)]
-    if len(found) != 1:
-        listing = ", ".join(_MODULES)
-        if found:
-            raise ConfigurationError(
-                f"preset {name!r} could be {' or '.join(found)}.", hint="write the full name."
-            )
-        keys = {_bare("".join(_tokens(full))): full for full in _MODULES}
-        keys |= {form: full for full in _MODULES for form in _short_forms(full)}
+    exact = [full for full in names if wanted == _bare("".join(_tokens(full)))]
+    matches = exact or [full for full in names if wanted in _short_forms(full)]
+    if len(matches) > 1:
+        raise ConfigurationError(
+            f"preset {name!r} could be {' or '.join(matches)}.", hint="write the full name."
+        )
+    if not matches:
+        keys = {_bare("".join(_tokens(full))): full for full in names}
+        keys |= {form: full for full in names for form in _short_forms(full)}
         near = difflib.get_close_matches(wanted, keys, n=1, cutoff=0.0)
         raise ConfigurationError(
-            f"no robot preset {name!r}; there are {listing}.",
+            f"no robot preset {name!r}; there are {', '.join(names)}.",
             hint=f"{keys[near[0]]!r}, or describe the arm by its dh table or urdf."
             if near
             else None,
         )
-    module = importlib.import_module(f"{__name__}.{_MODULES[found[0]]}")
-    model = module.robot()
-    if not isinstance(model, RobotModel):
-        raise ConfigurationError(f"preset module {module.__name__} did not build a RobotModel.")
-    return model
+    return _build_robot(_preset_tables()[matches[0]])
+
+
+def _build_robot(table: Mapping[str, Any]) -> RobotModel:
+    rows = table["dh"]
+    counting = count_axes(
+        table["maker"],
+        len(rows),
+        sign=np.array(table["axes_sign"], dtype=np.float64) if "axes_sign" in table else None,
+        offset=np.array(table["axes_offset_deg"]) * DEG if "axes_offset_deg" in table else None,
+    )
+    return RobotModel(
+        name=table["name"],
+        convention=table["convention"],
+        theta=np.array([row["theta_deg"] for row in rows]) * DEG,
+        alpha=np.array([row["alpha_deg"] for row in rows]) * DEG,
+        d=np.array([row["d_mm"] for row in rows]) * MM,
+        a=np.array([row["a_mm"] for row in rows]) * MM,
+        joint_map=np.array(table.get("joint_map", np.empty((0, 0)))),
+        limits=_joint_limits(table, counting),
+        link_mass=np.array(table.get("mass_kg", [])),
+        link_com=np.array(table.get("centre_of_mass_mm", np.empty((0, 3)))) * MM,
+        controller=counting,
+        maker=table["maker"],
+    )
+
+
+def _joint_limits(table: Mapping[str, Any], counting: Configuration) -> Array:
+    """Returns the limits (n, 2) rad of q."""
+    if "limits_rad" in table:
+        return np.array(table["limits_rad"], dtype=np.float64)
+    if "limits_deg" in table:
+        return np.array(table["limits_deg"]) * DEG
+    limits = counting.to_model(np.array(table["axis_limits_deg"]).T * DEG).T
+    return np.sort(limits, axis=1)  # a joint that counts the other way turns its limits over
 
 
 def _tokens(name: str) -> list[str]:

@@ -12,12 +12,12 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.cell.config import parse_cell
-from robotrue.cell.preset_cell import RATED_KG, USUAL, PresetCell, preset_cell_text
+from robotrue.cell.preset_cell import USUAL, PresetCell, preset_cell_text
 from robotrue.core.json_values import plain_text
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError, ModelMismatchError, ShapeError
-from robotrue.robot.presets import preset, preset_names
+from robotrue.robot.presets import preset, preset_names, rated_payload
 from robotrue.robot.reach import wrist_reach
 from robotrue.store import cells, items
 from robotrue.store.layout import laid_out
@@ -56,7 +56,7 @@ def presets() -> bytes:
                 "name": name,
                 "joints": robot.dof,
                 "reach_mm": wrist_reach(robot) / MM,
-                "rated_kg": RATED_KG.get(name),
+                "rated_kg": rated_payload(name),
             }
         )
     fields = [
@@ -84,7 +84,7 @@ def described(form: str) -> bytes:
             faults["mass_kg"] = {"kind": "massless"}
     if faults:
         return answer({"faults": faults, "text": "", "cautions": {}})
-    rated = RATED_KG.get(robot)
+    rated = rated_payload(robot)
     over = rated is not None and values["mass_kg"] > rated
     cautions = {"mass_kg": {"kind": "rated", "most": rated}} if over else {}
     try:
