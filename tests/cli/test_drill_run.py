@@ -16,8 +16,9 @@ import pytest
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.head import Head
 from robotrue.drilling.journal import Journal
-from robotrue.drilling.model import fit_model
+from robotrue.drilling.model import fit_model, seen
 from robotrue.drilling.model_archive import read_model, write_model
+from robotrue.drilling.production import record_of, recorded
 from robotrue.errors import FormatError
 from robotrue.simulation.drilling_machine import DrillingMachine, drilling_machine, random_campaign
 from robotrue.simulation.drilling_online import DrillingRun, DrillingTally, run
@@ -37,11 +38,18 @@ def model(machine: DrillingMachine, tmp_path: Path) -> Path:
     return tmp_path / "m.robotrue"
 
 
+KILLED_BEFORE_THE_MODEL = """
+import os, signal, robotrue.cli.drill_run
+def killed(*_): os.kill(os.getpid(), signal.SIGKILL)
+robotrue.cli.drill_run.write_model = killed
+"""
+
+
 class Service:
     """A process of ``drill run`` and the port it says."""
 
-    def __init__(self, model: Path, journal: Path, *further: str) -> None:
-        command = "from robotrue.cli.main import run; run()"
+    def __init__(self, model: Path, journal: Path, *further: str, first: str = "") -> None:
+        command = first + "from robotrue.cli.main import run; run()"
         self.process = subprocess.Popen(  # noqa: S603 - this interpreter
             [sys.executable, "-c", command, "drill", "run", str(model), "--journal", str(journal),
              "--from", "udp://127.0.0.1:0", "--json", *further],
@@ -113,6 +121,41 @@ def test_kill_9_between_move_and_reference_loses_neither(
     assert read_model(after).version == 2
 
 
+def test_kill_9_between_journal_and_model_loses_no_reference(
+    machine: DrillingMachine, model: Path, tmp_path: Path
+) -> None:
+    """Fails when the next start does not bring the model up to its journal."""
+    journal, after = tmp_path / "j.jsonl", tmp_path / "after.robotrue"
+    settings = ("-o", str(after), "--truth", "mandrel plane", "--sigma-deg", "0.002")
+    service = Service(model, journal, *settings, first=KILLED_BEFORE_THE_MODEL)
+    practised(service, DrillingRun(machine=machine, holes=2, gauge_sigma=np.nan))
+    asyncio.run(_heard_nothing(service, {"hole": "H1", "left_a_deg": 0.01, "left_b_deg": 0.02}))
+    assert service.process.wait(timeout=60) == -signal.SIGKILL
+    service.end(signal.SIGKILL)
+    assert not after.exists()
+    # The same command again, and once more on the model that this start wrote.
+    for start in (model, after):
+        service = Service(start, journal, *settings[:-1], "0.5")
+        _, lines = service.end()
+        assert lines == []
+        assert read_model(after).version == 2
+    before, got = read_model(model), read_model(after)
+    with Journal(journal) as kept:
+        moved = kept.state.references[0].moved
+        assert list(kept.state.waiting) == ["H2"]
+    left = np.array([0.01, 0.02]) * DEG
+    found = seen(before, moved.clamps)
+    record = record_of("H1", found, left, "mandrel plane", moved=moved.tilt)
+    expected = recorded(before, found, record, reference=0.002 * DEG).model
+    assert np.abs(expected.refinement.coefficients).max() > 1e-6
+    np.testing.assert_allclose(
+        got.refinement.coefficients, expected.refinement.coefficients, rtol=1e-9
+    )
+    np.testing.assert_allclose(got.monitor.sums, expected.monitor.sums, rtol=1e-9)
+    assert got.refinement.truths == ("mandrel plane",)
+    assert got.provenance.simulated
+
+
 def test_a_force_outside_the_campaign_and_a_foot_that_judges_itself_are_refused(
     model: Path, tmp_path: Path
 ) -> None:
@@ -144,6 +187,15 @@ def test_a_journal_that_is_none_is_left_as_it_is(tmp_path: Path) -> None:
 async def _sent(port: int, values: dict) -> dict:
     """Sends values once and returns the answer."""
     return await _clamped(port, values, times=1)
+
+
+async def _heard_nothing(service: Service, values: dict) -> None:
+    """Sends values once to a service that is killed by them."""
+    transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
+        asyncio.DatagramProtocol, remote_addr=("127.0.0.1", service.port)
+    )
+    transport.sendto(json.dumps(values).encode())
+    transport.close()
 
 
 async def _clamped(port: int, values: dict, times: int = 200) -> dict:

@@ -26,6 +26,7 @@ from robotrue.drilling.foot_file import FootSetup
 from robotrue.drilling.foot_signals import SIMULATED, foot_sample, is_reference, left_by
 from robotrue.drilling.hole_session import HoleAnswer, HoleSession
 from robotrue.drilling.journal import Journal, answer_document, step_document
+from robotrue.drilling.journal_replay import replay_references
 from robotrue.drilling.model_archive import read_model, write_model
 from robotrue.errors import ConfigurationError, ModelMismatchError, RobotrueError
 from robotrue.online.net_address import net_address
@@ -60,6 +61,9 @@ def run(
     model = read_model(model_path)
     setup = setup_of(model, model_path, foot)
     with Journal(journal) as kept:
+        model, replayed = replay_references(
+            model, kept.state.references, reference_sigma=sigma_deg * DEG, source=journal
+        )
         if kept.state.version > model.version:
             raise ModelMismatchError(
                 f"{journal} was written with version {kept.state.version} of the model, this is "
@@ -67,6 +71,8 @@ def run(
                 source=model_path,
                 hint="the model that run wrote with -o, or another journal.",
             )
+        if replayed and output is not None:
+            write_model(output, model)
         session = HoleSession(
             model,
             settings=settings,
@@ -80,7 +86,8 @@ def run(
             order, still = model.head.order, settings.quiet
             arm = drilling_robot(robot, joints, order, foot_abc_deg, still=still)
         desk = Desk(session, setup, kept, truth=truth, output=output, robot=arm, as_json=as_json)
-        asyncio.run(_serve(desk, address, seconds))
+        note = "" if not replayed else _replay_note(journal, replayed, model.version)
+        asyncio.run(_serve(desk, address, seconds, note=note))
     if not as_json:
         say(desk.summary())
 
@@ -189,7 +196,11 @@ class Desk:
             return self._unread(cause, hole=hole)
         a, b = (left / DEG).tolist()
         document = step_document(hole, step, (a, b), truth)
-        self._journal.recorded(document)
+        self._journal.recorded(
+            document,
+            sigma=self._session.reference_sigma,
+            records=step.model.monitor.records,
+        )
         if self._output is not None:
             write_model(self._output, step.model)
         self.references += 1
@@ -245,7 +256,14 @@ def _line(document: Mapping[str, Any]) -> str:
     return f"hole {hole or '?'}: no move. {document['said']}"
 
 
-async def _serve(desk: Desk, address: str, seconds: float | None) -> None:
+def _replay_note(journal: Path, replayed: int, version: int) -> str:
+    return (
+        f"note: {count(replayed, 'reference')} of {journal.name} taken into the model, which was "
+        f"written before them; it is version {version} now"
+    )
+
+
+async def _serve(desk: Desk, address: str, seconds: float | None, *, note: str) -> None:
     where = net_address(address, default_port=PORT).only("from")
     if where.scheme != "udp":
         raise ConfigurationError(
@@ -259,6 +277,8 @@ async def _serve(desk: Desk, address: str, seconds: float | None) -> None:
             loop.add_signal_handler(name, stop.set)
     say(f"listening on udp://{source.address[0]}:{source.address[1]}; Ctrl-C ends")
     say_mark(desk.provenance)
+    if note:
+        say(note)
     ended = asyncio.create_task(stop.wait())
     async with followed(desk.robot) as joints:
         work = asyncio.create_task(_answer(desk, source))

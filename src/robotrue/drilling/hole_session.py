@@ -51,10 +51,12 @@ class MovedHole:
     Attributes:
         clamps: The clamp, one row.
         tilt: (2,) rad, by which the spindle moved, as the model in force at that hole gave it.
+        version: Of that model.
     """
 
     clamps: Clamps
     tilt: Array
+    version: int
 
 
 class HoleSession:
@@ -95,6 +97,11 @@ class HoleSession:
         """Of the model, and of the machine that speaks to it."""
         return merge([self.model.provenance, self._machine])
 
+    @property
+    def reference_sigma(self) -> float:
+        """Returns the deviation of the outside reference in each of a and b, rad."""
+        return self._reference
+
     def simulated(self) -> None:
         """Takes note that the machine says it is simulated; it stays so."""
         self._machine = SIMULATED
@@ -121,7 +128,8 @@ class HoleSession:
         else:
             found, refused = self._found(event.clamps, event.axes)
             if found is not None:
-                self._keep(name, MovedHole(clamps=event.clamps, tilt=found.tilt))
+                moved = MovedHole(clamps=event.clamps, tilt=found.tilt, version=self.model.version)
+                self._keep(name, moved)
         return HoleAnswer(
             hole=name,
             clamps=event.clamps,

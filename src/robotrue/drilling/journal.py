@@ -1,7 +1,8 @@
 """What a session answered and learned, a line of JSON each, on the disk before the machine moves.
 
-After a stop of any kind the session goes on from it: which clamps wait for a reference, and how
-many holes there were. A last line without its end was cut by that stop and is left out.
+After a stop of any kind the session goes on from it: which clamps wait for a reference, how many
+holes there were, and which references the model has to hold. A last line without its end was cut by
+that stop and is left out.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign import Clamps
 from robotrue.drilling.hole_session import HoleAnswer, MovedHole
@@ -27,17 +29,53 @@ from robotrue.errors import FormatError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class BookedReference:
+    """A reference as the journal holds it, with what it did to the model.
+
+    Attributes:
+        hole: As answered.
+        moved: The clamp and the tilt by which the spindle moved.
+        left: (2,) rad, true normal less spindle axis after the move, as (a, b).
+        truth: What measured it.
+        sigma: rad, deviation of the reference; None in journals that do not state it.
+        simulated: Whether the model rests on simulated data after it.
+        version: Of the model after it.
+        records: The model's watch has seen after it; None in journals that do not state it.
+    """
+
+    hole: str
+    moved: MovedHole
+    left: Array
+    truth: str
+    sigma: float | None
+    simulated: bool
+    version: int
+    records: int | None
+
+    @property
+    def position(self) -> tuple[int, int]:
+        """Grows with each reference: a frozen model keeps its version and counts records."""
+        return self.version, -1 if self.records is None else self.records
+
+    def is_booked_as(self, version: int, records: int) -> bool:
+        """Returns whether the journal says that the model came to this version and count."""
+        return self.version == version and self.records in (None, records)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class JournalState:
     """Where a session stood.
 
     Attributes:
         answered: Clamps answered.
         waiting: Holes that were moved for and wait for a reference, by name.
+        references: All that were taken, in their order.
         version: Of the model, at the last line; 0 without one.
     """
 
     answered: int
     waiting: Mapping[str, MovedHole]
+    references: tuple[BookedReference, ...]
     version: int
 
 
@@ -141,13 +179,20 @@ class Journal:
             }
         self._put(line)
 
-    def recorded(self, document: Mapping[str, Any]) -> None:
+    def recorded(self, document: Mapping[str, Any], *, sigma: float, records: int) -> None:
         """Puts what a reference did on the disk.
+
+        Args:
+            document: As the machine is told it.
+            sigma: rad, deviation of the reference.
+            records: The model's watch has seen, this one included.
 
         Raises:
             FormatError: The disk does not take it.
         """
-        self._put({"kind": "reference", **document})
+        self._put(
+            {"kind": "reference", **document, "sigma_deg": sigma / DEG, "watch_records": records}
+        )
 
     def _put(self, document: Mapping[str, Any]) -> None:
         at = datetime.now(UTC).isoformat(timespec="milliseconds")
@@ -172,14 +217,15 @@ class Journal:
         entries, whole = whole_lines(data, source=self._path)
         answered, version = 0, 0
         waiting: dict[str, MovedHole] = {}
+        references: list[BookedReference] = []
         for number, entry in enumerate(entries, start=1):
             try:
                 if entry["kind"] == "answer":
                     answered += 1
                     if entry["status"] == "move":
                         waiting[entry["hole"]] = _moved(entry)
-                else:
-                    waiting.pop(entry["hole"], None)
+                elif (moved := waiting.pop(entry["hole"], None)) is not None:
+                    references.append(_booked_reference(entry, moved))
                 version = int(entry["version"])
             except (ValueError, KeyError, TypeError) as cause:
                 raise FormatError(
@@ -190,7 +236,9 @@ class Journal:
                 ) from cause
         if whole < len(data):
             self._file.truncate(whole)
-        return JournalState(answered=answered, waiting=waiting, version=version)
+        return JournalState(
+            answered=answered, waiting=waiting, references=tuple(references), version=version
+        )
 
 
 def _moved(entry: Mapping[str, Any]) -> MovedHole:
@@ -200,4 +248,19 @@ def _moved(entry: Mapping[str, Any]) -> MovedHole:
         height=np.array([entry["z_mm"]], dtype=np.float64) * MM,
         approach=(str(entry["approach"]),),
     )
-    return MovedHole(clamps=clamps, tilt=np.array([float(entry[f"{n}_deg"]) for n in "ab"]) * DEG)
+    tilt = np.array([float(entry[f"{n}_deg"]) for n in "ab"]) * DEG
+    return MovedHole(clamps=clamps, tilt=tilt, version=int(entry["version"]))
+
+
+def _booked_reference(entry: Mapping[str, Any], moved: MovedHole) -> BookedReference:
+    sigma, records = entry.get("sigma_deg"), entry.get("watch_records")
+    return BookedReference(
+        hole=str(entry["hole"]),
+        moved=moved,
+        left=np.array([float(entry[f"left_{n}_deg"]) for n in "ab"]) * DEG,
+        truth=str(entry["truth"]),
+        sigma=None if sigma is None else float(sigma) * DEG,
+        simulated=entry.get("simulated") is True,
+        version=int(entry["version"]),
+        records=None if records is None else int(records),
+    )
