@@ -1,0 +1,317 @@
+"""Frozen tables of columns: shapes declared beside the fields, checked once, cut by rows.
+
+A noun of the product that holds arrays inherits from :class:`Columns` and says of each array its
+shape, in sizes shared by all fields of one object, and its unit::
+
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class Touches(Columns):
+        names: Annotated[tuple[str, ...], Column("n")]
+        point: Annotated[Array, Column("n 3", unit="m")]
+        normal: Annotated[Array, Column("n 3", fill=np.nan)] = EMPTY
+        radius: float = 0.0
+
+The element type is that of the annotation (``Array``, ``IntArray``, ``BoolArray``, ...). The first
+column that names a size sets it. ``n`` counts the rows; a table inside a table that shares its rows
+needs ``__len__``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from types import NoneType, UnionType
+from typing import (
+    Annotated,
+    Any,
+    Final,
+    NamedTuple,
+    Self,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
+
+import numpy as np
+
+from robotrue.core.arrays import BoolArray, IntArray
+from robotrue.core.json_values import json_values
+from robotrue.errors import ShapeError
+
+ROWS: Final = "n"
+"""The size that counts the rows of a table."""
+FREE: Final = "_"
+"""A dimension that no other field shares."""
+Rows = slice | IntArray | BoolArray
+"""Which rows: a slice, indices or a mask."""
+
+
+EMPTY: Final[Any] = ()
+"""Default of a column that may be left out; its ``fill`` then takes its place."""
+
+
+def count_rows(rows: int) -> IntArray:
+    """Returns 1, 2, ... ``rows``: the ``fill`` of a column of row numbers."""
+    return np.arange(1, rows + 1)
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """Shape and meaning of one field, as metadata of ``Annotated``.
+
+    Attributes:
+        shape: Sizes in words: numbers, names shared within one object (``n``, ``dof``) and ``_``.
+        unit: SI unit of the values, for the reader.
+        nan: NaN is allowed and means "not known".
+        inf: Infinity is allowed and means "no limit".
+        fill: What an array without values becomes: a number for every element, or a function of
+            the sizes that returns the array (``np.eye``, :func:`count_rows`; a lambda finds no
+            globals here). Without it an empty array is checked as any other.
+    """
+
+    shape: str
+    unit: str = ""
+    nan: bool = False
+    inf: bool = False
+    fill: float | Callable[..., Any] | None = None
+
+
+class _Field(NamedTuple):
+    """A field with a :class:`Column`, read once per class."""
+
+    name: str
+    sizes: tuple[int | str | None, ...]
+    dtype: Any
+    """Element type; None where the field is a tuple or a table of its own."""
+    refused: Any
+    """The function that marks values not allowed; None where all are."""
+    fill: float | Callable[..., Any] | None
+    is_tuple: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Columns:
+    """Base of frozen dataclasses with arrays: checks shapes and values, and freezes.
+
+    An array that is writeable or of another type is copied, so nobody changes it afterwards.
+    Rules between the values belong in :meth:`_check_rules`, which finds every array frozen.
+    """
+
+    def __post_init__(self) -> None:
+        """Checks and freezes every declared column, then checks the rules of the class.
+
+        Raises:
+            ShapeError: A column of another shape, or a value that is not finite.
+        """
+        owner = type(self)
+        sizes: dict[Any, int] = self._known_sizes()
+        for field in _FIELDS.get(owner) or _read_fields(owner):
+            value = getattr(self, field.name)
+            if value is None:
+                continue
+            checked = _check_column(owner, field, value, sizes)
+            if checked is not value:
+                object.__setattr__(self, field.name, checked)
+        self._check_rules()
+
+    def _known_sizes(self) -> dict[Any, int]:
+        """Returns sizes that no column states, such as the joints of a robot; none by default."""
+        return {}
+
+    def _check_rules(self) -> None:
+        """Checks what shapes cannot say; nothing by default."""
+
+    def _set_column(self, name: str, values: Any) -> None:
+        """Replaces a column by values of its own shape; for a class that normalises its input."""
+        field = next(f for f in _read_fields(type(self)) if f.name == name)
+        sizes: dict[Any, int] = {}
+        _check_shape(type(self), field, np.shape(getattr(self, name)), sizes)
+        object.__setattr__(self, name, _check_column(type(self), field, values, sizes))
+
+    def take(self, rows: Rows) -> Self:
+        """Returns the table of some rows, in their order; fields without rows stay as they are."""
+        values = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
+        for field in _read_fields(type(self)):
+            value = values.get(field.name)
+            if value is not None and field.sizes[:1] == (ROWS,):
+                values[field.name] = _cut(value, rows)
+        return type(self)(**values)
+
+    def document(self) -> dict[str, Any]:
+        """Returns the fields as JSON values, in SI; a number that is not finite is None."""
+        values = {f.name: getattr(self, f.name) for f in fields(self) if not f.name.startswith("_")}
+        return {name: _document(value) for name, value in values.items()}
+
+
+T = TypeVar("T", bound=Columns)
+
+
+def concat(tables: Sequence[T]) -> T:
+    """Returns the rows of several tables in one; fields without rows are those of the first.
+
+    Raises:
+        ShapeError: No table, or a field without rows that differs between them.
+    """
+    if not tables:
+        raise ShapeError("tables to join: none, expected one or more.")
+    first = tables[0]
+    by_name = {field.name: field for field in _read_fields(type(first))}
+    values: dict[str, Any] = {}
+    for name in (f.name for f in fields(first) if f.init):
+        parts = [getattr(table, name) for table in tables]
+        field = by_name.get(name)
+        if field is not None and field.sizes[:1] == (ROWS,) and parts[0] is not None:
+            values[name] = _joined(parts)
+            continue
+        if not all(_same(parts[0], part) for part in parts[1:]):
+            raise ShapeError(
+                f"{type(first).__name__}.{name} differs between the tables to join, expected one "
+                "value."
+            )
+        values[name] = parts[0]
+    return type(first)(**values)
+
+
+def _joined(parts: list[Any]) -> Any:
+    if isinstance(parts[0], Columns):
+        return concat(parts)
+    if isinstance(parts[0], tuple):
+        return tuple(value for part in parts for value in part)
+    array: Any = np.concatenate(parts)
+    return _read_only(array)
+
+
+def _same(one: Any, other: Any) -> bool:
+    if one is other:
+        return True
+    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
+        return np.array_equal(one, other)
+    if isinstance(one, Columns):
+        return type(one) is type(other) and all(
+            _same(getattr(one, f.name), getattr(other, f.name)) for f in fields(one)
+        )
+    return bool(one == other)
+
+
+def _cut(value: Any, rows: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        part: Any = value[rows]
+        return _read_only(part)
+    if isinstance(value, Columns):
+        return value.take(rows)
+    if isinstance(rows, slice):
+        return value[rows]
+    return tuple(value[k] for k in np.arange(len(value))[rows])
+
+
+def _read_only(array: Any) -> Any:
+    array.flags.writeable = False
+    return array
+
+
+def _document(value: Any) -> Any:
+    if hasattr(value, "document"):
+        return value.document()
+    if isinstance(value, list | tuple):
+        return [_document(each) for each in value]
+    return json_values(value)
+
+
+def _check_column(owner: type, field: _Field, value: Any, sizes: dict[Any, int]) -> Any:
+    """Returns the value frozen; sizes that it states first are added to the known ones.
+
+    Links build blocks at some thousand a second: the usual case makes no generator and no call
+    that it can do without.
+    """
+    name, wanted, dtype, refused, fill, is_tuple = field
+    if dtype is None:
+        table = tuple(value) if is_tuple else value
+        _check_shape(owner, field, (len(table),), sizes)
+        return table
+    if type(value) is np.ndarray and value.dtype == dtype and not value.flags.writeable:
+        array = value
+    else:
+        array = np.array(value, dtype=dtype)
+    if fill is not None and array.size == 0:
+        array = _fill_empty(field, array, sizes)
+    if array.shape != tuple(map(sizes.get, wanted)):
+        _check_shape(owner, field, array.shape, sizes)
+    if refused is not None and np.count_nonzero(bad := refused(array)):
+        where = tuple(int(i) for i in np.argwhere(bad)[0])
+        raise ShapeError(
+            f"{owner.__name__}.{name}{list(where)} is {array[where]}, expected a finite number."
+        )
+    if array is not value:
+        array.flags.writeable = False
+    return array
+
+
+def _check_shape(owner: type, field: _Field, shape: tuple[int, ...], sizes: dict[Any, int]) -> None:
+    """Passes if the shape fits; a size met for the first time is set by its column.
+
+    Numbers are entered as sizes of their own, so that one look-up serves both.
+
+    Raises:
+        ShapeError: It does not fit.
+    """
+    for wanted in field.sizes:
+        if isinstance(wanted, int):
+            sizes[wanted] = wanted
+    fits = len(shape) == len(field.sizes)
+    if fits:
+        for wanted, size in zip(field.sizes, shape, strict=True):
+            fits &= wanted is None or sizes.setdefault(wanted, size) == size
+    if not fits:
+        expected = ", ".join(str(sizes.get(wanted, "any")) for wanted in field.sizes)
+        raise ShapeError(f"{owner.__name__}.{field.name} has shape {shape}, expected ({expected}).")
+
+
+def _fill_empty(field: _Field, empty: Any, sizes: dict[Any, int]) -> Any:
+    """Returns what an array without values stands for, where its sizes are known."""
+    shape: list[Any] = [s if isinstance(s, int) else sizes.get(s) for s in field.sizes]
+    if None in shape:
+        return empty
+    if callable(field.fill):
+        return np.array(field.fill(*shape), dtype=field.dtype)
+    return np.full(shape, field.fill, dtype=field.dtype)
+
+
+def _is_not_finite(array: Any) -> Any:
+    return ~np.isfinite(array)
+
+
+_REFUSED: Final = {
+    (False, False): _is_not_finite,
+    (True, False): np.isinf,
+    (False, True): np.isnan,
+    (True, True): None,
+}
+"""By whether NaN and infinity are allowed."""
+_FIELDS: Final[dict[type, tuple[_Field, ...]]] = {}
+
+
+def _read_fields(table: type) -> tuple[_Field, ...]:
+    """Returns the declared columns of a class; its annotations are read once."""
+    if table not in _FIELDS:
+        hints = get_type_hints(table, include_extras=True)
+        _FIELDS[table] = tuple(
+            _read_field(name, hint.__metadata__[0], hint.__origin__)
+            for name, hint in hints.items()
+            if get_origin(hint) is Annotated and isinstance(hint.__metadata__[0], Column)
+        )
+    return _FIELDS[table]
+
+
+def _read_field(name: str, column: Column, kind: Any) -> _Field:
+    sizes = tuple(
+        None if word == FREE else int(word) if word.isdigit() else word
+        for word in column.shape.split()
+    )
+    if get_origin(kind) in (Union, UnionType):
+        kind = next(each for each in get_args(kind) if each is not NoneType)
+    is_tuple, dtype, refused = get_origin(kind) is tuple, None, None
+    if get_origin(kind) is np.ndarray:
+        dtype = np.dtype(get_args(get_args(kind)[1])[0])
+        refused = _REFUSED[column.nan, column.inf] if dtype.kind in "fc" else None
+    return _Field(name, sizes, dtype, refused, column.fill, is_tuple)
