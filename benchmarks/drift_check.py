@@ -24,8 +24,14 @@ from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.tracker import point_covariance
 from robotrue.robot.model import parameter_slice
 from robotrue.robot.statics import deflected
-from robotrue.simulation.scenarios import Scenario, measured, scenario, sobol_joints, whole
 from robotrue.validation.drift import DriftCheck, drift_check
+from robotrue_reproductions.deng2022.scenarios import (
+    Scenario,
+    measured,
+    scenario,
+    sobol_joints,
+    whole,
+)
 
 CALIBRATION_POSES = 60
 LEVELS = (0.05, 0.01)

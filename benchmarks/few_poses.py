@@ -30,7 +30,7 @@ from robotrue.calibration.model import ErrorModel, Query
 from robotrue.calibration.priors import PriorScales
 from robotrue.core.units import MM
 from robotrue.robot.forward import forward
-from robotrue.simulation.scenarios import (
+from robotrue_reproductions.deng2022.scenarios import (
     SCENARIOS,
     Scenario,
     check,

@@ -40,7 +40,13 @@ from robotrue.planning.plan import PlanSettings, PosePlan, plan_poses
 from robotrue.robot.forward import forward
 from robotrue.robot.presets import preset
 from robotrue.simulation.plans import VALIDATION, random_joints
-from robotrue.simulation.scenarios import Scenario, check, measured, scenario, sobol_joints
+from robotrue_reproductions.deng2022.scenarios import (
+    Scenario,
+    check,
+    measured,
+    scenario,
+    sobol_joints,
+)
 
 ARMS = 24
 SIZES = (10, 20, 30)

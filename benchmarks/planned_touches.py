@@ -2,9 +2,10 @@
 
     python benchmarks/planned_touches.py [--cells N] [--quick]
 
-Cells of robotrue.simulation.feng2018_cell. 16 features on each touchable face, each in the attitude
-its face is machined in, leaned 15 deg to four sides and turned about the tool. The front and the
-back are machined; all of the error of 25 points on each counts (rms of a cell; median over cells).
+Cells of robotrue_reproductions.feng2018.machining_cell. 16 features on each touchable face, each in
+the attitude its face is machined in, leaned 15 deg to four sides and turned about the tool. The
+front and the back are machined; all of the error of 25 points on each counts (rms of a cell; median
+over cells).
 
 sides     front, back and top can be touched
 one side  front and top can be touched: the back is machined and never probed
@@ -52,7 +53,7 @@ from robotrue.planning.probing_candidates import touch_candidates
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import inverse_batch
 from robotrue.robot.model import RobotModel
-from robotrue.simulation.feng2018_cell import (
+from robotrue_reproductions.feng2018.machining_cell import (
     EDGE,
     FACES,
     SIZE,
@@ -66,7 +67,7 @@ from robotrue.simulation.feng2018_cell import (
     nominal_joints,
     tracker_poses,
 )
-from robotrue.simulation.feng2018_ways import TIP
+from robotrue_reproductions.feng2018.registration_ways import TIP
 
 COUNTS = (6, 10, 20)
 MACHINED: tuple[Posture, ...] = ("R", "L")

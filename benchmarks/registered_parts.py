@@ -2,11 +2,11 @@
 
     python benchmarks/registered_parts.py [--cells N] [--quick]
 
-Simulated cells of robotrue.simulation.feng2018_cell (touch .1 mm per axis, tip off by .3 mm per
-axis). A nominal arm touches the block from one side or three; a calibrated one (60 tracker poses,
-method "elastic") touches 30 points of three sides, before and after a tool change of .3 mm per
-axis. Points of the front and of the back, 12 each, are then machined in the frame, by the model it
-belongs to.
+Simulated cells of robotrue_reproductions.feng2018.machining_cell (touch .1 mm per axis, tip off by
+.3 mm per axis). A nominal arm touches the block from one side or three; a calibrated one (60
+tracker poses, method "elastic") touches 30 points of three sides, before and after a tool change of
+.3 mm per axis. Points of the front and of the back, 12 each, are then machined in the frame, by the
+model it belongs to.
 
 Columns: median over cells of the rms error, in brackets its 95th percentile, mm; stated: the
 largest 95 % region of a machined point at the touches, median; share of cells with verdict GO;
@@ -31,7 +31,10 @@ from robotrue.core.units import MM
 from robotrue.errors import ImplausibleDataError
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.robot.model import RobotModel
-from robotrue.simulation.feng2018_cell import (
+from robotrue.validation.registered_part import RegisteredPart
+from robotrue.validation.registration import register
+from robotrue.validation.registration_settings import RegistrationSettings
+from robotrue_reproductions.feng2018.machining_cell import (
     FengCell,
     Posture,
     attitude,
@@ -43,9 +46,6 @@ from robotrue.simulation.feng2018_cell import (
     tracker_poses,
     with_tool_change,
 )
-from robotrue.validation.registered_part import RegisteredPart
-from robotrue.validation.registration import register
-from robotrue.validation.registration_settings import RegistrationSettings
 
 ARM = FitSettings(repeatability=0.03 * MM * RP_PER_SIGMA)
 FIRST_SEED = 0

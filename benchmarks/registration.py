@@ -3,9 +3,10 @@
     python benchmarks/registration.py [--quick] [--cells N] [--arms N] [--runs N]
         [--worse FACTOR] [--method ripple|elastic|gp] [--all]
 
-All simulated. Cells: see robotrue.simulation.feng2018_cell; seeds 1 to N. Every way of registration
-gets the same cells and the same touches. Step: mean size of the steps of four slots cut from two
-sides; rms: where the tip truly goes less where it should, over the block, from both sides.
+All simulated. Cells: see robotrue_reproductions.feng2018.machining_cell; seeds 1 to N. Every way of
+registration gets the same cells and the same touches. Step: mean size of the steps of four slots
+cut from two sides; rms: where the tip truly goes less where it should, over the block, from both
+sides.
 """
 
 from __future__ import annotations
@@ -21,10 +22,10 @@ from robotrue.cell.registration.robust import fit_points_robust
 from robotrue.core.poses import apply, fit_rigid, pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import RobotrueError
-from robotrue.simulation.feng2018_cell import CellSizes, feng_cell
-from robotrue.simulation.feng2018_ways import session
-from robotrue.simulation.recursion_floor import CASES, STOP, run_recursion
-from robotrue.simulation.reproduce_feng2018_ways import (
+from robotrue_reproductions.feng2018.machining_cell import CellSizes, feng_cell
+from robotrue_reproductions.feng2018.recursion_experiment import CASES, STOP, run_recursion
+from robotrue_reproductions.feng2018.registration_ways import session
+from robotrue_reproductions.feng2018.way_results import (
     CALIBRATED,
     PAPER,
     PLANNED_30,

@@ -2,9 +2,9 @@
 
     python benchmarks/registration_coverage.py [--cells N] [--quick]
 
-Simulated cells of robotrue.simulation.feng2018_cell. The block is touched from the front alone, at
-4, 12 or 30 random points; then 20 points of the front and 20 of the back are machined, each visited
-once. Seven statements of the uncertainty are held against the truth:
+Simulated cells of robotrue_reproductions.feng2018.machining_cell. The block is touched from the
+front alone, at 4, 12 or 30 random points; then 20 points of the front and 20 of the back are
+machined, each visited once. Seven statements of the uncertainty are held against the truth:
 
 naive        nominal arm, least-squares frame; touch and repeatability, independent
 residuals    the same, sigma taken from the residuals of the fit
@@ -53,7 +53,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, inverse, pose
 from robotrue.core.units import DEG, MM
 from robotrue.robot.model import RobotModel, parameter_slice
-from robotrue.simulation.feng2018_cell import (
+from robotrue_reproductions.feng2018.machining_cell import (
     WRIST_MASS,
     FengCell,
     attitude,
@@ -64,7 +64,13 @@ from robotrue.simulation.feng2018_cell import (
     touch_points,
     tracker_poses,
 )
-from robotrue.simulation.feng2018_ways import TIP, Touches, estimated, probing_set, tips
+from robotrue_reproductions.feng2018.registration_ways import (
+    TIP,
+    Touches,
+    estimated,
+    probing_set,
+    tips,
+)
 
 COUNTS = (4, 12, 30)
 SIDES = {"probed": "R", "unprobed": "L"}

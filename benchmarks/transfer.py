@@ -36,7 +36,7 @@ from robotrue.measurement.measurement_set import MeasurementSet, concatenate
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel
 from robotrue.robot.presets import preset
-from robotrue.simulation import scenarios
+from robotrue_reproductions.deng2022 import scenarios
 
 NONE = DriftScales(**{f.name: 0.0 for f in fields(DriftScales)})
 QUICK_ROWS = 1500

@@ -25,7 +25,7 @@ from robotrue.measurement.formats.features import Features
 from robotrue.planning.probing import Machining, ProbingTask, plan_touches
 from robotrue.planning.probing_candidates import touch_candidates
 from robotrue.report.part_map import part_map_png
-from robotrue.simulation.feng2018_cell import (
+from robotrue_reproductions.feng2018.machining_cell import (
     EDGE,
     FACES,
     SIZE,

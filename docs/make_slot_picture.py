@@ -2,9 +2,9 @@
 
     python docs/make_slot_picture.py [CELLS]
 
-With CELLS the simulated cells of robotrue.simulation.feng2018_cell with seeds 1 to CELLS are cut
-and kept in slot_sides.json; without, the picture is drawn from that file. Marks are medians, bars
-go from 5 to 95 % of the cells.
+With CELLS the simulated cells of robotrue_reproductions.feng2018.machining_cell with seeds 1 to
+CELLS are cut and kept in slot_sides.json; without, the picture is drawn from that file. Marks are
+medians, bars go from 5 to 95 % of the cells.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from matplotlib.axes import Axes
 
 from robotrue.core.units import MM
 from robotrue.report.figure import AFTER, BEFORE, INK, MUTED, png
-from robotrue.simulation.reproduce_feng2018_ways import WAYS, results_of
+from robotrue_reproductions.feng2018.way_results import WAYS, results_of
 
 OUT: Final = Path(__file__).resolve().parent / "_static" / "slot_sides.png"
 KEPT: Final = OUT.with_suffix(".json")

@@ -16,8 +16,8 @@ from robotrue.core.units import MM
 from robotrue.planning.information import Postures
 from robotrue.planning.plan import PlanSettings, plan_poses
 from robotrue.simulation.plans import VALIDATION, random_joints
-from robotrue.simulation.scenarios import check, measured, scenario
 from robotrue.validation.evaluation import evaluate
+from robotrue_reproductions.deng2022.scenarios import check, measured, scenario
 
 
 def main(out: Path) -> None:

@@ -16,9 +16,9 @@ from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.sources import Source
 from robotrue.calibration.transfer import fit_transfer
 from robotrue.core.units import MM
-from robotrue.simulation.scenarios import check, scenario, transfer
 from robotrue.validation.evaluation import evaluate
 from robotrue.validation.metrics import coverage
+from robotrue_reproductions.deng2022.scenarios import check, scenario, transfer
 
 
 def main(out: Path) -> None:

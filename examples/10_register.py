@@ -16,10 +16,10 @@ from robotrue.core.poses import apply, pose
 from robotrue.core.units import MM
 from robotrue.measurement.formats.points import read_points, write_points
 from robotrue.measurement.probing_set import ProbingSet
-from robotrue.simulation import feng2018_cell as virtual
 from robotrue.validation.registered_part import RegisteredPart
 from robotrue.validation.registration import register
 from robotrue.validation.registration_settings import RegistrationSettings
+from robotrue_reproductions.feng2018 import machining_cell as virtual
 
 COUNTS = (3, 6, 9, 12, 18, 24, 30)
 BOTH: tuple[virtual.Posture, ...] = ("R", "L")

@@ -17,7 +17,7 @@ from robotrue.dynamics.deviation import Standing, deviation_from_archive, fit_de
 from robotrue.dynamics.deviation_physics import CompliantArm
 from robotrue.dynamics.formats.windows_csv import read_windows, windows_bytes
 from robotrue.simulation.milling_arm import milling_robot
-from robotrue.simulation.milling_experiment import milling_experiment
+from robotrue_reproductions.jin2022.milling_experiment import milling_experiment
 
 
 def main(out: Path) -> None:

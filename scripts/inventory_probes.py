@@ -322,8 +322,8 @@ def simulation() -> Iterator[str]:
     from robotrue.cli.reproduce import TITLES
     from robotrue.simulation.rdt_sensor import FAULTS as SENSOR
     from robotrue.simulation.rtde_controller import FAULTS as CONTROLLER
-    from robotrue.simulation.scenarios import SCENARIOS
     from robotrue.simulation.wire_faults import FAULTS as WIRE
+    from robotrue_reproductions.deng2022.scenarios import SCENARIOS
 
     yield from (f"scenario {each}" for each in SCENARIOS)
     for name, faults in (("rdt", SENSOR), ("rtde", CONTROLLER), ("rsi, egm", WIRE)):

@@ -16,7 +16,7 @@ from robotrue.core.rotations import rotation_vector_from_matrix
 from robotrue.core.surfaces import Plane
 from robotrue.core.units import MM
 from robotrue.measurement.probing_set import ProbingSet
-from robotrue.simulation.feng2018_cell import (
+from robotrue_reproductions.feng2018.machining_cell import (
     FACES,
     CellSizes,
     FengCell,

@@ -22,9 +22,9 @@ from robotrue.errors import (
     ShapeError,
 )
 from robotrue.robot.forward import forward
-from robotrue.simulation import scenarios
 from robotrue.simulation.plans import Region, paper_domains, random_joints
 from robotrue.validation.validate import validate
+from robotrue_reproductions.deng2022 import scenarios
 
 
 @pytest.fixture(scope="module")

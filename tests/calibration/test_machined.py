@@ -36,7 +36,7 @@ from robotrue.measurement.probing_set import ProbingSet
 from robotrue.robot.forward import forward
 from robotrue.robot.model import parameter_slice
 from robotrue.robot.statics import deflected
-from robotrue.simulation.feng2018_cell import (
+from robotrue_reproductions.feng2018.machining_cell import (
     T_BASE_DRAWN,
     attitude,
     compensated_joints,

@@ -39,7 +39,7 @@ from robotrue.measurement.probing_set import KnownDistance, ProbingSet
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import branch_of, inverse_batch
 from robotrue.robot.model import RobotModel, parameter_slice
-from robotrue.simulation.feng2018_cell import (
+from robotrue_reproductions.feng2018.machining_cell import (
     FACES,
     SIZE,
     START,

@@ -22,7 +22,7 @@ from robotrue.errors import (
     RobotrueError,
 )
 from robotrue.measurement.probing_set import ProbingSet
-from robotrue.simulation.feng2018_cell import (
+from robotrue_reproductions.feng2018.machining_cell import (
     T_BASE_DRAWN,
     CellSizes,
     feng_cell,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from robotrue.simulation.reproduce_feng2018_ways import WAYS
+from robotrue_reproductions.feng2018.way_results import WAYS
 
 
 def test_a_simulated_test_says_so_and_what_it_cannot_see(cli, tmp_path: Path) -> None:

@@ -31,8 +31,8 @@ from robotrue.core.units import DEG
 from robotrue.errors import ModelMismatchError, ShapeError
 from robotrue.robot.forward import forward
 from robotrue.robot.statics import Load, deflected
-from robotrue.simulation import scenarios
 from robotrue.store.model_file import read_model, write_model
+from robotrue_reproductions.deng2022 import scenarios
 
 MODELS = (*METHODS, "updated", "transfer", "transfer-0", "boosted", "deng2022")
 POSES = ("boosted", "deng2022")

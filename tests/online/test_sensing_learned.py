@@ -31,7 +31,7 @@ from robotrue.online.sensing_models import (
 from robotrue.online.sensing_windows import peaks
 from robotrue.simulation.milling_arm import FEED, milling_arm, pass_joints
 from robotrue.simulation.milling_cut import RATE, TURN, pass_force, read_force, tooling
-from robotrue.simulation.reproduce_jin2022 import arm_of
+from robotrue_reproductions.jin2022.tables import arm_of
 
 ARM, TOOLS = milling_arm(6), tooling(6)
 STATED = arm_of(ARM)

@@ -45,7 +45,7 @@ from robotrue.planning.probing_candidates import TouchLimits, touch_candidates
 from robotrue.planning.probing_frame import plan_frame_touches
 from robotrue.planning.probing_sheet import touch_sheet
 from robotrue.robot.forward import forward
-from robotrue.simulation.feng2018_cell import (
+from robotrue_reproductions.feng2018.machining_cell import (
     EDGE,
     FACES,
     SIZE,

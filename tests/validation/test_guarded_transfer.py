@@ -20,10 +20,10 @@ from robotrue.core.units import MM
 from robotrue.errors import ImplausibleDataError, ModelMismatchError
 from robotrue.robot.forward import forward
 from robotrue.robot.presets import preset
-from robotrue.simulation import scenarios
 from robotrue.validation.evaluation import evaluate
 from robotrue.validation.guard import verdict_from_summary
 from robotrue.validation.guarded_transfer import contestants, fit_guarded
+from robotrue_reproductions.deng2022 import scenarios
 
 TARGET_ROWS = 6
 

@@ -10,7 +10,6 @@ import pytest
 from robotrue.core.poses import apply, pose
 from robotrue.core.units import MM
 from robotrue.measurement.probing_set import ProbingSet
-from robotrue.simulation import feng2018_cell as virtual
 from robotrue.validation.next_touch import (
     TouchBelief,
     believed,
@@ -21,6 +20,7 @@ from robotrue.validation.next_touch import (
 from robotrue.validation.registration import register
 from robotrue.validation.registration_settings import RegistrationSettings
 from robotrue.validation.touch_suspicions import suspicions
+from robotrue_reproductions.feng2018 import machining_cell as virtual
 
 SETTINGS = RegistrationSettings(T_flange_tool=virtual.TOOL)
 ROUGH = {0: virtual.T_BASE_DRAWN}

@@ -20,7 +20,10 @@ from robotrue.core.units import MM
 from robotrue.errors import ModelMismatchError, ShapeError
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.robot.presets import preset
-from robotrue.simulation.feng2018_cell import (
+from robotrue.validation.registered_part import RegisteredPart
+from robotrue.validation.registration import register
+from robotrue.validation.registration_settings import RegistrationSettings
+from robotrue_reproductions.feng2018.machining_cell import (
     FACES,
     SIZE,
     FengCell,
@@ -34,9 +37,6 @@ from robotrue.simulation.feng2018_cell import (
     tracker_poses,
     with_tool_change,
 )
-from robotrue.validation.registered_part import RegisteredPart
-from robotrue.validation.registration import register
-from robotrue.validation.registration_settings import RegistrationSettings
 
 ARM = FitSettings(repeatability=0.03 * MM * 3.6158)
 TOLD = RegistrationSettings(arm=ARM)

@@ -10,7 +10,7 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply
 from robotrue.core.units import DEG, MM
-from robotrue.simulation import feng2018_cell as virtual
+from robotrue_reproductions.feng2018 import machining_cell as virtual
 
 CELL = """\
 schema = 1

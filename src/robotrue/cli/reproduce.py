@@ -11,11 +11,11 @@ from robotrue.cli.console import emit_facts, emit_json, emit_table, progress, sa
 from robotrue.core.csv_text import csv_text
 from robotrue.core.files import write_atomic
 from robotrue.errors import ConfigurationError
-from robotrue.simulation.reproduce_deng2022 import reproduce_deng2022
-from robotrue.simulation.reproduce_drilling import CASES, CHANCE, SHIFTED, reproduce_drilling
-from robotrue.simulation.reproduce_feng2018 import reproduce_feng2018
-from robotrue.simulation.reproduce_jin2022 import reproduce_jin2022
-from robotrue.simulation.reproduction import Figure, Reproduction
+from robotrue_reproductions.deng2022.tables import reproduce_deng2022
+from robotrue_reproductions.drill_patent.tables import CASES, CHANCE, SHIFTED, reproduce_drilling
+from robotrue_reproductions.feng2018.tables import reproduce_feng2018
+from robotrue_reproductions.jin2022.tables import reproduce_jin2022
+from robotrue_reproductions.reproduction import Figure, Reproduction
 
 PAPERS: Final = ("deng2022", "feng2018", "jin2022", "drill-patent")
 WORDS: Final = {

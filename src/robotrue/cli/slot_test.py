@@ -10,7 +10,6 @@ import numpy as np
 
 from robotrue.cli.console import emit_facts, emit_json, emit_table, progress, say, say_mark
 from robotrue.cli.inputs import check_output
-from robotrue.cli.slot_page import SlotPage, Tried, slot_page
 from robotrue.core.arrays import Array
 from robotrue.core.files import write_atomic
 from robotrue.core.provenance import Provenance, read_provenance
@@ -18,12 +17,13 @@ from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.formats.slot_steps import read_slot_steps
-from robotrue.simulation.feng2018_ways import Session
-from robotrue.simulation.reproduce_feng2018_blind import datums_touched, knocked, registered
-from robotrue.simulation.reproduce_feng2018_ways import WAYS, Way, calibrated_of, session_of
-from robotrue.simulation.slot_test import cut_contour, cut_slots
 from robotrue.validation.datum_check import DatumCheck
 from robotrue.validation.slot_test import Frames, SlotEvaluation, SlotTest, evaluate_slots
+from robotrue_reproductions.feng2018.blind_spots import datums_touched, knocked, registered
+from robotrue_reproductions.feng2018.registration_ways import Session
+from robotrue_reproductions.feng2018.slot_experiment import cut_contour, cut_slots
+from robotrue_reproductions.feng2018.slot_page import SlotPage, Tried, slot_page
+from robotrue_reproductions.feng2018.way_results import WAYS, Way, calibrated_of, session_of
 
 VIRTUAL: Final = Provenance(simulated=True, instrument="virtual cell")
 PAPER: Final = "paper"

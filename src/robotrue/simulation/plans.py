@@ -1,11 +1,10 @@
-"""Where a campaign measures: the sampling plan of Deng et al. 2022 and seeded random poses.
+"""Where a virtual campaign measures: regions of the workspace and seeded random poses in them.
 
 Poses are those of the reflector, in cylinder coordinates about joint 1: angle, radius, height. The
-attitude turns with the angle (convention A of the reproduction): the flange axis lies in the arm
-plane and points 60 deg below the horizontal. Or it is fixed in the base (convention B), and the
-whole workspace lies 100 mm lower, since its corners cannot be reached otherwise. Tables 6 and 7
-print the ranges and the steps but no attitude of departure and no reflector; both are **assumed**
-here.
+attitude turns with the angle (convention A): the flange axis lies in the arm plane and points
+60 deg below the horizontal. Or it is fixed in the base (convention B), and the whole workspace lies
+100 mm lower, since its corners cannot be reached otherwise. The ranges are those of Tables 6 and 7
+of Deng et al. 2022, which print no attitude of departure and no reflector; both are **assumed**.
 """
 
 from __future__ import annotations
@@ -15,16 +14,9 @@ from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
-from robotrue.calibration.deng2022.domains import Domains, divide_target
-from robotrue.calibration.deng2022.sampling import (
-    TargetRule,
-    hierarchical_sample,
-    target_counts,
-    target_images,
-)
-from robotrue.core.arrays import Array, IntArray
+from robotrue.core.arrays import Array
 from robotrue.core.poses import pose
-from robotrue.core.regions import CylinderRegion, points_at, random_coordinates
+from robotrue.core.regions import CylinderRegion, random_coordinates
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ReachError
@@ -40,41 +32,6 @@ ATTITUDE: Final = matrix_from_abc(np.array([0.0, 150.0, 0.0]) * DEG)
 """(3, 3) R_base_flange at angle 0: flange axis 60 deg below the horizontal."""
 LOWERED: Final = 100.0 * MM
 """By which the workspace lies lower where the attitude is fixed."""
-STEPS: Final = (
-    np.arange(-15.0, 15.1, 15.0) * DEG,
-    np.arange(-10.0, 10.1, 5.0) * DEG,
-    np.arange(-10.0, 10.1, 2.5) * DEG,
-)
-"""rad, Table 6: values of the turns rx, ry, rz."""
-PER_ANGLE: Final = (7, 6)
-"""Table 6: radii and heights of the grid, 100 mm apart."""
-ANGLE_STEP: Final = 5.0 * DEG
-SUB_SPACES: Final = 5
-"""Of 10 deg, 5 deg apart: the only ones in [-30, 40] deg with the 126 grid points of the source."""
-TARGETS: Final = 80
-_REDRAWS: Final = 50
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PaperPlan:
-    """The poses of Tables 6 and 7, joints in rad.
-
-    Attributes:
-        source: (126, 6) complete sampling of theta1 in [-40, -30] deg.
-        target: (80, 6) 16 poses in each of five sub-spaces of [-30, 40] deg, source poses turned
-            about joint 1 (rule 1 of section 2.4).
-        sub_space: (80,) which sub-space.
-        image: (80,) which source pose each target pose is the turned image of.
-        validation: (378, 6) complete sampling of [-20, 20] deg.
-        check: (50, 6) poses of [-20, 20] deg that are on no grid.
-    """
-
-    source: Array
-    target: Array
-    sub_space: IntArray
-    image: IntArray
-    validation: Array
-    check: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,89 +91,12 @@ def region_poses(region: Region, n: int, rng: np.random.Generator) -> Array:
     """Returns n poses (n, 4, 4) drawn uniformly from a region, reachable or not."""
     place = random_coordinates(region, n, rng)
     turn = rng.uniform(-1.0, 1.0, (n, 3)) * region.turn
-    return _poses(place, turn, region.attitude)
+    return poses_at(place, turn, region.attitude)
 
 
-def paper_domains(attitude: Attitude = "turning") -> Domains:
-    """Returns source, target and sub-spaces of Table 7."""
-    whole = with_attitude(Region(), attitude)
-    source, target = (
-        CylinderRegion(angle=angle, radius=whole.radius, height=whole.height)
-        for angle in ((-40 * DEG, -30 * DEG), (-30 * DEG, 40 * DEG))
-    )
-    return divide_target(source, target, SUB_SPACES)
-
-
-def paper_plan(
-    robot: RobotModel,
-    seed: int,
-    attitude: Attitude = "turning",
-    *,
-    targets: int = TARGETS,
-    rule: TargetRule = "random",
-) -> PaperPlan:
-    """Returns the sampling plan of the paper for one draw of its random attitudes.
-
-    Args:
-        robot: The nominal KR160 with the reflector as its tool.
-        seed: Of the attitudes, the choice of the target poses and the check poses.
-        attitude: Whether the attitude turns with the angle.
-        targets: Poses in the target domain, shared evenly among its sub-spaces.
-        rule: Which source poses have their image measured there.
-
-    Raises:
-        ReachError: A pose is out of reach, as with another arm or another reflector.
-    """
-    rng = np.random.default_rng([seed, 19])
-    domains = paper_domains(attitude)
-    inside = with_attitude(VALIDATION, attitude)
-    angles = np.array([0.0, *domains.angles])
-    place, turn = _sample(robot, domains.source, rng, attitude, angles)
-    counts = target_counts(domains, targets)
-    features = np.column_stack([points_at(domains.source, place), turn])
-    images = target_images(domains, features, counts, rng, rule=rule)
-    image, sub_space = np.concatenate(images), np.repeat(np.arange(len(counts)), counts)
-    there = place[image]
-    there[:, 0] += domains.angles[sub_space]
-    grid, grid_turn = _sample(robot, inside, rng, attitude, np.zeros(1))
-    return PaperPlan(
-        source=_joints(robot, _poses(place, turn, attitude)),
-        target=_joints(robot, _poses(there, turn[image], attitude)),
-        sub_space=sub_space,
-        image=image,
-        validation=_joints(robot, _poses(grid, grid_turn, attitude)),
-        check=_joints(robot, region_poses(inside, 50, rng)),
-    )
-
-
-def _poses(place: Array, turn: Array, attitude: Attitude) -> Array:
+def poses_at(place: Array, turn: Array, attitude: Attitude) -> Array:
+    """Returns :func:`cylinder_poses` of places (n, 3): angle, radius, height."""
     return cylinder_poses(place[:, 0], place[:, 1], place[:, 2], turn, attitude)
-
-
-def _sample(
-    robot: RobotModel,
-    region: CylinderRegion,
-    rng: np.random.Generator,
-    attitude: Attitude,
-    angles: Array,
-) -> tuple[Array, Array]:
-    """The complete positions of Table 6 in a region and an attitude for each.
-
-    An attitude that cannot be taken, here or turned by one of the angles, is drawn anew: with a
-    fixed attitude a few corners of the workspace allow only some.
-    """
-    count = round((region.angle[1] - region.angle[0]) / ANGLE_STEP) + 1
-    place, turn = hierarchical_sample(region, (count, *PER_ANGLE), STEPS, rng)
-    for _ in range(_REDRAWS):
-        lost = np.zeros(len(place), dtype=bool)
-        for angle in angles:
-            there = place + np.array([angle, 0.0, 0.0])
-            joints = inverse_batch(robot, _poses(there, turn, attitude), near=POSTURE)
-            lost |= ~np.isfinite(joints).all(axis=1)
-        if not lost.any():
-            break
-        turn[lost] = np.stack([rng.choice(steps, int(lost.sum())) for steps in STEPS], axis=1)
-    return place, turn
 
 
 def random_joints(robot: RobotModel, n: int, *, seed: int, region: Region | None = None) -> Array:
@@ -244,16 +124,3 @@ def random_joints(robot: RobotModel, n: int, *, seed: int, region: Region | None
         f"only {sum(map(len, found))} of {50 * n} poses drawn from the region can be taken.",
         hint="a region nearer to the robot, or smaller turns of the attitude.",
     )
-
-
-def _joints(robot: RobotModel, poses: Array) -> Array:
-    joints = inverse_batch(robot, poses, near=POSTURE)
-    lost = np.flatnonzero(~np.isfinite(joints).all(axis=1))
-    if len(lost):
-        x, y, z = poses[lost[0], :3, 3] / MM
-        raise ReachError(
-            f"{len(lost)} of {len(poses)} poses of the plan are out of reach, the first at "
-            f"({x:.1f}, {y:.1f}, {z:.1f}) mm.",
-            hint="use the KR160 preset and its reflector.",
-        )
-    return joints

@@ -13,7 +13,8 @@ from robotrue.errors import ConfigurationError, ReachError
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import branch_of, branches_of
 from robotrue.robot.statics import drive_torque
-from robotrue.simulation.feng2018_cell import (
+from robotrue.simulation.virtual_robot import actual_pose
+from robotrue_reproductions.feng2018.machining_cell import (
     SIZE,
     START,
     T_BASE_DRAWN,
@@ -32,12 +33,22 @@ from robotrue.simulation.feng2018_cell import (
     tracker_poses,
     with_tip,
 )
-from robotrue.simulation.feng2018_planned import touch_planned
-from robotrue.simulation.feng2018_ways import all_sides, frame_and_tip, session, together
-from robotrue.simulation.recursion_floor import CASES, run_recursion
-from robotrue.simulation.reproduce_feng2018_ways import WAYS, calibrated_of, results_of
-from robotrue.simulation.slot_test import Side, contour, cut_contour, cut_slots, reached
-from robotrue.simulation.virtual_robot import actual_pose
+from robotrue_reproductions.feng2018.planned_touches import touch_planned
+from robotrue_reproductions.feng2018.recursion_experiment import CASES, run_recursion
+from robotrue_reproductions.feng2018.registration_ways import (
+    all_sides,
+    frame_and_tip,
+    session,
+    together,
+)
+from robotrue_reproductions.feng2018.slot_experiment import (
+    Side,
+    contour,
+    cut_contour,
+    cut_slots,
+    reached,
+)
+from robotrue_reproductions.feng2018.way_results import WAYS, calibrated_of, results_of
 
 EXACT = CellSizes(arm=0.0, tip=0.0, touch=0.0, repeatability=0.0, tracker=0.0)
 

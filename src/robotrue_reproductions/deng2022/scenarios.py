@@ -32,15 +32,14 @@ from robotrue.simulation.plans import (
     POSTURE,
     VALIDATION,
     Attitude,
-    PaperPlan,
     Region,
     cylinder_poses,
-    paper_plan,
     with_attitude,
 )
 from robotrue.simulation.presets import VirtualCell, deng2022
 from robotrue.simulation.virtual_robot import actual_pose, nominal_pose
 from robotrue.simulation.virtual_tracker import measure
+from robotrue_reproductions.deng2022.sampling_plan import PaperPlan, paper_plan
 
 SCENARIOS: Final = ("S0A", "S1A", "S2A", "S4A", "S0B", "S1B", "S2B", "S4B")
 STIFFNESS_SD: Final = 0.5

@@ -6,7 +6,7 @@ import pytest
 from robotrue.core.units import UM
 from robotrue.simulation.milling_arm import milling_arm, pass_joints
 from robotrue.simulation.milling_cut import RATE, SPINDLE, tooling
-from robotrue.simulation.milling_experiment import milling_experiment, with_noise
+from robotrue_reproductions.jin2022.milling_experiment import milling_experiment, with_noise
 
 
 @pytest.fixture(scope="module")

@@ -1,8 +1,8 @@
 """The numbers of Jin, Sun, Tang, Li 2022 beside those of the virtual milling experiment.
 
 What the paper tabulates is arithmetic and repeated as such. What it measured is SIMULATED here:
-:mod:`robotrue.simulation.milling_experiment`. It prints neither frequency response nor force
-records, nor predicted errors, so nothing else can be repeated.
+:mod:`robotrue_reproductions.jin2022.milling_experiment`. It prints neither frequency response nor
+force records, nor predicted errors, so nothing else can be repeated.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from robotrue.errors import ConfigurationError
 from robotrue.robot.forward import forward
 from robotrue.robot.presets import preset
 from robotrue.simulation.milling_arm import SHIFTS, MillingArm, milling_robot
-from robotrue.simulation.milling_experiment import (
+from robotrue_reproductions.jin2022.milling_experiment import (
     MillingExperiment,
     milling_experiment,
     with_noise,
 )
-from robotrue.simulation.reproduction import Figure, Progress, Reproduction, single
+from robotrue_reproductions.reproduction import Figure, Progress, Reproduction, single
 
 SOURCE: Final = "Jin, Sun, Tang, Li 2022, Aerospace Shanghai (Chinese and English)"
 FLOOR: Final = 2.5 * UM

@@ -31,7 +31,7 @@ from robotrue.core.units import DEG, MM
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel
-from robotrue.simulation.feng2018_cell import (
+from robotrue_reproductions.feng2018.machining_cell import (
     START,
     T_BASE_DRAWN,
     T_BASE_FLIPPED,
@@ -45,8 +45,8 @@ from robotrue.simulation.feng2018_cell import (
     tracker_poses,
     with_tool_change,
 )
-from robotrue.simulation.feng2018_planned import TIP, touch_planned
-from robotrue.simulation.slot_test import Side
+from robotrue_reproductions.feng2018.planned_touches import TIP, touch_planned
+from robotrue_reproductions.feng2018.slot_experiment import Side
 
 MOST: Final = 30
 """Touches on each of the three sides in a session."""

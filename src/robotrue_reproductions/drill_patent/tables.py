@@ -26,7 +26,7 @@ from robotrue.simulation.drilling_machine import (
     drilling_machine,
     random_campaign,
 )
-from robotrue.simulation.reproduction import Figure, Progress, Reproduction
+from robotrue_reproductions.reproduction import Figure, Progress, Reproduction
 
 CLAMPS: Final = 120
 FEW: Final = 15

@@ -14,11 +14,18 @@ from robotrue.core.arrays import Array
 from robotrue.core.poses import pose, pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.robot.model import RobotModel
-from robotrue.simulation.feng2018_cell import SIZE, CellSizes, FengCell, feng_cell, touch, with_tip
-from robotrue.simulation.feng2018_ways import Session, session, tips, together
-from robotrue.simulation.reproduction import Figure, single
-from robotrue.simulation.slot_test import Side, cut_slots
 from robotrue.validation.datum_check import DatumCheck, check_datums
+from robotrue_reproductions.feng2018.machining_cell import (
+    SIZE,
+    CellSizes,
+    FengCell,
+    feng_cell,
+    touch,
+    with_tip,
+)
+from robotrue_reproductions.feng2018.registration_ways import Session, session, tips, together
+from robotrue_reproductions.feng2018.slot_experiment import Side, cut_slots
+from robotrue_reproductions.reproduction import Figure, single
 
 KNOCKED: Final = 1.0 * MM
 """By which the block is knocked after it was registered, for the datum check."""

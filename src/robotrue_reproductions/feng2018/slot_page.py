@@ -19,9 +19,9 @@ from robotrue.report.content import (
     Verdict,
 )
 from robotrue.report.page import report_html
-from robotrue.simulation.reproduce_feng2018_ways import Way
-from robotrue.simulation.slot_test import CHECKED, ContourResult, SlotResult
 from robotrue.validation.datum_check import DatumCheck
+from robotrue_reproductions.feng2018.slot_experiment import CHECKED, ContourResult, SlotResult
+from robotrue_reproductions.feng2018.way_results import Way
 
 MAGNIFICATION = 100.0
 

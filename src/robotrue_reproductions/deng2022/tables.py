@@ -1,8 +1,9 @@
 """Tables 4 to 9 and 11 of Deng et al. 2022 beside the same figures of simulated arms.
 
-Everything here is SIMULATED: the arms are those of :mod:`robotrue.simulation.scenarios`, drawn so
-that only the error *before* calibration resembles the paper's. Figures that a table prints but a
-simulation cannot meet are listed in :data:`UNMET` with the reason.
+Everything here is SIMULATED: the arms are those of
+:mod:`robotrue_reproductions.deng2022.scenarios`, drawn so that only the error *before* calibration
+resembles the paper's. Figures that a table prints but a simulation cannot meet are listed in
+:data:`UNMET` with the reason.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 from typing import Final
 
 from robotrue.errors import ConfigurationError
-from robotrue.simulation.reproduction import Progress, Reproduction
+from robotrue_reproductions.reproduction import Progress, Reproduction
 
 UNMET: Final[tuple[tuple[str, str], ...]] = (
     (
@@ -60,7 +61,7 @@ def reproduce_deng2022(
     """Returns the paper's tables beside those of simulated arms with seeds 1, 2, ...
 
     Args:
-        scenario: Of :data:`robotrue.simulation.scenarios.SCENARIOS`.
+        scenario: Of :data:`robotrue_reproductions.deng2022.scenarios.SCENARIOS`.
         robots: How many arms.
         quick: Fewer layouts for Table 4, no switches, a shallower hole.
         progress: Told before each step.
@@ -68,10 +69,10 @@ def reproduce_deng2022(
     Raises:
         ConfigurationError: No such scenario, or no arms.
     """
-    from robotrue.simulation.reproduce_deng2022_accuracy import accuracy_figures
-    from robotrue.simulation.reproduce_deng2022_arm import arm_results
-    from robotrue.simulation.reproduce_deng2022_similarity import similarity_figures
-    from robotrue.simulation.scenarios import SCENARIOS
+    from robotrue_reproductions.deng2022.accuracy_tables import accuracy_figures
+    from robotrue_reproductions.deng2022.arm_experiment import arm_results
+    from robotrue_reproductions.deng2022.scenarios import SCENARIOS
+    from robotrue_reproductions.deng2022.similarity_table import similarity_figures
 
     if scenario not in SCENARIOS:
         raise ConfigurationError(f"no scenario {scenario!r}; scenarios are {list(SCENARIOS)}.")

@@ -20,7 +20,7 @@ from robotrue.core.units import DEG
 from robotrue.robot.inverse import inverse_batch
 from robotrue.simulation.plans import ATTITUDE, POSTURE, Attitude
 from robotrue.simulation.presets import VirtualCell, deng2022, raw_error
-from robotrue.simulation.reproduction import Figure
+from robotrue_reproductions.reproduction import Figure
 
 Workspace: TypeAlias = Literal["cylinder", "cube"]
 TABLE_4: Final[dict[Workspace, tuple[float, float, float]]] = {

@@ -18,7 +18,8 @@ from robotrue.core.arrays import Array, frozen
 from robotrue.core.poses import apply, inverse, pose
 from robotrue.core.units import MM
 from robotrue.robot.model import RobotModel
-from robotrue.simulation.feng2018_cell import (
+from robotrue.validation.slot_test import Frames, SlotEvaluation, SlotTest, evaluate_slots
+from robotrue_reproductions.feng2018.machining_cell import (
     SIZE,
     FengCell,
     Posture,
@@ -26,7 +27,6 @@ from robotrue.simulation.feng2018_cell import (
     compensated_joints,
     machine,
 )
-from robotrue.validation.slot_test import Frames, SlotEvaluation, SlotTest, evaluate_slots
 
 SLOTS: Final = np.array([80.0, 160.0, 240.0, 320.0]) * MM
 """Block x of the slots."""

@@ -20,7 +20,7 @@ from robotrue.measurement.probing_set import ProbingSet
 from robotrue.planning.probing import Machining, ProbingTask, plan_touches
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import branch_of, inverse_batch
-from robotrue.simulation.feng2018_cell import (
+from robotrue_reproductions.feng2018.machining_cell import (
     EDGE,
     FACES,
     SIZE,
@@ -34,7 +34,7 @@ from robotrue.simulation.feng2018_cell import (
     joints_touching,
     nominal_joints,
 )
-from robotrue.simulation.slot_test import CHECKED
+from robotrue_reproductions.feng2018.slot_experiment import CHECKED
 
 LEANS: Final = np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]]) * 15.0 * DEG
 """About tool x and y, of every touch that may be made."""

@@ -25,21 +25,20 @@ from robotrue.program.formats import read_program, write_program
 from robotrue.program.program import Program
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import inverse_batch
-from robotrue.simulation import scenarios
 from robotrue.simulation.flange_hole import FlangeHole, check_rows, hole_program
 from robotrue.simulation.milling import dry_run, mill_hole
 from robotrue.simulation.plans import (
     POSTURE,
     VALIDATION,
     Region,
-    paper_domains,
-    paper_plan,
     random_joints,
     region_poses,
     with_attitude,
 )
 from robotrue.simulation.presets import VirtualCell, raw_error
-from robotrue.simulation.scenarios import Scenario
+from robotrue_reproductions.deng2022 import scenarios
+from robotrue_reproductions.deng2022.sampling_plan import paper_domains, paper_plan
+from robotrue_reproductions.deng2022.scenarios import Scenario
 
 SWITCHES: Final[dict[str, dict[str, Any]]] = {
     "as chosen": {},

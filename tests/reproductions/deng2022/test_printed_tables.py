@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from robotrue.calibration.deng2022.similarity import READINGS
-from robotrue.simulation.reproduce_deng2022_arm import arm_results
-from robotrue.simulation.reproduce_deng2022_similarity import (
+from robotrue_reproductions.deng2022.arm_experiment import arm_results
+from robotrue_reproductions.deng2022.similarity_table import (
     FOUND,
     TABLE_4,
     layout_similarity,

@@ -10,8 +10,8 @@ import numpy as np
 
 from robotrue.calibration.model import ErrorModel
 from robotrue.errors import ConfigurationError
-from robotrue.simulation.feng2018_cell import CellSizes
-from robotrue.simulation.feng2018_ways import (
+from robotrue_reproductions.feng2018.machining_cell import CellSizes
+from robotrue_reproductions.feng2018.registration_ways import (
     Session,
     all_sides,
     as_drawn,
@@ -31,7 +31,7 @@ from robotrue.simulation.feng2018_ways import (
     turned_three_points,
     with_spindle_askew,
 )
-from robotrue.simulation.slot_test import Side, cut_contour, cut_slots
+from robotrue_reproductions.feng2018.slot_experiment import Side, cut_contour, cut_slots
 
 Sides: TypeAlias = tuple[Side, Side]
 

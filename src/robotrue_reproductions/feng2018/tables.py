@@ -1,8 +1,9 @@
 """The numbers of Feng, Liang, Xi 2018 beside those of simulated cells.
 
 Everything but the worked example is SIMULATED: the cells are those of
-:mod:`robotrue.simulation.feng2018_cell`. The paper prints nothing of its robot's errors; ours are
-of the size of a production arm. What cannot be met is in :data:`UNMET` with the reason.
+:mod:`robotrue_reproductions.feng2018.machining_cell`. The paper prints nothing of its robot's
+errors; ours are of the size of a production arm. What cannot be met is in :data:`UNMET` with the
+reason.
 """
 
 from __future__ import annotations
@@ -13,13 +14,18 @@ import numpy as np
 
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
-from robotrue.simulation.feng2018_cell import feng_cell
-from robotrue.simulation.feng2018_ways import session
-from robotrue.simulation.recursion_floor import CASES, STOP, FloorCase, run_recursion
-from robotrue.simulation.reproduce_feng2018_blind import blind_figures
-from robotrue.simulation.reproduce_feng2018_equations import worked_example, wrong_readings
-from robotrue.simulation.reproduce_feng2018_ways import DRAWN, PAPER, WAYS, WayResult, results_of
-from robotrue.simulation.reproduction import Figure, Progress, Reproduction
+from robotrue_reproductions.feng2018.blind_spots import blind_figures
+from robotrue_reproductions.feng2018.machining_cell import feng_cell
+from robotrue_reproductions.feng2018.recursion_experiment import (
+    CASES,
+    STOP,
+    FloorCase,
+    run_recursion,
+)
+from robotrue_reproductions.feng2018.registration_ways import session
+from robotrue_reproductions.feng2018.way_results import DRAWN, PAPER, WAYS, WayResult, results_of
+from robotrue_reproductions.feng2018.worked_example import worked_example, wrong_readings
+from robotrue_reproductions.reproduction import Figure, Progress, Reproduction
 
 SOURCE: Final = (
     "Feng, Liang, Xi 2018, Journal of Xiamen University (Natural Science) 57(5), 722-728"

@@ -6,7 +6,7 @@ import pytest
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.robot.forward import forward
-from robotrue.simulation import scenarios
+from robotrue_reproductions.deng2022 import scenarios
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, pose, pose_from_xyz_abc
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
-from robotrue.simulation.reproduction import Figure, single
+from robotrue_reproductions.reproduction import Figure, single
 
 TRIANGLE: Final = np.array([[0.0, 0.0, 0.0], [400.0, 0.0, 0.0], [0.0, 300.0, 0.0]]) * MM
 """K, L, M, m."""

@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.units import MM
-from robotrue.simulation.reproduce_deng2022_arm import TURNS, ArmResults
-from robotrue.simulation.reproduction import Figure
+from robotrue_reproductions.deng2022.arm_experiment import TURNS, ArmResults
+from robotrue_reproductions.reproduction import Figure
 
 _THREE: Final = ("mean", "max", "std")
 TABLE_5: Final[dict[str, tuple[float | None, ...]]] = {

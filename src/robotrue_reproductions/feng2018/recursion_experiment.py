@@ -17,7 +17,7 @@ from robotrue.core.arrays import Array, frozen
 from robotrue.core.poses import apply, pose
 from robotrue.core.units import DEG, MM
 from robotrue.robot.model import RobotModel
-from robotrue.simulation.feng2018_cell import (
+from robotrue_reproductions.feng2018.machining_cell import (
     T_BASE_DRAWN,
     CellSizes,
     FengCell,
@@ -26,8 +26,8 @@ from robotrue.simulation.feng2018_cell import (
     machine,
     touch,
 )
-from robotrue.simulation.feng2018_ways import CORNER, tips
-from robotrue.simulation.slot_test import CHECKED
+from robotrue_reproductions.feng2018.registration_ways import CORNER, tips
+from robotrue_reproductions.feng2018.slot_experiment import CHECKED
 
 PASSES: Final = 20
 SETTLED: Final = 5

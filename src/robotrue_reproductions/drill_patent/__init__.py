@@ -1,0 +1,1 @@
+"""The drill patent: a correction of the surface normal, linear in three displacements."""
