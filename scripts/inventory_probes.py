@@ -302,7 +302,7 @@ def presets() -> Iterator[str]:
 def store() -> Iterator[str]:
     """Yields nouns of the workspace, and what exports say they cannot."""
     from robotrue.cli.export import PLACES
-    from robotrue.cli.outputs import FORMATS
+    from robotrue.app.outputs import FORMATS
     from robotrue.store import export_controller, export_dh, export_urdf
     from robotrue.store.nouns import NOUNS
 

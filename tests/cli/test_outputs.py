@@ -11,8 +11,8 @@ import pytest
 import typer
 
 import robotrue.cli.main
+from robotrue.app.outputs import FORMATS
 from robotrue.cli.app import app
-from robotrue.cli.outputs import FORMATS
 from robotrue.program.formats import dialect, dialects
 
 Command = Callable[..., Any]

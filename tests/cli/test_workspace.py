@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from robotrue.cli.job_kinds import KINDS
 from robotrue.cli.jobs import _parameters
+from robotrue.cli.kinds import KINDS
 from robotrue.core.files import sha256
 from robotrue.errors import ConfigurationError
 from robotrue.store import items, jobs

@@ -13,7 +13,7 @@ from serving import serving, watching
 from test_plan_page import JOB, done
 from web_shop import Client, Shop, fill, write_files
 
-from robotrue.cli.job_kinds import KINDS
+from robotrue.cli.kinds import KINDS
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG
 from robotrue.robot.model import RobotModel, parameter_slice

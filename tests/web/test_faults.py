@@ -9,7 +9,7 @@ import pytest
 
 from robotrue import errors, web
 from robotrue.calibration.methods import METHODS
-from robotrue.cli.job_kinds import KINDS as KINDS_OF_JOBS
+from robotrue.cli.kinds import KINDS as KINDS_OF_JOBS
 from robotrue.errors import FormatError, RobotrueError
 from robotrue.measurement.formats.sheet import read_sheet
 from robotrue.report.sentences import in_chinese

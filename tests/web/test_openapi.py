@@ -27,6 +27,7 @@ from schemathesis.checks import (
 )
 from web_shop import Client, Shop, fill, write_files
 
+from robotrue.cli.kinds import KINDS
 from robotrue.store import items, jobs
 from robotrue.store.nouns import NOUNS
 from robotrue.store.verify import verify
@@ -39,7 +40,6 @@ CHECKS: Final = [
     content_type_conformance,
     response_schema_conformance,
 ]
-KINDS: Final = "robotrue.cli.job_kinds:KINDS"
 SENT: Final = {
     "nothing": b"",
     "no JSON": b"{not json",

@@ -11,7 +11,7 @@ import pytest
 from serving import WAIT, serving, watching
 from web_shop import Client, Served, Shop, fill, unpacked, write_files
 
-from robotrue.cli.job_kinds import KINDS
+from robotrue.cli.kinds import KINDS
 from robotrue.store import jobs
 from robotrue.store.jobs_claim import claim
 from robotrue.store.jobs_work import attempt

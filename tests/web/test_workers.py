@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from robotrue.cli.kinds import KINDS
 from robotrue.errors import RobotrueError
 from robotrue.store import jobs
 from robotrue.store.workspace import Workspace
@@ -15,16 +16,18 @@ from robotrue.web.job_process import JobProcess
 from robotrue.web.workers import GRACE, MOST, Fact, Workers, _Refusal
 
 
-def test_an_answer_survives_the_death_of_its_process() -> None:
-    workers = Workers()
+def test_an_answer_survives_the_death_of_its_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    workers = asked_in(tmp_path, monkeypatch)
 
     async def story() -> None:
-        assert await workers.ask("kinds.known", "") == b'{"kinds":[]}'
+        assert await workers.ask("quick.known") == ANSWER
         (pool,) = workers._running
         for process in pool._processes.values():
             process.kill()
             process.join(10.0)
-        assert await workers.ask("kinds.known", "") == b'{"kinds":[]}'
+        assert await workers.ask("quick.known") == ANSWER
 
     try:
         asyncio.run(asyncio.wait_for(story(), 60.0))
@@ -35,8 +38,6 @@ def test_an_answer_survives_the_death_of_its_process() -> None:
 BLOCKING = """
 import time
 from pathlib import Path
-
-KINDS = {"slow": f"{__name__}:work", "quick": f"{__name__}:work"}
 
 def wait():
     while not Path(__file__).with_name("go").exists():
@@ -50,27 +51,35 @@ def work(work):
 """Kinds of jobs; the slow one waits for a file, and nobody else does."""
 
 
-def test_a_slow_question_holds_up_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+ANSWER = b"{}"
+
+
+def asked_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Workers:
+    """Workers that answer two questions; the slow one waits for a file."""
     monkeypatch.syspath_prepend(str(tmp_path))
-    (tmp_path / "slow_kinds.py").write_text(f"{BLOCKING}\nwait()\n")
-    (tmp_path / "quick_kinds.py").write_text(BLOCKING)
-    workers = Workers()
+    questions = tmp_path / "shop_questions"
+    questions.mkdir()
+    (questions / "__init__.py").touch()
+    known = f"{BLOCKING}\ndef known():\n    return {ANSWER!r}\n"
+    (questions / "slow.py").write_text(f"{known}\nwait()\n")
+    (questions / "quick.py").write_text(known)
+    return Workers("shop_questions")
+
+
+def test_a_slow_question_holds_up_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    workers = asked_in(tmp_path, monkeypatch)
 
     async def story() -> None:
-        slow = [
-            asyncio.create_task(workers.ask("kinds.known", "slow_kinds:KINDS"))
-            for _ in range(MOST - 1)
-        ]
-        answer = b'{"kinds":["quick","slow"]}'
+        slow = [asyncio.create_task(workers.ask("slow.known")) for _ in range(MOST - 1)]
         for _ in range(2):
-            assert await workers.ask("kinds.known", "quick_kinds:KINDS") == answer
+            assert await workers.ask("quick.known") == ANSWER
         assert not any(each.done() for each in slow)
-        more = asyncio.create_task(workers.ask("kinds.known", "slow_kinds:KINDS"))
-        last = asyncio.create_task(workers.ask("kinds.known", "quick_kinds:KINDS"))
+        more = asyncio.create_task(workers.ask("slow.known"))
+        last = asyncio.create_task(workers.ask("quick.known"))
         await asyncio.sleep(3 * GRACE)
         assert len(workers._running) == MOST  # and the last one waits, or was first
-        (tmp_path / "go").touch()
-        assert set(await asyncio.gather(*slow, more, last)) == {answer}
+        (tmp_path / "shop_questions" / "go").touch()
+        assert set(await asyncio.gather(*slow, more, last)) == {ANSWER}
         assert len(workers._running) == 1
 
     try:
@@ -85,7 +94,8 @@ def test_a_slow_job_holds_up_no_other(tmp_path: Path, monkeypatch: pytest.Monkey
     with Workspace.create(tmp_path / "shop") as workspace:
         slow = jobs.submit(workspace, "slow", {})
         quick = jobs.submit(workspace, "quick", {})
-        process = JobProcess(workspace, "job_kinds:KINDS")
+        kinds = {"slow": "job_kinds:work", "quick": "job_kinds:work"}
+        process = JobProcess(workspace, kinds)
 
         async def story() -> None:
             watching = asyncio.create_task(process.watch())
@@ -149,7 +159,7 @@ def test_a_question_is_asked_once_and_a_refusal_again() -> None:
 def test_a_job_is_done_by_a_process_that_is_there_only_for_it(tmp_path: Path) -> None:
     with Workspace.create(tmp_path / "shop") as workspace:
         id = jobs.submit(workspace, "calibrate", {"shoe_size": 43})
-        process = JobProcess(workspace, "robotrue.cli.job_kinds:KINDS")
+        process = JobProcess(workspace, KINDS)
 
         async def story() -> jobs.Job:
             watching = asyncio.create_task(process.watch())

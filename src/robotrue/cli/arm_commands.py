@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
+from robotrue.app.outputs import CSV, KRL, MODEL, PAGE
 from robotrue.cli.app import CellFile, Json, ModelFile, app
-from robotrue.cli.outputs import CSV, KRL, MODEL, PAGE
 
 
 @app.command()

@@ -6,13 +6,14 @@ from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 
+from robotrue.app.outputs import check_output
 from robotrue.calibration.lineage import provenance_of
 from robotrue.calibration.methods import METHODS, fit
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
 from robotrue.cli.console import emit_facts, emit_json, progress, say, say_mark
-from robotrue.cli.inputs import check_output, measured
+from robotrue.cli.inputs import measured
 from robotrue.errors import ConfigurationError, ObservabilityError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.planning.information import settings_of
@@ -126,7 +127,7 @@ def write_report(
     selection: Selection | None,
 ) -> None:
     """Writes the page of a calibration, validated on its own poses."""
-    from robotrue.cli.pages import write_page
+    from robotrue.app.calibration_page import write_page
 
     result = validate(model, measurements, payload=cell.payload)
     write_page(

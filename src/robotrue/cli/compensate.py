@@ -11,6 +11,9 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from robotrue.app.job_outputs import job_outputs
+from robotrue.app.outputs import check_output
+from robotrue.app.registered import opened, provenance_used
 from robotrue.calibration.identity import identity_of
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
@@ -19,11 +22,8 @@ from robotrue.cell.part import PartFrame
 from robotrue.cli.console import emit_json, remark, say, say_mark
 from robotrue.cli.cutter import cutter_axis
 from robotrue.cli.free_spin import require_free, sentences, spun
-from robotrue.cli.inputs import check_output
-from robotrue.cli.job_outputs import job_outputs
 from robotrue.cli.long_program import ALONE, Staff, compensated_in_blocks, outlined
 from robotrue.cli.process_force import StatedForce, described, stated_forces, useless
-from robotrue.cli.registered import opened, provenance_used
 from robotrue.cli.split import (
     NOT_SPLIT,
     Between,

@@ -9,13 +9,13 @@ from typing import Any, Final
 
 import numpy as np
 
+from robotrue.app.outputs import check_output
+from robotrue.app.registered import opened, provenance_used
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.frame_table import frame_table
 from robotrue.cli.console import emit_json, emit_table, say, say_mark
-from robotrue.cli.inputs import check_output
 from robotrue.cli.process_force import StatedForce, described, stated_forces
-from robotrue.cli.registered import opened, provenance_used
 from robotrue.compensation.difference import Change, Difference, difference
 from robotrue.compensation.process_force import DescribedForce
 from robotrue.compensation.start_posture import start_joints

@@ -9,11 +9,11 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.stats import qmc
 
+from robotrue.app.outputs import check_output
 from robotrue.calibration.lineage import provenance_of
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.cell.cell import Cell, tracker_covariance
 from robotrue.cli.console import count, emit_json, emit_table, say, say_mark
-from robotrue.cli.inputs import check_output
 from robotrue.core.arrays import Array
 from robotrue.core.files import write_atomic
 from robotrue.core.units import DEG, MM

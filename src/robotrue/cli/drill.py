@@ -8,8 +8,8 @@ from typing import Any, Final, get_args
 
 import numpy as np
 
+from robotrue.app.outputs import check_output
 from robotrue.cli.console import emit_json, emit_table, say, say_mark
-from robotrue.cli.inputs import check_output
 from robotrue.core.provenance import merge
 from robotrue.core.units import DEG, UM
 from robotrue.drilling.campaign import Campaign, reading_errors

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from robotrue.app.registered import opened, provenance_used
 from robotrue.calibration.model import ErrorModel
 from robotrue.cli.console import emit_facts, emit_json, say, say_mark
-from robotrue.cli.registered import opened, provenance_used
 from robotrue.core.arrays import Array
 from robotrue.core.provenance import Provenance, merge
 from robotrue.core.rotations import abc_from_matrix, matrix_from_abc

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
+from robotrue.app.outputs import CSV, MODEL
 from robotrue.cli.app import Json, app
-from robotrue.cli.outputs import CSV, MODEL
 
 drill = typer.Typer(
     name="drill",

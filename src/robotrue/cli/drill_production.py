@@ -7,9 +7,9 @@ from typing import Any, get_args
 
 import numpy as np
 
+from robotrue.app.outputs import check_output
 from robotrue.cli.console import count, emit_json, say, say_mark
 from robotrue.cli.drill import residuals_document, setup_of
-from robotrue.cli.inputs import check_output
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign_csv import (
     ProductionRecord,

@@ -15,10 +15,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
+from robotrue.app.outputs import check_output
 from robotrue.cli.console import count, say, say_mark
 from robotrue.cli.drill import setup_of
 from robotrue.cli.drill_robot import DrillingRobot, drilling_robot, followed, with_robot
-from robotrue.cli.inputs import check_output
 from robotrue.core.provenance import Provenance, marked
 from robotrue.core.units import DEG
 from robotrue.drilling.clamp_watch import ClampSettings

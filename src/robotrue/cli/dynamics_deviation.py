@@ -9,10 +9,10 @@ from typing import Any, Final
 
 import numpy as np
 
+from robotrue.app.outputs import check_output
 from robotrue.cell.config import read_cell
 from robotrue.cli.console import count, emit_facts, emit_json, emit_table, say, say_mark
 from robotrue.cli.dynamics_predict import curve_of
-from robotrue.cli.inputs import check_output
 from robotrue.core.archive import read_archive, write_archive
 from robotrue.core.arrays import Array
 from robotrue.core.csv_text import csv_text

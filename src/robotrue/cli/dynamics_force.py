@@ -8,10 +8,9 @@ from typing import Any, Final
 
 import numpy as np
 
+from robotrue.app.outputs import CSV, CUTTING, check_output
 from robotrue.cli.console import emit_facts, emit_json, emit_table, say, say_mark
 from robotrue.cli.cutting_data import coefficient_keys, cutting_data
-from robotrue.cli.inputs import check_output
-from robotrue.cli.outputs import CSV, CUTTING
 from robotrue.core.arrays import Array
 from robotrue.core.files import write_atomic
 from robotrue.core.provenance import Provenance, mark_line, read_provenance

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from robotrue.app.outputs import check_output
 from robotrue.cli.console import count, emit_facts, emit_json, emit_table, say, say_mark
 from robotrue.cli.dynamics_predict import parse_static
-from robotrue.cli.inputs import check_output
 from robotrue.core.archive import write_archive
 from robotrue.core.files import write_atomic
 from robotrue.core.units import UM

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from robotrue.app.outputs import check_output
 from robotrue.cli.console import emit_facts, emit_json, say, say_mark
-from robotrue.cli.inputs import check_output
 from robotrue.core.archive import write_archive
 from robotrue.core.arrays import Array
 from robotrue.core.provenance import read_provenance

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
+from robotrue.app.outputs import check_output
 from robotrue.cli.console import emit_json, say, say_mark
-from robotrue.cli.inputs import check_output
 from robotrue.core.files import write_atomic
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError

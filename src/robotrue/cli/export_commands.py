@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
+from robotrue.app.outputs import CSV, SHEET, URDF
 from robotrue.cli.app import Json, ModelFile, app
-from robotrue.cli.outputs import CSV, SHEET, URDF
 
 export = typer.Typer(
     name="export",

@@ -16,11 +16,11 @@ from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
 from robotrue.cell.part import PartTable
 from robotrue.cli.console import emit_facts, emit_json, emit_table, say, say_mark
-from robotrue.cli.inputs import read_mapping
 from robotrue.core.files import read_bytes
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import FormatError
+from robotrue.measurement.formats.mapping_file import read_mapping
 from robotrue.measurement.formats.registry import read_measurements
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.program.formats import detect, read_job

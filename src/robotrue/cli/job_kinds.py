@@ -11,6 +11,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from robotrue.app.calibration_page import write_page
+from robotrue.app.registered import provenance_of_file
 from robotrue.calibration.lineage import provenance_of
 from robotrue.cli.calibrate import calibrated, require_method, screened_remarks, write_report
 from robotrue.cli.compensate import Request, compensated
@@ -23,11 +25,9 @@ from robotrue.cli.job_items import (
     ref_document,
     rows_of,
 )
-from robotrue.cli.pages import write_page
 from robotrue.cli.plan import document as plan_document
 from robotrue.cli.plan import planned, program_text
 from robotrue.cli.plan_page import plan_page
-from robotrue.cli.registered import provenance_of_file
 from robotrue.cli.split import SplitOptions
 from robotrue.cli.steps import MAX_STEP_MM, StepRule
 from robotrue.core.files import write_atomic
@@ -224,19 +224,6 @@ def plan(work: Work) -> Publish:
     ]
     detail = marked_document(plan_document(found), origin)
     return leave_document(work, asked, "plan", record.name, files, links, detail)
-
-
-KINDS: Final[Mapping[str, str]] = {
-    **{each.__name__: f"{__name__}:{each.__name__}" for each in (calibrate, compensate, plan)},
-    "drift": "robotrue.cli.job_drift:drift",
-    "drift_plan": "robotrue.cli.job_drift:drift_plan",
-    "drill_fit": "robotrue.cli.job_drilling:drill_fit",
-    "drill_report": "robotrue.cli.job_drilling:drill_report",
-    "report": "robotrue.cli.job_report:report",
-    "transfer": "robotrue.cli.job_drift:transfer",
-    "validate": f"{__name__}:validate",
-}
-"""What workers started by robotrue can do."""
 
 
 def _require_ground(paths: list[Path]) -> None:

@@ -13,7 +13,7 @@ from threading import Event
 from typing import Any, Final
 
 from robotrue.cli.console import count, emit_facts, emit_json, emit_table, say
-from robotrue.cli.job_kinds import KINDS
+from robotrue.cli.kinds import KINDS
 from robotrue.cli.workspace import opened
 from robotrue.core.provenance import Provenance, simulation_mark
 from robotrue.errors import ConfigurationError

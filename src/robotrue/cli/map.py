@@ -7,12 +7,12 @@ from typing import Any, Final
 
 import numpy as np
 
+from robotrue.app.outputs import check_output
 from robotrue.calibration.lineage import provenance_of
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
 from robotrue.cli.console import count, emit_json, emit_table, say, say_mark
-from robotrue.cli.inputs import check_output
 from robotrue.core.arrays import Array
 from robotrue.core.csv_text import csv_text
 from robotrue.core.files import read_bytes, sha256, write_atomic

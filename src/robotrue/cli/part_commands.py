@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
+from robotrue.app.outputs import CELL, CSV, MODEL, PAGE, PNG
 from robotrue.cli.app import Json, app
-from robotrue.cli.outputs import CELL, CSV, MODEL, PAGE, PNG
 
 
 @app.command(name="probe-plan")

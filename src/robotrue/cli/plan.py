@@ -8,12 +8,12 @@ from typing import Any, Final
 
 import numpy as np
 
+from robotrue.app.outputs import check_output
+from robotrue.app.registered import provenance_of_file
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
 from robotrue.cell.frame_table import frame_table
 from robotrue.cli.console import count, emit_json, emit_table, say, say_mark
-from robotrue.cli.inputs import check_output
-from robotrue.cli.registered import provenance_of_file
 from robotrue.core.arrays import Array
 from robotrue.core.files import write_atomic
 from robotrue.core.poses import pose

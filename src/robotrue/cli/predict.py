@@ -6,14 +6,15 @@ from pathlib import Path
 
 import numpy as np
 
+from robotrue.app.outputs import check_output
 from robotrue.calibration.lineage import provenance_of
 from robotrue.calibration.model import Query
 from robotrue.cli.console import count, emit_json, say, say_mark
-from robotrue.cli.inputs import check_output, read_mapping
 from robotrue.core.files import write_atomic
 from robotrue.core.provenance import mark_line
 from robotrue.core.units import MM
 from robotrue.errors import ModelMismatchError
+from robotrue.measurement.formats.mapping_file import read_mapping
 from robotrue.measurement.queries import QueryTable, read_queries
 from robotrue.robot.statics import Load
 from robotrue.store.model_file import ModelFile, read_model

@@ -9,16 +9,16 @@ from typing import Any, Final
 
 import numpy as np
 
+from robotrue.app.outputs import check_output
+from robotrue.app.registered import provenance_used
 from robotrue.calibration.probing import ProbingSettings, before_touching
 from robotrue.cli.console import count, emit_json, emit_table, say, say_mark
-from robotrue.cli.inputs import check_output
 from robotrue.cli.probe_plan_inputs import (
     opened,
     parse_axis,
     read_machining,
     rough_frames,
 )
-from robotrue.cli.registered import provenance_used
 from robotrue.core.files import write_atomic
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM

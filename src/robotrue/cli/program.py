@@ -9,6 +9,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from robotrue.app.outputs import check_output
+from robotrue.app.registered import provenance_of_file, provenance_used
 from robotrue.calibration.identity import identity_of
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
@@ -16,8 +18,6 @@ from robotrue.cell.part import PartFrame
 from robotrue.cli.compensate import Request, compensated
 from robotrue.cli.console import count, emit_json, emit_table, say, say_mark
 from robotrue.cli.cutter import cutter_axis
-from robotrue.cli.inputs import check_output
-from robotrue.cli.registered import provenance_of_file, provenance_used
 from robotrue.cli.steps import StepRule
 from robotrue.core.arrays import Array
 from robotrue.core.files import read_bytes, sha256, write_atomic

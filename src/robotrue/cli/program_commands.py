@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
+from robotrue.app.outputs import CSV, KRL, PAGE
 from robotrue.cli.app import Json, app
-from robotrue.cli.outputs import CSV, KRL, PAGE
 
 MaxStep = Annotated[
     float,

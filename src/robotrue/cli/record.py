@@ -6,8 +6,8 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
+from robotrue.app.outputs import check_output
 from robotrue.cli.console import count, emit_facts, emit_json, say, say_mark
-from robotrue.cli.inputs import check_output
 from robotrue.core.files import atomic_stream
 from robotrue.errors import ConfigurationError
 from robotrue.online.record import Record

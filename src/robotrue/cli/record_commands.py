@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
+from robotrue.app.outputs import CSV
 from robotrue.cli.app import Json, app
-from robotrue.cli.outputs import CSV
 
 record = typer.Typer(
     name="record",

@@ -11,15 +11,15 @@ from typing import Final, Literal
 
 import numpy as np
 
+from robotrue.app.outputs import check_output
+from robotrue.app.registered import opened
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import parse_cell
 from robotrue.cell.part import PartTable
 from robotrue.cell.part_tables import with_files, with_part, with_urdf
 from robotrue.cell.writer import cell_text
 from robotrue.cli.console import emit_json, say, say_mark
-from robotrue.cli.inputs import check_output
 from robotrue.cli.register_view import document, frame_document, show
-from robotrue.cli.registered import opened
 from robotrue.core.files import read_bytes, write_atomic
 from robotrue.core.mesh import TriangleMesh, read_mesh
 from robotrue.core.units import MM

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
+from robotrue.app.registered import opened
 from robotrue.calibration.lineage import history, provenance_of
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.cell.cell import Cell, tracker_covariance
 from robotrue.cli.console import emit_json, say_mark
 from robotrue.cli.inputs import measured
-from robotrue.cli.registered import opened
 from robotrue.cli.report_output import check_reports, file_fact, write_reports
 from robotrue.core.arrays import Array
 from robotrue.core.provenance import Provenance, merge

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+from robotrue.app.outputs import check_output
 from robotrue.cli.console import say
-from robotrue.cli.inputs import check_output
 from robotrue.core.files import read_bytes, sha256, write_atomic
 from robotrue.errors import ConfigurationError
 from robotrue.report.content import ReportContent

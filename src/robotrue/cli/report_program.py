@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from robotrue.app.registered import opened, provenance_used
 from robotrue.cli.console import emit_json, say_mark
 from robotrue.cli.diff import differences
 from robotrue.cli.process_force import described
-from robotrue.cli.registered import opened, provenance_used
 from robotrue.cli.report_output import check_reports, file_fact, write_reports
 from robotrue.compensation.start_posture import start_joints
 from robotrue.core.provenance import Provenance

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from robotrue.app.outputs import check_output
 from robotrue.cli.console import emit_facts, emit_json, say_mark
-from robotrue.cli.inputs import check_output
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.files import read_bytes, sha256
 from robotrue.core.provenance import marked_document, merge, read_provenance

@@ -8,8 +8,8 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from robotrue.app.outputs import JSON
 from robotrue.cli.app import CellFile, Json, app
-from robotrue.cli.outputs import JSON
 
 
 class _ServiceFirst(TyperGroup):

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 import webbrowser
 from pathlib import Path
-from typing import Any, Final
+from types import ModuleType
+from typing import Any
 
 from robotrue.cli.console import say
+from robotrue.cli.kinds import KINDS
 from robotrue.errors import ConfigurationError, MissingExtraError
-
-KINDS: Final = "robotrue.cli.job_kinds:KINDS"
-"""What the server's own worker can do; imported by that process, not by the server."""
 
 
 def run(
@@ -26,8 +24,7 @@ def run(
     **settings: Any,
 ) -> None:
     """Serves a workspace until Ctrl-C."""
-    with _room("starting").lightly():
-        server, made = _room("server"), _room("settings")
+    server, made = _server()
     wanted = made.ServeSettings(
         workspace=workspace,
         password=_secret("--password-env", password_env),
@@ -46,13 +43,13 @@ def run(
     server.serve(wanted, ready=ready)
 
 
-def _room(name: str) -> Any:
-    """A module of the web room, by name: the command line and the web app stand side by side.
+def _server() -> tuple[ModuleType, ModuleType]:
+    """The server and its settings, imported without what only clients need."""
+    from robotrue.web.starting import lightly
 
-    Neither imports the other; this is the one place where a command starts what is not below it.
-    """
     try:
-        return importlib.import_module(f"robotrue.web.{name}")
+        with lightly():
+            from robotrue.web import server, settings
     except ModuleNotFoundError as cause:
         if (cause.name or "").startswith("robotrue"):
             raise
@@ -60,6 +57,7 @@ def _room(name: str) -> Any:
             f"the workbench needs {cause.name}, which is not installed.",
             hint='pip install "robotrue[web]"',
         ) from cause
+    return server, settings
 
 
 def _secret(option: str, variable: str | None) -> str:

@@ -17,8 +17,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from robotrue.app.outputs import check_output
 from robotrue.cli.console import emit_facts, emit_json, say
-from robotrue.cli.inputs import check_output
 from robotrue.core.files import write_atomic
 from robotrue.core.provenance import Provenance
 from robotrue.core.rotations import matrix_from_abc

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
+from robotrue.app.outputs import CSV, XML
 from robotrue.cli.app import Json, app
-from robotrue.cli.outputs import CSV, XML
 
 simulate = typer.Typer(
     name="simulate",

@@ -9,8 +9,8 @@ from typing import Final
 
 import numpy as np
 
+from robotrue.app.outputs import check_output
 from robotrue.cli.console import emit_json, say
-from robotrue.cli.inputs import check_output
 from robotrue.cli.simulate import until_stopped
 from robotrue.core.files import write_atomic
 from robotrue.core.units import DEG, MM, UM

@@ -8,8 +8,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from robotrue.app.outputs import check_output
 from robotrue.cli.console import emit_facts, emit_json, emit_table, progress, say, say_mark
-from robotrue.cli.inputs import check_output
 from robotrue.core.arrays import Array
 from robotrue.core.files import write_atomic
 from robotrue.core.provenance import Provenance, read_provenance

@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
+from robotrue.app.outputs import ZIP
 from robotrue.cli.app import Json, app
-from robotrue.cli.outputs import ZIP
 from robotrue.errors import MissingExtraError
 
 workspace = typer.Typer(

@@ -7,14 +7,24 @@ from pathlib import Path
 
 import numpy as np
 
+from robotrue.app.measured_rows import read_rows
+from robotrue.app.outputs import check_output
 from robotrue.calibration.drift import RELATIONS
 from robotrue.calibration.lineage import provenance_of
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.sources import Source
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
-from robotrue.cli.console import count, emit_facts, emit_json, emit_table, progress, say, say_mark
-from robotrue.cli.inputs import check_output, read_rows
+from robotrue.cli.console import (
+    TERMINAL,
+    count,
+    emit_facts,
+    emit_json,
+    emit_table,
+    progress,
+    say,
+    say_mark,
+)
 from robotrue.core.files import read_bytes, sha256, write_atomic
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
@@ -102,7 +112,7 @@ def _source(cell: Cell, name: str, path: Path, relation: str, mapping: Path | No
     workbook = path.suffix.lower().startswith(".xls")
     if read_bytes(path).startswith(ZIP) and not workbook:
         return Source(model=read_model(path).model, relation=where, name=name)
-    rows = read_rows(cell, path, mapping)
+    rows = read_rows(cell, path, mapping, reporter=TERMINAL)
     say(f"source {name}: {count(len(rows), 'pose')} from {path.name}, relation {relation}")
     return Source(measurements=rows, relation=where, name=name)
 
@@ -110,7 +120,7 @@ def _source(cell: Cell, name: str, path: Path, relation: str, mapping: Path | No
 def _target(cell: Cell, paths: Sequence[Path], mapping: Path | None) -> MeasurementSet | None:
     if not paths:
         return None
-    sets = [read_rows(cell, path, mapping) for path in paths]
+    sets = [read_rows(cell, path, mapping, reporter=TERMINAL) for path in paths]
     for path, rows in zip(paths, sets, strict=True):
         if (rows.frame, rows.dof) != (sets[0].frame, sets[0].dof):
             raise ModelMismatchError(

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from robotrue.app.outputs import check_output
 from robotrue.calibration.lineage import provenance_of
 from robotrue.cli.console import count, emit_json, emit_table, say, say_mark
-from robotrue.cli.inputs import check_output, measured
+from robotrue.cli.inputs import measured
 from robotrue.core.provenance import merge
 from robotrue.core.units import MM
 from robotrue.report.model_view import harmless_remark
@@ -37,7 +38,7 @@ def run(
     for line in harmless_remark(stored.model.training_summary()):
         say(line)
     if report is not None:
-        from robotrue.cli.pages import write_page
+        from robotrue.app.calibration_page import write_page
 
         write_page(
             report,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from robotrue.app.outputs import check_output
 from robotrue.cli.console import count, emit_facts, emit_json, say
-from robotrue.cli.inputs import check_output
 from robotrue.errors import ArchiveError
 from robotrue.store.exchange import export_project
 from robotrue.store.exchange_import import import_project

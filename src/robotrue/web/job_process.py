@@ -11,7 +11,7 @@ import contextlib
 import multiprocessing
 import os
 import threading
-from importlib import import_module
+from collections.abc import Mapping
 from multiprocessing.process import BaseProcess
 from typing import Final
 
@@ -29,14 +29,14 @@ SLOTS: Final = min(4, max(2, os.cpu_count() or 1))
 class JobProcess:
     """Sees to it that somebody works while jobs wait."""
 
-    def __init__(self, workspace: Workspace, kinds: str) -> None:
+    def __init__(self, workspace: Workspace, kinds: Mapping[str, str]) -> None:
         """Makes it; :meth:`watch` is what runs.
 
         Args:
             workspace: Where jobs wait.
-            kinds: ``module:name`` of the kinds it can do; empty: jobs are left to others.
+            kinds: What it can do: ``module:function`` by kind; empty: jobs are left to others.
         """
-        self._workspace, self._kinds = workspace, kinds
+        self._workspace, self._kinds = workspace, dict(kinds)
         self._process: BaseProcess | None = None
         self._wake = asyncio.Event()
         self._orphans = True  # an earlier server may have left jobs of dead workers
@@ -86,10 +86,8 @@ class JobProcess:
         self._orphans = False
 
 
-def _work(folder: str, url: str | None, kinds: str) -> None:
+def _work(folder: str, url: str | None, kinds: dict[str, str]) -> None:
     from robotrue.store.jobs_worker import run_worker
 
     threading.Thread(target=end_with_parent, daemon=True).start()
-    module, _, name = kinds.partition(":")
-    known = getattr(import_module(module), name)
-    run_worker(folder, url, kinds=known, slots=SLOTS, until_idle=True)
+    run_worker(folder, url, kinds=kinds, slots=SLOTS, until_idle=True)

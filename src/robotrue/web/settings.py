@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import ipaddress
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
@@ -77,7 +78,7 @@ class ServeSettings:
         upload_limit: Bytes of one uploaded file.
         upload_total: Bytes of all uploads of which nothing was made yet; 0: four times the limit
             of one.
-        kinds: ``module:name`` of the kinds of jobs that are done here; empty leaves them to others.
+        kinds: Of jobs that are done here, ``module:function`` by name; empty leaves them to others.
         limits: Of requests and connections.
     """
 
@@ -92,7 +93,7 @@ class ServeSettings:
     sense: tuple[str, ...] = ()
     upload_limit: int = 1024 * MB
     upload_total: int = 0
-    kinds: str = ""
+    kinds: Mapping[str, str] = field(default_factory=dict)
     limits: Limits = Limits()
 
     def __post_init__(self) -> None:

@@ -26,6 +26,8 @@ GRACE: Final = 2.0
 """s that a question waits for a busy process; loading the libraries in another takes as long."""
 MOST: Final = 4
 """Processes at a time."""
+QUESTIONS: Final = "robotrue.web.questions"
+"""A registry of leaf files: the server names their functions and does not import them."""
 
 
 class Unanswered(RobotrueError):
@@ -39,7 +41,13 @@ class Workers:
     :data:`MOST`, and end when they have answered.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, questions: str = QUESTIONS) -> None:
+        """Makes it without any process yet.
+
+        Args:
+            questions: Package of the files whose functions answer.
+        """
+        self._questions = questions
         self._running: set[ProcessPoolExecutor] = set()
         self._idle: asyncio.LifoQueue[ProcessPoolExecutor] = asyncio.LifoQueue()
 
@@ -57,7 +65,7 @@ class Workers:
         for attempt in (1, 2):
             process = await self._process()
             try:
-                future = process.submit(_call, question, facts)
+                future = process.submit(_call, self._questions, question, facts)
                 answer = await asyncio.wait_for(asyncio.wrap_future(future), PATIENCE)
             except BrokenProcessPool:
                 self._end(process)
@@ -127,20 +135,20 @@ class _Refusal:
         return self.kind(message, source=source, line=line, hint=hint)
 
 
-def answered(question: str, facts: tuple[Fact, ...]) -> bytes:
+def answered(question: str, facts: tuple[Fact, ...], questions: str = QUESTIONS) -> bytes:
     """Returns what a function of ``web/questions`` returns, called here.
 
     Raises:
         RobotrueError: What it raised.
     """
     file, _, name = question.partition(".")
-    asked = getattr(import_module(f"robotrue.web.questions.{file}"), name)
+    asked = getattr(import_module(f"{questions}.{file}"), name)
     return bytes(asked(*facts))
 
 
-def _call(question: str, facts: tuple[Fact, ...]) -> bytes | _Refusal:
+def _call(questions: str, question: str, facts: tuple[Fact, ...]) -> bytes | _Refusal:
     try:
-        return answered(question, facts)
+        return answered(question, facts, questions)
     except RobotrueError as error:
         return _Refusal(error)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 from dataclasses import fields
 from datetime import datetime
 from typing import Annotated, Any
@@ -43,7 +42,7 @@ def router(house: House) -> APIRouter:
     """Returns the routes of jobs."""
     routes = APIRouter(tags=["jobs"])
     workspace = house.workspace
-    known: list[str] = []
+    known = sorted(house.settings.kinds)
 
     def found(id: str) -> jobs.Job:
         try:
@@ -54,9 +53,6 @@ def router(house: House) -> APIRouter:
     @routes.post("/jobs", status_code=202)
     async def ask_for_job(asked: Asked) -> dict[str, Any]:
         """A job that now waits to be done; watch it at ``/api/jobs/{id}``."""
-        if not known:
-            answer = await house.workers.ask("kinds.known", house.settings.kinds)
-            known.extend(json.loads(answer)["kinds"])
         if asked.kind not in known:
             raise ConfigurationError(
                 f"a job of kind {asked.kind!r}, expected one of {', '.join(known)}."

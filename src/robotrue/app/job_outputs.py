@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from robotrue.cli.inputs import check_output
-from robotrue.cli.outputs import require_suffix
+from robotrue.app.outputs import check_output, require_suffix
 from robotrue.errors import ConfigurationError
 from robotrue.program.formats import dialect
 

@@ -65,6 +65,38 @@ def require_suffix(output: Path, what: str, suffixes: Sequence[str], *, only: bo
     )
 
 
+def check_output(output: Path, sources: Sequence[Path], *, folder: bool = False) -> None:
+    """Refuses, before any work is done, an output that cannot be or that is one of the sources.
+
+    Args:
+        output: File to be written.
+        sources: What is read.
+        folder: A folder that exists will do, too.
+
+    Raises:
+        ConfigurationError: No such folder, a folder itself, or a file that is read.
+    """
+    if output.is_dir() and folder:
+        return
+    if output.is_dir():
+        raise ConfigurationError(
+            "the output is a folder.", source=output, hint="a file name after -o."
+        )
+    if not output.parent.is_dir():
+        raise ConfigurationError(
+            f"cannot write: the folder {output.parent} does not exist.",
+            source=output,
+            hint=f"mkdir -p {output.parent}",
+        )
+    for source in sources:
+        if output.exists() and source.exists() and output.samefile(source):
+            raise ConfigurationError(
+                f"the output is {source.name}, which is read here; it is left as it is.",
+                source=output,
+                hint="another name after -o.",
+            )
+
+
 def writes(what: str, *suffixes: str, only: bool = False) -> Callable[[_Given], _Given]:
     """Returns the callback of an option that names files to write: :func:`require_suffix`."""
 

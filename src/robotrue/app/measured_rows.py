@@ -1,0 +1,128 @@
+"""Measured poses of one or several files, in one frame and checked for plausibility."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from robotrue.app.reporting import Message, Reporter, note
+from robotrue.cell.cell import Cell, tracker_covariance
+from robotrue.core.arrays import Array
+from robotrue.errors import ModelMismatchError
+from robotrue.measurement.formats.mapping import ColumnMapping
+from robotrue.measurement.formats.mapping_file import read_mapping
+from robotrue.measurement.formats.registry import read_measurements
+from robotrue.measurement.measurement_set import MeasurementSet, concatenate
+from robotrue.measurement.plausibility import check_plausible
+from robotrue.measurement.tracker import point_covariance
+from robotrue.robot.forward import forward
+
+FEWEST_ROWS = 6
+"""Rows that a set needs, unless an operation asks for less."""
+
+
+def measured(
+    cell: Cell,
+    paths: Sequence[Path],
+    mapping: Path | None,
+    *,
+    reporter: Reporter,
+    minimum: int = FEWEST_ROWS,
+) -> MeasurementSet:
+    """Returns all files as one set, checked for plausibility.
+
+    Positions are in the cell's frame; those of a layout that is in the tracker's own frame stay in
+    it. Rows of all files that name no station belong to one set-up of the tracker.
+
+    Raises:
+        FormatError: A file that cannot be read.
+        ImplausibleDataError: Numbers that cannot be this robot's.
+        ModelMismatchError: Another number of joints, or files in different frames.
+    """
+    sets = [read_rows(cell, path, mapping, reporter=reporter) for path in paths]
+    return joined(cell, sets, [str(path) for path in paths], reporter=reporter, minimum=minimum)
+
+
+def joined(
+    cell: Cell,
+    sets: Sequence[MeasurementSet],
+    names: Sequence[str],
+    *,
+    reporter: Reporter,
+    minimum: int = FEWEST_ROWS,
+) -> MeasurementSet:
+    """Returns sets as one, checked for plausibility; ``names`` are what messages call them.
+
+    Raises:
+        ImplausibleDataError: Numbers that cannot be this robot's.
+        ModelMismatchError: Another number of joints, or sets in different frames.
+    """
+    robot = cell.measured_robot
+    for name, rows in zip(names, sets, strict=True):
+        if rows.dof != robot.dof:
+            raise ModelMismatchError(
+                f"{rows.dof} joints in the measurements, {robot.dof} in {robot.name}.",
+                source=name,
+                hint="check the robot in the cell file.",
+            )
+        if rows.frame != sets[0].frame:
+            raise ModelMismatchError(
+                f"positions in the {rows.frame} frame, those of {names[0]} in the "
+                f"{sets[0].frame} frame.",
+                source=name,
+                hint="calibrate from files of one frame.",
+            )
+    whole = concatenate(sets)
+
+    def measured_point(joints: Array) -> Array:
+        return forward(robot, joints)[:, :3, 3]
+
+    remarks = check_plausible(
+        whole,
+        measured_point(whole.joints),
+        robot.reach,
+        forward=measured_point,
+        minimum=minimum,
+    )
+    for remark in remarks:
+        reporter.report(note(remark))
+    poses, files = len(whole), len(names)
+    reporter.report(
+        Message(
+            f"{poses} pose{'' if poses == 1 else 's'} from {files} file{'' if files == 1 else 's'}"
+        )
+    )
+    return whole
+
+
+def read_rows(
+    cell: Cell, path: Path, mapping: Path | None, *, reporter: Reporter
+) -> MeasurementSet:
+    """Returns the rows of one file as it stands, in the cell's frame, not yet checked.
+
+    A layout that is in the tracker's own frame stays in it, whatever the cell says.
+
+    Raises:
+        FormatError: A file that cannot be read.
+    """
+    layout: ColumnMapping | None = None if mapping is None else read_mapping(mapping)
+    rows = read_measurements(
+        path,
+        mapping=layout,
+        frame="tracker" if cell.frame == "tracker" else None,
+        instrument=partial(tracker_covariance, cell),
+    )
+    if rows.frame == cell.frame:
+        return rows
+    reporter.report(
+        note(f"positions of {path.name} are in the frame of its tracker, not in the base")
+    )
+    # The cell's tracker position is one in the base and says nothing here: the origin is.
+    return read_measurements(
+        path,
+        mapping=layout,
+        instrument=partial(point_covariance, cell.tracker, tracker=np.zeros(3)),
+    )

@@ -1,0 +1,1 @@
+"""One file per operation, found by the registry; the first line of each is its help."""
