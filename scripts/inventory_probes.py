@@ -103,7 +103,7 @@ _APPLICATIONS: Final[list[Any]] = []
 def _application() -> Any:
     """The application of ``robotrue serve`` on a new workspace; nothing is started."""
     if not _APPLICATIONS:
-        from robotrue.cli.serve import KINDS
+        from robotrue.cli.kinds import KINDS
         from robotrue.web.server import core_app, house_of, open_workspace, with_pages
         from robotrue.web.settings import ServeSettings
 
@@ -173,7 +173,7 @@ def texts() -> Iterator[str]:
 def jobs() -> Iterator[str]:
     """Yields the kinds of jobs, and each parameter with its type and default."""
     from robotrue.cli.job_items import NAMED
-    from robotrue.cli.job_kinds import KINDS
+    from robotrue.cli.kinds import KINDS
 
     for kind, address in KINDS.items():
         module_name, name = address.split(":")
@@ -301,8 +301,8 @@ def presets() -> Iterator[str]:
 
 def store() -> Iterator[str]:
     """Yields nouns of the workspace, and what exports say they cannot."""
-    from robotrue.cli.export import PLACES
     from robotrue.app.outputs import FORMATS
+    from robotrue.cli.export import PLACES
     from robotrue.store import export_controller, export_dh, export_urdf
     from robotrue.store.nouns import NOUNS
 
