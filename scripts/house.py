@@ -1,8 +1,7 @@
 """The state of the house: sizes of rooms, files and functions, circles, names, as one table.
 
 ``python scripts/house.py`` prints it. ``--against REV`` prints before -> after, ``--json`` all of
-it with every place, ``--places MEASURE`` the places of one measure (``circles``,
-``double_classes``, ``frequent_files``, ``participles``, ``long_files``, ``long_functions``).
+it with every place, ``--places MEASURE`` the places of one measure.
 ``--check`` fails where a circle between files is not one of :data:`KNOWN_CIRCLES`, or a file is
 too long.
 """
@@ -28,6 +27,7 @@ KNOWN_CIRCLES: Final[frozenset[tuple[str, ...]]] = frozenset(
 """Groups of modules that are allowed to import each other until they are mended."""
 PLACES: Final = (
     "circles", "double_classes", "frequent_files", "long_files", "long_functions", "participles",
+    "same_defaults", "different_defaults",
 )  # fmt: skip
 ROWS: Final[Sequence[tuple[str, Callable[[House], int | float]]]] = (
     ("files", lambda h: h.files),
@@ -50,6 +50,8 @@ ROWS: Final[Sequence[tuple[str, Callable[[House], int | float]]]] = (
     ("public class names used twice or more", lambda h: len(h.double_classes)),
     (f"file names used more than {MOST_OF_A_NAME} times", lambda h: len(h.frequent_files)),
     ("functions named by a participle", lambda h: len(h.participles)),
+    ("defaults spelled in several places", lambda h: len(h.same_defaults)),
+    ("defaults that differ under one name", lambda h: len(h.different_defaults)),
 )
 
 

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
+from defaults import find_doubles
 from house_circles import find_circles
 from house_tree import SourceFile, statements
 
@@ -69,6 +70,8 @@ class House:
     double_classes: dict[str, list[str]]
     frequent_files: dict[str, list[str]]
     participles: list[str]
+    same_defaults: dict[str, list[str]]
+    different_defaults: dict[str, list[str]]
 
     def document(self) -> dict[str, Any]:
         """Returns JSON values."""
@@ -97,6 +100,7 @@ def measure_house(files: Sequence[SourceFile]) -> House:
                 lengths.append((_length(node), place))
                 if is_participle(node):
                     participles.append(place)
+    doubles = find_doubles(files)
     ordered = sorted(length for length, _ in lengths)
     return House(
         rooms=dict(sorted(rooms.items())),
@@ -122,6 +126,8 @@ def measure_house(files: Sequence[SourceFile]) -> House:
         double_classes={k: v for k, v in sorted(classes.items()) if len(v) > 1},
         frequent_files={k: v for k, v in sorted(names.items()) if len(v) > MOST_OF_A_NAME},
         participles=participles,
+        same_defaults={k: [s.place for s in v] for k, v in doubles.same.items()},
+        different_defaults={k: [s.place for s in v] for k, v in doubles.different.items()},
     )
 
 

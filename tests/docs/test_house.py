@@ -17,7 +17,7 @@ def scripts(monkeypatch: pytest.MonkeyPatch) -> Any:
     """The modules of the folder ``scripts``, importable while a test runs."""
     monkeypatch.syspath_prepend(str(SCRIPTS))
     yield
-    for name in ("house_tree", "house_circles", "house_measures", "house"):
+    for name in ("house_tree", "house_circles", "house_measures", "house", "defaults"):
         sys.modules.pop(name, None)
 
 
@@ -94,3 +94,36 @@ def test_an_unknown_circle_and_a_long_file_fail_the_check(scripts: None) -> None
     assert sum("robotrue.a.p <-> robotrue.a.q" in line for line in wrong) == 1
     assert sum("a/r.py 501 lines" in line for line in wrong) == 1
     assert len(wrong) == 2 + mended
+
+
+def test_one_default_in_an_option_a_job_a_form_and_the_settings_is_found(scripts: None) -> None:
+    """Fails when a unit in the name parts two spellings, or a named constant counts twice."""
+    from defaults import find_doubles
+
+    files = tree_of(
+        {
+            "planning/settings.py": "DRAWN = 2000\n\nclass Settings:\n    max_shift: float = .01\n",
+            "cli/commands.py": (
+                "from robotrue.planning.settings import DRAWN\n\n\n"
+                "def run(max_shift_mm=10.0, drawn=DRAWN, off=0.0, no=None):\n    pass\n"
+            ),
+            "cli/job.py": (
+                "from robotrue.planning.settings import DRAWN\n\n\n"
+                "def plan(asked):\n"
+                "    asked.number('max_shift_mm', 20.0)\n"
+                "    asked.whole('drawn', DRAWN)\n"
+                "    asked.whole('turns', 3)\n"
+            ),
+            "web/form.py": 'TURNS = 3\nPAGE = f\'<input name="turns" value="{TURNS}">\'\n',
+        }
+    )
+    found = find_doubles(files)
+    assert {k: [s.place for s in v] for k, v in found.same.items()} == {
+        "max_shift": [
+            "src/robotrue/cli/commands.py:4 run",
+            "src/robotrue/planning/settings.py:4 Settings",
+            "src/robotrue/cli/job.py:5 number(...)",
+        ],
+        "turns": ["src/robotrue/cli/job.py:7 whole(...)", "src/robotrue/web/form.py:1 TURNS"],
+    }
+    assert list(found.different) == ["max_shift"]
