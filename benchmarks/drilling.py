@@ -18,7 +18,7 @@ import numpy as np
 
 from robotrue.core.units import DEG, UM
 from robotrue.simulation.drilling_machine import AS_LEFT
-from robotrue_reproductions.drill_patent.tables import CASES, CLAMPS, one_move, production
+from robotrue_reproductions.drill_patent.experiment import CASES, CLAMPS, one_move, production
 
 MACHINES, QUICK = 50, 4
 REACH = {

@@ -319,18 +319,18 @@ def store() -> Iterator[str]:
 
 def simulation() -> Iterator[str]:
     """Yields scenarios, faults that simulators make, and reproduced papers with their tables."""
-    from robotrue.cli.reproduce import TITLES
     from robotrue.simulation.rdt_sensor import FAULTS as SENSOR
     from robotrue.simulation.rtde_controller import FAULTS as CONTROLLER
     from robotrue.simulation.wire_faults import FAULTS as WIRE
     from robotrue_reproductions.deng2022.scenarios import SCENARIOS
+    from robotrue_reproductions.papers import PAPERS
 
     yield from (f"scenario {each}" for each in SCENARIOS)
     for name, faults in (("rdt", SENSOR), ("rtde", CONTROLLER), ("rsi, egm", WIRE)):
         yield from (f"fault {name} {getattr(each, 'value', each)}" for each in faults)
-    for paper, tables in TITLES.items():
-        yield f"paper {paper}"
-        yield from (f"paper {paper} table {each}" for each in tables)
+    for name, paper in PAPERS.items():
+        yield f"paper {name}"
+        yield from (f"paper {name} table {table}" for table in paper.tables)
 
 
 def cell_file() -> Iterator[str]:

@@ -1,17 +1,19 @@
-"""A paper's printed numbers beside those of simulated arms: the nouns of every reproduction."""
+"""Numbers of a source beside those of simulated arms: the nouns of every reproduction."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robotrue.core.arrays import Array, frozen
+from robotrue.errors import ConfigurationError
 
 Progress: TypeAlias = Callable[[str, int, int], None]
-"""Told what is done, how many steps are behind, and of how many."""
+"""Called with the step that starts, how many steps are done, and of how many."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -19,11 +21,11 @@ class Figure:
     """One printed number and what the simulated arms have in its place.
 
     Attributes:
-        table: Of the paper, or a word for what it does not tabulate.
+        table: Of the source, or a word for what it does not tabulate.
         name: Row of the table.
         quantity: Column.
         unit: As printed; empty for a pure number.
-        paper: The printed number; None where the paper has none.
+        paper: The printed number; None where the source has none.
         ours: (robots,) one value for each arm; one value where arms do not matter.
     """
 
@@ -74,18 +76,12 @@ class Figure:
         }
 
 
-def single(
-    table: str, name: str, quantity: str, unit: str, paper: float | None, value: float
+def figure(
+    table: str, name: str, quantity: str, unit: str, paper: float | None, values: ArrayLike
 ) -> Figure:
-    """Returns a figure of one value, where arms do not matter; arguments as of :class:`Figure`."""
-    return Figure(
-        table=table,
-        name=name,
-        quantity=quantity,
-        unit=unit,
-        paper=paper,
-        ours=np.array([float(value)]),
-    )
+    """Returns a figure of one value or of one for each arm; arguments as of :class:`Figure`."""
+    ours = np.atleast_1d(np.asarray(values, dtype=np.float64))
+    return Figure(table=table, name=name, quantity=quantity, unit=unit, paper=paper, ours=ours)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,3 +115,67 @@ class Reproduction:
             "unmet": [{"what": what, "why": why} for what, why in self.unmet],
             "remarks": list(self.remarks),
         }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Request:
+    """What of a source is repeated.
+
+    Attributes:
+        robots: Simulated arms, seeds 1, 2, ...
+        quick: Only a part of the tables; each source says which.
+        scenario: How rough the arms of ``deng2022`` are; the others have one kind.
+    """
+
+    robots: int = 20
+    quick: bool = False
+    scenario: str = "S2A"
+
+    def __post_init__(self) -> None:
+        """Checks the number of arms.
+
+        Raises:
+            ConfigurationError: Below one.
+        """
+        if self.robots < 1:
+            raise ConfigurationError(f"{self.robots} robots, expected 1 or more; 20 for a spread.")
+
+    @property
+    def seeds(self) -> range:
+        """Seeds of the arms."""
+        return range(1, self.robots + 1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TableLayout:
+    """How the figures of one table are printed.
+
+    Attributes:
+        title: Above the table.
+        decimals: Of a table with one row for each figure.
+        compares: Whether the printed number is shown there.
+        beside: Word for the printed number in a table with one column for each quantity; empty:
+            one row for each figure.
+    """
+
+    title: str
+    decimals: int = 3
+    compares: bool = True
+    beside: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Paper:
+    """A source that can be repeated.
+
+    Attributes:
+        authors: With the year.
+        arms: What is simulated, in front of the scenario.
+        tables: Layouts by table, in the order printed.
+        run: Repeats it.
+    """
+
+    authors: str
+    arms: str
+    tables: Mapping[str, TableLayout]
+    run: Callable[[Request, Progress], Reproduction]

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from robotrue.cli import reproduce
+from robotrue_reproductions.papers import find_paper
+from robotrue_reproductions.reproduction import Reproduction, figure
 
 
 def find(document, table, name, quantity):
@@ -55,16 +57,10 @@ def test_the_papers_figures_stand_beside_ours(cli, tmp_path: Path) -> None:
 
 
 def test_the_tables_are_labelled_simulated(monkeypatch, capsys) -> None:
-    figure = reproduce.Figure(
-        table="8",
-        name="Tr-GPR",
-        quantity="mean",
-        unit="mm",
-        paper=0.182,
-        ours=np.array([0.1, 0.2, 0.3]),
-    )
-    result = reproduce.Reproduction(scenario="S1A", robots=3, figures=(figure,))
-    monkeypatch.setattr(reproduce, "reproduce_deng2022", lambda *a, **k: result)
+    figures = (figure("8", "Tr-GPR", "mean", "mm", 0.182, [0.1, 0.2, 0.3]),)
+    result = Reproduction(scenario="S1A", robots=3, figures=figures)
+    paper = replace(find_paper("deng2022"), run=lambda request, progress: result)
+    monkeypatch.setattr(reproduce, "find_paper", lambda name: paper)
     reproduce.run("deng2022", scenario="S1A", robots=3, quick=True, out=None, as_json=False)
     text = capsys.readouterr().out
     assert "SIMULATED: 3 arms of scenario S1A" in text

@@ -19,57 +19,28 @@ from robotrue.errors import ConfigurationError
 from robotrue.measurement.formats.slot_steps import read_slot_steps
 from robotrue.validation.datum_check import DatumCheck
 from robotrue.validation.slot_test import Frames, SlotEvaluation, SlotTest, evaluate_slots
-from robotrue_reproductions.feng2018.blind_spots import datums_touched, knocked, registered
-from robotrue_reproductions.feng2018.registration_ways import Session
-from robotrue_reproductions.feng2018.slot_experiment import cut_contour, cut_slots
-from robotrue_reproductions.feng2018.slot_page import SlotPage, Tried, slot_page
-from robotrue_reproductions.feng2018.way_results import WAYS, Way, calibrated_of, session_of
+from robotrue_reproductions.feng2018.slot_page import slot_page
+from robotrue_reproductions.feng2018.slot_trial import SlotTrial, check_trial, run_slot_trial
+from robotrue_reproductions.feng2018.way_results import WayResult
 
 VIRTUAL: Final = Provenance(simulated=True, instrument="virtual cell")
-PAPER: Final = "paper"
-LONG: Final = "planned-90"
-"""Planning its touches takes longer than all the rest; shown only when asked for."""
 
 
 def run_simulated(*, seed: int, way: str, output: Path | None, as_json: bool) -> None:
     """Cuts the slots every way in one virtual cell; a table, JSON, or a page."""
-    if way not in [w.key for w in WAYS]:
-        raise ConfigurationError(f"no way {way!r}; ways are {', '.join(w.key for w in WAYS)}.")
-    ways = [w for w in WAYS if w.key == way or w.key != LONG]
-    keys = [w.key for w in ways]
-    if seed < 0:
-        raise ConfigurationError(f"seed {seed}, expected 0 or more.")
+    check_trial(seed, way)
     if output is not None:
         check_output(output, [])
-    sessions: dict[str, Session] = {}
-    tried = []
     with progress() as bar:
-        for k, one in enumerate(ways):
-            bar(one.name, k, len(ways))
-            if one.cell not in sessions:
-                sessions[one.cell] = session_of(one.cell, seed)
-            tried.append(_tried(one, sessions[one.cell], seed))
-    plain = sessions["plain"]
-    model = calibrated_of(plain)
-    frame = registered(model, plain)
-    rng = np.random.default_rng([seed, 59])
-    pushed = knocked(plain.cell, rng)
-    page = SlotPage(
-        seed=seed,
-        tried=tuple(tried),
-        paper=tried[keys.index(PAPER)],
-        chosen=tried[keys.index(way)],
-        rest=datums_touched(plain.cell, model, frame, rng),
-        knocked=datums_touched(pushed, model, frame, rng),
-    )
+        trial = run_slot_trial(seed, way, bar)
     if output is not None:
-        write_atomic(output, slot_page(page).encode())
+        write_atomic(output, slot_page(trial).encode())
         say(f"page: {output}")
     if as_json:
-        emit_json(_simulated_document(page), VIRTUAL)
+        emit_json(_simulated_document(trial), VIRTUAL)
         return
     say_mark(VIRTUAL)
-    _tell(page)
+    _tell(trial)
 
 
 def run_measured(
@@ -109,13 +80,6 @@ def run_measured(
     _tell_sight(found, origin)
 
 
-def _tried(way: Way, session: Session, seed: int) -> Tried:
-    first, second = way.sides(session)
-    rng = np.random.default_rng([seed, 53])
-    slots = cut_slots(first, second, rng)
-    return Tried(way=way, slots=slots, body=cut_contour(first, second, rng))
-
-
 def _three(name: str, text: str) -> Array:
     try:
         values = np.array([float(word) for word in text.split(",")])
@@ -142,8 +106,8 @@ def _document(found: SlotEvaluation, names: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def _simulated_document(page: SlotPage) -> dict[str, Any]:
-    def way(t: Tried) -> dict[str, Any]:
+def _simulated_document(trial: SlotTrial) -> dict[str, Any]:
+    def way(t: WayResult) -> dict[str, Any]:
         first, second = t.slots.side_rms
         return {
             "key": t.way.key,
@@ -152,8 +116,8 @@ def _simulated_document(page: SlotPage) -> dict[str, Any]:
             "rms_mm": t.slots.rms / MM,
             "first_rms_mm": first / MM,
             "second_rms_mm": second / MM,
-            "sculpture_mm": t.body.mismatch / MM,
-            "sculpture_worst_mm": t.body.worst / MM,
+            "sculpture_mm": t.outline.mismatch / MM,
+            "sculpture_worst_mm": t.outline.worst / MM,
         }
 
     def datum(check: DatumCheck) -> dict[str, Any]:
@@ -166,15 +130,15 @@ def _simulated_document(page: SlotPage) -> dict[str, Any]:
         }
 
     return {
-        "seed": page.seed,
-        "chosen": page.chosen.way.key,
-        "ways": [way(t) for t in page.tried],
-        "datum_at_rest": datum(page.rest),
-        "datum_knocked_1_mm": datum(page.knocked),
+        "seed": trial.seed,
+        "chosen": trial.chosen.way.key,
+        "ways": [way(t) for t in trial.results],
+        "datum_at_rest": datum(trial.rest),
+        "datum_knocked_1_mm": datum(trial.knocked),
     }
 
 
-def _tell(page: SlotPage) -> None:
+def _tell(trial: SlotTrial) -> None:
     rows = [
         (
             t.way.key,
@@ -182,19 +146,19 @@ def _tell(page: SlotPage) -> None:
             f"{t.slots.mismatch / MM:.3f}",
             f"{t.slots.evaluation.spread / MM:.3f}",
             *(f"{v / MM:.3f}" for v in t.slots.side_rms),
-            f"{t.body.mismatch / MM:.3f}",
+            f"{t.outline.mismatch / MM:.3f}",
         )
-        for t in page.tried
+        for t in trial.results
     ]
     columns = ("way", "", "step", "sd of 4", "rms first", "rms second", "sculpture")
-    title = f"slots cut from two sides, cell {page.seed}, mm"
+    title = f"slots cut from two sides, cell {trial.seed}, mm"
     emit_table(title, columns, rows, provenance=VIRTUAL)
     emit_facts(
         "A datum that was not used for the frame, touched again",
-        [("block where it was", page.rest.reason), ("block pushed by 1 mm", page.knocked.reason)],
+        [("block where it was", trial.rest.reason), ("block pushed by 1 mm", trial.knocked.reason)],
         VIRTUAL,
     )
-    _tell_sight(page.chosen.slots.evaluation, VIRTUAL)
+    _tell_sight(trial.chosen.slots.evaluation, VIRTUAL)
 
 
 def _tell_sight(found: SlotEvaluation, origin: Provenance) -> None:

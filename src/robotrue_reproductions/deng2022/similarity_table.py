@@ -20,7 +20,7 @@ from robotrue.core.units import DEG
 from robotrue.robot.inverse import inverse_batch
 from robotrue.simulation.plans import ATTITUDE, POSTURE, Attitude
 from robotrue.simulation.presets import VirtualCell, deng2022, raw_error
-from robotrue_reproductions.reproduction import Figure
+from robotrue_reproductions.reproduction import Figure, figure
 
 Workspace: TypeAlias = Literal["cylinder", "cube"]
 TABLE_4: Final[dict[Workspace, tuple[float, float, float]]] = {
@@ -162,15 +162,8 @@ def similarity_figures(layouts: int) -> list[Figure]:
         found = layout_similarity(cell, FOUND[kind])
         if found is not None:
             out.extend(
-                Figure(
-                    table="4",
-                    name=f"{kind}, layout found",
-                    quantity=f"region {k + 1}",
-                    unit="",
-                    paper=printed[k],
-                    ours=found["per-point"][[k]],
-                )
-                for k in range(3)
+                figure("4", f"{kind}, layout found", f"region {k + 1}", "", printed[k], value)
+                for k, value in enumerate(found["per-point"])
             )
     rng = np.random.default_rng(5)
     drawn: dict[Workspace, list[dict[SimilarityReading, Array]]] = {}
@@ -196,11 +189,5 @@ def _reading_figures(
 
 
 def _summary(reading: SimilarityReading, quantity: str, value: float) -> Figure:
-    return Figure(
-        table="4 readings",
-        name=reading,
-        quantity=quantity,
-        unit="",
-        paper=1.0 if quantity.startswith("share") else 0.0,
-        ours=np.array([value]),
-    )
+    paper = 1.0 if quantity.startswith("share") else 0.0
+    return figure("4 readings", reading, quantity, "", paper, value)

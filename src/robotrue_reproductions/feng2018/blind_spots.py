@@ -10,7 +10,6 @@ import numpy as np
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.registration.fit import Noise, Registration
 from robotrue.cell.registration.points import fit_points
-from robotrue.core.arrays import Array
 from robotrue.core.poses import pose, pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.robot.model import RobotModel
@@ -24,8 +23,8 @@ from robotrue_reproductions.feng2018.machining_cell import (
     with_tip,
 )
 from robotrue_reproductions.feng2018.registration_ways import Session, session, tips, together
-from robotrue_reproductions.feng2018.slot_experiment import Side, cut_slots
-from robotrue_reproductions.reproduction import Figure, single
+from robotrue_reproductions.feng2018.slot_experiment import both_sides, cut_slots
+from robotrue_reproductions.reproduction import Figure, figure
 
 KNOCKED: Final = 1.0 * MM
 """By which the block is knocked after it was registered, for the datum check."""
@@ -51,11 +50,11 @@ def blind_figures(seeds: range) -> list[Figure]:
         ("tip off by 10 mm across the tool", cell.T_base_part, 10.0),
     ):
         result = cut_slots(
-            *_both(with_tip(cell, np.array([0.0, tip * MM, 0.0])), cell.nominal, place),
+            *both_sides(with_tip(cell, np.array([0.0, tip * MM, 0.0])), cell.nominal, place),
             np.random.default_rng(0),
         )
-        out.append(single("blind", name, "step", "mm", None, result.mismatch / MM))
-        out.append(single("blind", name, "rms", "mm", None, result.rms / MM))
+        out.append(figure("blind", name, "step", "mm", None, result.mismatch / MM))
+        out.append(figure("blind", name, "rms", "mm", None, result.rms / MM))
     seen = [_seen(session(seed), seed) for seed in seeds]
     for k, (name, quantity, unit) in enumerate(
         (
@@ -67,10 +66,8 @@ def blind_figures(seeds: range) -> list[Figure]:
         )
     ):
         values = np.array([row[k] for row in seen])
-        ours = np.array([100.0 * values.mean()]) if unit == "%" else values / MM
-        out.append(
-            Figure(table="blind", name=name, quantity=quantity, unit=unit, paper=None, ours=ours)
-        )
+        ours = 100.0 * values.mean() if unit == "%" else values / MM
+        out.append(figure("blind", name, quantity, unit, None, ours))
     return out
 
 
@@ -114,14 +111,7 @@ def _seen(s: Session, seed: int) -> tuple[float, float, float, float, float]:
     rng = np.random.default_rng([seed, 59])
     found: list[float] = []
     for cell in (s.cell, knocked(s.cell, rng)):
-        slots = cut_slots(*_both(cell, model, frame.T_base_part), rng)
+        slots = cut_slots(*both_sides(cell, model, frame.T_base_part), rng)
         check = datums_touched(cell, model, frame, rng)
         found += [slots.mismatch, slots.rms, float(check.verdict == "is off")]
     return found[0], found[2], found[3], found[4], found[5]
-
-
-def _both(cell: FengCell, model: ErrorModel | RobotModel, place: Array) -> tuple[Side, Side]:
-    return (
-        Side(cell=cell, posture="R", model=model, T_base_part=place),
-        Side(cell=cell, posture="L", model=model, T_base_part=place),
-    )

@@ -46,7 +46,7 @@ from robotrue_reproductions.feng2018.machining_cell import (
     with_tool_change,
 )
 from robotrue_reproductions.feng2018.planned_touches import TIP, touch_planned
-from robotrue_reproductions.feng2018.slot_experiment import Side
+from robotrue_reproductions.feng2018.slot_experiment import Side, both_sides
 
 MOST: Final = 30
 """Touches on each of the three sides in a session."""
@@ -161,7 +161,7 @@ def tips(model: ErrorModel | RobotModel, joints: Array) -> Array:
 
 def as_drawn(s: Session) -> tuple[Side, Side]:
     """Returns both sides cut where the drawing has the block."""
-    return _both(s.cell, s.nominal, T_BASE_DRAWN)
+    return both_sides(s.cell, s.nominal, T_BASE_DRAWN)
 
 
 def three_points(s: Session, model: ErrorModel | RobotModel) -> tuple[Side, Side]:
@@ -169,17 +169,17 @@ def three_points(s: Session, model: ErrorModel | RobotModel) -> tuple[Side, Side
     found = fit_feature_frame(
         s.corner.points, tips(model, s.corner.joints), sigma=s.cell.sizes.touch
     )
-    return _both(s.cell, model, found.T_base_part)
+    return both_sides(s.cell, model, found.T_base_part)
 
 
 def front(s: Session, model: ErrorModel | RobotModel, count: int = 20) -> tuple[Side, Side]:
     """Returns one frame from points of the front alone, all counting equally."""
-    return _both(s.cell, model, _frame(model, s.sides["R"].first(count)))
+    return both_sides(s.cell, model, _frame(model, s.sides["R"].first(count)))
 
 
 def all_sides(s: Session, model: ErrorModel | RobotModel, count: int = 30) -> tuple[Side, Side]:
     """Returns one frame from points of all three sides."""
-    return _both(s.cell, model, _frame(model, together(s.sides, count)))
+    return both_sides(s.cell, model, _frame(model, together(s.sides, count)))
 
 
 def frame_per_side(
@@ -201,13 +201,13 @@ def frame_per_side(
 def frame_and_tip(s: Session, count: int = 30) -> tuple[Side, Side]:
     """Returns frame and tool tip from one fit, kinematics nominal."""
     robot, place = _frame_and_tip(s.nominal, together(s.sides, count))
-    return _both(s.cell, robot, place)
+    return both_sides(s.cell, robot, place)
 
 
 def tool_not_refitted(s: Session, model: ErrorModel, count: int = 30) -> tuple[Side, Side]:
     """Returns both sides after a tool change nobody told the model about."""
     cell, sides = s.changed
-    return _both(cell, model, _frame(model, together(sides, count)))
+    return both_sides(cell, model, _frame(model, together(sides, count)))
 
 
 def probing_only(s: Session, count: int = 30) -> tuple[Side, Side]:
@@ -306,18 +306,11 @@ def _frame(model: ErrorModel | RobotModel, touches: Touches) -> Array:
     return fit_rigid(touches.points, tips(model, touches.joints))
 
 
-def _both(cell: FengCell, model: ErrorModel | RobotModel, place: Array) -> tuple[Side, Side]:
-    first, second = (
-        Side(cell=cell, posture=posture, model=model, T_base_part=place) for posture in ("R", "L")
-    )
-    return first, second
-
-
 def _estimated(
     cell: FengCell, model: ErrorModel | RobotModel, touches: Touches, *, tool_sigma: float
 ) -> tuple[Side, Side]:
     found = estimated(cell, model, touches, tool_sigma=tool_sigma)
-    return _both(cell, model_of_estimate(found), found.T_base_part[0])
+    return both_sides(cell, model_of_estimate(found), found.T_base_part[0])
 
 
 def _planned(cell: FengCell, count: int) -> Touches:

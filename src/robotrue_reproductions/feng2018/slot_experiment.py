@@ -64,6 +64,17 @@ class Side:
         object.__setattr__(self, "T_base_part", place)
 
 
+def both_sides(
+    cell: FengCell, model: ErrorModel | RobotModel, T_base_part: Array
+) -> tuple[Side, Side]:
+    """Returns both sides cut in one clamping, with one model and in one frame (4, 4)."""
+    first, second = (
+        Side(cell=cell, posture=posture, model=model, T_base_part=T_base_part)
+        for posture in ("R", "L")
+    )
+    return first, second
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlotResult:
     """A simulated slot test, and the truth a real one does not have.

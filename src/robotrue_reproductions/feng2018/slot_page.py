@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from robotrue.core.units import MM
@@ -19,52 +17,15 @@ from robotrue.report.content import (
     Verdict,
 )
 from robotrue.report.page import report_html
-from robotrue.validation.datum_check import DatumCheck
-from robotrue_reproductions.feng2018.slot_experiment import CHECKED, ContourResult, SlotResult
-from robotrue_reproductions.feng2018.way_results import Way
+from robotrue_reproductions.feng2018.slot_experiment import CHECKED
+from robotrue_reproductions.feng2018.slot_trial import SlotTrial
 
 MAGNIFICATION = 100.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tried:
-    """One way, cut in the virtual cell.
-
-    Attributes:
-        way: Which.
-        slots: The slot test.
-        body: The sculpture test.
-    """
-
-    way: Way
-    slots: SlotResult
-    body: ContourResult
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SlotPage:
-    """What the page shows.
-
-    Attributes:
-        seed: Of the cell.
-        tried: All ways.
-        paper: The way of the paper.
-        chosen: The way set beside it.
-        rest: Datum check with the block where it was.
-        knocked: Datum check after the block was pushed.
-    """
-
-    seed: int
-    tried: tuple[Tried, ...]
-    paper: Tried
-    chosen: Tried
-    rest: DatumCheck
-    knocked: DatumCheck
-
-
-def slot_page(page: SlotPage) -> str:
+def slot_page(trial: SlotTrial) -> str:
     """Returns the page (HTML)."""
-    paper, chosen = page.paper.slots, page.chosen.slots
+    paper, chosen = trial.paper.slots, trial.chosen.slots
     before, after = (np.abs(s.measured.step).ravel() for s in (paper, chosen))
     sides = tuple(
         ErrorMap(
@@ -74,7 +35,7 @@ def slot_page(page: SlotPage) -> str:
             plane="xz",
             magnification=MAGNIFICATION,
             frame="part",
-            title=f"{name}: before the paper's way, after {page.chosen.way.name}",
+            title=f"{name}: before the paper's way, after {trial.chosen.way.name}",
             caption=f"True error of the tip over the block, rms {paper.side_rms[k] / MM:.3f} and "
             f"{chosen.side_rms[k] / MM:.3f} mm.",
         )
@@ -89,31 +50,31 @@ def slot_page(page: SlotPage) -> str:
     )
     content = ReportContent(
         title="Two-sided slot test",
-        subtitle=f"simulated KR160 and block, cell {page.seed}",
+        subtitle=f"simulated KR160 and block, cell {trial.seed}",
         simulated=True,
         verdict=Verdict(
-            text=f"Steps of {chosen.mismatch / MM:.3f} mm ({page.chosen.way.name}); "
+            text=f"Steps of {chosen.mismatch / MM:.3f} mm ({trial.chosen.way.name}); "
             f"{paper.mismatch / MM:.3f} mm the paper's way.",
             detail=f"True error over both sides {chosen.rms / MM:.3f} and {paper.rms / MM:.3f} mm "
             "rms: the steps do not show it all.",
         ),
-        tiles=_tiles(page),
+        tiles=_tiles(trial),
         sections=(
             Section(title="Error of each side", blocks=sides),
-            Section(title="The steps", blocks=(steps, _ways(page))),
+            Section(title="The steps", blocks=(steps, _ways(trial))),
             Section(
                 title="What the steps cannot see",
                 text=" ".join(chosen.evaluation.blind),
-                blocks=(_datums(page),),
+                blocks=(_datums(trial),),
             ),
         ),
-        provenance=(Fact(name="seed", value=str(page.seed)),),
+        provenance=(Fact(name="seed", value=str(trial.seed)),),
     )
     return report_html(content)
 
 
-def _tiles(page: SlotPage) -> tuple[Tile, ...]:
-    paper, chosen = page.paper, page.chosen
+def _tiles(trial: SlotTrial) -> tuple[Tile, ...]:
+    paper, chosen = trial.paper, trial.chosen
     return (
         Tile(
             label="step of the slots",
@@ -129,15 +90,15 @@ def _tiles(page: SlotPage) -> tuple[Tile, ...]:
         ),
         Tile(
             label="step of the sculpture",
-            value=chosen.body.mismatch / MM,
+            value=chosen.outline.mismatch / MM,
             unit="mm",
-            before=paper.body.mismatch / MM,
+            before=paper.outline.mismatch / MM,
         ),
     )
 
 
-def _ways(page: SlotPage) -> Table:
-    chosen = [t.way.key for t in page.tried].index(page.chosen.way.key)
+def _ways(trial: SlotTrial) -> Table:
+    chosen = [t.way.key for t in trial.results].index(trial.chosen.way.key)
     return Table(
         title="Every way on the same cell and the same touches",
         columns=(
@@ -154,16 +115,16 @@ def _ways(page: SlotPage) -> Table:
                 t.slots.mismatch / MM,
                 t.slots.evaluation.spread / MM,
                 *(v / MM for v in t.slots.side_rms),
-                t.body.mismatch / MM,
+                t.outline.mismatch / MM,
             )
-            for t in page.tried
+            for t in trial.results
         ),
         highlight=chosen,
         caption="Step: what a gauge reads. rms: the truth a real test does not have.",
     )
 
 
-def _datums(page: SlotPage) -> Table:
+def _datums(trial: SlotTrial) -> Table:
     return Table(
         title="A datum that was not used for the frame, touched again",
         columns=(
@@ -174,7 +135,7 @@ def _datums(page: SlotPage) -> Table:
         ),
         rows=tuple(
             (where, name, float(off / MM), check.verdict)
-            for where, check in (("where it was", page.rest), ("pushed by 1 mm", page.knocked))
+            for where, check in (("where it was", trial.rest), ("pushed by 1 mm", trial.knocked))
             for name, off in zip(check.names, check.distance, strict=True)
         ),
         caption="Both halves of a slot stay with the frame: pushing the block makes no step.",

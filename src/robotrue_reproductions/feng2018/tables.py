@@ -13,7 +13,6 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.units import MM
-from robotrue.errors import ConfigurationError
 from robotrue_reproductions.feng2018.blind_spots import blind_figures
 from robotrue_reproductions.feng2018.machining_cell import feng_cell
 from robotrue_reproductions.feng2018.recursion_experiment import (
@@ -25,13 +24,22 @@ from robotrue_reproductions.feng2018.recursion_experiment import (
 from robotrue_reproductions.feng2018.registration_ways import session
 from robotrue_reproductions.feng2018.way_results import DRAWN, PAPER, WAYS, WayResult, results_of
 from robotrue_reproductions.feng2018.worked_example import worked_example, wrong_readings
-from robotrue_reproductions.reproduction import Figure, Progress, Reproduction
+from robotrue_reproductions.reproduction import (
+    Figure,
+    Paper,
+    Progress,
+    Reproduction,
+    Request,
+    TableLayout,
+    figure,
+)
 
 SOURCE: Final = (
     "Feng, Liang, Xi 2018, Journal of Xiamen University (Natural Science) 57(5), 722-728"
 )
 
 
+_QUICK: Final = (DRAWN, PAPER, "a frame for each side, 10 + 10", "calibrated, 30 points on 3 sides")
 UNMET: Final[tuple[tuple[str, str], ...]] = (
     (
         "slots agree within 0.019 mm (n) or 0.022 (n - 1)",
@@ -68,41 +76,31 @@ UNMET: Final[tuple[tuple[str, str], ...]] = (
 """What cannot be met, and why."""
 
 
-def reproduce_feng2018(
-    robots: int = 20, *, quick: bool = False, progress: Progress | None = None
-) -> Reproduction:
-    """Returns the paper's numbers beside those of simulated cells with seeds 1, 2, ...
+def run(request: Request, progress: Progress) -> Reproduction:
+    """Returns the paper's numbers beside those of simulated cells.
 
     Args:
-        robots: How many cells.
-        quick: Four ways instead of all, two cases of the recursion.
+        request: Quick: four ways instead of all, two cases of the recursion.
         progress: Told before each step.
-
-    Raises:
-        ConfigurationError: No cells.
     """
-    if robots < 1:
-        raise ConfigurationError(f"{robots} robots, expected 1 or more; 20 for a spread.")
-    tell = progress or (lambda what, done, of: None)
-    seeds = range(1, robots + 1)
-    cases = (CASES[0], CASES[3]) if quick else CASES
-    ways = tuple(w for w in WAYS if not quick or w.name in _QUICK)
-    steps = robots + len(cases) + 1
+    cases = (CASES[0], CASES[3]) if request.quick else CASES
+    ways = tuple(w for w in WAYS if not request.quick or w.name in _QUICK)
+    steps = request.robots + len(cases) + 1
     figures = [*worked_example(), *wrong_readings()]
     for k, case in enumerate(cases):
-        tell(f"recursion: {case.name}", k, steps)
-        figures += floor_figures(case, seeds)
+        progress(f"recursion: {case.name}", k, steps)
+        figures += floor_figures(case, request.seeds)
     results = []
-    for k, seed in enumerate(seeds):
-        tell(f"cell {seed} of {robots}", len(cases) + k, steps)
+    for k, seed in enumerate(request.seeds):
+        progress(f"cell {seed} of {request.robots}", len(cases) + k, steps)
         results.append(results_of(seed, ways))
     for way in ways:
         figures += way_figures(way.name, [r[way.name] for r in results])
-    tell("what the slots cannot see", steps - 1, steps)
-    figures += blind_figures(seeds)
+    progress("what the slots cannot see", steps - 1, steps)
+    figures += blind_figures(request.seeds)
     return Reproduction(
         scenario="KR160 and a block of 400 x 200 x 400 mm",
-        robots=robots,
+        robots=request.robots,
         figures=tuple(figures),
         unmet=UNMET,
         source=SOURCE,
@@ -112,9 +110,6 @@ def reproduce_feng2018(
             "rms: where the tip truly goes less where it should, over the block, from both sides.",
         ),
     )
-
-
-_QUICK: Final = (DRAWN, PAPER, "a frame for each side, 10 + 10", "calibrated, 30 points on 3 sides")
 
 
 def floor_figures(case: FloorCase, seeds: range) -> list[Figure]:
@@ -139,25 +134,12 @@ def floor_figures(case: FloorCase, seeds: range) -> list[Figure]:
         )
     values = np.array(rows).T / MM
     names = ("start", "pass 1", "floor", "oscillation", "peak to peak", "rms over the block")
-    shown = [
-        Figure(
-            table="floor",
-            name=case.name,
-            quantity=name,
-            unit="mm",
-            paper=0.7 if name == "floor" and case.name == CASES[3].name else None,
-            ours=v,
-        )
-        for name, v in zip(names, values[:6], strict=True)
-    ]
-    share = np.array([values[6].mean()])
-    shown.append(
-        Figure(
-            table="floor", name=case.name, quantity="ever below 0.2 mm", unit="%", paper=None,
-            ours=share,
-        )
-    )  # fmt: skip
-    return shown
+    figures = []
+    for name, row in zip(names, values[:6], strict=True):
+        paper = 0.7 if name == "floor" and case.name == CASES[3].name else None
+        figures.append(figure("floor", case.name, name, "mm", paper, row))
+    share = values[6].mean()
+    return [*figures, figure("floor", case.name, "ever below 0.2 mm", "%", None, share)]
 
 
 def way_figures(name: str, results: list[WayResult]) -> list[Figure]:
@@ -176,13 +158,32 @@ def way_figures(name: str, results: list[WayResult]) -> list[Figure]:
         "sculpture, worst": [r.contour_worst for r in results],
     }
     return [
-        Figure(
-            table="sculpture" if quantity.startswith("sculpture") else "slots",
-            name=name,
-            quantity=quantity,
-            unit="mm",
-            paper=printed.get((name, quantity)),
-            ours=np.array(values) / MM,
+        figure(
+            "sculpture" if quantity.startswith("sculpture") else "slots",
+            name,
+            quantity,
+            "mm",
+            printed.get((name, quantity)),
+            np.array(values) / MM,
         )
         for quantity, values in columns.items()
     ]
+
+
+FENG2018: Final = Paper(
+    authors="Feng, Liang, Xi 2018",
+    arms="cells,",
+    tables={
+        table: TableLayout(title=title, beside="paper")
+        for table, title in {
+            "worked": "Worked example, noise-free, deg and mm",
+            "readings": "The equations as printed, worked example, worst of K, L, M in mm",
+            "floor": "Recursion (simulated), worst of K, L, M, mm: median [5 % 95 %]",
+            "slots": "Two-sided slots (simulated), mm: median [5 % 95 %]",
+            "sculpture": "Sculpture (simulated), two sides meet on the outline, mm: "
+            "median [5 % 95 %]",
+            "blind": "What the slots cannot see (simulated), mm: median [5 % 95 %]",
+        }.items()
+    },
+    run=run,
+)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
@@ -31,7 +31,13 @@ from robotrue_reproductions.feng2018.registration_ways import (
     turned_three_points,
     with_spindle_askew,
 )
-from robotrue_reproductions.feng2018.slot_experiment import Side, cut_contour, cut_slots
+from robotrue_reproductions.feng2018.slot_experiment import (
+    ContourResult,
+    Side,
+    SlotResult,
+    cut_contour,
+    cut_slots,
+)
 
 Sides: TypeAlias = tuple[Side, Side]
 
@@ -149,25 +155,52 @@ WAYS: Final = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WayResult:
-    """One way in one cell, m.
+    """One way, cut in one cell; lengths in m.
 
     Attributes:
-        mismatch: Mean size of the four steps.
-        spread: Standard deviation between them.
-        rms: True error of both sides.
-        front: Of the first side.
-        back: Of the second side.
-        contour: Mean size of the step of the sculpture test.
-        contour_worst: Its largest.
+        way: Which.
+        slots: The slot test.
+        outline: The sculpture test.
     """
 
-    mismatch: float
-    spread: float
-    rms: float
-    front: float
-    back: float
-    contour: float
-    contour_worst: float
+    way: Way
+    slots: SlotResult
+    outline: ContourResult
+
+    @property
+    def mismatch(self) -> float:
+        """Mean size of the four steps."""
+        return self.slots.mismatch
+
+    @property
+    def spread(self) -> float:
+        """Standard deviation between them."""
+        return self.slots.evaluation.spread
+
+    @property
+    def rms(self) -> float:
+        """True error of both sides."""
+        return self.slots.rms
+
+    @property
+    def front(self) -> float:
+        """True error of the first side."""
+        return self.slots.side_rms[0]
+
+    @property
+    def back(self) -> float:
+        """True error of the second side."""
+        return self.slots.side_rms[1]
+
+    @property
+    def contour(self) -> float:
+        """Mean size of the step of the sculpture test."""
+        return self.outline.mismatch
+
+    @property
+    def contour_worst(self) -> float:
+        """Its largest."""
+        return self.outline.worst
 
 
 def results_of(
@@ -185,35 +218,30 @@ def results_of(
         method: Of the calibration.
         sizes: Of the plain cell.
     """
-    sessions: dict[str, Session] = {}
-    out: dict[str, WayResult] = {}
-    for way in ways:
-        if way.cell not in sessions:
-            sessions[way.cell] = session_of(way.cell, seed, method=method, sizes=sizes)
-        first, second = way.sides(sessions[way.cell])
-        rng = np.random.default_rng([seed, 53])
-        slots, body = cut_slots(first, second, rng), cut_contour(first, second, rng)
-        front, back = slots.side_rms
-        out[way.name] = WayResult(
-            mismatch=slots.mismatch,
-            spread=slots.evaluation.spread,
-            rms=slots.rms,
-            front=front,
-            back=back,
-            contour=body.mismatch,
-            contour_worst=body.worst,
-        )
-    return out
+    sessions = sessions_of(seed, ways, method=method, sizes=sizes)
+    return {way.name: cut_way(way, sessions[way.cell], seed) for way in ways}
 
 
-def session_of(
-    kind: str, seed: int, *, method: str = "ripple", sizes: CellSizes | None = None
-) -> Session:
-    """Returns the session a way asks for; ``kind`` is :attr:`Way.cell`, the rest as above."""
-    if kind == "askew":
-        return with_spindle_askew(seed)
-    if kind == "true tip":
-        return session(seed, sizes=CellSizes(tip=0.0), method=None)
-    if kind == "true arm":
-        return session(seed, sizes=CellSizes(arm=0.0), method=None)
-    return session(seed, sizes=sizes, method=method)
+def cut_way(way: Way, touched: Session, seed: int) -> WayResult:
+    """Returns a way cut in the cell of a session; ``seed`` is that of the cutting."""
+    first, second = way.sides(touched)
+    rng = np.random.default_rng([seed, 53])
+    slots = cut_slots(first, second, rng)
+    return WayResult(way=way, slots=slots, outline=cut_contour(first, second, rng))
+
+
+def sessions_of(
+    seed: int,
+    ways: Iterable[Way] = WAYS,
+    *,
+    method: str = "ripple",
+    sizes: CellSizes | None = None,
+) -> dict[str, Session]:
+    """Returns the sessions that ways ask for, by :attr:`Way.cell`; arguments as above."""
+    kinds: dict[str, Callable[[], Session]] = {
+        "plain": lambda: session(seed, sizes=sizes, method=method),
+        "askew": lambda: with_spindle_askew(seed),
+        "true tip": lambda: session(seed, sizes=CellSizes(tip=0.0), method=None),
+        "true arm": lambda: session(seed, sizes=CellSizes(arm=0.0), method=None),
+    }
+    return {kind: kinds[kind]() for kind in dict.fromkeys(way.cell for way in ways)}

@@ -15,7 +15,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, pose, pose_from_xyz_abc
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
-from robotrue_reproductions.reproduction import Figure, single
+from robotrue_reproductions.reproduction import Figure, figure
 
 TRIANGLE: Final = np.array([[0.0, 0.0, 0.0], [400.0, 0.0, 0.0], [0.0, 300.0, 0.0]]) * MM
 """K, L, M, m."""
@@ -40,13 +40,13 @@ def worked_example() -> list[Figure]:
     out = []
     for k, axis in enumerate("zyx"):
         paper = float(FIRST[k] / DEG)
-        out.append(single("worked", "first turn", axis, "deg", paper, found.angles[k] / DEG))
+        out.append(figure("worked", "first turn", axis, "deg", paper, found.angles[k] / DEG))
     for k, axis in enumerate("xyz"):
-        out.append(single("worked", "shift", axis, "mm", float(SHIFT[k] / MM), found.shift[k] / MM))
+        out.append(figure("worked", "shift", axis, "mm", float(SHIFT[k] / MM), found.shift[k] / MM))
     left = once.passes[1].worst / MM
-    out.append(single("worked", "left after the first pass", "worst of K, L, M", "mm", None, left))
+    out.append(figure("worked", "left after the first pass", "worst of K, L, M", "mm", None, left))
     for k, axis in enumerate("zyx"):
-        out.append(single("worked", "both printed turns as one", axis, "deg", None, both[k]))
+        out.append(figure("worked", "both printed turns as one", axis, "deg", None, both[k]))
     return out
 
 
@@ -59,7 +59,7 @@ def wrong_readings() -> list[Figure]:
         worst += [0.0] * (4 - len(worst))  # ended where nothing was left
         for k, value in enumerate(worst):
             out.append(
-                single("readings", name, f"after pass {k}" if k else "start", "mm", None, value)
+                figure("readings", name, f"after pass {k}" if k else "start", "mm", None, value)
             )
     return out
 

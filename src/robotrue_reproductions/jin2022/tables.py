@@ -20,7 +20,6 @@ from robotrue.dynamics.deviation_validation import METHODS, folds, scores
 from robotrue.dynamics.paper_components import kept
 from robotrue.dynamics.paper_regression import fit_paper
 from robotrue.dynamics.static_row import StaticRow, static_row
-from robotrue.errors import ConfigurationError
 from robotrue.robot.forward import forward
 from robotrue.robot.presets import preset
 from robotrue.simulation.milling_arm import SHIFTS, MillingArm, milling_robot
@@ -29,7 +28,15 @@ from robotrue_reproductions.jin2022.milling_experiment import (
     milling_experiment,
     with_noise,
 )
-from robotrue_reproductions.reproduction import Figure, Progress, Reproduction, single
+from robotrue_reproductions.reproduction import (
+    Figure,
+    Paper,
+    Progress,
+    Reproduction,
+    Request,
+    TableLayout,
+    figure,
+)
 
 SOURCE: Final = "Jin, Sun, Tang, Li 2022, Aerospace Shanghai (Chinese and English)"
 FLOOR: Final = 2.5 * UM
@@ -77,27 +84,18 @@ UNMET: Final[tuple[tuple[str, str], ...]] = (
 )
 
 
-def reproduce_jin2022(
-    robots: int = 20, *, quick: bool = False, progress: Progress | None = None
-) -> Reproduction:
-    """Returns the paper's numbers beside those of simulated arms with seeds 1, 2, ...
+def run(request: Request, progress: Progress) -> Reproduction:
+    """Returns the paper's numbers beside those of simulated arms.
 
     Args:
-        robots: How many arms.
-        quick: Only the printed pass, so no unseen poses.
+        request: Quick: only the printed pass, so no unseen poses.
         progress: Told before each step.
-
-    Raises:
-        ConfigurationError: No arms.
     """
-    if robots < 1:
-        raise ConfigurationError(f"{robots} robots, expected 1 or more; 20 for a spread.")
-    tell = progress or (lambda what, done, of: None)
     figures = printed_figures()
     floor, held = [], []
-    for k, seed in enumerate(range(1, robots + 1)):
-        tell(f"arm {seed} of {robots}", k, robots)
-        experiment = milling_experiment(seed, [0] if quick else range(len(SHIFTS)))
+    for k, seed in enumerate(request.seeds):
+        progress(f"arm {seed} of {request.robots}", k, request.robots)
+        experiment = milling_experiment(seed, [0] if request.quick else range(len(SHIFTS)))
         floor.append(as_printed(experiment))
         held.append(held_out(experiment))
     figures += [
@@ -107,7 +105,7 @@ def reproduce_jin2022(
     figures += [_simulated("held out", *key, None, [row[key] for row in held]) for key in held[0]]
     return Reproduction(
         scenario="IRB 6660-205/1.9 that mills",
-        robots=robots,
+        robots=request.robots,
         figures=tuple(figures),
         unmet=UNMET,
         source=SOURCE,
@@ -132,7 +130,7 @@ def printed_figures() -> list[Figure]:
         ("way of the ten rows", "mm", None, float(np.linalg.norm(points[-1] - points[0])) / MM),
         ("pooled RMSE of both parts", "um", None, pooled),
     ]
-    return [single("printed", name, "", unit, paper, value) for name, unit, paper, value in rows]
+    return [figure("printed", name, "", unit, paper, value) for name, unit, paper, value in rows]
 
 
 _FLOOR_PRINTED: Final[dict[tuple[str, str], float | None]] = {
@@ -206,9 +204,7 @@ def _simulated(
     table: str, name: str, quantity: str, paper: float | None, values: Sequence[float]
 ) -> Figure:
     unit = "%" if "%" in quantity else "um"
-    return Figure(
-        table=table, name=name, quantity=quantity, unit=unit, paper=paper, ours=np.array(values)
-    )
+    return figure(table, name, quantity, unit, paper, values)
 
 
 def _off_line(points: Array) -> float:
@@ -220,3 +216,19 @@ def _off_line(points: Array) -> float:
 
 def _rms(values: Array) -> float:
     return float(np.sqrt((values**2).mean()))
+
+
+JIN2022: Final = Paper(
+    authors="Jin, Sun, Tang, Li 2022",
+    arms="arms,",
+    tables={
+        "printed": TableLayout(title="Printed tables, checked"),
+        "random": TableLayout(
+            title="Random 70 / 23 windows of one pass, 2.5 um of noise (simulated), um"
+        ),
+        "held out": TableLayout(
+            title="Windows held out, low noise (simulated), RMSE in um and coverage in %"
+        ),
+    },
+    run=run,
+)
