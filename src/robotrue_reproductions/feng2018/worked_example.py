@@ -9,12 +9,17 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.cell.registration.readings import CORRECTED, Readings, turn
 from robotrue.cell.registration.recursion import Adjustment, adjust_recursively
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, pose, pose_from_xyz_abc
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
+from robotrue_reproductions.feng2018.equation_readings import (
+    CORRECTED,
+    Readings,
+    correction_of,
+    turn,
+)
 from robotrue_reproductions.reproduction import Figure, figure
 
 TRIANGLE: Final = np.array([[0.0, 0.0, 0.0], [400.0, 0.0, 0.0], [0.0, 300.0, 0.0]]) * MM
@@ -70,7 +75,7 @@ def _replay(readings: Readings, part: Array, *, passes: int) -> Adjustment:
         np.eye(4),
         lambda run: part,
         sigma=0.0,
-        readings=readings,
+        correct=correction_of(readings),
         angle_tolerance=0.0,
         position_tolerance=0.0,
         most=passes,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robotrue.cell.registration.readings import Readings
 from robotrue.cell.registration.recursion import Probe, adjust_recursively
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, pose_from_xyz_abc
@@ -107,8 +106,6 @@ def test_bad_input_is_named() -> None:
         adjust_recursively(TRIANGLE, DRAWN, probe(0.0, STRETCH), sigma=0.0, settled=0)
     with pytest.raises(ConfigurationError, match="none may be negative"):
         adjust_recursively(TRIANGLE, DRAWN, probe(0.0, STRETCH), sigma=-1.0)
-    with pytest.raises(ConfigurationError, match="second_axis is 'left'"):
-        Readings(second_axis="left")  # type: ignore[arg-type]
     line = TRIANGLE * [1.0, 0.0, 0.0] + np.array([[0, 0, 0], [0, 0, 0], [0.2, 0, 0]])
     with pytest.raises(ObservabilityError, match="lie on one line"):
         adjust_recursively(line, DRAWN, probe(0.0, STRETCH), sigma=0.0)

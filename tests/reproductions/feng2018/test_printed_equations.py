@@ -10,12 +10,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robotrue.cell.registration.readings import CORRECTED, Readings, attitude, turn, turn_angles
 from robotrue.cell.registration.recursion import Adjustment, adjust_recursively
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, pose, pose_from_xyz_abc
 from robotrue.core.rotations import abc_from_matrix, rotation_vector_from_matrix
 from robotrue.core.units import DEG, MM
+from robotrue.errors import ConfigurationError
+from robotrue_reproductions.feng2018.equation_readings import (
+    CORRECTED,
+    Readings,
+    attitude,
+    correction_of,
+    turn,
+    turn_angles,
+)
 
 TRIANGLE = np.array([[0.0, 0.0, 0.0], [400.0, 0.0, 0.0], [0.0, 300.0, 0.0]]) * MM
 FIRST = np.array([3.0, 2.3, 3.5]) * DEG
@@ -30,7 +38,7 @@ def replay(readings: Readings = CORRECTED, *, passes: int = 3, stop: bool = Fals
         np.eye(4),
         lambda run: PART,
         sigma=0.0,
-        readings=readings,
+        correct=correction_of(readings),
         angle_tolerance=0.02 * DEG if stop else 0.0,
         position_tolerance=0.2 * MM if stop else 0.0,
         most=passes,
@@ -116,3 +124,8 @@ def test_equation_14_in_the_axes_of_the_text_costs_one_pass_more() -> None:
 
 def test_the_angle_tolerance_is_below_the_paper_s_own_floor() -> None:
     assert 0.4 * 0.02 * DEG / MM == pytest.approx(0.14, abs=0.001)
+
+
+def test_a_reading_that_does_not_exist_is_named() -> None:
+    with pytest.raises(ConfigurationError, match="second_axis is 'left'"):
+        Readings(second_axis="left")  # type: ignore[arg-type]

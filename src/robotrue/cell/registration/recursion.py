@@ -1,10 +1,10 @@
 """Recursive adjustment of the CAM model's pose until the run trajectory meets the touched points.
 
-Feng, Liang, Xi 2018 (see ``readings``), section 1, with the equations read as they must be. The
-recursion repeats the robot's own error, so its stop values say how well robot and model agree
-with each other, not with the world. What more passes cannot remove is reported in two parts: the
-floor, which is the triangle as this robot sees it and is there after one pass, and the
-oscillation, which is the touching.
+Feng, Liang, Xi 2018 (J. Xiamen Univ. Nat. Sci. 57(5), 722-728), section 1, with the equations read
+as they must be. The recursion repeats the robot's own error, so its stop values say how well robot
+and model agree with each other, not with the world. What more passes cannot remove is reported in
+two parts: the floor, which is the triangle as this robot sees it and is there after one pass, and
+the oscillation, which is the touching.
 """
 
 from __future__ import annotations
@@ -18,16 +18,22 @@ import numpy as np
 from scipy.stats import chi2
 
 from robotrue.cell.registration.feature_frame import check_corner, feature_frame, fit_feature_frame
-from robotrue.cell.registration.readings import CORRECTED, Readings, turn, turn_angles
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.poses import apply, pose
-from robotrue.core.rotations import rotation_vector_from_matrix
+from robotrue.core.rotations import (
+    abc_from_matrix,
+    matrix_from_abc,
+    rotation_vector_from_matrix,
+)
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 
 Probe: TypeAlias = Callable[[Array], Array]
 """From commanded points K, L, M (3, 3) m in base to the part's own, touched there, as the robot
 reads them (3, 3) m. A virtual cell, a real robot or a file stands behind it."""
+Correction: TypeAlias = Callable[[Array, Array], tuple[Array, Array]]
+"""From run and touched K, L, M (3, 3) m in base to angles (3,) rad, which turn the model about its
+z, y, x in that order, and the shift (3,) m of K in base."""
 Verdict: TypeAlias = Literal["within tolerance", "nothing more to gain", "diverges", "not settled"]
 
 ANGLE_TOLERANCE: Final = 0.02 * DEG
@@ -68,7 +74,7 @@ class Pass:
     @property
     def angle(self) -> float:
         """Angle of the whole rotation, rad."""
-        return float(np.linalg.norm(rotation_vector_from_matrix(turn(self.angles))))
+        return float(np.linalg.norm(rotation_vector_from_matrix(matrix_from_abc(self.angles))))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,13 +105,29 @@ class Adjustment:
     distortion: Array
 
 
+def feature_correction(run: Array, touched: Array) -> tuple[Array, Array]:
+    """Returns the correction that puts the run feature frame on the touched one, eq. 9-15.
+
+    Eq. 13: touched = run Rz(gamma) Ry(beta) Rx(alpha), both attitudes feature in base.
+
+    Args:
+        run: (3, 3) m, K, L, M of the model.
+        touched: (3, 3) m, the same on the part.
+
+    Raises:
+        ObservabilityError: Points on one line.
+    """
+    between = feature_frame(run)[:3, :3].T @ feature_frame(touched)[:3, :3]
+    return abc_from_matrix(between), touched[0] - run[0]
+
+
 def adjust_recursively(
     in_part: Array,
     T_base_part: Array,
     probe: Probe,
     *,
     sigma: float,
-    readings: Readings = CORRECTED,
+    correct: Correction = feature_correction,
     angle_tolerance: float = ANGLE_TOLERANCE,
     position_tolerance: float = POSITION_TOLERANCE,
     settled: int = 3,
@@ -125,7 +147,7 @@ def adjust_recursively(
         sigma: m per axis of one touch, with the robot's repeatability and what another tilt of the
             wrist changes (tilt times tip and arm error); 0 if there is none. Too small a value
             never settles.
-        readings: Of the printed equations.
+        correct: The correction of one pass.
         angle_tolerance: rad.
         position_tolerance: m, of the worst point.
         settled: Passes without gain before it ends. One is enough to stop; three show the
@@ -150,12 +172,12 @@ def adjust_recursively(
     while True:
         run = apply(T, part)
         touched: Array = frozen(probe(run), (3, 3), "touched points")
-        angles = turn_angles(run, touched, readings)
+        angles, shift = correct(run, touched)
         passes.append(
             Pass(
                 deviation=touched - run,
                 angles=angles,
-                shift=touched[0] - run[0],
+                shift=shift,
                 significance=_significance(run, touched, angles, own * min(len(passes) + 1, 2)),
             )
         )
@@ -173,20 +195,15 @@ def adjust_recursively(
             break
         if len(passes) > most:
             break
-        T = _corrected(T, run, touched, angles, readings)
+        T = _corrected(T, run, angles, shift)
     covariance = fit_feature_frame(part, touched, sigma=sigma, right_angle=np.inf).covariance
     return _summary(T, covariance, passes, lengths, verdict, limit)
 
 
-def _corrected(T: Array, run: Array, touched: Array, angles: Array, readings: Readings) -> Array:
-    """Returns the model's pose (4, 4) turned about its own axes at K and shifted onto K."""
+def _corrected(T: Array, run: Array, angles: Array, shift: Array) -> Array:
+    """Returns the model's pose (4, 4) turned about its own axes at K and shifted."""
     axes = feature_frame(run)[:3, :3]
-    step = turn(angles)
-    about_k = axes @ step @ axes.T
-    shift = touched[0] - run[0]
-    if readings.shift_axes == "feature":
-        # The numbers of base axes, read as distances along axes that have already been turned.
-        shift = axes @ step @ shift
+    about_k = axes @ matrix_from_abc(angles) @ axes.T
     return pose(about_k @ T[:3, :3], about_k @ (T[:3, 3] - run[0]) + run[0] + shift)
 
 
@@ -200,7 +217,7 @@ def _significance(run: Array, touched: Array, angles: Array, covariance: Array) 
     """Returns the squared length of the correction over a covariance; inf without noise."""
     axes = feature_frame(run)[:3, :3]
     step = np.concatenate(
-        [axes.T @ (touched[0] - run[0]), rotation_vector_from_matrix(turn(angles))]
+        [axes.T @ (touched[0] - run[0]), rotation_vector_from_matrix(matrix_from_abc(angles))]
     )
     if not covariance.any():
         return 0.0 if np.linalg.norm(step) < 1e-12 else np.inf

@@ -11,7 +11,9 @@ from typing import Final, Literal, TypeAlias, get_args
 
 import numpy as np
 
+from robotrue.cell.registration.feature_frame import feature_frame
 from robotrue.cell.registration.points import check_pattern
+from robotrue.cell.registration.recursion import Correction
 from robotrue.core.arrays import Array
 from robotrue.core.rotations import abc_from_matrix, matrix_from_abc
 from robotrue.errors import ConfigurationError
@@ -119,3 +121,17 @@ def turn_angles(model: Array, touched: Array, readings: Readings = CORRECTED) ->
 def turn(angles: Array) -> Array:
     """Returns Rz Ry Rx (3, 3), eq. 15's product, of angles (3,) rad about z, y, x."""
     return matrix_from_abc(angles)
+
+
+def correction_of(readings: Readings) -> Correction:
+    """Returns the correction of a pass of the recursion, with the equations as read."""
+
+    def correct(model: Array, touched: Array) -> tuple[Array, Array]:
+        angles = turn_angles(model, touched, readings)
+        shift = touched[0] - model[0]
+        if readings.shift_axes == "feature":
+            # The numbers of base axes, read as distances along axes that have already been turned.
+            shift = feature_frame(model)[:3, :3] @ turn(angles) @ shift
+        return angles, shift
+
+    return correct
