@@ -38,13 +38,13 @@ from robotrue.report.content import ReportContent, Table
 from robotrue.report.json import report_json
 from robotrue.report.page import report_html
 from robotrue.simulation.flange_hole import FlangeHole, check_rows, hole_program
-from robotrue.simulation.hole_contour import HoleResult
 from robotrue.simulation.milling import dry_run, mill_hole
 from robotrue.simulation.plans import VALIDATION, Region, random_joints
 from robotrue.simulation.presets import STIFFNESS, VirtualCell, deng2022, reflector_at_tool
 from robotrue.simulation.virtual_tracker import measure
 from robotrue.store.model_file import write_model
 from robotrue.validation.contest import Selection
+from robotrue.validation.hole_contour import HoleResult
 from robotrue.validation.metrics import ErrorStatistics, error_statistics
 from robotrue.validation.selection import select, with_evidence
 from robotrue.validation.validate import validate

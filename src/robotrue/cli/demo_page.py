@@ -23,7 +23,7 @@ from robotrue.report.content import (
     Verdict,
 )
 from robotrue.simulation.flange_hole import FlangeHole
-from robotrue.simulation.hole_contour import HoleResult
+from robotrue.validation.hole_contour import HoleResult
 from robotrue.validation.report import ValidationReport
 
 _STATS: Final = tuple(Column(title=t, unit="mm") for t in ("mean", "max", "std. dev."))

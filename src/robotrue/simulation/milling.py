@@ -12,11 +12,11 @@ from robotrue.robot.inverse import inverse_path
 from robotrue.simulation.commanded_path import commanded_path, feed_directions, target_poses
 from robotrue.simulation.cutting import Cut, cutting_wrench
 from robotrue.simulation.flange_hole import FlangeHole, side_rows, to_part
-from robotrue.simulation.hole_contour import HoleResult, evaluate_hole
 from robotrue.simulation.plans import POSTURE
 from robotrue.simulation.presets import VirtualCell
 from robotrue.simulation.virtual_robot import actual_pose
 from robotrue.simulation.virtual_tracker import SECONDS_PER_POSE, measure, observe
+from robotrue.validation.hole_contour import HoleResult, evaluate_hole
 
 WALL_STEP = 2.0 * MM
 """Distance of two measured points on the wall of the hole."""

@@ -1,8 +1,9 @@
-"""What a measured hole says: where its axis is, how wide it is, how round (Table 11).
+"""Position, size and roundness of a hole from points measured on its wall.
 
-The paper does not define its contour error. Its printed mean (0.269 mm) is nearly four times its
-standard deviation (0.071 mm), as for distances from the *nominal* circle about the fitted axis; so
-that is what ``contour`` holds. ``form`` is the deviation from the *fitted* circle.
+``contour`` is the distance from the *nominal* circle about the fitted axis: Table 11 of Deng et al.
+2022, which does not define its contour error, prints a mean (0.269 mm) nearly four times its
+standard deviation (0.071 mm), as such distances have. ``form`` is the deviation from the *fitted*
+circle.
 """
 
 from __future__ import annotations
