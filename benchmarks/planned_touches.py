@@ -30,6 +30,7 @@ import numpy as np
 
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.nominal import NominalModel
 from robotrue.calibration.probing import (
     ProbingSettings,
     before_touching,
@@ -52,7 +53,6 @@ from robotrue.planning.probing import (
 from robotrue.planning.probing_candidates import touch_candidates
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import inverse_batch
-from robotrue.robot.model import RobotModel
 from robotrue_reproductions.feng2018.machining_cell import (
     EDGE,
     FACES,
@@ -130,11 +130,11 @@ def _poses(points: Array, rotation: Array) -> Array:
     return pose(np.broadcast_to(rotation, (len(points), 3, 3)), points)
 
 
-def settings(cell: FengCell, model: ErrorModel | RobotModel) -> ProbingSettings:
+def settings(cell: FengCell, model: ErrorModel) -> ProbingSettings:
     """What planner and estimate are told."""
     return ProbingSettings(
         touch_sigma=cell.sizes.touch,
-        tool_sigma=TIP if isinstance(model, RobotModel) else 0.0,
+        tool_sigma=0.0 if model.calibrated else TIP,
         priors=FitSettings(repeatability=cell.sizes.repeatability * RP_PER_SIGMA),
     )
 
@@ -152,10 +152,11 @@ def calibrated(seed: int) -> ErrorModel:
 def planned(arm: str, sides: str, n: int) -> IntArray:
     """Rows of the plan."""
     cell = feng_cell(0)
-    return _plan(cell, cell.nominal if arm == "nominal" else calibrated(0), sides, n)
+    nominal = NominalModel(robot=cell.nominal)
+    return _plan(cell, nominal if arm == "nominal" else calibrated(0), sides, n)
 
 
-def _plan(cell: FengCell, model: ErrorModel | RobotModel, sides: str, n: int) -> IntArray:
+def _plan(cell: FengCell, model: ErrorModel, sides: str, n: int) -> IntArray:
     touches, machining = candidates(sides)
     told = settings(cell, model)
     task = ProbingTask(
@@ -185,9 +186,7 @@ def touched(cell: FengCell, plan: ProbingSet, rng: np.random.Generator) -> Probi
     )
 
 
-def machined_rms(
-    cell: FengCell, model: ErrorModel | RobotModel, touches: ProbingSet
-) -> tuple[float, float]:
+def machined_rms(cell: FengCell, model: ErrorModel, touches: ProbingSet) -> tuple[float, float]:
     """Rms true error of the front and of the back, m."""
     estimate = estimate_probing(model, touches, settings(cell, model))
     refined = model_of_estimate(estimate)
@@ -220,8 +219,8 @@ def main(arguments: list[str]) -> None:
     begin = time.process_time()
     for seed in range(cells):
         cell = feng_cell(seed)
-        models: dict[str, ErrorModel | RobotModel] = {
-            "nominal": cell.nominal,
+        models: dict[str, ErrorModel] = {
+            "nominal": NominalModel(robot=cell.nominal),
             "calibrated": calibrated(seed),
         }
         for (arm, model), sides, n, way in _cases(models):
@@ -242,8 +241,8 @@ def main(arguments: list[str]) -> None:
 
 
 def _cases(
-    models: dict[str, ErrorModel | RobotModel],
-) -> list[tuple[tuple[str, ErrorModel | RobotModel], str, int, str]]:
+    models: dict[str, ErrorModel],
+) -> list[tuple[tuple[str, ErrorModel], str, int, str]]:
     return [
         (item, sides, n, way)
         for item in models.items()

@@ -32,6 +32,7 @@ import numpy as np
 from robotrue.calibration.estimator import SolverSettings
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.nominal import NominalModel
 from robotrue.calibration.priors import PriorScales
 from robotrue.calibration.probing import ProbingSettings, estimate_probing, model_of_estimate
 from robotrue.calibration.settings import FitSettings
@@ -109,7 +110,9 @@ def by_method(
 def by_estimate(robot: RobotModel, touches: ProbingSet) -> ErrorModel:
     """The joint estimate of arm, ball and sockets, with the known distance of the sockets."""
     settings = ProbingSettings(touch_sigma=HAND, robust=False)
-    return model_of_estimate(estimate_probing(with_ball(robot, touches), touches, settings))
+    return model_of_estimate(
+        estimate_probing(NominalModel(robot=with_ball(robot, touches)), touches, settings)
+    )
 
 
 def by_places(

@@ -25,6 +25,7 @@ import numpy as np
 
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.nominal import NominalModel
 from robotrue.calibration.settings import RP_PER_SIGMA, FitSettings
 from robotrue.core.poses import apply, pose
 from robotrue.core.units import MM
@@ -93,7 +94,8 @@ def row(
     rng: np.random.Generator,
 ) -> list[float]:
     try:
-        found = register(arm, touches, settings=settings)
+        model = NominalModel(robot=arm) if isinstance(arm, RobotModel) else arm
+        found = register(model, touches, settings=settings)
     except ImplausibleDataError:
         return [np.nan] * 4
     errors = [machined(cell, found, arm, side, rng) for side in CUT]

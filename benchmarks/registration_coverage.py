@@ -30,14 +30,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from robotrue.calibration.belief import Belief, belief_of
+from robotrue.calibration.belief import Belief
 from robotrue.calibration.machined import (
     machined_covariance,
     region_factor,
     unchanged_covariance,
 )
 from robotrue.calibration.methods import fit
-from robotrue.calibration.model import ErrorModel, Query
+from robotrue.calibration.model import ErrorModel, Query, require_belief
+from robotrue.calibration.nominal import NominalModel
 from robotrue.calibration.prior_belief import prior_belief
 from robotrue.calibration.priors import PriorScales
 from robotrue.calibration.probing import (
@@ -152,13 +153,15 @@ def run_cell(seed: int, tally: Tally) -> None:
         touches = front.first(count)
         plain_frames(cell, touches, work, rng, tally)
         told = ProbingSettings(touch_sigma=cell.sizes.touch, learn=False, priors=drawn_scales(cell))
-        found = estimate_probing(cell.nominal, probing_set(touches), told)
+        found = estimate_probing(NominalModel(robot=cell.nominal), probing_set(touches), told)
         through(cell, "stated", found, work, rng, tally)
         for way, model in (("nominal", cell.nominal), ("calibrated", calibrated)):
             tool = TIP if isinstance(model, RobotModel) else 0.0
             found = estimated(cell, model, touches, tool_sigma=tool)
             through(cell, way, found, work, rng, tally)
-        shared(cell, "cal. frame", calibrated, belief_of(calibrated), touches, work, rng, tally)
+        shared(
+            cell, "cal. frame", calibrated, require_belief(calibrated), touches, work, rng, tally
+        )
 
 
 def through(

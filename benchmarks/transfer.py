@@ -23,10 +23,9 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from real_arms import CHI2_95, ROOT, examine, nominal_y, points
 
-from robotrue.calibration.belief import belief_of
 from robotrue.calibration.drift import DriftScales
 from robotrue.calibration.methods import fit
-from robotrue.calibration.model import ErrorModel, Query
+from robotrue.calibration.model import ErrorModel, Query, require_belief
 from robotrue.calibration.new_rows import new_rows
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.transfer import Source, fit_transfer
@@ -143,7 +142,7 @@ def least_sure(model: ErrorModel, rows: MeasurementSet, n: int) -> np.ndarray:
     looked at, only joints.
     """
     candidates = np.arange(0, len(rows), max(1, len(rows) // CANDIDATES))
-    belief = belief_of(model)
+    belief = require_belief(model)
     found = new_rows(belief, rows.subset(candidates), FitSettings(), fresh=False)
     half = np.zeros((len(candidates), 3, len(belief.root)))
     for piece in found.pieces(belief):

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import matplotlib
 
+from robotrue.calibration.nominal import NominalModel
+
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
@@ -59,7 +61,9 @@ def main(out: Path) -> None:
     touches = session(cell, out / "points.csv")
     stated, done = [], []
     for n in COUNTS:
-        found = register(cell.nominal, touches.subset(np.arange(n)), settings=told)
+        found = register(
+            NominalModel(robot=cell.nominal), touches.subset(np.arange(n)), settings=told
+        )
         stated.append(found.frames[0].region.max() / MM)
         done.append(cut(cell, found))
         print(f"{n} touches, {found.route}: {stated[-1]:.2f} mm with 95 %, {found.verdict}")

@@ -10,15 +10,14 @@ from planted_arm import arm
 
 from robotrue.calibration.belief import (
     Belief,
-    belief_of,
     conditioned,
-    model_of,
     widened,
     with_centres,
     with_harmonics,
     with_nuisances,
 )
-from robotrue.calibration.learned import LearnedParts
+from robotrue.calibration.model import require_belief
+from robotrue.calibration.residual import model_of
 from robotrue.calibration.smooth import SmoothBasis
 from robotrue.errors import ConfigurationError
 
@@ -118,7 +117,7 @@ def test_centres_and_nuisances_stand_at_the_end(belief):
 
 
 def test_model_and_belief_are_two_forms_of_one_thing(belief):
-    again = belief_of(model_of(belief, {}))
+    again = model_of(belief, {}).belief()
     np.testing.assert_array_equal(again.mean, belief.mean)
     np.testing.assert_allclose(again.root.T @ again.root, belief.root.T @ belief.root, atol=1e-20)
     tall = replace(belief, root=np.vstack([belief.root] * 9) / 3.0)  # more rows than columns
@@ -128,5 +127,9 @@ def test_model_and_belief_are_two_forms_of_one_thing(belief):
 
 
 def test_a_model_without_joint_covariance_is_refused():
-    with pytest.raises(ConfigurationError, match="LearnedParts keeps no covariance"):
-        belief_of(LearnedParts())  # type: ignore[arg-type]
+    class Poses:
+        def belief(self):
+            return None
+
+    with pytest.raises(ConfigurationError, match="a Poses keeps no covariance"):
+        require_belief(Poses())

@@ -20,6 +20,7 @@ from robotrue.calibration.machined import (
     unchanged_covariance,
 )
 from robotrue.calibration.model import Query
+from robotrue.calibration.nominal import NominalModel
 from robotrue.calibration.prior_belief import prior_belief
 from robotrue.calibration.priors import PriorScales
 from robotrue.calibration.probing import ProbingSettings, estimate_probing, model_of_estimate
@@ -120,7 +121,7 @@ def test_what_is_machined_where_it_was_touched_loses_the_arm_s_error() -> None:
     points, joints = postures("R", 12, 2)
     touches = ProbingSet(names=tuple(map(str, range(12))), point=points, joints=joints)
     exact = ProbingSettings(touch_sigma=1e-7, learn=False, robust=False, priors=SETTINGS)
-    found = estimate_probing(NOMINAL, touches, exact)
+    found = estimate_probing(NominalModel(robot=NOMINAL), touches, exact)
     there = machined_covariance(found, Query(joints=joints))
     visit = SETTINGS.repeatability_sd**2
     assert (np.trace(there, axis1=1, axis2=2) < 2.1 * 3.0 * visit).all()
@@ -133,7 +134,7 @@ def test_blocks_of_the_joint_covariance() -> None:
     points, joints = postures("R", 6, 3)
     touches = ProbingSet(names=tuple(map(str, range(6))), point=points, joints=joints)
     told = ProbingSettings(touch_sigma=0.1 * MM, learn=False, robust=False, priors=SETTINGS)
-    found = estimate_probing(NOMINAL, touches, told)
+    found = estimate_probing(NominalModel(robot=NOMINAL), touches, told)
     _, work = postures("L", 5, 4)
     whole = machined_joint_covariance(found, Query(joints=work))
     alone = machined_covariance(found, Query(joints=work))
@@ -230,7 +231,7 @@ def test_regions_hold_the_truth_of_simulated_cells() -> None:
             names=tuple(map(str, range(12))), point=points, joints=touch(cell, points, "R", rng)
         )
         told = ProbingSettings(touch_sigma=cell.sizes.touch, learn=False, priors=SETTINGS)
-        found = estimate_probing(cell.nominal, touches, told)
+        found = estimate_probing(NominalModel(robot=cell.nominal), touches, told)
         arm = model_of_estimate(found)
         for side, shares in inside.items():
             work = touch_points(side, 10, rng)
@@ -282,8 +283,8 @@ def test_scales_told_by_few_stay_between_learned_and_default() -> None:
     touches = ProbingSet(names=tuple(map(str, range(12))), point=points, joints=joints)
     told = ProbingSettings(touch_sigma=0.1 * MM, tool_sigma=0.3 * MM, robust=False)
     query = Query(joints=postures("L", 8, 3)[1])
-    found = estimate_probing(NOMINAL, touches, told)
-    default = estimate_probing(NOMINAL, touches, replace(told, learn=False))
+    found = estimate_probing(NominalModel(robot=NOMINAL), touches, told)
+    default = estimate_probing(NominalModel(robot=NOMINAL), touches, replace(told, learn=False))
     moved = np.trace(machined_covariance(found, query), axis1=1, axis2=2).mean()
     held = np.trace(machined_covariance(default, query), axis1=1, axis2=2).mean()
     assert moved / found.belief.inflation <= held * (1.0 + 1e-6)

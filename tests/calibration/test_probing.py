@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from probing_cases import EXACT, FACE, SETTINGS, cell, frame_error, known_arm, of, touched
 
-from robotrue.calibration.belief import belief_of, model_of, widened, with_centres
+from robotrue.calibration.belief import widened, with_centres
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import Query
+from robotrue.calibration.nominal import NominalModel
 from robotrue.calibration.probing import (
     ProbingEstimate,
     ProbingSettings,
@@ -19,7 +20,7 @@ from robotrue.calibration.probing import (
     model_of_estimate,
 )
 from robotrue.calibration.probing_scales import few_factor
-from robotrue.calibration.residual import LearnedModel
+from robotrue.calibration.residual import LearnedModel, model_of
 from robotrue.calibration.residual import from_archive as model_from_archive
 from robotrue.calibration.smooth import SmoothBasis, choose_centres
 from robotrue.calibration.touches import frame_displacement
@@ -81,7 +82,7 @@ def test_a_perfectly_known_arm_gives_the_rigid_fit() -> None:
 
 def test_exact_touches_of_an_exact_arm_give_the_exact_frame() -> None:
     where = feng_cell(5, EXACT)
-    found = estimate_probing(where.nominal, touched(where, 4), SETTINGS)
+    found = estimate_probing(NominalModel(robot=where.nominal), touched(where, 4), SETTINGS)
     np.testing.assert_allclose(found.T_base_part[0], where.T_base_part, atol=2e-8)
     assert found.rms < 1e-8
 
@@ -90,7 +91,7 @@ def test_parts_in_one_set_are_each_found() -> None:
     where = feng_cell(5, EXACT)
     one = touched(where, 4)
     part = np.repeat([0, 7], [6, 6])
-    found = estimate_probing(where.nominal, replace(one, part=part), SETTINGS)
+    found = estimate_probing(NominalModel(robot=where.nominal), replace(one, part=part), SETTINGS)
     assert sorted(found.T_base_part) == [0, 7]
     for k in (0, 7):
         np.testing.assert_allclose(found.T_base_part[k], where.T_base_part, atol=1e-7)
@@ -109,7 +110,7 @@ def test_touches_alone_calibrate_the_arm() -> None:
     for seed in range(4):
         where = cell(seed)
         touches = touched(where, 10)
-        found = estimate_probing(where.nominal, touches, SETTINGS)
+        found = estimate_probing(NominalModel(robot=where.nominal), touches, SETTINGS)
         model = model_of_estimate(found)
         rng = np.random.default_rng(seed)
         for posture in ("R", "L"):
@@ -176,7 +177,7 @@ def test_another_tool_needs_to_be_said_how_well_known() -> None:
 def test_a_smooth_residual_reaches_to_the_touches_and_is_kept() -> None:
     where = cell(2)
     measured = tracker_poses(where, np.random.default_rng(1))
-    plain = belief_of(fit(where.nominal, measured, method="elastic"))
+    plain = fit(where.nominal, measured, method="elastic").belief()
     basis = choose_centres(measured.joints, np.full(12, 0.6), most=20, enough=0.05)
     none = SmoothBasis(centres=np.zeros((0, 12)), scale=basis.scale)
     belief = with_centres(replace(plain, basis=none, amplitude=0.05 * MM), basis)
@@ -198,9 +199,11 @@ def test_tracker_points_join_the_touches() -> None:
     where = cell(4)
     measured = tracker_poses(where, np.random.default_rng(2), count=30)
     touches = touched(where, 4)
-    alone = estimate_probing(where.nominal, touches, SETTINGS)
+    alone = estimate_probing(NominalModel(robot=where.nominal), touches, SETTINGS)
     settings = replace(SETTINGS, tool_sigma=0.0)
-    both = estimate_probing(where.nominal, touches, settings, measurements=measured)
+    both = estimate_probing(
+        NominalModel(robot=where.nominal), touches, settings, measurements=measured
+    )
     assert np.trace(both.covariance()[:3, :3]) < 0.3 * np.trace(alone.covariance()[:3, :3])
 
 
@@ -208,7 +211,7 @@ def test_few_touches_of_one_side_say_that_they_are_few() -> None:
     factors = []
     for postures in (("R",), ("R", "L", "T")):
         touches = touched(cell(2), 30 // len(postures), postures=postures)
-        found = estimate_probing(cell(2).nominal, touches, SETTINGS)
+        found = estimate_probing(NominalModel(robot=cell(2).nominal), touches, SETTINGS)
         factors.append(found.belief.inflation)
         joint = found.joint_covariance()[found.columns(0), found.columns(0)]
         turn = frame_displacement(found.T_base_part[0])
@@ -278,7 +281,7 @@ def test_touches_on_surfaces_hold_the_part(kind: str) -> None:
             surfaces=surfaces,
             touched=touched_face,
         )
-    found = estimate_probing(where.nominal, touches, SETTINGS)
+    found = estimate_probing(NominalModel(robot=where.nominal), touches, SETTINGS)
     np.testing.assert_allclose(found.T_base_part[0], where.T_base_part, atol=1e-6)
     assert found.distances.max() < 1e-6
 
@@ -288,7 +291,9 @@ def test_a_touch_off_the_part_is_named() -> None:
     touches = side_face(on_faces(where, 6, 2.0 * MM), where)
     point = touches.point.copy()
     point[[4, 9]] += 3.0 * MM * touches.normal[[4, 9]]
-    found = estimate_probing(where.nominal, replace(touches, point=point), SETTINGS)
+    found = estimate_probing(
+        NominalModel(robot=where.nominal), replace(touches, point=point), SETTINGS
+    )
     assert found.outliers == ("p5", "p10")
     np.testing.assert_allclose(found.distances[[4, 9]], 3.0 * MM, atol=0.6 * MM)
 
@@ -296,7 +301,7 @@ def test_a_touch_off_the_part_is_named() -> None:
 def test_faces_that_leave_a_motion_free_are_refused() -> None:
     where = feng_cell(6, EXACT)
     with pytest.raises(ObservabilityError, match=r"shift along \(\+1.00"):
-        estimate_probing(where.nominal, on_faces(where, 5, 0.0), SETTINGS)
+        estimate_probing(NominalModel(robot=where.nominal), on_faces(where, 5, 0.0), SETTINGS)
 
 
 def socket_touches(
@@ -333,7 +338,7 @@ def test_sockets_and_their_known_distance() -> None:
         distances=(KnownDistance(first=1, second=2, length=length, sigma=0.02 * MM),),
     )
     settings = ProbingSettings(touch_sigma=0.05 * MM, tool_sigma=1.0 * MM)
-    found = estimate_probing(where.nominal, touches, settings)
+    found = estimate_probing(NominalModel(robot=where.nominal), touches, settings)
     tip = where.robot.actual.T_flange_tool[:3, 3] - where.nominal.T_flange_tool[:3, 3]
     np.testing.assert_allclose(
         found.belief.errors[parameter_slice(6, "tool")][:3], tip, atol=0.35 * MM
@@ -341,7 +346,9 @@ def test_sockets_and_their_known_distance() -> None:
     assert found.covariance(1).shape == (3, 3)
     apart = found.T_base_part[2][:3, 3] - found.T_base_part[1][:3, 3]
     assert abs(np.linalg.norm(apart) - length) < 0.01 * MM
-    without = estimate_probing(where.nominal, replace(touches, distances=()), settings)
+    without = estimate_probing(
+        NominalModel(robot=where.nominal), replace(touches, distances=()), settings
+    )
 
     def along(estimate: ProbingEstimate) -> float:
         joint = estimate.joint_covariance()

@@ -9,7 +9,6 @@ import pytest
 from planted_arm import PAYLOAD, arm, planted, postures
 
 from robotrue.calibration.archive import open_model
-from robotrue.calibration.belief import belief_of
 from robotrue.calibration.drift import DEFAULTS, drift_of, prior_of
 from robotrue.calibration.learned import LearnedParts, fit_learned
 from robotrue.calibration.lineage import model_hash
@@ -239,7 +238,7 @@ def test_what_cannot_be_a_source_is_refused(source, moved):
 
 
 def test_prior_of_a_drift_is_wider_by_its_groups(source):
-    belief = belief_of(source)
+    belief = source.belief()
     prior = prior_of(drift_of(belief, "campaign"))
     theta = parameter_slice(6, "theta")
     added = prior.variance[theta] - source.inflation * belief.variance[theta]

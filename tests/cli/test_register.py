@@ -11,6 +11,7 @@ import pytest
 import touched
 
 from robotrue.calibration.identity import identity_of
+from robotrue.calibration.nominal import NominalModel
 from robotrue.cell.config import read_cell
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.rotations import rotation_vector_from_matrix
@@ -89,7 +90,7 @@ def test_the_written_cell_is_the_cell_and_its_part(cli, work: Path, points: Path
     np.testing.assert_allclose(frame.T_base_part, found_pose(document), atol=1e-12)
     np.testing.assert_array_equal(frame.covariance, document["covariance"])
     np.testing.assert_array_equal(cell.T_base_frame, frame.T_base_part)
-    assert cell.part.identity.same(identity_of(cell.robot))
+    assert cell.part.identity.same(identity_of(NominalModel(robot=cell.robot)))
     assert cell.part.points_file == "points.csv"
 
 

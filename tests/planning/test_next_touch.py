@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from robotrue.calibration.nominal import NominalModel
 from robotrue.calibration.probing import ProbingSettings, before_touching
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, pose
@@ -56,7 +57,7 @@ def task() -> ProbingTask:
     work = facing(ROBOT, features, place, TIP)
     candidates = touch_candidates(ROBOT, features, work, place).touches
     return ProbingTask(
-        belief=before_touching(ROBOT, ProbingSettings(tool_sigma=3e-4)),
+        belief=before_touching(NominalModel(robot=ROBOT), ProbingSettings(tool_sigma=3e-4)),
         T_base_part=place,
         candidates=candidates,
         machining=Machining(

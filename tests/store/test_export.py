@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from robotrue.calibration.belief import belief_of, model_of
+from robotrue.calibration.residual import model_of
 from robotrue.calibration.rigid_flexible import RigidFlexibleModel
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
@@ -52,7 +52,7 @@ def model(name: str = "KUKA KR160 R1570", *, only: tuple[str, ...] = ()) -> Rigi
 
 def learned():
     """The same with ripple, backlash and a smooth residual."""
-    plain = model_of(belief_of(model()), {"joint_range_rad": RANGE.tolist()})
+    plain = model_of(model().belief(), {"joint_range_rad": RANGE.tolist()})
     rng = np.random.default_rng(9)
     return replace(
         plain,

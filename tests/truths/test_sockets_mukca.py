@@ -15,6 +15,7 @@ import pytest
 from robotrue.calibration.estimator import SolverSettings
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.nominal import NominalModel
 from robotrue.calibration.priors import PriorScales
 from robotrue.calibration.probing import ProbingSettings, estimate_probing, model_of_estimate
 from robotrue.calibration.settings import FitSettings
@@ -65,7 +66,7 @@ def at_last_place(data_dir: Path, folder: str, method: str) -> SocketSpread:
     model: ErrorModel
     if method == "joint":
         settings = ProbingSettings(touch_sigma=HAND, robust=False)
-        model = model_of_estimate(estimate_probing(robot, seen, settings))
+        model = model_of_estimate(estimate_probing(NominalModel(robot=robot), seen, settings))
     else:
         rows = touched_rows(seen, sigma=HAND)
         loose = method == "loose"

@@ -9,9 +9,9 @@ import pytest
 from scipy.stats import binom
 from validation_fakes import FakeModel
 
-from robotrue.calibration.belief import belief_of, model_of
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import Query
+from robotrue.calibration.residual import model_of
 from robotrue.calibration.settings import RP_PER_SIGMA, FitSettings
 from robotrue.core.arrays import Array
 from robotrue.errors import ConfigurationError, ObservabilityError
@@ -145,7 +145,7 @@ def test_several_things_at_once_ask_for_a_calibration(model):
 def test_rows_together_are_as_uncertain_as_alone_and_share_the_model(model):
     joints = postures(4, np.random.default_rng(4))
     query = Query(joints=joints, load=PAYLOAD)
-    learned = model_of(belief_of(model), {})
+    learned = model_of(model.belief(), {})
     for one in (model, learned):
         together = one.joint_covariance(query)
         alone = one.predict(query).covariance

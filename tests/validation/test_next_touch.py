@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from robotrue.calibration.nominal import NominalModel
 from robotrue.core.poses import apply, pose
 from robotrue.core.units import MM
 from robotrue.measurement.probing_set import ProbingSet
@@ -43,7 +44,12 @@ def touched(seed: int, count: int = 4) -> tuple[virtual.FengCell, ProbingSet]:
 def after(cell: virtual.FengCell, touches: ProbingSet, n: int) -> TouchBelief:
     made = touches.subset(np.arange(n)) if n else None
     return believed(
-        cell.nominal, made, ROUGH, settings=SETTINGS, rough_sigma=20.0 * MM, joints=True
+        NominalModel(robot=cell.nominal),
+        made,
+        ROUGH,
+        settings=SETTINGS,
+        rough_sigma=20.0 * MM,
+        joints=True,
     )
 
 
@@ -61,7 +67,9 @@ def test_machined_points_get_known_with_every_touch_and_are_as_well_known_as_sai
     cell, touches = touched(3)
     radius = [machined_radius(after(cell, touches, n), touches).max() for n in range(13)]
     assert (np.diff(radius) < 0.0).all()
-    found = register(cell.nominal, touches, settings=replace(SETTINGS, fit="joint"))
+    found = register(
+        NominalModel(robot=cell.nominal), touches, settings=replace(SETTINGS, fit="joint")
+    )
     np.testing.assert_allclose(radius[-1], found.frames[0].region.max(), rtol=0.5)
 
 
@@ -75,8 +83,10 @@ def test_the_place_is_that_of_registering_once_touches_decide_it() -> None:
         position=apply(T, point) + 1e-4 * rng.normal(size=(8, 3)),
     )
     robot = virtual.feng_cell(seed=0).nominal
-    known = believed(robot, touches, ROUGH, settings=SETTINGS, rough_sigma=1.0, joints=False)
-    found = register(robot, touches, settings=SETTINGS)
+    known = believed(
+        NominalModel(robot=robot), touches, ROUGH, settings=SETTINGS, rough_sigma=1.0, joints=False
+    )
+    found = register(NominalModel(robot=robot), touches, settings=SETTINGS)
     np.testing.assert_allclose(
         known.T_base_part[0], found.frames[0].registration.T_base_part, atol=1e-8
     )
@@ -86,15 +96,22 @@ def test_surfaces_are_judged_along_their_normal_and_with_the_ball() -> None:
     normal = np.tile(np.eye(3), (4, 1))
     point = np.random.default_rng(1).uniform(0.0, 0.3, (12, 3))
     touches = ProbingSet(
-        names=tuple(f"S{k}" for k in range(12)), point=point, normal=normal, radius=3.0 * MM,
+        names=tuple(f"S{k}" for k in range(12)),
+        point=point,
+        normal=normal,
+        radius=3.0 * MM,
         position=point + 3.0 * MM * normal,
-    )  # fmt: skip
+    )
     robot = virtual.feng_cell(seed=0).nominal
     rough = {0: pose(np.eye(3), np.array([0.004, -0.003, 0.002]))}
     known = believed(
-        robot, touches.subset(np.arange(11)), rough, settings=SETTINGS, rough_sigma=0.02,
+        NominalModel(robot=robot),
+        touches.subset(np.arange(11)),
+        rough,
+        settings=SETTINGS,
+        rough_sigma=0.02,
         joints=False,
-    )  # fmt: skip
+    )
     last = touches.subset([11])
     slid = replace(last, position=last.position + np.array([[0.05, 0.04, 0.0]]))
     assert judged_reading(known, last).sigmas < 0.5
@@ -113,9 +130,13 @@ def explained(touch: ProbingSet, known: TouchBelief, touches: ProbingSet, n: int
     judged = judged_reading(known, touch)
     assert judged.outlier
     found = suspicions(
-        known, touch, judged, others=touches.subset(np.arange(len(touches)) != n),
-        before=touches.subset(np.arange(n)), tip_axis=TIP,
-    )  # fmt: skip
+        known,
+        touch,
+        judged,
+        others=touches.subset(np.arange(len(touches)) != n),
+        before=touches.subset(np.arange(n)),
+        tip_axis=TIP,
+    )
     return f"{found[0].kind} {found[0].name}".strip() if found else ""
 
 
@@ -143,9 +164,13 @@ def test_what_is_wrong_with_positions_is_named() -> None:
     )
     robot = virtual.feng_cell(seed=0).nominal
     known = believed(
-        robot, touches.subset(np.arange(6)), ROUGH, settings=SETTINGS, rough_sigma=0.02,
+        NominalModel(robot=robot),
+        touches.subset(np.arange(6)),
+        ROUGH,
+        settings=SETTINGS,
+        rough_sigma=0.02,
         joints=False,
-    )  # fmt: skip
+    )
     good = touches.subset([6])
     assert not judged_reading(known, good).outlier
     inches = replace(good, position=good.position / 25.4)
@@ -160,5 +185,5 @@ def test_what_is_expected_of_a_touch_that_was_not_made() -> None:
     expected = expected_readings(known, touches.subset([10]))
     from robotrue.validation.registration_frame import tips
 
-    read = tips(cell.nominal, touches.joints[[10]], SETTINGS)
+    read = tips(NominalModel(robot=cell.nominal), touches.joints[[10]], SETTINGS)
     assert np.linalg.norm(read - expected.position) < expected.band[0] < 2.0 * MM

@@ -11,6 +11,7 @@ import pytest
 from robotrue.calibration.identity import identity_of
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.nominal import NominalModel
 from robotrue.calibration.settings import FitSettings
 from robotrue.core.arrays import Array
 from robotrue.core.mesh import TriangleMesh
@@ -76,12 +77,14 @@ def test_touches_of_three_sides_learn_a_nominal_arm() -> None:
     for seed in range(4):
         cell = feng_cell(seed)
         touches = probed(cell, THREE, np.random.default_rng(seed))
-        found = register(cell.nominal, touches, settings=TOLD)
+        found = register(NominalModel(robot=cell.nominal), touches, settings=TOLD)
         assert found.route == "joint"
         assert found.refined is not None
         assert found.identity == identity_of(found.refined)
-        assert found.touched_with == identity_of(cell.nominal)
-        plain = register(cell.nominal, touches, settings=replace(TOLD, fit="frame"))
+        assert found.touched_with == identity_of(NominalModel(robot=cell.nominal))
+        plain = register(
+            NominalModel(robot=cell.nominal), touches, settings=replace(TOLD, fit="frame")
+        )
         assert plain.refined is None
         for side in ("R", "L"):
             alone.append(machined(cell, plain, None, side))
@@ -147,7 +150,11 @@ def test_a_wrong_touch_is_named_in_every_route(calibrated: tuple[FengCell, Error
     wrong = touches.point.copy()
     wrong[7] += [0.003, 0.0, 0.0]  # as if the drawing was misread
     touches = replace(touches, point=wrong)
-    for arm, way in ((model, "frame"), (model, "joint"), (cell.nominal, "joint")):
+    for arm, way in (
+        (model, "frame"),
+        (model, "joint"),
+        (NominalModel(robot=cell.nominal), "joint"),
+    ):
         settings = replace(TOLD, fit=way)  # type: ignore[arg-type]
         fit_ = register(arm, touches, settings=settings).frames[0].registration
         assert fit_.outliers == ("L2",)
@@ -194,6 +201,6 @@ def test_what_does_not_belong_together() -> None:
     cell = feng_cell(1)
     touches = probed(cell, [("R", 4)], np.random.default_rng(21))
     with pytest.raises(ShapeError, match=r"touches of parts \(0,\), names for 2"):
-        register(cell.nominal, touches, parts=("a", "b"))
+        register(NominalModel(robot=cell.nominal), touches, parts=("a", "b"))
     with pytest.raises(ModelMismatchError, match="6 joint columns"):
-        register(preset("Franka Panda"), touches)
+        register(NominalModel(robot=preset("Franka Panda")), touches)

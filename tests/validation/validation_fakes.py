@@ -51,6 +51,13 @@ class FakeModel:
             covariance=np.tile(self.sigma**2 * np.eye(3), (n, 1, 1)),
         )
 
+    @property
+    def calibrated(self) -> bool:
+        return True
+
+    def belief(self) -> None:
+        return None
+
     def mean_tables(self, load: Load = NO_LOAD) -> MeanTables | None:
         return None
 

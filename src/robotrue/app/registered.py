@@ -7,6 +7,7 @@ from pathlib import Path
 from robotrue.calibration.identity import identity_of
 from robotrue.calibration.lineage import provenance_of
 from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.nominal import NominalModel
 from robotrue.cell.beside import beside
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
@@ -45,7 +46,7 @@ def opened(path: Path, registered: Path | None = None) -> tuple[Cell, ErrorModel
             source=path,
             hint=f"robotrue compensate {registered} PROGRAM -o OUT",
         )
-    used = identity_of(model or cell.robot)
+    used = identity_of(model or NominalModel(robot=cell.robot))
     require_same_model(place.part.identity, used, what="the part frame", source=str(registered))
     return beside(cell, place), model
 

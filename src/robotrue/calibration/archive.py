@@ -18,6 +18,7 @@ from robotrue.robot.model import Configuration, RobotModel
 KINDS: Final[dict[str, str]] = {
     "error-model/rigid-flexible": "robotrue.calibration.rigid_flexible:from_archive",
     "error-model/learned": "robotrue.calibration.residual:from_archive",
+    "error-model/nominal": "robotrue.calibration.nominal:from_archive",
     "error-model/deng2022": "robotrue.calibration.deng2022.joined:from_archive",
 }
 """Kind of archive and its reader, ``module:function``; the module is imported when needed."""

@@ -15,17 +15,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from scipy.linalg import qr, svd
 
-from robotrue.calibration.model import ErrorModel
-from robotrue.calibration.residual import LearnedModel
-from robotrue.calibration.rigid_flexible import RigidFlexibleModel, reflector_of
 from robotrue.calibration.smooth import SmoothBasis
 from robotrue.core.arrays import Array
-from robotrue.errors import ConfigurationError
 from robotrue.robot.model import RobotModel
 
 ROWS: Final = 300
@@ -90,100 +86,6 @@ class Belief:
     def variance(self) -> Array:
         """(p,) variance of every column."""
         return np.asarray((self.root**2).sum(axis=0))
-
-
-def belief_of(model: ErrorModel) -> Belief:
-    """Returns the model as a belief; columns it never had stand at zero with no variance.
-
-    Raises:
-        ConfigurationError: A model that keeps no joint covariance of its parameters.
-    """
-    if isinstance(model, LearnedModel):
-        physics = model.physics
-        dof, h = model.robot.dof, len(model.cycles)
-        waves = np.stack([model.ripple_sin, model.ripple_cos], axis=-1)
-        mean = np.concatenate(
-            [
-                physics.errors,
-                waves.reshape(2 * dof * h),
-                model.backlash,
-                model.smooth_weights.ravel(),
-            ]
-        )
-        root = np.zeros((len(model.root), len(mean)))
-        # A column may be named twice (a station that stands for the base): the last one speaks.
-        root[:, model.columns.astype(np.int64)] = model.root
-        return Belief(
-            robot=model.robot,
-            cycles=model.cycles,
-            basis=model.basis,
-            amplitude=model.amplitude,
-            mean=mean,
-            root=root,
-            white=physics.white,
-            repeatability=physics.repeatability,
-            inflation=model.inflation,
-            T_tracker_base=physics.T_tracker_base,
-        )
-    if isinstance(model, RigidFlexibleModel):
-        dof = model.robot.dof
-        values, vectors = np.linalg.eigh(model.covariance)
-        kept = values > 1e-16 * values[-1]
-        part = np.sqrt(values[kept])[:, None] * vectors[:, kept].T
-        return Belief(
-            robot=model.robot,
-            cycles=np.zeros(0),
-            basis=None,
-            amplitude=0.0,
-            mean=np.concatenate([model.errors, np.zeros(dof)]),
-            root=np.hstack([part, np.zeros((len(part), dof))]),
-            white=model.white,
-            repeatability=model.repeatability,
-            inflation=1.0,
-            T_tracker_base=model.T_tracker_base,
-        )
-    raise ConfigurationError(
-        f"a {type(model).__name__} keeps no covariance that new measurements could be added to.",
-        hint="calibrate with a method of robotrue.calibration.methods.",
-    )
-
-
-def model_of(belief: Belief, summary: Mapping[str, Any]) -> LearnedModel:
-    """Returns the error model of a belief without nuisances."""
-    dof, h = belief.robot.dof, len(belief.cycles)
-    ripple, backlash, smooth, end = belief.starts
-    waves = belief.mean[ripple:backlash].reshape(dof, h, 2)
-    places = [place for _, place in belief.reflectors.values()]
-    whole = _square(np.hstack([belief.root, *places]))
-    root = whole[:, :end]
-    roots = {k: whole[:, end + 3 * i : end + 3 * i + 3] for i, k in enumerate(belief.reflectors)}
-    columns = np.flatnonzero((root != 0.0).any(axis=0))
-    physical = root[:, :ripple]
-    return LearnedModel(
-        physics=RigidFlexibleModel(
-            robot=belief.robot,
-            errors=belief.errors,
-            covariance=physical.T @ physical,
-            repeatability=belief.repeatability,
-            white=belief.white,
-            T_tracker_base=belief.T_tracker_base,
-            reflectors={
-                k: reflector_of(T, physical, roots[k]) for k, (T, _) in belief.reflectors.items()
-            },
-        ),
-        cycles=belief.cycles,
-        ripple_sin=waves[:, :, 0],
-        ripple_cos=waves[:, :, 1],
-        backlash=belief.mean[backlash:smooth],
-        basis=belief.basis,
-        smooth_weights=belief.mean[smooth:end].reshape(-1, 3),
-        amplitude=belief.amplitude,
-        columns=columns.astype(np.float64),
-        root=root[:, columns],
-        inflation=belief.inflation,
-        reflector_roots=roots,
-        summary=summary,
-    )
 
 
 def conditioned(belief: Belief, columns: Array, values: Array) -> Belief:
@@ -254,8 +156,8 @@ def with_harmonics(belief: Belief, count: int) -> Belief:
     )
 
 
-def _square(root: Array) -> Array:
-    """A root with no more rows than columns that say anything, where that saves much."""
+def compressed_root(root: Array) -> Array:
+    """Returns a root with no more rows than columns that say anything, where that saves much."""
     used = np.flatnonzero((root != 0.0).any(axis=0))
     if len(root) <= WIDE * len(used):
         return root

@@ -1,4 +1,4 @@
-"""The identity of an error model, and of no error model: the nominal arm."""
+"""The identity of a model: of a calibration everything it holds, of a nominal arm its geometry."""
 
 from __future__ import annotations
 
@@ -6,15 +6,14 @@ from robotrue.calibration.lineage import model_hash
 from robotrue.calibration.model import ErrorModel
 from robotrue.core.identity import ModelIdentity
 from robotrue.robot.identity import nominal_identity
-from robotrue.robot.model import RobotModel
 
 
-def identity_of(model: ErrorModel | RobotModel) -> ModelIdentity:
+def identity_of(model: ErrorModel) -> ModelIdentity:
     """Returns which description of the arm this is.
 
-    Everything in an error model's archive counts; the cell in its file does not. A robot is its
-    nominal geometry.
+    Everything in an error model's archive counts; the cell in its file does not. A nominal arm is
+    its geometry.
     """
-    if isinstance(model, RobotModel):
-        return nominal_identity(model)
+    if not model.calibrated:
+        return nominal_identity(model.robot)
     return ModelIdentity(kind="calibrated", robot=model.robot.name, sha256=model_hash(model))

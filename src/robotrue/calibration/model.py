@@ -8,9 +8,11 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from robotrue.calibration.belief import Belief
 from robotrue.calibration.tables import MeanTables
 from robotrue.core.archive import Archive
 from robotrue.core.arrays import Array
+from robotrue.errors import ConfigurationError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel
 from robotrue.robot.statics import NO_LOAD, Load
@@ -57,8 +59,25 @@ class ErrorModel(Protocol):
         """The nominal robot, as the controller computes it, with the tool that was measured."""
         ...
 
+    @property
+    def calibrated(self) -> bool:
+        """Whether it comes from measurements; False for the arm as the controller computes it."""
+        ...
+
     def predict(self, query: Query) -> Prediction:
         """Returns mean and covariance of the error at every query row."""
+        ...
+
+    def belief(self) -> Belief | None:
+        """Returns the joint posterior of its coefficients; None if it keeps none."""
+        ...
+
+    def joint_covariance(self, query: Query) -> Array:
+        """Returns the covariance (3n, 3n) m^2 of the errors of all rows together.
+
+        Raises:
+            ConfigurationError: A model without :meth:`belief`.
+        """
         ...
 
     def mean_tables(self, load: Load = NO_LOAD) -> MeanTables | None:
@@ -90,3 +109,19 @@ class ErrorModel(Protocol):
     def to_archive(self) -> Archive:
         """Returns everything needed to rebuild the model."""
         ...
+
+
+def require_belief(model: ErrorModel) -> Belief:
+    """Returns the joint posterior of a model's coefficients.
+
+    Raises:
+        ConfigurationError: A model that keeps none.
+    """
+    belief = model.belief()
+    if belief is None:
+        raise ConfigurationError(
+            f"a {type(model).__name__} keeps no covariance that new measurements could be added "
+            "to.",
+            hint="calibrate with a method of robotrue.calibration.methods.",
+        )
+    return belief

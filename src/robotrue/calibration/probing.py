@@ -16,7 +16,6 @@ import numpy as np
 
 from robotrue.calibration.belief import (
     Belief,
-    belief_of,
     conditioned,
     widened,
     with_nuisances,
@@ -24,7 +23,7 @@ from robotrue.calibration.belief import (
 from robotrue.calibration.drift_scales import Stack, stacked
 from robotrue.calibration.estimate import free_groups
 from robotrue.calibration.methods import fit
-from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.model import ErrorModel, require_belief
 from robotrue.calibration.new_rows import NUISANCE_SD, NewRows, whitened
 from robotrue.calibration.parameters import Layout, State
 from robotrue.calibration.prior_belief import prior_belief
@@ -52,7 +51,7 @@ from robotrue.errors import (
 )
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.probing_set import ProbingSet
-from robotrue.robot.model import RobotModel, parameter_slice
+from robotrue.robot.model import parameter_slice
 
 __all__ = [
     "ProbingEstimate",
@@ -79,7 +78,7 @@ STILL: Final = 1e-7
 
 
 def estimate_probing(
-    model: ErrorModel | RobotModel,
+    model: ErrorModel,
     touches: ProbingSet,
     settings: ProbingSettings | None = None,
     *,
@@ -88,8 +87,8 @@ def estimate_probing(
     """Returns frames and arm from touches.
 
     Args:
-        model: A calibrated model: its belief is what is known before the touches. A robot: only
-            its type is known, from ``settings.priors`` (30 to 90 touches then calibrate it).
+        model: A calibrated model: its belief is what is known before the touches. A nominal one:
+            only its type is known, from ``settings.priors`` (30 to 90 touches then calibrate it).
         touches: With the robot's joints.
         settings: Noise, tool, robustness.
         measurements: Points of a tracker on the model's own tool, added to the same estimate.
@@ -107,14 +106,13 @@ def estimate_probing(
     correspondence checks of :mod:`robotrue.cell.registration.correspondence`.
     """
     settings = ProbingSettings() if settings is None else settings
-    dof = model.dof if isinstance(model, RobotModel) else model.robot.dof
-    _check_joints(touches, dof)
+    _check_joints(touches, model.robot.dof)
     if measurements is not None and len(measurements):
-        if isinstance(model, RobotModel):
-            lean = replace(settings.priors, lean_on_prior=True)
-            model = fit(model, measurements, method="ripple", settings=lean)
-        else:
+        if model.calibrated:
             model = updated(model, measurements, settings=settings.priors)
+        else:
+            lean = replace(settings.priors, lean_on_prior=True)
+            model = fit(model.robot, measurements, method="ripple", settings=lean)
     before = centred(before_touching(model, settings), touches.joints)
     in_base = tips(before, touches.joints, settings.payload)
     frames = start_frames(touches, in_base, settings.start, robust=settings.robust)
@@ -158,21 +156,21 @@ def _check_joints(touches: ProbingSet, dof: int) -> None:
         raise ConfigurationError(f"part number {min(touches.parts)}, expected 0 or more.")
 
 
-def before_touching(model: ErrorModel | RobotModel, settings: ProbingSettings) -> Belief:
+def before_touching(model: ErrorModel, settings: ProbingSettings) -> Belief:
     """Returns the belief in the arm before the touches, with the tool that touches.
 
     Raises:
         ConfigurationError: Another tool without ``tool_sigma``, or a model without covariance.
     """
-    if isinstance(model, RobotModel):
+    if not model.calibrated:
         scales = settings.priors.scales
         if settings.tool_sigma > 0.0:
             scales = replace(scales, tool=settings.tool_sigma)
-        robot = model
+        robot = model.robot
         if settings.T_flange_tool is not None:
-            robot = model.with_tool(settings.T_flange_tool)
+            robot = robot.with_tool(settings.T_flange_tool)
         return prior_belief(robot, replace(settings.priors, scales=scales))
-    belief = _unscaled(belief_of(model))
+    belief = _unscaled(require_belief(model))
     tool = parameter_slice(belief.robot.dof, "tool")
     if settings.T_flange_tool is not None:
         if settings.tool_sigma <= 0.0:
@@ -316,14 +314,12 @@ def _check_plausible(found: float, touches: ProbingSet) -> None:
         )
 
 
-def _scaled(
-    model: ErrorModel | RobotModel, prior: Belief, stack: Stack, settings: ProbingSettings
-) -> Belief:
+def _scaled(model: ErrorModel, prior: Belief, stack: Stack, settings: ProbingSettings) -> Belief:
     """The prior with scales and noise as the touches ask."""
-    if isinstance(model, RobotModel):
+    if not model.calibrated:
         physical = build_prior(
-            Layout(dof=model.dof),
-            State(robot=model),
+            Layout(dof=model.robot.dof),
+            State(robot=model.robot),
             settings.priors.scales,
             free_groups=free_groups("elastic"),
             stiffness=settings.priors.stiffness,
@@ -342,7 +338,7 @@ def _result(
     touches: ProbingSet,
     keep: BoolArray,
     settings: ProbingSettings,
-    model: ErrorModel | RobotModel,
+    model: ErrorModel,
     stated: float,
 ) -> ProbingEstimate:
     n = len(touches)
@@ -364,7 +360,7 @@ def _result(
             if keep[row]:
                 square += float(off[i] @ off[i])
                 freedom += len(off[i]) - float((half[i] ** 2).sum()) / sigma**2
-    parents = () if isinstance(model, RobotModel) else (model,)
+    parents = (model,) if model.calibrated else ()
     outliers = tuple(label for label, good in zip(touches.labels, keep, strict=False) if not good)
     summary = probing_summary(
         prior,

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from robotrue.calibration.belief import Belief, model_of
+from robotrue.calibration.belief import Belief
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.parameters import Layout
-from robotrue.calibration.residual import LearnedModel
+from robotrue.calibration.residual import LearnedModel, model_of
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.touches import frame_displacement
 from robotrue.core.arrays import Array, BoolArray, frozen

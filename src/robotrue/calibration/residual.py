@@ -16,10 +16,11 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.calibration import rigid_flexible
+from robotrue.calibration.belief import Belief, compressed_root
 from robotrue.calibration.design import smooth_columns
 from robotrue.calibration.evidence import spread
 from robotrue.calibration.model import Prediction, Query
-from robotrue.calibration.rigid_flexible import RigidFlexibleModel
+from robotrue.calibration.rigid_flexible import RigidFlexibleModel, reflector_of
 from robotrue.calibration.ripple import ripple_columns, ripple_shift
 from robotrue.calibration.smooth import SmoothBasis
 from robotrue.calibration.tables import MeanTables
@@ -90,6 +91,39 @@ class LearnedModel:
     def robot(self) -> RobotModel:
         """The nominal robot with the tool that was measured."""
         return self.physics.robot
+
+    @property
+    def calibrated(self) -> bool:
+        """True: it comes from measurements."""
+        return True
+
+    def belief(self) -> Belief:
+        """Returns the joint posterior of all coefficients."""
+        dof, h = self.robot.dof, len(self.cycles)
+        waves = np.stack([self.ripple_sin, self.ripple_cos], axis=-1)
+        mean = np.concatenate(
+            [
+                self.physics.errors,
+                waves.reshape(2 * dof * h),
+                self.backlash,
+                self.smooth_weights.ravel(),
+            ]
+        )
+        root = np.zeros((len(self.root), len(mean)))
+        # A column may be named twice (a station that stands for the base): the last one speaks.
+        root[:, self.columns.astype(np.int64)] = self.root
+        return Belief(
+            robot=self.robot,
+            cycles=self.cycles,
+            basis=self.basis,
+            amplitude=self.amplitude,
+            mean=mean,
+            root=root,
+            white=self.physics.white,
+            repeatability=self.physics.repeatability,
+            inflation=self.inflation,
+            T_tracker_base=self.physics.T_tracker_base,
+        )
 
     def predict(self, query: Query) -> Prediction:
         """Returns mean and covariance of the error at every query row, base frame.
@@ -272,6 +306,44 @@ class LearnedModel:
                 **{f"reflector{k}_root": root for k, root in self.reflector_roots.items()},
             },
         )
+
+
+def model_of(belief: Belief, summary: Mapping[str, Any]) -> LearnedModel:
+    """Returns the error model of a belief without nuisances."""
+    dof, h = belief.robot.dof, len(belief.cycles)
+    ripple, backlash, smooth, end = belief.starts
+    waves = belief.mean[ripple:backlash].reshape(dof, h, 2)
+    places = [place for _, place in belief.reflectors.values()]
+    whole = compressed_root(np.hstack([belief.root, *places]))
+    root = whole[:, :end]
+    roots = {k: whole[:, end + 3 * i : end + 3 * i + 3] for i, k in enumerate(belief.reflectors)}
+    columns = np.flatnonzero((root != 0.0).any(axis=0))
+    physical = root[:, :ripple]
+    return LearnedModel(
+        physics=RigidFlexibleModel(
+            robot=belief.robot,
+            errors=belief.errors,
+            covariance=physical.T @ physical,
+            repeatability=belief.repeatability,
+            white=belief.white,
+            T_tracker_base=belief.T_tracker_base,
+            reflectors={
+                k: reflector_of(T, physical, roots[k]) for k, (T, _) in belief.reflectors.items()
+            },
+        ),
+        cycles=belief.cycles,
+        ripple_sin=waves[:, :, 0],
+        ripple_cos=waves[:, :, 1],
+        backlash=belief.mean[backlash:smooth],
+        basis=belief.basis,
+        smooth_weights=belief.mean[smooth:end].reshape(-1, 3),
+        amplitude=belief.amplitude,
+        columns=columns.astype(np.float64),
+        root=root[:, columns],
+        inflation=belief.inflation,
+        reflector_roots=roots,
+        summary=summary,
+    )
 
 
 @archive_reader

@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.calibration.archive import check_pose, robot_arrays, robot_document, robot_from
+from robotrue.calibration.belief import Belief
 from robotrue.calibration.model import Prediction, Query
 from robotrue.calibration.tables import MeanTables, rigid_tables
 from robotrue.core.archive import Archive, archive_reader
@@ -77,9 +78,33 @@ class RigidFlexibleModel:
         object.__setattr__(self, "covariance", frozen(self.covariance, (size, size), "covariance"))
 
     @property
+    def calibrated(self) -> bool:
+        """True: it comes from measurements."""
+        return True
+
+    @property
     def actual(self) -> RobotModel:
         """The arm with its identified errors and the measured tool."""
         return self.robot.with_errors(self.errors)
+
+    def belief(self) -> Belief:
+        """Returns the posterior of the errors; backlash, never learned, is zero and certain."""
+        dof = self.robot.dof
+        values, vectors = np.linalg.eigh(self.covariance)
+        seen = values > 1e-16 * values[-1]
+        part = np.sqrt(values[seen])[:, None] * vectors[:, seen].T
+        return Belief(
+            robot=self.robot,
+            cycles=np.zeros(0),
+            basis=None,
+            amplitude=0.0,
+            mean=np.concatenate([self.errors, np.zeros(dof)]),
+            root=np.hstack([part, np.zeros((len(part), dof))]),
+            white=self.white,
+            repeatability=self.repeatability,
+            inflation=1.0,
+            T_tracker_base=self.T_tracker_base,
+        )
 
     def predict(self, query: Query) -> Prediction:
         """Returns mean and covariance of the error at every query row, base frame.
@@ -97,8 +122,8 @@ class RigidFlexibleModel:
         out = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3, 3))
         for start in range(0, n, _ROWS):
             part = slice(start, start + _ROWS)
-            error, turn, jacobian = linearised(
-                self, joints[part], _load_rows(query.load, part, n), query.T_flange_tool
+            error, turn, jacobian = linearise_arm(
+                self.actual, joints[part], _load_rows(query.load, part, n), query.T_flange_tool
             )
             out[0][part], out[1][part] = error, turn
             out[2][part] = jacobian[:, :3] @ self.covariance @ np.swapaxes(jacobian[:, :3], 1, 2)
@@ -116,7 +141,7 @@ class RigidFlexibleModel:
         joints = np.asarray(query.joints, dtype=np.float64)
         if joints.ndim != 2 or joints.shape[1] != self.robot.dof:
             raise ShapeError(f"joints has shape {joints.shape}, expected (any, {self.robot.dof}).")
-        _, _, jacobian = linearised(self, joints, query.load, query.T_flange_tool)
+        _, _, jacobian = linearise_arm(self.actual, joints, query.load, query.T_flange_tool)
         rows = jacobian[:, :3].reshape(3 * len(joints), -1)
         white = (self.repeatability**2 + self.white**2) * np.eye(len(rows))
         return np.asarray(rows @ self.covariance @ rows.T + white)
@@ -279,27 +304,26 @@ def _reflector(archive: Archive, number: int) -> Reflector:
     return Reflector(T_flange_tool=T, covariance=covariance)
 
 
-def linearised(
-    model: RigidFlexibleModel, joints: Array, load: Load, T_flange_tool: Array | None = None
+def linearise_arm(
+    actual: RobotModel, joints: Array, load: Load, T_flange_tool: Array | None = None
 ) -> tuple[Array, Array, Array]:
     """Returns error (n, 3) m, rotation error (n, 3) rad and d(error)/d(errors) (n, 6, 7 dof + 12).
 
     Args:
-        model: The model.
+        actual: The arm with its errors, and the tool that was measured.
         joints: (n, dof) rad.
         load: One row or n.
         T_flange_tool: Another tool; its columns of tool errors are zero.
     """
-    nominal, actual = model.robot, model.actual
     if T_flange_tool is not None:
-        nominal, actual = nominal.with_tool(T_flange_tool), actual.with_tool(T_flange_tool)
-    believed = forward(nominal, joints)
+        actual = actual.with_tool(T_flange_tool)
+    commanded = forward(actual.nominal(), joints)
     state, torque = deflected(actual, joints, load)
     jacobian = parameter_jacobian(actual, state, joints, torque)
     if T_flange_tool is not None:
         jacobian[:, :, parameter_slice(actual.dof, "tool")] = 0.0
-    turn = rotation_vector_from_matrix(state.rotation @ np.swapaxes(believed[:, :3, :3], 1, 2))
-    return state.position - believed[:, :3, 3], turn, jacobian
+    turn = rotation_vector_from_matrix(state.rotation @ np.swapaxes(commanded[:, :3, :3], 1, 2))
+    return state.position - commanded[:, :3, 3], turn, jacobian
 
 
 def _load_rows(load: Load, part: slice, n: int) -> Load:

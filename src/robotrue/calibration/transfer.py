@@ -17,7 +17,7 @@ from typing import Any, Final
 import numpy as np
 from scipy.special import fdtri
 
-from robotrue.calibration.belief import Belief, belief_of, model_of, with_centres, with_nuisances
+from robotrue.calibration.belief import Belief, with_centres, with_nuisances
 from robotrue.calibration.drift import Drift, DriftScales, Relation, drift_of, prior_of
 from robotrue.calibration.drift_scales import (
     Problem,
@@ -28,10 +28,10 @@ from robotrue.calibration.drift_scales import (
 )
 from robotrue.calibration.lineage import added, history, merged_document
 from robotrue.calibration.methods import fit
-from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.model import ErrorModel, require_belief
 from robotrue.calibration.new_rows import NUISANCE_SD, NewRows, new_rows
 from robotrue.calibration.parameters import State, station_as_base
-from robotrue.calibration.residual import LearnedModel
+from robotrue.calibration.residual import LearnedModel, model_of
 from robotrue.calibration.robust import Loss, chi_point, robust_variance, weights
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.smooth import SmoothBasis
@@ -115,7 +115,8 @@ def fit_transfer(
     models = [_model_of_source(robot, s, settings, method) for s in ordered]
     relation = ordered[0].relation
     beliefs = [
-        carried_to(robot, belief_of(m), s, settings) for m, s in zip(models, ordered, strict=True)
+        carried_to(robot, require_belief(m), s, settings)
+        for m, s in zip(models, ordered, strict=True)
     ]
     lead = combined(beliefs, [s.relation for s in ordered])
     if target is None or not len(target):

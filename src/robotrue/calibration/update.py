@@ -15,17 +15,15 @@ import numpy as np
 
 from robotrue.calibration.belief import (
     Belief,
-    belief_of,
     conditioned,
-    model_of,
     widened,
     with_centres,
     with_nuisances,
 )
 from robotrue.calibration.lineage import added, history, merged_document
-from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.model import ErrorModel, require_belief
 from robotrue.calibration.new_rows import NUISANCE_SD, NewRows, Piece, new_rows, whitened
-from robotrue.calibration.residual import LearnedModel
+from robotrue.calibration.residual import LearnedModel, model_of
 from robotrue.calibration.robust import Loss, weights
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.smooth import SmoothBasis, features
@@ -60,7 +58,7 @@ def updated(
     """
     settings = FitSettings() if settings is None else settings
     require_joints(model, measurements)
-    belief = belief_of(model)
+    belief = require_belief(model)
     if not len(measurements):
         return model_of(belief, dict(model.training_summary()))
     belief = centred(belief, measurements.joints)

@@ -16,6 +16,7 @@ from robotrue.app.outputs import check_output
 from robotrue.app.registered import opened, provenance_used
 from robotrue.calibration.identity import identity_of
 from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.nominal import NominalModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.frame_table import frame_table
 from robotrue.cell.part import PartFrame
@@ -219,7 +220,7 @@ def _ground(request: Request) -> Ground:
         cell=cell,
         model=model,
         frame=frame,
-        used=identity_of(model or cell.robot),
+        used=identity_of(model or NominalModel(robot=cell.robot)),
         stated=described(cell, request.wrench, request.force, request.cutter),
         table=frame_table(cell),
         home=start_joints(cell.robot, cell.controller.start, request.start),

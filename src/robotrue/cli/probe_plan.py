@@ -11,6 +11,7 @@ import numpy as np
 
 from robotrue.app.outputs import check_output
 from robotrue.app.registered import provenance_used
+from robotrue.calibration.nominal import NominalModel
 from robotrue.calibration.probing import ProbingSettings, before_touching
 from robotrue.cli.console import count, emit_json, emit_table, say, say_mark
 from robotrue.cli.probe_plan_inputs import (
@@ -86,8 +87,8 @@ def run(
         limits=limits,
         scene=scene_of(cell, clearance=0.0) if cell.obstacles else None,
     )
-    arm = nominal if model is None else model
-    known = nominal if model is None else model.robot
+    arm = NominalModel(robot=nominal) if model is None else model
+    known = arm.robot
     own_tool = bool(np.allclose(known.T_flange_tool, nominal.T_flange_tool, atol=1e-9))
     sure = model is not None and own_tool
     tool = (0.0 if sure else TOOL) if options.tool_sigma_mm is None else options.tool_sigma_mm * MM

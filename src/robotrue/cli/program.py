@@ -12,6 +12,7 @@ import numpy as np
 from robotrue.app.outputs import check_output
 from robotrue.app.registered import provenance_of_file, provenance_used
 from robotrue.calibration.identity import identity_of
+from robotrue.calibration.nominal import NominalModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
 from robotrue.cell.part import PartFrame
@@ -221,7 +222,7 @@ def _with_model(
 ) -> dict[str, Any]:
     """Compensates the program as ``robotrue compensate`` would, from a file of its own."""
     stored = read_model(model_path).cell.robot
-    if identity_of(stored) != identity_of(cell.robot):
+    if identity_of(NominalModel(robot=stored)) != identity_of(NominalModel(robot=cell.robot)):
         raise ModelMismatchError(
             f"{cell.robot.name} of the cell and {stored.name} of the model are not the same arm.",
             source=model_path,

@@ -13,6 +13,7 @@ import numpy as np
 
 from robotrue.app.outputs import check_output
 from robotrue.app.registered import opened
+from robotrue.calibration.nominal import NominalModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import parse_cell
 from robotrue.cell.part import PartTable
@@ -71,7 +72,7 @@ def run(
     file = read_points(points)
     touches = replace(file.touches, radius=options.probe_radius_mm * MM)
     found = register(
-        cell.robot.nominal() if model is None else model,
+        NominalModel(robot=cell.robot) if model is None else model,
         touches,
         parts=file.parts,
         settings=_settings(cell, options),

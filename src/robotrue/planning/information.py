@@ -20,13 +20,12 @@ from typing import Final
 
 import numpy as np
 
+from robotrue.calibration.belief import Belief
 from robotrue.calibration.estimate import free_groups
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.observations import PositionObservation, observations_of
 from robotrue.calibration.parameters import Layout, State
 from robotrue.calibration.priors import PriorScales, StiffnessPrior, build_prior
-from robotrue.calibration.residual import LearnedModel
-from robotrue.calibration.rigid_flexible import RigidFlexibleModel
 from robotrue.calibration.ripple import ripple_columns
 from robotrue.calibration.settings import FitSettings
 from robotrue.cell.cell import Cell
@@ -281,8 +280,8 @@ def after_fit(
     Raises:
         ModelMismatchError: A model of another kind, or of another number of joints.
     """
-    physics = model.physics if isinstance(model, LearnedModel) else model
-    if not isinstance(physics, RigidFlexibleModel) or physics.robot.dof != cell.robot.dof:
+    belief = model.belief()
+    if belief is None or model.robot.dof != cell.robot.dof:
         raise ModelMismatchError(
             f"the model is of {model.robot.name} with {model.robot.dof} joints, the cell has "
             f"{cell.robot.name} with {cell.robot.dof}.",
@@ -295,17 +294,13 @@ def after_fit(
     full = np.zeros((size + 2 * dof * h + dof,) * 2)
     drives = _drive_sd(cell.measured_robot, unmodelled)
     full[np.diag_indices(len(full))] = np.concatenate([np.zeros(size), drives**2])
-    white = float(physics.white)
-    if isinstance(model, LearnedModel):
-        place = _places(model, size, dof, h)
-        kept = place >= 0
-        root = np.sqrt(model.inflation) * model.root[:, kept]
-        full[np.ix_(place[kept], place[kept])] = root.T @ root
-        white = float(np.hypot(white, model.amplitude if model.basis is not None else 0.0))
-    else:
-        full[:size, :size] = physics.covariance
+    place = _places(belief, size, dof, h)
+    carried = place >= 0
+    root = np.sqrt(belief.inflation) * belief.root[:, carried]
+    full[np.ix_(place[carried], place[carried])] = root.T @ root
+    white = float(np.hypot(belief.white, belief.amplitude if belief.basis is not None else 0.0))
     return LinearModel(
-        robot=physics.actual,
+        robot=belief.robot.with_errors(belief.errors),
         cell=cell,
         settings=settings,
         unmodelled=replace(unmodelled, white=max(white, unmodelled.white)),
@@ -319,16 +314,18 @@ def _drive_sd(robot: RobotModel, unmodelled: Unmodelled) -> Array:
     return np.append(ripple, np.full(robot.dof, unmodelled.backlash)) / robot.reach
 
 
-def _places(model: LearnedModel, size: int, dof: int, h: int) -> IntArray:
-    """Where each column of a learned model stands here; -1 for what has no column here."""
-    column = model.columns.astype(np.int64)
-    cycles = len(model.cycles)
+def _places(belief: Belief, size: int, dof: int, h: int) -> IntArray:
+    """Where each learned column of a belief stands here; -1 for what has no column here."""
+    column = np.arange(len(belief.mean))
+    cycles = len(belief.cycles)
     backlash = size + 2 * dof * cycles
     joint, within = np.divmod(column - size, max(2 * cycles, 1))
     place = np.where(within < 2 * h, size + 2 * h * joint + within, -1)
     place = np.where(column >= backlash, size + 2 * dof * h + column - backlash, place)
     place = np.where(column >= backlash + dof, -1, place)
-    return np.asarray(np.where(column < size, column, place))
+    place = np.where(column < size, column, place)
+    learned = belief.variance > 0.0  # a drive error that was never learned stays unknown
+    return np.where(learned | (column < size), place, -1)
 
 
 def _root_of(covariance: Array) -> Array:

@@ -8,7 +8,6 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel
-from robotrue.calibration.rigid_flexible import RigidFlexibleModel
 from robotrue.core.units import DEG, MM
 from robotrue.robot.model import UNITS, parameter_names
 
@@ -137,10 +136,10 @@ def _estimated(model: ErrorModel) -> dict[str, dict[str, Any]]:
     if actual is None:
         return {}
     names, errors = parameter_names(actual.robot.dof), np.asarray(actual.robot.errors)
-    physics = getattr(model, "physics", None)
+    belief = model.belief()
     spread = np.full(len(errors), np.nan)
-    if isinstance(physics, RigidFlexibleModel):
-        spread = np.sqrt(np.diagonal(physics.covariance))
+    if belief is not None:
+        spread = np.sqrt(belief.variance[: len(errors)])
     return {
         name: {"value": float(value), "sd": float(sd), "class": "not recorded"}
         for name, value, sd in zip(names, errors, spread, strict=True)

@@ -21,8 +21,6 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel, Query
-from robotrue.calibration.residual import LearnedModel
-from robotrue.calibration.rigid_flexible import RigidFlexibleModel
 from robotrue.calibration.settings import RP_PER_SIGMA
 from robotrue.core.arrays import Array
 from robotrue.errors import ShapeError
@@ -230,10 +228,10 @@ def _model_lines(
     model: ErrorModel, covariance: Array, repeatability: float
 ) -> tuple[list[Contribution], list[Contribution]]:
     """Lines of scatter, and the model's own; all in the model's where it cannot be divided."""
-    physics = model.physics if isinstance(model, LearnedModel) else model
-    if not isinstance(physics, RigidFlexibleModel):
+    physics = model.belief()
+    if physics is None:
         return [], [_normal("model", _per_axis(covariance), "A")]
-    factor = model.inflation if isinstance(model, LearnedModel) else 1.0
+    factor = physics.inflation
     scatter = factor * (physics.repeatability**2 + physics.white**2)
     parameters = np.sqrt(max(_per_axis(covariance) ** 2 - scatter, 0.0))
     lines = [

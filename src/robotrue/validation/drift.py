@@ -26,9 +26,9 @@ import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.special import chdtrc
 
+from robotrue.calibration.belief import Belief
 from robotrue.calibration.model import ErrorModel, Query
-from robotrue.calibration.residual import LearnedModel
-from robotrue.calibration.rigid_flexible import RigidFlexibleModel, linearised
+from robotrue.calibration.rigid_flexible import linearise_arm
 from robotrue.core.arrays import Array, frozen
 from robotrue.errors import ConfigurationError, ObservabilityError, ShapeError
 from robotrue.measurement.measurement_set import MeasurementSet
@@ -198,13 +198,9 @@ def cause_columns(model: ErrorModel, query: Query) -> dict[str, tuple[tuple[str,
     Raises:
         ConfigurationError: A model without physics.
     """
-    physics = model.physics if isinstance(model, LearnedModel) else model
-    if not isinstance(physics, RigidFlexibleModel):
-        raise ConfigurationError(
-            f"a {type(model).__name__} keeps no joint covariance: its drift cannot be judged.",
-            hint="calibrate with a method of `robotrue calibrate`.",
-        )
-    _, _, jacobian = linearised(physics, query.joints, query.load)
+    belief = _checkable(model)
+    actual = belief.robot.with_errors(belief.errors)
+    _, _, jacobian = linearise_arm(actual, query.joints, query.load)
     dof = model.robot.dof
     base, tool = parameter_slice(dof, "base"), parameter_slice(dof, "tool")
     found = {
@@ -219,11 +215,7 @@ def cause_columns(model: ErrorModel, query: Query) -> dict[str, tuple[tuple[str,
 
 
 def _covariance(model: ErrorModel, seen: Evaluation, query: Query) -> Array:
-    if not isinstance(model, LearnedModel | RigidFlexibleModel):
-        raise ConfigurationError(
-            f"a {type(model).__name__} keeps no joint covariance: its drift cannot be judged.",
-            hint="calibrate with a method of `robotrue calibrate`.",
-        )
+    _checkable(model)
     total = model.joint_covariance(query)
     for i, instrument in enumerate(seen.measured.covariance):
         place = slice(3 * i, 3 * i + 3)
@@ -236,6 +228,17 @@ def _covariance(model: ErrorModel, seen: Evaluation, query: Query) -> Array:
             hint="state the instrument and the repeatability in the cell.",
         ) from None
     return total
+
+
+def _checkable(model: ErrorModel) -> Belief:
+    """The belief of a model whose drift can be checked."""
+    belief = model.belief()
+    if belief is None:
+        raise ConfigurationError(
+            f"a {type(model).__name__} keeps no joint covariance: its drift cannot be judged.",
+            hint="calibrate with a method of `robotrue calibrate`.",
+        )
+    return belief
 
 
 _Way: TypeAlias = tuple[str, Kind, tuple[str, ...], Array]

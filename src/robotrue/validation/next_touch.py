@@ -25,7 +25,6 @@ from robotrue.cell.registration.fit import moved
 from robotrue.core.arrays import Array
 from robotrue.core.rotations import rotation_vector_from_matrix, skew
 from robotrue.measurement.probing_set import ProbingSet
-from robotrue.robot.model import RobotModel
 from robotrue.validation.registered_part import REGION
 from robotrue.validation.registration_frame import (
     CALIBRATED_ROBOT,
@@ -59,7 +58,7 @@ class TouchBelief:
         touches: How many it rests on.
     """
 
-    arm: ErrorModel | RobotModel
+    arm: ErrorModel
     settings: RegistrationSettings
     T_base_part: Mapping[int, Array]
     belief: Belief | None
@@ -110,7 +109,7 @@ class Judged:
 
 
 def believed(
-    arm: ErrorModel | RobotModel,
+    arm: ErrorModel,
     touches: ProbingSet | None,
     rough: Mapping[int, Array],
     *,
@@ -263,7 +262,7 @@ def _noise(known: TouchBelief, touches: ProbingSet) -> Array:
     touch = known.settings.touch**2
     if known.belief is None:
         stated = known.settings.robot
-        usual = NOMINAL_ROBOT if isinstance(known.arm, RobotModel) else CALIBRATED_ROBOT
+        usual = CALIBRATED_ROBOT if known.arm.calibrated else NOMINAL_ROBOT
         return np.full(len(touches), touch + (usual if stated is None else stated) ** 2)
     return _visit(known, known.belief, touches) + touch
 

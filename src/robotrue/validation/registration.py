@@ -21,7 +21,6 @@ from robotrue.core.mesh import TriangleMesh
 from robotrue.core.provenance import merge
 from robotrue.errors import ModelMismatchError, ShapeError
 from robotrue.measurement.probing_set import NO_SURFACE, ProbingSet
-from robotrue.robot.model import RobotModel
 from robotrue.validation.registered_part import FoundFrame, RegisteredPart
 from robotrue.validation.registration_frame import (
     GOOD,
@@ -58,7 +57,7 @@ NOMINAL_COST: Final = (
 
 
 def register(
-    arm: ErrorModel | RobotModel,
+    arm: ErrorModel,
     touches: ProbingSet,
     *,
     parts: Sequence[str] = ("part",),
@@ -67,7 +66,7 @@ def register(
     """Returns where the parts stand, with covariance, verdict and the model they belong to.
 
     Args:
-        arm: The model that touched and that will machine; a robot is the nominal arm.
+        arm: The model that touched and that will machine; :class:`NominalModel` without one.
         touches: Of one part or several; their ``part`` counts ``parts``.
         parts: Names.
         settings: Noise, tool, tolerance, mesh.
@@ -99,21 +98,19 @@ def register(
         with naming(touches):
             return joint_registration(arm, checked, whole, settings)
     identity = identity_of(arm)
-    nominal = isinstance(arm, RobotModel) and touches.has_joints
+    nominal = not arm.calibrated and touches.has_joints
     return RegisteredPart(
         route="frame",
         frames=tuple(_alone(arm, found, settings, several) for found in checked),
         identity=identity,
         touched_with=identity,
         doubts=(NOMINAL_COST,) if nominal else (),
-        provenance=merge(
-            [touches.provenance, *([] if isinstance(arm, RobotModel) else [provenance_of(arm)])]
-        ),
+        provenance=merge([touches.provenance, *([provenance_of(arm)] if arm.calibrated else [])]),
     )
 
 
 def _alone(
-    arm: ErrorModel | RobotModel,
+    arm: ErrorModel,
     found: CheckedTouches,
     settings: RegistrationSettings,
     several: bool,
@@ -122,8 +119,8 @@ def _alone(
         return frame_alone(arm, found, settings)
 
 
-def _check_rows(arm: ErrorModel | RobotModel, touches: ProbingSet, parts: Sequence[str]) -> None:
-    robot = arm if isinstance(arm, RobotModel) else arm.robot
+def _check_rows(arm: ErrorModel, touches: ProbingSet, parts: Sequence[str]) -> None:
+    robot = arm.robot
     if touches.has_joints and touches.joints.shape[1] != robot.dof:
         raise ModelMismatchError(
             f"{touches.joints.shape[1]} joint columns, {robot.name} has {robot.dof} joints.",
@@ -135,7 +132,7 @@ def _check_rows(arm: ErrorModel | RobotModel, touches: ProbingSet, parts: Sequen
 
 
 def _checked(
-    arm: ErrorModel | RobotModel, name: str, touches: ProbingSet, settings: RegistrationSettings
+    arm: ErrorModel, name: str, touches: ProbingSet, settings: RegistrationSettings
 ) -> CheckedTouches:
     in_base = touches.position
     if touches.has_joints:

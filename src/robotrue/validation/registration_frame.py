@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.calibration.belief import Belief, belief_of, widened
+from robotrue.calibration.belief import Belief, widened
 from robotrue.calibration.machined import tip_columns, unchanged_covariance
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.calibration.prior_belief import prior_belief
@@ -18,7 +18,6 @@ from robotrue.cell.registration.touches import fit_touches, touch_gain
 from robotrue.core.arrays import Array
 from robotrue.core.rotations import skew
 from robotrue.core.units import DEG, MM
-from robotrue.errors import ConfigurationError
 from robotrue.measurement.probing_set import NO_SURFACE, ProbingSet
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel, parameter_slice
@@ -53,12 +52,12 @@ class CheckedTouches:
     doubts: tuple[str, ...]
 
 
-def tips(arm: ErrorModel | RobotModel, joints: Array, settings: RegistrationSettings) -> Array:
+def tips(arm: ErrorModel, joints: Array, settings: RegistrationSettings) -> Array:
     """Returns where the model has the tip at joints (n, dof) rad, (n, 3) m in base."""
-    robot = arm.nominal() if isinstance(arm, RobotModel) else arm.robot.nominal()
+    robot = arm.robot.nominal()
     tool = settings.T_flange_tool
     point = forward(robot if tool is None else robot.with_tool(tool), joints)[:, :3, 3]
-    if isinstance(arm, RobotModel):
+    if not arm.calibrated:
         return np.asarray(point)
     return np.asarray(point + arm.predict(touch_query(joints, robot, settings)).error)
 
@@ -78,9 +77,7 @@ def touch_query(joints: Array, robot: RobotModel, settings: RegistrationSettings
     )
 
 
-def robot_share(
-    arm: ErrorModel | RobotModel, touches: ProbingSet, settings: RegistrationSettings
-) -> float:
+def robot_share(arm: ErrorModel, touches: ProbingSet, settings: RegistrationSettings) -> float:
     """Returns m per axis by which the arm may be off besides a rigid motion of the part.
 
     With joints from what is believed of the arm: small where all touches have one posture, up to a
@@ -90,7 +87,7 @@ def robot_share(
         return settings.robot
     belief = arm_belief(arm, settings) if touches.has_joints else None
     if belief is None:
-        return NOMINAL_ROBOT if isinstance(arm, RobotModel) else CALIBRATED_ROBOT
+        return CALIBRATED_ROBOT if arm.calibrated else NOMINAL_ROBOT
     query = touch_query(touches.joints, belief.robot, settings)
     off = (tip_columns(belief, query) @ belief.root.T).reshape(3 * len(touches), -1)
     base = tips(arm, touches.joints, settings)
@@ -104,7 +101,7 @@ def robot_share(
 
 
 def frame_alone(
-    arm: ErrorModel | RobotModel, found: CheckedTouches, settings: RegistrationSettings
+    arm: ErrorModel, found: CheckedTouches, settings: RegistrationSettings
 ) -> FoundFrame:
     """Returns the frame of one part, the model of the arm left as it is.
 
@@ -196,17 +193,18 @@ def _with_arm(
     return replace(fit, covariance=0.5 * (covariance + covariance.T)), machined
 
 
-def arm_belief(arm: ErrorModel | RobotModel, settings: RegistrationSettings) -> Belief | None:
+def arm_belief(arm: ErrorModel, settings: RegistrationSettings) -> Belief | None:
     """Returns what is believed of the arm; None for a model that keeps no joint covariance."""
-    if not isinstance(arm, RobotModel):
-        try:
-            belief = belief_of(arm)
-        except ConfigurationError:
+    if arm.calibrated:
+        belief = arm.belief()
+        if belief is None:
             return None
         variance = np.zeros(len(belief.mean))
         variance[parameter_slice(belief.robot.dof, "tool")][:3] = (settings.tool_sigma or 0.0) ** 2
         return widened(belief, variance)
-    robot = arm if settings.T_flange_tool is None else arm.with_tool(settings.T_flange_tool)
+    robot = arm.robot
+    if settings.T_flange_tool is not None:
+        robot = robot.with_tool(settings.T_flange_tool)
     known = TOOL if settings.tool_sigma is None else max(settings.tool_sigma, 1e-6)
     scales = replace(settings.arm.scales, tool=known)
     return prior_belief(robot.nominal(), replace(settings.arm, scales=scales))

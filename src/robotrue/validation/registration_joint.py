@@ -55,16 +55,14 @@ def numbers_of(touches: ProbingSet) -> int:
     return 3 * int(touches.full.sum()) + int((~touches.full).sum())
 
 
-def enough_for_joint(
-    arm: ErrorModel | RobotModel, touches: ProbingSet, settings: RegistrationSettings
-) -> bool:
+def enough_for_joint(arm: ErrorModel, touches: ProbingSet, settings: RegistrationSettings) -> bool:
     """Returns whether arm, tool and frames should be estimated together, if nobody says.
 
     A model that keeps no covariance of its parameters cannot learn from touches.
     """
     if not touches.has_joints or arm_belief(arm, settings) is None:
         return False
-    if isinstance(arm, RobotModel):
+    if not arm.calibrated:
         return numbers_of(touches) >= ENOUGH
     return numbers_of(touches) >= 6 * len(touches.parts)
 
@@ -95,7 +93,7 @@ def require_numbers(touches: ProbingSet) -> None:
 
 
 def joint_registration(
-    arm: ErrorModel | RobotModel,
+    arm: ErrorModel,
     checked: Sequence[CheckedTouches],
     touches: ProbingSet,
     settings: RegistrationSettings,
@@ -113,7 +111,7 @@ def joint_registration(
         ImplausibleDataError: Exchanged names, or half the touches against the rest.
         ConvergenceError: No rest.
     """
-    robot = arm if isinstance(arm, RobotModel) else arm.robot
+    robot = arm.robot
     known, doubts = _tool_sigma(arm, robot, touches, settings)
     estimate = estimate_probing(
         arm,
@@ -213,7 +211,7 @@ def _frame(
 
 
 def _tool_sigma(
-    arm: ErrorModel | RobotModel,
+    arm: ErrorModel,
     robot: RobotModel,
     touches: ProbingSet,
     settings: RegistrationSettings,
@@ -222,8 +220,8 @@ def _tool_sigma(
     doubts: list[str] = []
     known = settings.tool_sigma
     if known is None:
-        known = 0.0 if same_tool(robot, settings) and not isinstance(arm, RobotModel) else TOOL
-        if known and not isinstance(arm, RobotModel):
+        known = 0.0 if same_tool(robot, settings) and arm.calibrated else TOOL
+        if known and arm.calibrated:
             doubts.append(
                 "The tip that touched is not the point the model was made with; its place in the "
                 f"flange is taken as known to {TOOL / MM:g} mm per axis (--tool-sigma-mm)."
@@ -235,7 +233,7 @@ def _tool_sigma(
             "another side."
         )
     # A nominal arm's prior of the tip would stand in for 0.
-    return max(known, EXACT) if isinstance(arm, RobotModel) else known, tuple(doubts)
+    return known if arm.calibrated else max(known, EXACT), tuple(doubts)
 
 
 def _tilt(robot: RobotModel, touches: ProbingSet) -> float:
@@ -246,7 +244,7 @@ def _tilt(robot: RobotModel, touches: ProbingSet) -> float:
 
 
 def _moved(
-    arm: ErrorModel | RobotModel, after: Array, touches: ProbingSet, settings: RegistrationSettings
+    arm: ErrorModel, after: Array, touches: ProbingSet, settings: RegistrationSettings
 ) -> float:
     """Root mean square distance, m, by which the tip moved at the touches."""
     before = tips(arm, touches.joints, settings)

@@ -14,9 +14,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from robotrue.calibration.belief import belief_of
 from robotrue.calibration.machined import region_factor, tip_columns, uncarried
-from robotrue.calibration.model import ErrorModel, Query
+from robotrue.calibration.model import ErrorModel, Query, require_belief
 from robotrue.core.arrays import Array, BoolArray, frozen
 from robotrue.errors import ConfigurationError, ModelMismatchError, ObservabilityError
 from robotrue.measurement.probing_set import ProbingSet
@@ -135,7 +134,7 @@ def socket_spread(
 
 def _about_mean(model: ErrorModel, touches: ProbingSet, payload: Load, touch_sigma: float) -> Array:
     """Covariance (n, 3, 3) m^2 of each tip less the mean of its socket: shared errors cancel."""
-    belief = belief_of(model)
+    belief = require_belief(model)
     query = Query(joints=touches.joints, load=payload)
     columns = tip_columns(belief, query)
     visit = belief.white**2 + belief.repeatability**2 + uncarried(belief, query)

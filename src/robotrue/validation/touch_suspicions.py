@@ -11,7 +11,6 @@ from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.robot.forward import forward
-from robotrue.robot.model import RobotModel
 from robotrue.validation.next_touch import Judged, TouchBelief, judged_reading
 from robotrue.validation.registration_frame import GOOD
 
@@ -131,8 +130,7 @@ def _ball(
     if touch.full[0]:
         if not touch.has_joints:
             return ()
-        arm = known.arm if isinstance(known.arm, RobotModel) else known.arm.robot
-        robot = arm.nominal()
+        robot = known.arm.robot.nominal()
         tool = known.settings.T_flange_tool
         robot = robot if tool is None else robot.with_tool(tool)
         way = -(forward(robot, touch.joints)[0, :3, :3] @ tip_axis)

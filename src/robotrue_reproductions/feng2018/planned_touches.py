@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from robotrue.calibration.nominal import NominalModel
 from robotrue.calibration.probing import ProbingSettings, before_touching
 from robotrue.calibration.settings import RP_PER_SIGMA, FitSettings
 from robotrue.core.arrays import Array
@@ -63,7 +64,7 @@ def planned(count: int) -> tuple[tuple[Posture, ...], Array, Array]:
     posture, points, joints = _candidates()
     names = tuple(str(i + 1) for i in range(len(points)))
     task = ProbingTask(
-        belief=before_touching(robot, settings),
+        belief=before_touching(NominalModel(robot=robot), settings),
         T_base_part={0: T_BASE_DRAWN},
         candidates=ProbingSet(names=names, point=points, joints=joints, source="candidates"),
         machining=_machining(),

@@ -15,6 +15,7 @@ import numpy as np
 
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel, Query
+from robotrue.calibration.nominal import NominalModel
 from robotrue.calibration.probing import (
     ProbingEstimate,
     ProbingSettings,
@@ -265,7 +266,8 @@ def estimated(
         tool_sigma=tool_sigma,
         priors=FitSettings(repeatability=cell.sizes.repeatability * RP_PER_SIGMA),
     )
-    return estimate_probing(model, probing_set(touches), settings)
+    arm = NominalModel(robot=model) if isinstance(model, RobotModel) else model
+    return estimate_probing(arm, probing_set(touches), settings)
 
 
 def turned_as_drawn(s: Session) -> tuple[Side, Side]:

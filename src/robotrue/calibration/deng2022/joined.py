@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.calibration.archive import robot_arrays, robot_document, robot_from
+from robotrue.calibration.belief import Belief
 from robotrue.calibration.deng2022.committee import Committee, restored
 from robotrue.calibration.deng2022.domains import LEVER
 from robotrue.calibration.deng2022.features import pose_features
@@ -20,7 +21,13 @@ from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array, IntArray, frozen
 from robotrue.core.regions import CylinderRegion, contains, coordinates_of
 from robotrue.core.units import DEG, MM, UM
-from robotrue.errors import ArchiveError, ModelMismatchError, ReachError, ShapeError
+from robotrue.errors import (
+    ArchiveError,
+    ConfigurationError,
+    ModelMismatchError,
+    ReachError,
+    ShapeError,
+)
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel
@@ -72,6 +79,26 @@ class PoseModel:
         """Freezes."""
         object.__setattr__(self, "robot", self.robot.nominal())
         object.__setattr__(self, "reference", frozen(self.reference, (3,), "reference"))
+
+    @property
+    def calibrated(self) -> bool:
+        """True: it comes from measurements."""
+        return True
+
+    def belief(self) -> Belief | None:
+        """Returns None: a model of poses has no coefficients of the arm."""
+        return None
+
+    def joint_covariance(self, query: Query) -> Array:
+        """Raises: a model of poses does not say what its rows share.
+
+        Raises:
+            ConfigurationError: Always.
+        """
+        raise ConfigurationError(
+            "a PoseModel keeps no joint covariance of its predictions.",
+            hint="calibrate with a method of `robotrue calibrate`.",
+        )
 
     def predict(self, query: Query) -> Prediction:
         """Returns mean and covariance of the error at every query row, base frame.

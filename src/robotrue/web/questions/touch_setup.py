@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.nominal import NominalModel
 from robotrue.cell.cell import Cell
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
@@ -25,7 +26,6 @@ from robotrue.measurement.probing_set import ProbingSet
 from robotrue.measurement.touch_session import TouchReading, TouchSession, session_csv
 from robotrue.planning.information import settings_of
 from robotrue.robot.identity import nominal_identity
-from robotrue.robot.model import RobotModel
 from robotrue.store import items, models
 from robotrue.store.nouns import CELL, DOCUMENT, MODEL
 from robotrue.store.records import CellRecord, DocumentRecord, ModelRecord
@@ -59,9 +59,9 @@ class Opened:
     model_record: ModelRecord | None
 
     @property
-    def arm(self) -> ErrorModel | RobotModel:
+    def arm(self) -> ErrorModel:
         """What touches, as ``robotrue register`` takes it."""
-        return self.cell.robot.nominal() if self.model is None else self.model
+        return NominalModel(robot=self.cell.robot) if self.model is None else self.model
 
     @property
     def joints(self) -> bool:

@@ -1,0 +1,136 @@
+"""The arm that nobody measured: what its controller computes, and how far arms of its type err."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from robotrue.calibration.archive import robot_arrays, robot_document, robot_from
+from robotrue.calibration.belief import Belief
+from robotrue.calibration.model import Prediction, Query
+from robotrue.calibration.prior_belief import prior_belief
+from robotrue.calibration.residual import model_of
+from robotrue.calibration.rigid_flexible import unknown_reflector
+from robotrue.calibration.settings import FitSettings
+from robotrue.calibration.tables import MeanTables, rigid_tables
+from robotrue.core.archive import Archive, archive_reader
+from robotrue.core.arrays import Array
+from robotrue.errors import ModelMismatchError
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.model import RobotModel
+from robotrue.robot.statics import NO_LOAD, Load
+
+KIND: Final = "error-model/nominal"
+SCHEMA: Final = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NominalModel:
+    """An error model that corrects nothing: the nominal arm, with the priors of its type.
+
+    Attributes:
+        robot: The nominal arm and its tool.
+        settings: Priors and repeatability; they decide the covariance alone.
+    """
+
+    robot: RobotModel
+    settings: FitSettings = field(default_factory=FitSettings)
+
+    def __post_init__(self) -> None:
+        """Drops errors the robot may carry."""
+        object.__setattr__(self, "robot", self.robot.nominal())
+
+    @property
+    def calibrated(self) -> bool:
+        """False: nobody measured it."""
+        return False
+
+    def belief(self) -> Belief:
+        """Returns the priors of a fit, the base held."""
+        return prior_belief(self.robot, self.settings)
+
+    def predict(self, query: Query) -> Prediction:
+        """Returns an error of zero, with the covariance of an arm of this type.
+
+        Raises:
+            ShapeError: Joints of another robot.
+        """
+        typical = model_of(self.belief(), {}).predict(query)
+        return Prediction(
+            error=0.0 * typical.error,
+            rotation_error=0.0 * typical.rotation_error,
+            covariance=typical.covariance,
+        )
+
+    def joint_covariance(self, query: Query) -> Array:
+        """Returns the covariance (3n, 3n) m^2 of the errors of all rows together.
+
+        Raises:
+            ShapeError: Joints of another robot.
+        """
+        return model_of(self.belief(), {}).joint_covariance(query)
+
+    def mean_tables(self, load: Load = NO_LOAD) -> MeanTables | None:
+        """Returns the nominal chain."""
+        return rigid_tables(self.robot)
+
+    def in_base(self, measurements: MeasurementSet) -> MeasurementSet:
+        """Returns the set, which must be in base already.
+
+        Raises:
+            ModelMismatchError: It is in a tracker frame.
+        """
+        if measurements.frame != "base":
+            raise ModelMismatchError(
+                "the measurements are in a tracker frame, which a nominal arm does not know.",
+                hint="register the tracker to the base first, or calibrate.",
+            )
+        return measurements
+
+    def at_reflector(self, number: int) -> NominalModel:
+        """Returns the model itself for reflector 0.
+
+        Raises:
+            ModelMismatchError: Another reflector.
+        """
+        if number:
+            raise unknown_reflector(number, ())
+        return self
+
+    def training_summary(self) -> Mapping[str, Any]:
+        """Returns JSON values: no rows, and a warning that says so."""
+        return {
+            "method": "none",
+            "rows": 0,
+            "screened_rows": [],
+            "sources": [],
+            "verdict": "conditional",
+            "doubts": ["nothing was measured: the nominal arm, and the priors of its type."],
+        }
+
+    def to_archive(self) -> Archive:
+        """Returns the arm; priors are those of the program that opens it."""
+        return Archive(
+            kind=KIND,
+            schema=SCHEMA,
+            document={
+                "robot": robot_document(self.robot),
+                "repeatability": self.settings.repeatability,
+            },
+            arrays=robot_arrays(self.robot),
+        )
+
+
+@archive_reader
+def from_archive(archive: Archive) -> NominalModel:
+    """Returns the nominal arm in an archive.
+
+    Raises:
+        ArchiveError: Another kind, a newer schema, or parts that are missing or cannot be.
+    """
+    archive.expect(KIND, SCHEMA)
+    repeatability = float(archive.document["repeatability"])
+    return NominalModel(
+        robot=robot_from(archive), settings=FitSettings(repeatability=repeatability)
+    )
