@@ -46,7 +46,7 @@ from robotrue.dynamics.windows import WindowSet
 from robotrue.errors import ArchiveError
 from robotrue.robot.presets import preset
 from robotrue.simulation.drilling_machine import drilling_machine, random_campaign
-from robotrue.store.model_file import cell_document, cell_from_document
+from robotrue.store.model_file import pack_cell, unpack_cell
 
 Contents = tuple[dict, dict[str, np.ndarray]]
 UNKNOWN = {"p_pivot_tip", "measured", "static", "stiffness"}
@@ -104,7 +104,7 @@ def samples() -> dict[str, bytes]:
         upper=np.full((1, 1), 1e-8), lower=np.full((1, 1), 1e-3), static=np.full((1, 1), 1e-6),
         response_axes=("y",), excitation_axes=("y",), valid=(5.0, 200.0), source="x",
     )  # fmt: skip
-    cell = {"cell": cell_document(Cell(robot=robot, source="x.toml", digest="0" * 64))}
+    cell = {"cell": pack_cell(Cell(robot=robot, source="x.toml", digest="0" * 64))}
     out = {}
     for name, model in (("rigid", rigid), ("learned", learned), ("deng", posed)):
         whole = model.to_archive()
@@ -136,7 +136,7 @@ def read(name: str, data: bytes) -> object:
     archive = archive_from(data)
     if name in ("rigid", "learned", "deng"):
         model = open_model(archive)
-        return cell_from_document(archive.document.get("cell", {}), model.robot)
+        return unpack_cell(archive.document.get("cell", {}), model.robot)
     kind = {"tool": "held-tool", "modal": "modal-model", "deviation": "dynamic-deviation"}
     return READERS[kind.get(name, "drilling-normal")](archive)
 

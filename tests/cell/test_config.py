@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from robotrue.cell.cell import Cell, tracker_covariance
-from robotrue.cell.config import read_cell
-from robotrue.cell.example import write_cell_example
+from robotrue.cell.config import read_cell, write_cell_example
 from robotrue.cell.obstacles import Box, HalfSpace
 from robotrue.cell.wording import line_of_key
 from robotrue.core.poses import pose_from_xyz_abc
@@ -153,7 +152,7 @@ BAD = {
     'schema = 1\n[robot]\nprest = "UR5"\n': (
         "cell.toml:3: unknown key robot.prest; allowed are preset, urdf, convention, dh, maker, "
         "axes_sign, axes_offset_deg, limits_deg, mass_kg, centre_of_mass_mm, "
-        "stiffness_Nm_per_rad, gravity_m_per_s2, "
+        "joint_map, stiffness_Nm_per_rad, gravity_m_per_s2, "
         "link_radius_mm. Try: robot.preset."
     ),
     UR5 + "[payload]\nmass = 3\n": (

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from robotrue.cell.cell import Cell
-from robotrue.cell.config import read_cell
-from robotrue.cell.example import write_cell_example
-from robotrue.cell.part_tables import with_files
-from robotrue.cell.writer import cell_text
+from robotrue.cell.cell_text import cell_text
+from robotrue.cell.config import read_cell, write_cell_example
+from robotrue.cell.toml_edit import rename_files
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
-from robotrue.program.program import FrameTable
-from robotrue.store.controller_document import controller_document, controller_from_document
 
 HEAD = 'schema = 1\n[robot]\npreset = "UR5"\n'
 EVERY = """
@@ -177,15 +173,6 @@ def test_written_and_read_back(tmp_path: Path) -> None:
         assert other.per_pulse == pytest.approx(one.per_pulse, nan_ok=True)
 
 
-def test_kept_in_a_document(tmp_path: Path) -> None:
-    told = cell_of(tmp_path, EVERY).controller
-    document = json.loads(json.dumps(controller_document(told)))
-    again = controller_from_document(document)
-    assert controller_document(again) == document
-    np.testing.assert_array_equal(again.tools["0"], told.tools["0"])
-    assert controller_document(controller_from_document({})) == controller_document(FrameTable())
-
-
 def test_the_example_tells_every_key(tmp_path: Path) -> None:
     text = write_cell_example()
     shown = text[text.index("# [controller]") :].replace("\n# ", "\n")[2:]
@@ -200,6 +187,6 @@ def test_the_example_tells_every_key(tmp_path: Path) -> None:
 
 def test_files_are_named_from_where_the_cell_is_written() -> None:
     text = "[controller]\nfiles = [\n  '$config.dat', # frames\n  \"b/TOOL.CND\"]\n"
-    assert with_files(text, lambda name: "../" + name) == (
+    assert rename_files(text, lambda name: "../" + name) == (
         '[controller]\nfiles = [\n  "../$config.dat", # frames\n  "../b/TOOL.CND"]\n'
     )

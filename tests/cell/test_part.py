@@ -9,10 +9,17 @@ import numpy as np
 import pytest
 
 from robotrue.cell.cell import Cell
+from robotrue.cell.cell_text import cell_text
 from robotrue.cell.config import parse_cell, read_cell
 from robotrue.cell.part import PartFrame, PartTable
-from robotrue.cell.part_tables import part_text, with_part, with_urdf, without_part
-from robotrue.cell.writer import cell_text
+from robotrue.cell.part_tables import part_tables
+from robotrue.cell.toml_edit import (
+    PART_HEADING,
+    rename_files,
+    with_part,
+    without_part,
+    write_toml,
+)
 from robotrue.core.identity import ModelIdentity
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.errors import ConfigurationError, ShapeError
@@ -57,9 +64,17 @@ def table(*names: str) -> PartTable:
     )
 
 
+def registered(text: str, *names: str) -> str:
+    return with_part(text, part_tables(table(*names)))
+
+
+def text_of(part: PartTable) -> str:
+    return PART_HEADING + write_toml(part_tables(part))
+
+
 def test_written_and_read_back_to_the_last_digit(tmp_path: Path) -> None:
     path = tmp_path / "cell.toml"
-    path.write_text(with_part(CELL, table("front", "back")))
+    path.write_text(registered(CELL, "front", "back"))
     cell = read_cell(path)
     assert cell.part is not None
     for found, made in zip(cell.part.frames, table("front", "back").frames, strict=True):
@@ -73,26 +88,26 @@ def test_written_and_read_back_to_the_last_digit(tmp_path: Path) -> None:
 
 def test_the_only_part_is_the_work_frame(tmp_path: Path) -> None:
     path = tmp_path / "cell.toml"
-    path.write_text(with_part(CELL + "[base]\nxyz_mm = [1, 2, 3]\n", table("block")))
+    path.write_text(registered(CELL + "[base]\nxyz_mm = [1, 2, 3]\n", "block"))
     cell = read_cell(path)
     np.testing.assert_allclose(cell.T_base_frame, table("block").frames[0].T_base_part, atol=1e-15)
 
 
 def test_registering_again_leaves_one_registration_and_every_other_byte() -> None:
-    once = with_part(CELL, table("front", "back"))
+    once = registered(CELL, "front", "back")
     assert once.startswith(CELL)
-    assert with_part(once, table("front", "back")) == once
+    assert registered(once, "front", "back") == once
     assert without_part(once) == CELL
     after = once + "\n[base]\nxyz_mm = [0, 0, 1]\n"  # a table somebody added behind
     assert without_part(after) == CELL.rstrip() + "\n\n[base]\nxyz_mm = [0, 0, 1]\n"
 
 
 @pytest.mark.parametrize(("text", "message"), [
-    (CELL + part_text(table("a")).split("[[part]]")[0], r"part frames \[\] with a"),
-    (CELL + "[[part]]" + part_text(table("a")).split("[[part]]")[1], "without a .registration"),
-    (with_part(CELL, table("a")).replace("[[part]]", "[[part]]\nsize = 1"), "unknown key part"),
-    (with_part(CELL, table("a")).replace('"GO"', '"MAYBE"'), "MAYBE"),
-    (with_part(CELL, table("a")) + "[[part]]" + part_text(table("a")).split("[[part]]")[1],
+    (CELL + text_of(table("a")).split("[[part]]")[0], r"part frames \[\] with a"),
+    (CELL + "[[part]]" + text_of(table("a")).split("[[part]]")[1], "without a .registration"),
+    (registered(CELL, "a").replace("[[part]]", "[[part]]\nsize = 1"), "unknown key part"),
+    (registered(CELL, "a").replace('"GO"', '"MAYBE"'), "MAYBE"),
+    (registered(CELL, "a") + "[[part]]" + text_of(table("a")).split("[[part]]")[1],
      "of different names"),
 ])  # fmt: skip
 def test_half_a_registration_is_refused(text: str, message: str) -> None:
@@ -113,8 +128,9 @@ def test_frames_by_name() -> None:
 
 def test_a_urdf_keeps_its_place() -> None:
     text = 'schema = 1\n[robot]\nurdf = "arm.urdf"  # ours\n'
-    assert with_urdf(text, "../cells/arm.urdf") == text.replace("arm.urdf", "../cells/arm.urdf")
-    assert with_urdf(CELL, "x") == CELL
+    moved = rename_files(text, lambda name: "../cells/" + name)
+    assert moved == text.replace("arm.urdf", "../cells/arm.urdf")
+    assert rename_files(CELL, lambda name: "x") == CELL
 
 
 def arms() -> list[RobotModel]:
@@ -162,7 +178,14 @@ def test_a_cell_written_is_the_cell_read(robot: RobotModel) -> None:
     np.testing.assert_allclose(found.payload.com, cell.payload.com, atol=1e-15)
 
 
-def test_an_arm_no_cell_file_can_say() -> None:
-    robot = preset("ABB IRB 6660-205/1.9")
-    with pytest.raises(ConfigurationError, match=r"coupled joints, which cell\.toml cannot say"):
-        cell_text(Cell(robot=replace(robot, name="renamed")))
+def test_coupled_joints_are_written_with_their_map() -> None:
+    robot = replace(preset("ABB IRB 6660-205/1.9"), name="renamed")
+    text = cell_text(Cell(robot=robot))
+    again = parse_cell(text.encode(), "renamed.toml")
+    assert nominal_identity(again.robot).same(nominal_identity(robot))
+
+
+def test_bounds_that_a_cell_file_cannot_say_are_refused() -> None:
+    uneven = replace(one_sigma(5e-6, 2e-6), angle_bound=9e-6)
+    with pytest.raises(ConfigurationError, match=r"which cell\.toml cannot say"):
+        cell_text(Cell(robot=preset("UR5"), tracker=uneven))

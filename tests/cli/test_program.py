@@ -11,7 +11,8 @@ import pytest
 import shop
 
 from robotrue.cell.part import PartFrame, PartTable
-from robotrue.cell.part_tables import part_text
+from robotrue.cell.part_tables import part_tables
+from robotrue.cell.toml_edit import write_toml
 from robotrue.core.poses import apply, pose, pose_from_xyz_abc
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM, UM
@@ -63,7 +64,7 @@ def register(cell: Path, *, identity=None, names=("block",), verdict="GO", model
         for k, name in enumerate(names)
     )
     table = PartTable(frames=frames, identity=identity, method="points", model_file=model_file)
-    cell.write_text(cell.read_text() + "\n" + part_text(table))
+    cell.write_text(cell.read_text() + "\n" + write_toml(part_tables(table)))
 
 
 @pytest.fixture

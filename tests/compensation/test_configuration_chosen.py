@@ -11,8 +11,8 @@ import pytest
 from robotrue.calibration.archive import robot_arrays, robot_document, robot_from
 from robotrue.calibration.model import Query
 from robotrue.calibration.tables import rigid_tables
+from robotrue.cell.cell_text import cell_text
 from robotrue.cell.config import parse_cell
-from robotrue.cell.writer import cell_text
 from robotrue.compensation import CompensationSettings, Status, compensate
 from robotrue.compensation.guessed import other_configurations
 from robotrue.compensation.start_posture import start_joints

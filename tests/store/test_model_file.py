@@ -10,7 +10,9 @@ import pytest
 
 from robotrue.calibration.rigid_flexible import RigidFlexibleModel
 from robotrue.cell.cell import Cell
+from robotrue.cell.config import read_cell
 from robotrue.core.archive import read_archive, write_archive
+from robotrue.core.units import UM
 from robotrue.errors import ArchiveError, FormatError
 from robotrue.measurement.tracker import one_sigma
 from robotrue.robot.presets import preset
@@ -29,11 +31,10 @@ def cell() -> Cell:
         T_flange_target=target,
         frame="tracker",
         tracker_position=np.array([1.0, 2.0, 0.5]),
-        tracker=one_sigma(5e-6, 2e-6),
+        tracker=one_sigma(5 * UM, 2 * UM),
         repeatability=4e-5,
         payload=Load(mass=np.array([30.0]), com=np.array([[0.0, 0.1, 0.2]])),
         compliance_prior=prior,
-        doubts=("No link masses are given.",),
         source="/somewhere/cell.toml",
         digest="ab" * 32,
     )
@@ -67,6 +68,33 @@ def test_cell_and_model_come_back(tmp_path: Path, cell: Cell, model: RigidFlexib
     assert back.cell.source == "cell.toml"  # no path of one machine travels with the model
 
 
+def test_the_cell_file_travels_with_the_model(tmp_path: Path, model: RigidFlexibleModel) -> None:
+    frames = "//TOOL 3\n///NAME A\n0.000,0.000,200.000,0.00,0.00,0.00\n"
+    text = (
+        "# ours\nschema = 1\n[controller]\nfiles = ['saved/TOOL.CND']  # of Monday\n"
+        '[robot]\npreset = "kr160"\n[target]\nxyz_mm = [80, 0, 50]\naxis = [0, 0, 1]\n'
+        "[[obstacle]]\nsphere_mm = [1, 2, 3, 4]\n"
+    )
+    (tmp_path / "saved").mkdir()
+    (tmp_path / "saved" / "TOOL.CND").write_text(frames)
+    (tmp_path / "cell.toml").write_text(text)
+    cell = read_cell(tmp_path / "cell.toml")
+    write_model(tmp_path / "m.rtm", model, cell)
+    back = read_model(tmp_path / "m.rtm").cell
+    assert back.text == text.replace("'saved/TOOL.CND'", '"TOOL.CND"')
+    assert back.files == {"TOOL.CND": frames.encode()}
+    assert back.controller.tools["3"][2, 3] == 0.2
+    assert len(back.obstacles) == 1
+    np.testing.assert_array_equal(back.target_axis, cell.target_axis)
+    # Values that were changed since are written, and nothing of the old text is left.
+    changed = replace(cell, repeatability=9e-5)
+    write_model(tmp_path / "changed.rtm", model, changed)
+    again = read_model(tmp_path / "changed.rtm").cell
+    assert again.repeatability == pytest.approx(9e-5)
+    assert "of Monday" not in again.text
+    np.testing.assert_array_equal(again.controller.tools["3"], cell.controller.tools["3"])
+
+
 def test_the_same_model_gives_the_same_bytes(
     tmp_path: Path, cell: Cell, model: RigidFlexibleModel
 ) -> None:
@@ -89,7 +117,7 @@ def test_refusals(tmp_path: Path, cell: Cell, model: RigidFlexibleModel) -> None
     with pytest.raises(ArchiveError, match=f"reads up to {CELL_SCHEMA}"):
         read_model(written(schema=CELL_SCHEMA + 1))
     with pytest.raises(ArchiveError, match="incomplete"):
-        read_model(written(repeatability=None))
+        read_model(written(text=None))
     bare = {k: v for k, v in whole.document.items() if k != "cell"}
     write_archive(path, replace(whole, document=bare))
     with pytest.raises(ArchiveError, match="no cell"):

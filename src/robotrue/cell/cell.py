@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -62,10 +63,11 @@ class Cell:
             is stated. Default: NaN.
         controller: Frames, tools, external axes and pulses that programs name and the controller
             holds; the defaults in it say nothing here. Default: none.
-        doubts: What the cell cannot model with what it was told, one sentence each.
         tables: Names of the tables its file states; empty if made in code.
         source: File it was read from; empty if made in code.
         digest: SHA-256 of that file.
+        text: Content of that file.
+        files: Content of the files it names (URDF, frames), by the names it gives them.
     """
 
     robot: RobotModel
@@ -85,10 +87,11 @@ class Cell:
     compliance_prior: Array = field(default_factory=lambda: np.empty(0))
     part: PartTable | None = None
     controller: FrameTable = field(default_factory=FrameTable)
-    doubts: tuple[str, ...] = ()
     tables: frozenset[str] = frozenset()
     source: str = ""
     digest: str = ""
+    text: str = ""
+    files: Mapping[str, bytes] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Checks shapes and fills the defaults that depend on other fields.
@@ -132,6 +135,16 @@ class Cell:
         )
         if not 0.0 <= self.repeatability < np.inf:
             raise ShapeError(f"repeatability is {self.repeatability} m, expected 0 or more.")
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Warnings: what the cell cannot model with what it states, one sentence each."""
+        if self.robot.link_mass.any():
+            return ()
+        return (
+            "No link masses are given: bending under the arm's own weight cannot be modelled, "
+            "only under payload and wrench.",
+        )
 
     @property
     def says_of_controller(self) -> bool:

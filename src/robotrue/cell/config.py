@@ -4,24 +4,24 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from pydantic import ValidationError
 
 from robotrue.cell.cell import DEFAULT_TARGET_SIGMA, Cell
-from robotrue.cell.controller import controller_of
+from robotrue.cell.controller_table import read_controller
 from robotrue.cell.obstacles import Box, HalfSpace, Obstacle, Sphere
-from robotrue.cell.part_tables import part_of
+from robotrue.cell.part_tables import read_part
+from robotrue.cell.robot_table import read_compliance, read_robot
 from robotrue.cell.schema import (
     CellFile,
-    DhRow,
     ObstacleTable,
     PayloadTable,
     PoseTable,
-    RobotTable,
     TargetTable,
     TrackerTable,
 )
@@ -33,14 +33,14 @@ from robotrue.core.toml_text import parse_toml
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError, ShapeError
 from robotrue.measurement.tracker import DEFAULT_SPECIFICATION, TrackerSpecification, one_sigma
-from robotrue.robot.makers import made_by
-from robotrue.robot.model import RobotModel
-from robotrue.robot.presets import preset
 from robotrue.robot.statics import Load
 
-_REACH: Final = (0.05, 20.0)
-"""m; a DH table outside is in another unit."""
 _LISTED: Final = re.compile(r"controller\.(\w+)(?:\[(\d+)\])?")
+
+
+def write_cell_example() -> str:
+    """Returns the text of a commented cell.toml that states every key and default."""
+    return Path(__file__).with_name("example.toml").read_text(encoding="utf-8")
 
 
 def read_cell(path: str | Path) -> Cell:
@@ -49,16 +49,23 @@ def read_cell(path: str | Path) -> Cell:
     Raises:
         ConfigurationError: Not TOML, an unknown key, a value that is not allowed, no robot; with
             file, line and key.
-        FormatError: The file cannot be read.
+        FormatError: The file, or one it names, cannot be read.
     """
     return parse_cell(read_bytes(path), path)
 
 
-def parse_cell(data: bytes, path: str | Path) -> Cell:
-    """Returns the cell the content of a file describes; the path is where it stands, or will.
+def parse_cell(data: bytes, path: str | Path, *, files: Mapping[str, bytes] | None = None) -> Cell:
+    """Returns the cell the content of a file describes.
+
+    Args:
+        data: Content of the cell.toml.
+        path: Where it stands, or will.
+        files: Content of the files it names (URDF, frames), by the names it gives them; None:
+            they are read from the disk, relative to the path.
 
     Raises:
         ConfigurationError: As :func:`read_cell`.
+        FormatError: As :func:`read_cell`.
     """
     tables, text = parse_toml(data, path, example="the reference of cell.toml")
     try:
@@ -66,7 +73,7 @@ def parse_cell(data: bytes, path: str | Path) -> Cell:
     except ValidationError as cause:
         raise configuration_error(cause, tables, path=path, text=text) from None
     try:
-        return _cell(file, path, sha256(data))
+        return _build_cell(file, _Source(path=Path(path), text=text, data=data, files=files))
     except (ConfigurationError, ShapeError) as cause:
         if cause.source is not None:
             raise
@@ -74,6 +81,29 @@ def parse_cell(data: bytes, path: str | Path) -> Cell:
         raise ConfigurationError(
             cause.message, source=path, line=line_of_key(text, key), hint=cause.hint
         ) from cause
+
+
+class _Source:
+    """The content of a cell.toml, and of the files it names as far as they were read."""
+
+    def __init__(
+        self, *, path: Path, text: str, data: bytes, files: Mapping[str, bytes] | None
+    ) -> None:
+        self.path, self.text, self.digest = path, text, sha256(data)
+        self.read: dict[str, bytes] = {}
+        self._files = files
+
+    def read_file(self, name: str) -> bytes:
+        """Returns the content of a file by the name that the cell.toml gives it.
+
+        Raises:
+            FormatError: It cannot be read.
+        """
+        if self._files is None or name not in self._files:
+            self.read[name] = read_bytes(self.path.parent / name)
+        else:
+            self.read[name] = self._files[name]
+        return self.read[name]
 
 
 def _blamed(message: str, file: CellFile) -> tuple[str | int, ...]:
@@ -96,6 +126,7 @@ def _blamed(message: str, file: CellFile) -> tuple[str | int, ...]:
         "gravity",
         "maker",
         "axes",
+        "joint_map",
         "sigma",
     ):
         if name in message:
@@ -105,38 +136,26 @@ def _blamed(message: str, file: CellFile) -> tuple[str | int, ...]:
     return ("robot", "dh") if file.robot.dh else ("robot",)
 
 
-def _cell(file: CellFile, path: str | Path, digest: str) -> Cell:
-    robot = _robot(file.robot, Path(path))
+def _build_cell(file: CellFile, source: _Source) -> Cell:
+    robot = read_robot(file.robot, source.path, source.read_file)
     if file.tool is not None:
         robot = robot.with_tool(_pose(file.tool))
-    prior, doubts = _stiffness(file.robot, robot), []
-    part = part_of(file)
-    if not robot.link_mass.any():
-        doubts.append(
-            "No link masses are given: bending under the arm's own weight cannot be modelled, "
-            "only under payload and wrench."
-        )
+    part, target, tracker = read_part(file), file.target, file.tracker
     return Cell(
         robot=robot,
-        T_flange_target=pose(np.eye(3), np.array(file.target.xyz_mm) * MM)
-        if file.target is not None
-        else robot.T_flange_tool,
-        target_sigma=DEFAULT_TARGET_SIGMA if file.target is None else file.target.sigma_mm * MM,
-        frame="base" if file.tracker.frame == "base" else "tracker",
-        tracker_position=None
-        if file.tracker.xyz_mm is None
-        else np.array(file.tracker.xyz_mm) * MM,
-        tracker_place=None
-        if file.tracker.place_mm is None
-        else np.array(file.tracker.place_mm) * MM,
-        tracker=_tracker(file.tracker),
-        target_axis=_target_axis(file.target),
+        T_flange_target=robot.T_flange_tool
+        if target is None
+        else pose(np.eye(3), np.array(target.xyz_mm) * MM),
+        target_sigma=DEFAULT_TARGET_SIGMA if target is None else target.sigma_mm * MM,
+        frame="base" if tracker.frame == "base" else "tracker",
+        tracker_position=_point(tracker.xyz_mm),
+        tracker_place=_point(tracker.place_mm),
+        tracker=_tracker(tracker),
+        target_axis=_target_axis(target),
         acceptance=np.pi
-        if file.target is None or file.target.acceptance_deg is None
-        else file.target.acceptance_deg * DEG,
-        link_radius=None
-        if file.robot.link_radius_mm is None
-        else np.array(file.robot.link_radius_mm) * MM,
+        if target is None or target.acceptance_deg is None
+        else target.acceptance_deg * DEG,
+        link_radius=_point(file.robot.link_radius_mm),
         obstacles=tuple(_obstacle(table, k) for k, table in enumerate(file.obstacle, start=1)),
         repeatability=file.repeatability.mm * MM,
         payload=_payload(file.payload),
@@ -144,118 +163,18 @@ def _cell(file: CellFile, path: str | Path, digest: str) -> Cell:
         if part is None or len(part.frames) > 1
         else part.frames[0].T_base_part,
         part=part,
-        controller=controller_of(file.controller, Path(path).parent),
-        compliance_prior=prior,
-        doubts=tuple(doubts),
+        controller=read_controller(file.controller, source.read_file),
+        compliance_prior=read_compliance(file.robot, robot.dof),
         tables=frozenset(file.model_fields_set),
-        source=str(path),
-        digest=digest,
+        source=str(source.path),
+        digest=source.digest,
+        text=source.text,
+        files=source.read,
     )
 
 
-def _robot(table: RobotTable, path: Path) -> RobotModel:
-    origins = [name for name in ("preset", "urdf", "dh") if getattr(table, name) is not None]
-    if len(origins) != 1 or (table.dh is None) != (table.convention is None):
-        given = [*origins, *(("convention",) if table.convention else ())]
-        raise ConfigurationError(
-            f"[robot] gives {' and '.join(given) or 'no geometry'}, expected exactly one of: "
-            "preset; urdf; convention with dh.",
-            hint='preset = "KUKA KR160 R1570".',
-        )
-    if table.preset is not None:
-        robot = preset(table.preset)
-    elif table.urdf is not None:
-        from robotrue.robot.urdf import from_urdf  # reads XML; most cells do not need it
-
-        robot = from_urdf(path.parent / table.urdf)
-    else:
-        robot = _from_dh(table, path)
-    return _counted(_with_lists(robot, table), table)
-
-
-def _counted(robot: RobotModel, table: RobotTable) -> RobotModel:
-    """The arm with its maker, and the way its controller counts the axes."""
-    sign, offset = table.axes_sign, table.axes_offset_deg
-    if table.maker is None and sign is None and offset is None:
-        return robot
-    if table.preset is not None:
-        if table.maker in (None, robot.maker) and sign is None and offset is None:
-            return robot
-        raise ConfigurationError(
-            f"robot.maker, axes_sign and axes_offset_deg beside preset {robot.name!r}, which has "
-            f"its own (maker {robot.maker!r}).",
-            hint="leave them out.",
-        )
-    return made_by(
-        robot,
-        table.maker or robot.maker,
-        sign=None if sign is None else np.array(sign, dtype=np.float64),
-        offset=None if offset is None else np.array(offset) * DEG,
-    )
-
-
-def _from_dh(table: RobotTable, path: Path) -> RobotModel:
-    rows: list[DhRow] = table.dh or []
-    robot = RobotModel(
-        name=path.stem,
-        convention=table.convention or "dh",
-        theta=np.array([row.theta_deg for row in rows]) * DEG,
-        alpha=np.array([row.alpha_deg for row in rows]) * DEG,
-        d=np.array([row.d_mm for row in rows]) * MM,
-        a=np.array([row.a_mm for row in rows]) * MM,
-    )
-    low, high = _REACH
-    if not low <= robot.reach <= high:
-        unit = "metres" if robot.reach < low else "micrometres"
-        raise ConfigurationError(
-            f"the DH lengths add up to {robot.reach / MM:g} mm, expected {low / MM:g} to "
-            f"{high / MM:g} mm.",
-            hint=f"check whether d_mm and a_mm were written in {unit}.",
-        )
-    return robot
-
-
-def _with_lists(robot: RobotModel, table: RobotTable) -> RobotModel:
-    changes: dict[str, Any] = {}
-    for key in (
-        "limits_deg",
-        "mass_kg",
-        "centre_of_mass_mm",
-        "stiffness_Nm_per_rad",
-        "link_radius_mm",
-        "axes_sign",
-        "axes_offset_deg",
-    ):
-        values = getattr(table, key)
-        if values is not None and len(values) != robot.dof:
-            raise ConfigurationError(
-                f"robot.{key} has {len(values)} entries, the robot {robot.dof} joints."
-            )
-    if table.limits_deg is not None:
-        changes["limits"] = np.array(table.limits_deg) * DEG
-    if table.mass_kg is not None:
-        changes["link_mass"] = np.array(table.mass_kg)
-    if table.centre_of_mass_mm is not None:
-        changes["link_com"] = np.array(table.centre_of_mass_mm) * MM
-    if table.gravity_m_per_s2 is not None:
-        changes["gravity"] = _gravity(np.array(table.gravity_m_per_s2))
-    return replace(robot, **changes)
-
-
-def _gravity(vector: Array) -> Array:
-    length = float(np.linalg.norm(vector))
-    if length != 0.0 and not 9.7 <= length <= 9.9:
-        raise ConfigurationError(
-            f"robot.gravity_m_per_s2 has length {length:g} m/s^2, expected 9.7 to 9.9 (or 0).",
-            hint="[0, 0, -9.80665] for a robot that stands on the floor.",
-        )
-    return vector
-
-
-def _stiffness(table: RobotTable, robot: RobotModel) -> Array:
-    if table.stiffness_Nm_per_rad is None:
-        return np.full(robot.dof, np.nan)
-    return 1.0 / np.array(table.stiffness_Nm_per_rad)
+def _point(values_mm: list[float] | None) -> Array | None:
+    return None if values_mm is None else np.array(values_mm) * MM
 
 
 def _pose(table: PoseTable) -> Array:
@@ -306,4 +225,5 @@ def _tracker(table: TrackerTable) -> TrackerSpecification:
             "tracker.sigma_um and tracker.sigma_um_per_m are both 0: no instrument is exact.",
             hint="a laser tracker has about 7.5 um + 2.5 um/m.",
         )
-    return one_sigma(fixed * UM, slope * UM)
+    specification = one_sigma(fixed * UM, slope * UM)
+    return replace(specification, name=table.name) if table.name else specification

@@ -1,17 +1,23 @@
 """The keys of cell.toml, their types and their defaults, in the file's own units.
 
-Only :mod:`robotrue.cell.config` imports this file; pydantic is slow to load.
+Only the readers of cell.toml import this file; pydantic is slow to load.
 """
 
 from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidatorFunctionWrapHandler, WrapValidator
+
+
+def _number_or_nan(value: object, check: ValidatorFunctionWrapHandler) -> object:
+    return value if value != value else check(value)  # NaN alone differs from itself
+
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Length = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Above0 = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+Above0OrNan = Annotated[Above0, WrapValidator(_number_or_nan)]
 Angle180 = Annotated[float, Field(gt=0.0, le=180.0, allow_inf_nan=False)]
 Three = Annotated[list[Number], Field(min_length=3, max_length=3)]
 Four = Annotated[list[Number], Field(min_length=4, max_length=4)]
@@ -44,7 +50,8 @@ class RobotTable(_Table):
     limits_deg: list[Two] | None = None
     mass_kg: list[Length] | None = None
     centre_of_mass_mm: list[Three] | None = None
-    stiffness_Nm_per_rad: list[Above0] | None = None
+    joint_map: list[list[Number]] | None = None
+    stiffness_Nm_per_rad: list[Above0OrNan] | None = None
     gravity_m_per_s2: Three | None = None
     link_radius_mm: list[Above0] | None = None
 
@@ -78,6 +85,7 @@ class TrackerTable(_Table):
     frame: Literal["base", "unknown"] = "base"
     xyz_mm: Three | None = None
     place_mm: Three | None = None
+    name: str = ""
     sigma_um: Length | None = None
     sigma_um_per_m: Length | None = None
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tomllib
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -15,10 +14,11 @@ from robotrue.app.outputs import check_output
 from robotrue.app.registered import opened
 from robotrue.calibration.nominal import NominalModel
 from robotrue.cell.cell import Cell
+from robotrue.cell.cell_text import cell_text
 from robotrue.cell.config import parse_cell
 from robotrue.cell.part import PartTable
-from robotrue.cell.part_tables import with_files, with_part, with_urdf
-from robotrue.cell.writer import cell_text
+from robotrue.cell.part_tables import part_tables
+from robotrue.cell.toml_edit import rename_files, with_part
 from robotrue.cli.console import emit_json, say, say_mark
 from robotrue.cli.register_view import document, frame_document, show
 from robotrue.core.files import read_bytes, write_atomic
@@ -153,20 +153,16 @@ def _relative(path: Path, output: Path) -> str:
 
 
 def _cell_bytes(cell: Cell, source: Path, table: PartTable, output: Path) -> bytes:
-    """The registered cell, read back before anything is written."""
-    if read_bytes(source).startswith(ZIP):
+    """Returns the registered cell, read back before anything is written."""
+    if not read_bytes(source).startswith(ZIP):
+        text = rename_files(cell.text, partial(_moved, source=source, output=output))
+    elif cell.text and not cell.files:
+        text = cell.text
+    else:  # the files that it names are in the model file, not beside the output
         text = cell_text(cell)
-    else:
-        text = read_bytes(source).decode("utf-8-sig")
-        text = with_urdf(text, _moved_urdf(text, source, output))
-        text = with_files(text, partial(_moved, source=source, output=output))
-    data = with_part(text, table).encode()
+    data = with_part(text, part_tables(table)).encode()
     parse_cell(data, output)
     return data
-
-
-def _moved_urdf(text: str, source: Path, output: Path) -> str:
-    return _moved(tomllib.loads(text).get("robot", {}).get("urdf", ""), source, output)
 
 
 def _moved(name: str, source: Path, output: Path) -> str:

@@ -43,7 +43,13 @@ class _Chain:
     com: Array  # (n, 3)
 
 
-def from_urdf(path: str | Path, tip: str | None = None, *, right_angle: float = 0.0) -> RobotModel:
+def from_urdf(
+    path: str | Path,
+    tip: str | None = None,
+    *,
+    right_angle: float = 0.0,
+    data: bytes | None = None,
+) -> RobotModel:
     """Returns the serial arm of a URDF file as a modified-DH model; equal to it to 1e-9 m.
 
     Fixed joints are merged, with the masses of their links. Masses before the first joint are left
@@ -55,6 +61,7 @@ def from_urdf(path: str | Path, tip: str | None = None, *, right_angle: float = 
             there are several.
         right_angle: rad; ``rpy`` angles this near to a multiple of 90 deg are taken as exact, for
             files that print 1.5708.
+        data: Content of the file; None: read from the path.
 
     Raises:
         FormatError: Not a URDF, or a joint on the way to the tip that is not revolute or that
@@ -62,7 +69,7 @@ def from_urdf(path: str | Path, tip: str | None = None, *, right_angle: float = 
         ConfigurationError: No or several possible tips; a first axis that no DH table reaches from
             the root link; axes parallel but for rounding; masses on moving side branches.
     """
-    tree = read_tree(path, right_angle=right_angle)
+    tree = read_tree(path, right_angle=right_angle, data=data)
     chain = _walk(tree, _path_to(tree, tip))
     x, origin = _frames(chain, tree)
     n = len(chain.axis)

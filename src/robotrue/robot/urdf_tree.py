@@ -79,11 +79,12 @@ class UrdfTree:
     joints: tuple[UrdfJoint, ...]
 
 
-def read_tree(path: str | Path, *, right_angle: float = 0.0) -> UrdfTree:
+def read_tree(path: str | Path, *, right_angle: float = 0.0, data: bytes | None = None) -> UrdfTree:
     """Returns the links and joints of a URDF file.
 
     Args:
         path: The file.
+        data: Its content; None: read from the path.
         right_angle: rad; an ``rpy`` angle this near to a multiple of 90 deg is taken as exact.
 
     Raises:
@@ -91,7 +92,7 @@ def read_tree(path: str | Path, *, right_angle: float = 0.0) -> UrdfTree:
             incomplete; with the line.
     """
     source = str(path)
-    root = _parse(read_bytes(path), source)
+    root = _parse(read_bytes(path) if data is None else data, source)
     if root.tag != "robot":
         raise FormatError(
             f"root element <{root.tag}>, expected <robot>.",

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import replace
-from pathlib import Path, PurePosixPath
+from collections.abc import Collection
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -13,8 +12,8 @@ from sqlalchemy import select, true
 
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
-from robotrue.cell.part_tables import with_files, with_part, with_urdf
-from robotrue.core.files import read_bytes, sha256
+from robotrue.cell.toml_edit import named_files, plain_names
+from robotrue.core.files import sha256
 from robotrue.errors import ConfigurationError
 from robotrue.robot.identity import nominal_identity
 from robotrue.store import items
@@ -50,7 +49,7 @@ def add(
     """
     path = Path(path)
     cell = read_cell(path)
-    text, companions = _gathered(path, cell)
+    text, companions = _bundle(path, cell)
     with transaction(where) as into:
         files = [(FILE, "cell.toml", text.encode()), *companions]
         attachments = attached(into, files)
@@ -88,20 +87,12 @@ def require_beside(text: str, names: Collection[str]) -> None:
         stated = tomllib.loads(text)
     except tomllib.TOMLDecodeError:  # whoever reads it says where
         return
-    files = _table(stated, "controller").get("files", [])
-    listed = files if isinstance(files, list) else [files]
-    model = _table(_table(stated, "registration"), "model").get("file")
-    for each in (_table(stated, "robot").get("urdf"), *listed, model):
-        if each and each not in names:
+    for name in named_files(stated):
+        if name not in names:
             raise ConfigurationError(
-                f"the cell names the file {each!r}, which did not come with it.",
+                f"the cell names the file {name!r}, which did not come with it.",
                 hint="send it together with the cell, and let the cell name it without a folder.",
             )
-
-
-def _table(stated: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    found = stated.get(name)
-    return found if isinstance(found, dict) else {}
 
 
 def laid(workspace: Workspace, record: CellRecord, folder: Path) -> Path:
@@ -115,35 +106,10 @@ def laid(workspace: Workspace, record: CellRecord, folder: Path) -> Path:
     return path
 
 
-def _gathered(path: Path, cell: Cell) -> tuple[str, list[tuple[str, str, bytes | Path]]]:
-    """The text with every file it names beside it, and those files."""
-    text = read_bytes(path).decode("utf-8-sig")
-    taken: dict[str, Path] = {}
-    move = _beside(path.parent, taken)
-    stated = tomllib.loads(text)
-    urdf = stated.get("robot", {}).get("urdf", "")
-    if urdf:
-        text = with_urdf(text, move(urdf))
-    text = with_files(text, move)
-    if cell.part is not None and cell.part.model_file:
-        text = with_part(text, replace(cell.part, model_file=move(cell.part.model_file)))
-    return text, [(COMPANION, name, source) for name, source in taken.items()]
-
-
-def _beside(folder: Path, taken: dict[str, Path]) -> Callable[[str], str]:
-    """What gives a file that the cell names a name beside it."""
-
-    def moved(stated: str) -> str:
-        source = (folder / stated).resolve()
-        plain = PurePosixPath(stated.replace("\\", "/")).name
-        name, number = plain, 1
-        while taken.get(name, source) != source or name == "cell.toml":
-            number += 1
-            name = f"{number}_{plain}"
-        taken[name] = source
-        return name
-
-    return moved
+def _bundle(path: Path, cell: Cell) -> tuple[str, list[tuple[str, str, bytes | Path]]]:
+    """Returns the text with every file it names beside it, and those files."""
+    text, stated = plain_names(cell.text)
+    return text, [(COMPANION, name, path.parent / own) for name, own in stated.items()]
 
 
 def _robot(into: Transaction, cell: Cell) -> Ref:

@@ -6,6 +6,7 @@ travel with the model, so the file alone is enough a year later.
 
 from __future__ import annotations
 
+from base64 import b64decode, b64encode
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,15 +17,15 @@ import numpy as np
 from robotrue.calibration.archive import check_pose, open_model
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
+from robotrue.cell.cell_text import portable_text
+from robotrue.cell.config import parse_cell
 from robotrue.core.archive import Archive, archive_reader, read_archive, write_archive
 from robotrue.core.files import read_bytes
 from robotrue.errors import ArchiveError
-from robotrue.measurement.tracker import TrackerSpecification
 from robotrue.robot.model import RobotModel
-from robotrue.robot.statics import Load
-from robotrue.store.controller_document import controller_document, controller_from_document
+from robotrue.store.cell_schema_1 import cell_from_schema_1
 
-CELL_SCHEMA: Final = 1
+CELL_SCHEMA: Final = 2
 ZIP: Final = b"PK"
 """First bytes of every model file."""
 
@@ -51,7 +52,7 @@ def write_model(path: str | Path, model: ErrorModel, cell: Cell) -> None:
         FormatError: The file cannot be written.
     """
     archive = model.to_archive()
-    document = {**archive.document, "cell": cell_document(cell)}
+    document = {**archive.document, "cell": pack_cell(cell)}
     write_archive(path, replace(archive, document=document))
 
 
@@ -75,73 +76,46 @@ def read_model(path: str | Path) -> ModelFile:
         raise ArchiveError(
             "holds a model but no cell.", source=path, hint="calibrate again with a cell.toml."
         )
-    return ModelFile(model=model, cell=cell_from_document(stated, model.robot), archive=archive)
+    return ModelFile(model=model, cell=unpack_cell(stated, model.robot), archive=archive)
 
 
-def cell_document(cell: Cell) -> dict[str, Any]:
-    """Returns the cell without its robot as JSON values, SI."""
-    tracker = cell.tracker
-    position = cell.tracker_position
+def pack_cell(cell: Cell) -> dict[str, Any]:
+    """Returns the cell as JSON values: the text of its cell.toml and the files it names."""
+    text, files = portable_text(cell)
     return {
         "schema": CELL_SCHEMA,
-        "T_flange_tool": cell.robot.T_flange_tool.tolist(),
-        "T_flange_target": cell.T_flange_target.tolist(),
-        "target_sigma": cell.target_sigma,
-        "T_base_frame": cell.T_base_frame.tolist(),
-        "frame": cell.frame,
-        "tracker_position": None if position is None else position.tolist(),
-        "tracker": {
-            "name": tracker.name,
-            "range_bound": tracker.range_bound,
-            "range_bound_per_m": tracker.range_bound_per_m,
-            "angle_bound": tracker.angle_bound,
-            "angle_bound_per_m": tracker.angle_bound_per_m,
-            "divisor": tracker.divisor,
-        },
-        "repeatability": cell.repeatability,
-        "payload_mass": float(cell.payload.mass[0]),
-        "payload_com": cell.payload.com[0].tolist(),
-        "compliance_prior": [float(c) if np.isfinite(c) else None for c in cell.compliance_prior],
-        "controller": controller_document(cell.controller),
-        "doubts": list(cell.doubts),
         "source": Path(cell.source).name,
         "digest": cell.digest,
+        "text": text,
+        "files": {name: b64encode(data).decode() for name, data in files.items()},
     }
 
 
 @archive_reader
-def cell_from_document(stated: Mapping[str, Any], robot: RobotModel) -> Cell:
-    """Returns the cell from :func:`cell_document` and the nominal robot of the model.
+def unpack_cell(stated: Mapping[str, Any], robot: RobotModel) -> Cell:
+    """Returns the cell from :func:`pack_cell` and the nominal robot of the model.
 
     Raises:
         ArchiveError: The document is incomplete, damaged or of a newer schema.
     """
-    if not 1 <= int(stated.get("schema", 0)) <= CELL_SCHEMA:
+    schema = int(stated.get("schema", 0))
+    if not 1 <= schema <= CELL_SCHEMA:
         raise ArchiveError(
             f"cell schema {stated['schema']}, this robotrue reads up to {CELL_SCHEMA}.",
             hint="update robotrue.",
         )
-    position = stated["tracker_position"]
-    frames = {n: np.array(stated[n]) for n in ("T_flange_tool", "T_flange_target", "T_base_frame")}
-    for name, T in frames.items():
-        check_pose(T, name)
-    mass, com = float(stated["payload_mass"]), np.array(stated["payload_com"])
-    sigma = float(stated["target_sigma"])
-    if not (0.0 <= mass < 1e5 and (np.abs(com) < 100.0).all() and 0.0 <= sigma < 10.0):
+    if schema == 1:
+        cell = cell_from_schema_1(stated, robot)
+    else:
+        files = {str(name): b64decode(data) for name, data in stated["files"].items()}
+        cell = parse_cell(stated["text"].encode(), stated["source"], files=files)
+        # The model says which arm it is of; the file may name a preset that changed since.
+        arm = robot.nominal().with_tool(cell.robot.T_flange_tool)
+        cell = replace(cell, robot=arm, digest=stated["digest"])
+    for name in ("T_flange_target", "T_base_frame"):
+        check_pose(getattr(cell, name), name)
+    check_pose(cell.robot.T_flange_tool, "T_flange_tool")
+    mass, com = cell.payload.mass, cell.payload.com
+    if not ((mass < 1e5).all() and (np.abs(com) < 100.0).all() and cell.target_sigma < 10.0):
         raise ArchiveError("payload or target of the cell in this model file cannot be.")
-    return Cell(
-        robot=robot.nominal().with_tool(frames["T_flange_tool"]),
-        T_flange_target=frames["T_flange_target"],
-        target_sigma=sigma,
-        T_base_frame=frames["T_base_frame"],
-        frame=stated["frame"],
-        tracker_position=None if position is None else np.array(position),
-        tracker=TrackerSpecification(**stated["tracker"]),
-        repeatability=stated["repeatability"],
-        payload=Load(mass=np.array([mass]), com=com[None]),
-        compliance_prior=np.array([np.nan if c is None else c for c in stated["compliance_prior"]]),
-        controller=controller_from_document(stated.get("controller", {})),
-        doubts=tuple(stated["doubts"]),
-        source=stated["source"],
-        digest=stated["digest"],
-    )
+    return cell

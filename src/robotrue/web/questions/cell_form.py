@@ -9,14 +9,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
-import numpy as np
-
 from robotrue.cell.config import parse_cell
-from robotrue.cell.preset_cell import USUAL, PresetCell, preset_cell_text
+from robotrue.cell.toml_edit import round_digits, write_toml
 from robotrue.core.json_values import plain_text
-from robotrue.core.poses import pose_from_xyz_abc
-from robotrue.core.units import DEG, MM, UM
+from robotrue.core.units import MM, UM
 from robotrue.errors import ConfigurationError, ModelMismatchError, ShapeError
+from robotrue.measurement.tracker import DEFAULT_SPECIFICATION
 from robotrue.robot.presets import preset, preset_names, rated_payload
 from robotrue.robot.reach import wrist_reach
 from robotrue.store import cells, items
@@ -26,6 +24,17 @@ from robotrue.store.workspace import Workspace, transaction
 from robotrue.web.api.documents import record_document
 from robotrue.web.questions.packing import answer
 
+HEADING: Final = "# Made from a preset; change and extend it.\n"
+USUAL: Final[Mapping[str, float]] = {
+    "repeatability_mm": 0.06,
+    "sigma_um": round_digits(
+        DEFAULT_SPECIFICATION.range_bound / DEFAULT_SPECIFICATION.divisor / UM
+    ),
+    "sigma_um_per_m": round_digits(
+        DEFAULT_SPECIFICATION.range_bound_per_m / DEFAULT_SPECIFICATION.divisor / UM
+    ),
+}
+"""What a cell.toml that does not state them means."""
 FIELDS: Final[Mapping[str, tuple[float, float, float]]] = {
     "tool_x_mm": (0.0, -3000.0, 3000.0),
     "tool_y_mm": (0.0, -3000.0, 3000.0),
@@ -88,7 +97,7 @@ def described(form: str) -> bytes:
     over = rated is not None and values["mass_kg"] > rated
     cautions = {"mass_kg": {"kind": "rated", "most": rated}} if over else {}
     try:
-        text = preset_cell_text(_cell(robot, str(stated.get("frame", "base")), values))
+        text = _cell_toml(robot, str(stated.get("frame", "base")), values)
         parse_cell(text.encode(), "cell.toml")
     except (ConfigurationError, ShapeError) as error:
         faults[_blamed(error.message)] = {"kind": "refused", "text": error.message}
@@ -158,23 +167,25 @@ def _numbers(stated: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, dic
     return values, faults
 
 
-def _cell(robot: str, frame: str, values: Mapping[str, float]) -> PresetCell:
-    def three(*names: str) -> Any:
-        return np.array([values[name] for name in names])
-
-    return PresetCell(
-        robot=robot,
-        T_flange_tool=pose_from_xyz_abc(
-            three("tool_x_mm", "tool_y_mm", "tool_z_mm") * MM,
-            three("tool_a_deg", "tool_b_deg", "tool_c_deg") * DEG,
-        ),
-        mass=values["mass_kg"],
-        centre=three("centre_x_mm", "centre_y_mm", "centre_z_mm") * MM,
-        repeatability=values["repeatability_mm"] * MM,
-        frame="tracker" if frame == "unknown" else "base",
-        sigma=values["sigma_um"] * UM,
-        sigma_per_m=values["sigma_um_per_m"] * UM,
-    )
+def _cell_toml(robot: str, frame: str, values: Mapping[str, float]) -> str:
+    """Returns the cell.toml that a form states, in its own keys."""
+    tracker: dict[str, Any] = {"frame": "unknown" if frame == "unknown" else "base"}
+    if any(values[key] != USUAL[key] for key in ("sigma_um", "sigma_um_per_m")):
+        tracker |= {key: values[key] for key in ("sigma_um", "sigma_um_per_m")}
+    return HEADING + write_toml({
+        "schema": 1,
+        "robot": {"preset": robot},
+        "tool": {
+            "xyz_mm": [values[f"tool_{axis}_mm"] for axis in "xyz"],
+            "abc_deg": [values[f"tool_{angle}_deg"] for angle in "abc"],
+        },
+        "payload": {
+            "mass_kg": values["mass_kg"],
+            "centre_of_mass_mm": [values[f"centre_{axis}_mm"] for axis in "xyz"],
+        },
+        "repeatability": {"mm": values["repeatability_mm"]},
+        "tracker": tracker,
+    })  # fmt: skip
 
 
 def _blamed(message: str) -> str:

@@ -8,7 +8,8 @@ from typing import Final
 
 from robotrue.cell.config import parse_cell
 from robotrue.cell.part import PartTable
-from robotrue.cell.part_tables import with_part
+from robotrue.cell.part_tables import part_tables
+from robotrue.cell.toml_edit import with_part
 from robotrue.core.files import write_atomic
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.touch_session import session_csv
@@ -95,7 +96,7 @@ def _write_cell(workspace: Workspace, at: Opened, table: PartTable, place: Path)
     own = place / "cell"
     own.mkdir()
     text = cells.laid(workspace, at.cell_record, own).read_text(encoding="utf-8")
-    data = with_part(text, table).encode()
+    data = with_part(text, part_tables(table)).encode()
     parse_cell(data, own / REGISTERED)
     write_atomic(place / REGISTERED, data)
     for each in own.iterdir():  # what the cell names stands beside it

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Callable, Sequence
+from pathlib import PurePosixPath
+from typing import Any, Final
 
 import numpy as np
 
-from robotrue.cell.controller_text import ROBOT
 from robotrue.cell.schema import ControllerTable, ExternalTable, NamedFrameTable
+from robotrue.cell.toml_edit import round_digits
 from robotrue.core.arrays import Array
-from robotrue.core.files import read_bytes
 from robotrue.core.poses import pose, pose_from_xyz_abc
-from robotrue.core.rotations import matrix_from_quat_wxyz
+from robotrue.core.rotations import abc_from_matrix, matrix_from_quat_wxyz
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.program.controller_files import ControllerFile, read_controller_file
@@ -20,41 +20,47 @@ from robotrue.program.external_axes import ExternalAxis
 from robotrue.program.orientation import OrientationRule
 from robotrue.program.program import FrameTable
 
-_TURNS = ("abc_deg", "wpr_deg", "quaternion")
+ROBOT: Final = "robot"
+"""What a rail carries."""
+_TURNS: Final = ("abc_deg", "wpr_deg", "quaternion")
 
 
-def controller_of(table: ControllerTable, folder: Path) -> FrameTable:
+def read_controller(table: ControllerTable, read_file: Callable[[str], bytes]) -> FrameTable:
     """Returns what programs name, without the defaults of the cell.
 
     Entries of the cell go before those of the files it names.
+
+    Args:
+        table: As checked against the schema.
+        read_file: Returns the content of a file by the name that the cell file gives it.
 
     Raises:
         ConfigurationError: A frame without number and name, given twice, or with two
             orientations; an axis that carries nothing it can; a ratio of zero.
         FormatError: A file that cannot be read.
     """
-    files = [_file(folder / name) for name in table.files]
+    files = [_parse_file(name, read_file(name)) for name in table.files]
     pulses = table.pulses_per_degree
     if pulses is not None and not all(pulses):
         raise ConfigurationError(
             f"controller.pulses_per_degree is {pulses}, expected six numbers other than zero.",
             hint="axes S, L, U, R, B, T; negative where the pulses count against the axis.",
         )
-    bases, tools = (_frames(side, getattr(table, side)) for side in ("base", "tool"))
+    bases, tools = (_read_frames(side, getattr(table, side)) for side in ("base", "tool"))
     return FrameTable(
-        bases={**_of_files(files, "bases"), **bases},
-        tools={**_of_files(files, "tools"), **tools},
-        external=tuple(_axis(each, k) for k, each in enumerate(table.external, start=1)),
+        bases={**_merge_files(files, "bases"), **bases},
+        tools={**_merge_files(files, "tools"), **tools},
+        external=tuple(_read_axis(entry, k) for k, entry in enumerate(table.external, start=1)),
         external_axes_at_rest=table.external_axes_at_rest,
         fixed_tool=table.fixed_tool or "",
         pulses_per_degree=None if pulses is None else np.array(pulses),
-        orientation=_orientation(table),
+        orientation=_read_orientation(table),
         start=np.array(table.start_deg or []) * DEG,
         harmless_routines=tuple(name.strip().lower() for name in table.harmless_routines),
     )
 
 
-def _orientation(table: ControllerTable) -> OrientationRule:
+def _read_orientation(table: ControllerTable) -> OrientationRule:
     """What angles and tool axes of G-code, APT and CSV say of the tool frame."""
     sign, axis = ("", *(table.cutter or "z"))[-2:]
     cutter = np.eye(3)["xyz".index(axis)] * (-1.0 if sign == "-" else 1.0)
@@ -62,31 +68,32 @@ def _orientation(table: ControllerTable) -> OrientationRule:
     return OrientationRule(angles=table.angles or "", cutter=cutter, spin=spin)
 
 
-def _file(path: Path) -> ControllerFile:
-    found = read_controller_file(path.name, read_bytes(path))
-    if found is None:
+def _parse_file(stated: str, data: bytes) -> ControllerFile:
+    name = PurePosixPath(stated.replace("\\", "/")).name
+    parsed = read_controller_file(name, data)
+    if parsed is None:
         raise ConfigurationError(
-            f"controller.files: {path.name} is no file of frames that robotrue reads.",
+            f"controller.files: {name} is no file of frames that robotrue reads.",
             hint="KUKA $config.dat, Yaskawa TOOL.CND and UFRAME.CND, Fanuc SYSFRAME.VA.",
         )
-    return found
+    return parsed
 
 
-def _of_files(files: Sequence[ControllerFile], side: str) -> dict[str, Array]:
-    out: dict[str, Array] = {}
-    for found in files:
-        for key, matrix in getattr(found, side).items():
-            if key in out and not np.allclose(out[key], matrix, rtol=0.0, atol=1e-9):
+def _merge_files(files: Sequence[ControllerFile], side: str) -> dict[str, Array]:
+    frames: dict[str, Array] = {}
+    for file in files:
+        for key, matrix in getattr(file, side).items():
+            if key in frames and not np.allclose(frames[key], matrix, rtol=0.0, atol=1e-9):
                 raise ConfigurationError(
                     f"controller.files: {side[:-1]} {key} stands in two files, with two values.",
                     hint="name the files of one controller.",
                 )
-            out[key] = matrix
-    return out
+            frames[key] = matrix
+    return frames
 
 
-def _frames(side: str, tables: Sequence[NamedFrameTable]) -> dict[str, Array]:
-    out: dict[str, Array] = {}
+def _read_frames(side: str, tables: Sequence[NamedFrameTable]) -> dict[str, Array]:
+    frames: dict[str, Array] = {}
     for k, table in enumerate(tables, start=1):
         where = f"controller.{side}[{k}]"
         keys = [] if table.number is None else [str(table.number)]
@@ -97,15 +104,15 @@ def _frames(side: str, tables: Sequence[NamedFrameTable]) -> dict[str, Array]:
                 hint="number = 1, or name = what the program calls it.",
             )
         for key in keys:
-            if key.lower() in {known.lower() for known in out}:
+            if key.lower() in {known.lower() for known in frames}:
                 raise ConfigurationError(
                     f"{where}: {side} {key} is given twice.", hint="remove one of the two."
                 )
-            out[key] = _matrix(table, where)
-    return out
+            frames[key] = _read_pose(table, where)
+    return frames
 
 
-def _matrix(table: NamedFrameTable, where: str) -> Array:
+def _read_pose(table: NamedFrameTable, where: str) -> Array:
     given = [name for name in _TURNS if getattr(table, name) is not None]
     if len(given) > 1:
         raise ConfigurationError(
@@ -127,7 +134,7 @@ def _matrix(table: NamedFrameTable, where: str) -> Array:
     return pose_from_xyz_abc(xyz, np.array(abc) * DEG)
 
 
-def _axis(table: ExternalTable, number: int) -> ExternalAxis:
+def _read_axis(table: ExternalTable, number: int) -> ExternalAxis:
     where = f"controller.external[{number}]"
     if (table.along is None) == (table.about is None):
         raise ConfigurationError(
@@ -168,3 +175,60 @@ def _axis(table: ExternalTable, number: int) -> ExternalAxis:
         frames=() if robot else tuple(table.carries),
         per_pulse=np.nan if pulses is None else 1.0 / pulses,
     )
+
+
+def controller_table(stated: FrameTable) -> dict[str, Any]:
+    """Returns the table that says the same, every frame by one number or name, without files."""
+    table: dict[str, Any] = {}
+    if stated.pulses_per_degree is not None:
+        table["pulses_per_degree"] = round_digits(stated.pulses_per_degree)
+    if stated.external_axes_at_rest:
+        table["external_axes_at_rest"] = True
+    if stated.fixed_tool:
+        table["fixed_tool"] = stated.fixed_tool
+    table |= _orientation_keys(stated.orientation)
+    if len(stated.start):
+        table["start_deg"] = round_digits(stated.start / DEG)
+    if stated.harmless_routines:
+        table["harmless_routines"] = list(stated.harmless_routines)
+    for side, frames in (("base", stated.bases), ("tool", stated.tools)):
+        if frames:
+            table[side] = [_frame_table(key, T) for key, T in frames.items()]
+    if stated.external:
+        table["external"] = [_axis_table(axis) for axis in stated.external]
+    return table
+
+
+def _orientation_keys(rule: OrientationRule) -> dict[str, Any]:
+    keys: dict[str, Any] = {"angles": rule.angles} if rule.angles else {}
+    axis = int(np.argmax(np.abs(rule.cutter)))
+    name = ("-" if rule.cutter[axis] < 0.0 else "") + "xyz"[axis]
+    if name != "z":
+        keys["cutter"] = name
+    if rule.spin is not None:
+        keys["spin_deg"] = round_digits(rule.spin / DEG)
+    return keys
+
+
+def _frame_table(key: str, T: Array) -> dict[str, Any]:
+    return {
+        **({"number": int(key)} if key.isascii() and key.isdigit() else {"name": key}),
+        "xyz_mm": round_digits(T[:3, 3] / MM),
+        "abc_deg": round_digits(abc_from_matrix(T[:3, :3]) / DEG),
+    }
+
+
+def _axis_table(axis: ExternalAxis) -> dict[str, Any]:
+    turns = axis.point is not None
+    table: dict[str, Any] = {"axis": axis.number}
+    table["about" if turns else "along"] = round_digits(axis.direction)
+    if axis.name:
+        table["name"] = axis.name
+    if axis.point is not None:
+        table["through_mm"] = round_digits(axis.point / MM)
+    table["at_deg" if turns else "at_mm"] = round_digits(axis.at / axis.unit)
+    table["carries"] = [ROBOT] if axis.carries_robot else list(axis.frames)
+    if np.isfinite(axis.per_pulse):
+        per = "degree" if turns else "mm"
+        table[f"pulses_per_{per}"] = round_digits(1.0 / axis.per_pulse)
+    return table
