@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import shop
 
 from robotrue.report.json import is_intact
+from robotrue.robot.statics import Load
+from robotrue.store.model_file import read_model, write_model
 
 
 def test_the_certificate_and_its_twin(cli, work):
@@ -98,6 +101,21 @@ def test_poses_planned_measured_and_judged(cli, work):
     assert best["shift"]["x_mm"] == pytest.approx(0.4, abs=5.0 * best["sd"]["x_mm"])
     told = cli("drift", work / "model.rtm", work / "moved.csv")
     assert "robotrue transfer" in told.err
+
+
+def test_check_poses_are_chosen_under_the_payload_of_the_cell(cli, work):
+    """Fails when the noise is predicted without the load: a heavy one hides a slipped joint 2."""
+    stored = read_model(work / "model.rtm")
+    heavy = Load(mass=np.array([300.0]), com=np.array([[0.02, 0.0, 0.12]]))
+    write_model(work / "heavy.rtm", stored.model, replace(stored.cell, payload=heavy))
+    known = {}
+    for name in ("model", "heavy"):
+        planned = cli(
+            "drift-plan", work / f"{name}.rtm", "-o", work / f"{name}.csv", "--poses", 6, "--json"
+        )
+        assert planned.code == 0
+        known[name] = planned.document["sd"]["joint 2"]["theta2_deg"]
+    assert known["heavy"] > 1.3 * known["model"]
 
 
 def test_the_arm_goes_out_in_three_forms(cli, work):

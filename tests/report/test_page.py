@@ -15,6 +15,7 @@ from robotrue.errors import ShapeError
 from robotrue.report.calibration import calibration_content
 from robotrue.report.content import (
     Column,
+    ErrorDistribution,
     ErrorMap,
     Fact,
     HoleContour,
@@ -23,6 +24,7 @@ from robotrue.report.content import (
     Section,
     Table,
     Tile,
+    TiltPlot,
     Verdict,
 )
 from robotrue.report.figure import inline_svg
@@ -144,6 +146,53 @@ def test_json_holds_the_same_numbers(content, report):
     assert rows[-1]["mean_mm"] == pytest.approx(report.after.mean * 1e3)
     plots = [b for s in document["sections"] for b in s["blocks"] if b["kind"] == "point-errors"]
     assert np.mean(plots[0]["after_mm"]) == pytest.approx(report.after.mean * 1e3, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("block", "unit"),
+    [
+        (PointErrors(before=np.array([2e-3, 3e-3]), after=np.array([1e-4, 2e-4])), "mm"),
+        (ErrorDistribution(before=np.array([2e-3, 3e-3]), after=np.array([1e-4, 2e-4])), "mm"),
+        (
+            ErrorMap(
+                position=np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]),
+                before=np.full((2, 3), 3e-3),
+                after=np.full((2, 3), 1e-4),
+            ),
+            "mm",
+        ),
+        (
+            HoleContour(
+                radius=0.1,
+                angle=np.array([0.0, 1.0]),
+                before=np.full((2, 2), 3e-3),
+                after=np.full((2, 2), 1e-4),
+            ),
+            "mm",
+        ),
+        (
+            TiltPlot(
+                before=np.full((2, 2), 0.03),
+                after=np.full((2, 2), 2e-3),
+                force=np.array([100.0, 200.0]),
+                tilt=np.array([0.01, 0.02]),
+            ),
+            "deg",
+        ),
+    ],
+    ids=lambda value: type(value).__name__,
+)
+def test_json_keeps_before_and_after_apart(block, unit):
+    """Fails when a block of a document names the state before compensation as that after it."""
+    content = ReportContent(
+        title="t", subtitle="", verdict=Verdict(text="v", tone="good"), tiles=(),
+        sections=(Section(title="s", blocks=(block,)),), simulated=True,
+    )  # fmt: skip
+    (found,) = json.loads(report_json(content))["sections"][0]["blocks"]
+    factor = 1e3 if unit == "mm" else 180.0 / np.pi
+    for name in ("before", "after"):
+        stated = np.asarray(getattr(block, name)) * factor
+        np.testing.assert_allclose(found[f"{name}_{unit}"], stated, atol=1e-6)
 
 
 def test_the_json_of_a_validation_keeps_its_promise(report):

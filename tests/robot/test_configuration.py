@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from robotrue.core.units import DEG
+from robotrue.core.words import NO_WORD
 from robotrue.errors import ReachError
 from robotrue.robot.configuration import (
     abb_confdata,
@@ -14,6 +15,7 @@ from robotrue.robot.configuration import (
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import branches_of
 from robotrue.robot.presets import preset
+from robotrue.robot.words import renewed
 
 from .arms import TOOL, random_joints
 
@@ -112,4 +114,20 @@ def test_yaskawa_words():
         [0, 0, 0, 0, 0, 0],
         [1, 0, 0, 1, 1, 0],
         [1, 1, 0, 0, 0, 0],
+    ]
+
+
+def test_a_renewed_status_keeps_the_bits_that_name_no_branch():
+    """Bit 3 of S says how a KUKA taught the point; a correction changes the branch, not that."""
+    written = np.array([[0b1010, 3], [0b0010, 3], [0b1010, 3], [NO_WORD, NO_WORD]])
+    before = np.array([[0b010, 3], [0b010, 3], [0b010, 3], [0b010, 3]])
+    after = np.array([[0b110, 3], [0b110, 3], [0b010, 2], [0b110, 2]])
+    assert renewed("kuka", written, before, after).tolist() == [
+        [0b1110, NO_WORD],
+        [0b0110, NO_WORD],
+        [NO_WORD, 2],
+        [NO_WORD, NO_WORD],
+    ]
+    assert renewed("abb", *(np.array([[k, 0, 0, 1]]) for k in (9, 0, 1))).tolist() == [
+        [1, NO_WORD, NO_WORD, NO_WORD]
     ]
