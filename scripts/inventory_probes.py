@@ -320,13 +320,12 @@ def store() -> Iterator[str]:
 def simulation() -> Iterator[str]:
     """Yields scenarios, faults that simulators make, and reproduced papers with their tables."""
     from robotrue.simulation.rdt_sensor import FAULTS as SENSOR
-    from robotrue.simulation.rtde_controller import FAULTS as CONTROLLER
     from robotrue.simulation.wire_faults import FAULTS as WIRE
     from robotrue_reproductions.deng2022.scenarios import SCENARIOS
     from robotrue_reproductions.papers import PAPERS
 
     yield from (f"scenario {each}" for each in SCENARIOS)
-    for name, faults in (("rdt", SENSOR), ("rtde", CONTROLLER), ("rsi, egm", WIRE)):
+    for name, faults in (("rdt", SENSOR), ("rtde", WIRE), ("rsi, egm", WIRE)):
         yield from (f"fault {name} {getattr(each, 'value', each)}" for each in faults)
     for name, paper in PAPERS.items():
         yield f"paper {name}"

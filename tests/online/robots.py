@@ -1,6 +1,7 @@
 """A controller's end of a socket, played packet by packet, and a settled place to wait at."""
 
 import asyncio
+import math
 import re
 import socket
 import time
@@ -77,3 +78,9 @@ def until(condition):
     while not condition():
         assert time.monotonic() < end, "it never came"
         time.sleep(0.001)
+
+
+def milling_force(time: float) -> tuple[float, ...]:
+    """Fx Fy Fz N, Tx Ty Tz N m of a simulated cut: a mean and a line at 60 Hz."""
+    tooth = math.sin(2.0 * math.pi * 60.0 * time)
+    return (-30.0 - 12.0 * tooth, -5.0 + 40.0 * tooth, 8.0 + 3.0 * tooth, 0.4, -2.0, 0.1)

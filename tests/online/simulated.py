@@ -10,8 +10,8 @@ from robotrue.simulation.online_faults import parse_fault
 from robotrue.simulation.online_scenario import online_scenario
 from robotrue.simulation.rdt_sensor import FAULTS as SENSOR_FAULTS
 from robotrue.simulation.rdt_sensor import RdtSensor, RdtSensorSettings
-from robotrue.simulation.rtde_controller import FAULTS as CONTROLLER_FAULTS
 from robotrue.simulation.rtde_controller import RtdeController, RtdeControllerSettings
+from robotrue.simulation.wire_faults import FAULTS as CONTROLLER_FAULTS
 
 LIMIT = 20.0
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from robots import WAIT, Robot, until
+from robots import WAIT, Robot, milling_force, until
 
 from robotrue.core.units import DEG, MM
 from robotrue.online import egm
@@ -16,7 +16,7 @@ from robotrue.online.egm_link import EgmSettings, EgmSource
 from robotrue.online.guard import CorrectionGuard, CorrectionLimits
 from robotrue.online.samples import Correction, CorrectionMode
 from robotrue.robot.presets import preset
-from robotrue.simulation.egm_controller import EgmControllerSettings, milling_force, run
+from robotrue.simulation.egm_controller import EgmControllerSettings, run
 from robotrue.simulation.joint_motion import Jog
 
 pytestmark = pytest.mark.peer
@@ -65,7 +65,7 @@ def test_it_reads_our_simulated_robot_and_corrects_its_path():
     assert [s.header.seqno for s in states] == list(range(states[0].header.seqno, 60))
     assert all(s.motors_on and s.rapid_running for s in states)
     first = states[0]
-    shown, T_base_tool = _jog().at(first.header.tm * 1e-3)
+    (shown,), (T_base_tool,) = _jog().along(np.array([first.header.tm * 1e-3]))
     np.testing.assert_allclose(first.joint_angles, shown / DEG, atol=1e-9)
     np.testing.assert_allclose(first.measured_force, milling_force(first.header.tm * 1e-3))
     np.testing.assert_allclose(first.cartesian.pos, T_base_tool[:3, 3] / MM, atol=1e-6)

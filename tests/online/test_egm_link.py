@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from online_cases import EGM_BARE, EGM_SEVEN, EGM_SIX, FORCE, JOINTS
-from robots import Robot, until
+from robots import Robot, milling_force, until
 
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
@@ -20,7 +20,6 @@ from robotrue.robot.presets import preset
 from robotrue.simulation.egm_controller import (
     EgmController,
     EgmControllerSettings,
-    milling_force,
     run,
 )
 from robotrue.simulation.joint_motion import Jog
@@ -209,11 +208,11 @@ def test_the_simulated_robot_follows_with_its_lag_and_stops_beyond_its_limit():
     robot = EgmController(settings)
     robot.take(egm.write_path_correction(0, 0, WANTED, 0.0))
     for _ in range(5):
-        data = robot.next_message()
+        data = robot.next_packet()
     # five cycles of 4 ms are one time constant
     np.testing.assert_allclose(robot.report.offset, SHIFT * (1 - np.exp(-1.0)))
     pose = egm.read_robot(data, SIX).pose
-    at_rest = _jog().at(16e-3)[1][:3, 3] / MM
+    at_rest = _jog().along(np.array([16e-3]))[1][0, :3, 3] / MM
     np.testing.assert_allclose(np.array(pose.xyz_mm) - at_rest, robot.report.offset / MM)
     robot.take(b"\xff")
     robot.take(egm.write_joint_target(1, 0, JOINTS))
@@ -221,7 +220,7 @@ def test_the_simulated_robot_follows_with_its_lag_and_stops_beyond_its_limit():
     far = Correction(shift=np.array([6 * MM, 0, 0]), turn=np.zeros(3), mode=ABSOLUTE)
     robot.take(egm.write_path_correction(2, 0, far, 0.0))
     assert "beyond 5 mm" in robot.report.stopped
-    stopped = egm.read_robot(robot.next_message(), SIX)
+    stopped = egm.read_robot(robot.next_packet(), SIX)
     assert stopped.guidance is egm.GuidanceState.ERROR
 
 
@@ -231,9 +230,9 @@ def test_the_simulated_robot_stops_when_it_hears_nothing_more():
     )
     robot = EgmController(settings)
     for _ in range(20):
-        robot.next_message()
+        robot.next_packet()
     assert robot.report.stopped == "", "nobody has spoken yet"
     robot.take(egm.write_path_correction(0, 0, WANTED, 0.0))
     for _ in range(8):
-        robot.next_message()
+        robot.next_packet()
     assert "no message for 0.02 s" in robot.report.stopped

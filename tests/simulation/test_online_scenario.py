@@ -74,7 +74,7 @@ def test_a_robot_led_off_its_path(scenario):
 
 def test_as_the_motion_of_a_controller(scenario):
     motion = ScenarioMotion(scenario=scenario, begun=100.0)
-    joints, T = motion.at(5.0)
+    (joints,), (T,) = motion.along(np.array([5.0]))
     np.testing.assert_array_equal(joints, scenario.displayed(np.array([105.0]))[0])
     np.testing.assert_array_equal(T, scenario.poses(np.array([105.0]))[0])
     assert motion.duration == np.inf

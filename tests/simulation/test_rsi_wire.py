@@ -7,15 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robotrue.core.rotations import abc_from_matrix
+from robotrue.core.rotations import abc_from_matrix, quat_wxyz_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.errors import FormatError
 from robotrue.online.rsi import RobPacket, read_sen, write_rob, write_sen
 from robotrue.online.rsi_config import usual_rsi_config
 from robotrue.online.samples import Correction, CorrectionMode
 from robotrue.robot.presets import preset
-from robotrue.simulation.foreseen import Foreseen
 from robotrue.simulation.joint_motion import Jog
+from robotrue.simulation.motion_grid import MotionGrid
 from robotrue.simulation.rsi_wire import RobWriter, SenReader
 
 CONFIG = usual_rsi_config("127.0.0.1", 49152)
@@ -76,11 +76,13 @@ def test_an_odd_answer_is_taken_or_refused_as_by_the_long_way(old, new):
 
 def test_a_motion_worked_out_ahead_is_the_motion():
     jog = Jog(robot=preset("kr160"), joints=np.radians([0.0, 30.0, -30.0, 0.0, 60.0, 0.0]))
-    ahead = Foreseen(jog, 4e-3)
+    ahead = MotionGrid(jog, 4e-3)
     for number in (0, 1, 63, 64, 200, 90):  # on, past the end, over a gap, back
         place = ahead.at(number)
-        joints, pose = jog.at(number * 4e-3)
+        (joints,), (pose,) = jog.along(np.array([number * 4e-3]))
         np.testing.assert_allclose(np.array(place.joints_deg) * DEG, joints, atol=1e-14)
         np.testing.assert_allclose(np.array(place.pose_mm_deg[:3]) * MM, pose[:3, 3], atol=1e-14)
+        quat = quat_wxyz_from_matrix(pose[:3, :3])
+        np.testing.assert_allclose(place.quat_wxyz, quat, atol=1e-14)
         abc = abc_from_matrix(pose[:3, :3])
         np.testing.assert_allclose(np.array(place.pose_mm_deg[3:]) * DEG, abc, atol=1e-12)

@@ -42,9 +42,8 @@ from robotrue.simulation.online_scenario import (
 )
 from robotrue.simulation.rdt_sensor import FAULTS as SENSOR_FAULTS
 from robotrue.simulation.rdt_sensor import RdtSensor, RdtSensorSettings, netftapi_page
-from robotrue.simulation.rtde_controller import FAULTS as CONTROLLER_FAULTS
 from robotrue.simulation.rtde_controller import RtdeController, RtdeControllerSettings
-from robotrue.simulation.wire_faults import FAULTS as UDP_FAULTS
+from robotrue.simulation.wire_faults import FAULTS as CONTROLLER_FAULTS
 
 _RSI_PORT: Final = 49152
 SENSOR: Final = Provenance(simulated=True, instrument="force sensor")
@@ -97,7 +96,7 @@ def run_rsi(
         mode=kind,
         cycle_ms=cycle_ms,
         motion=ScenarioMotion(scenario=scenario, begun=time.monotonic()),
-        faults=tuple(parse_fault(text, UDP_FAULTS) for text in faults),
+        faults=tuple(parse_fault(text, CONTROLLER_FAULTS) for text in faults),
         keeps_time=True,
     )
     options = f"?cycle={cycle_ms}ms&mode={kind.value}"
@@ -141,7 +140,7 @@ def run_egm(
         generation=generation,
         motion=ScenarioMotion(scenario=scenario, begun=begun),
         force=felt if force else None,
-        faults=tuple(parse_fault(text, UDP_FAULTS) for text in faults),
+        faults=tuple(parse_fault(text, CONTROLLER_FAULTS) for text in faults),
         keeps_time=True,
     )
     address = f"'egm://{host}:{port}?robotware={robotware}'"

@@ -1,4 +1,4 @@
-"""An ABB controller to practise with: ``EgmRobot`` every 4 ms, path corrections taken and judged.
+"""An ABB controller to practise with: ``EgmRobot`` every 4 ms, path corrections taken and checked.
 
 Simulated throughout: the motion, the force and how the robot follows. A path correction is taken
 as the offset from the programmed path that is to be held from then on.
@@ -15,8 +15,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array
-from robotrue.core.rotations import quat_wxyz_from_matrix
-from robotrue.core.units import DEG, MM
+from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.online.egm import (
     EgmPose,
@@ -29,10 +28,9 @@ from robotrue.online.egm import (
     read_target,
     write_robot,
 )
-from robotrue.simulation.joint_motion import Motion
-from robotrue.simulation.online_faults import Fault, FaultKind
-from robotrue.simulation.pace import Pace
-from robotrue.simulation.wire_faults import FaultyWire
+from robotrue.simulation.cyclic_controller import CyclicController, CyclicSettings
+from robotrue.simulation.motion_grid import Place
+from robotrue.simulation.online_faults import FaultKind, clock_leap
 
 _CYCLE: Final = 4e-3
 _REST: Final = 10
@@ -41,45 +39,27 @@ _OLDEST: Final = 1000
 """ms; an older measurement is no correction."""
 
 
-def milling_force(time: float) -> tuple[float, ...]:
-    """Returns Fx Fy Fz N, Tx Ty Tz N m of a simulated cut: a mean and a line at 60 Hz."""
-    tooth = math.sin(2.0 * math.pi * 60.0 * time)
-    return (-30.0 - 12.0 * tooth, -5.0 + 40.0 * tooth, 8.0 + 3.0 * tooth, 0.4, -2.0, 0.1)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
-class EgmControllerSettings:
-    """What the simulated controller does.
+class EgmControllerSettings(CyclicSettings):
+    """What the simulated controller does, beside what every one does.
 
     Attributes:
         target: Address and port of the computer that listens, as UCDevice names them.
         generation: Which egm.proto it speaks.
-        motion: Where the arm goes.
         force: Measured force at a time, s; None sends none.
         force_active: RobotWare 7: whether force control is on.
         lag: s, time constant with which a correction is followed.
         limit: m, largest offset along each axis it takes; a larger one stops the guidance.
         silence: s without a message after which the guidance stops with an error, once one came.
-        cycles: How many; None goes on to the end of the motion, or until stopped.
-        host: Its own address.
-        own_port: Its own port; 0 takes a free one.
-        faults: What goes wrong, and when.
-        keeps_time: A computer too busy for all cycles leaves some out, instead of going slower.
     """
 
     target: tuple[str, int]
     generation: RobotWare
-    motion: Motion
     force: Callable[[float], tuple[float, ...]] | None = None
     force_active: bool = True
     lag: float = 0.02
     limit: float = 5.0 * MM
     silence: float = 1.0
-    cycles: int | None = None
-    host: str = "127.0.0.1"
-    own_port: int = 0
-    faults: tuple[Fault, ...] = ()
-    keeps_time: bool = False
 
     def __post_init__(self) -> None:
         """Checks."""
@@ -125,62 +105,46 @@ async def run(
         stop: Set to end it after the cycle that runs.
     """
     controller = EgmController(settings)
-    loop = asyncio.get_running_loop()
-    transport, _ = await loop.create_datagram_endpoint(
-        lambda: _Messages(controller), local_addr=(settings.host, settings.own_port)
-    )
-    pace = Pace(_CYCLE)
-    try:
-        while not (stop is not None and stop.is_set()):
-            message = controller.next_message()
-            if message is None:
-                break
-            for datagram in controller.wire.passed(message, controller.elapsed):
-                transport.sendto(datagram, settings.target)
-            await pace.wait()
-            if settings.keeps_time:
-                controller.leave_out(pace.left_out())
-    finally:
-        transport.close()
+    await controller.run(settings.target, stop=stop)
     return controller.report
 
 
-class EgmController:
-    """The controller without its socket."""
+class EgmController(CyclicController):
+    """The controller cycle by cycle.
+
+    Args:
+        settings: What it does.
+    """
 
     def __init__(self, settings: EgmControllerSettings) -> None:
+        super().__init__(settings, _CYCLE)
         self.settings = settings
-        self.report = EgmControllerReport()
-        self.wire = FaultyWire(settings.faults)
-        self.elapsed = 0.0
+        self._report = EgmControllerReport()
         self._wanted = np.zeros(3)
         self._heard: int | None = None
         self._resting = 0
 
-    def next_message(self) -> bytes | None:
-        """Returns the message of the cycle that begins; None when there is no more to send."""
-        settings, made = self.settings, self.report.cycles
-        elapsed = made * _CYCLE
-        over = settings.cycles is not None and made >= settings.cycles
-        if over or elapsed > settings.motion.duration:
-            return None
-        self.elapsed = elapsed
-        if self.wire.over(FaultKind.SILENCE, elapsed, _CYCLE):
-            self._begin_anew()
-        self._follow(made)
-        joints, T_base_tool = settings.motion.at(elapsed)
-        shown = tuple((joints / DEG).tolist())
+    @property
+    def report(self) -> EgmControllerReport:
+        """What came of it so far."""
+        return replace(self._report, cycles=self.cycles, left_out=self.left_out)
+
+    def _packet(self, number: int) -> bytes:
+        settings, elapsed = self.settings, self.elapsed
+        self._follow(number)
+        place = self._grid.at(number)
+        shown: tuple[float, ...] = place.joints_deg
         force = () if settings.force is None else settings.force(elapsed)
-        if self.wire.shows(FaultKind.NAN, elapsed):
+        if self._shows(FaultKind.NAN):
             shown, force = (math.nan,) * len(shown), (math.nan,) * len(force)
-        leapt = self.wire.leapt(elapsed)
+        leap = clock_leap(settings.faults, elapsed)
         robot = EgmRobot(
-            seqno=made + round(leapt / _CYCLE),
-            tm_ms=round((elapsed + leapt) * 1e3),
+            seqno=number + round(leap / _CYCLE),
+            tm_ms=round((elapsed + leap) * 1e3),
             joints_deg=shown,
-            pose=self._pose(T_base_tool),
+            pose=self._pose(place),
             planned_deg=shown,
-            clock=(made // 250 + round(leapt), made % 250 * 4000),
+            clock=(number // 250 + round(leap), number % 250 * 4000),
             motors=MotorState.ON,
             guidance=self._guidance(),
             converged=False,
@@ -189,66 +153,57 @@ class EgmController:
             force_active=settings.force_active if settings.generation is RobotWare.SEVEN else None,
             force=force,
         )
-        self.report = replace(self.report, cycles=made + 1)
         return write_robot(robot, settings.generation)
-
-    def leave_out(self, cycles: int) -> None:
-        """Lets cycles pass without a message."""
-        report = self.report
-        self.report = replace(
-            report, cycles=report.cycles + cycles, left_out=report.left_out + cycles
-        )
 
     def take(self, data: bytes) -> None:
         """Takes a datagram of the computer."""
-        report = self.report
+        report = self._report
         try:
             _, xyz_mm, age_ms = read_path_correction(data)
         except FormatError:
-            self.report = _with_target(report, data)
-            self._heard = report.cycles
+            self._report = _with_target(report, data)
+            self._heard = self.cycles
             return
         wanted = np.array(xyz_mm) * MM
         if not np.isfinite(wanted).all() or age_ms > _OLDEST:
-            self.report = replace(report, faulty=report.faulty + 1)
+            self._report = replace(report, faulty=report.faulty + 1)
         elif np.abs(wanted).max() > self.settings.limit:
             self._stop(f"offset {wanted / MM} mm is beyond {self.settings.limit / MM:g} mm")
         elif not self._resting:
-            self._wanted, self._heard = wanted, report.cycles
-            self.report = replace(report, corrections=report.corrections + 1)
+            self._wanted, self._heard = wanted, self.cycles
+            self._report = replace(report, corrections=report.corrections + 1)
 
     def _guidance(self) -> GuidanceState:
         self._resting -= self._resting > 0
-        if self.report.stopped:
+        if self._report.stopped:
             return GuidanceState.ERROR
         return GuidanceState.STOPPED if self._resting else GuidanceState.RUNNING
 
-    def _begin_anew(self) -> None:
+    def _restart(self) -> None:
         """EGMRunMove once more: it begins on the programmed path."""
         self._resting, self._heard = _REST + 1, None
         self._wanted = np.zeros(3)
-        self.report = replace(self.report, offset=np.zeros(3))
+        self._report = replace(self._report, offset=np.zeros(3))
 
     def _follow(self, made: int) -> None:
         if self._heard is not None and (made - self._heard) * _CYCLE > self.settings.silence:
             self._stop(f"no message for {self.settings.silence:g} s")
-        if self.report.stopped:
+        if self._report.stopped:
             return
         part = 1.0 if self.settings.lag == 0.0 else -math.expm1(-_CYCLE / self.settings.lag)
-        offset = self.report.offset + part * (self._wanted - self.report.offset)
-        largest = max(self.report.largest_mm, float(np.linalg.norm(offset)) / MM)
-        self.report = replace(self.report, offset=offset, largest_mm=largest)
+        offset = self._report.offset + part * (self._wanted - self._report.offset)
+        largest = max(self._report.largest_mm, float(np.linalg.norm(offset)) / MM)
+        self._report = replace(self._report, offset=offset, largest_mm=largest)
 
     def _stop(self, why: str) -> None:
-        if not self.report.stopped:
-            self.report = replace(self.report, stopped=why)
+        if not self._report.stopped:
+            self._report = replace(self._report, stopped=why)
 
-    def _pose(self, T_base_tool: Array) -> EgmPose | None:
-        if np.isnan(T_base_tool).any():
+    def _pose(self, place: Place) -> EgmPose | None:
+        if place.pose_mm_deg is None:
             return None
-        xyz = (T_base_tool[:3, 3] + self.report.offset) / MM
-        quat = quat_wxyz_from_matrix(T_base_tool[:3, :3])
-        return EgmPose(xyz_mm=tuple(xyz.tolist()), quat_wxyz=tuple(quat.tolist()))
+        xyz = np.array(place.pose_mm_deg[:3]) + self._report.offset / MM
+        return EgmPose(xyz_mm=tuple(xyz.tolist()), quat_wxyz=place.quat_wxyz)
 
 
 def _with_target(report: EgmControllerReport, data: bytes) -> EgmControllerReport:
@@ -257,14 +212,3 @@ def _with_target(report: EgmControllerReport, data: bytes) -> EgmControllerRepor
     except FormatError:
         return replace(report, faulty=report.faulty + 1)
     return replace(report, targets=report.targets + 1)
-
-
-class _Messages(asyncio.DatagramProtocol):
-    def __init__(self, controller: EgmController) -> None:
-        self._controller = controller
-
-    def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
-        self._controller.take(data)
-
-    def error_received(self, exc: Exception) -> None:
-        """Nobody listens yet."""

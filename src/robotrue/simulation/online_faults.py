@@ -12,6 +12,8 @@ from robotrue.errors import ConfigurationError
 
 _USUAL: Final = 0.5
 """s that a fault lasts where nothing is said."""
+LEAP: Final = 60.0
+"""s by which a clock leaps."""
 
 
 class FaultKind(enum.Enum):
@@ -93,3 +95,8 @@ def parse_fault(text: str, known: Sequence[FaultKind]) -> Fault:
 def showing(faults: Sequence[Fault], kind: FaultKind, since: float) -> bool:
     """Returns whether a kind of fault shows at a time (s since the simulator began)."""
     return any(f.kind is kind and f.start <= since < f.start + f.duration for f in faults)
+
+
+def clock_leap(faults: Sequence[Fault], since: float) -> float:
+    """Returns s by which the sender's clock has leapt at a time (s since the simulator began)."""
+    return LEAP * sum(f.kind is FaultKind.JUMP and f.start <= since for f in faults)

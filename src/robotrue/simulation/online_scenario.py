@@ -170,13 +170,8 @@ class ScenarioMotion:
         """Infinite: it repeats."""
         return math.inf
 
-    def at(self, time: float) -> tuple[Array, Array]:
-        """Returns joints (dof,) rad as displayed and T_base_tool (4, 4) m, at a time from zero."""
-        joints, poses = self.along(np.array([time]))
-        return joints[0], poses[0]
-
     def along(self, times: Array) -> tuple[Array, Array]:
-        """Returns joints and poses at many times."""
+        """Returns joints (n, dof) rad as displayed and T_base_tool (n, 4, 4) m, from time zero."""
         now = self.begun + times
         return self.scenario.displayed(now), self.scenario.poses(now)
 

@@ -27,8 +27,9 @@ from robotrue.online.rdt import (
     read_request,
 )
 from robotrue.online.rdt_block import RECORD, Records
-from robotrue.simulation.online_faults import Fault, FaultKind, showing
+from robotrue.simulation.online_faults import Fault, FaultKind, clock_leap, showing
 from robotrue.simulation.online_scenario import OnlineScenario
+from robotrue.simulation.wire_faults import FaultyWire
 
 FAULTS: Final = tuple(k for k in FaultKind if k is not FaultKind.NAN)
 """What the sensor can show; counts are always numbers."""
@@ -44,7 +45,6 @@ _ON_GRID: Final = 1e-3
 """Of the time between two records."""
 _MOST_DUE: Final = 4096
 """Records made at once; after a longer pause of this computer the rest is left out."""
-_LEAP: Final = 60.0
 _UNWELL: Final = 1 << 31 | 1 << 1
 
 
@@ -149,8 +149,8 @@ class RdtSensor:
         self._stood = 0
         self._bias = np.zeros(6)
         self._counts = np.repeat([settings.counts_per_newton, settings.counts_per_newton_metre], 3)
-        self._held: list[bytes] = []
-        self._leapt: set[Fault] = set()
+        self._wire = FaultyWire(settings.faults)
+        self._leap = 0.0
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         try:
@@ -207,10 +207,9 @@ class RdtSensor:
         records = np.zeros(n, dtype=RECORD)
         counts = np.rint(wrench * self._counts)
         records["counts"] = np.minimum(np.maximum(counts, -(2.0**31)), 2.0**31 - 1.0)
-        for fault in settings.faults:
-            if fault.kind is FaultKind.JUMP and fault.start <= since and fault not in self._leapt:
-                self._leapt.add(fault)
-                self._number += round(_LEAP * settings.rate)
+        leap = clock_leap(settings.faults, since)
+        self._number += round((leap - self._leap) * settings.rate)
+        self._leap = leap
         records["rdt"] = (self._number + 1 + np.arange(n)) % 2**32
         self._number += n
         per_record = max(1, round(INTERNAL / settings.rate))
@@ -231,24 +230,8 @@ class RdtSensor:
 
     def _deliver(self, packets: list[bytes], since: float) -> None:
         """Sends packets as the fault of the moment lets them go."""
-
-        def shows(kind: FaultKind) -> bool:
-            return showing(self.settings.faults, kind, since)
-
-        if shows(FaultKind.GAP):
-            self.report = replace(self.report, withheld=self.report.withheld + len(packets))
-            return
-        if shows(FaultKind.LATE):
-            self._held += packets
-            return
-        packets, self._held = self._held + packets, []
-        if shows(FaultKind.REPEAT):
-            packets = [packet for packet in packets for _ in range(2)]
-        if shows(FaultKind.REORDER):
-            order = np.arange(len(packets) // 2 * 2) ^ 1
-            packets = [packets[k] for k in order] + packets[len(order) :]
-        if shows(FaultKind.GARBLE):
-            packets = [packet[:20] for packet in packets]
+        packets = self._wire.passed(packets, since)
+        self.report = replace(self.report, withheld=self._wire.withheld)
         sent = 0
         for packet in packets:
             try:

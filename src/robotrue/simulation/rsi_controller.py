@@ -1,4 +1,4 @@
-"""A KUKA controller to practise with: it owns the clock, sends ``<Rob>`` and judges each ``<Sen>``.
+"""A KUKA controller to practise with: it owns the clock, sends ``<Rob>`` and checks each ``<Sen>``.
 
 Simulated throughout. It takes an answer as a controller does: type and IPOC must be right, it must
 come before the next packet, what is missing is counted in Delay and HOLDON says what stays, and
@@ -20,50 +20,41 @@ from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.online.rsi_config import RsiConfig
 from robotrue.online.samples import CorrectionMode
-from robotrue.simulation.foreseen import Foreseen, six
-from robotrue.simulation.joint_motion import Motion
-from robotrue.simulation.online_faults import Fault, FaultKind
-from robotrue.simulation.pace import Pace
+from robotrue.simulation.cyclic_controller import CyclicController, CyclicSettings
+from robotrue.simulation.motion_grid import six
+from robotrue.simulation.online_faults import FaultKind, clock_leap
 from robotrue.simulation.rsi_wire import RobWriter, SenReader
-from robotrue.simulation.wire_faults import FaultyWire
 
 _AXES: Final = ("X", "Y", "Z", "A", "B", "C")
 _NO_NUMBERS: Final = (math.nan,) * 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RsiControllerSettings:
-    """What the simulated controller does.
+class RsiControllerSettings(CyclicSettings):
+    """What the simulated controller does, beside what every one does.
 
     Attributes:
         config: Its EthernetConfig.xml; packets go to its host and port.
         mode: What RSI_ON of its program says.
-        motion: Where the arm goes.
         cycle_ms: 4 or 12.
         timeout_packets: Answers that may be late or faulty before RSI breaks off.
         limit: m, POSCORR: largest total correction along each axis; more breaks RSI off.
         limit_turn: rad, likewise for the total of each angle.
         first_ipoc: ms, its clock at the start.
-        cycles: How many; None goes on to the end of the motion, or until stopped.
-        host: Its own address.
-        own_port: Its own port; 0 takes a free one.
-        faults: What goes wrong, and when.
-        keeps_time: A computer too busy for all cycles leaves some out, instead of going slower.
     """
 
     config: RsiConfig
     mode: CorrectionMode
-    motion: Motion
     cycle_ms: int = 4
     timeout_packets: int = 100
     limit: float = 5.0 * MM
     limit_turn: float = 5.0 * DEG
     first_ipoc: int = 4_208_163_634
-    cycles: int | None = None
-    host: str = "127.0.0.1"
-    own_port: int = 0
-    faults: tuple[Fault, ...] = ()
-    keeps_time: bool = False
+
+    @property
+    def cycle(self) -> float:
+        """Length of a cycle, s."""
+        return self.cycle_ms * 1e-3
 
     def __post_init__(self) -> None:
         """Checks."""
@@ -114,38 +105,22 @@ async def run(
         stop: Set to end it after the cycle that runs.
     """
     controller = RsiController(settings)
-    loop = asyncio.get_running_loop()
-    transport, _ = await loop.create_datagram_endpoint(
-        lambda: _Answers(controller), local_addr=(settings.host, settings.own_port)
-    )
-    target = (settings.config.host, settings.config.port)
-    pace = Pace(settings.cycle_ms * 1e-3)
-    try:
-        while not (stop is not None and stop.is_set()):
-            packet = controller.next_packet()
-            if packet is None:
-                break
-            for datagram in controller.wire.passed(packet, controller.elapsed):
-                transport.sendto(datagram, target)
-            short = await pace.wait()
-            controller.close_cycle(short=short)
-            if settings.keeps_time:
-                controller.leave_out(pace.left_out())
-    finally:
-        transport.close()
+    await controller.run((settings.config.host, settings.config.port), stop=stop)
     return controller.report
 
 
-class RsiController:
-    """The controller without its socket: one packet, its answers, the end of the cycle."""
+class RsiController(CyclicController):
+    """The controller cycle by cycle.
+
+    Args:
+        settings: What it does.
+    """
 
     def __init__(self, settings: RsiControllerSettings) -> None:
+        super().__init__(settings, settings.cycle)
         self.settings = settings
-        self.report = RsiControllerReport()
-        self.wire = FaultyWire(settings.faults)
-        self.elapsed = 0.0
-        self._foreseen = Foreseen(settings.motion, settings.cycle_ms * 1e-3)
-        self._writer, self._reader = RobWriter(self._further()), SenReader(settings.config)
+        self._report = RsiControllerReport()
+        self._writer, self._reader = RobWriter(self._extra_signals()), SenReader(settings.config)
         self._ipoc = settings.first_ipoc
         self._answer: Mapping[str, float] | None = None
         self._total = [0.0] * 6
@@ -155,40 +130,30 @@ class RsiController:
         self._forgiven = self._excused = 0
         self._held = dict.fromkeys(_AXES, 0.0)
 
-    def next_packet(self) -> bytes | None:
-        """Returns the packet of the cycle that begins; None when there is no more to send."""
-        made = self.report.cycles
-        end = self.settings.cycles
-        if self.report.broke_off or (end is not None and made >= end):
-            return None
-        elapsed = made * self.settings.cycle_ms * 1e-3
-        if elapsed > self.settings.motion.duration:
-            return None
-        self.elapsed = elapsed
-        if self.wire.over(FaultKind.SILENCE, elapsed, self.settings.cycle_ms * 1e-3):
-            self._begin_anew()
-        clock = made * self.settings.cycle_ms + round(1e3 * self.wire.leapt(elapsed))
+    @property
+    def report(self) -> RsiControllerReport:
+        """What came of it so far."""
+        return replace(self._report, cycles=self.cycles, left_out=self.left_out)
+
+    def _packet(self, number: int) -> bytes:
+        leap = clock_leap(self.settings.faults, self.elapsed)
+        clock = number * self.settings.cycle_ms + round(1e3 * leap)
         self._ipoc = self.settings.first_ipoc + clock
         self._answer, self._faulty = None, False
-        place = self._foreseen.at(made)
+        place = self._grid.at(number)
         joints, pose = place.joints_deg, place.pose_mm_deg
-        if self.wire.shows(FaultKind.NAN, elapsed):
+        if self._shows(FaultKind.NAN):
             joints = _NO_NUMBERS
         if pose is not None:
             pose = six([a + b for a, b in zip(pose, self._total, strict=True)])
-        self.report = replace(self.report, cycles=made + 1)
-        return self._writer.write(self._ipoc, self._delay(), joints, pose)
+        return self._writer.write(self._ipoc, self._delay_value(), joints, pose)
 
-    def leave_out(self, cycles: int) -> None:
-        """Lets cycles pass without a packet."""
-        report = self.report
-        self.report = replace(
-            report, cycles=report.cycles + cycles, left_out=report.left_out + cycles
-        )
+    def _ended(self) -> bool:
+        return bool(self._report.broke_off)
 
     def take(self, data: bytes) -> None:
-        """Takes a datagram that came during the cycle."""
-        if self.settings.config.only_send or self._silent:
+        """Takes an answer, good or not."""
+        if self.settings.config.only_send or self._shows(FaultKind.SILENCE):
             return
         try:
             answer = self._reader.read(data, self._ipoc)
@@ -203,14 +168,14 @@ class RsiController:
         self._answer = answer
 
     def close_cycle(self, *, short: bool = False) -> None:
-        """Judges the cycle and moves by what was answered, or by what HOLDON says.
+        """Counts the answer of the cycle and moves by it, or by what HOLDON says.
 
         Args:
             short: Whether the simulator gave it less time than a controller would.
         """
-        if self.settings.config.only_send or self._silent:
+        if self.settings.config.only_send or self._shows(FaultKind.SILENCE):
             return
-        report = self.report
+        report = self._report
         if self._answer is not None:
             self._attached = True
             report = replace(report, answered=report.answered + 1)
@@ -220,39 +185,37 @@ class RsiController:
         if self._faulty:
             report = replace(report, faulty=report.faulty + 1)
         if self._attached:
-            report = self._moved(report)
-        if self._counted(report) > self.settings.timeout_packets:
+            report = self._apply_answer(report)
+        if self._count_faults(report) > self.settings.timeout_packets:
             report = replace(
                 report,
                 broke_off=f"{report.late - report.overslept} late and {report.faulty} faulty "
                 "answers in cycles that had their time, more than "
                 f"{self.settings.timeout_packets}",
             )
-        self.report = report
+        self._report = report
 
-    def _counted(self, report: RsiControllerReport) -> int:
+    def _count_faults(self, report: RsiControllerReport) -> int:
         """Late and faulty answers since RSI_ON, of cycles that had their time."""
         return report.late - report.overslept + report.faulty - self._forgiven
 
-    def _delay(self) -> int:
+    def _delay_value(self) -> int:
         """What Delay says: where answers are added up, those that were cut short count, too."""
         relative = self.settings.mode is CorrectionMode.RELATIVE
-        return self._counted(self.report) + relative * (self.report.overslept - self._excused)
+        return self._count_faults(self._report) + relative * (
+            self._report.overslept - self._excused
+        )
 
-    @property
-    def _silent(self) -> bool:
-        return self.wire.shows(FaultKind.SILENCE, self.elapsed)
-
-    def _begin_anew(self) -> None:
+    def _restart(self) -> None:
         """RSI_ON once more: no correction is held, and late answers are counted from zero."""
         self._attached = False
         self._held = dict.fromkeys(_AXES, 0.0)
-        self._forgiven += self._counted(self.report)
-        self._excused = self.report.overslept
+        self._forgiven += self._count_faults(self._report)
+        self._excused = self._report.overslept
         self._total = [0.0] * 6
-        self.report = replace(self.report, correction=np.zeros(6))
+        self._report = replace(self._report, correction=np.zeros(6))
 
-    def _moved(self, report: RsiControllerReport) -> RsiControllerReport:
+    def _apply_answer(self, report: RsiControllerReport) -> RsiControllerReport:
         given = []
         for axis in _AXES:
             element = self.settings.config.receives(f"RKorr.{axis}")
@@ -280,7 +243,7 @@ class RsiController:
                 )
         return report
 
-    def _further(self) -> dict[str, float]:
+    def _extra_signals(self) -> dict[str, float]:
         """What else the configuration says is sent, at zero: the other side may insist on it."""
         sent = {"RIst", "AIPos", "Delay", "IPOC"}
         return {
@@ -292,18 +255,7 @@ class RsiController:
     def _is_late(self, data: bytes) -> bool:
         """Whether it answers an earlier packet: its cycle has been counted then."""
         step = self.settings.cycle_ms
-        for back in range(1, min(self.report.cycles, 2 * self.settings.timeout_packets + 2)):
+        for back in range(1, min(self.cycles, 2 * self.settings.timeout_packets + 2)):
             if b"<IPOC>%d</IPOC>" % (self._ipoc - back * step) in data:
                 return True
         return False
-
-
-class _Answers(asyncio.DatagramProtocol):
-    def __init__(self, controller: RsiController) -> None:
-        self._controller = controller
-
-    def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
-        self._controller.take(data)
-
-    def error_received(self, exc: Exception) -> None:
-        """Nobody listens yet: the cycle stays without an answer."""

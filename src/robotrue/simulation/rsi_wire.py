@@ -12,7 +12,7 @@ from typing import Final
 
 from robotrue.online.rsi import RobPacket, read_sen, write_rob
 from robotrue.online.rsi_config import RsiConfig
-from robotrue.simulation.foreseen import Six, six
+from robotrue.simulation.motion_grid import Six, six
 
 _VALUE: Final = rb'="([+-]?\d+\.\d+)"'
 _AXES: Final = ("X", "Y", "Z", "A", "B", "C")

@@ -12,7 +12,7 @@ import math
 import struct
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -21,18 +21,14 @@ from robotrue.core.arrays import Array, IntArray
 from robotrue.core.rotations import rotation_vector_from_matrix
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.online import rtde
-from robotrue.simulation.online_faults import Fault, FaultKind, showing
+from robotrue.simulation.online_faults import Fault, FaultKind, clock_leap, showing
 from robotrue.simulation.online_scenario import OnlineScenario
+from robotrue.simulation.wire_faults import FaultyWire
 
-FAULTS: Final = tuple(
-    k for k in FaultKind if k not in (FaultKind.SATURATION, FaultKind.HANG, FaultKind.STATUS)
-)
-"""What the controller can show."""
 TICKS: Final = 500.0
 _LATE: Final = 10e-3
 """s behind its time from which a tick counts as late, because this computer was."""
 _MOST_DUE: Final = 250
-_LEAP: Final = 60.0
 _LONGEST_QUEUE: Final = 1 << 20
 """Bytes a client may leave unread before it is dropped."""
 _GARBLE: Final = b"\x00\x00?robotrue simulated garble"
@@ -114,10 +110,10 @@ class _Client:
     """One connection; what it was told and what it is owed."""
 
     writer: asyncio.StreamWriter
+    wire: FaultyWire
     every: int = 1
     recipe: rtde.Recipe | None = None
     started: bool = False
-    held: list[bytes] = field(default_factory=list)
 
 
 class RtdeController:
@@ -203,10 +199,10 @@ class RtdeController:
         force = scenario.process(times) + noise * np.array([1.0] * 3 + [0.1] * 3)
         if self._shows(FaultKind.NAN, since):
             joints, force = np.full_like(joints, np.nan), np.full_like(force, np.nan)
-        leaps = [f for f in settings.faults if f.kind is FaultKind.JUMP and f.start <= since]
         clock = settings.started + (times - self._begun) * (1.0 + settings.drift)
+        clock += clock_leap(settings.faults, since)
         return {
-            "timestamp": (clock + _LEAP * len(leaps))[:, None],
+            "timestamp": clock[:, None],
             "actual_q": joints,
             "target_q": joints,
             "actual_TCP_pose": tool,
@@ -216,21 +212,10 @@ class RtdeController:
 
     def _deliver(self, client: _Client, packets: list[bytes], since: float) -> None:
         """Sends packets as the fault of the moment lets them go."""
-        if self._shows(FaultKind.GAP, since):
-            self.report = replace(self.report, withheld=self.report.withheld + len(packets))
-            return
-        client.held += packets
-        if self._shows(FaultKind.LATE, since):
-            return
-        if self._shows(FaultKind.REORDER, since) and len(client.held) < 2:
-            return  # a pair to swap
-        packets, client.held = client.held, []
-        if self._shows(FaultKind.REPEAT, since):
-            packets = [packet for packet in packets for _ in range(2)]
-        if self._shows(FaultKind.REORDER, since):
-            packets.reverse()
-        if self._shows(FaultKind.GARBLE, since):
-            packets = [_GARBLE]
+        before = client.wire.withheld
+        packets = client.wire.passed(packets, since)
+        withheld = self.report.withheld + client.wire.withheld - before
+        self.report = replace(self.report, withheld=withheld)
         transport = client.writer.transport
         if transport.is_closing() or transport.get_write_buffer_size() > _LONGEST_QUEUE:
             self._drop(client)
@@ -242,7 +227,8 @@ class RtdeController:
         if self._shows(FaultKind.SILENCE, time.monotonic() - self._begun):
             writer.close()
             return
-        client = _Client(writer=writer)
+        wire = FaultyWire(self.settings.faults, damage=lambda packet: _GARBLE)
+        client = _Client(writer=writer, wire=wire)
         self._clients.append(client)
         self.report = replace(self.report, clients=self.report.clients + 1)
         rest = b""

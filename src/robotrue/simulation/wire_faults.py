@@ -1,8 +1,8 @@
-"""What becomes of a simulated controller's datagrams on their way, while a fault shows."""
+"""What becomes of a simulator's packets on their way, while a fault shows."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
 from robotrue.simulation.online_faults import Fault, FaultKind, showing
@@ -12,55 +12,56 @@ FAULTS: Final = tuple(
     for kind in FaultKind
     if kind not in (FaultKind.SATURATION, FaultKind.HANG, FaultKind.STATUS)
 )
-"""What simulated controllers on UDP can do."""
-LEAP: Final = 60.0
-"""s by which a clock leaps."""
+"""What simulated controllers can show."""
+
+
+def cut_in_half(packet: bytes) -> bytes:
+    """Returns the first half of a packet."""
+    return packet[: len(packet) // 2]
 
 
 class FaultyWire:
-    """Datagrams held back, swapped, doubled, damaged or lost.
+    """Packets held back, swapped, doubled, damaged or lost.
 
     Args:
         faults: When.
+        damage: What a garbled packet becomes.
+
+    Attributes:
+        withheld: Packets lost for good.
     """
 
-    def __init__(self, faults: Sequence[Fault]) -> None:
+    def __init__(
+        self, faults: Sequence[Fault], damage: Callable[[bytes], bytes] = cut_in_half
+    ) -> None:
+        self.withheld = 0
         self._faults = tuple(faults)
+        self._damage = damage
         self._held: list[bytes] = []
 
-    def passed(self, packet: bytes, since: float) -> list[bytes]:
-        """Returns what is sent now, in order, when a packet is due.
+    def passed(self, packets: Sequence[bytes], since: float) -> list[bytes]:
+        """Returns what is sent now, in order, when packets are due.
 
         Args:
-            packet: The one that is due.
-            since: s since the controller began.
+            packets: Those that are due.
+            since: s since the simulator began.
         """
-        if self.shows(FaultKind.GAP, since) or self.shows(FaultKind.SILENCE, since):
+        if self._shows(FaultKind.GAP, since) or self._shows(FaultKind.SILENCE, since):
+            self.withheld += len(packets)
             return []
-        if self.shows(FaultKind.LATE, since):
-            self._held.append(packet)
+        self._held += packets
+        if self._shows(FaultKind.LATE, since):
             return []
-        if self.shows(FaultKind.REORDER, since):
-            self._held.insert(0, packet)
-            if len(self._held) < 2:
-                return []
-            packets, self._held = self._held, []
-            return packets
-        packets, self._held = [*self._held, packet], []
-        if self.shows(FaultKind.REPEAT, since):
-            return [packet for packet in packets for _ in range(2)]
-        if self.shows(FaultKind.GARBLE, since):
-            return [packet[: len(packet) // 2] for packet in packets]
-        return packets
+        sent, self._held = self._held, []
+        if self._shows(FaultKind.REORDER, since):
+            pairs = len(sent) // 2 * 2
+            self._held = sent[pairs:]
+            sent = [sent[k ^ 1] for k in range(pairs)]
+        if self._shows(FaultKind.REPEAT, since):
+            sent = [packet for packet in sent for _ in range(2)]
+        if self._shows(FaultKind.GARBLE, since):
+            sent = [self._damage(packet) for packet in sent]
+        return sent
 
-    def shows(self, kind: FaultKind, since: float) -> bool:
-        """Returns whether a kind of fault shows."""
+    def _shows(self, kind: FaultKind, since: float) -> bool:
         return showing(self._faults, kind, since)
-
-    def leapt(self, since: float) -> float:
-        """Returns s by which the controller's clock has leapt so far."""
-        return LEAP * sum(f.kind is FaultKind.JUMP and f.start <= since for f in self._faults)
-
-    def over(self, kind: FaultKind, since: float, cycle: float) -> bool:
-        """Returns whether a fault of a kind ended within the cycle before."""
-        return not self.shows(kind, since) and self.shows(kind, since - cycle)

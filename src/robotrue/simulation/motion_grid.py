@@ -1,4 +1,4 @@
-"""A motion worked out ahead, many cycles of a controller at once: each then costs next to nothing.
+"""A motion on the grid of a controller's cycles, computed many cycles at once.
 
 Where the arm goes depends on time alone, and arrays of one element cost as much as arrays of sixty.
 """
@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray
-from robotrue.core.rotations import abc_from_matrix
+from robotrue.core.rotations import abc_from_matrix, quat_wxyz_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.simulation.joint_motion import Motion
 
@@ -27,10 +27,12 @@ class Place:
     Attributes:
         joints_deg: As displayed.
         pose_mm_deg: X, Y, Z, A, B, C of the tool in base; None where it is not known.
+        quat_wxyz: Attitude of the tool in base; that of no turn where it is not known.
     """
 
     joints_deg: Six
     pose_mm_deg: Six | None
+    quat_wxyz: tuple[float, ...]
 
 
 def six(numbers: list[float]) -> Six:
@@ -39,7 +41,7 @@ def six(numbers: list[float]) -> Six:
     return a, b, c, d, e, f
 
 
-class Foreseen:
+class MotionGrid:
     """The places of a motion on the grid of a controller's cycles.
 
     Args:
@@ -64,7 +66,10 @@ class Foreseen:
 def _places(motion: Motion, times: Array) -> list[Place]:
     joints, poses = motion.along(times)
     known: BoolArray = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
-    angles = abc_from_matrix(np.where(known[:, None, None], poses, np.eye(4))[:, :3, :3])
-    printed = np.concatenate([poses[:, :3, 3] / MM, angles / DEG], axis=1)
-    rows = zip((joints / DEG).tolist(), printed.tolist(), known.tolist(), strict=True)
-    return [Place(six(a), six(b) if there else None) for a, b, there in rows]
+    turns = np.where(known[:, None, None], poses, np.eye(4))[:, :3, :3]
+    printed = np.concatenate([poses[:, :3, 3] / MM, abc_from_matrix(turns) / DEG], axis=1)
+    columns = (joints / DEG, printed, quat_wxyz_from_matrix(turns), known)
+    return [
+        Place(six(a), six(b) if there else None, tuple(q))
+        for a, b, q, there in zip(*(column.tolist() for column in columns), strict=True)
+    ]

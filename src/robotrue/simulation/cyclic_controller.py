@@ -1,0 +1,148 @@
+"""What simulated controllers with a clock of their own share: cycles, faults, the loop over UDP."""
+
+from __future__ import annotations
+
+import asyncio
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from robotrue.simulation.joint_motion import Motion
+from robotrue.simulation.motion_grid import MotionGrid
+from robotrue.simulation.online_faults import Fault, FaultKind, showing
+from robotrue.simulation.pace import Pace
+from robotrue.simulation.wire_faults import FaultyWire
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CyclicSettings:
+    """What every such controller needs.
+
+    Attributes:
+        motion: Where the arm goes.
+        cycles: How many; None goes on to the end of the motion, or until stopped.
+        host: Its own address.
+        own_port: Its own port; 0 takes a free one.
+        faults: What goes wrong, and when.
+        keeps_time: A computer too busy for all cycles leaves some out, instead of going slower.
+    """
+
+    motion: Motion
+    cycles: int | None = None
+    host: str = "127.0.0.1"
+    own_port: int = 0
+    faults: tuple[Fault, ...] = ()
+    keeps_time: bool = False
+
+
+class CyclicController(ABC):
+    """A controller cycle by cycle: one packet, what comes meanwhile, the end of the cycle.
+
+    Args:
+        settings: Of any such controller.
+        cycle: s.
+
+    Attributes:
+        cycles: Of its clock so far.
+        left_out: Of these, without a packet because this computer was too busy.
+        elapsed: s on its clock when the cycle began.
+    """
+
+    def __init__(self, settings: CyclicSettings, cycle: float) -> None:
+        self.cycles = self.left_out = 0
+        self.elapsed = 0.0
+        self._wire = FaultyWire(settings.faults)
+        self._shared, self._cycle = settings, cycle
+        self._grid = MotionGrid(settings.motion, cycle)
+
+    async def run(self, target: tuple[str, int], *, stop: asyncio.Event | None = None) -> None:
+        """Sends until there is no more to send, or it is stopped.
+
+        Args:
+            target: Address and port its packets go to.
+            stop: Set to end it after the cycle that runs.
+        """
+        settings = self._shared
+        loop = asyncio.get_running_loop()
+        transport, _ = await loop.create_datagram_endpoint(
+            lambda: Datagrams(self.take), local_addr=(settings.host, settings.own_port)
+        )
+        pace = Pace(self._cycle)
+        try:
+            while not (stop is not None and stop.is_set()):
+                packet = self.next_packet()
+                if packet is None:
+                    break
+                for datagram in self._wire.passed([packet], self.elapsed):
+                    transport.sendto(datagram, target)
+                self.close_cycle(short=await pace.wait())
+                if settings.keeps_time:
+                    self.leave_out(pace.left_out())
+        finally:
+            transport.close()
+
+    def next_packet(self) -> bytes | None:
+        """Returns the packet of the cycle that begins; None when there is no more to send."""
+        number, last = self.cycles, self._shared.cycles
+        elapsed = number * self._cycle
+        over = last is not None and number >= last
+        if over or self._ended() or elapsed > self._shared.motion.duration:
+            return None
+        self.elapsed = elapsed
+        silence = FaultKind.SILENCE
+        if not self._shows(silence) and showing(
+            self._shared.faults, silence, elapsed - self._cycle
+        ):
+            self._restart()
+        self.cycles += 1
+        return self._packet(number)
+
+    def leave_out(self, cycles: int) -> None:
+        """Lets cycles pass without a packet."""
+        self.cycles += cycles
+        self.left_out += cycles
+
+    @abstractmethod
+    def take(self, data: bytes) -> None:
+        """Takes a datagram that came during the cycle."""
+
+    def close_cycle(self, *, short: bool = False) -> None:  # noqa: B027
+        """Ends the cycle.
+
+        Args:
+            short: Whether the simulator gave it less time than a controller would.
+        """
+
+    @abstractmethod
+    def _packet(self, number: int) -> bytes:
+        """Returns the packet of a cycle, counted from zero."""
+
+    @abstractmethod
+    def _restart(self) -> None:
+        """Begins anew after a silence."""
+
+    def _ended(self) -> bool:
+        """Returns whether it sends no more."""
+        return False
+
+    def _shows(self, kind: FaultKind) -> bool:
+        """Returns whether a kind of fault shows in this cycle."""
+        return showing(self._shared.faults, kind, self.elapsed)
+
+
+class Datagrams(asyncio.DatagramProtocol):
+    """Hands every datagram on; that nobody listens at the other end yet is no error.
+
+    Args:
+        take: Called with each.
+    """
+
+    def __init__(self, take: Callable[[bytes], None]) -> None:
+        self._take = take
+
+    def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
+        """Hands it on."""
+        self._take(data)
+
+    def error_received(self, exc: Exception) -> None:
+        """Goes on: what was sent stays without an answer."""
