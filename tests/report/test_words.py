@@ -40,8 +40,6 @@ def used_keys() -> set[str]:
     prefixes = {key.partition(".")[0] for key in known if "." in key}
     found = set()
     for file in files:
-        if file.name.startswith("words_"):
-            continue
         for text in re.findall(r'"((?:[a-z]+)\.[A-Za-z_0-9 ]+)"', file.read_text("utf-8")):
             if text.partition(".")[0] in prefixes:
                 found.add(text)

@@ -3,34 +3,12 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from typing import Any, Final
 
-import numpy as np
-
-from robotrue.core.arrays import Array
 from robotrue.core.files import sha256
-from robotrue.core.units import DEG, MM
-from robotrue.report.budget_plot import BudgetPlot
-from robotrue.report.content import (
-    Block,
-    Cell,
-    Column,
-    CoveragePlot,
-    ErrorDistribution,
-    ErrorMap,
-    Fact,
-    HoleContour,
-    MapSlices,
-    PointErrors,
-    PoseCurves,
-    ReportContent,
-    Table,
-)
-from robotrue.report.part_map import PartMap
-from robotrue.report.tilt_plot import TiltPlot
-from robotrue.report.uncertainty_map import UncertaintyMap
+from robotrue.report.blocks import block_document, finite_or_none
+from robotrue.report.content import Fact, ReportContent
 
 HASH: Final = "content_sha256"
 
@@ -82,9 +60,9 @@ def report_document(content: ReportContent) -> Mapping[str, Any]:
         "tiles": [
             {
                 "label": tile.key or tile.label,
-                "value": _finite(tile.value),
+                "value": finite_or_none(tile.value),
                 "unit": tile.unit,
-                "before": _finite(tile.before),
+                "before": finite_or_none(tile.before),
                 "note": tile.note,
             }
             for tile in content.tiles
@@ -93,7 +71,7 @@ def report_document(content: ReportContent) -> Mapping[str, Any]:
             {
                 "title": section.title,
                 "text": section.text,
-                "blocks": [_block(block) for block in section.blocks],
+                "blocks": [block_document(block) for block in section.blocks],
             }
             for section in content.sections
         ],
@@ -109,132 +87,3 @@ def _facts(facts: tuple[Fact, ...]) -> Mapping[str, Any]:
     for fact in facts:
         found.setdefault(fact.key or fact.name, []).append(fact.value)
     return {name: v[0] if len(v) == 1 else v for name, v in found.items()}
-
-
-def _block(block: Block) -> Mapping[str, Any]:
-    head: dict[str, Any] = {"title": block.title, "caption": block.caption}
-    match block:
-        case Table():
-            names = [_column_name(column) for column in block.columns]
-            rows = [dict(zip(names, map(_cell, row), strict=True)) for row in block.rows]
-            return head | {"kind": "table", "rows": rows, "highlight": block.highlight}
-        case PointErrors():
-            return head | {
-                "kind": "point-errors",
-                "before_mm": _mm(block.before),
-                "after_mm": _mm(block.after),
-                "limit_mm": None if block.limit is None else block.limit / MM,
-            }
-        case ErrorDistribution():
-            return head | {
-                "kind": "distribution",
-                "before_mm": _mm(block.before),
-                "after_mm": _mm(block.after),
-            }
-        case ErrorMap():
-            return head | {
-                "kind": "map",
-                "plane": block.plane,
-                "position_mm": _mm(block.position),
-                "before_mm": _mm(block.before),
-                "after_mm": _mm(block.after),
-            }
-        case CoveragePlot():
-            return head | {
-                "kind": "coverage",
-                "stated": block.stated.tolist(),
-                "observed": block.observed.tolist(),
-                "low": block.low.tolist(),
-                "high": block.high.tolist(),
-            }
-        case HoleContour():
-            return head | {
-                "kind": "hole-contour",
-                "radius_mm": block.radius / MM,
-                "angle_deg": np.round(block.angle / DEG, 6).tolist(),
-                "before_mm": _mm(block.before),
-                "after_mm": _mm(block.after),
-                "limit_mm": None if block.limit is None else block.limit / MM,
-            }
-        case PoseCurves():
-            return head | {
-                "kind": "pose-curves",
-                "floor_mm": None if block.floor is None else block.floor / MM,
-                "series": [
-                    {
-                        "label": s.label,
-                        "role": s.role,
-                        "count": s.count.tolist(),
-                        "median_mm": _nullable(s.median / MM),
-                        "low_mm": _nullable(s.low / MM),
-                        "high_mm": _nullable(s.high / MM),
-                        "coverage_95": _nullable(s.coverage),
-                    }
-                    for s in block.series
-                ],
-            }
-        case TiltPlot():
-            return head | {
-                "kind": "tilt",
-                "before_deg": np.round(block.before / DEG, 6).tolist(),
-                "after_deg": np.round(block.after / DEG, 6).tolist(),
-                "force_N": block.force.tolist(),
-                "tilt_deg": np.round(block.tilt / DEG, 6).tolist(),
-                "limit_deg": None if block.limit is None else block.limit / DEG,
-            }
-        case PartMap():
-            return head | {
-                "kind": "part_map",
-                "groups": list(block.groups),
-                "group": [int(k) for k in block.group],
-                "point_mm": (block.point / MM).tolist(),
-                "radius_95_mm": (block.radius / MM).tolist(),
-                "touch_mm": (block.touch / MM).tolist(),
-                "uncovered": list(block.uncovered),
-            }
-        case BudgetPlot():
-            return head | {
-                "kind": "budget",
-                "names": list(block.names),
-                "standard_uncertainty_mm": _mm(block.value),
-                "combined_mm": block.combined / MM,
-            }
-        case UncertaintyMap():
-            return head | {
-                "kind": "uncertainty-map",
-                "position_mm": _mm(block.position),
-                "radius_95_mm": _mm(block.radius),
-            }
-        case MapSlices():
-            return head | {
-                "kind": "map-slices",
-                "quantities": list(block.quantities),
-                "slices": list(block.slices),
-                block.across_label: block.across.tolist(),
-                block.up_label: block.up.tolist(),
-                "values_mm": _nullable(block.values / MM),
-            }
-
-
-def _nullable(values: Array) -> Any:
-    """Nested lists with null where a value does not exist."""
-    if values.ndim > 1:
-        return [_nullable(part) for part in values]
-    return [_finite(round(float(value), 7)) for value in values]
-
-
-def _column_name(column: Column) -> str:
-    return f"{column.key or column.title} {column.unit}".strip().replace(" ", "_")
-
-
-def _mm(values: Array) -> Any:
-    # A tenth of a nanometre: below any instrument, and the file stays readable.
-    return np.round(values / MM, 7).tolist()
-
-
-def _cell(value: Cell) -> Cell:
-    return _finite(value) if isinstance(value, float) else value
-
-
-def _finite(value: float | None) -> float | None:
-    return None if value is None or not math.isfinite(value) else value

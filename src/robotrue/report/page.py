@@ -5,6 +5,7 @@ from __future__ import annotations
 from html import escape
 
 from robotrue.core.provenance import simulation_mark
+from robotrue.report.blocks import draw_block
 from robotrue.report.content import (
     Block,
     Cell,
@@ -16,7 +17,6 @@ from robotrue.report.content import (
     Tile,
     Verdict,
 )
-from robotrue.report.drawing import block_svg
 from robotrue.report.json import content_sha256
 from robotrue.report.theme import STYLE
 from robotrue.report.words import HTML_LANG, Words
@@ -92,7 +92,7 @@ def _section(section: Section, key: str, words: Words) -> str:
 
 
 def _block(block: Block, key: str, words: Words) -> str:
-    inner = _table(block) if isinstance(block, Table) else block_svg(block, key, words)
+    inner = _table(block) if isinstance(block, Table) else draw_block(block, key, words)
     caption = f'<p class="caption">{escape(block.caption)}</p>' if block.caption else ""
     return f'<div class="card"><h3>{escape(block.title)}</h3>{inner}{caption}</div>'
 

@@ -12,8 +12,8 @@ from typing import Any, Final
 
 from robotrue.core.provenance import simulation_mark
 from robotrue.errors import ConfigurationError, MissingExtraError
+from robotrue.report.blocks import draw_block
 from robotrue.report.content import Block, ReportContent, Table
-from robotrue.report.drawing import block_svg
 from robotrue.report.figure import standalone_svg
 from robotrue.report.json import content_sha256
 from robotrue.report.page import WIDE, cell_text, is_words
@@ -158,7 +158,7 @@ def _document(content: ReportContent, fonts: tuple[str, ...]) -> dict[str, Any]:
 def _block(block: Block, key: str, words: Words, fonts: tuple[str, ...]) -> dict[str, Any]:
     head: dict[str, Any] = {"title": block.title, "caption": block.caption, "svg": "", "table": []}
     if not isinstance(block, Table):
-        return head | {"svg": standalone_svg(block_svg(block, key, words), ", ".join(fonts))}
+        return head | {"svg": standalone_svg(draw_block(block, key, words), ", ".join(fonts))}
     wordy = [is_words(block, index) for index in range(len(block.columns))]
     return head | {
         "columns": [

@@ -8,16 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
+from robotrue.core.catalogue import read_catalogue
 from robotrue.errors import ConfigurationError
-from robotrue.report import words_en, words_zh
 from robotrue.report.sentences import in_chinese
 
 Lang: TypeAlias = Literal["en", "zh"]
 """``en`` English, ``zh`` simplified Chinese."""
+FOLDER: Final = Path(__file__).parent / "languages"
 LANGUAGES: Final[tuple[Lang, ...]] = ("en", "zh")
-CATALOGS: Final[Mapping[Lang, Mapping[str, str]]] = {"en": words_en.TEXT, "zh": words_zh.TEXT}
+CATALOGS: Final[Mapping[Lang, Mapping[str, str]]] = {
+    lang: read_catalogue([FOLDER / f"{lang}.toml"]) for lang in LANGUAGES
+}
 HTML_LANG: Final[Mapping[Lang, str]] = {"en": "en", "zh": "zh-CN"}
 
 

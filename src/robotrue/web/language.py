@@ -5,11 +5,11 @@ Every language has the same keys.
 
 from __future__ import annotations
 
-import tomllib
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
+from robotrue.core.catalogue import read_catalogue
 from robotrue.errors import ConfigurationError
 
 LANGUAGES: Final = {"en": "English", "zh": "中文"}
@@ -25,10 +25,7 @@ def words(language: str) -> dict[str, str]:
     """
     if language not in LANGUAGES:
         raise ConfigurationError(f"language {language!r}, expected {', '.join(LANGUAGES)}.")
-    out: dict[str, str] = {}
-    for path in sorted((FOLDER / language).glob("*.toml")):
-        out |= _flat(tomllib.loads(path.read_text(encoding="utf-8")), "")
-    return out
+    return read_catalogue(sorted((FOLDER / language).glob("*.toml")))
 
 
 class Wording:
@@ -62,13 +59,3 @@ def preferred(accept_language: str) -> str:
         if tag in LANGUAGES:
             return tag
     return "en"
-
-
-def _flat(table: dict[str, Any], prefix: str) -> dict[str, str]:
-    out: dict[str, str] = {}
-    for key, value in table.items():
-        if isinstance(value, dict):
-            out |= _flat(value, f"{prefix}{key}.")
-        else:
-            out[f"{prefix}{key}"] = str(value)
-    return out
