@@ -19,9 +19,7 @@ from house_tree import read_tree
 
 KNOWN_CIRCLES: Final[frozenset[tuple[str, ...]]] = frozenset(
     {
-        ("robotrue.cli.demo", "robotrue.cli.demo_data", "robotrue.cli.demo_page"),
         ("robotrue.compensation.chunk", "robotrue.compensation.chunks"),
-        ("robotrue.store.jobs_dask", "robotrue.store.jobs_worker"),
     }
 )
 """Groups of modules that are allowed to import each other until they are mended."""

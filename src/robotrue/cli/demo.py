@@ -5,12 +5,9 @@ The virtual robot is a simulation. Everything the demo prints about it says so.
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Final, TypeAlias
+from typing import Final
 
 import numpy as np
 
@@ -20,6 +17,8 @@ from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
 from robotrue.cell.frame_table import frame_table
 from robotrue.cli.console import emit_json, emit_table, progress, say
+from robotrue.cli.demo_page import demo_content, demo_results, demo_tables
+from robotrue.cli.demo_result import Chosen, DemoResult, HoleRuns, Progress, write_report
 from robotrue.cli.inputs import measured
 from robotrue.compensation.compensate import compensate
 from robotrue.compensation.result import Compensation
@@ -34,65 +33,19 @@ from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.planning.information import settings_of
 from robotrue.program.formats import read_program, write_program
 from robotrue.program.program import Program
-from robotrue.report.content import ReportContent, Table
-from robotrue.report.json import report_json
-from robotrue.report.page import report_html
 from robotrue.simulation.flange_hole import FlangeHole, check_rows, hole_program
 from robotrue.simulation.milling import dry_run, mill_hole
 from robotrue.simulation.plans import VALIDATION, Region, random_joints
 from robotrue.simulation.presets import STIFFNESS, VirtualCell, deng2022, reflector_at_tool
 from robotrue.simulation.virtual_tracker import measure
 from robotrue.store.model_file import write_model
-from robotrue.validation.contest import Selection
-from robotrue.validation.hole_contour import HoleResult
-from robotrue.validation.metrics import ErrorStatistics, error_statistics
 from robotrue.validation.selection import select, with_evidence
 from robotrue.validation.validate import validate
-
-Progress: TypeAlias = Callable[[str, float], None]
-"""Told what is done next and the share of the job that is behind, 0 to 1."""
 
 CALIBRATION_POSES: Final = 80
 HELD_OUT_POSES: Final = 50
 REGION: Final = Region(turn=(20 * DEG, 20 * DEG, 40 * DEG))
 CHECK_LEVEL: Final = 15
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DemoResult:
-    """What a demo leaves behind.
-
-    Attributes:
-        folder: Where the files are.
-        page: The HTML page.
-        results: JSON values, units in the names.
-        tables: What the command prints.
-        simulated: True for the virtual cell.
-    """
-
-    folder: Path
-    page: Path
-    results: Mapping[str, Any]
-    tables: tuple[Table, ...]
-    simulated: bool
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Chosen:
-    """A calibration and why it is this one."""
-
-    model: ErrorModel
-    selection: Selection
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HoleRuns:
-    """Errors at the check targets (m, 3) m and the milled holes, before and after."""
-
-    dry_before: Array
-    dry_after: Array
-    hole_before: HoleResult
-    hole_after: HoleResult
 
 
 def run(*, out: Path, data: Path | None, seed: int, as_json: bool) -> None:
@@ -134,8 +87,6 @@ def run_demo(out_dir: Path, *, seed: int = 1, progress: Progress | None = None) 
     Raises:
         FormatError: The folder cannot be written to.
     """
-    from robotrue.cli.demo_page import demo_content, demo_results, demo_tables
-
     tell = progress or (lambda text, done: None)
     out_dir = Path(out_dir)
     out_dir.mkdir(parents=True, exist_ok=True)
@@ -258,31 +209,6 @@ def run_hole(virtual: VirtualCell, hole: FlangeHole, program: Program, driven: P
         hole_before=mill_hole(virtual, hole, program, program, campaign=4),
         hole_after=mill_hole(virtual, hole, program, driven, campaign=5),
     )
-
-
-def write_report(folder: Path, content: ReportContent, results: Mapping[str, Any]) -> Path:
-    """Writes ``demo.html``, ``report.json`` and ``results.json``; returns the page's path."""
-    page = folder / "demo.html"
-    write_atomic(page, report_html(content).encode())
-    write_atomic(folder / "report.json", report_json(content).encode())
-    write_atomic(folder / "results.json", json.dumps(dict(results), indent=1).encode())
-    return page
-
-
-def statistics_mm(s: ErrorStatistics) -> dict[str, float | int]:
-    """Returns the JSON values of error statistics."""
-    return {
-        "n": s.n,
-        "mean_mm": s.mean / MM,
-        "p95_mm": s.p95 / MM,
-        "max_mm": s.max / MM,
-        "std_mm": s.std / MM,
-    }
-
-
-def lengths_mm(errors: Array) -> dict[str, float | int]:
-    """Returns the JSON values of error vectors (n, 3) m."""
-    return statistics_mm(error_statistics(errors))
 
 
 def _numbers(values: Array, unit: float) -> str:

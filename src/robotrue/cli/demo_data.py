@@ -19,7 +19,7 @@ from robotrue.calibration.model import ErrorModel, Query
 from robotrue.calibration.settings import FitSettings
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
-from robotrue.cli.demo import DemoResult, Progress, lengths_mm, statistics_mm, write_report
+from robotrue.cli.demo_result import DemoResult, Progress, lengths_mm, statistics_mm, write_report
 from robotrue.cli.inputs import measured
 from robotrue.compensation.compensate import compensate
 from robotrue.compensation.settings import CompensationSettings

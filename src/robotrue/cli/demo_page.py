@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from robotrue.cli.demo import Chosen, HoleRuns, lengths_mm, statistics_mm
+from robotrue.cli.demo_result import Chosen, HoleRuns, lengths_mm, statistics_mm
 from robotrue.compensation.result import Compensation
 from robotrue.core.arrays import Array
 from robotrue.core.units import MM

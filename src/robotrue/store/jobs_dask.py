@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from robotrue.errors import ConfigurationError, MissingExtraError
+from robotrue.store.job_engine import Run
 from robotrue.store.jobs_claim import Claim
 from robotrue.store.jobs_work import attempt
-from robotrue.store.jobs_worker import Run
 from robotrue.store.workspace import Workspace
 
 ANSWER: Final = 10

@@ -12,9 +12,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, Final, Literal, Protocol, TypeAlias
+from typing import Any, Final, Literal, TypeAlias
 
 from robotrue.errors import DatabaseDownError
+from robotrue.store.job_engine import Engine, Run
 from robotrue.store.jobs import RUNNING, status
 from robotrue.store.jobs_claim import (
     WORKERS,
@@ -41,26 +42,6 @@ SEE: Final = 0.5
 """s between two looks whether a job was cancelled."""
 PATIENCE: Final = 1.0
 """s a cancelled job has to see that it is."""
-
-
-class Run(Protocol):
-    """One attempt that is under way."""
-
-    def ended(self) -> str | None:
-        """Returns None while it goes on, "" when it ended by itself, else what it died of."""
-        ...
-
-    def kill(self) -> None:
-        """Ends it."""
-        ...
-
-
-class Engine(Protocol):
-    """Where attempts are made."""
-
-    def begin(self, workspace: Workspace, target: str, claim: Claim) -> Run:
-        """Returns an attempt that has begun."""
-        ...
 
 
 class Process:
