@@ -303,7 +303,7 @@ def store() -> Iterator[str]:
     """Yields nouns of the workspace, and what exports say they cannot."""
     from robotrue.app.outputs import FORMATS
     from robotrue.cli.export import PLACES
-    from robotrue.store import export_controller, export_dh, export_urdf
+    from robotrue.report import export_controller, export_dh, export_urdf
     from robotrue.store.nouns import NOUNS
 
     yield from (f"noun {each}" for each in NOUNS)

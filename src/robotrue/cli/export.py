@@ -10,10 +10,10 @@ from robotrue.cli.console import emit_json, say, say_mark
 from robotrue.core.files import write_atomic
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
-from robotrue.store.export_controller import export_controller
-from robotrue.store.export_dh import export_dh
-from robotrue.store.export_losses import Calibrated, Loss, calibrated
-from robotrue.store.export_urdf import export_urdf
+from robotrue.report.export_controller import export_controller
+from robotrue.report.export_dh import export_dh
+from robotrue.report.export_losses import Calibrated, Loss, calibrated
+from robotrue.report.export_urdf import export_urdf
 from robotrue.store.model_file import read_model
 
 PLACES: Final = ("target", "tool")

@@ -26,10 +26,7 @@ from robotrue.core.rotations import (
 )
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConvergenceError
-from robotrue.robot.forward import forward, parameter_jacobian, walk
-from robotrue.robot.model import RobotModel, parameter_slice
-from robotrue.robot.urdf_writer import error_pose
-from robotrue.store.export_losses import (
+from robotrue.report.export_losses import (
     PARTS,
     Calibrated,
     Loss,
@@ -38,6 +35,9 @@ from robotrue.store.export_losses import (
     losses,
     require_named,
 )
+from robotrue.robot.forward import forward, parameter_jacobian, walk
+from robotrue.robot.model import RobotModel, parameter_slice
+from robotrue.robot.urdf_writer import error_pose
 
 CANNOT: Final = PARTS
 LEVER: Final = 0.25
@@ -103,7 +103,7 @@ def export_controller(found: Calibrated, *, lossy: Sequence[str] = ()) -> Contro
     """Returns the sheet.
 
     Args:
-        found: From :func:`robotrue.store.export_losses.calibrated`.
+        found: From :func:`robotrue.report.export_losses.calibrated`.
         lossy: Parts the sheet may leave out.
 
     Raises:

@@ -12,9 +12,7 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.provenance import marked
 from robotrue.errors import ConfigurationError
-from robotrue.robot.model import RobotModel, parameter_slice
-from robotrue.robot.urdf import to_urdf
-from robotrue.store.export_losses import (
+from robotrue.report.export_losses import (
     Calibrated,
     Loss,
     left_over,
@@ -23,6 +21,8 @@ from robotrue.store.export_losses import (
     losses,
     require_named,
 )
+from robotrue.robot.model import RobotModel, parameter_slice
+from robotrue.robot.urdf import to_urdf
 
 CANNOT: Final = ("gear", "compliance", "ripple", "backlash", "residual")
 """What URDF has no words for."""
@@ -51,7 +51,7 @@ def export_urdf(found: Calibrated, *, lossy: Sequence[str] = ()) -> UrdfExport:
     The side-file holds all that was left out, so that who reads both has the whole mean.
 
     Args:
-        found: From :func:`robotrue.store.export_losses.calibrated`.
+        found: From :func:`robotrue.report.export_losses.calibrated`.
         lossy: Parts the URDF may leave out.
 
     Raises:

@@ -17,14 +17,14 @@ from robotrue.calibration.rigid_flexible import RigidFlexibleModel
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ModelMismatchError
+from robotrue.report.export_controller import export_controller
+from robotrue.report.export_dh import export_dh
+from robotrue.report.export_losses import PARTS, calibrated, mean_position, without
+from robotrue.report.export_urdf import export_urdf
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.presets import preset
 from robotrue.robot.statics import Load
-from robotrue.store.export_controller import export_controller
-from robotrue.store.export_dh import export_dh
-from robotrue.store.export_losses import PARTS, calibrated, mean_position, without
-from robotrue.store.export_urdf import export_urdf
 
 PAYLOAD = Load(mass=np.array([40.0]), com=np.array([[0.0, 0.02, 0.1]]))
 RANGE = np.array([[-1.0, -2.0, 0.7, -1.5, -1.2, -2.0], [1.0, -0.7, 2.0, 1.5, 1.2, 2.0]])

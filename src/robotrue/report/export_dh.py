@@ -13,9 +13,7 @@ from robotrue.core.provenance import mark_line
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
-from robotrue.robot.model import RobotModel
-from robotrue.robot.urdf_writer import error_pose
-from robotrue.store.export_losses import (
+from robotrue.report.export_losses import (
     Calibrated,
     Loss,
     left_over,
@@ -24,7 +22,9 @@ from robotrue.store.export_losses import (
     part_left_over,
     require_named,
 )
-from robotrue.store.export_urdf import rigid
+from robotrue.report.export_urdf import rigid
+from robotrue.robot.model import RobotModel
+from robotrue.robot.urdf_writer import error_pose
 
 CANNOT: Final = ("ripple", "backlash", "residual")
 """What has no column."""
@@ -53,7 +53,7 @@ def export_dh(found: Calibrated, *, lossy: Sequence[str] = ()) -> DhExport:
     """Returns the table.
 
     Args:
-        found: From :func:`robotrue.store.export_losses.calibrated`.
+        found: From :func:`robotrue.report.export_losses.calibrated`.
         lossy: Parts the table may leave out.
 
     Raises:
