@@ -25,9 +25,9 @@ from scipy.optimize import least_squares
 from robotrue.calibration.methods import METHODS
 from robotrue.calibration.observations import observations_of
 from robotrue.calibration.parameters import retract
-from robotrue.calibration.priors import PriorScales
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.start import start_state
+from robotrue.calibration.terms.geometry import PriorScales
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.poses import pose
 from robotrue.core.rotations import matrix_from_rotation_vector

@@ -28,7 +28,9 @@ from robotrue.calibration.deng2022.joined import Expert, PoseModel
 from robotrue.calibration.deng2022.readings import Readings
 from robotrue.calibration.residual import LearnedModel
 from robotrue.calibration.rigid_flexible import RigidFlexibleModel
-from robotrue.calibration.smooth import SmoothBasis
+from robotrue.calibration.terms.backlash import Backlash
+from robotrue.calibration.terms.ripple import Ripple
+from robotrue.calibration.terms.smooth import SmoothBasis, SmoothResidual
 from robotrue.cell.cell import Cell
 from robotrue.core.archive import Archive, _content_hash, archive_bytes, archive_from
 from robotrue.core.regions import CylinderRegion
@@ -63,11 +65,12 @@ def samples() -> dict[str, bytes]:
         robot=robot, errors=1e-4 * random.normal(size=size), covariance=root @ root.T,
         repeatability=2e-5, white=1e-5, T_tracker_base={0: np.eye(4)}, summary={"method": "x"},
     )  # fmt: skip
+    ripple = Ripple(dof=dof, cycles=np.array([1.0, 2.0]))
+    basis = SmoothBasis(centres=random.normal(size=(4, 2 * dof)), scale=np.ones(2 * dof))
+    smooth = SmoothResidual(basis=basis, amplitude=1e-5)
     learned = LearnedModel(
-        physics=rigid, cycles=np.array([1.0, 2.0]), ripple_sin=1e-5 * random.normal(size=(dof, 2)),
-        ripple_cos=1e-5 * random.normal(size=(dof, 2)), backlash=1e-5 * random.normal(size=dof),
-        basis=SmoothBasis(centres=random.normal(size=(4, 2 * dof)), scale=np.ones(2 * dof)),
-        smooth_weights=1e-5 * random.normal(size=(4, 3)), amplitude=1e-5,
+        physics=rigid, terms=(ripple, Backlash(dof=dof), smooth),
+        values=1e-5 * random.normal(size=ripple.size + dof + smooth.size),
         columns=np.arange(8.0), root=1e-5 * random.normal(size=(5, 8)), inflation=1.1,
     )  # fmt: skip
     inputs = random.uniform(-1.0, 1.0, (20, 6))

@@ -29,8 +29,8 @@ import numpy as np
 
 from robotrue.calibration.methods import FitSettings, fit
 from robotrue.calibration.model import ErrorModel, Query
-from robotrue.calibration.priors import StiffnessPrior
 from robotrue.calibration.settings import RP_PER_SIGMA
+from robotrue.calibration.terms.compliance import StiffnessPrior
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel
 from robotrue.robot.statics import Load

@@ -40,7 +40,6 @@ from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel, Query, require_belief
 from robotrue.calibration.nominal import NominalModel
 from robotrue.calibration.prior_belief import prior_belief
-from robotrue.calibration.priors import PriorScales
 from robotrue.calibration.probing import (
     ProbingEstimate,
     ProbingSettings,
@@ -48,6 +47,7 @@ from robotrue.calibration.probing import (
     model_of_estimate,
 )
 from robotrue.calibration.settings import RP_PER_SIGMA, FitSettings
+from robotrue.calibration.terms.geometry import PriorScales
 from robotrue.cell.registration.fit import point_covariance
 from robotrue.cell.registration.points import fit_points, frame_gain
 from robotrue.core.arrays import Array

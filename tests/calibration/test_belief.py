@@ -11,6 +11,7 @@ from planted_arm import arm
 from robotrue.calibration.belief import (
     Belief,
     conditioned,
+    standard_terms,
     widened,
     with_centres,
     with_harmonics,
@@ -18,7 +19,7 @@ from robotrue.calibration.belief import (
 )
 from robotrue.calibration.model import require_belief
 from robotrue.calibration.residual import model_of
-from robotrue.calibration.smooth import SmoothBasis
+from robotrue.calibration.terms.smooth import SmoothBasis
 from robotrue.errors import ConfigurationError
 
 HARMONICS = 3
@@ -31,9 +32,7 @@ def belief():
     size = len(robot.errors) + 2 * 6 * HARMONICS + 6
     return Belief(
         robot=robot,
-        cycles=np.arange(1.0, HARMONICS + 1.0),
-        basis=None,
-        amplitude=0.0,
+        terms=standard_terms(6, np.arange(1.0, HARMONICS + 1.0)),
         mean=1e-4 * rng.standard_normal(size),
         root=1e-4 * rng.standard_normal((40, size)),
         white=2e-5,
@@ -96,24 +95,21 @@ def test_widening_adds_variance_and_nothing_else(belief):
 
 def test_new_harmonics_leave_the_old_ones_where_they_belong(belief):
     more = with_harmonics(belief, HARMONICS + 2)
-    ripple, backlash, _, _ = more.starts
-    waves = more.mean[ripple:backlash].reshape(6, HARMONICS + 2, 2)
-    old_ripple, old_backlash, _, _ = belief.starts
-    np.testing.assert_array_equal(
-        waves[:, :HARMONICS], belief.mean[old_ripple:old_backlash].reshape(6, HARMONICS, 2)
-    )
+    place, old = more.place("ripple"), belief.place("ripple")
+    waves = more.mean[place].reshape(6, HARMONICS + 2, 2)
+    np.testing.assert_array_equal(waves[:, :HARMONICS], belief.mean[old].reshape(6, HARMONICS, 2))
     assert not waves[:, HARMONICS:].any()
-    np.testing.assert_array_equal(more.mean[backlash:], belief.mean[old_backlash:])
+    np.testing.assert_array_equal(more.mean[place.stop :], belief.mean[old.stop :])
 
 
 def test_centres_and_nuisances_stand_at_the_end(belief):
     basis = SmoothBasis(centres=np.random.default_rng(6).random((4, 12)), scale=np.ones(12))
     wide = with_nuisances(with_centres(belief, basis), np.full(6, 0.1))
-    _, _, smooth, end = wide.starts
-    assert end - smooth == 12
+    smooth = wide.place("smooth")
+    assert smooth.stop - smooth.start == 12
     assert wide.nuisances == 6
-    np.testing.assert_allclose(wide.variance[end:], 0.01)
-    assert not wide.mean[smooth:].any()
+    np.testing.assert_allclose(wide.variance[wide.end :], 0.01)
+    assert not wide.mean[smooth.start :].any()
 
 
 def test_model_and_belief_are_two_forms_of_one_thing(belief):

@@ -11,7 +11,7 @@ from planted_arm import PAYLOAD, arm, measure, planted, postures
 from robotrue.calibration.estimate import estimate, free_groups
 from robotrue.calibration.methods import FitSettings, fit
 from robotrue.calibration.model import Query
-from robotrue.calibration.priors import StiffnessPrior
+from robotrue.calibration.terms.compliance import StiffnessPrior
 from robotrue.core.poses import inverse, pose
 from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.errors import (

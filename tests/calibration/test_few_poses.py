@@ -13,7 +13,7 @@ from robotrue.calibration.held_out import HeldOut, student_factor, trusted
 from robotrue.calibration.learned import LearnedParts, fit_learned
 from robotrue.calibration.methods import FitSettings, fit
 from robotrue.calibration.model import Query
-from robotrue.calibration.ripple import LAW, harmonics, ripple_groups, ripple_shift
+from robotrue.calibration.terms.ripple import LAW, harmonics, ripple_groups, ripple_shift
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import forward

@@ -10,7 +10,7 @@ from planted_arm import PAYLOAD, arm, measure, planted, postures
 
 from robotrue.calibration.estimate import estimate, free_groups
 from robotrue.calibration.methods import FitSettings
-from robotrue.calibration.priors import StiffnessPrior
+from robotrue.calibration.terms.compliance import StiffnessPrior
 from robotrue.errors import ObservabilityError
 
 SETTINGS = FitSettings(payload=PAYLOAD, repeatability=0.0)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robotrue.calibration.belief import Belief, with_nuisances
+from robotrue.calibration.belief import Belief, with_amplitude, with_centres, with_nuisances
 from robotrue.calibration.machined import (
     compensated_covariance,
     compensated_joint_covariance,
@@ -22,11 +22,11 @@ from robotrue.calibration.machined import (
 from robotrue.calibration.model import Query
 from robotrue.calibration.nominal import NominalModel
 from robotrue.calibration.prior_belief import prior_belief
-from robotrue.calibration.priors import PriorScales
 from robotrue.calibration.probing import ProbingSettings, estimate_probing, model_of_estimate
 from robotrue.calibration.probing_scales import few_factor
 from robotrue.calibration.settings import RP_PER_SIGMA, FitSettings
-from robotrue.calibration.smooth import SmoothBasis, features
+from robotrue.calibration.terms.geometry import PriorScales
+from robotrue.calibration.terms.smooth import SmoothBasis, features
 from robotrue.cell.registration.points import fit_points, frame_gain
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, inverse, pose
@@ -153,13 +153,7 @@ def test_what_no_centre_carries_is_in_both_routes() -> None:
     scale = np.full(12, 2.0)
     basis = SmoothBasis(centres=features(joints[:2]) * scale, scale=scale)
     plain = believed()
-    smooth = replace(plain, basis=basis, amplitude=0.2 * MM)
-    width = 3 * len(basis.centres)
-    smooth = replace(
-        smooth,
-        mean=np.append(plain.mean, np.zeros(width)),
-        root=np.hstack([plain.root, np.zeros((len(plain.root), width))]),
-    )
+    smooth = with_amplitude(with_centres(plain, basis), 0.2 * MM)
     query = Query(joints=work)
     left = uncarried(smooth, query)
     assert (left > 0.0).all()

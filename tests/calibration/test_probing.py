@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from probing_cases import EXACT, FACE, SETTINGS, cell, frame_error, known_arm, of, touched
 
-from robotrue.calibration.belief import widened, with_centres
+from robotrue.calibration.belief import widened, with_amplitude, with_centres
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import Query
 from robotrue.calibration.nominal import NominalModel
@@ -22,7 +22,7 @@ from robotrue.calibration.probing import (
 from robotrue.calibration.probing_scales import few_factor
 from robotrue.calibration.residual import LearnedModel, model_of
 from robotrue.calibration.residual import from_archive as model_from_archive
-from robotrue.calibration.smooth import SmoothBasis, choose_centres
+from robotrue.calibration.terms.smooth import choose_centres
 from robotrue.calibration.touches import frame_displacement
 from robotrue.core.arrays import Array
 from robotrue.core.mesh import TriangleMesh
@@ -179,14 +179,13 @@ def test_a_smooth_residual_reaches_to_the_touches_and_is_kept() -> None:
     measured = tracker_poses(where, np.random.default_rng(1))
     plain = fit(where.nominal, measured, method="elastic").belief()
     basis = choose_centres(measured.joints, np.full(12, 0.6), most=20, enough=0.05)
-    none = SmoothBasis(centres=np.zeros((0, 12)), scale=basis.scale)
-    belief = with_centres(replace(plain, basis=none, amplitude=0.05 * MM), basis)
+    belief = with_amplitude(with_centres(plain, basis), 0.05 * MM)
     variance = np.zeros(len(belief.mean))
-    variance[belief.starts[2] :] = (0.05 * MM) ** 2
+    variance[belief.place("smooth").start :] = (0.05 * MM) ** 2
     model = model_of(widened(belief, variance), {"method": "gp"})
     touches = touched(where, 6)
     found = estimate_probing(model, touches, replace(SETTINGS, tool_sigma=0.0))
-    assert found.belief.centres > belief.centres == 20
+    assert found.belief.smooth.size > belief.smooth.size == 3 * 20
     refined = model_of_estimate(found)
     again = model_from_archive(refined.to_archive())
     query = Query(joints=touches.joints)

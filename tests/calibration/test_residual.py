@@ -22,7 +22,7 @@ from robotrue.calibration.learned import (
 from robotrue.calibration.methods import FitSettings
 from robotrue.calibration.model import Query
 from robotrue.calibration.residual import KIND
-from robotrue.calibration.smooth import SmoothBasis
+from robotrue.calibration.terms.smooth import SmoothBasis
 from robotrue.core.archive import write_archive
 from robotrue.errors import ArchiveError, ShapeError
 from robotrue.measurement.formats.registry import read_measurements
@@ -106,11 +106,15 @@ def test_archive_of_another_kind_and_schema_is_refused(model):
 
 def test_far_from_the_data_the_residual_fades(model, query):
     """The same model with every centre moved out of reach: physics and ripple are left."""
-    away = SmoothBasis(centres=model.basis.centres + 40.0, scale=model.basis.scale)
-    lost = replace(model, basis=away).predict(query)
-    silent = replace(model, smooth_weights=np.zeros_like(model.smooth_weights)).predict(query)
+    smooth = model.belief().smooth
+    away = SmoothBasis(centres=smooth.basis.centres + 40.0, scale=smooth.basis.scale)
+    moved = (*model.terms[:-1], replace(smooth, basis=away))
+    lost = replace(model, terms=moved).predict(query)
+    zero = model.values.copy()
+    zero[-smooth.size :] = 0.0
+    silent = replace(model, values=zero).predict(query)
     np.testing.assert_allclose(lost.error, silent.error, atol=1e-12)
-    floor = model.inflation * model.amplitude**2
+    floor = model.inflation * smooth.amplitude**2
     assert np.linalg.eigvalsh(lost.covariance).min() > floor
     stated = model.predict(query)
     assert (np.trace(lost.covariance - stated.covariance, axis1=1, axis2=2) > 0.0).mean() > 0.9

@@ -9,9 +9,9 @@ import pytest
 from planted_arm import PAYLOAD, arm, measure, planted, postures
 
 from robotrue.calibration.archive import open_model
+from robotrue.calibration.arm import linearise_arm
 from robotrue.calibration.methods import FitSettings, fit
 from robotrue.calibration.model import Query
-from robotrue.calibration.rigid_flexible import linearise_arm
 from robotrue.core.archive import Archive, write_archive
 from robotrue.core.poses import pose
 from robotrue.errors import ArchiveError, ShapeError
@@ -64,13 +64,13 @@ def test_another_tool_drops_the_measured_tools_errors(model, joints):
     own = linearise_arm(model.actual, joints, PAYLOAD)
     other = linearise_arm(model.actual, joints, PAYLOAD, same)
     shift = np.linalg.norm(model.actual.error("tool")[:3])
-    assert np.abs(np.linalg.norm(own[0] - other[0], axis=1) - shift).max() < 1e-6
-    assert not other[2][:, :, -6:].any()
-    assert own[2][:, :, -6:].any()
+    assert np.abs(np.linalg.norm(own.error - other.error, axis=1) - shift).max() < 1e-6
+    assert not other.columns[:, :, -6:].any()
+    assert own.columns[:, :, -6:].any()
 
 
 def test_prediction_moves_along_its_jacobian(model, joints):
-    _, _, jacobian = linearise_arm(model.actual, joints, PAYLOAD)
+    jacobian = linearise_arm(model.actual, joints, PAYLOAD).columns
     step = 1e-7 * np.random.default_rng(1).standard_normal(len(model.errors))
     step[36:42] *= 1e-4
     up = replace(model, errors=model.errors + step).predict(Query(joints=joints, load=PAYLOAD))

@@ -11,7 +11,7 @@ from planted_arm import PAYLOAD, arm, planted, postures
 from robotrue.calibration.learned import LearnedParts, fit_learned
 from robotrue.calibration.methods import FitSettings
 from robotrue.calibration.model import Query
-from robotrue.calibration.ripple import harmonics, ripple_columns, ripple_groups, ripple_shift
+from robotrue.calibration.terms.ripple import harmonics, ripple_columns, ripple_groups, ripple_shift
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import forward
 from robotrue.robot.statics import deflected
@@ -68,7 +68,8 @@ def found():
 def test_planted_ripple_is_found(found):
     robot, _, model = found
     q = np.linspace(0.9 * robot.limits[:, 0], 0.9 * robot.limits[:, 1], 200)
-    shift = ripple_shift(q, model.cycles, model.ripple_sin, model.ripple_cos)
+    tables = model.mean_tables()
+    shift = ripple_shift(q, tables.harmonics, tables.ripple_sin, tables.ripple_cos)
     for joint, planted_shift in ((0, np.sin(13.0 * q[:, 0])), (1, np.cos(9.0 * q[:, 1]))):
         # The slow part of the curve is shared with offset, gear error and wind-up.
         angle = q[:, joint]
@@ -80,7 +81,7 @@ def test_planted_ripple_is_found(found):
 
 def test_planted_backlash_is_found(found):
     _, _, model = found
-    np.testing.assert_allclose(model.backlash[:3], 2e-5, atol=5e-6)
+    np.testing.assert_allclose(model.mean_tables().backlash[:3], 2e-5, atol=5e-6)
 
 
 def test_prediction_of_new_postures_and_its_coverage(found):
@@ -103,7 +104,7 @@ def test_without_ripple_the_evidence_leaves_it_out():
     actual = planted(robot, rng)
     data, _ = rippling(actual, postures(robot, 60, rng), rng, size=0.0)
     model = fit_learned(robot, data, SETTINGS, parts=LearnedParts(), method="gp")
-    assert np.abs(model.ripple_sin).max(initial=0.0) < 5e-6
+    assert np.abs(model.mean_tables().ripple_sin).max(initial=0.0) < 5e-6
     joints = postures(robot, 200, rng)
     _, true = rippling(actual, joints, rng, size=0.0)
     off = true - forward(robot, joints)[:, :3, 3]
@@ -125,5 +126,5 @@ def test_rows_in_any_order_of_columns_need_no_approach():
     model = fit_learned(
         robot, silent, SETTINGS, parts=LearnedParts(smooth=False, highest=16), method="ripple"
     )
-    np.testing.assert_array_equal(model.backlash, 0.0)
+    np.testing.assert_array_equal(model.mean_tables().backlash, 0.0)
     assert any("approach" in doubt for doubt in model.training_summary()["doubts"])

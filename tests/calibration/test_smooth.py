@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import approx_fprime
 
-from robotrue.calibration.smooth import (
+from robotrue.calibration.terms.smooth import (
     SmoothBasis,
     choose_centres,
     features,

@@ -109,7 +109,7 @@ def test_a_surface_sees_only_its_normal() -> None:
     rows, belief = rows_and_belief()
     floor = replace(rows, observations=rows.observations[1:2])
     piece = floor.pieces(belief)[0]
-    shift = piece.columns[0, 0, belief.starts[3] : belief.starts[3] + 3]
+    shift = piece.columns[0, 0, belief.end : belief.end + 3]
     np.testing.assert_allclose(shift, SURFACES[0].normal, atol=1e-12)
 
 

@@ -13,7 +13,7 @@ from robotrue.calibration.estimator import SolverSettings
 from robotrue.calibration.lineage import model_hash
 from robotrue.calibration.methods import FitSettings, fit
 from robotrue.calibration.model import Query
-from robotrue.calibration.smooth import SmoothBasis
+from robotrue.calibration.terms.smooth import SmoothBasis
 from robotrue.calibration.update import further_centres, updated
 from robotrue.core.archive import read_archive, write_archive
 from robotrue.core.poses import pose

@@ -17,8 +17,8 @@ from robotrue.calibration.machined import (
 )
 from robotrue.calibration.model import Query
 from robotrue.calibration.prior_belief import prior_belief
-from robotrue.calibration.priors import PriorScales
 from robotrue.calibration.settings import FitSettings
+from robotrue.calibration.terms.geometry import PriorScales
 from robotrue.cell.registration.points import frame_gain
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, pose

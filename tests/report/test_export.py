@@ -12,14 +12,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from robotrue.calibration.belief import standard_terms
 from robotrue.calibration.residual import model_of
 from robotrue.calibration.rigid_flexible import RigidFlexibleModel
+from robotrue.calibration.terms.registry import export_parts
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.report.export_controller import export_controller
 from robotrue.report.export_dh import export_dh
-from robotrue.report.export_losses import PARTS, calibrated, mean_position, without
+from robotrue.report.export_losses import calibrated, mean_position, without
 from robotrue.report.export_urdf import export_urdf
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel, parameter_slice
@@ -28,7 +30,7 @@ from robotrue.robot.statics import Load
 
 PAYLOAD = Load(mass=np.array([40.0]), com=np.array([[0.0, 0.02, 0.1]]))
 RANGE = np.array([[-1.0, -2.0, 0.7, -1.5, -1.2, -2.0], [1.0, -0.7, 2.0, 1.5, 1.2, 2.0]])
-ALL = ",".join(PARTS).split(",")
+ALL = ",".join(tuple(export_parts())).split(",")
 
 
 def model(name: str = "KUKA KR160 R1570", *, only: tuple[str, ...] = ()) -> RigidFlexibleModel:
@@ -54,12 +56,11 @@ def learned():
     """The same with ripple, backlash and a smooth residual."""
     plain = model_of(model().belief(), {"joint_range_rad": RANGE.tolist()})
     rng = np.random.default_rng(9)
+    waves = 2e-5 * rng.standard_normal(2 * 6 * 2)
     return replace(
         plain,
-        cycles=np.array([1.0, 2.0]),
-        ripple_sin=2e-5 * rng.standard_normal((6, 2)),
-        ripple_cos=2e-5 * rng.standard_normal((6, 2)),
-        backlash=np.full(6, 1e-5),
+        terms=standard_terms(6, np.array([1.0, 2.0])),
+        values=np.concatenate([waves, np.full(6, 1e-5)]),
     )
 
 

@@ -14,8 +14,8 @@ import pytest
 
 from robotrue.calibration.drift import DEFAULTS
 from robotrue.calibration.methods import fit
-from robotrue.calibration.priors import PriorScales
 from robotrue.calibration.sources import Source
+from robotrue.calibration.terms.geometry import PriorScales
 from robotrue.core.units import MM
 from robotrue.errors import ImplausibleDataError, ModelMismatchError
 from robotrue.robot.forward import forward

@@ -1,6 +1,6 @@
 """A calibration as a Gaussian over all its coefficients: what new measurements are added to.
 
-    w = [robot errors, ripple, backlash, smooth weights, nuisances]      w ~ N(mean, R'R)
+    w = [robot errors, parameters of each term, nuisances]      w ~ N(mean, R'R)
 
 R is any root of the covariance. Rows ``z = H w + e``, e ~ N(0, I), change it without ever forming
 the covariance: with R H' = U diag(s) V' (thin)
@@ -20,8 +20,11 @@ from typing import Final
 import numpy as np
 from scipy.linalg import qr, svd
 
-from robotrue.calibration.smooth import SmoothBasis
-from robotrue.core.arrays import Array
+from robotrue.calibration.terms.backlash import Backlash
+from robotrue.calibration.terms.ripple import Ripple
+from robotrue.calibration.terms.smooth import SmoothBasis, SmoothResidual, no_basis
+from robotrue.calibration.terms.term import Carry, Term
+from robotrue.core.arrays import Array, IntArray
 from robotrue.robot.model import RobotModel
 
 ROWS: Final = 300
@@ -36,9 +39,7 @@ class Belief:
 
     Attributes:
         robot: The nominal arm.
-        cycles: (h,) of the ripple.
-        basis: Centres of the smooth residual, if any.
-        amplitude: m, prior sd of the smooth residual.
+        terms: Beyond the robot's error vector: ripple, backlash, smooth residual, then others.
         mean: (p,) SI, in the order of the module's first line.
         root: (r, p) R.
         white: m, sd per axis of white noise beyond instrument and repeatability.
@@ -51,9 +52,7 @@ class Belief:
     """
 
     robot: RobotModel
-    cycles: Array
-    basis: SmoothBasis | None
-    amplitude: float
+    terms: tuple[Term, ...]
     mean: Array
     root: Array
     white: float
@@ -63,19 +62,29 @@ class Belief:
     nuisances: int = 0
     reflectors: Mapping[int, tuple[Array, Array]] = field(default_factory=dict)
 
-    @property
-    def starts(self) -> tuple[int, int, int, int]:
-        """First column of ripple, backlash, smooth weights and nuisances."""
-        dof = self.robot.dof
-        ripple = len(self.robot.errors)
-        backlash = ripple + 2 * dof * len(self.cycles)
-        smooth = backlash + dof
-        return ripple, backlash, smooth, smooth + 3 * self.centres
+    def place(self, name: str) -> slice:
+        """Returns where the parameters of a term stand; an empty slice where it has none."""
+        start = len(self.robot.errors)
+        for term in self.terms:
+            if term.name == name:
+                return slice(start, start + term.size)
+            start += term.size
+        return slice(start, start)
 
     @property
-    def centres(self) -> int:
-        """Number of centres of the smooth residual."""
-        return 0 if self.basis is None else len(self.basis.centres)
+    def end(self) -> int:
+        """First column of the nuisances, or the number of columns."""
+        return len(self.robot.errors) + sum(term.size for term in self.terms)
+
+    @property
+    def ripple(self) -> Ripple:
+        """The term of that name, which every belief has."""
+        return next(term for term in self.terms if isinstance(term, Ripple))
+
+    @property
+    def smooth(self) -> SmoothResidual:
+        """The term of that name, which every belief has."""
+        return next(term for term in self.terms if isinstance(term, SmoothResidual))
 
     @property
     def errors(self) -> Array:
@@ -83,9 +92,31 @@ class Belief:
         return self.mean[: len(self.robot.errors)]
 
     @property
+    def values(self) -> Array:
+        """Parameters of all terms at the mean (k,) SI."""
+        return self.mean[len(self.robot.errors) : self.end]
+
+    @property
+    def actual(self) -> RobotModel:
+        """The arm with the errors of the mean."""
+        return self.robot.with_errors(self.errors)
+
+    @property
     def variance(self) -> Array:
         """(p,) variance of every column."""
         return np.asarray((self.root**2).sum(axis=0))
+
+    def carried_as(self, carry: Carry) -> IntArray:
+        """Returns the columns (k,) of the terms that carry over in one way; see :data:`Carry`."""
+        places = [self.place(t.name) for t in self.terms if t.carry == carry]
+        ranges = [np.arange(p.start, p.stop) for p in places]
+        return np.concatenate([np.zeros(0, dtype=np.int64), *ranges])
+
+
+def standard_terms(dof: int, cycles: Array | None = None) -> tuple[Term, ...]:
+    """Returns the terms every model has, with ripple of some cycles and no smooth residual."""
+    waves = np.zeros(0) if cycles is None else cycles
+    return Ripple(dof=dof, cycles=waves), Backlash(dof=dof), SmoothResidual(basis=no_basis(dof))
 
 
 def conditioned(belief: Belief, columns: Array, values: Array) -> Belief:
@@ -125,35 +156,42 @@ def with_nuisances(belief: Belief, sd: Array) -> Belief:
     return replace(belief, mean=mean, root=root, nuisances=belief.nuisances + len(sd))
 
 
-def with_centres(belief: Belief, basis: SmoothBasis) -> Belief:
-    """Returns the belief over a basis that begins with the centres it had.
+def with_term(belief: Belief, term: Term, kept: IntArray) -> Belief:
+    """Returns the belief with the term of a name replaced by a larger one.
 
-    The columns of a basis are nested: the first ones do not change when centres are added, so the
-    new weights simply stand at zero, with no variance yet.
+    Args:
+        belief: Before.
+        term: Of a name the belief has.
+        kept: (k,) where the parameters it had stand in the new term; the others stand at zero, with
+            no variance yet.
     """
-    _, _, _, end = belief.starts
-    extra = 3 * (len(basis.centres) - belief.centres)
+    place = belief.place(term.name)
+    fresh = np.setdiff1d(np.arange(term.size), kept)
+    where = place.start + np.searchsorted(kept, fresh)
     return replace(
         belief,
-        basis=basis,
-        mean=np.insert(belief.mean, np.full(extra, end), 0.0),
-        root=np.insert(belief.root, np.full(extra, end), 0.0, axis=1),
+        terms=tuple(term if old.name == term.name else old for old in belief.terms),
+        mean=np.insert(belief.mean, where, 0.0),
+        root=np.insert(belief.root, where, 0.0, axis=1),
     )
+
+
+def with_centres(belief: Belief, basis: SmoothBasis) -> Belief:
+    """Returns the belief over a basis that begins with the centres it had."""
+    return with_term(belief, *belief.smooth.with_basis(basis))
+
+
+def with_amplitude(belief: Belief, amplitude: float) -> Belief:
+    """Returns the belief with another prior sd of the smooth residual, m."""
+    smooth = replace(belief.smooth, amplitude=amplitude)
+    return with_term(belief, smooth, np.arange(smooth.size))
 
 
 def with_harmonics(belief: Belief, count: int) -> Belief:
     """Returns the belief with at least ``count`` harmonics; new ones at zero without variance."""
-    h, dof = len(belief.cycles), belief.robot.dof
-    if count <= h:
+    if count <= len(belief.ripple.cycles):
         return belief
-    ripple = belief.starts[0]
-    where = ripple + np.repeat(2 * h * np.arange(1, dof + 1), 2 * (count - h))
-    return replace(
-        belief,
-        cycles=np.arange(1.0, count + 1.0),
-        mean=np.insert(belief.mean, where, 0.0),
-        root=np.insert(belief.root, where, 0.0, axis=1),
-    )
+    return with_term(belief, *belief.ripple.with_cycles(count))
 
 
 def compressed_root(root: Array) -> Array:

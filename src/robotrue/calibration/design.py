@@ -1,19 +1,19 @@
-"""The linear model around an estimate: columns of physics, ripple, backlash and smooth residual.
+"""The linear model around an estimate: columns of the physical parameters and of every term.
 
-Every column comes out of the rows' own Jacobian: drive angles act where ``theta`` acts, the smooth
-residual where a shift of the base acts. So points and full poses, in base or in a tracker frame,
-with one reflector or several, need no case of their own.
+Every column comes out of the rows' own Jacobian: drive angles act where ``theta`` acts, the tool
+point where a shift of the base acts. So points and full poses, in base or in a tracker frame, with
+one reflector or several, need no case of their own.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Final, TypeAlias
 
 import numpy as np
 
+from robotrue.calibration.arm import linear_rows
 from robotrue.calibration.evidence import Group, Sums, sums_of
 from robotrue.calibration.observations import (
     CHANNELS,
@@ -22,19 +22,14 @@ from robotrue.calibration.observations import (
 )
 from robotrue.calibration.parameters import Layout, State, difference
 from robotrue.calibration.priors import LEARNED, Prior
-from robotrue.calibration.ripple import harmonics, ripple_columns, ripple_groups
 from robotrue.calibration.robust import Loss, consistency
-from robotrue.calibration.smooth import SmoothBasis
+from robotrue.calibration.terms.ripple import Ripple
+from robotrue.calibration.terms.smooth import SmoothResidual
+from robotrue.calibration.terms.term import Term
 from robotrue.core.arrays import Array, BoolArray, IntArray
-from robotrue.robot.model import parameter_slice
 
 ROWS: Final = 512
 """Poses worked on at a time; bounds the memory."""
-BACKLASH_START: Final = 1e-5
-BACKLASH_REST: Final = 1e-7
-"""rad, half the backlash of a drive: where learning starts and where it falls back to."""
-SMOOTH_REST: Final = 1e-7
-"""m, amplitude of a smooth residual the data do not ask for."""
 
 Seen: TypeAlias = PositionObservation | PoseObservation
 
@@ -64,29 +59,27 @@ class Design:
 
     Attributes:
         observations: Points and poses.
-        approach: (rows of the set, dof) sign of the last motion.
         layout: Of the physical parameters.
         prior: Of the physical parameters.
         state: Where everything is linearised.
         noise: (2,) white variance of lengths (m^2) and angles (rad^2).
         weights: (rows of the set,) robust weight.
         loss: The robust rule that made them.
-        count: Highest harmonic.
-        basis: Centres of the smooth residual, if any.
-        active: (p,) columns in use; the others stand at zero.
+        terms: Beyond the physical parameters: ripple, backlash, smooth residual, then others.
+        values: (k,) their parameters where terms that are not linear are linearised.
+        active: (p,) columns in use, free physical parameters first; the others stand at zero.
         few: The rows are too few to say the scale of each band of ripple.
     """
 
     observations: tuple[Seen, ...]
-    approach: Array
     layout: Layout
     prior: Prior
     state: State
     noise: Array
     weights: Array
     loss: Loss
-    count: int
-    basis: SmoothBasis | None
+    terms: tuple[Term, ...]
+    values: Array
     active: BoolArray
     few: bool = False
 
@@ -95,14 +88,28 @@ class Design:
         """Physical parameters that are estimated."""
         return np.flatnonzero(self.prior.free)
 
+    def place(self, name: str) -> slice:
+        """Returns the columns of a term.
+
+        Raises:
+            KeyError: No such term.
+        """
+        start = len(self.free)
+        for term in self.terms:
+            if term.name == name:
+                return slice(start, start + term.size)
+            start += term.size
+        raise KeyError(name)
+
     @property
-    def starts(self) -> tuple[int, int, int, int]:
-        """First column of ripple, backlash and smooth residual, and the number of columns."""
-        ripple = len(self.free)
-        backlash = ripple + 2 * self.layout.dof * self.count
-        smooth = backlash + self.layout.dof
-        centres = 0 if self.basis is None else len(self.basis.centres)
-        return ripple, backlash, smooth, smooth + 3 * centres
+    def ripple(self) -> Ripple:
+        """The term of that name."""
+        return next(term for term in self.terms if isinstance(term, Ripple))
+
+    @property
+    def smooth(self) -> SmoothResidual:
+        """The term of that name."""
+        return next(term for term in self.terms if isinstance(term, SmoothResidual))
 
     @property
     def offset(self) -> Array:
@@ -120,22 +127,13 @@ class Design:
 
     def _rows(self, observation: Seen, part: IntArray) -> Rows:
         item = observation.linearise(self.layout, self.state, part)  # type: ignore[arg-type]
-        jacobian, joints = item.jacobian, observation.visits.joints[part]
-        robot, dof = self.state.robot, self.layout.dof
-        drive = jacobian[:, :, parameter_slice(dof, "theta")] @ robot.joint_map
-        rows = observation.rows[part]
-        pieces = [
-            jacobian[:, :, self.free],
-            ripple_columns(drive, joints, harmonics(self.count)),
-            drive * self.approach[rows][:, None, :],
-        ]
-        if self.basis is not None:
-            shift = jacobian[:, :, parameter_slice(dof, "base")][:, :, :3]
-            pieces.append(smooth_columns(shift, self.basis.columns(joints)))
-        columns = np.concatenate(
-            [p[:, :, a] for p, a in zip(pieces, self._split(), strict=True)], 2
-        )
-        values = item.residual + jacobian[:, :, self.free] @ self.offset
+        at = observation.visits.postures(part)
+        learned, shift = linear_rows(self.state.robot, at, item.jacobian, self.terms, self.values)
+        physical = item.jacobian[:, :, self.free]
+        columns = np.concatenate([physical, *learned], axis=2)[:, :, self.active]
+        values = item.residual + physical @ self.offset
+        if shift is not None:
+            values = values - shift
         size = item.residual.shape[1]
         lower = np.linalg.cholesky(item.covariance + (self.noise @ item.white) * np.eye(size))
         inverse = np.linalg.inv(lower)
@@ -144,13 +142,8 @@ class Design:
             values=(inverse @ values[:, :, None])[:, :, 0],
             lower=np.asarray(lower, dtype=np.float64),
             instrument=item.covariance,
-            rows=rows,
+            rows=observation.rows[part],
         )
-
-    def _split(self) -> list[IntArray]:
-        ripple, backlash, smooth, end = self.starts
-        edges = [0, ripple, backlash, smooth] + ([end] if self.basis is not None else [])
-        return [np.flatnonzero(self.active[a:b]) for a, b in pairwise(edges)]
 
     def sums(self, chosen: BoolArray | None = None) -> list[Sums]:
         """Returns the sums of lengths and, where orientations were measured, of angles."""
@@ -187,27 +180,12 @@ class Design:
 
     def groups(self, scales: dict[str, float]) -> list[Group]:
         """Returns the groups over the active columns, with scales by name where known."""
-        ripple, backlash, smooth, end = self.starts
-        dof = self.layout.dof
-        found = [
-            *self._physical_groups(),
-            *ripple_groups(dof, self.count, ripple, few=self.few),
-            Group(
-                name="backlash",
-                columns=np.arange(backlash, smooth),
-                sd=BACKLASH_START,
-                rest=BACKLASH_REST,
-            ),
-        ]
-        if end > smooth:
-            found.append(
-                Group(
-                    name="smooth",
-                    columns=np.arange(smooth, end),
-                    sd=1e-4,
-                    rest=SMOOTH_REST,
-                )
-            )
+        found = self._physical_groups()
+        for term in self.terms:
+            start = self.place(term.name).start
+            found += [
+                replace(group, columns=start + group.columns) for group in term.groups(few=self.few)
+            ]
         position = np.cumsum(self.active) - 1
         out = []
         for group in found:
@@ -233,12 +211,6 @@ class Design:
             if k < 0:
                 out.append(Group(name="frames", columns=columns, sd=1.0, shape=sd[columns]))
             else:
-                name = (*LEARNED, "compliance")[int(k)]
+                name = LEARNED[int(k)]
                 out.append(Group(name=name, columns=columns, sd=1.0, rest=1.0, shape=sd[columns]))
         return out
-
-
-def smooth_columns(shift: Array, columns: Array) -> Array:
-    """Returns (n, m, 3 k) from d(row)/d(shift of base) (n, m, 3) and (n, k) columns per axis."""
-    n, m, _ = shift.shape
-    return (columns[:, None, :, None] * shift[:, :, None, :]).reshape(n, m, -1)

@@ -17,13 +17,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
-from robotrue.calibration.belief import Belief, widened
-from robotrue.calibration.ripple import BANDS, REST
+from robotrue.calibration.belief import Belief, widened, with_amplitude
 from robotrue.core.arrays import Array, IntArray
 from robotrue.errors import ConfigurationError
 from robotrue.robot.model import parameter_slice
@@ -177,26 +175,14 @@ def drift_groups(belief: Belief, scales: DriftScales) -> list[DriftGroup]:
 
 
 def shape_variance(belief: Belief) -> tuple[Array, Array]:
-    """Returns the prior variance (p,) of ripple with backlash, and of the smooth residual.
-
-    A band's prior variance is read off its own posterior, as the mean of ``w^2 + var(w)`` over the
-    band: the fixed point of the evidence that fitted it.
-    """
-    ripple, backlash, smooth, end = belief.starts
-    power = belief.mean**2 + belief.variance
-    waves, field_ = np.zeros(len(power)), np.zeros(len(power))
-    count, dof = len(belief.cycles), belief.robot.dof
-    for joint in range(dof):
-        for low, high in pairwise(BANDS):
-            chosen = np.flatnonzero((belief.cycles >= low) & (belief.cycles < high))
-            if len(chosen):
-                first = ripple + 2 * (joint * count + int(chosen[0]))
-                part = slice(first, first + 2 * len(chosen))
-                waves[part] = max(float(power[part].mean()), REST**2)
-    if belief.variance[backlash:smooth].any():
-        waves[backlash:smooth] = max(float(power[backlash:smooth].mean()), REST**2)
-    field_[smooth:end] = belief.amplitude**2
-    return waves, field_
+    """Returns the prior variance (p,) of drive errors, and of the smooth residual."""
+    variance = belief.variance
+    prior = {"waves": np.zeros(len(variance)), "field": np.zeros(len(variance))}
+    for term in belief.terms:
+        place = belief.place(term.name)
+        if term.carry in prior:
+            prior[term.carry][place] = term.prior_variance(belief.mean[place], variance[place])
+    return prior["waves"], prior["field"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -247,7 +233,8 @@ def prior_of(drift: Drift, log_scale: Array | None = None) -> Belief:
     belief = drift.belief
     scale = np.exp(drift.log_scale if log_scale is None else log_scale)
     keep, variance = carried(drift, scale)
-    amplitude = float(scale[4]) if len(drift.field) else belief.amplitude
+    if len(drift.field):
+        belief = with_amplitude(belief, float(scale[4]))
     return widened(
         replace(
             belief,
@@ -255,7 +242,6 @@ def prior_of(drift: Drift, log_scale: Array | None = None) -> Belief:
             root=scale[0] * belief.root * keep,
             white=float(scale[1]),
             inflation=1.0,
-            amplitude=amplitude,
         ),
         variance,
     )
@@ -264,11 +250,10 @@ def prior_of(drift: Drift, log_scale: Array | None = None) -> Belief:
 def carried(drift: Drift, scale: Array) -> tuple[Array, Array]:
     """Returns D (p,) and the variance (p,) the drift adds, at scales as in ``Drift.names``."""
     belief = drift.belief
-    ripple, _, smooth, end = belief.starts
     angle = np.arctan(scale[2:4])
     keep = np.ones(len(belief.mean))
-    keep[ripple:smooth] = np.cos(angle[0])
-    keep[smooth:end] = np.cos(angle[1])
+    keep[belief.carried_as("waves")] = np.cos(angle[0])
+    keep[belief.carried_as("field")] = np.cos(angle[1])
     variance = np.sin(angle[0]) ** 2 * drift.waves + np.sin(angle[1]) ** 2 * drift.smooths
     variance[drift.field] = scale[4] ** 2
     for group, s in zip(drift.groups, scale[5:], strict=True):
@@ -296,9 +281,10 @@ def drift_of(
         )
     chosen = DEFAULTS[relation] if scales is None else scales
     groups = drift_groups(belief, chosen)
-    end = belief.starts[3]
+    end = belief.place("smooth").stop
     fresh = np.arange(field_from, end) if field_from >= 0 else np.arange(0)
-    fields = belief.amplitude if belief.amplitude > 0.0 else chosen.field
+    amplitude = belief.smooth.amplitude
+    fields = amplitude if amplitude > 0.0 else chosen.field
     white = belief.inflation * (belief.white**2 + belief.repeatability**2)
     rest = np.array(
         [

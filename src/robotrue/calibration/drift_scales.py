@@ -76,9 +76,10 @@ class Problem:
 
     def __init__(self, drift: Drift, stack: Stack) -> None:
         belief = drift.belief
-        ripple, _, smooth, end = belief.starts
+        end = belief.end
         columns = stack.columns[:, :end]
-        parts = (slice(0, ripple), slice(ripple, smooth), slice(smooth, end))
+        waves, field = belief.carried_as("waves"), belief.carried_as("field")
+        parts = (np.setdiff1d(np.arange(end), np.concatenate([waves, field])), waves, field)
         roots = [belief.root[:, p] @ columns[:, p].T for p in parts]
         fresh, nuisance = columns[:, drift.field], stack.columns[:, end:]
         self._drift, self._stack = drift, stack
@@ -146,7 +147,7 @@ class Problem:
         total, _, y, _ = self.matrices(log_scale)
         pull = self._stack.columns.T @ cho_solve(cho_factor(total, lower=True), y)
         belief = self._drift.belief
-        end = belief.starts[3]
+        end = belief.end
         scale = np.exp(log_scale)
         keep, variance = carried(self._drift, scale)
         through = scale[0] ** 2 * keep * (belief.root.T @ (belief.root @ (keep * pull[:end])))

@@ -30,10 +30,25 @@ from robotrue.calibration.observations import (
 )
 from robotrue.calibration.parameters import retract
 from robotrue.calibration.residual import LearnedModel
-from robotrue.calibration.ripple import LADDER, REST, START, harmonics
 from robotrue.calibration.robust import weights as robust_weights
 from robotrue.calibration.settings import FitSettings
-from robotrue.calibration.smooth import choose_centres, learn_smooth
+from robotrue.calibration.terms.backlash import Backlash
+from robotrue.calibration.terms.registry import further_terms
+from robotrue.calibration.terms.ripple import (
+    LADDER,
+    REST,
+    START,
+    Ripple,
+    harmonics,
+    highest_harmonic,
+)
+from robotrue.calibration.terms.smooth import (
+    SmoothBasis,
+    SmoothResidual,
+    choose_centres,
+    learn_smooth,
+    no_basis,
+)
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel
@@ -51,11 +66,6 @@ LEAST_WEIGHT: Final = 0.01
 """Weight at the start of a row the physical fit has screened: its misfit may be ripple."""
 UNSEEN: Final = 1e-5
 """Information on a coefficient, over that of its starting scale, below which it is left out."""
-POSES_PER_HARMONIC: Final = 3
-"""Poses asked for each harmonic: half the numbers the coefficients of six joints would need."""
-HELD_HARMONICS: Final = 64
-"""Highest harmonic whatever the rows, from ``HELD_ROWS``: the law they are held to decays."""
-HELD_ROWS: Final = 24
 MANY_ROWS: Final = 200
 """Rows from which the ladder begins at its second rung, and each band has a scale of its own."""
 FEWEST_SMOOTH: Final = 60
@@ -64,8 +74,6 @@ HALF: Final = 0.5
 """Weights of a group that the data determine from which its scale is taken for learned."""
 LONG_CAMPAIGN: Final = 1000
 """Rows of a campaign so long that half of a day's shift is seen within it."""
-WIDE_ROWS: Final = 4000
-"""Rows up to which the last rung is tried; it costs eight times the rung before."""
 LADDER_STEPS: Final = 8
 SEED: Final = 20
 
@@ -141,29 +149,31 @@ def first_design(
     weights = np.zeros(len(measurements))
     for observation, u in zip(observations, found.weights, strict=True):
         weights[observation.rows] = np.maximum(u, LEAST_WEIGHT)
-    highest = parts.highest if physical.rows <= WIDE_ROWS else min(parts.highest, LADDER[-2])
-    carried = physical.rows / POSES_PER_HARMONIC
-    if HELD_ROWS <= physical.rows < MANY_ROWS:
-        carried = max(carried, HELD_HARMONICS)
-    able = [h for h in LADDER if h <= min(highest, carried)]
-    count = max(able, default=LADDER[0]) if parts.ripple else 0
+    few = physical.rows < MANY_ROWS
+    nominal = found.state.robot.nominal()
+    count = highest_harmonic(physical.rows, few=few, most=parts.highest) if parts.ripple else 0
+    further = [term.begin(nominal, measurements, few) for term in further_terms()]
+    terms = (
+        Ripple(dof=nominal.dof, cycles=harmonics(count)),
+        Backlash(dof=nominal.dof),
+        SmoothResidual(basis=no_basis(nominal.dof)),
+        *(term for term in further if term is not None and parts.ripple),
+    )
     design = Design(
         observations=observations,
-        approach=measurements.approach,
         layout=found.layout,
         prior=found.prior,
         state=found.state,
         noise=found.noise,
         weights=weights,
         loss=settings.solver.loss,
-        count=count,
-        basis=None,
+        terms=terms,
+        values=np.zeros(sum(term.size for term in terms)),
         active=np.ones(0, dtype=bool),
-        few=physical.rows < MANY_ROWS,
+        few=few,
     )
-    _, backlash, smooth, end = design.starts
-    active = np.ones(end, dtype=bool)
-    active[backlash:smooth] = parts.ripple and bool((measurements.approach != 0.0).any())
+    active = np.ones(len(design.free) + len(design.values), dtype=bool)
+    active[design.place("backlash")] = parts.ripple and bool((measurements.approach != 0.0).any())
     return replace(design, active=active)
 
 
@@ -172,7 +182,7 @@ def climb(design: Design, parts: LearnedParts) -> LinearFit:
     sums = design.sums()
     sighted = design.active.copy()
     sighted[design.active] = _sighted(design, sums)
-    rungs = [h for h in LADDER if h <= design.count] if parts.ripple else [0]
+    rungs = [h for h in LADDER if h <= len(design.ripple.cycles)] if parts.ripple else [0]
     if len(design.weights) >= MANY_ROWS:
         rungs = rungs[1:] or rungs
     best = _rung(design, sums, sighted, rungs[0], {})
@@ -203,9 +213,13 @@ def renewed(at: LinearFit, *, steps: int) -> LinearFit:
         noise[c] = max(float(tau) * (known[c] + noise[c]) - known[c], NOISE_FLOOR)
     step = np.zeros(design.layout.size)
     step[design.free] = fit.mean[: len(design.free)] - design.offset
+    physical = len(design.free)
+    values = np.zeros(len(design.values))
+    values[design.active[physical:]] = fit.mean[physical:]
     moved = replace(
         design,
         state=retract(design.layout, design.state, step),
+        values=values,
         noise=noise,
         weights=robust,
     )
@@ -230,18 +244,16 @@ def _rung(
 
 def _sighted(design: Design, sums: Sequence[Sums]) -> BoolArray:
     """Which active columns the rows can see: not the ripple of a joint without a lever."""
-    ripple, backlash, _, _ = design.starts
+    waves = design.place("ripple")
     covered = np.flatnonzero(design.active)
     seen = sum(np.diagonal(s.gram) for s in sums) * START**2
-    wave = (covered >= ripple) & (covered < backlash)
+    wave = (covered >= waves.start) & (covered < waves.stop)
     return np.asarray(~wave | (np.asarray(seen) > UNSEEN))
 
 
 def _up_to(design: Design, rung: int) -> BoolArray:
-    ripple, backlash, _, end = design.starts
-    keep = np.ones(end, dtype=bool)
-    number = np.tile(np.repeat(harmonics(design.count), 2), design.layout.dof)
-    keep[ripple:backlash] = number <= rung
+    keep = np.ones(len(design.active), dtype=bool)
+    keep[design.place("ripple")] = design.ripple.order <= rung
     return keep
 
 
@@ -254,10 +266,12 @@ def _scales(weights: Weights) -> dict[str, float]:
 
 
 def _without_idle(at: LinearFit) -> LinearFit:
-    """Takes out the bands and the backlash that have fallen back to rest."""
+    """Takes out the groups of terms that have fallen back to rest."""
     kept = np.ones(len(at.weights.mean), dtype=bool)
+    physical = len(at.design.free)
     for group in at.weights.groups:
-        if group.name.startswith(("ripple", "backlash")) and group.sd <= 2.0 * REST:
+        rest = REST if group.hold else group.rest
+        if group.columns[0] >= physical and group.sd <= 2.0 * rest:
             kept[group.columns] = False
     active = at.design.active.copy()
     active[np.flatnonzero(active)[~kept]] = False
@@ -270,11 +284,11 @@ def _without_idle(at: LinearFit) -> LinearFit:
 def _examined(at: LinearFit, settings: FitSettings) -> HeldOut:
     design = at.design
     uncarried = np.zeros(len(design.weights))
-    if design.basis is not None:
-        amplitude = at.weights.scale("smooth")
+    if design.smooth.size:
+        smooth = replace(design.smooth, amplitude=at.weights.scale("smooth"))
         for o in design.observations:
-            carried = (design.basis.columns(o.visits.joints) ** 2).sum(axis=1)
-            uncarried[o.rows] = amplitude**2 * np.maximum(1.0 - carried, 0.0)
+            effect = smooth.effect(design.state.robot, o.visits, np.zeros(smooth.size))
+            uncarried[o.rows] = 0.0 if effect.uncarried is None else effect.uncarried
     return held_out(
         design,
         at.sums,
@@ -320,8 +334,7 @@ def _with_smooth(
     basis = choose_centres(
         measurements.joints[counted], scales.length, most=MOST_CENTRES, enough=ENOUGH
     )
-    extra = np.ones(3 * len(basis.centres), dtype=bool)
-    design = replace(at.design, basis=basis, active=np.concatenate([at.design.active, extra]))
+    design = _with_centres(at.design, basis)
     sums = design.sums()
     start = _scales(at.weights) | {"smooth": scales.amplitude}
     weights = learn(sums, design.groups(start), at.weights.noise, steps=8)
@@ -338,6 +351,18 @@ def _with_smooth(
         richer,
         better,
         {**notes, "smooth": "kept", "smooth_centres": len(basis.centres)},
+    )
+
+
+def _with_centres(design: Design, basis: SmoothBasis) -> Design:
+    """The design with centres of a smooth residual, where it had none."""
+    smooth, size = SmoothResidual(basis=basis), 3 * len(basis.centres)
+    first = design.place("smooth").start
+    return replace(
+        design,
+        terms=tuple(smooth if term.name == smooth.name else term for term in design.terms),
+        values=np.insert(design.values, np.full(size, first - len(design.free)), 0.0),
+        active=np.insert(design.active, np.full(size, first), True),
     )
 
 

@@ -19,8 +19,10 @@ from robotrue.calibration.held_out import HeldOut
 from robotrue.calibration.parameters import retract, station_as_base, target_as_tool
 from robotrue.calibration.residual import LearnedModel
 from robotrue.calibration.rigid_flexible import RigidFlexibleModel, reflector_of
-from robotrue.calibration.ripple import harmonics
 from robotrue.calibration.settings import FitSettings
+from robotrue.calibration.terms.ripple import Ripple, harmonics
+from robotrue.calibration.terms.smooth import SmoothResidual
+from robotrue.calibration.terms.term import Term
 from robotrue.core.arrays import Array, IntArray
 from robotrue.robot.model import parameter_names, parameter_slice
 
@@ -56,37 +58,33 @@ def assembled(
         notes: What the summary says besides.
     """
     design, fit = at.design, at.weights
-    layout, dof = design.layout, design.layout.dof
-    ripple, backlash, smooth, end = design.starts
-    full, covered = np.zeros(end), np.flatnonzero(design.active)
+    layout, dof, free = design.layout, design.layout.dof, len(design.free)
+    full, covered = np.zeros(len(design.active)), np.flatnonzero(design.active)
     full[covered] = fit.mean
     step = np.zeros(layout.size)
-    step[design.free] = full[:ripple] - design.offset
+    step[design.free] = full[:free] - design.offset
     state = retract(layout, design.state, step)
-    used = covered[(covered >= ripple) & (covered < backlash)] - ripple
-    count = int((used % (2 * design.count) // 2).max()) + 1 if len(used) else 0
-    coefficients = full[ripple:backlash].reshape(dof, design.count, 2)[:, :count]
-    columns, picked = _model_columns(design, covered, count)
+    terms, kept = _model_terms(at, covered)
+    columns, picked = _model_columns(design, covered, kept)
     root = fit.root[:, picked]
     gauge = station_as_base(layout, state)
     if gauge is not None:
-        parameter = design.free[covered[covered < ripple]]
+        parameter = design.free[covered[covered < free]]
         at_station = np.flatnonzero((parameter >= gauge[0].start) & (parameter < gauge[0].stop))
         root = np.hstack([root, fit.root[:, at_station] @ gauge[1].T])
         base = parameter_slice(dof, "base")
         columns = np.concatenate([columns, np.arange(base.start, base.stop)])
     targets = {
-        k: fit.root[:, covered < ripple]
-        @ target_as_tool(layout, k, T)[:3, design.free][:, covered[covered < ripple]].T
+        k: fit.root[:, covered < free]
+        @ target_as_tool(layout, k, T)[:3, design.free][:, covered[covered < free]].T
         for k, T in state.T_flange_target.items()
     }
     root, columns = _on_another_day(root, columns, dof, day_shift(settings), found.inflation)
-    physics = columns < layout.robot_size
+    of_arm = columns < layout.robot_size
     arm = np.zeros((len(root), layout.robot_size))
-    arm[:, columns[physics]] = root[:, physics]
+    arm[:, columns[of_arm]] = root[:, of_arm]
     covariance = arm.T @ arm
     roots = {k: np.pad(r, ((0, len(root) - len(r)), (0, 0))) for k, r in targets.items()}
-    centres = 0 if design.basis is None else len(design.basis.centres)
     white = float(np.sqrt(max(_white(design, fit), 0.0)))
     return LearnedModel(
         physics=RigidFlexibleModel(
@@ -100,13 +98,8 @@ def assembled(
                 k: reflector_of(T, arm, roots[k]) for k, T in state.T_flange_target.items()
             },
         ),
-        cycles=harmonics(count),
-        ripple_sin=coefficients[:, :, 0],
-        ripple_cos=coefficients[:, :, 1],
-        backlash=full[backlash:smooth],
-        basis=design.basis,
-        smooth_weights=full[smooth:].reshape(centres, 3),
-        amplitude=fit.scale("smooth") if centres else 0.0,
+        terms=terms,
+        values=full[free:][kept],
         columns=columns.astype(np.float64),
         root=root,
         inflation=found.inflation,
@@ -140,19 +133,33 @@ def _on_another_day(
     return np.vstack([root, extra]), columns
 
 
-def _model_columns(design: Design, covered: IntArray, count: int) -> tuple[IntArray, IntArray]:
-    """Where each active column stands in the model's own order, and which are kept."""
-    dof, size = design.layout.dof, design.layout.robot_size
-    ripple, backlash, _, _ = design.starts
-    place = np.full(len(covered), -1)
-    physical = covered < ripple
-    parameter = design.free[covered[physical]]
-    place[physical] = np.where(parameter < size, parameter, -1)
-    wave = (covered >= ripple) & (covered < backlash)
-    joint, within = np.divmod(covered[wave] - ripple, max(2 * design.count, 1))
-    place[wave] = size + joint * 2 * count + within
-    rest = covered >= backlash
-    place[rest] = size + 2 * dof * count + covered[rest] - backlash
+def _model_terms(at: LinearFit, covered: IntArray) -> tuple[tuple[Term, ...], IntArray]:
+    """The terms with ripple up to the highest cycle in use, and which parameters they keep."""
+    design = at.design
+    physical, place = len(design.free), design.place("ripple")
+    used = covered[(covered >= place.start) & (covered < place.stop)] - place.start
+    count = int(design.ripple.order[used].max(initial=0.0))
+    shorter = Ripple(dof=design.layout.dof, cycles=harmonics(count))
+    kept = np.ones(len(design.values), dtype=bool)
+    kept[place.start - physical : place.stop - physical] = design.ripple.order <= count
+    terms: list[Term] = []
+    for term in design.terms:
+        if isinstance(term, Ripple):
+            terms.append(shorter)
+        elif isinstance(term, SmoothResidual) and term.size:
+            terms.append(replace(term, amplitude=at.weights.scale(term.name)))
+        else:
+            terms.append(term)
+    return tuple(terms), np.flatnonzero(kept)
+
+
+def _model_columns(design: Design, covered: IntArray, kept: IntArray) -> tuple[IntArray, IntArray]:
+    """Where each active column stands in the model's own order, and which the model has."""
+    size = design.layout.robot_size
+    order = np.full(len(design.values), -1)
+    order[kept] = size + np.arange(len(kept))
+    parameter = np.where(design.free < size, design.free, -1)
+    place = np.concatenate([parameter, order])[covered]
     picked = np.flatnonzero(place >= 0)
     return place[picked], picked
 
@@ -176,15 +183,16 @@ def _summary(
     idle = [
         j + 1
         for j in range(at.design.layout.dof)
-        if at.design.count and not any(g.name.startswith(f"ripple/{j + 1}/") for g in fit.groups)
+        if at.design.ripple.size
+        and not any(g.name.startswith(f"ripple/{j + 1}/") for g in fit.groups)
     ]
     if idle:
         doubts.append(
             f"joints {idle} show no ripple here: there is none, or the reflector is on the axis."
         )
-    if not np.any(at.design.approach):
+    if not any(np.any(o.visits.approach) for o in at.design.observations):
         doubts.append("the approach direction of no row is known: backlash was not learned.")
-    if at.design.basis is not None:
+    if at.design.smooth.size:
         doubts.append("the smooth residual is that of the measured point; other tools inherit it.")
     if found.inflation > 4.0:
         doubts.append(

@@ -34,20 +34,20 @@ import numpy as np
 import numpy.typing as npt
 from scipy.stats import chi2
 
+from robotrue.calibration.arm import parts_of
 from robotrue.calibration.belief import Belief
 from robotrue.calibration.model import Query
 from robotrue.calibration.new_rows import NewRows
 from robotrue.calibration.observations import IN_BASE, PositionObservation, Visits
 from robotrue.calibration.parameters import Layout
 from robotrue.calibration.probing import ProbingEstimate
-from robotrue.calibration.residual import rows_of
-from robotrue.calibration.smooth import features, unit_kernel
+from robotrue.calibration.terms.term import Postures
 from robotrue.core.arrays import Array, IntArray, frozen
 from robotrue.core.poses import inverse
 from robotrue.core.rotations import skew
 from robotrue.errors import ModelMismatchError, ShapeError
 from robotrue.robot.model import parameter_slice
-from robotrue.robot.statics import drive_torque
+from robotrue.robot.statics import drive_torque, rows_of
 
 ROWS: Final = 512
 """Postures linearised at a time; bounds the memory."""
@@ -229,7 +229,7 @@ def unchanged_covariance(
     frame = (L * np.repeat(visit + touch**2, 3)) @ L.T
     both = belief.inflation * (seen @ np.swapaxes(seen, 1, 2))
     both = both + G @ frame @ np.swapaxes(G, 1, 2) + visit * np.eye(3)
-    if belief.basis is not None and belief.amplitude > 0.0:
+    if belief.smooth.size:
         rest = _uncarried_beyond_frame(belief, touches, machined, G, L)
         both = both + belief.inflation * rest
     turn = T_base_part[:3, :3]
@@ -254,25 +254,34 @@ def _uncarried_beyond_frame(
 
 def uncarried(belief: Belief, query: Query) -> Array:
     """Returns the variance (n,) m^2 per axis of the smooth residual that no centre carries."""
-    if belief.basis is None or belief.amplitude <= 0.0:
-        return np.zeros(len(query.joints))
-    carried = (belief.basis.columns(query.joints) ** 2).sum(axis=1)
-    other = float(query.T_flange_tool is not None)
-    return np.asarray(belief.amplitude**2 * (np.maximum(1.0 - carried, 0.0) + other))
+    out = np.zeros(len(query.joints))
+    for term, values in parts_of(belief.terms, belief.values):
+        effect = term.effect(belief.actual, _postures(query), values)
+        if effect.uncarried is not None:
+            out += effect.uncarried
+        if query.T_flange_tool is not None:
+            out += effect.other_tool
+    return out
 
 
 def smooth_rest(belief: Belief, query: Query, other: Query | None = None) -> Array:
     """Returns the covariance (n, k) m^2 per axis of the uncarried residual between postures."""
     second = query if other is None else other
-    if belief.basis is None or belief.amplitude <= 0.0:
-        return np.zeros((len(query.joints), len(second.joints)))
-    scale, basis = belief.basis.scale, belief.basis
-    kernel = unit_kernel(features(query.joints) * scale, features(second.joints) * scale)
-    left = kernel - basis.columns(query.joints) @ basis.columns(second.joints).T
+    out = np.zeros((len(query.joints), len(second.joints)))
+    for term in belief.terms:
+        shared = term.uncarried_between(_postures(query), _postures(second))
+        if shared is not None:
+            out += shared
     if other is None:
-        own = uncarried(belief, query) / belief.amplitude**2
-        left[np.diag_indices(len(left))] = own
-    return np.asarray(belief.amplitude**2 * left)
+        out[np.diag_indices(len(out))] = uncarried(belief, query)
+    return out
+
+
+def _postures(query: Query) -> Postures:
+    """Postures of a query; what no parameter carries does not depend on loads."""
+    return Postures(
+        joints=query.joints, torque=np.zeros_like(query.joints), temperature=query.temperature
+    )
 
 
 def region_factor(confidence: float = 0.95) -> float:
@@ -311,7 +320,7 @@ def _pieces(
 ) -> Iterator[Array]:
     """Columns of the tips, some hundred at a time: rows of an estimate that nobody has read."""
     seen = belief if query.T_flange_tool is None else _with_tool(belief, query.T_flange_tool)
-    robot = seen.robot.with_errors(seen.errors)
+    robot = seen.actual
     n, dof = query.joints.shape
     approach = np.zeros((n, dof)) if np.size(query.approach) == 0 else query.approach
     if approach.shape != (n, dof):
@@ -324,6 +333,7 @@ def _pieces(
             visits=Visits(
                 joints=joints,
                 torque=drive_torque(robot, joints, rows_of(query.load, mine)),
+                approach=approach[mine],
                 target=np.zeros(count, dtype=np.int64),
                 station=station[mine],
             ),
@@ -334,7 +344,6 @@ def _pieces(
         rows = NewRows(
             robot=belief.robot,
             observations=(tips,),
-            approach=approach[mine],
             layout=layout,
             T_tracker_base=frames,
             T_flange_target={},

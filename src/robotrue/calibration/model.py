@@ -26,12 +26,14 @@ class Query:
         joints: (n, dof) rad, commanded.
         load: Payload and wrench, one row or n.
         approach: (n, dof) sign of the last motion of each joint, 0 or empty = unknown.
+        temperature: (n,) K, NaN or empty = unknown.
         T_flange_tool: (4, 4) tool point asked about; None is the point that was measured.
     """
 
     joints: Array
     load: Load = NO_LOAD
     approach: Array = field(default_factory=lambda: np.empty(0))
+    temperature: Array = field(default_factory=lambda: np.empty(0))
     T_flange_tool: Array | None = None
 
 

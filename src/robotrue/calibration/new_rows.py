@@ -15,8 +15,8 @@ from typing import Final, Protocol
 
 import numpy as np
 
+from robotrue.calibration.arm import linear_rows
 from robotrue.calibration.belief import Belief
-from robotrue.calibration.design import smooth_columns
 from robotrue.calibration.observations import (
     Linearisation,
     PoseObservation,
@@ -26,12 +26,11 @@ from robotrue.calibration.observations import (
 )
 from robotrue.calibration.parameters import Layout, State, retract
 from robotrue.calibration.rigid_flexible import RigidFlexibleModel
-from robotrue.calibration.ripple import ripple_columns
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.start import start_state
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.measurement.measurement_set import MeasurementSet
-from robotrue.robot.model import RobotModel, parameter_slice
+from robotrue.robot.model import RobotModel
 
 NUISANCE_SD: Final = 0.1
 """m and rad, about a start in closed form: far looser than any data."""
@@ -83,7 +82,6 @@ class NewRows:
     Attributes:
         robot: Nominal arm.
         observations: In base (known set-ups) and in new tracker frames.
-        approach: (n, dof).
         layout: Of robot errors and nuisances.
         T_tracker_base: New set-ups, where they stand now.
         T_flange_target: Further reflectors, where they stand now.
@@ -92,7 +90,6 @@ class NewRows:
 
     robot: RobotModel
     observations: tuple[Visited, ...]
-    approach: Array
     layout: Layout
     T_tracker_base: Mapping[int, Array]
     T_flange_target: Mapping[int, Array]
@@ -120,7 +117,7 @@ class NewRows:
 
     def pieces(self, belief: Belief, chosen: Array | BoolArray | None = None) -> list[Piece]:
         """Returns the rows (of a mask, or all), linearised at the belief's mean."""
-        state = self._state(belief.robot.with_errors(belief.errors))
+        state = self._state(belief.actual)
         out = []
         for observation in self.observations:
             mine = np.arange(len(observation.rows))
@@ -133,27 +130,20 @@ class NewRows:
 
     def _piece(self, belief: Belief, state: State, observation: Visited, part: IntArray) -> Piece:
         item = observation.linearise(self.layout, state, part)  # type: ignore[arg-type]
-        jacobian, joints = item.jacobian, observation.visits.joints[part]
-        dof, size = belief.robot.dof, self.layout.robot_size
-        drive = jacobian[:, :, parameter_slice(dof, "theta")] @ belief.robot.joint_map
-        rows = observation.rows[part]
-        pieces = [
-            jacobian[:, :, :size],
-            ripple_columns(drive, joints, belief.cycles),
-            drive * self.approach[rows][:, None, :],
-        ]
-        if belief.basis is not None:
-            shift = jacobian[:, :, parameter_slice(dof, "base")][:, :, :3]
-            pieces.append(smooth_columns(shift, belief.basis.columns(joints)))
-        pieces.append(jacobian[:, :, size:])
-        columns = np.concatenate(pieces, axis=2)
+        jacobian, size = item.jacobian, self.layout.robot_size
+        visits = observation.visits.postures(part)
+        learned, shift = linear_rows(state.robot, visits, jacobian, belief.terms, belief.values)
+        columns = np.concatenate([jacobian[:, :, :size], *learned, jacobian[:, :, size:]], axis=2)
         at = np.concatenate([belief.errors, np.zeros(columns.shape[2] - size)])
+        values = item.residual + columns @ at
+        if shift is not None:
+            values = values - shift
         return Piece(
             columns=columns,
-            values=item.residual + columns @ at,
+            values=values,
             covariance=item.covariance,
             white=item.white,
-            rows=rows,
+            rows=observation.rows[part],
         )
 
 
@@ -172,7 +162,7 @@ def new_rows(
         ObservabilityError: A new set-up with fewer than 3 points, or all on one line.
         ImplausibleDataError: Points that cannot be this robot's.
     """
-    robot = belief.robot.with_errors(belief.errors)
+    robot = belief.actual
     measurements = _with_tool_axes(robot, measurements)
     known = np.zeros(len(measurements), dtype=bool)
     if measurements.frame == "tracker" and not fresh:
@@ -206,7 +196,6 @@ def new_rows(
     return NewRows(
         robot=belief.robot,
         observations=tuple(observations),
-        approach=measurements.approach,
         layout=Layout(
             dof=robot.dof,
             stations=tuple(sorted(stations)),

@@ -14,6 +14,7 @@ from typing import Final, Protocol
 import numpy as np
 
 from robotrue.calibration.parameters import Layout, State
+from robotrue.calibration.terms.term import Postures
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.rotations import rotation_vector_from_matrix, skew
 from robotrue.errors import ImplausibleDataError
@@ -61,23 +62,25 @@ class Observation(Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Visits:
+class Visits(Postures):
     """n visits of the arm: what decides where a reflector on the flange is.
 
     Attributes:
-        joints: (n, dof) rad, commanded.
-        torque: (n, dof) N m on the drives, at the nominal posture.
         target: (n,) reflector.
         station: (n,) tracker set-up, or ``IN_BASE``.
     """
 
-    joints: Array
-    torque: Array
     target: IntArray
     station: IntArray
 
-    def __len__(self) -> int:
-        return len(self.joints)
+    def postures(self, part: slice | IntArray) -> Postures:
+        """Returns joints and conditions of some visits."""
+        return Postures(
+            joints=self.joints[part],
+            torque=self.torque[part],
+            approach=self.approach[part],
+            temperature=self.temperature[part],
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -245,6 +248,8 @@ def observations_of(
         visits = Visits(
             joints=measurements.joints[rows],
             torque=torque[rows],
+            approach=measurements.approach[rows],
+            temperature=measurements.temperature[rows],
             target=measurements.target[rows],
             station=station[rows],
         )

@@ -10,12 +10,12 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.calibration.belief import Belief
+from robotrue.calibration.belief import Belief, standard_terms
 from robotrue.calibration.estimate import free_groups
 from robotrue.calibration.parameters import Layout, State
 from robotrue.calibration.priors import build_prior
-from robotrue.calibration.ripple import harmonics
 from robotrue.calibration.settings import FitSettings
+from robotrue.calibration.terms.ripple import harmonics
 from robotrue.core.arrays import Array, frozen
 from robotrue.robot.model import RobotModel
 
@@ -63,9 +63,7 @@ def prior_belief(
     mean = np.concatenate([prior.centre.robot.errors, np.zeros(len(waves) + robot.dof)])
     return Belief(
         robot=robot.nominal(),
-        cycles=harmonics(len(size)),
-        basis=None,
-        amplitude=0.0,
+        terms=standard_terms(robot.dof, harmonics(len(size))),
         mean=mean,
         root=np.diag(sd)[sd > 0.0],
         white=0.0,

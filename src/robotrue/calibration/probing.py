@@ -18,6 +18,7 @@ from robotrue.calibration.belief import (
     Belief,
     conditioned,
     widened,
+    with_amplitude,
     with_nuisances,
 )
 from robotrue.calibration.drift_scales import Stack, stacked
@@ -187,7 +188,7 @@ def before_touching(model: ErrorModel, settings: ProbingSettings) -> Belief:
             mean=mean,
             root=root,
             # The smooth residual was learned at another point.
-            white=float(np.hypot(belief.white, belief.amplitude)),
+            white=float(np.hypot(belief.white, belief.smooth.amplitude)),
         )
     variance = np.zeros(len(belief.mean))
     variance[tool][:3] = settings.tool_sigma**2
@@ -200,9 +201,8 @@ def _unscaled(belief: Belief) -> Belief:
     visit = belief.repeatability**2
     white = belief.inflation * (belief.white**2 + visit) - visit
     return replace(
-        belief,
+        with_amplitude(belief, root * belief.smooth.amplitude),
         root=root * belief.root,
-        amplitude=root * belief.amplitude,
         white=float(np.sqrt(max(white, 0.0))),
         inflation=1.0,
     )
@@ -227,7 +227,7 @@ def _settled(prior: Belief, rows: NewRows, keep: BoolArray) -> tuple[Belief, New
     for _ in range(STEPS):
         columns, values = whitened(rows.pieces(at), _noise(prior), keep.astype(np.float64))
         at = conditioned(prior, columns, values)
-        step = at.mean[at.starts[3] :]
+        step = at.mean[at.end :]
         rows = rows.moved(step)
         size = float(np.abs(step).max())
         if size < STILL:
@@ -345,7 +345,7 @@ def _result(
     frames = {k: inverse(T) for k, T in rows.T_tracker_base.items()}
     residuals = np.zeros((n, 3))
     square, freedom = 0.0, 0.0
-    shift = after.starts[3] - rows.layout.robot_size
+    shift = after.end - rows.layout.robot_size
     sigma = _sigma(after, settings)
     for piece in rows.pieces(after):
         off = piece.values - piece.columns @ after.mean

@@ -126,7 +126,7 @@ class ProbingEstimate:
                 f"part {part} was not touched; the estimate has {sorted(self.T_base_part)}."
             )
         place = self.layout.blocks[f"station/{part}"]
-        shift = self.belief.starts[3] - self.layout.robot_size
+        shift = self.belief.end - self.layout.robot_size
         return slice(place.start + shift, place.stop + shift)
 
     def covariance(self, part: int = 0) -> Array:
@@ -151,7 +151,7 @@ class ProbingEstimate:
 
 def model_of_estimate(estimate: ProbingEstimate) -> LearnedModel:
     """Returns the arm as the estimate knows it, the frames left out, with its lineage."""
-    end = estimate.belief.starts[3]
+    end = estimate.belief.end
     arm = replace(
         estimate.belief,
         mean=estimate.belief.mean[:end],

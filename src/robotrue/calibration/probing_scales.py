@@ -43,14 +43,15 @@ def learned_scales(
         physical: Names the groups of the robot errors.
     """
     sd = np.sqrt(belief.variance)
-    dof, (ripple, backlash, _, end) = belief.robot.dof, belief.starts
+    waves, end = belief.place("ripple"), belief.end
+    ripple, backlash = waves.start, waves.stop
     groups: list[Group] = []
     number = np.asarray(physical.group[:ripple])
     for k in np.unique(number[sd[:ripple] > 0.0]).tolist():
         columns = np.flatnonzero((number == k) & (sd[:ripple] > 0.0))
-        name = "fixed" if k < 0 else (*LEARNED, "compliance")[int(k)]
+        name = "fixed" if k < 0 else LEARNED[int(k)]
         groups.append(_group(name, columns, sd, held=k >= 0))
-    order = np.tile(np.repeat(belief.cycles, 2), dof)
+    order = belief.ripple.order
     for low, high in pairwise(BANDS):
         columns = ripple + np.flatnonzero((order >= low) & (order < high))
         if len(columns):

@@ -12,8 +12,8 @@ from typing import Final
 
 import numpy as np
 
+from robotrue.calibration.arm import linearise_arm
 from robotrue.calibration.belief import Belief
-from robotrue.calibration.ripple import ripple_shift
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.graduated import GAUSS_POINT, agreeing
 from robotrue.core.observable import check_motions
@@ -21,7 +21,8 @@ from robotrue.core.poses import apply, fit_rigid, inverse, pose
 from robotrue.core.units import MM
 from robotrue.errors import ConvergenceError, ImplausibleDataError, ObservabilityError
 from robotrue.measurement.probing_set import ProbingSet
-from robotrue.robot.statics import Load, deflected
+from robotrue.robot.forward import forward
+from robotrue.robot.statics import Load
 
 ROBOT: Final = 0.5 * MM
 """Error of an arm that nobody measured which is not a rigid motion of the part, per axis."""
@@ -35,16 +36,8 @@ FEWEST_ROBUST: Final = 5
 
 def tips(belief: Belief, joints: Array, payload: Load) -> Array:
     """Returns where a belief puts the tip, (n, 3) m in base, its smooth residual included."""
-    dof = belief.robot.dof
-    ripple, backlash, smooth, end = belief.starts
-    waves = belief.mean[ripple:backlash].reshape(dof, -1, 2)
-    shift = ripple_shift(joints, belief.cycles, waves[:, :, 0], waves[:, :, 1])
-    state, _ = deflected(belief.robot.with_errors(belief.errors), joints, payload, shift)
-    found = state.position
-    if belief.basis is not None:
-        weights = belief.mean[smooth:end].reshape(-1, 3)
-        found = found + belief.basis.columns(joints) @ weights
-    return np.asarray(found)
+    at = linearise_arm(belief.actual, joints, payload, terms=belief.terms, values=belief.values)
+    return np.asarray(forward(belief.robot, joints)[:, :3, 3] + at.error)
 
 
 def start_frames(

@@ -15,18 +15,17 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.calibration.archive import check_pose, robot_arrays, robot_document, robot_from
-from robotrue.calibration.belief import Belief
+from robotrue.calibration.arm import linearise_arm
+from robotrue.calibration.belief import Belief, standard_terms
 from robotrue.calibration.model import Prediction, Query
 from robotrue.calibration.tables import MeanTables, rigid_tables
 from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.poses import apply, inverse
-from robotrue.core.rotations import rotation_vector_from_matrix
 from robotrue.errors import ArchiveError, ModelMismatchError, ShapeError
 from robotrue.measurement.measurement_set import MeasurementSet
-from robotrue.robot.forward import forward, parameter_jacobian
 from robotrue.robot.model import RobotModel, parameter_slice
-from robotrue.robot.statics import NO_LOAD, Load, deflected
+from robotrue.robot.statics import NO_LOAD, Load, rows_of
 
 KIND: Final = "error-model/rigid-flexible"
 SCHEMA: Final = 1
@@ -95,9 +94,7 @@ class RigidFlexibleModel:
         part = np.sqrt(values[seen])[:, None] * vectors[:, seen].T
         return Belief(
             robot=self.robot,
-            cycles=np.zeros(0),
-            basis=None,
-            amplitude=0.0,
+            terms=standard_terms(dof),
             mean=np.concatenate([self.errors, np.zeros(dof)]),
             root=np.hstack([part, np.zeros((len(part), dof))]),
             white=self.white,
@@ -119,16 +116,17 @@ class RigidFlexibleModel:
         if joints.ndim != 2 or joints.shape[1] != self.robot.dof:
             raise ShapeError(f"joints has shape {joints.shape}, expected (any, {self.robot.dof}).")
         n = len(joints)
-        out = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3, 3))
+        error, turn, covariance = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3, 3))
         for start in range(0, n, _ROWS):
             part = slice(start, start + _ROWS)
-            error, turn, jacobian = linearise_arm(
-                self.actual, joints[part], _load_rows(query.load, part, n), query.T_flange_tool
+            at = linearise_arm(
+                self.actual, joints[part], rows_of(query.load, part), query.T_flange_tool
             )
-            out[0][part], out[1][part] = error, turn
-            out[2][part] = jacobian[:, :3] @ self.covariance @ np.swapaxes(jacobian[:, :3], 1, 2)
+            error[part], turn[part] = at.error, at.turn
+            jacobian = at.columns[:, :3]
+            covariance[part] = jacobian @ self.covariance @ np.swapaxes(jacobian, 1, 2)
         noise = (self.repeatability**2 + self.white**2) * np.eye(3)
-        return Prediction(error=out[0], rotation_error=out[1], covariance=out[2] + noise)
+        return Prediction(error=error, rotation_error=turn, covariance=covariance + noise)
 
     def joint_covariance(self, query: Query) -> Array:
         """Returns the covariance (3n, 3n) m^2 of the errors of all rows together.
@@ -141,8 +139,8 @@ class RigidFlexibleModel:
         joints = np.asarray(query.joints, dtype=np.float64)
         if joints.ndim != 2 or joints.shape[1] != self.robot.dof:
             raise ShapeError(f"joints has shape {joints.shape}, expected (any, {self.robot.dof}).")
-        _, _, jacobian = linearise_arm(self.actual, joints, query.load, query.T_flange_tool)
-        rows = jacobian[:, :3].reshape(3 * len(joints), -1)
+        at = linearise_arm(self.actual, joints, query.load, query.T_flange_tool)
+        rows = at.columns[:, :3].reshape(3 * len(joints), -1)
         white = (self.repeatability**2 + self.white**2) * np.eye(len(rows))
         return np.asarray(rows @ self.covariance @ rows.T + white)
 
@@ -302,39 +300,3 @@ def _reflector(archive: Archive, number: int) -> Reflector:
     covariance = archive.array(f"reflector{number}_covariance")
     _check_covariance(covariance)
     return Reflector(T_flange_tool=T, covariance=covariance)
-
-
-def linearise_arm(
-    actual: RobotModel, joints: Array, load: Load, T_flange_tool: Array | None = None
-) -> tuple[Array, Array, Array]:
-    """Returns error (n, 3) m, rotation error (n, 3) rad and d(error)/d(errors) (n, 6, 7 dof + 12).
-
-    Args:
-        actual: The arm with its errors, and the tool that was measured.
-        joints: (n, dof) rad.
-        load: One row or n.
-        T_flange_tool: Another tool; its columns of tool errors are zero.
-    """
-    if T_flange_tool is not None:
-        actual = actual.with_tool(T_flange_tool)
-    commanded = forward(actual.nominal(), joints)
-    state, torque = deflected(actual, joints, load)
-    jacobian = parameter_jacobian(actual, state, joints, torque)
-    if T_flange_tool is not None:
-        jacobian[:, :, parameter_slice(actual.dof, "tool")] = 0.0
-    turn = rotation_vector_from_matrix(state.rotation @ np.swapaxes(commanded[:, :3, :3], 1, 2))
-    return state.position - commanded[:, :3, 3], turn, jacobian
-
-
-def _load_rows(load: Load, part: slice, n: int) -> Load:
-    """The load of a run of rows; columns of one row stay as they are."""
-    if n <= _ROWS:
-        return load
-    return Load(
-        **{
-            name: getattr(load, name)
-            if len(getattr(load, name)) == 1
-            else getattr(load, name)[part]
-            for name in ("mass", "com", "wrench")
-        }
-    )

@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from robotrue.calibration.estimator import SolverSettings
-from robotrue.calibration.priors import PriorScales, StiffnessPrior
+from robotrue.calibration.terms.compliance import StiffnessPrior
+from robotrue.calibration.terms.geometry import PriorScales
 from robotrue.errors import ConfigurationError
 from robotrue.robot.statics import NO_LOAD, Load
 

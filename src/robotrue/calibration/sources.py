@@ -132,7 +132,7 @@ def _spread(belief: Belief, relation: Relation) -> Belief:
 
 def _joined(lead: Belief, other: Belief, relation: Relation, *, again: bool) -> Belief:
     """The lead after one more source; ``again``: units differ on both sides of the type mean."""
-    count = max(len(lead.cycles), len(other.cycles))
+    count = max(len(lead.ripple.cycles), len(other.ripple.cycles))
     lead, other = _with_waves(lead, other, count), with_harmonics(other, count)
     spread = _spread(other, relation)
     if relation == "unit" and again:
@@ -153,23 +153,22 @@ def _joined(lead: Belief, other: Belief, relation: Relation, *, again: bool) -> 
 
 def _with_waves(lead: Belief, other: Belief, count: int) -> Belief:
     """The lead with harmonics that only another source has, as unknown as they are there."""
-    before, wider = len(lead.cycles), with_harmonics(lead, count)
+    before, wider = len(lead.ripple.cycles), with_harmonics(lead, count)
     if before == count:
         return lead
     waves, _ = shape_variance(with_harmonics(other, count))
-    ripple, backlash, _, _ = wider.starts
+    place = wider.place("ripple")
     variance = np.zeros(len(wider.mean))
-    number = np.tile(np.repeat(wider.cycles, 2), lead.robot.dof)
-    variance[ripple:backlash] = np.where(number > before, waves[ripple:backlash], 0.0)
+    variance[place] = np.where(wider.ripple.order > before, waves[place], 0.0)
     return widened(wider, variance)
 
 
 def _shared(lead: Belief, other: Belief, relation: Relation) -> IntArray:
     """Columns two sources share: the arm's own, without stands, reflectors and smooth weights."""
-    _, _, smooth, _ = lead.starts
+    smooth = lead.place("smooth").start
     able = (lead.variance[:smooth] > 0.0) & (other.variance[:smooth] > 0.0)
     for frame in ("base", "tool"):
         able[parameter_slice(lead.robot.dof, frame)] = False
     if relation == "unit":
-        able[lead.starts[0] :] = False
+        able[len(lead.errors) :] = False
     return np.flatnonzero(able)

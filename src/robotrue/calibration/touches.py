@@ -204,7 +204,6 @@ def touch_rows(
     return NewRows(
         robot=belief.robot,
         observations=tuple(observations),
-        approach=np.zeros((count, dof)),
         layout=Layout(dof=dof, stations=parts, places=tuple(sorted(touches.sockets))),
         T_tracker_base={k: inverse(T_base_part[k]) for k in parts},
         T_flange_target={},

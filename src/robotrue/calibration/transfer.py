@@ -34,7 +34,6 @@ from robotrue.calibration.parameters import State, station_as_base
 from robotrue.calibration.residual import LearnedModel, model_of
 from robotrue.calibration.robust import Loss, chi_point, robust_variance, weights
 from robotrue.calibration.settings import FitSettings
-from robotrue.calibration.smooth import SmoothBasis
 from robotrue.calibration.sources import Source, carried_to, combined
 from robotrue.calibration.update import (
     further_centres,
@@ -174,7 +173,7 @@ def _landed(
         if learn:
             drift = learned_drift(drift, problem)
         at = replace(at, mean=problem.mean(drift.log_scale))
-        rows = rows.moved(at.mean[at.starts[3] :])
+        rows = rows.moved(at.mean[at.end :])
     if not chosen.all():
         some, _ = settled(_prior(drift, rows), rows, _noise(drift), np.where(chosen, u, 0.0))
         others = innovation_weights(
@@ -224,14 +223,11 @@ def _without_base(belief: Belief) -> Belief:
 
 def _with_field(belief: Belief, joints: Array) -> tuple[Belief, int]:
     """The belief with centres of the target's own smooth residual, and their first column."""
-    basis = belief.basis
-    if basis is None:
-        dof = belief.robot.dof
-        basis = SmoothBasis(
-            centres=np.zeros((0, 2 * dof)), scale=np.full(2 * dof, 1.0 / FIELD_LENGTH)
-        )
+    basis = belief.smooth.basis
+    if not len(basis.centres):
+        basis = replace(basis, scale=np.full(len(basis.scale), 1.0 / FIELD_LENGTH))
     basis = further_centres(basis, joints)
-    return with_centres(belief, basis), belief.starts[3]
+    return with_centres(belief, basis), belief.place("smooth").stop
 
 
 def _unsure(belief: Belief, drift: Drift, problem: Problem) -> Belief:
@@ -259,7 +255,7 @@ def _with_gauge(belief: Belief, rows: NewRows, relation: Relation) -> Belief:
     gauge = station_as_base(rows.layout, state)
     if gauge is None or relation == "region":
         return out
-    shift = belief.starts[3] - rows.layout.robot_size
+    shift = belief.end - rows.layout.robot_size
     at_station = belief.root[:, gauge[0].start + shift : gauge[0].stop + shift]
     root = out.root.copy()
     root[:, parameter_slice(belief.robot.dof, "base")] = at_station @ gauge[1].T

@@ -26,7 +26,7 @@ from robotrue.calibration.new_rows import NUISANCE_SD, NewRows, Piece, new_rows,
 from robotrue.calibration.residual import LearnedModel, model_of
 from robotrue.calibration.robust import Loss, weights
 from robotrue.calibration.settings import FitSettings
-from robotrue.calibration.smooth import SmoothBasis, features
+from robotrue.calibration.terms.smooth import SmoothBasis, features
 from robotrue.core.arrays import Array
 from robotrue.errors import ModelMismatchError
 from robotrue.measurement.measurement_set import MeasurementSet
@@ -107,16 +107,16 @@ def require_joints(model: ErrorModel, measurements: MeasurementSet) -> None:
 
 def centred(belief: Belief, joints: Array) -> Belief:
     """Returns the belief with centres of its smooth residual at poses it does not carry yet."""
-    if belief.basis is None or belief.amplitude <= 0.0:
+    smooth = belief.smooth
+    if not smooth.size or smooth.amplitude <= 0.0:
         return belief
-    left = 1.0 - (belief.basis.columns(joints) ** 2).sum(axis=1)
+    left = 1.0 - (smooth.basis.columns(joints) ** 2).sum(axis=1)
     far = np.flatnonzero(left > UNCARRIED)
     if not len(far):
         return belief
-    basis = further_centres(belief.basis, joints[far])
-    wider = with_centres(belief, basis)
+    wider = with_centres(belief, further_centres(smooth.basis, joints[far]))
     variance = np.zeros(len(wider.mean))
-    variance[belief.starts[3] : wider.starts[3]] = belief.amplitude**2
+    variance[belief.place("smooth").stop : wider.place("smooth").stop] = smooth.amplitude**2
     return widened(wider, variance)
 
 
@@ -173,13 +173,13 @@ def settled(
     for _ in range(LINEARISATIONS if start is None else 1):
         columns, values = whitened(rows.pieces(at), noise, u)
         at = conditioned(prior, columns, values)
-        rows = rows.moved(at.mean[at.starts[3] :])
+        rows = rows.moved(at.mean[at.end :])
     return at, rows
 
 
 def without_nuisances(belief: Belief, rows: NewRows) -> Belief:
     """Returns the belief of the arm; set-ups and reflectors that were estimated stay as poses."""
-    end = belief.starts[3]
+    end = belief.end
     before = end - rows.layout.robot_size
     reflectors = {}
     for k, T in rows.T_flange_target.items():

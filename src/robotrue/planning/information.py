@@ -25,9 +25,11 @@ from robotrue.calibration.estimate import free_groups
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.observations import PositionObservation, observations_of
 from robotrue.calibration.parameters import Layout, State
-from robotrue.calibration.priors import PriorScales, StiffnessPrior, build_prior
-from robotrue.calibration.ripple import ripple_columns
+from robotrue.calibration.priors import build_prior
 from robotrue.calibration.settings import FitSettings
+from robotrue.calibration.terms.compliance import StiffnessPrior
+from robotrue.calibration.terms.geometry import PriorScales
+from robotrue.calibration.terms.ripple import ripple_columns
 from robotrue.cell.cell import Cell
 from robotrue.core.arrays import Array, IntArray, frozen
 from robotrue.errors import ModelMismatchError
@@ -298,9 +300,9 @@ def after_fit(
     carried = place >= 0
     root = np.sqrt(belief.inflation) * belief.root[:, carried]
     full[np.ix_(place[carried], place[carried])] = root.T @ root
-    white = float(np.hypot(belief.white, belief.amplitude if belief.basis is not None else 0.0))
+    white = float(np.hypot(belief.white, belief.smooth.amplitude))
     return LinearModel(
-        robot=belief.robot.with_errors(belief.errors),
+        robot=belief.actual,
         cell=cell,
         settings=settings,
         unmodelled=replace(unmodelled, white=max(white, unmodelled.white)),
@@ -316,16 +318,15 @@ def _drive_sd(robot: RobotModel, unmodelled: Unmodelled) -> Array:
 
 def _places(belief: Belief, size: int, dof: int, h: int) -> IntArray:
     """Where each learned column of a belief stands here; -1 for what has no column here."""
-    column = np.arange(len(belief.mean))
-    cycles = len(belief.cycles)
-    backlash = size + 2 * dof * cycles
-    joint, within = np.divmod(column - size, max(2 * cycles, 1))
-    place = np.where(within < 2 * h, size + 2 * h * joint + within, -1)
-    place = np.where(column >= backlash, size + 2 * dof * h + column - backlash, place)
-    place = np.where(column >= backlash + dof, -1, place)
-    place = np.where(column < size, column, place)
-    learned = belief.variance > 0.0  # a drive error that was never learned stays unknown
-    return np.where(learned | (column < size), place, -1)
+    place = np.full(len(belief.mean), -1)
+    place[:size] = np.arange(size)
+    waves, order = belief.place("ripple"), belief.ripple.order
+    joint, within = np.divmod(np.arange(len(order)), max(len(order) // dof, 1))
+    place[waves] = np.where(order <= h, size + 2 * h * joint + within, -1)
+    place[belief.place("backlash")] = size + 2 * dof * h + np.arange(dof)
+    known = belief.variance > 0.0  # a drive error that was never learned stays unknown
+    known[:size] = True
+    return np.where(known, place, -1)
 
 
 def _root_of(covariance: Array) -> Array:

@@ -17,6 +17,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from robotrue.calibration.terms.registry import export_parts
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.provenance import MARK, simulation_mark
 from robotrue.core.rotations import (
@@ -27,7 +28,6 @@ from robotrue.core.rotations import (
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConvergenceError
 from robotrue.report.export_losses import (
-    PARTS,
     Calibrated,
     Loss,
     left_over,
@@ -39,7 +39,7 @@ from robotrue.robot.forward import forward, parameter_jacobian, walk
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.urdf_writer import error_pose
 
-CANNOT: Final = PARTS
+CANNOT: Final = tuple(export_parts())
 LEVER: Final = 0.25
 """m; a turn of the tool counts as much as the offset it makes at this distance."""
 STEPS: Final = 20

@@ -8,24 +8,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
 from robotrue.calibration.lineage import model_hash, provenance_of
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.calibration.tables import MeanTables
+from robotrue.calibration.terms.registry import export_parts
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.robot.forward import forward
-from robotrue.robot.model import RobotModel, parameter_slice
+from robotrue.robot.model import RobotModel
 from robotrue.robot.statics import NO_LOAD, Load, deflected
 from robotrue.validation.known_places import known_places
-
-PARTS: Final = ("geometry", "gear", "compliance", "ripple", "backlash", "residual")
-"""What a model may hold beyond joint zeros, base and tool, by the names of ``--lossy``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,7 +31,7 @@ class Loss:
     """One part that is left out.
 
     Attributes:
-        name: Of :data:`PARTS`.
+        name: As in ``--lossy``.
         rms: m, root mean square over the sample poses.
         largest: m.
     """
@@ -76,16 +74,7 @@ class Calibrated:
     @property
     def held(self) -> tuple[str, ...]:
         """Names of the parts this model really holds."""
-        t, robot = self.tables, self.tables.robot
-        there = {
-            "geometry": any(robot.error(g).any() for g in ("d", "a", "alpha", "beta")),
-            "gear": robot.error("gear").any(),
-            "compliance": robot.error("compliance").any(),
-            "ripple": bool(len(t.harmonics)) and bool(t.ripple_sin.any() or t.ripple_cos.any()),
-            "backlash": t.backlash.any(),
-            "residual": bool(len(t.centres)) and bool(t.weights.any()),
-        }
-        return tuple(name for name in PARTS if there[name])
+        return tuple(name for name in export_parts() if _holds(self.tables, name))
 
 
 def calibrated(
@@ -137,10 +126,11 @@ def require_named(found: Calibrated, cannot: Sequence[str], lossy: Sequence[str]
         ConfigurationError: A part is not named (the message says how large each is), or a name no
             part has.
     """
-    unknown = [name for name in lossy if name not in PARTS]
+    parts = export_parts()
+    unknown = [name for name in lossy if name not in parts]
     if unknown:
         raise ConfigurationError(
-            f"no part {unknown[0]!r} to leave out; parts are {', '.join(PARTS)}.",
+            f"no part {unknown[0]!r} to leave out; parts are {', '.join(parts)}.",
             hint="--lossy compliance,residual",
         )
     lost = [name for name in found.held if name in cannot]
@@ -186,22 +176,19 @@ def part_left_over(found: Calibrated, names: Sequence[str]) -> Loss:
 
 def without(tables: MeanTables, names: Sequence[str]) -> MeanTables:
     """Returns the tables without some parts."""
-    errors = np.array(tables.robot.errors)
-    dof = tables.robot.dof
-    groups = {"geometry": ("d", "a", "alpha", "beta"), "gear": ("gear",)}
-    groups["compliance"] = ("compliance",)
+    parts = export_parts()
     for name in names:
-        for group in groups.get(name, ()):
-            errors[parameter_slice(dof, group)] = 0.0
-    changed: dict[str, Any] = {"robot": tables.robot.with_errors(errors)}
-    if "ripple" in names:
-        changed["ripple_sin"] = np.zeros_like(tables.ripple_sin)
-        changed["ripple_cos"] = np.zeros_like(tables.ripple_cos)
-    if "backlash" in names:
-        changed["backlash"] = np.zeros(dof)
-    if "residual" in names:
-        changed["weights"] = np.zeros_like(tables.weights)
-    return replace(tables, **changed)
+        tables = parts[name](tables)
+    return tables
+
+
+def _holds(tables: MeanTables, name: str) -> bool:
+    """Whether tables change where a part is left out."""
+    rest = without(tables, (name,))
+    return not np.array_equal(rest.robot.errors, tables.robot.errors) or any(
+        not np.array_equal(getattr(rest, field), getattr(tables, field))
+        for field in ("ripple_sin", "ripple_cos", "backlash", "weights")
+    )
 
 
 def mean_position(tables: MeanTables, joints: Array, load: Load) -> Array:

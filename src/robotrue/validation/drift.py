@@ -26,9 +26,9 @@ import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.special import chdtrc
 
+from robotrue.calibration.arm import linearise_arm
 from robotrue.calibration.belief import Belief
 from robotrue.calibration.model import ErrorModel, Query
-from robotrue.calibration.rigid_flexible import linearise_arm
 from robotrue.core.arrays import Array, frozen
 from robotrue.errors import ConfigurationError, ObservabilityError, ShapeError
 from robotrue.measurement.measurement_set import MeasurementSet
@@ -199,8 +199,7 @@ def cause_columns(model: ErrorModel, query: Query) -> dict[str, tuple[tuple[str,
         ConfigurationError: A model without physics.
     """
     belief = _checkable(model)
-    actual = belief.robot.with_errors(belief.errors)
-    _, _, jacobian = linearise_arm(actual, query.joints, query.load)
+    jacobian = linearise_arm(belief.actual, query.joints, query.load).columns
     dof = model.robot.dof
     base, tool = parameter_slice(dof, "base"), parameter_slice(dof, "tool")
     found = {

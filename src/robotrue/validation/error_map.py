@@ -16,9 +16,9 @@ from scipy.special import chdtri
 
 from robotrue.calibration.deng2022.similarity import similarity
 from robotrue.calibration.model import ErrorModel, Query
-from robotrue.calibration.priors import compliance_scale
 from robotrue.calibration.rigid_flexible import RigidFlexibleModel
 from robotrue.calibration.settings import FitSettings
+from robotrue.calibration.terms.compliance import compliance_scale
 from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
 from robotrue.core.poses import pose
 from robotrue.core.regions import CylinderRegion, Region, grid_coordinates, points_at

@@ -21,8 +21,9 @@ from typing import Final
 import numpy as np
 from scipy.stats import qmc
 
-from robotrue.calibration.priors import PriorScales, StiffnessPrior
 from robotrue.calibration.settings import FitSettings
+from robotrue.calibration.terms.compliance import StiffnessPrior
+from robotrue.calibration.terms.geometry import PriorScales
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ReachError

@@ -14,20 +14,30 @@ variance the prior's (Quinonero-Candela and Rasmussen 2005, section 5).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Final, Self
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.optimize import minimize
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.calibration.evidence import Group
+from robotrue.calibration.tables import MeanTables
+from robotrue.calibration.terms.term import Carry, Effect, Postures, Sensitivity, Term
+from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.errors import ArchiveError
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.model import RobotModel
 
 NUGGET: Final = 1e-8
 """Added to k(c, c), relative to its diagonal: part of the model, not of the arithmetic alone."""
 SHORTEST: Final = 0.1
 LONGEST: Final = 30.0
 """Range of lengths, in units of sin and cos."""
+START: Final = 1e-4
+REST: Final = 1e-7
+"""m, amplitude where learning starts, and of a smooth residual the data do not ask for."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -182,3 +192,146 @@ def choose_centres(joints: Array, length: Array, *, most: int, enough: float) ->
         chosen.append(pivot)
         left = np.maximum(left - row**2, 0.0)
     return SmoothBasis(centres=scaled[chosen], scale=scale)
+
+
+def smooth_columns(shift: Array, columns: Array) -> Array:
+    """Returns (n, m, 3 k) from d(row)/d(shift of base) (n, m, 3) and (n, k) columns per axis."""
+    n, m, _ = shift.shape
+    return (columns[:, None, :, None] * shift[:, :, None, :]).reshape(n, m, -1)
+
+
+def no_basis(dof: int) -> SmoothBasis:
+    """Returns a basis without centres."""
+    return SmoothBasis(centres=np.zeros((0, 2 * dof)), scale=np.ones(2 * dof))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SmoothResidual(Term):
+    """The smooth residual over a basis; parameters centre by centre, x, y and z.
+
+    Attributes:
+        basis: Centres and lengths; without centres there is no residual.
+        amplitude: m, prior sd at any posture.
+    """
+
+    name: ClassVar[str] = "smooth"
+    carry: ClassVar[Carry] = "field"
+    export_name: ClassVar[str] = "residual"
+    basis: SmoothBasis
+    amplitude: float = 0.0
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """``smooth1_x ..``."""
+        return tuple(
+            f"smooth{centre + 1}_{axis}"
+            for centre in range(len(self.basis.centres))
+            for axis in "xyz"
+        )
+
+    @property
+    def size(self) -> int:
+        """Three for each centre."""
+        return 3 * len(self.basis.centres)
+
+    @property
+    def unit(self) -> str:
+        """Of every parameter."""
+        return "m"
+
+    def with_basis(self, basis: SmoothBasis) -> tuple[SmoothResidual, IntArray]:
+        """Returns the term over a basis that begins with its own, and its parameters' places.
+
+        The columns of a basis are nested: the first ones do not change when centres are added.
+        """
+        return replace(self, basis=basis), np.arange(self.size)
+
+    def columns(self, robot: RobotModel, at: Postures, by: Sensitivity, values: Array) -> Array:
+        """Returns d(observed)/d(weights), shape (n, m, k)."""
+        return smooth_columns(by.shift, self.basis.columns(at.joints))
+
+    def effect(self, robot: RobotModel, at: Postures, values: Array) -> Effect:
+        """Returns the shift of the tool point, and the variance no centre carries."""
+        if not self.size:
+            return Effect()
+        carried = self.basis.columns(at.joints)
+        left = np.maximum(1.0 - (carried**2).sum(axis=1), 0.0)
+        return Effect(
+            tip_shift=carried @ values.reshape(-1, 3),
+            uncarried=self.amplitude**2 * left,
+            other_tool=self.amplitude**2,
+        )
+
+    def uncarried_between(self, at: Postures, other: Postures) -> Array | None:
+        """Returns the covariance (n, k) m^2 per axis of what no centre carries."""
+        if not self.size:
+            return None
+        scale, basis = self.basis.scale, self.basis
+        kernel = unit_kernel(features(at.joints) * scale, features(other.joints) * scale)
+        left = kernel - basis.columns(at.joints) @ basis.columns(other.joints).T
+        return np.asarray(self.amplitude**2 * left)
+
+    def groups(self, *, few: bool) -> Sequence[Group]:
+        """Returns one group, or none without centres."""
+        columns = np.arange(self.size)
+        return [Group(name=self.name, columns=columns, sd=START, rest=REST)] if self.size else []
+
+    def prior_variance(self, values: Array, variance: Array) -> Array:
+        """Returns the square of the amplitude."""
+        return np.full(self.size, self.amplitude**2)
+
+    def in_tables(self, tables: MeanTables, values: Array) -> MeanTables:
+        """Returns the tables with this residual."""
+        if not self.size:
+            return tables
+        return replace(
+            tables,
+            centres=self.basis.centres,
+            scale=self.basis.scale,
+            weights=self.basis.table_weights(values.reshape(-1, 3)),
+        )
+
+    @staticmethod
+    def out_of_tables(tables: MeanTables) -> MeanTables:
+        """Returns the tables without a residual."""
+        return replace(tables, weights=np.zeros_like(tables.weights))
+
+    @classmethod
+    def begin(cls, robot: RobotModel, measurements: MeasurementSet, few: bool) -> Self:
+        """Returns the term without centres: they are chosen where everything else leaves errors."""
+        return cls(basis=no_basis(robot.dof))
+
+    def arrays(self, values: Array) -> Mapping[str, Array]:
+        """Returns basis and parameters."""
+        return {
+            "smooth_centres": self.basis.centres,
+            "smooth_scale": self.basis.scale,
+            "smooth_weights": values.reshape(-1, 3),
+        }
+
+    def document(self) -> Mapping[str, Any]:
+        """Returns the amplitude."""
+        return {"amplitude": self.amplitude}
+
+    @classmethod
+    def restore(
+        cls, robot: RobotModel, document: Mapping[str, Any], arrays: Mapping[str, Array]
+    ) -> tuple[Self, Array]:
+        """Returns the term and its parameters.
+
+        Raises:
+            ArchiveError: A damaged basis.
+        """
+        centres, scale = arrays["smooth_centres"], arrays["smooth_scale"]
+        amplitude, size = float(document["amplitude"]), 2 * robot.dof
+        if (
+            centres.ndim != 2
+            or centres.shape[1] != size
+            or scale.shape != (size,)
+            or not (scale > 0.0).all()
+            or not 0.0 <= amplitude < 1.0
+            or arrays["smooth_weights"].shape != (len(centres), 3)
+        ):
+            raise ArchiveError("the smooth part of the learned error is damaged.")
+        basis = SmoothBasis(centres=centres, scale=scale)
+        return cls(basis=basis, amplitude=amplitude), arrays["smooth_weights"].ravel()

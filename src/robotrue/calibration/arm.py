@@ -1,0 +1,135 @@
+"""The calibrated arm at postures: its error, and the derivative of that by every coefficient.
+
+    error = chain(actual, q + drive shifts of the terms) + tip shifts - chain(nominal, q)
+
+Coefficients come in one order everywhere: the robot's error vector, then the parameters of each
+term. :func:`linear_rows` makes the columns of the terms for whatever is observed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotrue.calibration.terms.term import Postures, Term, sensitivity_of
+from robotrue.core.arrays import Array
+from robotrue.core.rotations import rotation_vector_from_matrix
+from robotrue.robot.forward import forward, parameter_jacobian, walk
+from robotrue.robot.model import RobotModel, parameter_slice
+from robotrue.robot.statics import Load, drive_torque
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinearArm:
+    """Some postures, linearised in every coefficient.
+
+    Attributes:
+        error: (n, 3) m, actual minus commanded tool point, base axes.
+        turn: (n, 3) rad, left rotation vector of the same.
+        columns: (n, 6, p) derivative of error and turn by the coefficients.
+        uncarried: (n,) m^2 per axis of variance that no coefficient carries.
+    """
+
+    error: Array
+    turn: Array
+    columns: Array
+    uncarried: Array
+
+
+def linearise_arm(
+    actual: RobotModel,
+    joints: Array,
+    load: Load,
+    T_flange_tool: Array | None = None,
+    *,
+    terms: Sequence[Term] = (),
+    values: Array | None = None,
+    approach: Array | None = None,
+    temperature: Array | None = None,
+) -> LinearArm:
+    """Returns the error of the arm, linearised.
+
+    Args:
+        actual: The arm with its errors, and the tool that was measured.
+        joints: (n, dof) rad.
+        load: One row or n.
+        T_flange_tool: Another tool; its columns of tool errors are zero.
+        terms: Beyond the error vector.
+        values: (k,) their parameters, one term after the other.
+        approach: (n, dof) sign of the last motion; unknown if not given.
+        temperature: (n,) K; unknown if not given.
+    """
+    if T_flange_tool is not None:
+        actual = actual.with_tool(T_flange_tool)
+    commanded = forward(actual.nominal(), joints)
+    at = Postures(
+        joints=joints,
+        torque=drive_torque(actual, joints, load),
+        approach=np.empty(0) if approach is None else approach,
+        temperature=np.empty(0) if temperature is None else temperature,
+    )
+    shift = at.torque * actual.error("compliance")
+    lift, uncarried = np.zeros((len(joints), 3)), np.zeros(len(joints))
+    for term, part in parts_of(terms, values):
+        effect = term.effect(actual, at, part)
+        if effect.drive_shift is not None:
+            shift = shift + effect.drive_shift
+        if effect.tip_shift is not None:
+            lift = lift + effect.tip_shift
+        if effect.uncarried is not None:
+            uncarried = uncarried + effect.uncarried
+        if T_flange_tool is not None:
+            uncarried = uncarried + effect.other_tool
+    state = walk(actual, joints, shift)
+    jacobian = parameter_jacobian(actual, state, joints, at.torque)
+    by = sensitivity_of(actual, jacobian)
+    learned = [term.columns(actual, at, by, part) for term, part in parts_of(terms, values)]
+    columns = np.concatenate([jacobian, *learned], axis=2)
+    if T_flange_tool is not None:
+        columns[:, :, parameter_slice(actual.dof, "tool")] = 0.0
+    turn = rotation_vector_from_matrix(state.rotation @ np.swapaxes(commanded[:, :3, :3], 1, 2))
+    error = state.position - commanded[:, :3, 3] + lift
+    return LinearArm(error=error, turn=turn, columns=columns, uncarried=uncarried)
+
+
+def linear_rows(
+    robot: RobotModel, at: Postures, jacobian: Array, terms: Sequence[Term], values: Array
+) -> tuple[list[Array], Array | None]:
+    """Returns the columns of the terms for observed rows, and what their linear part leaves.
+
+    Rows of residuals r, taken without the terms, obey r = columns @ (all coefficients) + shift; the
+    shift is zero (None) where all terms are linear.
+
+    Args:
+        robot: The arm with the errors it is linearised at.
+        at: n postures.
+        jacobian: (n, m, 7 dof + 12 or more) d(observed)/d(error vector, nuisances).
+        terms: Beyond the error vector.
+        values: (k,) their parameters where they are linearised.
+    """
+    by = sensitivity_of(robot, jacobian)
+    columns: list[Array] = []
+    shift: Array | None = None
+    for term, part in parts_of(terms, values):
+        columns.append(term.columns(robot, at, by, part))
+        if term.linear:
+            continue
+        effect = term.effect(robot, at, part)
+        moved = -columns[-1] @ part
+        if effect.drive_shift is not None:
+            moved = moved + np.einsum("nmd,nd->nm", by.drive, effect.drive_shift)
+        if effect.tip_shift is not None:
+            moved = moved + np.einsum("nmx,nx->nm", by.shift, effect.tip_shift)
+        shift = moved if shift is None else shift + moved
+    return columns, shift
+
+
+def parts_of(terms: Sequence[Term], values: Array | None) -> Iterator[tuple[Term, Array]]:
+    """Yields each term with its parameters (k,); zeros without values."""
+    start = 0
+    for term in terms:
+        stop = start + term.size
+        yield term, np.zeros(term.size) if values is None else values[start:stop]
+        start = stop

@@ -1,0 +1,237 @@
+"""Joint ripple: errors of the drive angle that travel through the arm's own Jacobian.
+
+    dq_i(q_i) = sum_N A_iN sin(N q_i) + B_iN cos(N q_i)
+
+Gears, bearings and encoders err periodically in the joint angle. What reaches the tool is the
+drive error times dx/dq_i, so the coefficients are linear, and what was learned about a joint in one
+part of the workspace holds in every other. N runs over whole cycles per revolution: on the range a
+joint has moved through they make any curve up to their highest frequency. Each joint and band of N
+has a variance of its own, learned from the data (:mod:`robotrue.calibration.evidence`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, ClassVar, Final, Self
+
+import numpy as np
+
+from robotrue.calibration.evidence import Group
+from robotrue.calibration.tables import MeanTables
+from robotrue.calibration.terms.term import Carry, Effect, Postures, Sensitivity, Term
+from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.errors import ArchiveError
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.model import RobotModel
+
+BANDS: Final = (1, 4, 8, 14, 20, 32, 45, 65, 97, 120, 137, 193, 251, 265)
+"""First N of each band; narrow where drives err most, around the encoders' 128 and 256."""
+START: Final = 1e-5
+START_FAST: Final = 3e-6
+FAST: Final = 45
+"""rad, sd of one coefficient from which learning starts, below and from ``FAST`` cycles."""
+REST: Final = 1e-7
+"""rad, sd to which a band falls back that the data do not ask for."""
+LAW: Final = 5e-5
+"""rad, sd of a coefficient at one cycle per revolution where rows are few: an eccentric encoder or
+gear wheel errs by 10 arc seconds. At N cycles it is an N-th of that."""
+HOLD: Final = 0.5
+"""Of each band to that law, where rows are few: a factor of e in the scale is one sigma."""
+LADDER: Final = (16, 64, 136, 264)
+"""Highest N that is tried, one after the other, while the evidence grows."""
+POSES_PER_HARMONIC: Final = 3
+"""Poses asked for each harmonic: half the numbers the coefficients of six joints would need."""
+HELD_HARMONICS: Final = 64
+"""Highest harmonic whatever the rows, from ``HELD_ROWS``: the law they are held to decays."""
+HELD_ROWS: Final = 24
+WIDE_ROWS: Final = 4000
+"""Rows up to which the last rung is tried; it costs eight times the rung before."""
+
+
+def harmonics(count: int) -> Array:
+    """Returns 1, 2, ..., ``count`` cycles per revolution."""
+    return np.arange(1.0, count + 1.0)
+
+
+def ripple_columns(drive: Array, joints: Array, cycles: Array) -> Array:
+    """Returns d(row)/d(A, B), shape (n, m, 2 dof h), joint by joint, N by N, sine before cosine.
+
+    Args:
+        drive: (n, m, dof) derivative of the observed numbers by the drive angles.
+        joints: (n, dof) rad, commanded.
+        cycles: (h,) N.
+    """
+    phase = joints[:, :, None] * cycles
+    waves = np.stack([np.sin(phase), np.cos(phase)], axis=-1)
+    n, m, dof = drive.shape
+    columns = drive[:, :, :, None] * waves.reshape(n, 1, dof, 2 * len(cycles))
+    return np.asarray(columns.reshape(n, m, 2 * dof * len(cycles)), dtype=np.float64)
+
+
+def ripple_groups(dof: int, count: int, start: int, *, few: bool = False) -> list[Group]:
+    """Returns the groups of all joints and bands; their columns begin at ``start``.
+
+    Args:
+        dof: Number of joints.
+        count: Highest harmonic.
+        start: First column.
+        few: The rows are too few to say the scale of each band: all are held to the law
+            :data:`LAW` / N times one common factor.
+    """
+    cycles = harmonics(count)
+    out = []
+    for joint in range(dof):
+        for low, high in pairwise(BANDS):
+            chosen = np.flatnonzero((cycles >= low) & (cycles < high))
+            if len(chosen):
+                first = start + 2 * (joint * count + int(chosen[0]))
+                group = Group(
+                    name=f"ripple/{joint + 1}/{low}-{min(high - 1, count)}",
+                    columns=np.arange(first, first + 2 * len(chosen)),
+                    sd=START if low < FAST else START_FAST,
+                    rest=REST,
+                )
+                if few:
+                    size = LAW / low
+                    falling = np.repeat(low / cycles[chosen], 2)
+                    group = replace(group, sd=size, rest=size, shape=falling, hold=HOLD)
+                out.append(group)
+    return out
+
+
+def ripple_shift(joints: Array, cycles: Array, sine: Array, cosine: Array) -> Array:
+    """Returns the drive-side shift (n, dof) rad of coefficients (dof, h) rad."""
+    phase = joints[:, :, None] * cycles
+    shift: Array = (np.sin(phase) * sine + np.cos(phase) * cosine).sum(axis=2)
+    return shift
+
+
+def highest_harmonic(rows: int, *, few: bool, most: int = LADDER[-1]) -> int:
+    """Returns the highest rung of the ladder that a number of rows can carry, at most ``most``."""
+    highest = most if rows <= WIDE_ROWS else min(most, LADDER[-2])
+    carried = rows / POSES_PER_HARMONIC
+    if rows >= HELD_ROWS and few:
+        carried = max(carried, HELD_HARMONICS)
+    return max((h for h in LADDER if h <= min(highest, carried)), default=LADDER[0])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Ripple(Term):
+    """Ripple of all joints; parameters joint by joint, N by N, sine before cosine.
+
+    Attributes:
+        dof: Number of joints.
+        cycles: (h,) N, cycles per revolution.
+    """
+
+    name: ClassVar[str] = "ripple"
+    carry: ClassVar[Carry] = "waves"
+    export_name: ClassVar[str] = "ripple"
+    dof: int
+    cycles: Array
+
+    def __post_init__(self) -> None:
+        """Freezes."""
+        object.__setattr__(self, "cycles", frozen(self.cycles, (None,), "cycles"))
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """``ripple1_sin1, ripple1_cos1 ...``: joint, wave, N."""
+        return tuple(
+            f"ripple{joint + 1}_{wave}{int(n)}"
+            for joint in range(self.dof)
+            for n in self.cycles
+            for wave in ("sin", "cos")
+        )
+
+    @property
+    def size(self) -> int:
+        """2 dof h."""
+        return 2 * self.dof * len(self.cycles)
+
+    @property
+    def unit(self) -> str:
+        """Of every parameter."""
+        return "rad"
+
+    @property
+    def order(self) -> Array:
+        """(k,) N of every parameter."""
+        return np.tile(np.repeat(self.cycles, 2), self.dof)
+
+    def amplitudes(self, values: Array) -> tuple[Array, Array]:
+        """Returns sine and cosine amplitudes (dof, h) rad of parameters (k,)."""
+        waves = values.reshape(self.dof, len(self.cycles), 2)
+        return waves[:, :, 0], waves[:, :, 1]
+
+    def with_cycles(self, count: int) -> tuple[Ripple, IntArray]:
+        """Returns ripple of N = 1 .. count, and where the old parameters stand in it."""
+        h = len(self.cycles)
+        within = np.arange(2 * min(h, count))
+        places = (2 * count * np.arange(self.dof)[:, None] + within).ravel()
+        return Ripple(dof=self.dof, cycles=harmonics(count)), places
+
+    def columns(self, robot: RobotModel, at: Postures, by: Sensitivity, values: Array) -> Array:
+        """Returns d(observed)/d(A, B), shape (n, m, k)."""
+        return ripple_columns(by.drive, at.joints, self.cycles)
+
+    def effect(self, robot: RobotModel, at: Postures, values: Array) -> Effect:
+        """Returns the shift of the drives."""
+        return Effect(drive_shift=ripple_shift(at.joints, self.cycles, *self.amplitudes(values)))
+
+    def groups(self, *, few: bool) -> Sequence[Group]:
+        """Returns one group for each joint and band."""
+        return ripple_groups(self.dof, len(self.cycles), 0, few=few)
+
+    def prior_variance(self, values: Array, variance: Array) -> Array:
+        """Returns the mean power of each joint and band: the fixed point of its evidence."""
+        power = values**2 + variance
+        out = np.zeros(self.size)
+        count = len(self.cycles)
+        for joint in range(self.dof):
+            for low, high in pairwise(BANDS):
+                chosen = np.flatnonzero((self.cycles >= low) & (self.cycles < high))
+                if len(chosen):
+                    first = 2 * (joint * count + int(chosen[0]))
+                    part = slice(first, first + 2 * len(chosen))
+                    out[part] = max(float(power[part].mean()), REST**2)
+        return out
+
+    def in_tables(self, tables: MeanTables, values: Array) -> MeanTables:
+        """Returns the tables with this ripple."""
+        sine, cosine = self.amplitudes(values)
+        return replace(tables, harmonics=self.cycles, ripple_sin=sine, ripple_cos=cosine)
+
+    @staticmethod
+    def out_of_tables(tables: MeanTables) -> MeanTables:
+        """Returns the tables without ripple."""
+        none = np.zeros_like(tables.ripple_sin)
+        return replace(tables, ripple_sin=none, ripple_cos=none)
+
+    @classmethod
+    def begin(cls, robot: RobotModel, measurements: MeasurementSet, few: bool) -> Self:
+        """Returns every harmonic that the rows can carry."""
+        count = highest_harmonic(len(measurements), few=few)
+        return cls(dof=robot.dof, cycles=harmonics(count))
+
+    def arrays(self, values: Array) -> Mapping[str, Array]:
+        """Returns cycles and amplitudes."""
+        sine, cosine = self.amplitudes(values)
+        return {"cycles": self.cycles, "ripple_sin": sine, "ripple_cos": cosine}
+
+    @classmethod
+    def restore(
+        cls, robot: RobotModel, document: Mapping[str, Any], arrays: Mapping[str, Array]
+    ) -> tuple[Self, Array]:
+        """Returns the term and its parameters.
+
+        Raises:
+            ArchiveError: Amplitudes that do not belong to the cycles.
+        """
+        term = cls(dof=robot.dof, cycles=arrays["cycles"])
+        waves = [arrays["ripple_sin"], arrays["ripple_cos"]]
+        if any(wave.shape != (term.dof, len(term.cycles)) for wave in waves):
+            raise ArchiveError(f"ripple of {[w.shape for w in waves]}, expected (dof, cycles).")
+        return term, np.stack(waves, axis=-1).reshape(term.size)

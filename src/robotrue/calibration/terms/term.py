@@ -1,0 +1,204 @@
+"""What one physical error of an arm says of itself, so that nothing else has to know it.
+
+A calibrated arm is its nominal tables, the error vector of :class:`RobotModel` (geometry and
+compliance) and any number of terms with parameters v:
+
+    q_drive = (1 + gear) q + compliance * torque + sum of drive_shift(v)
+    x       = chain(q_drive) + sum of tip_shift(v)
+
+Fits, updates, registration, transfer and prediction use a term through its columns: the derivative
+of whatever is observed by v. A term that is not linear in v linearises where v stands.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Literal, Self, TypeAlias
+
+import numpy as np
+
+from robotrue.calibration.evidence import Group
+from robotrue.calibration.tables import MeanTables
+from robotrue.core.arrays import Array
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.model import RobotModel, parameter_slice
+
+Carry: TypeAlias = Literal["waves", "field", "same"]
+"""How values carry over to another campaign or arm: with the correlation of drive errors, of the
+smooth residual, or unchanged."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Postures:
+    """n postures, and the conditions that a term may depend on.
+
+    Attributes:
+        joints: (n, dof) rad, commanded.
+        torque: (n, dof) N m on the drives, at the nominal posture.
+        approach: (n, dof) sign of the last motion of each joint; 0 or empty: unknown.
+        temperature: (n,) K; NaN or empty: unknown.
+    """
+
+    joints: Array
+    torque: Array
+    approach: Array = field(default_factory=lambda: np.empty(0))
+    temperature: Array = field(default_factory=lambda: np.empty(0))
+
+    def __post_init__(self) -> None:
+        """Gives conditions nobody stated their neutral value."""
+        if np.size(self.approach) == 0:
+            object.__setattr__(self, "approach", np.zeros_like(self.joints))
+        if np.size(self.temperature) == 0:
+            object.__setattr__(self, "temperature", np.full(len(self.joints), np.nan))
+
+    def __len__(self) -> int:
+        return len(self.joints)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sensitivity:
+    """How m observed numbers of n postures answer to what a term can move.
+
+    Attributes:
+        errors: (n, m, 7 dof + 12) by the error vector of the robot.
+        drive: (n, m, dof) by a shift of the drive angles, per rad.
+        shift: (n, m, 3) by a shift of the tool point in base, per m.
+    """
+
+    errors: Array
+    drive: Array
+    shift: Array
+
+
+def sensitivity_of(robot: RobotModel, jacobian: Array) -> Sensitivity:
+    """Returns what follows from d(observed)/d(error vector), (n, m, 7 dof + 12 or more)."""
+    dof = robot.dof
+    return Sensitivity(
+        errors=jacobian[:, :, : len(robot.errors)],
+        drive=jacobian[:, :, parameter_slice(dof, "theta")] @ robot.joint_map,
+        shift=jacobian[:, :, parameter_slice(dof, "base")][:, :, :3],
+    )
+
+
+def without_errors(tables: MeanTables, groups: Sequence[str]) -> MeanTables:
+    """Returns the tables with some groups of the robot's error vector at zero."""
+    errors = np.array(tables.robot.errors)
+    for group in groups:
+        errors[parameter_slice(tables.robot.dof, group)] = 0.0
+    return replace(tables, robot=tables.robot.with_errors(errors))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effect:
+    """What a term does at n postures; None is nothing.
+
+    Attributes:
+        drive_shift: (n, dof) rad added to the drive angles.
+        tip_shift: (n, 3) m added to the tool point, base axes.
+        uncarried: (n,) m^2 per axis of the term's prior variance that no parameter carries.
+        other_tool: m^2 per axis added where another tool point is asked about than was measured.
+    """
+
+    drive_shift: Array | None = None
+    tip_shift: Array | None = None
+    uncarried: Array | None = None
+    other_tool: float = 0.0
+
+
+class Term(ABC):
+    """One physical error: its parameters, columns, prior, needs and archive.
+
+    A new term is one file with a subclass and one call of :func:`registry.register`; see
+    CONTRIBUTING, "An error term".
+    """
+
+    __slots__ = ()
+
+    name: ClassVar[str]
+    """Unique; a term that is not of the standard set names its arrays in an archive by it."""
+    carry: ClassVar[Carry] = "same"
+    linear: ClassVar[bool] = True
+    """Whether the effect is linear in the parameters."""
+    export_name: ClassVar[str] = ""
+    """The part that exports may leave out; empty: the tables hold it in the robot's errors."""
+
+    @property
+    @abstractmethod
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the k parameters."""
+
+    @property
+    @abstractmethod
+    def unit(self) -> str:
+        """Unit of the parameters."""
+
+    @property
+    def size(self) -> int:
+        """k, the number of parameters."""
+        return len(self.parameters)
+
+    @abstractmethod
+    def columns(self, robot: RobotModel, at: Postures, by: Sensitivity, values: Array) -> Array:
+        """Returns d(observed)/d(parameters), shape (n, m, k).
+
+        Args:
+            robot: The arm with the errors it is linearised at.
+            at: Postures and conditions.
+            by: How the observed numbers answer to drives, tool point and error vector.
+            values: (k,) where the parameters stand.
+        """
+
+    @abstractmethod
+    def effect(self, robot: RobotModel, at: Postures, values: Array) -> Effect:
+        """Returns what the term with parameters ``values`` (k,) does; arguments as above."""
+
+    @abstractmethod
+    def groups(self, *, few: bool) -> Sequence[Group]:
+        """Returns the prior: groups of parameters that share a learned scale, columns from 0.
+
+        Args:
+            few: The rows are too few to say the scale of each group.
+        """
+
+    def uncarried_between(self, at: Postures, other: Postures) -> Array | None:
+        """Returns the covariance (n, k) m^2 per axis between postures of what is uncarried."""
+        return None
+
+    def prior_variance(self, values: Array, variance: Array) -> Array:
+        """Returns the prior variance (k,) that a posterior of mean and variance (k,) came from."""
+        return np.asarray(values**2 + variance)
+
+    @abstractmethod
+    def in_tables(self, tables: MeanTables, values: Array) -> MeanTables | None:
+        """Returns the tables with the term's mean added; None if they cannot say it."""
+
+    @staticmethod
+    def out_of_tables(tables: MeanTables) -> MeanTables:
+        """Returns the tables without this term, where :attr:`export_name` names it."""
+        return tables
+
+    @classmethod
+    @abstractmethod
+    def begin(cls, robot: RobotModel, measurements: MeasurementSet, few: bool) -> Self | None:
+        """Returns the term a fit of these rows should try; None where they cannot show it."""
+
+    @abstractmethod
+    def arrays(self, values: Array) -> Mapping[str, Array]:
+        """Returns structure and parameters as named arrays for an archive."""
+
+    def document(self) -> Mapping[str, Any]:
+        """Returns JSON values that belong to :meth:`arrays`."""
+        return {}
+
+    @classmethod
+    @abstractmethod
+    def restore(
+        cls, robot: RobotModel, document: Mapping[str, Any], arrays: Mapping[str, Array]
+    ) -> tuple[Self, Array]:
+        """Returns the term and its parameters (k,) from what it archived.
+
+        Raises:
+            ArchiveError: Parts that are missing or cannot be.
+        """

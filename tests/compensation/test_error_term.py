@@ -1,0 +1,213 @@
+"""An error term is one file: here a toy of drives that turn as they warm, added from outside.
+
+It is registered, its planted coefficients are recovered from simulated poses with an honest
+covariance, its model comes back from its archive and takes new poses, and a program is compensated
+by the ordinary chain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import cases
+import numpy as np
+import pytest
+
+from robotrue.calibration.archive import open_model
+from robotrue.calibration.evidence import Group
+from robotrue.calibration.methods import fit
+from robotrue.calibration.model import ErrorModel, Query
+from robotrue.calibration.residual import LearnedModel
+from robotrue.calibration.settings import FitSettings
+from robotrue.calibration.tables import MeanTables
+from robotrue.calibration.terms import registry
+from robotrue.calibration.terms.term import Effect, Postures, Sensitivity, Term
+from robotrue.calibration.transfer import Source, fit_transfer
+from robotrue.calibration.update import updated
+from robotrue.compensation import CompensationSettings, Status, compensate
+from robotrue.core.archive import archive_bytes
+from robotrue.core.arrays import Array
+from robotrue.errors import ArchiveError
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.forward import forward
+from robotrue.robot.model import RobotModel, parameter_slice
+from robotrue.robot.statics import deflected
+
+USUAL = 303.15
+"""K, at which programs run."""
+PLANTED = np.array([2e-5, -3e-5, 1.5e-5, 0.0, 2e-5, 0.0])
+"""rad/K."""
+NOISE = 2e-5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WarmDrives(Term):
+    """dq_i = v_i (T - T_0): the joints turn with the temperature of the hall."""
+
+    name: ClassVar[str] = "warm-drives"
+    dof: int
+    reference: float
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        return tuple(f"warm{joint + 1}" for joint in range(self.dof))
+
+    @property
+    def unit(self) -> str:
+        return "rad/K"
+
+    def _rise(self, at: Postures) -> Array:
+        return np.where(np.isnan(at.temperature), USUAL, at.temperature) - self.reference
+
+    def columns(self, robot: RobotModel, at: Postures, by: Sensitivity, values: Array) -> Array:
+        return by.drive * self._rise(at)[:, None, None]
+
+    def effect(self, robot: RobotModel, at: Postures, values: Array) -> Effect:
+        return Effect(drive_shift=self._rise(at)[:, None] * values)
+
+    def groups(self, *, few: bool) -> Sequence[Group]:
+        return [Group(name=self.name, columns=np.arange(self.dof), sd=1e-5, rest=1e-8)]
+
+    def in_tables(self, tables: MeanTables, values: Array) -> MeanTables:
+        errors = np.array(tables.robot.errors)
+        turned = tables.robot.joint_map @ values * (USUAL - self.reference)
+        errors[parameter_slice(self.dof, "theta")] += turned
+        return replace(tables, robot=tables.robot.with_errors(errors))
+
+    @classmethod
+    def begin(cls, robot: RobotModel, measurements: MeasurementSet, few: bool) -> WarmDrives | None:
+        known = measurements.temperature[np.isfinite(measurements.temperature)]
+        if len(known) < len(measurements) or np.ptp(known) < 2.0:
+            return None
+        return cls(dof=robot.dof, reference=float(known.mean()))
+
+    def arrays(self, values: Array) -> Mapping[str, Array]:
+        return {"coefficients": values}
+
+    def document(self) -> Mapping[str, Any]:
+        return {"reference_K": self.reference}
+
+    @classmethod
+    def restore(
+        cls, robot: RobotModel, document: Mapping[str, Any], arrays: Mapping[str, Array]
+    ) -> tuple[WarmDrives, Array]:
+        return cls(dof=robot.dof, reference=document["reference_K"]), arrays["coefficients"]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def registered() -> Iterator[None]:
+    registry.register(WarmDrives)
+    yield
+    registry.unregister(WarmDrives.name)
+
+
+def true_points(robot: RobotModel, joints: Array, temperature: Array) -> Array:
+    shift = PLANTED * (temperature - 293.15)[:, None]
+    return np.asarray(deflected(robot, joints, shift=shift)[0].position)
+
+
+def poses(n: int, seed: int) -> Array:
+    robot, rng = cases.kr160(), np.random.default_rng(seed)
+    low, high = np.clip(robot.limits, -1.5, 1.5).T
+    return np.asarray(low + (high - low) * rng.random((n, robot.dof)))
+
+
+def measured(n: int, seed: int, *, stated: bool = True) -> MeasurementSet:
+    """Simulated poses over a morning in which the hall warms from 15 to 30 degC."""
+    joints, rng = poses(n, seed), np.random.default_rng(seed + 1)
+    temperature = rng.uniform(288.15, 303.15, n)
+    points = true_points(arm(), joints, temperature)
+    return MeasurementSet(
+        joints=joints,
+        position=points + NOISE * rng.standard_normal((n, 3)),
+        covariance=np.tile(NOISE**2 * np.eye(3), (n, 1, 1)),
+        temperature=temperature if stated else np.full(n, np.nan),
+        sources=("simulated poses",),
+    )
+
+
+def arm() -> RobotModel:
+    return cases.with_errors(cases.kr160(), 5, size=0.5)
+
+
+@pytest.fixture(scope="module")
+def model() -> LearnedModel:
+    found = fit(cases.kr160(), measured(120, 1), method="ripple", settings=FitSettings())
+    assert isinstance(found, LearnedModel)
+    return found
+
+
+def coefficients(model: ErrorModel) -> tuple[Array, Array]:
+    """Coefficients and their sd, rad/K."""
+    belief = model.belief()
+    assert belief is not None
+    place = belief.place(WarmDrives.name)
+    return belief.mean[place], np.sqrt(belief.inflation * belief.variance[place])
+
+
+def coverage(model: ErrorModel, seed: int) -> tuple[float, float]:
+    """Mean error, m, and share of new poses at their own temperatures in their 95 % region."""
+    check = measured(300, seed)
+    stated = model.predict(Query(joints=check.joints, temperature=check.temperature))
+    off = check.position - forward(model.robot, check.joints)[:, :3, 3] - stated.error
+    solved = np.linalg.solve(stated.covariance + check.covariance, off[:, :, None])[:, :, 0]
+    return (
+        float(np.linalg.norm(off, axis=1).mean()),
+        float(((off * solved).sum(axis=1) < 7.815).mean()),
+    )
+
+
+def test_planted_coefficients_are_recovered_within_their_uncertainty(model: LearnedModel) -> None:
+    value, sd = coefficients(model)
+    assert (np.abs(value - PLANTED) < 3.5 * sd).all()
+    assert (sd[:5] < 3e-6).all()  # the last joint has hardly a lever
+    assert np.abs(value[:3] - PLANTED[:3]).max() < 2e-6
+
+
+def test_predictions_at_other_temperatures_are_better_and_honest(model: LearnedModel) -> None:
+    mean, cover = coverage(model, 11)
+    blind = fit(cases.kr160(), measured(120, 1, stated=False), method="ripple")
+    assert mean < 0.5 * coverage(blind, 11)[0]
+    assert 0.9 < cover <= 1.0
+    assert blind.belief().place(WarmDrives.name) == slice(*[len(blind.belief().mean)] * 2)
+
+
+def test_new_poses_and_another_campaign_move_it_too(model: LearnedModel) -> None:
+    more = updated(model, measured(60, 21))
+    assert (coefficients(more)[1] < coefficients(model)[1] + 1e-12).all()
+    assert coverage(more, 11)[1] > 0.9
+    moved = fit_transfer(cases.kr160(), measured(12, 31), [Source(model=model)])
+    value, sd = coefficients(moved)
+    assert (np.abs(value - PLANTED) < 4.0 * sd).all()
+
+
+def test_archive_gives_the_term_back_and_needs_it_registered(model: LearnedModel) -> None:
+    archive = model.to_archive()
+    again = open_model(archive)
+    assert archive_bytes(again.to_archive()) == archive_bytes(archive)
+    query = Query(joints=poses(10, 3), temperature=np.full(10, 295.0))
+    np.testing.assert_array_equal(again.predict(query).error, model.predict(query).error)
+    registry.unregister(WarmDrives.name)
+    try:
+        with pytest.raises(ArchiveError, match="an error term 'warm-drives'"):
+            open_model(archive)
+    finally:
+        registry.register(WarmDrives)
+
+
+def test_a_program_is_compensated_by_the_ordinary_chain(model: LearnedModel) -> None:
+    joints = cases.path_joints(60)
+    target = forward(model.robot, joints)
+    program = cases.program_of(target)
+    result = compensate(model, program, settings=CompensationSettings(home=joints[0]))
+    assert (result.status == Status.COMPENSATED).all()
+    hall = np.full(60, USUAL)
+
+    def off(at: Array) -> float:
+        gap = true_points(arm(), at, hall) - target[:, :3, 3]
+        return float(np.linalg.norm(gap, axis=1).mean())
+
+    assert off(result.joints) < 5e-5
+    assert off(joints) > 10.0 * off(result.joints)
