@@ -65,16 +65,16 @@ class Column:
         unit: SI unit of the values, for the reader.
         nan: NaN is allowed and means "not known".
         inf: Infinity is allowed and means "no limit".
-        fill: What an array without values becomes: a number for every element, or a function of
+        fill: What an array without values becomes: a value for every element, or a function of
             the sizes that returns the array (``np.eye``, :func:`count_rows`; a lambda finds no
-            globals here). Without it an empty array is checked as any other.
+            globals here). Without it an empty array has to fit.
     """
 
     shape: str
     unit: str = ""
     nan: bool = False
     inf: bool = False
-    fill: float | Callable[..., Any] | None = None
+    fill: float | str | Callable[..., Any] | None = None
 
 
 class _Field(NamedTuple):
@@ -86,8 +86,8 @@ class _Field(NamedTuple):
     """Element type; None where the field is a tuple or a table of its own."""
     refused: Any
     """The function that marks values not allowed; None where all are."""
-    fill: float | Callable[..., Any] | None
-    is_tuple: bool
+    fill: float | str | Callable[..., Any] | None
+    to_tuple: Callable[[Any], tuple[Any, ...]] | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,20 +135,24 @@ class Columns:
         for field in _read_fields(type(self)):
             value = values.get(field.name)
             if value is not None and field.sizes[:1] == (ROWS,):
-                values[field.name] = _cut(value, rows)
+                values[field.name] = _take_rows(value, rows)
         return type(self)(**values)
 
     def document(self) -> dict[str, Any]:
         """Returns the fields as JSON values, in SI; a number that is not finite is None."""
         values = {f.name: getattr(self, f.name) for f in fields(self) if not f.name.startswith("_")}
-        return {name: _document(value) for name, value in values.items()}
+        return {name: _json_document(value) for name, value in values.items()}
 
 
 T = TypeVar("T", bound=Columns)
 
 
-def concat(tables: Sequence[T]) -> T:
-    """Returns the rows of several tables in one; fields without rows are those of the first.
+def concat(tables: Sequence[T], **merged: Any) -> T:
+    """Returns the rows of several tables in one.
+
+    Args:
+        tables: One or more.
+        merged: Values of fields that are not simply joined, such as a merged provenance.
 
     Raises:
         ShapeError: No table, or a field without rows that differs between them.
@@ -158,46 +162,46 @@ def concat(tables: Sequence[T]) -> T:
     first = tables[0]
     by_name = {field.name: field for field in _read_fields(type(first))}
     values: dict[str, Any] = {}
-    for name in (f.name for f in fields(first) if f.init):
+    for name in (f.name for f in fields(first) if f.init and f.name not in merged):
         parts = [getattr(table, name) for table in tables]
         field = by_name.get(name)
         if field is not None and field.sizes[:1] == (ROWS,) and parts[0] is not None:
-            values[name] = _joined(parts)
+            values[name] = _join_column(parts)
             continue
-        if not all(_same(parts[0], part) for part in parts[1:]):
+        if not all(_are_equal(parts[0], part) for part in parts[1:]):
             raise ShapeError(
                 f"{type(first).__name__}.{name} differs between the tables to join, expected one "
                 "value."
             )
         values[name] = parts[0]
-    return type(first)(**values)
+    return type(first)(**values, **merged)
 
 
-def _joined(parts: list[Any]) -> Any:
+def _join_column(parts: list[Any]) -> Any:
     if isinstance(parts[0], Columns):
         return concat(parts)
     if isinstance(parts[0], tuple):
         return tuple(value for part in parts for value in part)
     array: Any = np.concatenate(parts)
-    return _read_only(array)
+    return _freeze(array)
 
 
-def _same(one: Any, other: Any) -> bool:
+def _are_equal(one: Any, other: Any) -> bool:
     if one is other:
         return True
     if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
         return np.array_equal(one, other)
     if isinstance(one, Columns):
         return type(one) is type(other) and all(
-            _same(getattr(one, f.name), getattr(other, f.name)) for f in fields(one)
+            _are_equal(getattr(one, f.name), getattr(other, f.name)) for f in fields(one)
         )
     return bool(one == other)
 
 
-def _cut(value: Any, rows: Any) -> Any:
+def _take_rows(value: Any, rows: Any) -> Any:
     if isinstance(value, np.ndarray):
         part: Any = value[rows]
-        return _read_only(part)
+        return _freeze(part)
     if isinstance(value, Columns):
         return value.take(rows)
     if isinstance(rows, slice):
@@ -205,16 +209,16 @@ def _cut(value: Any, rows: Any) -> Any:
     return tuple(value[k] for k in np.arange(len(value))[rows])
 
 
-def _read_only(array: Any) -> Any:
+def _freeze(array: Any) -> Any:
     array.flags.writeable = False
     return array
 
 
-def _document(value: Any) -> Any:
+def _json_document(value: Any) -> Any:
     if hasattr(value, "document"):
         return value.document()
     if isinstance(value, list | tuple):
-        return [_document(each) for each in value]
+        return [_json_document(each) for each in value]
     return json_values(value)
 
 
@@ -224,16 +228,18 @@ def _check_column(owner: type, field: _Field, value: Any, sizes: dict[Any, int])
     Links build blocks at some thousand a second: the usual case makes no generator and no call
     that it can do without.
     """
-    name, wanted, dtype, refused, fill, is_tuple = field
+    name, wanted, dtype, refused, fill, to_tuple = field
     if dtype is None:
-        table = tuple(value) if is_tuple else value
+        table = value if to_tuple is None else to_tuple(value)
+        if fill is not None and not len(table):
+            table = (fill,) * sizes.get(wanted[0], 0)
         _check_shape(owner, field, (len(table),), sizes)
         return table
     if type(value) is np.ndarray and value.dtype == dtype and not value.flags.writeable:
         array = value
     else:
         array = np.array(value, dtype=dtype)
-    if fill is not None and array.size == 0:
+    if array.size == 0:
         array = _fill_empty(field, array, sizes)
     if array.shape != tuple(map(sizes.get, wanted)):
         _check_shape(owner, field, array.shape, sizes)
@@ -268,13 +274,21 @@ def _check_shape(owner: type, field: _Field, shape: tuple[int, ...], sizes: dict
 
 
 def _fill_empty(field: _Field, empty: Any, sizes: dict[Any, int]) -> Any:
-    """Returns what an array without values stands for, where its sizes are known."""
+    """Returns what an array without values stands for, as far as its sizes are known.
+
+    A list without rows has no second dimension; it gets that of its column.
+    """
     shape: list[Any] = [s if isinstance(s, int) else sizes.get(s) for s in field.sizes]
-    if None in shape:
-        return empty
+    if field.fill is None or None in shape:
+        rest = [size or 0 for size in shape[1:]]
+        return np.empty((0, *rest), dtype=field.dtype) if empty.shape == (0,) else empty
     if callable(field.fill):
         return np.array(field.fill(*shape), dtype=field.dtype)
     return np.full(shape, field.fill, dtype=field.dtype)
+
+
+def _to_text(values: Any) -> tuple[str, ...]:
+    return tuple(map(str, values))
 
 
 def _is_not_finite(array: Any) -> Any:
@@ -310,8 +324,10 @@ def _read_field(name: str, column: Column, kind: Any) -> _Field:
     )
     if get_origin(kind) in (Union, UnionType):
         kind = next(each for each in get_args(kind) if each is not NoneType)
-    is_tuple, dtype, refused = get_origin(kind) is tuple, None, None
+    dtype, refused, to_tuple = None, None, None
+    if get_origin(kind) is tuple:
+        to_tuple = _to_text if get_args(kind)[0] is str else tuple
     if get_origin(kind) is np.ndarray:
         dtype = np.dtype(get_args(get_args(kind)[1])[0])
         refused = _REFUSED[column.nan, column.inf] if dtype.kind in "fc" else None
-    return _Field(name, sizes, dtype, refused, column.fill, is_tuple)
+    return _Field(name, sizes, dtype, refused, column.fill, to_tuple)

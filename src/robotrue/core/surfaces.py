@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Annotated, Protocol
 
 import numpy as np
 
 from robotrue.core.arrays import Array, frozen
+from robotrue.core.columns import Column, Columns
 from robotrue.errors import ShapeError
 
 
@@ -24,7 +25,7 @@ class Surface(Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Plane:
+class Plane(Columns):
     """A plane face.
 
     Attributes:
@@ -32,17 +33,16 @@ class Plane:
         normal: (3,) out of the material; normalised.
     """
 
-    point: Array
-    normal: Array
+    point: Annotated[Array, Column("3", unit="m")]
+    normal: Annotated[Array, Column("3")]
 
-    def __post_init__(self) -> None:
-        """Freezes and normalises.
+    def _check_rules(self) -> None:
+        """Normalises.
 
         Raises:
             ShapeError: A normal of length zero.
         """
-        object.__setattr__(self, "point", frozen(self.point, (3,), "point"))
-        object.__setattr__(self, "normal", _unit(self.normal, "normal"))
+        self._set_column("normal", _unit(self.normal, "normal"))
 
     def nearest(self, points: Array) -> tuple[Array, Array]:
         """Returns signed distances (n,) m and the normal (n, 3)."""
@@ -51,7 +51,7 @@ class Plane:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Cylinder:
+class Cylinder(Columns):
     """A round boss or, with ``hole``, a bore; without ends.
 
     Attributes:
@@ -61,19 +61,18 @@ class Cylinder:
         hole: True where the material is outside.
     """
 
-    point: Array
-    axis: Array
+    point: Annotated[Array, Column("3", unit="m")]
+    axis: Annotated[Array, Column("3")]
     radius: float
     hole: bool = False
 
-    def __post_init__(self) -> None:
-        """Freezes and normalises.
+    def _check_rules(self) -> None:
+        """Normalises.
 
         Raises:
             ShapeError: An axis of length zero or a radius that is not positive.
         """
-        object.__setattr__(self, "point", frozen(self.point, (3,), "point"))
-        object.__setattr__(self, "axis", _unit(self.axis, "axis"))
+        self._set_column("axis", _unit(self.axis, "axis"))
         if not 0.0 < self.radius < np.inf:
             raise ShapeError(f"radius is {self.radius:g} m, expected a positive number.")
 

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.core.arrays import Array, IntArray
+from robotrue.core.columns import Column, Columns
 from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.drilling.foot import Foot, plane_under, readings
 from robotrue.drilling.head import AxisOrder, normal_from_tilt, tilt_from_normal
-from robotrue.errors import ShapeError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Clamps:
+class Clamps(Columns):
     """What is known of n clamps when the head has to be turned: readings and conditions.
 
     Attributes:
@@ -25,21 +26,10 @@ class Clamps:
             does it, out of the foot's own rest position.
     """
 
-    readings: Array
-    force: Array
-    height: Array
-    approach: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        """Checks shapes and freezes."""
-        object.__setattr__(self, "readings", frozen(self.readings, (None, None), "readings"))
-        n = len(self.readings)
-        for name in ("force", "height"):
-            object.__setattr__(self, name, frozen(getattr(self, name), (n,), name))
-        if not self.approach:
-            object.__setattr__(self, "approach", ("",) * n)
-        if len(self.approach) != n:
-            raise ShapeError(f"approach has {len(self.approach)} labels for {n} clamps.")
+    readings: Annotated[Array, Column("n k")]
+    force: Annotated[Array, Column("n", unit="N")]
+    height: Annotated[Array, Column("n", unit="m")]
+    approach: Annotated[tuple[str, ...], Column("n", fill="")] = ()
 
     def __len__(self) -> int:
         return len(self.readings)
@@ -55,7 +45,7 @@ class Clamps:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Campaign:
+class Campaign(Columns):
     """n clamps whose true tilt is known from outside the foot.
 
     Attributes:
@@ -67,16 +57,12 @@ class Campaign:
         provenance: Simulated or measured, and the file.
     """
 
-    clamps: Clamps
-    tilt: Array
+    clamps: Annotated[Clamps, Column("n")]
+    tilt: Annotated[Array, Column("n 2", unit="rad")]
     order: AxisOrder = "AB"
     source: str = ""
     lines: tuple[int, ...] = ()
     provenance: Provenance = MEASURED
-
-    def __post_init__(self) -> None:
-        """Checks shapes and freezes."""
-        object.__setattr__(self, "tilt", frozen(self.tilt, (len(self.clamps), 2), "tilt"))
 
     def __len__(self) -> int:
         return len(self.clamps)

@@ -11,11 +11,12 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.core.units import DEG, MM, UM
 from robotrue.drilling.campaign import Clamps
 from robotrue.errors import ConfigurationError, ShapeError
@@ -67,7 +68,7 @@ class ClampSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FootSample:
+class FootSample(Columns):
     """What is known of the foot at one moment.
 
     Attributes:
@@ -79,15 +80,13 @@ class FootSample:
     """
 
     time: float
-    readings: Array
+    readings: Annotated[Array, Column("k", unit="m")]
     force: float
     height: float
-    axes: Array
+    axes: Annotated[Array, Column("2", unit="rad")]
 
-    def __post_init__(self) -> None:
-        """Freezes; a sample that is not finite is for the caller to leave out."""
-        object.__setattr__(self, "readings", frozen(self.readings, (None,), "readings"))
-        object.__setattr__(self, "axes", frozen(self.axes, (2,), "axes"))
+    def _check_rules(self) -> None:
+        """A sample that is not finite is for the caller to leave out."""
         if not np.isfinite([self.time, self.force, self.height]).all():
             raise ShapeError(
                 f"time {self.time:g} s, force {self.force:g} N, height {self.height:g} m; expected "

@@ -12,10 +12,12 @@ with three it is the exact inverse.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 
 from robotrue.core.arrays import Array, frozen
+from robotrue.core.columns import Column, Columns
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.skin import FLAT, Skin
 from robotrue.errors import ConfigurationError
@@ -24,7 +26,7 @@ FLATTEST = 1e-6  # smallest over largest singular value at which sensors still s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Foot:
+class Foot(Columns):
     """Sensors of a pressure foot, in the frame of the spindle.
 
     Attributes:
@@ -37,17 +39,15 @@ class Foot:
         max_tilt: rad, largest tilt the foot can follow.
     """
 
-    radius: Array
-    angle: Array
+    radius: Annotated[Array, Column("k", unit="m")]
+    angle: Annotated[Array, Column("k", unit="rad")]
     skin: Skin = FLAT
     reading_sigma: float = 2e-6
     reading_range: Array = field(default_factory=lambda: np.array([-np.inf, np.inf]))
     max_tilt: float = 8.0 * DEG
 
-    def __post_init__(self) -> None:
-        """Checks that the sensors span a plane, and freezes."""
-        object.__setattr__(self, "radius", frozen(self.radius, (None,), "radius"))
-        object.__setattr__(self, "angle", frozen(self.angle, (len(self.radius),), "angle"))
+    def _check_rules(self) -> None:
+        """Checks that the sensors span a plane."""
         limits = np.asarray(self.reading_range, dtype=np.float64)
         if limits.shape != (2,) or not limits[0] < limits[1]:
             raise ConfigurationError(

@@ -7,11 +7,12 @@ n = Rx(a) Ry(b) z; with ``"BA"`` B carries A and n = Ry(b) Rx(a) z.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 
 from robotrue.core.arrays import Array, frozen
+from robotrue.core.columns import Column, Columns
 from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.errors import ConfigurationError, ShapeError
 
@@ -19,7 +20,7 @@ AxisOrder: TypeAlias = Literal["AB", "BA"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Head:
+class Head(Columns):
     """Rotary axes of a five-axis head.
 
     Attributes:
@@ -30,18 +31,15 @@ class Head:
     """
 
     order: AxisOrder = "AB"
-    p_pivot_tip: Array
+    p_pivot_tip: Annotated[Array, Column("3", unit="m", nan=True)]
     sense: tuple[float, float] = (1.0, 1.0)
 
-    def __post_init__(self) -> None:
-        """Checks order and sense, and freezes."""
+    def _check_rules(self) -> None:
+        """Checks order and sense."""
         if self.order not in ("AB", "BA"):
             raise ConfigurationError(f"axis order {self.order!r}, expected 'AB' or 'BA'.")
         if set(np.abs(self.sense)) != {1.0} or len(self.sense) != 2:
             raise ConfigurationError(f"sense of the axes is {self.sense}, expected +1 or -1 each.")
-        object.__setattr__(
-            self, "p_pivot_tip", frozen(self.p_pivot_tip, (3,), "p_pivot_tip", allow_nan=True)
-        )
 
 
 def rotation(order: AxisOrder, tilt: Array) -> Array:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.core.units import DEG
 from robotrue.drilling.campaign import Campaign, Clamps
@@ -31,7 +32,7 @@ SMALLEST: Final = 1e-3 * DEG
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Envelope:
+class Envelope(Columns):
     """What a campaign covered.
 
     Attributes:
@@ -41,15 +42,10 @@ class Envelope:
         approach: Labels of how the foot was brought down.
     """
 
-    force: Array
-    height: Array
+    force: Annotated[Array, Column("2", unit="N")]
+    height: Annotated[Array, Column("2", unit="m")]
     tilt: float
     approach: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        """Freezes."""
-        for name in ("force", "height"):
-            object.__setattr__(self, name, frozen(getattr(self, name), (2,), name))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

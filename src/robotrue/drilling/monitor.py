@@ -13,11 +13,12 @@ narrows it.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
 from robotrue.core.arrays import Array, frozen
+from robotrue.core.columns import Column, Columns
 from robotrue.errors import ConfigurationError
 
 ALLOWANCE: Final = 0.5
@@ -29,7 +30,7 @@ LARGEST: Final = 4.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Watch:
+class Watch(Columns):
     """Cumulative sums of c channels.
 
     Attributes:
@@ -41,21 +42,17 @@ class Watch:
         limit: h.
     """
 
-    sums: Array
-    since: Array
-    spread: Array
+    sums: Annotated[Array, Column("2 k")]
+    since: Annotated[Array, Column("2 k")]
+    spread: Annotated[Array, Column("k")]
     records: int = 0
     allowance: float = ALLOWANCE
     limit: float = LIMIT
 
-    def __post_init__(self) -> None:
-        """Checks and freezes."""
+    def _check_rules(self) -> None:
+        """Checks the values."""
         if not self.limit > 0.0 or not self.allowance >= 0.0:
             raise ConfigurationError("limit of a watch is above 0, its allowance not below 0.")
-        object.__setattr__(self, "sums", frozen(self.sums, (2, None), "sums"))
-        shape = (2, self.sums.shape[1])
-        object.__setattr__(self, "since", frozen(self.since, shape, "since"))
-        object.__setattr__(self, "spread", frozen(self.spread, shape[1:], "spread"))
 
     @property
     def alarm(self) -> bool:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
 
 import numpy as np
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.core.units import DEG
 from robotrue.drilling.physics import prior_covariance
 from robotrue.drilling.physics_prior import start
@@ -27,7 +28,7 @@ SCATTER: Final = 2e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CampaignPlan:
+class CampaignPlan(Columns):
     """n clamps in the order they are made.
 
     Attributes:
@@ -36,16 +37,9 @@ class CampaignPlan:
         height: (n,) m.
     """
 
-    tilt: Array
-    force: Array
-    height: Array
-
-    def __post_init__(self) -> None:
-        """Freezes."""
-        n = len(self.force)
-        object.__setattr__(self, "tilt", frozen(self.tilt, (n, 2), "tilt"))
-        for name in ("force", "height"):
-            object.__setattr__(self, name, frozen(getattr(self, name), (n,), name))
+    tilt: Annotated[Array, Column("n 2", unit="rad")]
+    force: Annotated[Array, Column("n", unit="N")]
+    height: Annotated[Array, Column("n", unit="m")]
 
     def __len__(self) -> int:
         return len(self.force)

@@ -13,11 +13,12 @@ The variance of the noise is that of the reference plus that of what the correct
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.core.units import DEG
 from robotrue.errors import ConfigurationError, ShapeError
@@ -44,7 +45,7 @@ OWN: Final = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Remaining:
+class Remaining(Columns):
     """What one move left, as an outside reference measured it.
 
     Attributes:
@@ -57,19 +58,17 @@ class Remaining:
     """
 
     hole: str
-    tilt: Array
-    cause: Array
+    tilt: Annotated[Array, Column("2", unit="rad")]
+    cause: Annotated[Array, Column("3")]
     truth: str
     provenance: Provenance = MEASURED
 
-    def __post_init__(self) -> None:
-        """Freezes, and refuses the foot as its own judge.
+    def _check_rules(self) -> None:
+        """Refuses the foot as its own reference.
 
         Raises:
             ConfigurationError: No source of truth, or the foot's own sensors.
         """
-        object.__setattr__(self, "tilt", frozen(self.tilt, (2,), "tilt"))
-        object.__setattr__(self, "cause", frozen(self.cause, (3,), "cause"))
         name = " ".join(self.truth.split()).casefold()
         if not name or name in OWN:
             raise ConfigurationError(
@@ -80,7 +79,7 @@ class Remaining:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Refinement:
+class Refinement(Columns):
     """What production has added to a correction.
 
     Attributes:
@@ -92,22 +91,22 @@ class Refinement:
         truths: What measured them, each once.
     """
 
-    coefficients: Array = field(default_factory=lambda: np.zeros((TERMS, 2)))
-    covariance: Array
+    coefficients: Annotated[Array, Column(f"{TERMS} 2")] = field(
+        default_factory=lambda: np.zeros((TERMS, 2))
+    )
+    covariance: Annotated[Array, Column(f"{TERMS} {TERMS}")]
     sigma: float
     forgetting: float = FORGETTING
     records: int = 0
     truths: tuple[str, ...] = ()
 
-    def __post_init__(self) -> None:
-        """Checks and freezes."""
+    def _check_rules(self) -> None:
+        """Checks the values."""
         if not 0.0 < self.forgetting <= 1.0 or not self.sigma > 0.0:
             raise ConfigurationError(
                 f"forgetting is {self.forgetting:g}, expected above 0 and up to 1; the deviation "
                 f"of a record {self.sigma / DEG:g} deg, expected above 0."
             )
-        for name, shape in (("coefficients", (TERMS, 2)), ("covariance", (TERMS, TERMS))):
-            object.__setattr__(self, name, frozen(getattr(self, name), shape, name))
 
     def tilt(self, cause: Array) -> tuple[Array, Array]:
         """Returns the tilt (n, 2) rad to add and its variance (n,); none before the first record.

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.drilling.terms import Conditions, Family, columns
 from robotrue.errors import ObservabilityError
 
@@ -15,7 +17,7 @@ STRENGTHS = np.logspace(-8.0, 2.0, 41)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LinearCorrection:
+class LinearCorrection(Columns):
     """Coefficients of each sensor's error.
 
     Attributes:
@@ -26,15 +28,9 @@ class LinearCorrection:
     """
 
     family: Family
-    coefficients: Array
-    covariance: Array
-    sigma: Array
-
-    def __post_init__(self) -> None:
-        """Freezes."""
-        p, k = np.shape(self.coefficients)
-        for name, shape in (("coefficients", (p, k)), ("covariance", (p, p)), ("sigma", (k,))):
-            object.__setattr__(self, name, frozen(getattr(self, name), shape, name))
+    coefficients: Annotated[Array, Column("p k")]
+    covariance: Annotated[Array, Column("p p")]
+    sigma: Annotated[Array, Column("k")]
 
     @property
     def noise(self) -> Array:

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
-from typing import Final, Literal, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
 
 import numpy as np
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.core.units import DEG
 from robotrue.drilling.campaign import Clamps, tilt_seen
 from robotrue.drilling.foot import Foot
@@ -26,7 +27,7 @@ HEIGHT: Final = 0.1  # m, one unit of height
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Conditions:
+class Conditions(Columns):
     """The causes of n clamps, in the units of this file.
 
     Attributes:
@@ -36,15 +37,10 @@ class Conditions:
         height: (n,) in 100 mm.
     """
 
-    a: Array
-    b: Array
-    force: Array
-    height: Array
-
-    def __post_init__(self) -> None:
-        """Freezes."""
-        for name in ("a", "b", "force", "height"):
-            object.__setattr__(self, name, frozen(getattr(self, name), (None,), name))
+    a: Annotated[Array, Column("_", unit="rad")]
+    b: Annotated[Array, Column("_", unit="rad")]
+    force: Annotated[Array, Column("_", unit="N")]
+    height: Annotated[Array, Column("_", unit="m")]
 
     @property
     def table(self) -> Array:

@@ -14,11 +14,12 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.dynamics.cutter import Cut, Cutter, CuttingCoefficients
 from robotrue.dynamics.milling_force import mean_force
 from robotrue.errors import ImplausibleDataError, ObservabilityError
@@ -36,7 +37,7 @@ _HOPELESS: Final = 1e6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CuttingTest:
+class CuttingTest(Columns):
     """One steady cut and its mean force.
 
     Attributes:
@@ -45,11 +46,7 @@ class CuttingTest:
     """
 
     cut: Cut
-    force: Array
-
-    def __post_init__(self) -> None:
-        """Freezes and checks."""
-        object.__setattr__(self, "force", frozen(self.force, (3,), "force"))
+    force: Annotated[Array, Column("3", unit="N")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

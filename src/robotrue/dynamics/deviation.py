@@ -15,14 +15,15 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
 from enum import IntEnum
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
 
 from robotrue.calibration.archive import robot_arrays, robot_document, robot_from
 from robotrue.calibration.learners.marginal import Solved
 from robotrue.core.archive import Archive, archive_reader
-from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.core.arrays import Array, IntArray
+from robotrue.core.columns import Column, Columns
 from robotrue.core.provenance import provenance_from
 from robotrue.core.units import UM
 from robotrue.dynamics.deviation_kernel import (
@@ -103,7 +104,7 @@ class DeviationPrediction:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DeviationModel:
+class DeviationModel(Columns):
     """A fitted deviation: windows learned from, and the sizes of what they share.
 
     Attributes:
@@ -119,18 +120,18 @@ class DeviationModel:
     arm: CompliantArm
     settings: DeviationSettings
     windows: WindowSet
-    theta: Array
-    factors: Array
-    factors_sd: Array
+    theta: Annotated[Array, Column(f"{len(NAMES)}")]
+    factors: Annotated[Array, Column("q")]
+    factors_sd: Annotated[Array, Column("q")]
     row: StaticRow | None = None
     _old: WindowRows = field(init=False, repr=False, compare=False)
     _known: Solved = field(init=False, repr=False, compare=False)
 
-    def __post_init__(self) -> None:
-        """Freezes, and solves once what every prediction asks for."""
-        q = self.arm.robot.dof + 5
-        for name, size in (("theta", len(NAMES)), ("factors", q), ("factors_sd", q)):
-            object.__setattr__(self, name, frozen(getattr(self, name), (size,), name))
+    def _known_sizes(self) -> dict[Any, int]:
+        return {"q": self.arm.robot.dof + 5}
+
+    def _check_rules(self) -> None:
+        """Solves once what every prediction asks for."""
         old = _own_rows(self.settings, self.windows, physics_terms(self.arm, self.windows))
         mean, spread = _priors(self.arm, self.settings, self.row)
         known = solved(old, self.windows.deviation - old.basis @ mean, self.theta, spread**2)

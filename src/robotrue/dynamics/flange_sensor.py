@@ -14,12 +14,13 @@ the sensor from the tool's side.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
 
 from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array, frozen
+from robotrue.core.columns import Column, Columns
 from robotrue.core.provenance import MEASURED, Provenance, provenance_from
 from robotrue.core.rotations import skew
 from robotrue.core.units import MM, STANDARD_GRAVITY
@@ -40,7 +41,7 @@ _VECTORS: Final = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HeldTool:
+class HeldTool(Columns):
     """What a force sensor carries.
 
     Attributes:
@@ -59,22 +60,17 @@ class HeldTool:
     """
 
     mass: float
-    centre: Array
-    weight_in_base: Array
-    force_offset: Array
-    moment_offset: Array
+    centre: Annotated[Array, Column("3", unit="m")]
+    weight_in_base: Annotated[Array, Column("3", unit="N")]
+    force_offset: Annotated[Array, Column("3", unit="N")]
+    moment_offset: Annotated[Array, Column("3", unit="N m")]
     mass_sd: float
-    centre_sd: Array
-    force_offset_sd: Array
+    centre_sd: Annotated[Array, Column("3", unit="m")]
+    force_offset_sd: Annotated[Array, Column("3", unit="N")]
     condition: float
     force_noise: float
     moment_noise: float
     provenance: Provenance = MEASURED
-
-    def __post_init__(self) -> None:
-        """Freezes."""
-        for name in _VECTORS:
-            object.__setattr__(self, name, frozen(getattr(self, name), (3,), name))
 
     def to_archive(self, *, source: str) -> Archive:
         """Returns it as document and arrays (SI).

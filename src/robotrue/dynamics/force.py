@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.dynamics.frf import AXES
 from robotrue.errors import ImplausibleDataError, ShapeError
@@ -25,7 +26,7 @@ _STILL: Final = 200
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ForceRecord:
+class ForceRecord(Columns):
     """Force on the tool, sampled evenly.
 
     Attributes:
@@ -39,13 +40,12 @@ class ForceRecord:
 
     start: float
     rate: float
-    force: Array
+    force: Annotated[Array, Column("n 3", unit="N")]
     source: str
     provenance: Provenance = MEASURED
 
-    def __post_init__(self) -> None:
-        """Freezes and checks."""
-        object.__setattr__(self, "force", frozen(self.force, (None, 3), "force"))
+    def _check_rules(self) -> None:
+        """Checks the values."""
         if not self.rate > 0.0:
             raise ShapeError(f"rate {self.rate:g} 1/s, expected more than zero.")
 

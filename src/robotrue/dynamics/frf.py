@@ -10,12 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Final, TypeAlias
+from typing import Annotated, Any, Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from robotrue.core.arrays import Array, BoolArray, frozen
+from robotrue.core.arrays import Array, BoolArray
+from robotrue.core.columns import Column, Columns
 from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.errors import ConfigurationError, ImplausibleDataError, ShapeError
 
@@ -28,7 +29,7 @@ FORM_UNITS: Final = {"receptance": "m/N", "mobility": "m/s/N", "accelerance": "m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FrequencyResponse:
+class FrequencyResponse(Columns):
     """Displacement of the tool over the force on it, axis by axis.
 
     Attributes:
@@ -46,46 +47,35 @@ class FrequencyResponse:
         provenance: Simulated or measured, and the files.
     """
 
-    frequency: Array
-    response: ComplexArray
-    response_axes: tuple[str, ...]
-    excitation_axes: tuple[str, ...]
-    present: BoolArray
-    coherence: Array | None
+    frequency: Annotated[Array, Column("m", unit="Hz")]
+    response: Annotated[ComplexArray, Column("m r e")]
+    response_axes: Annotated[tuple[str, ...], Column("r")]
+    excitation_axes: Annotated[tuple[str, ...], Column("e")]
+    present: Annotated[BoolArray, Column("r e")]
+    coherence: Annotated[Array | None, Column("m r e")]
     valid: tuple[float, float]
     measured_as: str
-    static: Array | None
+    static: Annotated[Array | None, Column("r e", nan=True)]
     source: str
     provenance: Provenance = MEASURED
 
-    def __post_init__(self) -> None:
-        """Freezes and checks shapes, order and band."""
+    def _known_sizes(self) -> dict[Any, int]:
+        return {"r": len(self.response_axes), "e": len(self.excitation_axes)}
+
+    def _check_rules(self) -> None:
+        """Checks axes, order and band."""
         for name in ("response_axes", "excitation_axes"):
             _check_axes(getattr(self, name), name)
-        r, e = len(self.response_axes), len(self.excitation_axes)
-        frequency = frozen(self.frequency, (None,), "frequency")
-        m = len(frequency)
-        if m < 2 or frequency[0] < 0.0 or (np.diff(frequency) <= 0.0).any():
+        rising = (np.diff(self.frequency) > 0.0).all()
+        if len(self.frequency) < 2 or self.frequency[0] < 0.0 or not rising:
             raise ShapeError("frequency has to rise from 0 Hz or above and hold two lines or more.")
         if self.measured_as not in FORMS:
             raise ConfigurationError(
                 f"form {self.measured_as!r} of a frequency response, expected {sorted(FORMS)}."
             )
-        response = np.array(self.response, dtype=np.complex128)
-        for part in (response.real, response.imag):
-            frozen(part, (m, r, e), "response")
-        response.flags.writeable = False
         low, high = self.valid
         if not 0.0 <= low < high:
             raise ShapeError(f"band of validity {low:g} to {high:g} Hz, expected low < high.")
-        set_ = object.__setattr__
-        set_(self, "frequency", frequency)
-        set_(self, "response", response)
-        set_(self, "present", frozen(self.present, (r, e), "present", dtype=np.bool_))
-        if self.coherence is not None:
-            set_(self, "coherence", frozen(self.coherence, (m, r, e), "coherence"))
-        if self.static is not None:
-            set_(self, "static", frozen(self.static, (r, e), "static", allow_nan=True))
 
     def pair(self, response: str, excitation: str) -> ComplexArray:
         """Returns (m,) m/N of one pair of axes, response first.

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.errors import ImplausibleDataError, ShapeError
 
@@ -18,7 +19,7 @@ SECOND: Final = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HammerRecord:
+class HammerRecord(Columns):
     """Hits along one axis and what they moved, as recorded.
 
     Attributes:
@@ -34,20 +35,16 @@ class HammerRecord:
     """
 
     rate: float
-    force: Array
+    force: Annotated[Array, Column("n", unit="N")]
     excitation_axis: str
-    motion: Array
-    response_axes: tuple[str, ...]
+    motion: Annotated[Array, Column("n r")]
+    response_axes: Annotated[tuple[str, ...], Column("r")]
     form: str
     source: str
     provenance: Provenance = MEASURED
 
-    def __post_init__(self) -> None:
-        """Freezes and checks."""
-        force = frozen(self.force, (None,), "force")
-        object.__setattr__(self, "force", force)
-        shape = (len(force), len(self.response_axes))
-        object.__setattr__(self, "motion", frozen(self.motion, shape, "motion"))
+    def _check_rules(self) -> None:
+        """Checks the values."""
         if not self.rate > 0.0:
             raise ShapeError(f"rate {self.rate:g} 1/s, expected more than zero.")
 

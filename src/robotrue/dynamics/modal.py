@@ -12,12 +12,13 @@ limit towards 0 Hz: whoever filters in time needs it zero, and the static part f
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Any, Final
 
 import numpy as np
 
 from robotrue.core.archive import Archive, archive_reader
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.core.provenance import MEASURED, Provenance, provenance_from
 from robotrue.dynamics.frf import AXES, ComplexArray
 from robotrue.errors import ArchiveError, ConfigurationError, ShapeError
@@ -29,7 +30,7 @@ _BLOCK: Final = 65536
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ModalModel:
+class ModalModel(Columns):
     """Receptance as a sum of modes.
 
     Attributes:
@@ -45,32 +46,26 @@ class ModalModel:
         provenance: Of the response.
     """
 
-    poles: ComplexArray
-    residues: ComplexArray
-    upper: Array
-    lower: Array
-    static: Array | None
-    response_axes: tuple[str, ...]
-    excitation_axes: tuple[str, ...]
+    poles: Annotated[ComplexArray, Column("k")]
+    residues: Annotated[ComplexArray, Column("k r e")]
+    upper: Annotated[Array, Column("r e")]
+    lower: Annotated[Array, Column("r e")]
+    static: Annotated[Array | None, Column("r e", nan=True)]
+    response_axes: Annotated[tuple[str, ...], Column("r")]
+    excitation_axes: Annotated[tuple[str, ...], Column("e")]
     valid: tuple[float, float]
     source: str
     provenance: Provenance = MEASURED
 
-    def __post_init__(self) -> None:
-        """Freezes and checks."""
-        r, e = len(self.response_axes), len(self.excitation_axes)
+    def _known_sizes(self) -> dict[Any, int]:
+        return {"r": len(self.response_axes), "e": len(self.excitation_axes)}
+
+    def _check_rules(self) -> None:
+        """Checks the values."""
         if not set(self.response_axes) | set(self.excitation_axes) <= set(AXES):
             raise ConfigurationError(f"axes of a modal model are some of {AXES}.")
-        poles = _complex(self.poles, (None,), "poles")
-        if not ((poles.imag > 0.0) & (poles.real < 0.0)).all():
+        if not ((self.poles.imag > 0.0) & (self.poles.real < 0.0)).all():
             raise ShapeError("poles need a real part below and an imaginary part above zero.")
-        set_ = object.__setattr__
-        set_(self, "poles", poles)
-        set_(self, "residues", _complex(self.residues, (len(poles), r, e), "residues"))
-        set_(self, "upper", frozen(self.upper, (r, e), "upper"))
-        set_(self, "lower", frozen(self.lower, (r, e), "lower"))
-        if self.static is not None:
-            set_(self, "static", frozen(self.static, (r, e), "static", allow_nan=True))
 
     @property
     def frequency(self) -> Array:
@@ -170,11 +165,3 @@ def modal_model_from_archive(archive: Archive) -> ModalModel:
         source=str(document["source"]),
         provenance=provenance_from(document.get("provenance"), before=[document["source"]]),
     )
-
-
-def _complex(values: ComplexArray, shape: tuple[int | None, ...], name: str) -> ComplexArray:
-    array = np.array(values, dtype=np.complex128)
-    for part in (array.real, array.imag):
-        frozen(part, shape, name)
-    array.flags.writeable = False
-    return array

@@ -12,11 +12,12 @@ noisy fit may have rank two or three and then is as many, with one pole.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.dynamics.frf import AXES, ComplexArray
 from robotrue.dynamics.modal import ModalModel
 from robotrue.errors import ConfigurationError, ShapeError
@@ -26,7 +27,7 @@ RANK: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Oscillators:
+class Oscillators(Columns):
     """A receptance as single complex oscillators. SI, force and displacement along x, y, z.
 
     Attributes:
@@ -36,22 +37,14 @@ class Oscillators:
         residual: (3, 3) m/N, what follows the force at once.
     """
 
-    poles: ComplexArray
-    excite: ComplexArray
-    respond: ComplexArray
-    residual: Array
+    poles: Annotated[ComplexArray, Column("k", unit="rad/s")]
+    excite: Annotated[ComplexArray, Column("k 3")]
+    respond: Annotated[ComplexArray, Column("k 3")]
+    residual: Annotated[Array, Column("3 3", unit="m/N")]
 
-    def __post_init__(self) -> None:
-        """Freezes and checks shapes and stability."""
-        k = len(self.poles)
-        for name, shape in (("poles", (k,)), ("excite", (k, 3)), ("respond", (k, 3))):
-            value = np.array(getattr(self, name), dtype=np.complex128)
-            if value.shape != shape or not np.isfinite(value.sum()):
-                raise ShapeError(f"{name} has shape {value.shape}, expected {shape}, all finite.")
-            value.flags.writeable = False
-            object.__setattr__(self, name, value)
-        object.__setattr__(self, "residual", frozen(self.residual, (3, 3), "residual"))
-        if k and not (self.poles.real.max() < 0.0 < self.poles.imag.min()):
+    def _check_rules(self) -> None:
+        """Checks stability."""
+        if len(self.poles) and not (self.poles.real.max() < 0.0 < self.poles.imag.min()):
             raise ShapeError(
                 "poles need a real part below and an imaginary part above zero: "
                 "modes that decay and are damped less than critically."

@@ -9,11 +9,12 @@ directions of the pose.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.dynamics.windows import WindowSet
 from robotrue.errors import ImplausibleDataError, ShapeError
 
@@ -24,7 +25,7 @@ COLUMNS: Final = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Components:
+class Components(Columns):
     """Standardisation and principal components of m columns.
 
     Attributes:
@@ -35,22 +36,11 @@ class Components:
         count: Components kept.
     """
 
-    mean: Array
-    deviation: Array
-    eigenvalues: Array
-    loadings: Array
+    mean: Annotated[Array, Column("m")]
+    deviation: Annotated[Array, Column("m")]
+    eigenvalues: Annotated[Array, Column("m")]
+    loadings: Annotated[Array, Column("m m")]
     count: int
-
-    def __post_init__(self) -> None:
-        """Freezes."""
-        m = len(self.mean)
-        for name, shape in (
-            ("mean", (m,)),
-            ("deviation", (m,)),
-            ("eigenvalues", (m,)),
-            ("loadings", (m, m)),
-        ):
-            object.__setattr__(self, name, frozen(getattr(self, name), shape, name))
 
     @property
     def share(self) -> Array:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.core.units import MM
 from robotrue.dynamics.cutter import Cut, Cutter, CuttingCoefficients
 from robotrue.dynamics.milling_force import mean_force
@@ -15,7 +17,7 @@ from robotrue.program.cut_path import CutPath
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MillingAlongPath:
+class MillingAlongPath(Columns):
     """Mean force of milling by the length of the path; a ``ProcessForce``.
 
     Attributes:
@@ -30,19 +32,17 @@ class MillingAlongPath:
     cutter: Cutter
     coefficients: CuttingCoefficients
     cut: Cut
-    along: Array
-    depth: Array
-    width: Array
+    along: Annotated[Array, Column("n", unit="m")]
+    depth: Annotated[Array, Column("n", unit="m")]
+    width: Annotated[Array, Column("n", unit="m")]
 
-    def __post_init__(self) -> None:
-        """Freezes and checks."""
-        along = frozen(self.along, (None,), "along")
-        object.__setattr__(self, "along", along)
+    def _check_rules(self) -> None:
+        """Checks the values."""
+        along = self.along
         if len(along) < 2 or (np.diff(along) <= 0.0).any():
             raise ConfigurationError("lengths of an engagement table have to rise, two or more.")
         for name in ("depth", "width"):
-            values = frozen(getattr(self, name), (len(along),), name)
-            object.__setattr__(self, name, values)
+            values = getattr(self, name)
             if (values < 0.0).any():
                 k = int(np.argmax(values < 0.0))
                 raise ConfigurationError(

@@ -11,11 +11,12 @@ Damping is given mode by mode: no model of joints predicts it.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Annotated, Any, Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.dynamics.arm_kernels import mass_and_jacobian
 from robotrue.dynamics.oscillators import Oscillators, real_modes
 from robotrue.errors import ModelMismatchError, ReachError, ShapeError
@@ -26,7 +27,7 @@ LIMIT_SLACK: Final = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FlexibleArm:
+class FlexibleArm(Columns):
     """An arm of stiff links and flexible joints.
 
     Attributes:
@@ -40,27 +41,24 @@ class FlexibleArm:
     """
 
     robot: RobotModel
-    link_inertia: Array
-    stiffness: Array
-    damping: Array
+    link_inertia: Annotated[Array, Column("n 3 3", unit="kg m^2")]
+    stiffness: Annotated[Array, Column("n", unit="N m/rad")]
+    damping: Annotated[Array, Column("n")]
     payload_mass: float = 0.0
-    payload_com: Array = field(default_factory=lambda: np.zeros(3))
-    payload_inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    payload_com: Annotated[Array, Column("3", unit="m")] = field(
+        default_factory=lambda: np.zeros(3)
+    )
+    payload_inertia: Annotated[Array, Column("3 3", unit="kg m^2")] = field(
+        default_factory=lambda: np.zeros((3, 3))
+    )
     _bodies: Array = field(init=False, repr=False)
     _table: Array = field(init=False, repr=False)
 
-    def __post_init__(self) -> None:
-        """Freezes, checks signs, packs the bodies for the kernel."""
-        n, set_ = self.robot.dof, object.__setattr__
-        shapes: dict[str, tuple[int, ...]] = {
-            "link_inertia": (n, 3, 3),
-            "stiffness": (n,),
-            "damping": (n,),
-            "payload_com": (3,),
-            "payload_inertia": (3, 3),
-        }
-        for name, shape in shapes.items():
-            set_(self, name, frozen(getattr(self, name), shape, name))
+    def _known_sizes(self) -> dict[Any, int]:
+        return {"n": self.robot.dof}
+
+    def _check_rules(self) -> None:
+        """Checks signs, packs the bodies for the kernel."""
         if not (self.stiffness > 0.0).all():
             raise ShapeError(f"stiffness {self.stiffness} N m/rad, expected above zero.")
         if not ((self.damping > 0.0) & (self.damping < 1.0)).all():
@@ -70,15 +68,15 @@ class FlexibleArm:
                 f"{self.robot.name} has no link masses: without masses there are no modes.",
                 hint="state link_mass, link_com and link_inertia, or fit modes to hammer tests.",
             )
+        n, robot = self.robot.dof, self.robot
         bodies = np.zeros((n + 1, 13))
-        bodies[:n, 0], bodies[:n, 1:4] = self.robot.link_mass, self.robot.link_com
+        bodies[:n, 0], bodies[:n, 1:4] = robot.link_mass, robot.link_com
         bodies[:n, 4:] = self.link_inertia.reshape(n, 9)
         bodies[n, 0], bodies[n, 1:4] = self.payload_mass, self.payload_com
         bodies[n, 4:] = self.payload_inertia.ravel()
-        robot = self.robot
         table = np.column_stack([robot.theta, robot.d, robot.a, robot.alpha])
-        set_(self, "_bodies", bodies)
-        set_(self, "_table", table)
+        object.__setattr__(self, "_bodies", bodies)
+        object.__setattr__(self, "_table", table)
 
     def mass_and_jacobian(self, joints: Array) -> tuple[Array, Array]:
         """Returns M (n, n) kg m^2 and the tool's Jacobian (6, n), in drive coordinates.

@@ -9,11 +9,12 @@ everywhere and a factor on all joints look alike.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.dynamics.frf import AXES
 from robotrue.dynamics.interpolation import ResponseCurve
 from robotrue.errors import ConfigurationError, ModelMismatchError
@@ -25,7 +26,7 @@ hammer test is that of an arm without load, tool included; it is not that of the
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StaticRow:
+class StaticRow(Columns):
     """Displacement along the direction of the error over a standing force.
 
     Attributes:
@@ -33,13 +34,11 @@ class StaticRow:
         sd: (3,) m/N, how well the arm and the joints' factors are known to explain it.
     """
 
-    value: Array
-    sd: Array
+    value: Annotated[Array, Column("3", unit="m/N")]
+    sd: Annotated[Array, Column("3", unit="m/N")]
 
-    def __post_init__(self) -> None:
-        """Freezes and checks."""
-        object.__setattr__(self, "value", frozen(self.value, (3,), "value"))
-        object.__setattr__(self, "sd", frozen(self.sd, (3,), "sd"))
+    def _check_rules(self) -> None:
+        """Checks the values."""
         if not (self.sd > 0.0).all():
             raise ConfigurationError(f"sd {self.sd} m/N of a static row, expected above zero.")
 

@@ -7,21 +7,19 @@ predicted from the frequency response and the one measured. Ours adds the mean f
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any, Final
+from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.columns import Column, Columns, concat
 from robotrue.core.provenance import MEASURED, Provenance, merge
 from robotrue.errors import ShapeError
 
-_OF_THE_SET: Final = ("passes", "source", "provenance")
-"""Fields that are no array with a row for each window."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WindowSet:
+class WindowSet(Columns):
     """Windows in the order they were cut, pass after pass.
 
     Attributes:
@@ -37,26 +35,15 @@ class WindowSet:
         provenance: Simulated or measured, and the files.
     """
 
-    passes: tuple[str, ...]
-    joints: Array
-    force: Array
-    force_peak: Array
-    force_mean: Array
-    predicted: Array
-    measured: Array
+    passes: Annotated[tuple[str, ...], Column("n")]
+    joints: Annotated[Array, Column("n dof", unit="rad")]
+    force: Annotated[Array, Column("n 3", unit="N")]
+    force_peak: Annotated[Array, Column("n", unit="N")]
+    force_mean: Annotated[Array, Column("n", unit="N")]
+    predicted: Annotated[Array, Column("n", unit="m")]
+    measured: Annotated[Array, Column("n", unit="m", nan=True)]
     source: str = ""
     provenance: Provenance = MEASURED
-
-    def __post_init__(self) -> None:
-        """Freezes and checks shapes."""
-        n = len(self.passes)
-        object.__setattr__(self, "passes", tuple(self.passes))
-        object.__setattr__(self, "joints", frozen(self.joints, (n, None), "joints"))
-        object.__setattr__(self, "force", frozen(self.force, (n, 3), "force"))
-        for name in ("force_peak", "force_mean", "predicted"):
-            object.__setattr__(self, name, frozen(getattr(self, name), (n,), name))
-        measured = frozen(self.measured, (n,), "measured", allow_nan=True)
-        object.__setattr__(self, "measured", measured)
 
     def __len__(self) -> int:
         return len(self.passes)
@@ -79,12 +66,7 @@ class WindowSet:
 
     def subset(self, which: IntArray | BoolArray) -> WindowSet:
         """Returns some of the windows, by index or mask."""
-        rows = np.arange(len(self))[which]
-        chosen: dict[str, Any] = {"passes": tuple(self.passes[i] for i in rows)}
-        for field in fields(self):
-            if field.name not in _OF_THE_SET:
-                chosen[field.name] = getattr(self, field.name)[rows]
-        return replace(self, **chosen)
+        return self.take(which)
 
 
 def concatenated(parts: Sequence[WindowSet]) -> WindowSet:
@@ -95,17 +77,7 @@ def concatenated(parts: Sequence[WindowSet]) -> WindowSet:
     """
     if not parts or len({p.joints.shape[1] for p in parts}) != 1:
         raise ShapeError("window sets to join need to be of one arm, and one at least.")
-    values = {
-        field.name: np.concatenate([getattr(p, field.name) for p in parts])
-        for field in fields(WindowSet)
-        if field.name not in _OF_THE_SET
-    }
-    return WindowSet(
-        passes=tuple(name for p in parts for name in p.passes),
-        source=parts[0].source,
-        provenance=merge(p.provenance for p in parts),
-        **values,
-    )
+    return concat(parts, source=parts[0].source, provenance=merge(p.provenance for p in parts))
 
 
 def peaks_per_turn(signal: Array, samples_per_turn: float) -> Array:

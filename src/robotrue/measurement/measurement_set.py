@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
-from typing import Final, Literal, TypeAlias
+from dataclasses import dataclass
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import EMPTY, Column, Columns, concat, count_rows
 from robotrue.core.provenance import MEASURED, Provenance, merge
 from robotrue.errors import ShapeError
 
 MeasurementFrame: TypeAlias = Literal["base", "tracker"]
 """``base``: positions are in the robot base. ``tracker``: in an instrument frame not yet known."""
-_OF_THE_SET: Final = ("frame", "group_names", "sources", "provenance")
-"""Fields that have no row for each pose."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MeasurementSet:
+class MeasurementSet(Columns):
     """n measured poses. SI; rows of all arrays belong together.
 
     Attributes:
@@ -46,63 +45,30 @@ class MeasurementSet:
         provenance: Simulated or measured, instrument and files of all rows.
     """
 
-    joints: Array
-    position: Array
-    covariance: Array
+    joints: Annotated[Array, Column("n dof", unit="rad")]
+    position: Annotated[Array, Column("n 3", unit="m")]
+    covariance: Annotated[Array, Column("n 3 3", unit="m^2")]
     frame: MeasurementFrame = "base"
-    rotation: Array = field(default_factory=lambda: np.empty(0))
-    rotation_covariance: Array = field(default_factory=lambda: np.empty(0))
-    wrench: Array = field(default_factory=lambda: np.empty(0))
-    payload_mass: Array = field(default_factory=lambda: np.empty(0))
-    payload_com: Array = field(default_factory=lambda: np.empty(0))
-    approach: Array = field(default_factory=lambda: np.empty(0))
-    temperature: Array = field(default_factory=lambda: np.empty(0))
-    target: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    station: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    group: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    rotation: Annotated[Array, Column("n 3 3", nan=True, fill=np.nan)] = EMPTY
+    rotation_covariance: Annotated[Array, Column("n 3 3", unit="rad^2", nan=True, fill=np.nan)] = (
+        EMPTY
+    )
+    wrench: Annotated[Array, Column("n 6", fill=0.0)] = EMPTY
+    payload_mass: Annotated[Array, Column("n", unit="kg", nan=True, fill=np.nan)] = EMPTY
+    payload_com: Annotated[Array, Column("n 3", unit="m", nan=True, fill=np.nan)] = EMPTY
+    approach: Annotated[Array, Column("n dof", fill=0.0)] = EMPTY
+    temperature: Annotated[Array, Column("n", unit="K", nan=True, fill=np.nan)] = EMPTY
+    target: Annotated[npt.NDArray[np.int64], Column("n", fill=0)] = EMPTY
+    station: Annotated[npt.NDArray[np.int64], Column("n", fill=0)] = EMPTY
+    group: Annotated[npt.NDArray[np.int64], Column("n", fill=0)] = EMPTY
     group_names: tuple[str, ...] = ("set 1",)
-    source_row: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    source_row: Annotated[npt.NDArray[np.int64], Column("n", fill=count_rows)] = EMPTY
     sources: tuple[str, ...] = ()
     provenance: Provenance = MEASURED
 
-    def __post_init__(self) -> None:
-        """Checks every shape once; empty columns take their neutral value."""
-        n = len(self.joints)
-        dof = int(np.shape(self.joints)[1]) if np.ndim(self.joints) == 2 else 0
-        nan = np.nan
-        neutral: dict[str, Array] = {
-            "rotation": np.full((n, 3, 3), nan),
-            "rotation_covariance": np.full((n, 3, 3), nan),
-            "wrench": np.zeros((n, 6)),
-            "payload_mass": np.full(n, nan),
-            "payload_com": np.full((n, 3), nan),
-            "approach": np.zeros((n, dof)),
-            "temperature": np.full(n, nan),
-        }
-        for name, shape in (
-            ("joints", (n, None)),
-            ("position", (n, 3)),
-            ("covariance", (n, 3, 3)),
-            ("rotation", (n, 3, 3)),
-            ("rotation_covariance", (n, 3, 3)),
-            ("wrench", (n, 6)),
-            ("payload_mass", (n,)),
-            ("payload_com", (n, 3)),
-            ("approach", (n, dof)),
-            ("temperature", (n,)),
-        ):
-            value = getattr(self, name)
-            if n and np.size(value) == 0 and name in neutral:
-                value = neutral[name]
-            value = np.reshape(value, (0, *[s or 0 for s in shape[1:]])) if not n else value
-            may_miss = name in neutral and name not in ("wrench", "approach")
-            object.__setattr__(self, name, frozen(value, shape, name, allow_nan=may_miss))
-        for name in ("target", "station", "group", "source_row"):
-            value = getattr(self, name)
-            if n and np.size(value) == 0:
-                value = np.arange(1, n + 1) if name == "source_row" else np.zeros(n, np.int64)
-            object.__setattr__(self, name, frozen(value, (n,), name, dtype=np.int64))
-        if n and int(self.group.max()) >= len(self.group_names):
+    def _check_rules(self) -> None:
+        """Every group needs a name."""
+        if len(self) and int(self.group.max()) >= len(self.group_names):
             raise ShapeError(
                 f"group {int(self.group.max())} has no name: {len(self.group_names)} names given."
             )
@@ -122,11 +88,7 @@ class MeasurementSet:
 
     def subset(self, rows: npt.ArrayLike) -> MeasurementSet:
         """Returns the chosen rows (indices or a mask), in that order."""
-        index = np.asarray(rows)
-        columns = {
-            f.name: getattr(self, f.name)[index] for f in fields(self) if f.name not in _OF_THE_SET
-        }
-        return replace(self, **columns)
+        return self.take(np.asarray(rows))
 
 
 def concatenate(sets: Sequence[MeasurementSet]) -> MeasurementSet:
@@ -145,16 +107,10 @@ def concatenate(sets: Sequence[MeasurementSet]) -> MeasurementSet:
     for s in sets:
         groups.append(s.group + len(names))
         names.extend(s.group_names)
-    columns = {
-        f.name: np.concatenate([getattr(s, f.name) for s in sets])
-        for f in fields(first)
-        if f.name not in (*_OF_THE_SET, "group")
-    }
-    return MeasurementSet(
-        frame=first.frame,
+    return concat(
+        sets,
         group=np.concatenate(groups),
         group_names=tuple(names),
         sources=tuple(source for s in sets for source in s.sources),
         provenance=merge(s.provenance for s in sets),
-        **columns,
     )

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.columns import EMPTY, Column, Columns, count_rows
 from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.core.surfaces import Surface
 from robotrue.errors import ShapeError
@@ -48,7 +50,7 @@ class KnownDistance:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ProbingSet:
+class ProbingSet(Columns):
     """n touches. SI; rows of all arrays belong together.
 
     A touch fixes three directions (a feature point), or one: where ``normal`` is given, that of
@@ -75,47 +77,32 @@ class ProbingSet:
         provenance: Simulated or measured, instrument and file.
     """
 
-    names: tuple[str, ...]
-    point: Array
-    joints: Array = field(default_factory=lambda: np.empty((0, 0)))
-    position: Array = field(default_factory=lambda: np.empty(0))
-    normal: Array = field(default_factory=lambda: np.empty(0))
-    part: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    names: Annotated[tuple[str, ...], Column("n")]
+    point: Annotated[Array, Column("n 3", unit="m")]
+    joints: Annotated[Array, Column("touched_by_arm dof", unit="rad")] = EMPTY
+    position: Annotated[Array, Column("n 3", unit="m", nan=True, fill=np.nan)] = EMPTY
+    normal: Annotated[Array, Column("n 3", nan=True, fill=np.nan)] = EMPTY
+    part: Annotated[IntArray, Column("n", fill=0)] = EMPTY
     surfaces: tuple[Surface, ...] = ()
-    touched: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    touched: Annotated[IntArray, Column("n", fill=NO_SURFACE)] = EMPTY
     radius: float = 0.0
     sockets: tuple[int, ...] = ()
     distances: tuple[KnownDistance, ...] = ()
     source: str = ""
-    lines: IntArray = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    lines: Annotated[IntArray, Column("n", fill=count_rows)] = EMPTY
     provenance: Provenance = MEASURED
 
-    def __post_init__(self) -> None:
-        """Checks shapes once; empty columns take their neutral value.
+    def _known_sizes(self) -> dict[Any, int]:
+        return {"touched_by_arm": len(self.names) if np.size(self.joints) else 0}
+
+    def _check_rules(self) -> None:
+        """Normalises directions; checks indices and what each touch needs.
 
         Raises:
-            ShapeError: Wrong shapes or indices, a normal of length zero, a row with neither joints
-                nor position, a socket that is not in the set or has points of its own.
+            ShapeError: Wrong indices, a normal of length zero, a row with neither joints nor
+                position, a socket that is not in the set or has points of its own.
         """
-        n = len(self.names)
-        object.__setattr__(self, "names", tuple(str(name) for name in self.names))
-        object.__setattr__(self, "point", frozen(self.point, (n, 3), "point"))
-        missing = np.full((n, 3), np.nan)
-        for name in ("position", "normal"):
-            value = getattr(self, name)
-            value = missing if np.size(value) == 0 else value
-            object.__setattr__(self, name, frozen(value, (n, 3), name, allow_nan=True))
-        joints = np.empty((0, 0)) if np.size(self.joints) == 0 else self.joints
-        shape = (n, None) if len(joints) else (0, 0)
-        object.__setattr__(self, "joints", frozen(joints, shape, "joints"))
-        for name, neutral in (
-            ("part", np.zeros(n, dtype=np.int64)),
-            ("touched", np.full(n, NO_SURFACE)),
-            ("lines", np.arange(1, n + 1)),
-        ):
-            value = neutral if np.size(getattr(self, name)) == 0 else getattr(self, name)
-            object.__setattr__(self, name, frozen(value, (n,), name, dtype=np.int64))
-        object.__setattr__(self, "normal", self._unit_normals())
+        self._set_column("normal", self._unit_normals())
         self._check_rows()
         self._check_parts()
 
@@ -178,10 +165,7 @@ class ProbingSet:
         half = np.isnan(self.normal).any(axis=1) & ~np.isnan(self.normal).all(axis=1)
         for row in np.flatnonzero(half).tolist():
             raise ShapeError(f"normal of touch {self.names[row]!r} is {self.normal[row]}.")
-        unit: Array = frozen(
-            self.normal / length[:, None], (len(self), 3), "normal", allow_nan=True
-        )
-        return unit
+        return np.asarray(self.normal / length[:, None])
 
     def _check_rows(self) -> None:
         if not self.has_joints:

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.measurement.formats.mapping import ColumnMapping
 from robotrue.measurement.formats.registry import open_sheet
 from robotrue.measurement.formats.table import (
-    Columns,
+    MappedSheet,
     approach_columns,
     joint_columns,
     payload_column,
@@ -21,7 +23,7 @@ from robotrue.measurement.formats.table import (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class QueryTable:
+class QueryTable(Columns):
     """n poses somebody asks about.
 
     Attributes:
@@ -32,26 +34,11 @@ class QueryTable:
         source_row: (n,) one-based line in the file.
     """
 
-    joints: Array
-    wrench: Array
-    approach: Array
-    payload_mass: Array
-    source_row: npt.NDArray[np.int64]
-
-    def __post_init__(self) -> None:
-        """Checks shapes and freezes."""
-        n = len(self.joints)
-        dof = np.shape(self.joints)[1]
-        for name, shape in (
-            ("joints", (n, dof)),
-            ("wrench", (n, 6)),
-            ("approach", (n, dof)),
-            ("payload_mass", (n,)),
-        ):
-            values = frozen(getattr(self, name), shape, name, allow_nan=name == "payload_mass")
-            object.__setattr__(self, name, values)
-        rows = frozen(self.source_row, (n,), "source_row", dtype=np.int64)
-        object.__setattr__(self, "source_row", rows)
+    joints: Annotated[Array, Column("n dof", unit="rad")]
+    wrench: Annotated[Array, Column("n 6")]
+    approach: Annotated[Array, Column("n dof")]
+    payload_mass: Annotated[Array, Column("n", unit="kg", nan=True)]
+    source_row: Annotated[npt.NDArray[np.int64], Column("n")]
 
     def __len__(self) -> int:
         return len(self.joints)
@@ -66,7 +53,7 @@ def read_queries(path: str | Path, *, mapping: ColumnMapping | str | None = None
         FormatError: The file is not what its mapping says, with line and column.
     """
     sheet, chosen = open_sheet(path, mapping, positions=False)
-    columns = Columns(sheet, chosen)
+    columns = MappedSheet(sheet, chosen)
     return QueryTable(
         joints=joint_columns(columns),
         wrench=wrench_columns(columns),

@@ -7,17 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
+from robotrue.core.columns import Column, Columns
 from robotrue.errors import ShapeError
 from robotrue.online.samples import Flag, ForceSample, JointSample
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class JointBlock:
+class JointBlock(Columns):
     """Joint samples in the order they came.
 
     Attributes:
@@ -29,17 +30,12 @@ class JointBlock:
         flags: (n,) :class:`~robotrue.online.samples.Flag` values.
     """
 
-    controller_time: Array
-    host_time: Array
-    joints: Array
-    T_frame_tool: Array
-    sequence: IntArray
-    flags: IntArray
-
-    def __post_init__(self) -> None:
-        """Freezes and checks lengths; the values were checked sample by sample."""
-        n = len(self.host_time)
-        _settle(self, {"joints": (n, None), "T_frame_tool": (n, 4, 4)}, ("sequence", "flags"))
+    controller_time: Annotated[Array, Column("n", unit="s", nan=True)]
+    host_time: Annotated[Array, Column("n", unit="s", nan=True)]
+    joints: Annotated[Array, Column("n dof", unit="rad", nan=True)]
+    T_frame_tool: Annotated[Array, Column("n 4 4", nan=True)]
+    sequence: Annotated[IntArray, Column("n")]
+    flags: Annotated[IntArray, Column("n")]
 
     def __len__(self) -> int:
         return len(self.host_time)
@@ -51,7 +47,7 @@ class JointBlock:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ForceBlock:
+class ForceBlock(Columns):
     """Force samples in the order they came.
 
     Attributes:
@@ -64,18 +60,13 @@ class ForceBlock:
         flags: (n,) :class:`~robotrue.online.samples.Flag` values.
     """
 
-    controller_time: Array
-    host_time: Array
-    wrench: Array
+    controller_time: Annotated[Array, Column("n", unit="s", nan=True)]
+    host_time: Annotated[Array, Column("n", unit="s", nan=True)]
+    wrench: Annotated[Array, Column("n 6", nan=True)]
     frame: str
-    sequence: IntArray
-    status: IntArray
-    flags: IntArray
-
-    def __post_init__(self) -> None:
-        """Freezes and checks lengths; the values were checked sample by sample."""
-        n = len(self.host_time)
-        _settle(self, {"wrench": (n, 6)}, ("sequence", "status", "flags"))
+    sequence: Annotated[IntArray, Column("n")]
+    status: Annotated[IntArray, Column("n")]
+    flags: Annotated[IntArray, Column("n")]
 
     def __len__(self) -> int:
         return len(self.host_time)

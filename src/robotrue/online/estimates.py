@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.columns import Column, Columns
 from robotrue.errors import ShapeError
 
 
@@ -34,7 +36,7 @@ class Doubt(enum.IntFlag):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class EstimateBlock:
+class EstimateBlock(Columns):
     """Estimates in the order of the force samples they rest on.
 
     Attributes:
@@ -49,30 +51,17 @@ class EstimateBlock:
         doubt: (n,) :class:`Doubt` values.
     """
 
-    host_time: Array
-    error: Array
-    sd: Array
-    static: Array
-    wrench: Array
-    joints: Array
-    sequence: IntArray
-    doubt: IntArray
+    host_time: Annotated[Array, Column("n", unit="s", nan=True)]
+    error: Annotated[Array, Column("n 3", unit="m", nan=True)]
+    sd: Annotated[Array, Column("n 3", unit="m", nan=True)]
+    static: Annotated[Array, Column("n 3", unit="m", nan=True)]
+    wrench: Annotated[Array, Column("n 6", nan=True)]
+    joints: Annotated[Array, Column("n dof", unit="rad", nan=True)]
+    sequence: Annotated[IntArray, Column("n")]
+    doubt: Annotated[IntArray, Column("n")]
 
-    def __post_init__(self) -> None:
-        """Freezes and checks; an invalid row holds no number that could be taken for one."""
-        n, set_ = len(self.host_time), object.__setattr__
-        shapes: dict[str, tuple[int | None, ...]] = {
-            "host_time": (n,),
-            "error": (n, 3),
-            "sd": (n, 3),
-            "static": (n, 3),
-            "wrench": (n, 6),
-            "joints": (n, None),
-        }
-        for name, shape in shapes.items():
-            set_(self, name, frozen(getattr(self, name), shape, name, allow_nan=True))
-        for name in ("sequence", "doubt"):
-            set_(self, name, frozen(getattr(self, name), (n,), name, dtype=np.int64))
+    def _check_rules(self) -> None:
+        """An invalid row holds no number that could be taken for one."""
         if np.count_nonzero(np.isnan(self.error) == self.valid[:, None]):
             raise ShapeError("an estimate is NaN where it is invalid, and nowhere else.")
 

@@ -13,11 +13,12 @@ along the direction it was learned in; the bracket is then left out along it.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Final, Literal, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
 
 import numpy as np
 
 from robotrue.core.arrays import Array, frozen
+from robotrue.core.columns import Column, Columns
 from robotrue.core.units import DEG
 from robotrue.dynamics.deviation import DeviationModel
 from robotrue.dynamics.flange_sensor import HeldTool
@@ -34,7 +35,7 @@ Axes: TypeAlias = Literal["base", "tool"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class JointCompliance:
+class JointCompliance(Columns):
     """How far the joints yield, and how well that is known.
 
     Attributes:
@@ -42,14 +43,11 @@ class JointCompliance:
         covariance: (n, n) of it.
     """
 
-    compliance: Array
-    covariance: Array
+    compliance: Annotated[Array, Column("dof", unit="rad/(N m)")]
+    covariance: Annotated[Array, Column("dof dof")]
 
-    def __post_init__(self) -> None:
-        """Freezes and checks."""
-        n = len(self.compliance)
-        object.__setattr__(self, "compliance", frozen(self.compliance, (n,), "compliance"))
-        object.__setattr__(self, "covariance", frozen(self.covariance, (n, n), "covariance"))
+    def _check_rules(self) -> None:
+        """Checks the values."""
         if not (self.compliance >= 0.0).all() or not self.compliance.any():
             raise ConfigurationError(
                 f"joint compliance {self.compliance} rad/(N m), expected zero or more and one "
@@ -59,7 +57,7 @@ class JointCompliance:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MeasuredResponse:
+class MeasuredResponse(Columns):
     """The tool's frequency response of a hammer test at one pose, as modes.
 
     Attributes:
@@ -71,14 +69,13 @@ class MeasuredResponse:
     """
 
     oscillators: Oscillators
-    joints: Array
+    joints: Annotated[Array, Column("dof", unit="rad")]
     frame: Axes
     misfit: float = 0.05
     room: float = 45.0 * DEG
 
-    def __post_init__(self) -> None:
-        """Freezes and checks."""
-        object.__setattr__(self, "joints", frozen(self.joints, (len(self.joints),), "joints"))
+    def _check_rules(self) -> None:
+        """Checks the values."""
         if self.frame not in ("base", "tool"):
             raise ConfigurationError(
                 f"a frequency response along the axes of {self.frame!r}, expected 'base' or 'tool'."

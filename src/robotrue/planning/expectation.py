@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 from scipy.special import gammaln
 
-from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.core.arrays import Array, IntArray
+from robotrue.core.columns import Column, Columns
 from robotrue.planning.information import LinearModel, Postures
 
 RANDOM: Final = 20
@@ -17,7 +18,7 @@ RANDOM: Final = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Work:
+class Work(Columns):
     """The error where the arm will work, before measuring.
 
     Attributes:
@@ -26,14 +27,9 @@ class Work:
         instrument: (m, 3, 3) m^2, what checking it adds.
     """
 
-    columns: Array
-    rest: Array
-    instrument: Array
-
-    def __post_init__(self) -> None:
-        """Freezes."""
-        for name in ("columns", "rest", "instrument"):
-            object.__setattr__(self, name, frozen(getattr(self, name), (None, 3, None), name))
+    columns: Annotated[Array, Column("_ 3 _")]
+    rest: Annotated[Array, Column("_ 3 _")]
+    instrument: Annotated[Array, Column("_ 3 _")]
 
     @property
     def weight(self) -> Array:
@@ -43,7 +39,7 @@ class Work:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Expected:
+class Expected(Columns):
     """3-D error expected where the arm will work, after 0, 1, ..., n poses, as a check measures it.
 
     Attributes:
@@ -55,17 +51,12 @@ class Expected:
         floor_mean: m, of an arm whose linear part is known exactly.
     """
 
-    rms: Array
-    mean: Array
-    random_mean: Array
-    random_low: Array
-    random_high: Array
+    rms: Annotated[Array, Column("_", unit="m")]
+    mean: Annotated[Array, Column("_", unit="m")]
+    random_mean: Annotated[Array, Column("_", unit="m")]
+    random_low: Annotated[Array, Column("_", unit="m")]
+    random_high: Annotated[Array, Column("_", unit="m")]
     floor_mean: float
-
-    def __post_init__(self) -> None:
-        """Freezes."""
-        for name in ("rms", "mean", "random_mean", "random_low", "random_high"):
-            object.__setattr__(self, name, frozen(getattr(self, name), (None,), name))
 
 
 def work_of(model: LinearModel, postures: Postures, T_flange_tool: Array | None = None) -> Work:

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import Final
+from typing import Annotated, Any, Final
 
 import numpy as np
 
@@ -31,7 +31,8 @@ from robotrue.calibration.terms.compliance import StiffnessPrior
 from robotrue.calibration.terms.geometry import PriorScales
 from robotrue.calibration.terms.ripple import ripple_columns
 from robotrue.cell.cell import Cell
-from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.core.arrays import Array, IntArray
+from robotrue.core.columns import EMPTY, Column, Columns, Rows
 from robotrue.errors import ModelMismatchError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.tracker import point_covariance
@@ -50,7 +51,7 @@ KNOWN: Final = 1e-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Unmodelled:
+class Unmodelled(Columns):
     """What an arm does beyond geometry and compliance, one standard deviation each.
 
     Drive errors are given as what they do at the end of the stretched arm: large arms have finer
@@ -65,18 +66,16 @@ class Unmodelled:
         white: m per axis, of a smooth rest and of drift.
     """
 
-    ripple: Array = field(default_factory=lambda: 8e-5 / np.sqrt(np.arange(1.0, 17.0)))
+    ripple: Annotated[Array, Column("_", unit="rad")] = field(
+        default_factory=lambda: 8e-5 / np.sqrt(np.arange(1.0, 17.0))
+    )
     fast: float = 4e-5
     backlash: float = 2e-5
     white: float = 2e-5
 
-    def __post_init__(self) -> None:
-        """Freezes."""
-        object.__setattr__(self, "ripple", frozen(self.ripple, (None,), "ripple"))
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Postures:
+class Postures(Columns):
     """n visits of the arm: where it stands, what it carries, from where it came.
 
     Attributes:
@@ -85,32 +84,22 @@ class Postures:
         approach: (n, dof) sign of the last motion of each joint, 0 = unknown.
     """
 
-    joints: Array
+    joints: Annotated[Array, Column("n dof", unit="rad")]
     load: Load = NO_LOAD
-    approach: Array = field(default_factory=lambda: np.empty(0))
-
-    def __post_init__(self) -> None:
-        """Checks shapes; an approach that is left out is unknown."""
-        joints = frozen(self.joints, (None, None), "joints")
-        approach = np.zeros_like(joints) if np.size(self.approach) == 0 else self.approach
-        object.__setattr__(self, "joints", joints)
-        object.__setattr__(self, "approach", frozen(approach, joints.shape, "approach"))
+    approach: Annotated[Array, Column("n dof", fill=0.0)] = EMPTY
 
     def __len__(self) -> int:
         return len(self.joints)
 
-    def subset(self, rows: IntArray | slice) -> Postures:
-        """Returns the chosen rows (indices, a mask or a slice), in that order."""
-        load = Load(
-            mass=_rows(self.load.mass, rows),
-            com=_rows(self.load.com, rows),
-            wrench=_rows(self.load.wrench, rows),
+    def take(self, rows: Rows) -> Postures:
+        """Returns the chosen rows; a single load serves all and stays single."""
+        return Postures(
+            joints=self.joints[rows], load=self.load.take(rows), approach=self.approach[rows]
         )
-        return Postures(joints=self.joints[rows], load=load, approach=self.approach[rows])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LinearModel:
+class LinearModel(Columns):
     """The linear model of a calibration that has not been made, or not been finished.
 
     Attributes:
@@ -125,13 +114,11 @@ class LinearModel:
     cell: Cell
     settings: FitSettings
     unmodelled: Unmodelled
-    root: Array
+    root: Annotated[Array, Column("p _")]
 
-    def __post_init__(self) -> None:
-        """Checks shapes and freezes."""
+    def _known_sizes(self) -> dict[Any, int]:
         dof = self.robot.dof
-        size = 7 * dof + 12 + 2 * dof * len(self.unmodelled.ripple) + dof
-        object.__setattr__(self, "root", frozen(self.root, (size, None), "root"))
+        return {"p": 7 * dof + 12 + 2 * dof * len(self.unmodelled.ripple) + dof}
 
     @property
     def size(self) -> int:
@@ -187,7 +174,7 @@ class LinearModel:
         cycles = np.arange(1.0, len(self.unmodelled.ripple) + 1.0)
         for start in range(0, len(postures), ROWS):
             part = slice(start, start + ROWS)
-            mine = postures.subset(part)
+            mine = postures.take(part)
             (seen,) = observations_of(
                 robot,
                 _imagined(self.cell, robot, mine),
@@ -352,9 +339,3 @@ def _imagined(cell: Cell, robot: RobotModel, postures: Postures) -> MeasurementS
         payload_com=np.broadcast_to(load.com, (n, 3)) if stated else np.full((n, 3), np.nan),
         approach=postures.approach,
     )
-
-
-def _rows(values: Array, rows: IntArray | slice) -> Array:
-    if len(values) == 1:
-        return values
-    return np.asarray(values[rows])

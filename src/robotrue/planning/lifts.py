@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
 from robotrue.cell.obstacles import Box
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.core.mesh import TriangleMesh
 from robotrue.core.poses import apply
 from robotrue.core.units import MM
@@ -25,7 +26,7 @@ MOVED: Final = 30.0 * MM
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Side:
+class Side(Columns):
     """One side of the part and where it stands.
 
     Attributes:
@@ -34,11 +35,7 @@ class Side:
     """
 
     path: Toolpath
-    T_base_part: Array
-
-    def __post_init__(self) -> None:
-        """Freezes the pose."""
-        object.__setattr__(self, "T_base_part", frozen(self.T_base_part, (4, 4), "T_base_part"))
+    T_base_part: Annotated[Array, Column("4 4")]
 
 
 def require_one_clamping(sides: Sequence[Side], box: Box) -> None:

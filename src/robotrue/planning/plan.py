@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Final, Literal, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
 
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.settings import FitSettings
 from robotrue.cell.cell import Cell
-from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.core.arrays import Array, IntArray
+from robotrue.core.columns import Column, Columns
 from robotrue.core.progress import Progress, unheard
 from robotrue.core.regions import Region
 from robotrue.core.units import DEG
@@ -88,7 +89,7 @@ class PlanSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PosePlan:
+class PosePlan(Columns):
     """n poses in the order in which they are to be measured.
 
     Attributes:
@@ -112,14 +113,14 @@ class PosePlan:
         notes: What was not checked or assumed, one sentence each.
     """
 
-    joints: Array
-    pre: Array
-    approach: Array
-    row: IntArray
-    load: IntArray
+    joints: Annotated[Array, Column("n dof", unit="rad")]
+    pre: Annotated[Array, Column("_ dof", unit="rad")]
+    approach: Annotated[Array, Column("n dof")]
+    row: Annotated[IntArray, Column("n")]
+    load: Annotated[IntArray, Column("n")]
     loads: tuple[Load, ...]
-    position: Array
-    rank: IntArray
+    position: Annotated[Array, Column("n 3", unit="m")]
+    rank: Annotated[IntArray, Column("n")]
     expected: Expected
     criterion: Criterion
     candidates: int
@@ -130,19 +131,6 @@ class PosePlan:
     stopped: bool
     seed: int
     notes: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        """Checks shapes and freezes."""
-        n, dof = np.shape(self.joints)
-        for name, shape in (
-            ("joints", (n, dof)),
-            ("pre", (None, dof)),
-            ("approach", (n, dof)),
-            ("position", (n, 3)),
-        ):
-            object.__setattr__(self, name, frozen(getattr(self, name), shape, name))
-        for name in ("row", "load", "rank"):
-            object.__setattr__(self, name, frozen(getattr(self, name), (n,), name, dtype=np.int64))
 
     def __len__(self) -> int:
         return len(self.joints)
@@ -270,7 +258,7 @@ def _where(
 ) -> Postures:
     """The postures at which the accuracy counts."""
     if work is not None:
-        return work.subset(_spread(len(work)))
+        return work.take(_spread(len(work)))
     if settings.work is None:
         return Postures(joints=joints[_spread(len(joints))], load=load)
     found = reachable_in(

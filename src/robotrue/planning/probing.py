@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Final, Literal, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
 
 import numpy as np
 
@@ -18,7 +18,8 @@ from robotrue.calibration.belief import Belief, with_nuisances
 from robotrue.calibration.machined import tip_columns, uncarried
 from robotrue.calibration.model import Query
 from robotrue.calibration.update import centred
-from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.core.arrays import Array, IntArray
+from robotrue.core.columns import Column, Columns
 from robotrue.errors import ConfigurationError, ObservabilityError, ShapeError
 from robotrue.measurement.probing_set import NO_SURFACE, ProbingSet
 from robotrue.planning.criteria import exchanged, greedy
@@ -46,7 +47,7 @@ UNFIXED: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Machining:
+class Machining(Columns):
     """m postures in which the part will be machined.
 
     Attributes:
@@ -58,25 +59,21 @@ class Machining:
         T_flange_tool: (4, 4) the cutting point; None is the touching tip itself.
     """
 
-    group: tuple[str, ...]
-    point: Array
-    joints: Array
-    part: IntArray
+    group: Annotated[tuple[str, ...], Column("n")]
+    point: Annotated[Array, Column("n 3", unit="m")]
+    joints: Annotated[Array, Column("n dof", unit="rad")]
+    part: Annotated[IntArray, Column("n")]
     load: Load = NO_LOAD
     T_flange_tool: Array | None = None
 
-    def __post_init__(self) -> None:
-        """Checks shapes and freezes.
+    def _check_rules(self) -> None:
+        """Needs a posture.
 
         Raises:
-            ShapeError: Columns that do not belong together, or no posture at all.
+            ShapeError: No posture at all.
         """
-        m = len(self.group)
-        if m == 0:
+        if not self.group:
             raise ShapeError("no machined posture, expected one or more.")
-        object.__setattr__(self, "point", frozen(self.point, (m, 3), "point"))
-        object.__setattr__(self, "joints", frozen(self.joints, (m, None), "joints"))
-        object.__setattr__(self, "part", frozen(self.part, (m,), "part", dtype=np.int64))
 
     def __len__(self) -> int:
         return len(self.group)

@@ -11,11 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.columns import Column, Columns
 from robotrue.core.poses import apply, pose
 from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.core.units import DEG
@@ -43,7 +44,7 @@ TRACKER: Final = "tracker"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TouchLimits:
+class TouchLimits(Columns):
     """What a touch must keep.
 
     Attributes:
@@ -57,19 +58,20 @@ class TouchLimits:
     lean: float = 15.0 * DEG
     steepest: float = 60.0 * DEG
     margin: float = 2.0 * DEG
-    tip_axis: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    tip_axis: Annotated[Array, Column("3")] = field(
+        default_factory=lambda: np.array([0.0, 0.0, 1.0])
+    )
 
-    def __post_init__(self) -> None:
+    def _check_rules(self) -> None:
         """Makes the axis unit.
 
         Raises:
             ShapeError: An axis without a direction.
         """
-        axis: Array = frozen(self.tip_axis, (3,), "tip_axis")
-        if not np.linalg.norm(axis) > 0.0:
+        length = float(np.linalg.norm(self.tip_axis))
+        if not length > 0.0:
             raise ShapeError("tip_axis is zero, expected a direction in the tool frame.")
-        unit = frozen(axis / np.linalg.norm(axis), (3,), "tip_axis")
-        object.__setattr__(self, "tip_axis", unit)
+        self._set_column("tip_axis", self.tip_axis / length)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

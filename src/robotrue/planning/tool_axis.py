@@ -19,11 +19,12 @@ first one ends: split it there into two sides.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Any, Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.core.arrays import Array, IntArray
+from robotrue.core.columns import Column, Columns
 from robotrue.core.poses import inverse as inverse_pose
 from robotrue.core.poses import pose
 from robotrue.core.units import DEG
@@ -55,7 +56,7 @@ _TRIES: Final = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Posed:
+class Posed(Columns):
     """A tool path with the arm that follows it.
 
     Attributes:
@@ -70,24 +71,16 @@ class Posed:
     """
 
     path: Toolpath
-    T_base_part: Array
-    rotation: Array
-    joints: Array
-    spin: Array
+    T_base_part: Annotated[Array, Column("4 4")]
+    rotation: Annotated[Array, Column("n 3 3")]
+    joints: Annotated[Array, Column("n 6", unit="rad")]
+    spin: Annotated[Array, Column("n", unit="rad")]
     branch: int
     limit_margin: float
     wrist_angle: float
 
-    def __post_init__(self) -> None:
-        """Freezes the arrays."""
-        n = len(self.path)
-        for name, shape in (
-            ("T_base_part", (4, 4)),
-            ("rotation", (n, 3, 3)),
-            ("joints", (n, 6)),
-            ("spin", (n,)),
-        ):
-            object.__setattr__(self, name, frozen(getattr(self, name), shape, name))
+    def _known_sizes(self) -> dict[Any, int]:
+        return {"n": len(self.path)}
 
 
 def resolve_spin(

@@ -96,7 +96,7 @@ def solve(
         step = (np.swapaxes(lever, 1, 2) @ np.linalg.solve(normal, error[..., None]))[..., 0]
         largest = np.abs(step).max(axis=1, keepdims=True)
         trial = q[open_] + step * np.minimum(1.0, 0.5 / np.maximum(largest, 1e-300))
-        state, fresh = _residual(robot, target[open_], trial, _rows(load, open_))
+        state, fresh = _residual(robot, target[open_], trial, load.take(open_))
         better = np.sum(fresh * fresh, axis=1) < squared
         won = open_[better]
         q[won], residual[won] = trial[better], fresh[better]
@@ -125,14 +125,6 @@ def _reached(residual: Array, tolerance: float) -> BoolArray:
     position = np.linalg.norm(residual[:, :3], axis=1)
     rotation = np.linalg.norm(residual[:, 3:], axis=1)
     return np.asarray((position <= tolerance) & (rotation <= tolerance))
-
-
-def _rows(load: Load, which: IntArray) -> Load:
-    """The load at some of the poses; single rows stay single."""
-    mass, com, wrench = (
-        part[which] if len(part) > 1 else part for part in (load.mass, load.com, load.wrench)
-    )
-    return Load(mass=mass, com=com, wrench=wrench)
 
 
 def solve_global(
@@ -208,7 +200,7 @@ def all_solutions(
         robot,
         target,
         np.tile(starts, (len(T_base_tool), 1)),
-        load=_rows(load, index),
+        load=load.take(index),
         tolerance=tolerance,
         max_iterations=40,
     )

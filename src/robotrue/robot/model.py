@@ -22,11 +22,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Final, Literal, TypeAlias
+from typing import Annotated, Any, Final, Literal, TypeAlias
 
 import numpy as np
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import EMPTY, Column, Columns
 from robotrue.core.units import STANDARD_GRAVITY
 from robotrue.errors import ConfigurationError, ShapeError
 
@@ -99,8 +100,13 @@ class Configuration:
         return self.sign * (axes - self.offset)
 
 
+def _full_turns(joints: int, _: int) -> Array:
+    """Limits (joints, 2) rad of an arm whose limits are not stated."""
+    return np.tile([-2.0 * np.pi, 2.0 * np.pi], (joints, 1))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RobotModel:
+class RobotModel(Columns):
     """A serial arm of n revolute joints, its nominal geometry and its errors.
 
     Attributes:
@@ -123,51 +129,31 @@ class RobotModel:
 
     name: str
     convention: Convention
-    theta: Array
-    d: Array
-    a: Array
-    alpha: Array
-    joint_map: Array = field(default_factory=lambda: np.empty((0, 0)))
-    limits: Array = field(default_factory=lambda: np.empty((0, 2)))
-    link_mass: Array = field(default_factory=lambda: np.empty(0))
-    link_com: Array = field(default_factory=lambda: np.empty((0, 3)))
-    T_flange_tool: Array = field(default_factory=lambda: np.eye(4))
-    gravity: Array = field(default_factory=lambda: np.array([0.0, 0.0, -STANDARD_GRAVITY]))
-    errors: Array = field(default_factory=lambda: np.empty(0))
+    theta: Annotated[Array, Column("n", unit="rad")]
+    d: Annotated[Array, Column("n", unit="m")]
+    a: Annotated[Array, Column("n", unit="m")]
+    alpha: Annotated[Array, Column("n", unit="rad")]
+    joint_map: Annotated[Array, Column("n n", fill=np.eye)] = EMPTY
+    limits: Annotated[Array, Column("n 2", unit="rad", fill=_full_turns)] = EMPTY
+    link_mass: Annotated[Array, Column("n", unit="kg", fill=0.0)] = EMPTY
+    link_com: Annotated[Array, Column("n 3", unit="m", fill=0.0)] = EMPTY
+    T_flange_tool: Annotated[Array, Column("4 4")] = field(default_factory=lambda: np.eye(4))
+    gravity: Annotated[Array, Column("3", unit="m/s^2")] = field(
+        default_factory=lambda: np.array([0.0, 0.0, -STANDARD_GRAVITY])
+    )
+    errors: Annotated[Array, Column("errors", fill=0.0)] = EMPTY
     controller: Configuration | None = None
     maker: str = "generic"
 
-    def __post_init__(self) -> None:
-        """Checks shapes once and freezes every array; empty ones take their neutral value."""
-        n = len(self.d)
+    def _known_sizes(self) -> dict[Any, int]:
+        return {"n": len(self.d), "errors": len(PER_JOINT) * len(self.d) + 12}
+
+    def _check_rules(self) -> None:
+        """Checks convention and limits."""
         if self.convention not in ("dh", "mdh"):
             raise ConfigurationError(f"convention {self.convention!r}, expected 'dh' or 'mdh'.")
-        neutral = {
-            "joint_map": np.eye(n),
-            "limits": np.tile([-2.0 * np.pi, 2.0 * np.pi], (n, 1)),
-            "link_mass": np.zeros(n),
-            "link_com": np.zeros((n, 3)),
-            "errors": np.zeros(len(PER_JOINT) * n + 12),
-        }
-        shapes: dict[str, tuple[int, ...]] = {
-            "theta": (n,),
-            "d": (n,),
-            "a": (n,),
-            "alpha": (n,),
-            "joint_map": (n, n),
-            "limits": (n, 2),
-            "link_mass": (n,),
-            "link_com": (n, 3),
-            "T_flange_tool": (4, 4),
-            "gravity": (3,),
-            "errors": (len(PER_JOINT) * n + 12,),
-        }
-        for name, shape in shapes.items():
-            value = getattr(self, name)
-            if name in neutral and np.size(value) == 0:
-                value = neutral[name]
-            object.__setattr__(self, name, frozen(value, shape, name))
         if self.controller is None:
+            n = len(self.d)
             object.__setattr__(
                 self, "controller", Configuration(sign=np.ones(n), offset=np.zeros(n))
             )

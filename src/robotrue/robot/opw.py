@@ -14,11 +14,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.core.poses import inverse as inverse_pose
 from robotrue.core.poses import pose
 from robotrue.robot.forward import forward, walk
@@ -30,7 +31,7 @@ _PROBES: Final = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OpwGeometry:
+class OpwGeometry(Columns):
     """An ortho-parallel arm. All angles zero: arm and forearm point straight up.
 
     ``theta_opw = sign * (joint_map @ q) + offset``; for an arm without a parallelogram
@@ -58,20 +59,10 @@ class OpwGeometry:
     c2: float
     c3: float
     c4: float
-    sign: Array
-    offset: Array
-    T_opw_flange: Array
-    joint_map: Array
-
-    def __post_init__(self) -> None:
-        """Checks shapes and freezes."""
-        for name, shape in (
-            ("sign", (6,)),
-            ("offset", (6,)),
-            ("T_opw_flange", (4, 4)),
-            ("joint_map", (6, 6)),
-        ):
-            object.__setattr__(self, name, frozen(getattr(self, name), shape, name))
+    sign: Annotated[Array, Column("6")]
+    offset: Annotated[Array, Column("6", unit="rad")]
+    T_opw_flange: Annotated[Array, Column("4 4")]
+    joint_map: Annotated[Array, Column("6 6")]
 
     def angles(self, joints: Array) -> Array:
         """Returns theta_opw (..., 6) rad from q (..., 6) rad."""

@@ -20,11 +20,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Final, TypeAlias
+from typing import Annotated, Final, TypeAlias
 
 import numpy as np
 
-from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.columns import Column, Columns
 from robotrue.core.rotations import wrap
 from robotrue.core.units import DEG
 from robotrue.errors import ShapeError
@@ -43,7 +44,7 @@ _FINER: Final = 5.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SpinSettings:
+class SpinSettings(Columns):
     """How rotations about the tool axis are chosen.
 
     Attributes:
@@ -58,7 +59,7 @@ class SpinSettings:
         shoulder_margin: m the wrist point keeps from axis 1.
     """
 
-    cutter: Array
+    cutter: Annotated[Array, Column("3")]
     step: float = 10.0 * DEG
     spacing: float = 0.02
     travel: float = 1.0
@@ -67,17 +68,16 @@ class SpinSettings:
     elbow_margin: float = 3.0 * DEG
     shoulder_margin: float = 0.02
 
-    def __post_init__(self) -> None:
+    def _check_rules(self) -> None:
         """Normalises the cutter axis.
 
         Raises:
             ShapeError: An axis of length zero.
         """
-        cutter = np.asarray(self.cutter, dtype=np.float64)
-        length = float(np.linalg.norm(cutter))
+        length = float(np.linalg.norm(self.cutter))
         if not length > 0.0:
             raise ShapeError("cutter has length 0, expected a direction in the tool frame.")
-        object.__setattr__(self, "cutter", frozen(cutter / length, (3,), "cutter"))
+        self._set_column("cutter", self.cutter / length)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,16 +10,18 @@ Source: Deng et al. 2022, eq. 4-7, with SI units throughout.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns, Rows
 from robotrue.robot.forward import ChainState, walk
 from robotrue.robot.model import RobotModel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Load:
+class Load(Columns):
     """What the arm carries and what pushes on it, at n poses or (n = 1) at all.
 
     Attributes:
@@ -28,15 +30,16 @@ class Load:
         wrench: (n, 6) N, N m: force and moment on the tool, at the tool point, in base axes.
     """
 
-    mass: Array = field(default_factory=lambda: np.zeros(1))
-    com: Array = field(default_factory=lambda: np.zeros((1, 3)))
-    wrench: Array = field(default_factory=lambda: np.zeros((1, 6)))
+    mass: Annotated[Array, Column("_", unit="kg")] = field(default_factory=lambda: np.zeros(1))
+    com: Annotated[Array, Column("_ 3", unit="m")] = field(default_factory=lambda: np.zeros((1, 3)))
+    wrench: Annotated[Array, Column("_ 6")] = field(default_factory=lambda: np.zeros((1, 6)))
 
-    def __post_init__(self) -> None:
-        """Checks shapes and freezes."""
-        object.__setattr__(self, "mass", frozen(self.mass, (None,), "mass"))
-        object.__setattr__(self, "com", frozen(self.com, (None, 3), "com"))
-        object.__setattr__(self, "wrench", frozen(self.wrench, (None, 6), "wrench"))
+    def take(self, rows: Rows) -> Load:
+        """Returns the load at some of the poses; a single row serves all and stays single."""
+        mass, com, wrench = (
+            part if len(part) == 1 else part[rows] for part in (self.mass, self.com, self.wrench)
+        )
+        return Load(mass=mass, com=com, wrench=wrench)
 
 
 NO_LOAD = Load()

@@ -8,11 +8,12 @@ are the paper's (Table 10); place of the plate, allowance and number of points a
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.columns import Column, Columns
 from robotrue.core.poses import inverse, pose
 from robotrue.core.rotations import abc_from_matrix, matrix_from_abc
 from robotrue.core.units import DEG, MM
@@ -32,7 +33,7 @@ _CLEARANCE: Final = 20.0 * MM
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FlangeHole:
+class FlangeHole(Columns):
     """Where the hole is and how it is cut.
 
     Attributes:
@@ -45,22 +46,22 @@ class FlangeHole:
         side: Data of the side passes.
     """
 
-    T_base_part: Array = field(
+    T_base_part: Annotated[Array, Column("4 4")] = field(
         default_factory=lambda: pose(
             matrix_from_abc(np.array([8.0, 0.0, 0.0]) * DEG), np.array([0.92, -0.12, 0.70])
         )
     )
-    centre: Array = field(default_factory=lambda: np.array([0.15, 0.15]))
+    centre: Annotated[Array, Column("2", unit="m")] = field(
+        default_factory=lambda: np.array([0.15, 0.15])
+    )
     diameter: float = 210.0 * MM
     depth: float = 30.0 * MM
     allowance: float = 1.0 * MM
     slot: Cut = SLOT
     side: Cut = SIDE
 
-    def __post_init__(self) -> None:
-        """Checks and freezes."""
-        object.__setattr__(self, "T_base_part", frozen(self.T_base_part, (4, 4), "T_base_part"))
-        object.__setattr__(self, "centre", frozen(self.centre, (2,), "centre"))
+    def _check_rules(self) -> None:
+        """The tool has to fit the hole."""
         if self.side.diameter + 2.0 * self.allowance >= self.diameter:
             raise ConfigurationError(
                 f"a {self.side.diameter / MM:g} mm tool with {self.allowance / MM:g} mm allowance "

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Annotated, Any, Protocol
 
 import numpy as np
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.errors import ConfigurationError
 from robotrue.robot.configuration import controller_axes
 from robotrue.robot.forward import forward
@@ -31,7 +32,7 @@ class Motion(Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Jog:
+class Jog(Columns):
     """One joint to and fro: what clocks are aligned with.
 
     Attributes:
@@ -43,14 +44,16 @@ class Jog:
     """
 
     robot: RobotModel
-    joints: Array
+    joints: Annotated[Array, Column("dof", unit="rad")]
     axis: int = 1
     amplitude: float = math.radians(5.0)
     period: float = 4.0
 
-    def __post_init__(self) -> None:
-        """Checks."""
-        object.__setattr__(self, "joints", frozen(self.joints, (self.robot.dof,), "joints"))
+    def _known_sizes(self) -> dict[Any, int]:
+        return {"dof": self.robot.dof}
+
+    def _check_rules(self) -> None:
+        """Checks the values."""
         if not 1 <= self.axis <= self.robot.dof or not self.period > 0.0:
             raise ConfigurationError(
                 f"jog of axis {self.axis} in {self.period:g} s, expected an axis from 1 to "

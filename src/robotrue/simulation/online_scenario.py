@@ -14,12 +14,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.core.units import DEG, MM, STANDARD_GRAVITY
 from robotrue.errors import ConfigurationError, ReachError
 from robotrue.robot.configuration import controller_axes
@@ -68,7 +69,7 @@ _STARTS: Final = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OnlineScenario:
+class OnlineScenario(Columns):
     """One cycle of an arm; all times are s on the host's monotonic clock, of any cycle.
 
     Attributes:
@@ -81,14 +82,9 @@ class OnlineScenario:
 
     seed: int
     robot: RobotModel
-    T_base_start: Array
-    table: Array
+    T_base_start: Annotated[Array, Column("4 4")]
+    table: Annotated[Array, Column("_ 3")]
     curve: CubicSpline
-
-    def __post_init__(self) -> None:
-        """Freezes."""
-        object.__setattr__(self, "T_base_start", frozen(self.T_base_start, (4, 4), "T_base_start"))
-        object.__setattr__(self, "table", frozen(self.table, (None, 3), "table"))
 
     def poses(self, time: Array) -> Array:
         """Returns ``T_base_tool`` (n, 4, 4) m at times (n,)."""

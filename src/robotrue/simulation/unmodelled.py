@@ -19,11 +19,12 @@ thermal drift      base shift and joints 2, 3: Ornstein-Uhlenbeck, 1 h, 5 um and
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.errors import ConfigurationError
 
 _DRIFT_WAVES: Final = 64
@@ -32,7 +33,7 @@ _DRIFT_SIGMA: Final = np.array([5e-6, 5e-6, 5e-6, 3e-6, 3e-6])  # m m m rad rad 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Unmodelled:
+class Unmodelled(Columns):
     """One arm's un-modelled behaviour, drawn once.
 
     Attributes:
@@ -51,30 +52,15 @@ class Unmodelled:
 
     seed: int
     level: float
-    cycles: Array
-    sine: Array
-    cosine: Array
-    backlash: Array
-    torque_0: Array
-    approach: Array
-    stiffening: Array
+    cycles: Annotated[Array, Column("dof h")]
+    sine: Annotated[Array, Column("dof h")]
+    cosine: Annotated[Array, Column("dof h")]
+    backlash: Annotated[Array, Column("dof")]
+    torque_0: Annotated[Array, Column("dof")]
+    approach: Annotated[Array, Column("dof")]
+    stiffening: Annotated[Array, Column("dof")]
     bending: float
-    tilt: Array
-
-    def __post_init__(self) -> None:
-        """Checks shapes and freezes."""
-        dof, h = np.shape(self.cycles)
-        for name, shape in (
-            ("cycles", (dof, h)),
-            ("sine", (dof, h)),
-            ("cosine", (dof, h)),
-            ("backlash", (dof,)),
-            ("torque_0", (dof,)),
-            ("approach", (dof,)),
-            ("stiffening", (dof,)),
-            ("tilt", (2,)),
-        ):
-            object.__setattr__(self, name, frozen(getattr(self, name), shape, name))
+    tilt: Annotated[Array, Column("2")]
 
 
 def draw_unmodelled(seed: int, *, level: float, dof: int = 6) -> Unmodelled:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.core.poses import apply, inverse, pose
 from robotrue.core.provenance import Provenance
 from robotrue.errors import ConfigurationError
@@ -21,7 +22,7 @@ SECONDS_PER_POSE: Final = 20.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class VirtualTracker:
+class VirtualTracker(Columns):
     """A tracker at its place.
 
     Attributes:
@@ -31,16 +32,11 @@ class VirtualTracker:
             come out in its own frame.
     """
 
-    T_base_tracker: Array = field(
+    T_base_tracker: Annotated[Array, Column("4 4")] = field(
         default_factory=lambda: pose(np.eye(3), np.array([3.5, -2.0, 1.2]))
     )
     specification: TrackerSpecification = TRACKERS["API T3"]
     frame: MeasurementFrame = "base"
-
-    def __post_init__(self) -> None:
-        """Checks and freezes."""
-        place = frozen(self.T_base_tracker, (4, 4), "T_base_tracker")
-        object.__setattr__(self, "T_base_tracker", place)
 
     @property
     def position(self) -> Array:

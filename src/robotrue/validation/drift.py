@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
 
 import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
@@ -29,7 +29,8 @@ from scipy.special import chdtrc
 from robotrue.calibration.arm import linearise_arm
 from robotrue.calibration.belief import Belief
 from robotrue.calibration.model import ErrorModel, Query
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.errors import ConfigurationError, ObservabilityError, ShapeError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import POSE_TERMS, parameter_slice
@@ -50,7 +51,7 @@ ILL_CONDITIONED: Final = 1e12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Cause:
+class Cause(Columns):
     """One thing that may have happened.
 
     Attributes:
@@ -67,19 +68,13 @@ class Cause:
 
     name: str
     kind: Kind
-    terms: tuple[str, ...]
-    shift: Array
-    sd: Array
+    terms: Annotated[tuple[str, ...], Column("k")]
+    shift: Annotated[Array, Column("k")]
+    sd: Annotated[Array, Column("k")]
     gain: float
     p: float
     p_left: float
     explains: bool
-
-    def __post_init__(self) -> None:
-        """Freezes the arrays."""
-        k = len(self.terms)
-        object.__setattr__(self, "shift", frozen(self.shift, (k,), "shift"))
-        object.__setattr__(self, "sd", frozen(self.sd, (k,), "sd"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,7 +9,7 @@ cannot take are empty (NaN): they are not points without error.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final, Literal, TypeAlias
+from typing import Annotated, Any, Final, Literal, TypeAlias
 
 import numpy as np
 from scipy.special import chdtri
@@ -19,7 +19,8 @@ from robotrue.calibration.model import ErrorModel, Query
 from robotrue.calibration.rigid_flexible import RigidFlexibleModel
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.terms.compliance import compliance_scale
-from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.columns import Column, Columns
 from robotrue.core.poses import pose
 from robotrue.core.regions import CylinderRegion, Region, grid_coordinates, points_at
 from robotrue.core.rotations import matrix_from_abc, wrap
@@ -39,7 +40,7 @@ _SEEDS: Final = 24
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WorkspaceMap:
+class WorkspaceMap(Columns):
     """Predicted errors at the points of a grid, actual minus commanded, base axes.
 
     Attributes:
@@ -60,24 +61,14 @@ class WorkspaceMap:
     along: int
     sectors: int
     attitude: Attitude
-    coordinates: Array
-    point: Array
-    joints: Array
-    error: Array
-    covariance: Array
+    coordinates: Annotated[Array, Column("n 3", nan=True)]
+    point: Annotated[Array, Column("n 3", unit="m", nan=True)]
+    joints: Annotated[Array, Column("n dof", unit="rad", nan=True)]
+    error: Annotated[Array, Column("n 3", unit="m", nan=True)]
+    covariance: Annotated[Array, Column("n 3 3", unit="m^2", nan=True)]
 
-    def __post_init__(self) -> None:
-        """Checks shapes and freezes."""
-        n = int(np.prod(self.counts))
-        for name, shape in (
-            ("coordinates", (n, 3)),
-            ("point", (n, 3)),
-            ("joints", (n, None)),
-            ("error", (n, 3)),
-            ("covariance", (n, 3, 3)),
-        ):
-            value = frozen(getattr(self, name), shape, name, allow_nan=True)
-            object.__setattr__(self, name, value)
+    def _known_sizes(self) -> dict[Any, int]:
+        return {"n": int(np.prod(self.counts))}
 
     @property
     def reachable(self) -> BoolArray:

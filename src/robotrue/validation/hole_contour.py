@@ -9,11 +9,12 @@ circle.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
 from robotrue.core.arrays import Array, frozen
+from robotrue.core.columns import Column, Columns
 from robotrue.errors import ConvergenceError, ShapeError
 
 _STEPS: Final = 50
@@ -37,7 +38,7 @@ class Cylinder:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HoleResult:
+class HoleResult(Columns):
     """A measured hole against its drawing, SI, part axes.
 
     Attributes:
@@ -50,23 +51,12 @@ class HoleResult:
             vector.
     """
 
-    position_error: Array
+    position_error: Annotated[Array, Column("2", unit="m")]
     cylinder: Cylinder
-    contour: Array
-    form: Array
-    angle: Array
-    deviation: Array
-
-    def __post_init__(self) -> None:
-        """Freezes."""
-        for name, shape in (
-            ("position_error", (2,)),
-            ("contour", (None,)),
-            ("form", (None,)),
-            ("angle", (None,)),
-            ("deviation", (None, 2)),
-        ):
-            object.__setattr__(self, name, frozen(getattr(self, name), shape, name))
+    contour: Annotated[Array, Column("_", unit="m")]
+    form: Annotated[Array, Column("_", unit="m")]
+    angle: Annotated[Array, Column("_", unit="rad")]
+    deviation: Annotated[Array, Column("_ 2", unit="m")]
 
     @property
     def position(self) -> float:

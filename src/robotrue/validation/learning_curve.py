@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel
-from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.core.arrays import Array, IntArray
+from robotrue.core.columns import Column, Columns
 from robotrue.core.progress import Progress
 from robotrue.core.units import MM
 from robotrue.errors import RobotrueError, ShapeError
@@ -30,7 +31,7 @@ FEWEST_HELD: Final = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LearningCurve:
+class LearningCurve(Columns):
     """What every candidate makes of so many target poses.
 
     Attributes:
@@ -44,22 +45,13 @@ class LearningCurve:
         failures: Why, for every candidate that failed at some count: name and first reason.
     """
 
-    names: tuple[str, ...]
-    counts: IntArray
-    mean: Array
-    coverage: Array
+    names: Annotated[tuple[str, ...], Column("c")]
+    counts: Annotated[IntArray, Column("k")]
+    mean: Annotated[Array, Column("c k _", unit="m", nan=True)]
+    coverage: Annotated[Array, Column("c k _", nan=True)]
     held: int
     floor: float | None = None
     failures: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        """Checks shapes and freezes."""
-        counts = frozen(self.counts, (None,), "counts", dtype=np.int64)
-        shape = (len(self.names), len(counts), None)
-        object.__setattr__(self, "counts", counts)
-        for name in ("mean", "coverage"):
-            values = frozen(getattr(self, name), shape, name, allow_nan=True)
-            object.__setattr__(self, name, values)
 
     @property
     def repeats(self) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 from scipy.stats import chi2
@@ -11,7 +11,8 @@ from scipy.stats import chi2
 from robotrue.calibration.residual import LearnedModel
 from robotrue.cell.part import PartFrame, PartTable
 from robotrue.cell.registration.fit import Registration, point_covariance
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.core.graduated import GAUSS_POINT
 from robotrue.core.identity import ModelIdentity
 from robotrue.core.provenance import MEASURED, Provenance
@@ -30,7 +31,7 @@ REGION: Final = float(np.sqrt(chi2.ppf(0.95, 3)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FoundFrame:
+class FoundFrame(Columns):
     """One part or side.
 
     Attributes:
@@ -46,17 +47,14 @@ class FoundFrame:
 
     name: str
     registration: Registration
-    points: Array
-    machined: Array
+    points: Annotated[Array, Column("n 3", unit="m")]
+    machined: Annotated[Array, Column("n 3 3", unit="m^2")]
     with_arm: bool = True
     reasons: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
 
-    def __post_init__(self) -> None:
-        """Freezes the arrays."""
-        n = len(self.registration.names)
-        object.__setattr__(self, "points", frozen(self.points, (n, 3), "points"))
-        object.__setattr__(self, "machined", frozen(self.machined, (n, 3, 3), "machined"))
+    def _known_sizes(self) -> dict[Any, int]:
+        return {"n": len(self.registration.names)}
 
     @property
     def verdict(self) -> str:

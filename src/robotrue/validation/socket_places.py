@@ -9,14 +9,15 @@ one fixture shows a part of that.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import TypeAlias
+from dataclasses import dataclass
+from typing import Annotated, TypeAlias
 
 import numpy as np
 
 from robotrue.calibration.machined import region_factor, tip_columns, uncarried
 from robotrue.calibration.model import ErrorModel, Query, require_belief
-from robotrue.core.arrays import Array, BoolArray, frozen
+from robotrue.core.arrays import Array, BoolArray
+from robotrue.core.columns import EMPTY, Column, Columns
 from robotrue.errors import ConfigurationError, ModelMismatchError, ObservabilityError
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.robot.forward import forward
@@ -26,7 +27,7 @@ FitTouches: TypeAlias = Callable[[ProbingSet], ErrorModel]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SocketSpread:
+class SocketSpread(Columns):
     """Where a model puts the ball, touch by touch.
 
     Attributes:
@@ -36,16 +37,10 @@ class SocketSpread:
         inside: (n,) whether the touch lies in its 95 % region; empty where none was asked for.
     """
 
-    distance: Array
+    distance: Annotated[Array, Column("_", unit="m")]
     names: tuple[str, ...]
-    length_error: Array
-    inside: BoolArray = field(default_factory=lambda: np.empty(0, dtype=np.bool_))
-
-    def __post_init__(self) -> None:
-        """Freezes."""
-        object.__setattr__(self, "distance", frozen(self.distance, (None,), "distance"))
-        object.__setattr__(self, "length_error", frozen(self.length_error, (None,), "length_error"))
-        object.__setattr__(self, "inside", frozen(self.inside, (None,), "inside", dtype=np.bool_))
+    length_error: Annotated[Array, Column("_", unit="m")]
+    inside: Annotated[BoolArray, Column("_")] = EMPTY
 
     @property
     def mean(self) -> float:

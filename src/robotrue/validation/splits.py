@@ -10,12 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.core.arrays import Array, IntArray
+from robotrue.core.columns import Column, Columns
 from robotrue.errors import ShapeError
 from robotrue.measurement.measurement_set import MeasurementSet
 
@@ -31,7 +32,7 @@ QUESTIONS: Final[dict[SplitKind, str]] = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Split:
+class Split(Columns):
     """Rows to fit on and rows held out.
 
     Attributes:
@@ -43,19 +44,17 @@ class Split:
 
     name: str
     kind: SplitKind
-    train: IntArray
-    test: IntArray
+    train: Annotated[IntArray, Column("_")]
+    test: Annotated[IntArray, Column("_")]
 
-    def __post_init__(self) -> None:
-        """Freezes both and checks that they are disjoint and not empty."""
+    def _check_rules(self) -> None:
+        """Both parts need rows, and share none."""
         for name in ("train", "test"):
-            rows = frozen(getattr(self, name), (None,), name, dtype=np.int64)
-            if not len(rows):
+            if not len(getattr(self, name)):
                 raise ShapeError(
                     f"split {self.name!r} has an empty {name} part.",
                     hint="fewer folds, or more poses.",
                 )
-            object.__setattr__(self, name, rows)
         if len(np.intersect1d(self.train, self.test)):
             raise ShapeError(f"split {self.name!r}: a row is in both train and test.")
 

@@ -13,11 +13,12 @@ import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.core.arrays import Array, IntArray
+from robotrue.core.columns import Column, Columns
 from robotrue.core.units import MM
 from robotrue.errors import FormatError
 from robotrue.measurement.formats.sheet import Sheet, column_key, finite_number, read_sheet
@@ -31,7 +32,7 @@ UNIT: Final = (0.5, 2.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Features:
+class Features(Columns):
     """n rows: places of a part that can be touched.
 
     Attributes:
@@ -44,23 +45,19 @@ class Features:
         digest: SHA-256 of the file; empty if made in code.
     """
 
-    names: tuple[str, ...]
-    point: Array
-    normal: Array
-    access: Array
-    part: IntArray
+    names: Annotated[tuple[str, ...], Column("n")]
+    point: Annotated[Array, Column("n 3", unit="m")]
+    normal: Annotated[Array, Column("n 3", nan=True)]
+    access: Annotated[Array, Column("n 3", nan=True)]
+    part: Annotated[IntArray, Column("n")]
     parts: tuple[str, ...] = ("part",)
     digest: str = ""
 
-    def __post_init__(self) -> None:
-        """Checks shapes, makes directions unit, freezes."""
-        n = len(self.names)
-        object.__setattr__(self, "point", frozen(self.point, (n, 3), "point"))
+    def _check_rules(self) -> None:
+        """Makes directions unit."""
         for name in ("normal", "access"):
-            value: Array = frozen(getattr(self, name), (n, 3), name, allow_nan=True)
-            unit = value / np.linalg.norm(value, axis=1, keepdims=True)
-            object.__setattr__(self, name, frozen(unit, (n, 3), name, allow_nan=True))
-        object.__setattr__(self, "part", frozen(self.part, (n,), "part", dtype=np.int64))
+            direction = getattr(self, name)
+            self._set_column(name, direction / np.linalg.norm(direction, axis=1, keepdims=True))
 
     def __len__(self) -> int:
         return len(self.names)

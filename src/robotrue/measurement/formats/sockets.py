@@ -12,11 +12,12 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.columns import Column, Columns
 from robotrue.core.files import sha256
 from robotrue.errors import ConfigurationError, FormatError, ImplausibleDataError, ShapeError
 from robotrue.measurement.formats.sheet import read_sheet
@@ -30,7 +31,7 @@ TURNS: Final = 6.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SocketTouches:
+class SocketTouches(Columns):
     """A ball put into the sockets of a fixture that stood at several places.
 
     Attributes:
@@ -41,14 +42,9 @@ class SocketTouches:
     """
 
     touches: ProbingSet
-    sockets: tuple[str, ...]
+    sockets: Annotated[tuple[str, ...], Column("k")]
     places: tuple[str, ...]
-    place: IntArray
-
-    def __post_init__(self) -> None:
-        """Freezes."""
-        place = frozen(self.place, (len(self.sockets),), "place", dtype=np.int64)
-        object.__setattr__(self, "place", place)
+    place: Annotated[IntArray, Column("k")]
 
     def rows_at(self, places: Collection[str]) -> BoolArray:
         """Returns (n,) True for the touches made at the named places.

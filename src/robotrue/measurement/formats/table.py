@@ -25,7 +25,7 @@ from robotrue.measurement.tracker import Instrument, default_instrument
 _ZERO_CELSIUS = 273.15
 
 
-class Columns:
+class MappedSheet:
     """The columns a mapping names in a sheet, as numbers.
 
     Raises:
@@ -163,7 +163,7 @@ def read_table(
     Raises:
         FormatError: A column is missing or unknown, or a cell is not what it should be.
     """
-    columns = Columns(sheet, mapping)
+    columns = MappedSheet(sheet, mapping)
     position = _position(columns)
     rotation, rotation_covariance = _rotation(columns)
     group, names = _sets(columns)
@@ -194,7 +194,7 @@ def read_table(
     )
 
 
-def joint_columns(columns: Columns) -> Array:
+def joint_columns(columns: MappedSheet) -> Array:
     """Returns joints (n, dof) in rad."""
     mapping = columns.mapping
     values = columns.numbers("joints")
@@ -205,7 +205,7 @@ def joint_columns(columns: Columns) -> Array:
     return values * ANGLE[mapping.joints_unit]
 
 
-def wrench_columns(columns: Columns) -> Array:
+def wrench_columns(columns: MappedSheet) -> Array:
     """Returns the wrench (n, 6) N, N m; zero where the file has none."""
     out = np.zeros((len(columns), 6))
     for group, part in (("force", slice(0, 3)), ("moment", slice(3, 6))):
@@ -214,7 +214,7 @@ def wrench_columns(columns: Columns) -> Array:
     return out
 
 
-def payload_column(columns: Columns) -> Array:
+def payload_column(columns: MappedSheet) -> Array:
     """Returns the payload (n,) kg; NaN ("the cell's") where the file has none."""
     if not columns.present("payload_mass"):
         return np.full(len(columns), np.nan)
@@ -223,7 +223,7 @@ def payload_column(columns: Columns) -> Array:
     return values
 
 
-def approach_columns(columns: Columns) -> Array:
+def approach_columns(columns: MappedSheet) -> Array:
     """Returns the approach signs (n, dof); zero (unknown) where the file has none."""
     if not columns.present("approach"):
         return np.zeros((len(columns), len(columns.mapping.joints)))
@@ -237,7 +237,7 @@ def approach_columns(columns: Columns) -> Array:
     return values
 
 
-def _position(columns: Columns) -> Array:
+def _position(columns: MappedSheet) -> Array:
     mapping = columns.mapping
     values = columns.numbers("position")
     if mapping.position_minus:
@@ -246,7 +246,7 @@ def _position(columns: Columns) -> Array:
     return np.asarray((sign * values + offset) * LENGTH[mapping.position_unit])
 
 
-def _covariance(columns: Columns, position: Array, instrument: Instrument) -> Array:
+def _covariance(columns: MappedSheet, position: Array, instrument: Instrument) -> Array:
     if not columns.present("position_std"):
         return instrument(position)
     unit = LENGTH[columns.mapping.position_unit]
@@ -268,7 +268,7 @@ def _covariance(columns: Columns, position: Array, instrument: Instrument) -> Ar
     return out
 
 
-def _rotation(columns: Columns) -> tuple[Array, Array]:
+def _rotation(columns: MappedSheet) -> tuple[Array, Array]:
     n, mapping = len(columns), columns.mapping
     missing = np.full((n, 3, 3), np.nan)
     if not columns.present("rotation"):
@@ -314,7 +314,7 @@ def _euler_axes(angles: Array, intrinsic: bool) -> Array:
     return np.stack(columns, axis=2)
 
 
-def _positive(columns: Columns, group: str, values: Array, *, zero: bool = False) -> None:
+def _positive(columns: MappedSheet, group: str, values: Array, *, zero: bool = False) -> None:
     bad = np.argwhere(values < 0.0 if zero else values <= 0.0)
     if bad.size:
         row, k = (int(i) for i in bad[0])
@@ -324,11 +324,11 @@ def _positive(columns: Columns, group: str, values: Array, *, zero: bool = False
         )
 
 
-def _numbers_or_zero(columns: Columns, group: str) -> npt.NDArray[np.int64]:
+def _numbers_or_zero(columns: MappedSheet, group: str) -> npt.NDArray[np.int64]:
     return columns.whole(group) if columns.present(group) else np.zeros(len(columns), np.int64)
 
 
-def _sets(columns: Columns) -> tuple[npt.NDArray[np.int64], tuple[str, ...]]:
+def _sets(columns: MappedSheet) -> tuple[npt.NDArray[np.int64], tuple[str, ...]]:
     if not columns.present("set_name"):
         return np.zeros(len(columns), np.int64), (Path(columns.sheet.source).stem,)
     words = columns.words("set_name")
