@@ -263,7 +263,7 @@ class World:
             if trace and self.count % trace == 0:
                 self.record()
         outcome, guard = self.outcome, self.guard
-        outcome.trips, outcome.left_nm = guard.bites, guard.state().farthest / NM
+        outcome.trips, outcome.left_nm = guard.trips, guard.state().farthest / NM
         return outcome
 
     def record(self) -> None:
@@ -305,9 +305,9 @@ class World:
     def confirm(self) -> None:
         """The operator starts the controller anew, then the service, and confirms zero."""
         self.robot.restart(self.rng.randrange(30, 80))
-        bites = self.guard.bites
+        trips = self.guard.trips
         self.guard = CorrectionGuard(self.limits, self.mode)
-        self.guard.bites = bites
+        self.guard.trips = trips
         self.tool = self.made(None)
         self._line.clear()
         self._told.clear()
@@ -341,10 +341,10 @@ class World:
         """Another process goes on, from what the one before has told: not its last answers."""
         told = self.rng.randrange(len(self._told)) if self.mode is RELATIVE else -1
         state, watch = self._told[told]
-        bites = self.guard.bites
+        trips = self.guard.trips
         self.guard = CorrectionGuard(self.limits, self.mode)
         self.guard.resume(state, "the process that answers has ended")
-        self.guard.bites = bites + 1
+        self.guard.trips = trips + 1
         self.tool = self.made(watch)
         self._told.clear()
 

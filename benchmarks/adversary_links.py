@@ -164,7 +164,7 @@ class EgmWorld:
         """Runs so many cycles."""
         for _ in range(count):
             self.one_cycle()
-        self.outcome.trips = self.guard.bites
+        self.outcome.trips = self.guard.trips
         return self.outcome
 
     def restart(self, cycles: int) -> None:

@@ -1,4 +1,4 @@
-"""Samples per CPU second of the online sources, one thread: in bulk beside one by one.
+"""Samples per CPU second of the online sources, one thread.
 
 python benchmarks/online_sources.py
 """
@@ -13,11 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from robotrue.online import rdt
-from robotrue.online.blocks import force_block
 from robotrue.online.rdt_block import RECORD, rdt_block, records_of
-from robotrue.online.replay import replay_force
 from robotrue.online.replay_blocks import force_blocks
-from robotrue.online.sequence import advance
 from robotrue.online.sequence_block import advance_block
 
 SCALE = rdt.RdtScale(newton=1e-6, newton_metre=1e-6)
@@ -30,18 +27,16 @@ def main() -> None:
     print("samples per CPU second, one thread")
     for size in (1, 28, 512):
         bulk = _rate(lambda size=size: _rdt_in_bulk(size))
-        single = _rate(lambda size=size: _rdt_one_by_one(size))
-        _say(f"RDT bytes to a block of {size}", bulk, single)
+        _say(f"RDT bytes to a block of {size}", bulk)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "force.csv"
         _record(path)
         bulk = _rate(lambda: sum(map(len, force_blocks(path))))
-        single = _rate(lambda: sum(1 for _ in zip(replay_force(path), range(5_000), strict=False)))
-        _say("replay of a CSV of forces", bulk, single)
+        _say("replay of a CSV of forces", bulk)
 
 
-def _say(what: str, bulk: float, single: float) -> None:
-    print(f"{what:30s} {bulk:12,.0f}   one by one {single:10,.0f}   ratio {bulk / single:6.1f}")
+def _say(what: str, rate: float) -> None:
+    print(f"{what:30s} {rate:12,.0f}")
 
 
 def _rate(work: Callable[[], int]) -> float:
@@ -73,24 +68,6 @@ def _rdt_in_bulk(size: int) -> int:
             records, SCALE, count / RATE, flags, device=DEVICE, rate=RATE, before=before
         )
         before = int(block.sequence[-1]), -1
-    return blocks * size
-
-
-def _rdt_one_by_one(size: int) -> int:
-    data, blocks = _bytes(size), max(2, 4000 // size)
-    state, before = rdt.rdt_sequence(RATE), None
-    for k in range(blocks):
-        samples = []
-        for at in range(0, len(data), RECORD.itemsize):
-            (record,) = rdt.read_records(data[at : at + RECORD.itemsize])
-            host = (record.rdt_sequence + k * size) / RATE
-            state, flags = advance(state, record.rdt_sequence + k * size, host)
-            samples.append(
-                rdt.force_sample(
-                    record, SCALE, host, device=DEVICE, rate=RATE, before=before, flags=flags
-                )
-            )
-        force_block(samples)
     return blocks * size
 
 

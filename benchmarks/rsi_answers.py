@@ -228,7 +228,7 @@ def measured(name: str, command: list[str], *, thread: bool, service: bool) -> t
     print(
         f"{name:<28} {counted['taken']:>8} {counted['faulty']:>6} "
         f"{counted.get('overslept', '-'):>6} {health.refused:>7} "
-        f"{counted['rows']:>8} {guard.bites:>5} "
+        f"{counted['rows']:>8} {guard.trips:>5} "
         + " ".join(f"{1e6 * t:>8.0f}" for t in times)
         + f" {1e6 * busy / counted['taken']:>8.0f} {wall:>6.0f}s"
         + ("" if source.preferred else "  (no real-time priority)"),
@@ -317,7 +317,7 @@ def main() -> None:
     print(
         f"{'controller, 4 ms':<28} {'answers':>8} {'late':>6} {'of own':>6} "
         f"{'refused':>7} {'samples':>8} "
-        f"{'bites':>5} {'p50 us':>8} {'p99':>8} {'p99.99':>8} {'max':>8} {'CPU us':>8} {'wall':>7}"
+        f"{'trips':>5} {'p50 us':>8} {'p99':>8} {'p99.99':>8} {'max':>8} {'CPU us':>8} {'wall':>7}"
     )
     if given.floor:
         floor(given.floor)

@@ -127,7 +127,7 @@ def test_packets_lost_while_the_robot_moves_outwards():
         lost += world._aimed_at != before
         assert world.robot.held == world.guard._shift or not world.robot._taken
     assert lost >= 20
-    assert world.guard.bites == 0
+    assert world.guard.trips == 0
     assert world.outcome.outside == 0
     assert world.guard.state().spread == (0, 0)
 
@@ -156,7 +156,7 @@ def test_a_strange_sender_never_takes_the_seat(stated):
             now, moved = _led(link, guard, 80, now + 0.48, 40 * pause)
             held += moved
         health = link.link.health()
-    assert (health.reconnects, health.refused, guard.bites) == (5, 5, 5)
+    assert (health.reconnects, health.refused, guard.trips) == (5, 5, 5)
     assert guard.state().farthest == pytest.approx(1.5e-4, abs=2e-9)
 
 

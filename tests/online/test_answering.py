@@ -179,7 +179,7 @@ def test_a_killed_answering_process_is_told_and_another_goes_on():
     assert "has ended" in then.last_fault
     assert not active
     assert held == pytest.approx(2e-4, abs=2e-5)
-    assert (guard.bites, health.reconnects) == (1, 1)
+    assert (guard.trips, health.reconnects) == (1, 1)
     # what was answered by the first is counted on by the second
     assert health.received == pytest.approx(sum(map(len, seen)), abs=1)
     flags = np.concatenate([b.flags for b in seen])

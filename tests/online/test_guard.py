@@ -181,7 +181,7 @@ def test_the_watchdog_bites_and_goes_to_zero_without_a_jump(mode, harm, why):
         moved, _ = controller.take(guard.next(now + k * CYCLE))
         biggest = max(biggest, moved)
     assert why in guard.why
-    assert guard.bites == 1
+    assert guard.trips == 1
     assert biggest <= STEP + SLACK
     assert guard.at_rest
     assert np.linalg.norm(controller.shift) <= 1e-15
@@ -232,7 +232,7 @@ def test_nothing_bites_before_something_is_wanted():
     guard.fault("the first packet")
     guard.missed(5, 0.0)
     assert guard.active
-    assert guard.bites == 0
+    assert guard.trips == 0
 
 
 def test_a_controller_that_begins_anew_holds_nothing():

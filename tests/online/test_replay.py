@@ -1,11 +1,13 @@
 """Recorded streams: the samples they were, and lines that are none."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from robotrue.core.units import DEG
 from robotrue.errors import FormatError, ImplausibleDataError
-from robotrue.online.replay import replay_force, replay_joints
+from robotrue.online.replay_blocks import force_blocks, joint_blocks
 from robotrue.online.samples import Flag
 
 JOINTS = "t_s,host_s,sequence,a1_deg,a2_deg,a3_deg,a4_deg,a5_deg,a6_deg"
@@ -18,6 +20,17 @@ def _file(tmp_path, *lines, end="\n"):
     return path
 
 
+def _samples(blocks):
+    """The rows of blocks, one by one."""
+    for block in blocks:
+        names = [name for name in block.__dataclass_fields__ if name != "frame"]
+        for row in range(len(block)):
+            values = {name: getattr(block, name)[row] for name in names}
+            yield SimpleNamespace(
+                **values, valid=block.valid[row], frame=getattr(block, "frame", None)
+            )
+
+
 def test_joints(tmp_path):
     path = _file(
         tmp_path,
@@ -26,7 +39,7 @@ def test_joints(tmp_path):
         "1.0,5.0,100,10,-90,90,0,45,180,1000,0,500,0,0,90",
         "1.004,5.004,101,10,-90,90,0,45,180,1000,0,,0,0,90",
     )
-    first, second = replay_joints(path)
+    first, second = _samples(joint_blocks(path))
     assert (first.controller_time, first.host_time, first.sequence) == (1.0, 5.0, 100)
     np.testing.assert_allclose(first.joints, np.array([10, -90, 90, 0, 45, 180]) * DEG)
     np.testing.assert_allclose(first.T_frame_tool[:3, 3], [1.0, 0.0, 0.5])
@@ -49,7 +62,7 @@ def test_force_with_all_that_goes_wrong(tmp_path):
         "0.007,900000,1,2,3,.1,.2,.3,0",
         "0.008,900001,1e9,2,3,.1,.2,.3,0",
     )
-    samples = list(replay_force(path))
+    samples = list(_samples(force_blocks(path)))
     assert [s.flags for s in samples] == [
         Flag.NONE,
         Flag.NOT_FINITE,
@@ -66,7 +79,7 @@ def test_force_with_all_that_goes_wrong(tmp_path):
 
 def test_the_clock_alone_is_watched(tmp_path):
     path = _file(tmp_path, "t_s,fx_N,fy_N,fz_N", *(f"{t},1,2,3" for t in (0, 5, 5, 4.5, 1, 1.1)))
-    samples = list(replay_force(path, frame="tool"))
+    samples = list(_samples(force_blocks(path, frame="tool")))
     expected = [0, 0, Flag.REPEATED, Flag.REORDERED, Flag.CLOCK_JUMP, 0]
     assert [s.flags for s in samples] == expected
     assert samples[0].valid  # no torques measured is no fault
@@ -76,7 +89,7 @@ def test_the_clock_alone_is_watched(tmp_path):
 
 def test_a_last_line_cut_short_is_left_out(tmp_path):
     path = _file(tmp_path, "t_s,fx_N,fy_N,fz_N", "0,1,2,3", "1,1,2,30", end="")
-    assert len(list(replay_force(path))) == 1
+    assert len(list(_samples(force_blocks(path)))) == 1
 
 
 @pytest.mark.parametrize(
@@ -92,18 +105,18 @@ def test_a_last_line_cut_short_is_left_out(tmp_path):
 )
 def test_a_file_that_cannot_be_replayed(tmp_path, lines, message):
     with pytest.raises(FormatError, match=message):
-        list(replay_force(_file(tmp_path, *lines)))
+        list(_samples(force_blocks(_file(tmp_path, *lines))))
 
 
 def test_a_sequence_that_is_none(tmp_path):
     path = _file(tmp_path, "t_s,sequence,fx_N,fy_N,fz_N", "0,1.5,1,2,3")
     with pytest.raises(ImplausibleDataError, match=r"sequence 1\.5"):
-        list(replay_force(path))
+        list(_samples(force_blocks(path)))
 
 
 def test_no_file(tmp_path):
     with pytest.raises(FormatError, match="cannot read"):
-        next(replay_joints(tmp_path / "none.csv"))
+        next(joint_blocks(tmp_path / "none.csv"))
 
 
 def test_tdms_is_the_same_record(tmp_path):
@@ -117,7 +130,7 @@ def test_tdms_is_the_same_record(tmp_path):
     ]
     with nptdms.TdmsWriter(tmp_path / "f.tdms") as writer:
         writer.write_segment(channels)
-    samples = list(replay_force(tmp_path / "f.tdms"))
+    samples = list(_samples(force_blocks(tmp_path / "f.tdms")))
     np.testing.assert_array_equal([s.wrench[:3] for s in samples], force)
     np.testing.assert_allclose([s.controller_time for s in samples], np.arange(50) * 1e-3)
     assert all(s.valid for s in samples)

@@ -5,11 +5,11 @@ import itertools
 
 import numpy as np
 import pytest
+from line_replay import replay_force, replay_joints
 
 from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.online import replay_columns
 from robotrue.online.blocks import force_block, joint_block
-from robotrue.online.replay import replay_force, replay_joints
 from robotrue.online.replay_blocks import Repeats, force_blocks, joint_blocks
 from robotrue.online.replay_link import ReplayForce, ReplayJoints, ReplaySettings
 from robotrue.online.samples import Flag

@@ -85,5 +85,5 @@ def test_the_echo_server_takes_our_answers_and_moves_by_them(tmp_path, mode):
     np.testing.assert_allclose(pose, guard.held.shift / MM, atol=1e-4 + lost)
     seen = blocks[-1].T_frame_tool[-1, :3, 3]
     np.testing.assert_allclose(seen, guard.held.shift, atol=(0.031 + lost) * MM)
-    if not guard.bites:  # a machine that sleeps for long is a fault
+    if not guard.trips:  # a machine that sleeps for long is a fault
         np.testing.assert_allclose(pose, SHIFT / MM, atol=1e-4 + lost)

@@ -29,7 +29,7 @@ from robotrue.online.answering_wire import (
     guard_document,
     guard_state,
     health_of,
-    joined,
+    join_blocks,
     link_state,
     message,
     read_message,
@@ -375,7 +375,7 @@ class _Stream(Generic[B]):
     async def blocks(self) -> AsyncIterator[B]:
         while found := await self._inbox.take():
             self._taken += sum(map(len, found))
-            for block in joined(found):
+            for block in join_blocks(found):
                 yield block
 
     @property

@@ -12,9 +12,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, fields, replace
 from typing import Any, Final, TypeVar
 
-import numpy as np
-
 from robotrue import errors
+from robotrue.core.columns import concat
 from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.online.blocks import Block, ForceBlock, JointBlock
 from robotrue.online.egm import RobotWare
@@ -64,8 +63,11 @@ def plain(state: SequenceState | GuardState | LinkState | Health) -> dict[str, A
 def frames(block: Block) -> Iterator[bytes]:
     """Gives a block as frames that fit into messages."""
     kind = Kind.JOINTS if isinstance(block, JointBlock) else Kind.FORCE
+    if len(block) <= _ROWS:
+        yield frame_bytes(kind, 0, block)
+        return
     for start in range(0, len(block), _ROWS):
-        yield frame_bytes(kind, 0, _rows(block, slice(start, start + _ROWS)))
+        yield frame_bytes(kind, 0, block.take(slice(start, start + _ROWS)))
 
 
 def block_of(frame: bytes) -> Any:
@@ -156,24 +158,15 @@ def fault_of(document: Document) -> RobotrueError:
     return made
 
 
-def joined(blocks: list[B]) -> list[B]:
+def join_blocks(blocks: list[B]) -> list[B]:
     """Returns consecutive blocks of one stream as one; as many as arms differ in their joints."""
     if len({_alike(block) for block in blocks}) != 1:
         return blocks
-    names = [f.name for f in fields(blocks[0]) if f.name != "frame"]
-    whole: dict[str, Any] = {n: np.concatenate([getattr(b, n) for b in blocks]) for n in names}
-    return [replace(blocks[0], **whole)]
+    return [concat(blocks)]
 
 
 def _alike(block: Block) -> object:
     return block.joints.shape[1] if isinstance(block, JointBlock) else block.frame
-
-
-def _rows(block: Block, rows: slice) -> Block:
-    if len(block) <= _ROWS:
-        return block
-    names = [f.name for f in fields(block) if f.name != "frame"]
-    return replace(block, **{name: getattr(block, name)[rows] for name in names})
 
 
 def _steps(values: list[int]) -> tuple[int, int, int]:

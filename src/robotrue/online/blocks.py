@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
+from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.columns import Column, Columns
 from robotrue.errors import ShapeError
 from robotrue.online.samples import Flag, ForceSample, JointSample
@@ -122,13 +122,3 @@ def force_block(samples: Sequence[ForceSample]) -> ForceBlock:
 def _some(samples: Sequence[Any]) -> None:
     if not samples:
         raise ShapeError("a block of no samples, expected one or more.")
-
-
-def _settle(
-    block: Block, shapes: dict[str, tuple[int | None, ...]], whole: tuple[str, ...]
-) -> None:
-    n, set_ = len(block.host_time), object.__setattr__
-    for name, shape in {"controller_time": (n,), "host_time": (n,), **shapes}.items():
-        set_(block, name, frozen(getattr(block, name), shape, name, allow_nan=True))
-    for name in whole:
-        set_(block, name, frozen(getattr(block, name), (n,), name, dtype=np.int64))

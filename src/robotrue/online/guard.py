@@ -51,9 +51,9 @@ class CorrectionLimits:
         turn_rate: rad/s.
         timeout: s after which an estimate is too old.
         ramp: s in which a correction grows to its full size after the start.
-        late_answers: That many late answers within ``late_window`` make the watchdog bite.
+        late_answers: That many late answers within ``late_window`` trip the watchdog.
         late_window: s.
-        latch: After a bite it stays at zero until it is armed again.
+        latch: After a trip it stays at zero until it is armed again.
     """
 
     shift: float
@@ -89,7 +89,7 @@ class GuardState:
     Attributes:
         shift: nm that the robot holds.
         turn: 1e-6 deg that it holds.
-        bites: How often the watchdog has bitten.
+        trips: How often the watchdog has tripped.
         why: For the last time, or empty.
         active: Whether estimates are followed.
         pending: Of these, what the latest answer added (nm, 1e-6 deg), not confirmed yet.
@@ -100,7 +100,7 @@ class GuardState:
 
     shift: Steps = (0, 0, 0)
     turn: Steps = (0, 0, 0)
-    bites: int = 0
+    trips: int = 0
     why: str = ""
     active: bool = True
     pending: tuple[Steps, Steps] = ((0, 0, 0), (0, 0, 0))
@@ -140,7 +140,7 @@ class CorrectionGuard:
     def __init__(self, limits: CorrectionLimits, mode: CorrectionMode) -> None:
         self.limits, self.mode = limits, mode
         self.why = ""
-        self.bites = 0
+        self.trips = 0
         self._lock = threading.Lock()
         self._shift: Steps = NONE
         self._turn: Steps = NONE
@@ -152,7 +152,7 @@ class CorrectionGuard:
         self._late: deque[float] = deque(maxlen=_HISTORY)
         self._time = math.nan
         self._started = math.nan
-        self._bitten_at: float | None = None
+        self._tripped_at: float | None = None
         self._released = False
 
     def want(self, correction: Correction, host_time: float) -> None:
@@ -170,7 +170,7 @@ class CorrectionGuard:
         turn = steps_within(correction.turn.tolist(), self.limits.turn, MICRODEGREE)
         with self._lock:
             if not math.isfinite(host_time):
-                self._bite("an estimate without a time")
+                self._trip("an estimate without a time")
             elif self._wanted is None or host_time >= self._wanted[2]:
                 self._wanted = (shift, turn, host_time)
 
@@ -191,30 +191,33 @@ class CorrectionGuard:
             gain = self._gain(host_time)
             moved = turned = NONE
             if not (self._frozen or self._doubtful):
-                shift, turn = NONE, NONE
-                if gain > 0.0 and self._wanted is not None:
-                    shift, turn = self._wanted[0], self._wanted[1]
-                    if gain < 1.0:
-                        shift, turn = steps_scaled(shift, gain), steps_scaled(turn, gain)
-                limits = self.limits
-                if shift != self._shift:
-                    moved = step_toward(
-                        self._shift,
-                        shift,
-                        limits.shift_rate * elapsed / NANOMETRE,
-                        limits.shift / NANOMETRE - self._spread[0],
-                    )
-                    self._shift = steps_sum(self._shift, moved)
-                if turn != self._turn:
-                    turned = step_toward(
-                        self._turn,
-                        turn,
-                        limits.turn_rate * elapsed / MICRODEGREE,
-                        limits.turn / MICRODEGREE - self._spread[1],
-                    )
-                    self._turn = steps_sum(self._turn, turned)
+                shift, turn = self._aim(gain)
+                limits, (spread, turn_spread) = self.limits, self._spread
+                moved = _next_step(
+                    self._shift,
+                    shift,
+                    limits.shift_rate * elapsed / NANOMETRE,
+                    limits.shift / NANOMETRE - spread,
+                )
+                turned = _next_step(
+                    self._turn,
+                    turn,
+                    limits.turn_rate * elapsed / MICRODEGREE,
+                    limits.turn / MICRODEGREE - turn_spread,
+                )
+                self._shift = steps_sum(self._shift, moved)
+                self._turn = steps_sum(self._turn, turned)
             self._pending = moved, turned
             return self._answer(moved, turned)
+
+    def _aim(self, gain: float) -> tuple[Steps, Steps]:
+        """Shift and turn that are aimed for: the wanted ones times the gain, or zero."""
+        if not gain > 0.0 or self._wanted is None:
+            return NONE, NONE
+        shift, turn, _ = self._wanted
+        if gain < 1.0:
+            return steps_scaled(shift, gain), steps_scaled(turn, gain)
+        return shift, turn
 
     def hold(self) -> Correction | None:
         """Returns the answer to a packet whose cycle is over: it moves nothing, or is not sent."""
@@ -291,15 +294,15 @@ class CorrectionGuard:
             self._late.extend([host_time] * min(answers, _HISTORY))
             recent = sum(host_time - at <= self.limits.late_window for at in self._late)
             if recent >= self.limits.late_answers:
-                self._bite(f"{recent} late answers within {self.limits.late_window:g} s")
+                self._trip(f"{recent} late answers within {self.limits.late_window:g} s")
 
     def fault(self, why: str) -> None:
-        """Bites, for a reason that a link has seen."""
+        """Trips the watchdog, for a reason that a link has seen."""
         with self._lock:
-            self._bite(why)
+            self._trip(why)
 
     def restarted(self, *, certain: bool = True) -> None:
-        """Bites, since the controller has begun anew, or may have.
+        """Trips the watchdog, since the controller has begun anew, or may have.
 
         Args:
             certain: It has, and holds no correction. If not, it holds the correction of before or
@@ -312,11 +315,11 @@ class CorrectionGuard:
                 self._shift, self._turn, self._pending = NONE, NONE, (NONE, NONE)
                 self._spread = [0, 0]
                 self._doubtful = self._frozen = self._refused = False
-                self._bite("the controller has begun anew")
+                self._trip("the controller has begun anew")
                 return
             state = self._state()
             if state.farthest == 0.0 and state.turn == NONE and state.spread[1] == 0:
-                self._bite("the controller may have begun anew")
+                self._trip("the controller may have begun anew")
                 return
             self._frozen = True
             self._refuse(
@@ -329,11 +332,11 @@ class CorrectionGuard:
             self._released = True
 
     def rearm(self) -> None:
-        """Lets corrections grow again after a bite, by the ramp, on the next valid estimate."""
+        """Lets corrections grow again after a trip, by the ramp, on the next valid estimate."""
         with self._lock:
             if self._refused:
                 return
-            self._bitten_at, self.why = None, ""
+            self._tripped_at, self.why = None, ""
             self._wanted, self._started = None, math.nan
             self._late.clear()
 
@@ -347,7 +350,7 @@ class CorrectionGuard:
         return GuardState(
             shift=self._shift,
             turn=self._turn,
-            bites=self.bites,
+            trips=self.trips,
             why=self.why,
             active=self.active,
             pending=self._pending,
@@ -361,16 +364,16 @@ class CorrectionGuard:
 
         Args:
             state: Of that guard, as it was last known.
-            why: What ended it; a bite, unless it had bitten before.
+            why: What ended it; a trip, unless it had tripped before.
         """
         with self._lock:
             self._shift, self._turn, self._pending = state.shift, state.turn, state.pending
             self._spread = list(state.spread)
             self._refused, self._frozen, self._doubtful = state.refused, state.frozen, True
-            self.bites, self.why = state.bites + state.active, state.why
+            self.trips, self.why = state.trips + state.active, state.why
             if state.active:
                 self.why = why
-            self._bitten_at = -math.inf
+            self._tripped_at = -math.inf
 
     @property
     def at_rest(self) -> bool:
@@ -386,7 +389,7 @@ class CorrectionGuard:
     @property
     def active(self) -> bool:
         """Whether estimates are followed."""
-        return self._bitten_at is None and not self._released
+        return self._tripped_at is None and not self._released
 
     @property
     def held(self) -> Correction:
@@ -397,7 +400,7 @@ class CorrectionGuard:
         """Seconds this answer may move for: a cycle at most, none on a broken clock."""
         before = self._time
         if not math.isfinite(host_time) or host_time < before:
-            self._bite("the computer's clock went back")
+            self._trip("the computer's clock went back")
             self._time = host_time if math.isfinite(host_time) else before
             return 0.0
         self._time = host_time
@@ -412,14 +415,14 @@ class CorrectionGuard:
             return 0.0
         age = host_time - wanted[2]
         stale = not -_EARLY <= age <= self.limits.timeout
-        if self._bitten_at is not None:
-            waits = stale or wanted[2] <= self._bitten_at or not self.at_rest
+        if self._tripped_at is not None:
+            waits = stale or wanted[2] <= self._tripped_at or not self.at_rest
             if self.limits.latch or self._refused or waits:
                 return 0.0
-            self._bitten_at, self.why, self._started = None, "", math.nan
+            self._tripped_at, self.why, self._started = None, "", math.nan
         elif stale:
             lies = "ahead of" if age < 0.0 else "behind"
-            self._bite(f"the estimate is {abs(age):.3f} s {lies} the answer")
+            self._trip(f"the estimate is {abs(age):.3f} s {lies} the answer")
             return 0.0
         if math.isnan(self._started):
             self._started = host_time
@@ -427,22 +430,27 @@ class CorrectionGuard:
             return 1.0
         return min(1.0, (host_time - self._started) / self.limits.ramp)
 
-    def _bite(self, why: str) -> None:
-        """Goes to zero from here on; nothing to bite before something is wanted."""
+    def _trip(self, why: str) -> None:
+        """Trips the watchdog: the correction ramps to zero. Does nothing before one is wanted."""
         if self._wanted is None and self.at_rest:
             return
-        if self._bitten_at is None:
-            self.bites += 1
+        if self._tripped_at is None:
+            self.trips += 1
             self.why = why
-        self._bitten_at = -math.inf if math.isnan(self._time) else self._time
+        self._tripped_at = -math.inf if math.isnan(self._time) else self._time
 
     def _refuse(self, why: str) -> None:
-        """Bites for good: only a controller that begins anew for certain ends it."""
-        self.bites += self._bitten_at is None
-        self._bitten_at = -math.inf if math.isnan(self._time) else self._time
+        """Trips for good: only a controller that begins anew for certain ends it."""
+        self.trips += self._tripped_at is None
+        self._tripped_at = -math.inf if math.isnan(self._time) else self._time
         if not self._refused:
             self.why = f"{why}; no more corrections until the controller is started anew"
         self._refused = True
+
+
+def _next_step(held: Steps, aim: Steps, most: float, farthest: float) -> Steps:
+    """The step of one answer from what is held, for shift and turn alike."""
+    return NONE if aim == held else step_toward(held, aim, most, farthest)
 
 
 def check_whole(correction: Correction) -> None:

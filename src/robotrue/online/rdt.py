@@ -1,4 +1,4 @@
-"""ATI Net F/T and Ethernet Axia, Raw Data Transfer: requests, records, and the sensor's scale.
+"""ATI Net F/T and Ethernet Axia, Raw Data Transfer: requests and the sensor's scale.
 
 UDP 49152, big-endian. Records hold counts; what a count is worth stands in the sensor's own page
 ``netftapi2.xml``, with its unit, and differs from sensor to sensor.
@@ -13,20 +13,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-import numpy as np
-
 from robotrue.core.units import MM, STANDARD_GRAVITY
 from robotrue.errors import FormatError, ImplausibleDataError
-from robotrue.online.samples import Flag, ForceSample
 from robotrue.online.sequence import SequenceState
 from robotrue.online.xml_text import parse_xml
 
 PORT: Final = 49152
 _REQUEST: Final = struct.Struct(">HHI")
-_RECORD: Final = struct.Struct(">III6i")
 _MAGIC: Final = 0x1234
-_MOST_RECORDS: Final = 40
-"""Records in a datagram of the buffered mode, at most."""
 EXTREME: Final = (2**31 - 1, -(2**31))
 LATCHED: Final = 1 << 16
 """A monitored limit was crossed once; the data are sound."""
@@ -86,23 +80,6 @@ class RdtScale:
     newton_metre: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RdtRecord:
-    """One record as it was sent.
-
-    Attributes:
-        rdt_sequence: Number of the record.
-        ft_sequence: Number of the measurement within the sensor; it stands still if that hangs.
-        status: Status word; 0 is well.
-        counts: Fx Fy Fz Tx Ty Tz.
-    """
-
-    rdt_sequence: int
-    ft_sequence: int
-    status: int
-    counts: tuple[int, ...]
-
-
 def rdt_sequence(rate: float) -> SequenceState:
     """Returns the state that watches the rdt_sequence of a sensor with ``rate`` records per second.
 
@@ -134,76 +111,6 @@ def read_request(data: bytes) -> tuple[RdtCommand, int]:
     if magic != _MAGIC or command not in RdtCommand.__members__.values():
         raise FormatError(f"RDT request {magic:#06x} {command:#06x}, expected {_MAGIC:#06x}.")
     return RdtCommand(command), count
-
-
-def read_records(data: bytes) -> tuple[RdtRecord, ...]:
-    """Returns the records of a datagram: one, or up to 40 in the buffered mode.
-
-    Raises:
-        FormatError: A size that is no multiple of 36 bytes.
-    """
-    count, rest = divmod(len(data), _RECORD.size)
-    if rest or not 1 <= count <= _MOST_RECORDS:
-        raise FormatError(
-            f"RDT datagram of {len(data)} bytes, expected 1 to {_MOST_RECORDS} times "
-            f"{_RECORD.size}.",
-            hint="port 49152 of the sensor itself.",
-        )
-    return tuple(
-        RdtRecord(rdt_sequence=r[0], ft_sequence=r[1], status=r[2], counts=tuple(r[3:]))
-        for r in _RECORD.iter_unpack(data)
-    )
-
-
-def write_record(record: RdtRecord) -> bytes:
-    """Returns a record as a sensor sends it, for simulators and tests."""
-    return _RECORD.pack(record.rdt_sequence, record.ft_sequence, record.status, *record.counts)
-
-
-def force_sample(
-    record: RdtRecord,
-    scale: RdtScale,
-    host_time: float,
-    *,
-    device: RdtDevice,
-    rate: float,
-    before: RdtRecord | None = None,
-    flags: Flag = Flag.NONE,
-) -> ForceSample:
-    """Returns the sample of a record, in the axes of the sensor.
-
-    Any bit of the status word but "limit latched" makes it invalid; so does a measurement that
-    has not moved since the record before, and a channel at the end of its range.
-
-    Args:
-        record: As read.
-        scale: Of this sensor.
-        host_time: s.
-        device: Family of the sensor.
-        rate: Records per second as configured; the sensor's time is ``rdt_sequence / rate``.
-        before: The record before it, where there is one.
-        flags: What the sequence says.
-    """
-    if record.status & ~LATCHED:
-        flags |= Flag.SENSOR_FAULT
-    if record.status & SATURATED[device.value] or any(c in EXTREME for c in record.counts):
-        flags |= Flag.SATURATED
-    if (
-        before is not None
-        and before.ft_sequence == record.ft_sequence
-        and before.rdt_sequence != record.rdt_sequence
-    ):
-        flags |= Flag.SENSOR_FAULT
-    counts = np.array(record.counts, dtype=np.float64)
-    return ForceSample(
-        controller_time=record.rdt_sequence / rate,
-        host_time=host_time,
-        wrench=counts * np.repeat([scale.newton, scale.newton_metre], 3),
-        frame="sensor",
-        sequence=record.rdt_sequence,
-        status=record.status,
-        flags=flags,
-    )
 
 
 def parse_netftapi(data: bytes, source: str | Path | None = None) -> RdtScale:

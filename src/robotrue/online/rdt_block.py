@@ -1,4 +1,4 @@
-"""Records of an ATI sensor from bytes to a block at once, equal to record by record."""
+"""Records of an ATI sensor from bytes to a block."""
 
 from __future__ import annotations
 
@@ -46,7 +46,10 @@ def rdt_block(
     frame: str = "sensor",
     before: tuple[int, int] | None = None,
 ) -> ForceBlock:
-    """Returns the block of records, as :func:`robotrue.online.rdt.force_sample` gives each.
+    """Returns the block of records, in the axes of the sensor.
+
+    Any bit of the status word but "limit latched" makes a record invalid; so does a measurement
+    that has not moved since the record before, and a channel at the end of its range.
 
     Args:
         records: (n,), as received.

@@ -18,7 +18,7 @@ from robotrue.online.csv_sink import estimate_columns, estimate_lines
 from robotrue.online.estimates import EstimateBlock
 from robotrue.online.record import Record, RecordHeader
 from robotrue.online.record_frames import Kind
-from robotrue.online.replay import FORCE, JOINTS, POSE, TORQUE
+from robotrue.online.replay_columns import FORCE, JOINTS, POSE, TORQUE
 
 Exported: TypeAlias = Literal["joints", "force", "estimates"]
 STREAMS: Final[dict[Exported, Kind]] = {

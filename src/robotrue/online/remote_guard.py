@@ -43,7 +43,7 @@ class RemoteGuard:
         self.fault(why)
 
     def fault(self, why: str) -> None:
-        """Bites, for a reason that is stated."""
+        """Trips the watchdog, for the stated reason."""
         self._ask({"do": "fault", "why": why})
 
     def release(self) -> None:
@@ -51,7 +51,7 @@ class RemoteGuard:
         self._ask({"do": "release"})
 
     def rearm(self) -> None:
-        """Lets corrections grow again after a bite."""
+        """Lets corrections grow again after a trip."""
         self._ask({"do": "rearm"})
 
     @property
@@ -60,9 +60,9 @@ class RemoteGuard:
         return self._state.why
 
     @property
-    def bites(self) -> int:
-        """How often the watchdog has bitten."""
-        return self._state.bites
+    def trips(self) -> int:
+        """How often the watchdog has tripped."""
+        return self._state.trips
 
     @property
     def active(self) -> bool:
@@ -95,7 +95,7 @@ class RemoteGuard:
         """Takes note that its process has ended; returns how it stood before."""
         before = self._state
         if before.active:
-            self._state = replace(before, active=False, why=why, bites=before.bites + 1)
+            self._state = replace(before, active=False, why=why, trips=before.trips + 1)
         return before
 
     def _ask(self, what: Mapping[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""Recorded streams as blocks: what :mod:`robotrue.online.replay` gives line by line, only sooner.
+"""Recorded streams as blocks, from the tables of :mod:`robotrue.online.replay_columns`.
 
 A record can be repeated: its times and counts go on where it ended, and so do the clocks that are
 watched.
@@ -21,15 +21,24 @@ from robotrue.errors import ConfigurationError, FormatError
 from robotrue.online.block_checks import checked_joints, checked_poses, checked_wrench
 from robotrue.online.blocks import ForceBlock, JointBlock
 from robotrue.online.rdt import LATCHED
-from robotrue.online.replay import CLOCKS, FORCE, JOINTS, JUMP, POSE, TIME, TORQUE
-from robotrue.online.replay_columns import read_columns
+from robotrue.online.replay_columns import (
+    CLOCKS,
+    FORCE,
+    JOINTS,
+    POSE,
+    TIME,
+    TORQUE,
+    read_columns,
+    read_tdms_table,
+)
 from robotrue.online.samples import Flag
 from robotrue.online.sequence import SequenceState
 from robotrue.online.sequence_block import advance_block, in_order
 
 _KEPT: Final = 20_000_000
 """Numbers of a record that is repeated and small enough to be kept: 160 MB."""
-_TDMS_ROWS: Final = 1 << 14
+JUMP: Final = 1.0
+"""s; a recorded clock that goes back by less is a packet out of order."""
 _UNKNOWN: Final = int(Flag.NOT_FINITE | Flag.CLOCK_JUMP)
 Table = tuple[tuple[str, ...], Array]
 B = TypeVar("B")
@@ -63,7 +72,7 @@ def joint_blocks(path: str | Path, repeats: Repeats | None = None) -> Iterator[J
     """Gives the joint samples of a CSV in their order.
 
     Raises:
-        FormatError: As :func:`robotrue.online.replay.replay_joints`.
+        FormatError: As :func:`robotrue.online.replay_columns.read_columns`.
         ConfigurationError: A period shorter than the record.
     """
 
@@ -84,7 +93,7 @@ def force_blocks(
         frame: Frame the forces were recorded in.
 
     Raises:
-        FormatError: As :func:`robotrue.online.replay.replay_force`.
+        FormatError: As :func:`robotrue.online.replay_columns.read_columns`.
         ImplausibleDataError: A TDMS record that no sensor can have made.
         MissingExtraError: TDMS without npTDMS.
         ConfigurationError: A period shorter than the record.
@@ -92,7 +101,7 @@ def force_blocks(
 
     def tables() -> Iterator[Table]:
         if Path(path).suffix.lower() == ".tdms":
-            return _tdms(path)
+            return read_tdms_table(path)
         return read_columns(path, (*TIME, *FORCE), (TORQUE,), (*CLOCKS, "status"))
 
     def block(names: tuple[str, ...], table: Array, clock: _Clock) -> ForceBlock:
@@ -238,12 +247,3 @@ def _force(names: tuple[str, ...], table: Array, clock: _Clock, frame: str) -> F
 
 def _taken(names: tuple[str, ...], table: Array, wanted: tuple[str, ...]) -> Array:
     return np.asarray(table[:, [names.index(name) for name in wanted]])
-
-
-def _tdms(path: str | Path) -> Iterator[Table]:
-    from robotrue.dynamics.formats.force_tdms import read_force_tdms
-
-    record, _ = read_force_tdms(path)
-    for at in range(0, len(record), _TDMS_ROWS):
-        part = slice(at, at + _TDMS_ROWS)
-        yield (*TIME, *FORCE), np.column_stack([record.time[part], record.force[part]])

@@ -1,11 +1,17 @@
-"""Recorded streams read in bulk: tables of numbers, the very same as line by line.
+"""Recorded streams as tables of numbers: CSV in stretches of whole lines, TDMS through npTDMS.
 
-Where a stretch of the file holds nothing but numbers and commas it is read at once; any other, with
-blanks, comments or words, is given to the reader of lines.
+Joints: ``t_s,a1_deg..a6_deg``, with ``x_mm,y_mm,z_mm,rx_deg,ry_deg,rz_deg`` of the tool point if
+recorded. Force: ``t_s,fx_N,fy_N,fz_N``, with ``tx_Nm,ty_Nm,tz_Nm`` and ``status`` if recorded.
+Both may have ``host_s`` and ``sequence``. A cell that is empty or ``nan`` is a value that was not
+valid: its sample is marked, not dropped.
+
+A stretch that holds nothing but numbers and commas is read at once; any other, with blanks,
+comments or words, line by line.
 """
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,11 +20,17 @@ from typing import BinaryIO, Final
 import numpy as np
 
 from robotrue.core.arrays import Array
-from robotrue.errors import FormatError, RobotrueError
-from robotrue.online.replay import cells_of, header_names, whole
+from robotrue.errors import FormatError, ImplausibleDataError, RobotrueError
 
+TIME: Final = ("t_s",)
+CLOCKS: Final = ("host_s", "sequence")
+JOINTS: Final = tuple(f"a{i}_deg" for i in range(1, 7))
+POSE: Final = ("x_mm", "y_mm", "z_mm", "rx_deg", "ry_deg", "rz_deg")
+FORCE: Final = ("fx_N", "fy_N", "fz_N")
+TORQUE: Final = ("tx_Nm", "ty_Nm", "tz_Nm")
 CHUNK: Final = 1 << 20
 """Bytes read at once."""
+_TDMS_ROWS: Final = 1 << 14
 _PLAIN: Final = b"0123456789+-.eE,\nnNaA"
 
 
@@ -40,7 +52,9 @@ def read_columns(
         chunk: Bytes of a stretch.
 
     Raises:
-        FormatError: As :func:`robotrue.online.replay.replay_joints`, after the rows before it.
+        FormatError: Unreadable, a column missing, unknown or without unit, a cell that is no
+            number, with its line and after the rows before it. A last line without its end was
+            cut short and is left out.
         ImplausibleDataError: A sequence that is no whole number.
     """
     found = False
@@ -66,6 +80,22 @@ def read_columns(
         raise FormatError("no rows.", source=path, hint="was the recording ever started?")
 
 
+def read_tdms_table(path: str | Path) -> Iterator[tuple[tuple[str, ...], Array]]:
+    """Gives the forces of a TDMS record as :func:`read_columns`; it is read whole.
+
+    Raises:
+        FormatError: Unreadable.
+        ImplausibleDataError: A record that no sensor can have made.
+        MissingExtraError: Without npTDMS.
+    """
+    from robotrue.dynamics.formats.force_tdms import read_force_tdms
+
+    record, _ = read_force_tdms(path)
+    for first in range(0, len(record), _TDMS_ROWS):
+        part = slice(first, first + _TDMS_ROWS)
+        yield (*TIME, *FORCE), np.column_stack([record.time[part], record.force[part]])
+
+
 def _names(
     stream: BinaryIO,
     path: str | Path,
@@ -79,7 +109,7 @@ def _names(
         line += 1
         text = _text(raw, path, line)
         if text:
-            return header_names(text, path, line, needed, groups, optional), line
+            return _column_names(text, path, line, needed, groups, optional), line
     return (), line
 
 
@@ -147,9 +177,9 @@ def _by_line(
             text = _text(raw, path, number)
             if not text:
                 continue
-            cells = cells_of(text, names, path, number)
+            cells = _line_numbers(text, names, path, number)
             if "sequence" in names:
-                whole(cells[names.index("sequence")], path, number)
+                _sequence_number(cells[names.index("sequence")], path, number)
         except RobotrueError as cause:
             fault = cause
             break
@@ -164,3 +194,77 @@ def _text(raw: bytes, path: str | Path, line: int) -> str:
     except UnicodeDecodeError as cause:
         raise FormatError("not text in UTF-8.", source=path, line=line) from cause
     return "" if text.startswith("#") else text
+
+
+def _column_names(
+    text: str,
+    path: str | Path,
+    line: int,
+    needed: tuple[str, ...],
+    groups: tuple[tuple[str, ...], ...],
+    optional: tuple[str, ...],
+) -> tuple[str, ...]:
+    """Returns the names of the columns.
+
+    Args:
+        text: The line.
+        path: Of the message.
+        line: Of the message.
+        needed: Columns that have to be there.
+        groups: Columns that are there together or not at all.
+        optional: Columns that may be there.
+
+    Raises:
+        FormatError: A column missing, not known or twice.
+    """
+    names = tuple(name.strip() for name in text.split(","))
+    known = {*needed, *optional, *(name for group in groups for name in group)}
+    unknown = [name for name in names if name not in known]
+    missing = [name for name in needed if name not in names]
+    for group in groups:
+        if any(name in names for name in group):
+            missing += [name for name in group if name not in names]
+    if unknown or missing or len(set(names)) != len(names):
+        raise FormatError(
+            f"columns {','.join(names)}: "
+            + (f"missing {', '.join(missing)}." if missing else "")
+            + (f"not known {', '.join(unknown)}." if unknown else "")
+            + ("" if missing or unknown else "one stands twice."),
+            source=path,
+            line=line,
+            hint=f"{','.join(needed)} and, where recorded, {','.join(sorted(known - {*needed}))}.",
+        )
+    return names
+
+
+def _line_numbers(text: str, names: tuple[str, ...], path: str | Path, line: int) -> list[float]:
+    """Returns the numbers of a line, NaN for an empty cell.
+
+    Raises:
+        FormatError: Another number of cells, or one that is no number.
+    """
+    cells = text.split(",")
+    if len(cells) != len(names):
+        raise FormatError(
+            f"{len(cells)} cells, expected {len(names)}.",
+            source=path,
+            line=line,
+            hint="a decimal comma?",
+        )
+    try:
+        return [float(cell) if cell.strip() else math.nan for cell in cells]
+    except ValueError as cause:
+        raise FormatError(f"no number: {cause}.", source=path, line=line) from cause
+
+
+def _sequence_number(value: float, path: str | Path, line: int) -> int:
+    """Returns a sequence number.
+
+    Raises:
+        ImplausibleDataError: Not a whole number from 0.
+    """
+    if not (0.0 <= value < 2.0**53 and value == int(value)):
+        raise ImplausibleDataError(
+            f"sequence {value:g}, expected a whole number from 0.", source=path, line=line
+        )
+    return int(value)

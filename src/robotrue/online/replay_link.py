@@ -21,7 +21,7 @@ from robotrue.online.samples import Flag
 _TICK: Final = 5e-3
 """s between two blocks in real time."""
 
-B = TypeVar("B", bound=Block)
+B = TypeVar("B", JointBlock, ForceBlock)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,7 +99,7 @@ class _Replay(Generic[B]):
                 if self._closed:
                     return
                 if count:
-                    part = _rows(block, slice(at, at + count))
+                    part = block.take(slice(at, at + count))
                     self._count(part)
                     yield part
                 at += count
@@ -153,11 +153,3 @@ class _Pace:
         now = self._origin + (time.monotonic() - self._begun) * self._speed
         later = times > now  # a sample without a time comes with those before it
         return int(np.argmax(later)) if later.any() else len(times)
-
-
-def _rows(block: B, which: slice) -> B:
-    """Some rows of a block, without copying."""
-    columns = {
-        name: getattr(block, name)[which] for name in block.__dataclass_fields__ if name != "frame"
-    }
-    return replace(block, **columns)

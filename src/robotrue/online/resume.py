@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,6 @@ from robotrue.online.record import Record
 from robotrue.online.record_frames import Frame, Kind
 from robotrue.online.sensing_chain import SensingChain, Stream
 
-_COLUMNS = ("host_time", "error", "sd", "static", "wrench", "joints", "sequence", "doubt")
 _SAMPLES = (Kind.JOINTS, Kind.FORCE, Kind.ESTIMATES)
 
 
@@ -92,7 +91,7 @@ def recorded_after(record: Record, line: str | None, before: int) -> Iterator[Es
             elif (row := _row_of(block, host, sequence)) is not None:
                 begun = True
                 if row + 1 < len(block):
-                    yield estimates_of(block, slice(row + 1, None))
+                    yield block.take(slice(row + 1, None))
     if not begun and later_than(block, line) is None:
         return  # the file is ahead of the record
     if not begun:
@@ -111,12 +110,7 @@ def later_than(block: EstimateBlock | None, line: str | None) -> EstimateBlock |
     time = np.round(block.host_time, 9)
     at = float(host or "nan")
     rows = np.flatnonzero((time > at) | ((time == at) & (block.sequence > int(sequence or -1))))
-    return estimates_of(block, slice(int(rows[0]), None)) if len(rows) else None
-
-
-def estimates_of(block: EstimateBlock, rows: slice) -> EstimateBlock:
-    """Returns some rows of a block."""
-    return EstimateBlock(**{name: getattr(block, name)[rows] for name in _COLUMNS})
+    return block.take(slice(int(rows[0]), None)) if len(rows) else None
 
 
 def _since_checkpoint(record: Record) -> Iterator[Frame]:
@@ -142,8 +136,8 @@ def _compared(frame: Frame, made: deque[EstimateBlock]) -> int:
     while done < len(block) and made:
         head = made.popleft()
         n = min(len(head), len(block) - done)
-        one, other = estimates_of(head, slice(n)), estimates_of(block, slice(done, done + n))
-        for name in _COLUMNS:
+        one, other = head.take(slice(n)), block.take(slice(done, done + n))
+        for name in (field.name for field in fields(block)):
             if not np.array_equal(getattr(one, name), getattr(other, name), equal_nan=True):
                 raise ModelMismatchError(
                     f"{name} of frame {frame.number} is not what these models make of the "
@@ -151,7 +145,7 @@ def _compared(frame: Frame, made: deque[EstimateBlock]) -> int:
                     hint="the cell, models and options that the record was begun with.",
                 )
         if n < len(head):
-            made.appendleft(estimates_of(head, slice(n, None)))
+            made.appendleft(head.take(slice(n, None)))
         done += n
     return done
 

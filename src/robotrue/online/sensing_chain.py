@@ -168,24 +168,11 @@ class SensingChain:
                 break
             self._held.pop(0)
             if ready < len(block):
-                self._held.insert(0, _rows_of(block, slice(ready, None)))
-                block = _rows_of(block, slice(ready))
+                self._held.insert(0, block.take(slice(ready, None)))
+                block = block.take(slice(ready))
             found.append(self._estimator.force(block))
             self.given += len(block)
         return found
-
-
-def _rows_of(block: ForceBlock, rows: slice) -> ForceBlock:
-    """Some rows of a block."""
-    return ForceBlock(
-        controller_time=block.controller_time[rows],
-        host_time=block.host_time[rows],
-        wrench=block.wrench[rows],
-        frame=block.frame,
-        sequence=block.sequence[rows],
-        status=block.status[rows],
-        flags=block.flags[rows],
-    )
 
 
 def _doubted(flags: IntArray, doubt: BoolArray) -> IntArray:

@@ -23,7 +23,7 @@ from robotrue.online.link import Health, Sink, Source
 from robotrue.online.queues import Latest, Lossless
 from robotrue.online.record_frames import Kind
 from robotrue.online.record_writer import RecordWriter
-from robotrue.online.resume import estimates_of, later_than
+from robotrue.online.resume import later_than
 from robotrue.online.sensing_chain import (
     STREAMS,
     SensingChain,
@@ -402,7 +402,7 @@ class _Service:
             self._keep(Kind.ESTIMATES, block)
         for block in new:
             self.invalid += len(block) - int(block.valid.sum())
-            self.latest = estimates_of(block, slice(len(block) - 1, None))
+            self.latest = block.take(slice(len(block) - 1, None))
             if self.corrections is not None and not self.stopping:
                 self.corrections.take(block)
             for served in self.sinks:
@@ -414,7 +414,7 @@ class _Service:
         self.skip_estimates -= known
         if known == len(block):
             return None
-        return estimates_of(block, slice(known, None)) if known else block
+        return block.take(slice(known, None)) if known else block
 
     def _keep(self, kind: Kind, content: Any) -> None:
         if self.record is not None:

@@ -1,4 +1,4 @@
-"""Recorded streams as the samples they were: CSV line by line, TDMS through npTDMS.
+"""Recorded streams as the samples they were, line by line: what the reader of blocks must give.
 
 Joints: ``t_s,a1_deg..a6_deg``, with ``x_mm,y_mm,z_mm,rx_deg,ry_deg,rz_deg`` of the tool point if
 recorded. Force: ``t_s,fx_N,fy_N,fz_N``, with ``tx_Nm,ty_Nm,tz_Nm`` and ``status`` if recorded.
@@ -21,15 +21,10 @@ from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import FormatError, ImplausibleDataError
 from robotrue.online.rdt import LATCHED
+from robotrue.online.replay_columns import CLOCKS, FORCE, JOINTS, POSE, TIME, TORQUE
 from robotrue.online.samples import Flag, ForceSample, JointSample, unknown_pose
 from robotrue.online.sequence import SequenceState, advance
 
-TIME: Final = ("t_s",)
-CLOCKS: Final = ("host_s", "sequence")
-JOINTS: Final = tuple(f"a{i}_deg" for i in range(1, 7))
-POSE: Final = ("x_mm", "y_mm", "z_mm", "rx_deg", "ry_deg", "rz_deg")
-FORCE: Final = ("fx_N", "fy_N", "fz_N")
-TORQUE: Final = ("tx_Nm", "ty_Nm", "tz_Nm")
 JUMP: Final = 1.0
 """s; a recorded clock that goes back by less is a packet out of order."""
 
