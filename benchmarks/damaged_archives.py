@@ -35,8 +35,8 @@ from robotrue.cell.cell import Cell
 from robotrue.core.archive import Archive, _content_hash, archive_bytes, archive_from
 from robotrue.core.regions import CylinderRegion
 from robotrue.core.units import DEG, MM
+from robotrue.drilling.foot_model import fit_model
 from robotrue.drilling.head import Head
-from robotrue.drilling.model import fit_model
 from robotrue.drilling.model_archive import from_archive as drilling_from
 from robotrue.drilling.model_archive import to_archive as drilling_archive
 from robotrue.dynamics.deviation import DeviationModel, DeviationSettings, deviation_from_archive

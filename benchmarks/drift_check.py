@@ -24,7 +24,7 @@ from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.tracker import point_covariance
 from robotrue.robot.model import parameter_slice
 from robotrue.robot.statics import deflected
-from robotrue.validation.drift import DriftCheck, drift_check
+from robotrue.validation.drift_check import DriftCheck, drift_check
 from robotrue_reproductions.deng2022.scenarios import (
     Scenario,
     measured,

@@ -235,9 +235,9 @@ def drill(folder: Path, times: int, seed: int) -> Row:
     """Killed between clamp, move and reference; what was acknowledged is in journal and model."""
     import numpy as np
 
+    from robotrue.drilling.foot_model import fit_model
     from robotrue.drilling.head import Head
     from robotrue.drilling.journal import Journal
-    from robotrue.drilling.model import fit_model
     from robotrue.drilling.model_archive import read_model, write_model
     from robotrue.simulation.drilling_machine import drilling_machine, random_campaign
 

@@ -36,7 +36,7 @@ from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.planning.criteria import exchanged, greedy
 from robotrue.planning.expectation import work_of
 from robotrue.planning.information import Postures, before_measuring
-from robotrue.planning.plan import PlanSettings, PosePlan, plan_poses
+from robotrue.planning.pose_plan import PlanSettings, PosePlan, plan_poses
 from robotrue.robot.forward import forward
 from robotrue.robot.presets import preset
 from robotrue.simulation.plans import VALIDATION, random_joints

@@ -14,7 +14,7 @@ import numpy as np
 from robotrue.calibration.methods import fit
 from robotrue.core.units import MM
 from robotrue.planning.information import Postures
-from robotrue.planning.plan import PlanSettings, plan_poses
+from robotrue.planning.pose_plan import PlanSettings, plan_poses
 from robotrue.simulation.plans import VALIDATION, random_joints
 from robotrue.validation.evaluation import evaluate
 from robotrue_reproductions.deng2022.scenarios import check, measured, scenario

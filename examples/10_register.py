@@ -18,8 +18,8 @@ from robotrue.core.poses import apply, pose
 from robotrue.core.units import MM
 from robotrue.measurement.formats.points import read_points, write_points
 from robotrue.measurement.probing_set import ProbingSet
+from robotrue.validation.part_registration import register
 from robotrue.validation.registered_part import RegisteredPart
-from robotrue.validation.registration import register
 from robotrue.validation.registration_settings import RegistrationSettings
 from robotrue_reproductions.feng2018 import machining_cell as virtual
 

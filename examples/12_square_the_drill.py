@@ -15,13 +15,13 @@ import numpy as np
 from robotrue.core.units import DEG, MM, UM
 from robotrue.drilling.adjust import adjustment
 from robotrue.drilling.campaign import Campaign
+from robotrue.drilling.campaign_plan import planned_campaign
 from robotrue.drilling.evaluate import evaluated
+from robotrue.drilling.foot_model import fit_model, seen
 from robotrue.drilling.head import Head
-from robotrue.drilling.model import fit_model, seen
 from robotrue.drilling.model_archive import read_model, write_model
-from robotrue.drilling.plan import planned_campaign
 from robotrue.drilling.production import frozen, record_of, recorded
-from robotrue.report.drilling import drilling_content
+from robotrue.report.drilling_report import drilling_content
 from robotrue.report.page import report_html
 from robotrue.simulation.drilling_machine import clamp, drilling_machine, random_campaign
 

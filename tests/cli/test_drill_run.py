@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 from robotrue.core.units import DEG, MM
+from robotrue.drilling.foot_model import fit_model, seen
 from robotrue.drilling.head import Head
 from robotrue.drilling.journal import Journal
-from robotrue.drilling.model import fit_model, seen
 from robotrue.drilling.model_archive import read_model, write_model
 from robotrue.drilling.production import record_of, recorded
 from robotrue.errors import FormatError

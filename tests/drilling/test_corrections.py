@@ -12,8 +12,8 @@ from robotrue.drilling.campaign import Campaign, reading_errors
 from robotrue.drilling.choose import all_tried, chosen, held_out_blocks
 from robotrue.drilling.correction import fit_correction, residual_tilt
 from robotrue.drilling.evaluate import evaluated
+from robotrue.drilling.foot_model import fit_model
 from robotrue.drilling.head import Head
-from robotrue.drilling.model import fit_model
 from robotrue.drilling.physics import fit_physics, log_evidence
 from robotrue.drilling.regression import fit_linear, significance
 from robotrue.drilling.skin import FLAT, Skin

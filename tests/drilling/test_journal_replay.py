@@ -13,11 +13,11 @@ from robotrue.core.units import DEG, MM
 from robotrue.drilling.adjust import adjustment
 from robotrue.drilling.campaign import Campaign
 from robotrue.drilling.clamp_watch import ClampSettings
+from robotrue.drilling.foot_model import NormalModel, fit_model, seen
 from robotrue.drilling.head import Head
 from robotrue.drilling.hole_session import HoleAnswer, HoleSession, MovedHole
 from robotrue.drilling.journal import Journal, answer_document, step_document
 from robotrue.drilling.journal_replay import replay_references
-from robotrue.drilling.model import NormalModel, fit_model, seen
 from robotrue.drilling.production import frozen
 from robotrue.errors import ModelMismatchError
 from robotrue.simulation.drilling_machine import drilling_machine, random_campaign

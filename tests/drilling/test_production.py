@@ -15,8 +15,8 @@ from robotrue.drilling.campaign_checks import check_campaign
 from robotrue.drilling.campaign_csv import read_campaign, write_campaign
 from robotrue.drilling.foot import Foot
 from robotrue.drilling.foot_file import read_foot
+from robotrue.drilling.foot_model import NormalModel, fit_model, seen
 from robotrue.drilling.head import Head
-from robotrue.drilling.model import NormalModel, fit_model, seen
 from robotrue.drilling.model_archive import read_model, write_model
 from robotrue.drilling.monitor import watch, watched
 from robotrue.drilling.production import frozen, record_of, recorded

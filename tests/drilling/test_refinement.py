@@ -16,10 +16,10 @@ from robotrue.drilling.campaign import Campaign
 from robotrue.drilling.campaign_csv import write_campaign
 from robotrue.drilling.clamp_watch import ClampSettings
 from robotrue.drilling.evaluate import evaluated
+from robotrue.drilling.foot_model import NormalModel, fit_model, seen
 from robotrue.drilling.head import Head
 from robotrue.drilling.hole_session import HoleAnswer, HoleSession
 from robotrue.drilling.journal import Journal, answer_document
-from robotrue.drilling.model import NormalModel, fit_model, seen
 from robotrue.drilling.model_archive import read_model, write_model
 from robotrue.errors import ConfigurationError
 from robotrue.simulation.drilling_machine import drilling_machine, random_campaign

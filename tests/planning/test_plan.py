@@ -17,13 +17,13 @@ from robotrue.measurement.formats.registry import read_measurements
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.queries import read_queries
 from robotrue.planning import candidates
+from robotrue.planning.arm_scene import scene_of
 from robotrue.planning.criteria import greedy
 from robotrue.planning.expectation import expected, work_of
 from robotrue.planning.information import Postures, before_measuring, settings_of
 from robotrue.planning.next_visit import next_visit
 from robotrue.planning.order import short_order, travel
-from robotrue.planning.plan import PlanSettings, PosePlan, plan_poses
-from robotrue.planning.scene import scene_of
+from robotrue.planning.pose_plan import PlanSettings, PosePlan, plan_poses
 from robotrue.planning.sheet import plan_sheet
 from robotrue.program.formats import read_job
 from robotrue.program.formats.krl_measure import Trigger, measuring_program

@@ -25,8 +25,8 @@ from robotrue.report.json import report_document
 from robotrue.report.map import map_content
 from robotrue.report.map_figure import slices_png
 from robotrue.report.page import report_html
-from robotrue.report.transfer import transfer_content
 from robotrue.report.transfer_curve import pose_curves_png
+from robotrue.report.transfer_report import transfer_content
 from robotrue.validation.error_map import error_map, sector_similarities, uncalibrated
 from robotrue.validation.guard import guarded, verdict_from_summary
 from robotrue.validation.learning_curve import learning_curve

@@ -19,8 +19,8 @@ from robotrue.report.content import Fact, ReportContent, Table, Verdict
 from robotrue.report.json import content_sha256, is_intact, report_json
 from robotrue.report.page import report_html
 from robotrue.report.pdf import FONT_PACKAGE, font_families, report_pdf
-from robotrue.report.program import program_content
-from robotrue.report.registration import registration_content
+from robotrue.report.program_report import program_content
+from robotrue.report.registration_report import registration_content
 from robotrue.validation.budget import Budget, Contribution
 from robotrue.validation.evaluation import evaluate
 from robotrue.validation.metrics import error_statistics

@@ -12,7 +12,7 @@ import pytest
 from validation_fakes import FakeModel, measured
 
 from robotrue.errors import ShapeError
-from robotrue.report.calibration import calibration_content
+from robotrue.report.calibration_report import calibration_content
 from robotrue.report.content import (
     Column,
     ErrorDistribution,

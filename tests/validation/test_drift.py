@@ -20,7 +20,7 @@ from robotrue.measurement.tracker import DEFAULT_SPECIFICATION, point_covariance
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.presets import preset
 from robotrue.robot.statics import Load, deflected
-from robotrue.validation.drift import drift_check
+from robotrue.validation.drift_check import drift_check
 
 REPEATABILITY = 1.4e-5
 TRACKER = np.array([3.5, -2.0, 1.2])

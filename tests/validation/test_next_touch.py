@@ -18,7 +18,7 @@ from robotrue.validation.next_touch import (
     judged_reading,
     machined_radius,
 )
-from robotrue.validation.registration import register
+from robotrue.validation.part_registration import register
 from robotrue.validation.registration_settings import RegistrationSettings
 from robotrue.validation.touch_suspicions import suspicions
 from robotrue_reproductions.feng2018 import machining_cell as virtual

@@ -20,7 +20,7 @@ from robotrue.robot.forward import forward
 from robotrue.robot.model import parameter_slice
 from robotrue.robot.presets import preset
 from robotrue.validation.auto import fit_auto
-from robotrue.validation.drift import drift_check
+from robotrue.validation.drift_check import drift_check
 from robotrue.validation.evaluation import evaluate
 from robotrue.validation.validate import validate
 

@@ -21,8 +21,8 @@ from robotrue.core.units import MM
 from robotrue.errors import ModelMismatchError, ShapeError
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.robot.presets import preset
+from robotrue.validation.part_registration import register
 from robotrue.validation.registered_part import RegisteredPart
-from robotrue.validation.registration import register
 from robotrue.validation.registration_settings import RegistrationSettings
 from robotrue_reproductions.feng2018.machining_cell import (
     FACES,

@@ -8,7 +8,7 @@ from robotrue.calibration.lineage import provenance_of
 from robotrue.calibration.model import ErrorModel
 from robotrue.core.files import write_atomic
 from robotrue.core.provenance import Provenance, merge
-from robotrue.report.calibration import calibration_content
+from robotrue.report.calibration_report import calibration_content
 from robotrue.report.content import Fact
 from robotrue.report.page import report_html
 from robotrue.validation.contest import Selection

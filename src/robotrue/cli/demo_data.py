@@ -32,7 +32,7 @@ from robotrue.errors import ReachError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.planning.information import settings_of
 from robotrue.program.formats import read_program, write_program
-from robotrue.report.calibration import calibration_content
+from robotrue.report.calibration_report import calibration_content
 from robotrue.report.content import (
     Column,
     Fact,

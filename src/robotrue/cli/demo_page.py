@@ -10,7 +10,7 @@ from robotrue.cli.demo_result import Chosen, HoleRuns, lengths_mm, statistics_mm
 from robotrue.compensation.result import Compensation
 from robotrue.core.arrays import Array
 from robotrue.core.units import MM
-from robotrue.report.calibration import calibration_content
+from robotrue.report.calibration_report import calibration_content
 from robotrue.report.content import (
     Column,
     Fact,

@@ -13,7 +13,7 @@ from robotrue.cli.inputs import measured
 from robotrue.core.provenance import merge
 from robotrue.core.units import DEG, MM
 from robotrue.store.model_file import read_model
-from robotrue.validation.drift import Cause, DriftCheck, drift_check
+from robotrue.validation.drift_check import Cause, DriftCheck, drift_check
 
 VERDICTS: Final = {
     "keep": "nothing has changed beyond chance: keep the model",

@@ -19,13 +19,13 @@ from robotrue.core.files import write_atomic
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.formats.canonical import canonical_mapping
+from robotrue.planning.arm_scene import Scene, scene_of
 from robotrue.planning.candidates import STEP, draw_candidates, nothing_left, usable
 from robotrue.planning.criteria import greedy
 from robotrue.planning.order import short_order
-from robotrue.planning.scene import Scene, scene_of
 from robotrue.robot.forward import forward
 from robotrue.store.model_file import read_model
-from robotrue.validation.drift import FEWEST, cause_columns
+from robotrue.validation.drift_check import FEWEST, cause_columns
 
 EXPECTED: Final = 1e-4
 """m and rad: the size of a change that is to be seen (0.1 mm, 0.006 deg)."""

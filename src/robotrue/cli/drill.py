@@ -19,8 +19,8 @@ from robotrue.drilling.choose import Trial
 from robotrue.drilling.correction import Kind
 from robotrue.drilling.evaluate import Evaluation, Residuals, evaluated
 from robotrue.drilling.foot_file import FootSetup, read_foot
+from robotrue.drilling.foot_model import NormalModel, fit_model
 from robotrue.drilling.head import Head
-from robotrue.drilling.model import NormalModel, fit_model
 from robotrue.drilling.model_archive import read_model, write_model
 from robotrue.drilling.model_document import model_document
 from robotrue.drilling.regression import LinearCorrection, fit_linear, significance
@@ -206,7 +206,7 @@ def run_report(
 ) -> None:
     """Writes the report of a model on clamps with known tilts, and its JSON twin."""
     from robotrue.cli.report_output import check_reports, write_reports
-    from robotrue.report.drilling import drilling_content
+    from robotrue.report.drilling_report import drilling_content
     from robotrue.report.words import language
 
     speech = language(lang)

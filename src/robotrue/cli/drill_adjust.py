@@ -17,9 +17,9 @@ from robotrue.core.rotations import abc_from_matrix, matrix_from_abc
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.adjust import Adjustment, adjustment
 from robotrue.drilling.campaign import Clamps
+from robotrue.drilling.foot_model import NormalModel
 from robotrue.drilling.fragments import gcode, robot_fragment
 from robotrue.drilling.head import normal_from_tilt
-from robotrue.drilling.model import NormalModel
 from robotrue.drilling.model_archive import read_model
 from robotrue.drilling.robot_adjust import RobotMove, squaring_joints
 from robotrue.errors import ConfigurationError

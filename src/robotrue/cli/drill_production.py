@@ -17,12 +17,12 @@ from robotrue.drilling.campaign_csv import (
     read_production,
     write_sheet,
 )
+from robotrue.drilling.campaign_plan import By, planned_campaign
 from robotrue.drilling.correction import corrected
 from robotrue.drilling.evaluate import Residuals
 from robotrue.drilling.foot_file import read_foot
-from robotrue.drilling.model import NormalModel, with_refinement
+from robotrue.drilling.foot_model import NormalModel, with_refinement
 from robotrue.drilling.model_archive import read_model, write_model
-from robotrue.drilling.plan import By, planned_campaign
 from robotrue.drilling.production import frozen, record_of, recorded
 from robotrue.errors import ConfigurationError
 

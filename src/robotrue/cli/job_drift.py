@@ -31,7 +31,7 @@ from robotrue.store.nouns import CELL, MEASUREMENT, MODEL
 from robotrue.store.provenance import provenance_of_record
 from robotrue.store.records import Link, MeasurementRecord, ModelRecord
 from robotrue.store.workspace import Transaction
-from robotrue.validation.drift import FEWEST, LEVEL, drift_check
+from robotrue.validation.drift_check import FEWEST, LEVEL, drift_check
 from robotrue.validation.guarded_transfer import contestants, judged
 
 POSES: Final = 7

@@ -16,13 +16,13 @@ from robotrue.drilling.campaign_checks import check_campaign
 from robotrue.drilling.campaign_csv import read_campaign
 from robotrue.drilling.evaluate import evaluated
 from robotrue.drilling.foot_file import read_foot
+from robotrue.drilling.foot_model import fit_model
 from robotrue.drilling.head import Head
 from robotrue.drilling.kept import CAMPAIGN, MODEL, TEST
-from robotrue.drilling.model import fit_model
 from robotrue.drilling.model_archive import read_model, write_model
 from robotrue.drilling.model_document import model_document
 from robotrue.errors import ConfigurationError
-from robotrue.report.drilling import drilling_content
+from robotrue.report.drilling_report import drilling_content
 from robotrue.report.words import language
 from robotrue.store.jobs_work import Publish, Work
 from robotrue.store.layout import laid_out

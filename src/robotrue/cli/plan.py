@@ -23,7 +23,7 @@ from robotrue.core.regions import CubeRegion, CylinderRegion, Region
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError, ModelMismatchError, ReachError
 from robotrue.planning.information import Postures
-from robotrue.planning.plan import PlanSettings, PosePlan, plan_poses
+from robotrue.planning.pose_plan import PlanSettings, PosePlan, plan_poses
 from robotrue.planning.sheet import plan_sheet
 from robotrue.program.formats import read_job
 from robotrue.program.formats.krl_measure import Trigger, measuring_program

@@ -7,7 +7,7 @@ import numpy as np
 from robotrue.cell.cell import Cell
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM
-from robotrue.planning.plan import PosePlan
+from robotrue.planning.pose_plan import PosePlan
 from robotrue.report.content import (
     Column,
     Fact,

@@ -25,12 +25,12 @@ from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.formats.features import read_features
+from robotrue.planning.arm_scene import scene_of
 from robotrue.planning.information import settings_of
 from robotrue.planning.probing import Goal, ProbePlan, ProbingTask, plan_touches
 from robotrue.planning.probing_candidates import Candidates, TouchLimits, touch_candidates
 from robotrue.planning.probing_frame import plan_frame_touches
 from robotrue.planning.probing_sheet import touch_sheet
-from robotrue.planning.scene import scene_of
 from robotrue.report.part_map import part_map_png
 from robotrue.validation.error_map import radius_95
 from robotrue.validation.registration_joint import ENOUGH

@@ -29,8 +29,8 @@ from robotrue.measurement.formats.points import read_points
 from robotrue.planning.information import settings_of
 from robotrue.program.controller_frames import ControllerFrame, controller_frame
 from robotrue.store.model_file import ZIP, write_model
+from robotrue.validation.part_registration import register
 from robotrue.validation.registered_part import RegisteredPart
-from robotrue.validation.registration import register
 from robotrue.validation.registration_settings import RegistrationSettings
 
 UNITS: Final = {"mm": MM, "m": 1.0, "inch": 25.4 * MM}

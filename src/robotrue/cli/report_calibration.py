@@ -21,7 +21,7 @@ from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, ObservabilityError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.tracker import DEFAULT_RANGE
-from robotrue.report.calibration import fact
+from robotrue.report.calibration_report import fact
 from robotrue.report.certificate import (
     CertificateFacts,
     Parameter,

@@ -14,9 +14,9 @@ from robotrue.compensation.start_posture import start_joints
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
-from robotrue.report.calibration import fact
+from robotrue.report.calibration_report import fact
 from robotrue.report.content import ReportContent
-from robotrue.report.program import program_content
+from robotrue.report.program_report import program_content
 from robotrue.report.words import Lang, Words, language
 
 

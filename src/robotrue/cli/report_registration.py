@@ -11,9 +11,9 @@ from robotrue.cli.report_output import check_reports, file_fact, write_reports
 from robotrue.cli.report_program import verdict_word
 from robotrue.core.provenance import Provenance
 from robotrue.errors import ConfigurationError
-from robotrue.report.calibration import fact
+from robotrue.report.calibration_report import fact
 from robotrue.report.content import ReportContent
-from robotrue.report.registration import registration_content
+from robotrue.report.registration_report import registration_content
 from robotrue.report.words import Lang, Words, language
 
 

@@ -218,7 +218,7 @@ def _write_report(
     targets: Sequence[Path],
 ) -> None:
     from robotrue.report.page import report_html
-    from robotrue.report.transfer import transfer_content
+    from robotrue.report.transfer_report import transfer_content
 
     summary = model.training_summary()
     verdict, selection = told

@@ -11,8 +11,8 @@ from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign import Clamps
 from robotrue.drilling.correction import Corrected
+from robotrue.drilling.foot_model import NormalModel, seen
 from robotrue.drilling.head import HeadMove, normal_from_tilt, squaring_move
-from robotrue.drilling.model import NormalModel, seen
 from robotrue.errors import ImplausibleDataError
 
 MARGIN: Final = 0.1

@@ -20,9 +20,9 @@ from robotrue.core.files import write_atomic
 from robotrue.core.provenance import Provenance, mark_line
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign import Campaign, Clamps
+from robotrue.drilling.campaign_plan import CampaignPlan
 from robotrue.drilling.foot_file import FootSetup
 from robotrue.drilling.head import AxisOrder
-from robotrue.drilling.plan import CampaignPlan
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.measurement.formats.sheet import Sheet, column_key, finite_number, read_sheet
 

@@ -10,8 +10,8 @@ from robotrue.core.arrays import Array
 from robotrue.drilling.campaign import Campaign, tilt_seen
 from robotrue.drilling.choose import squared_distance
 from robotrue.drilling.correction import residual_tilt
+from robotrue.drilling.foot_model import NormalModel, seen
 from robotrue.drilling.head import normal_from_tilt, tilt_between
-from robotrue.drilling.model import NormalModel, seen
 from robotrue.errors import ConfigurationError
 
 REGION: float = -2.0 * float(np.log(0.05))

@@ -12,7 +12,7 @@ from robotrue.core.provenance import MEASURED, Provenance, merge
 from robotrue.drilling.adjust import Adjustment, adjustment
 from robotrue.drilling.campaign import Clamps
 from robotrue.drilling.clamp_watch import ClampSettings, ClampWatch, FootSample, Seen
-from robotrue.drilling.model import NormalModel, seen
+from robotrue.drilling.foot_model import NormalModel, seen
 from robotrue.drilling.production import Step, record_of, recorded
 from robotrue.errors import ConfigurationError, RobotrueError
 

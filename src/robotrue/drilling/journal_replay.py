@@ -14,9 +14,9 @@ import numpy as np
 
 from robotrue.core.provenance import MEASURED
 from robotrue.core.units import DEG
+from robotrue.drilling.foot_model import NormalModel, seen
 from robotrue.drilling.hole_session import SIMULATED
 from robotrue.drilling.journal import BookedReference
-from robotrue.drilling.model import NormalModel, seen
 from robotrue.drilling.production import record_of, recorded
 from robotrue.errors import ModelMismatchError
 

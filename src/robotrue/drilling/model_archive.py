@@ -13,8 +13,8 @@ from robotrue.core.arrays import Array
 from robotrue.core.provenance import provenance_from
 from robotrue.drilling.correction import Correction, Kind
 from robotrue.drilling.foot import Foot
+from robotrue.drilling.foot_model import Envelope, Frozen, NormalModel
 from robotrue.drilling.head import Head
-from robotrue.drilling.model import Envelope, Frozen, NormalModel
 from robotrue.drilling.monitor import Watch
 from robotrue.drilling.physics import PhysicsCorrection
 from robotrue.drilling.refinement import Refinement

@@ -11,7 +11,7 @@ import numpy as np
 from robotrue.core.provenance import marked_document
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.choose import Trial
-from robotrue.drilling.model import NormalModel
+from robotrue.drilling.foot_model import NormalModel
 
 
 def model_document(model: NormalModel, trials: Sequence[Trial] = ()) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from robotrue.core.units import DEG
 from robotrue.drilling.campaign import Campaign
 from robotrue.drilling.correction import Corrected
 from robotrue.drilling.evaluate import evaluated
-from robotrue.drilling.model import Frozen, NormalModel
+from robotrue.drilling.foot_model import Frozen, NormalModel
 from robotrue.drilling.monitor import Watch, watch, watched
 from robotrue.drilling.refinement import Remaining, loosened, refined
 from robotrue.errors import ConfigurationError

@@ -13,7 +13,7 @@ from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.regions import Region, contains
 from robotrue.core.units import DEG
 from robotrue.errors import ReachError
-from robotrue.planning.scene import Scene, collisions, hidden
+from robotrue.planning.arm_scene import Scene, collisions, hidden
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel
 

@@ -21,8 +21,8 @@ from robotrue.core.arrays import Array, frozen
 from robotrue.core.mesh import TriangleMesh
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ReachError
+from robotrue.planning.arm_scene import Scene
 from robotrue.planning.lifts import Side, box_around, require_one_clamping, with_lifts
-from robotrue.planning.scene import Scene
 from robotrue.planning.tool_axis import Posed, resolve_spin
 from robotrue.planning.transit import blocked, scene_without_reflector, transit
 from robotrue.program.formats.krl_machining import SideMoves, Speeds, machining_program

@@ -23,8 +23,8 @@ from robotrue.core.units import DEG
 from robotrue.errors import ReachError, ShapeError
 from robotrue.measurement.formats.features import Features
 from robotrue.measurement.probing_set import ProbingSet
+from robotrue.planning.arm_scene import Scene, collisions
 from robotrue.planning.probing import Machining
-from robotrue.planning.scene import Scene, collisions
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import inverse_batch
 from robotrue.robot.inverse_numeric import solve

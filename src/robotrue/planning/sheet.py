@@ -8,7 +8,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.csv_text import csv_text
 from robotrue.core.units import DEG, MM
 from robotrue.measurement.formats.canonical import canonical_mapping
-from robotrue.planning.plan import PosePlan
+from robotrue.planning.pose_plan import PosePlan
 
 
 def plan_sheet(plan: PosePlan) -> bytes:

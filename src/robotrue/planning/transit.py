@@ -8,8 +8,8 @@ is clear is taken:
    same with the arm drawn further in (:data:`DRAWN`);
 3. over home, drawn in before and after.
 
-Clear means: no tube of the arm or tool (:mod:`robotrue.planning.scene`) comes into the box around
-the part or nearer than the clearance to an obstacle, at postures not more than 2 deg apart.
+Clear means: no tube of the arm or tool (:mod:`robotrue.planning.arm_scene`) comes into the box
+around the part or nearer than the clearance to an obstacle, at postures not more than 2 deg apart.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.poses import apply, inverse
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ReachError
+from robotrue.planning.arm_scene import Scene, collisions, scene_of
 from robotrue.planning.distances import to_obstacle
-from robotrue.planning.scene import Scene, collisions, scene_of
 
 FINE: Final = 2.0 * DEG
 CLEARANCE: Final = 10.0 * MM

@@ -11,7 +11,12 @@ import numpy as np
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import DEG, MM
 from robotrue.report.budget_section import budget_section
-from robotrue.report.calibration import calibration_content, column, statistics_table, versions
+from robotrue.report.calibration_report import (
+    calibration_content,
+    column,
+    statistics_table,
+    versions,
+)
 from robotrue.report.content import Cell, Column, Fact, ReportContent, Section, Table, Tile, Verdict
 from robotrue.report.uncertainty_map import UncertaintyMap
 from robotrue.report.words import ENGLISH, Lang, Words

@@ -1,8 +1,8 @@
 """What a report says, before anyone decides how it looks.
 
 A page and a JSON file are two views of the same :class:`ReportContent`. Whoever has results builds
-one (:func:`robotrue.report.calibration.calibration_content` does it for a validation) and hands it
-to :func:`robotrue.report.page.report_html` and :func:`robotrue.report.json.report_json`::
+one (:func:`robotrue.report.calibration_report.calibration_content` does it for a validation) and
+hands it to :func:`robotrue.report.page.report_html` and :func:`robotrue.report.json.report_json`::
 
     content = ReportContent(
         title="Flange hole, 210 mm",

@@ -12,8 +12,8 @@ from robotrue.core.units import DEG, UM
 from robotrue.drilling.campaign import Campaign
 from robotrue.drilling.correction import fit_correction, residual_tilt
 from robotrue.drilling.evaluate import evaluated
+from robotrue.drilling.foot_model import NormalModel, fit_model, seen
 from robotrue.drilling.head import Head
-from robotrue.drilling.model import NormalModel, fit_model, seen
 from robotrue.drilling.production import record_of, recorded
 from robotrue.errors import ObservabilityError
 from robotrue.simulation.drilling_machine import (

@@ -16,7 +16,7 @@ from robotrue.core.rotations import (
     quat_wxyz_from_matrix,
     rotation_vector_from_matrix,
 )
-from robotrue.planning.scene import THICK, THIN
+from robotrue.planning.arm_scene import THICK, THIN
 from robotrue.robot.forward import ChainState, walk
 from robotrue.robot.reach import wrist_reach
 from robotrue.web.questions.packing import packed

@@ -10,7 +10,7 @@ from robotrue.cell.cell import Cell
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
-from robotrue.planning.scene import scene_of
+from robotrue.planning.arm_scene import scene_of
 from robotrue.store import items, models
 from robotrue.store.nouns import CELL, DOCUMENT, MODEL
 from robotrue.store.workspace import Workspace

@@ -22,9 +22,9 @@ from robotrue.measurement.formats.features import Features, read_features
 from robotrue.measurement.formats.points import PLANNED, PointsFile, read_points
 from robotrue.measurement.formats.sheet import column_key, read_sheet
 from robotrue.measurement.touch_session import TouchFeature, TouchSession
+from robotrue.planning.arm_scene import scene_of
 from robotrue.planning.facing import facing
 from robotrue.planning.probing_candidates import TouchLimits, touch_candidates
-from robotrue.planning.scene import scene_of
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import branches_of
 from robotrue.robot.opw import opw_geometry

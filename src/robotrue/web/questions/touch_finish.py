@@ -15,14 +15,14 @@ from robotrue.errors import ConfigurationError
 from robotrue.measurement.touch_session import session_csv
 from robotrue.report.content import Fact
 from robotrue.report.page import report_html
-from robotrue.report.registration import registration_content
+from robotrue.report.registration_report import registration_content
 from robotrue.report.words import Lang
 from robotrue.store import cells, models, registrations
 from robotrue.store.model_file import write_model
 from robotrue.store.records import Ref
 from robotrue.store.touchings import changed
 from robotrue.store.workspace import Workspace, transaction
-from robotrue.validation.registration import register
+from robotrue.validation.part_registration import register
 from robotrue.web.api.documents import record_document
 from robotrue.web.questions.packing import answer
 from robotrue.web.questions.touch_setup import Opened, file_of, opened, readings_name

@@ -32,8 +32,8 @@ from robotrue.store.records import CellRecord, DocumentRecord, ModelRecord
 from robotrue.store.touchings import session_in
 from robotrue.store.workspace import Workspace
 from robotrue.validation.next_touch import TouchBelief, believed
+from robotrue.validation.part_registration import register
 from robotrue.validation.registered_part import RegisteredPart
-from robotrue.validation.registration import register
 from robotrue.validation.registration_settings import RegistrationSettings
 from robotrue.web.questions.intake import cell_of
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from robotrue.core.units import MM
-from robotrue.report.calibration import contest_section
+from robotrue.report.calibration_report import contest_section
 from robotrue.report.content import (
     Cell,
     Column,

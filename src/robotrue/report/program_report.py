@@ -12,7 +12,7 @@ from robotrue.compensation.difference import Difference
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import MM
 from robotrue.errors import ModelMismatchError
-from robotrue.report.calibration import column, statistics_table, versions
+from robotrue.report.calibration_report import column, statistics_table, versions
 from robotrue.report.content import (
     Cell,
     Fact,

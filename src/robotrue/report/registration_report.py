@@ -11,7 +11,7 @@ from robotrue.cell.part import PartFrame, PartTable
 from robotrue.core.arrays import Array
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
-from robotrue.report.calibration import column, fact, versions
+from robotrue.report.calibration_report import column, fact, versions
 from robotrue.report.content import Column, Fact, ReportContent, Section, Table, Tile, Verdict
 from robotrue.report.words import ENGLISH, Lang, Words
 from robotrue.validation.budget import COVERAGE_FACTOR, carried

@@ -17,6 +17,7 @@ from robotrue.core.progress import Progress, unheard
 from robotrue.core.regions import Region
 from robotrue.core.units import DEG
 from robotrue.errors import ConfigurationError, ReachError
+from robotrue.planning.arm_scene import Scene, scene_of
 from robotrue.planning.candidates import draw_candidates, nothing_left, reachable_in, usable
 from robotrue.planning.criteria import CRITERIA, Choice, Criterion, exchanged, greedy, passes
 from robotrue.planning.expectation import RANDOM, Expected, Work, expected, work_of
@@ -28,7 +29,6 @@ from robotrue.planning.information import (
     before_measuring,
 )
 from robotrue.planning.order import short_order, travel
-from robotrue.planning.scene import Scene, scene_of
 from robotrue.robot.statics import Load
 
 Approach: TypeAlias = Literal["one side", "as it comes"]

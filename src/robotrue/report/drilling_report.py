@@ -8,8 +8,8 @@ from robotrue.core.provenance import merge
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign import Campaign
 from robotrue.drilling.evaluate import Evaluation, Residuals
-from robotrue.drilling.model import NormalModel
-from robotrue.report.calibration import column, fact, versions
+from robotrue.drilling.foot_model import NormalModel
+from robotrue.report.calibration_report import column, fact, versions
 from robotrue.report.content import (
     Fact,
     ReportContent,
