@@ -12,8 +12,7 @@ from robotrue.core.files import write_atomic
 from robotrue.core.provenance import mark_line
 from robotrue.dynamics.clock import even_rate
 from robotrue.dynamics.force import ForceRecord, check_force
-from robotrue.dynamics.formats.columns import read_columns, table_bytes
-from robotrue.errors import FormatError
+from robotrue.dynamics.formats.number_table import read_number_table, table_bytes
 
 COLUMNS: Final = ("t_s", "fx_N", "fy_N", "fz_N")
 _BARE: Final = re.compile(r"(t|time|f[xyz])([ _(\[].*)?", re.IGNORECASE)
@@ -27,32 +26,29 @@ def read_force_csv(path: str | Path) -> tuple[ForceRecord, tuple[str, ...]]:
             finite number; with its line.
         ImplausibleDataError: An uneven clock or a sensor that cannot be right.
     """
-    table = read_columns(path)
+    table = read_number_table(path)
     for name in table.names:
         if name in COLUMNS:
             continue
         bare = _BARE.fullmatch(name)
-        raise FormatError(
-            f"column {name!r}" + (" in another unit or in none" if bare else " is not known")
-            + f"; expected {','.join(COLUMNS)}.",
-            source=path,
-            line=table.header_line,
-            hint="convert to s and N and say so in the name: fx_N."
-            if bare
-            else "remove the column.",
-        )  # fmt: skip
+        what = "in another unit or in none" if bare else "is not known"
+        raise table.fault(
+            f"column {name!r} {what}; expected {','.join(COLUMNS)}.",
+            "convert to s and N and say so in the name: fx_N." if bare else "remove the column.",
+        )
     for name in COLUMNS:
         if name not in table.names:
-            raise FormatError(
+            raise table.fault(
                 f"no column {name}; expected {','.join(COLUMNS)}.",
-                source=path,
-                line=table.header_line,
-                hint="a force that was not measured cannot be taken as zero; write zeros if it is.",
+                "a force that was not measured cannot be taken as zero; write zeros if it is.",
             )
     start, rate = even_rate(table.column("t_s"), path, table.line)
-    force = np.column_stack([table.column(name) for name in COLUMNS[1:]])
     record = ForceRecord(
-        start=start, rate=rate, force=force, source=str(path), provenance=table.provenance
+        start=start,
+        rate=rate,
+        force=table.stack(COLUMNS[1:]),
+        source=str(path),
+        provenance=table.provenance,
     )
     return record, check_force(record, table.line)
 

@@ -18,7 +18,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.files import write_atomic
 from robotrue.core.provenance import mark_line
 from robotrue.core.units import MM, UM
-from robotrue.dynamics.formats.columns import Columns, read_columns, table_bytes
+from robotrue.dynamics.formats.number_table import NumberTable, read_number_table, table_bytes
 from robotrue.dynamics.frf import AXES, ComplexArray, FrequencyResponse
 from robotrue.dynamics.frf_build import Pairs, assembled
 from robotrue.errors import FormatError
@@ -44,14 +44,12 @@ def read_frf_csv(path: str | Path) -> FrequencyResponse:
         ImplausibleDataError: Numbers that cannot be the form their name says (see
             ``checks.check_response``).
     """
-    table = read_columns(path)
-    parts, coherence, unit = _sorted(table, path)
+    table = read_number_table(path)
+    parts, coherence, unit = _sort_columns(table)
     if "f_Hz" not in table.names:
-        raise FormatError(
+        raise table.fault(
             f"no column f_Hz; the file has {', '.join(table.names[:6])}.",
-            source=path,
-            line=table.header_line,
-            hint="a frequency in rad/s has to be divided by 2 pi.",
+            "a frequency in rad/s has to be divided by 2 pi.",
         )
     frequency = table.column("f_Hz")
     falls = np.flatnonzero(np.diff(frequency) <= 0.0)
@@ -103,21 +101,18 @@ def write_frf_csv(path: str | Path, frf: FrequencyResponse) -> None:
     write_atomic(path, mark_line(frf.provenance).encode() + table_bytes(names, table))
 
 
-def _sorted(
-    table: Columns, path: str | Path
+def _sort_columns(
+    table: NumberTable,
 ) -> tuple[dict[str, tuple[str, str]], dict[str, Array], str]:
     """Names of real and imaginary columns by pair, coherence by pair, the unit of all."""
     halves: dict[str, dict[str, str]] = {}
     coherence: dict[str, Array] = {}
     units: dict[str, str] = {}
 
-    def refuse(message: str, hint: str) -> FormatError:
-        return FormatError(message, source=path, line=table.header_line, hint=hint)
-
     for name in table.names:
         part, plain = _PART.fullmatch(name), _COHERENCE.fullmatch(name)
         if part is not None and part[4] is None:
-            raise refuse(
+            raise table.fault(
                 f"column {name!r} has no unit.",
                 f"call it {name}_m_per_N, or {name}_m_per_s2_per_N if it is an accelerance.",
             )
@@ -127,18 +122,18 @@ def _sorted(
         elif plain is not None:
             coherence[plain[1] + plain[2]] = table.column(name)
         elif name != "f_Hz":
-            raise refuse(
+            raise table.fault(
                 f"column {name!r} is not known; expected f_Hz, G??_re_UNIT, G??_im_UNIT and C?? "
                 f"with UNIT one of {', '.join(UNITS)}, ?? of {', '.join(AXES)}.",
                 "rename or remove the column.",
             )
     if not halves:
-        raise refuse("no column G??_re_m_per_N.", "export real and imaginary parts.")
+        raise table.fault("no column G??_re_m_per_N.", "export real and imaginary parts.")
     if len(units) > 1:
-        raise refuse(f"two units: {', '.join(units.values())}.", "one unit per file.")
+        raise table.fault(f"two units: {', '.join(units.values())}.", "one unit per file.")
     for pair, found in halves.items():
         if set(found) != {"re", "im"}:
-            raise refuse(
+            raise table.fault(
                 f"G{pair} has only its {next(iter(found))} part.", "export both parts of it."
             )
     return {p: (h["re"], h["im"]) for p, h in halves.items()}, coherence, next(iter(units))

@@ -11,13 +11,10 @@ import re
 from pathlib import Path
 from typing import Final
 
-import numpy as np
-
 from robotrue.core.units import STANDARD_GRAVITY, UM
 from robotrue.dynamics.clock import even_rate
-from robotrue.dynamics.formats.columns import read_columns
+from robotrue.dynamics.formats.number_table import read_number_table
 from robotrue.dynamics.hits import HammerRecord
-from robotrue.errors import FormatError
 
 _HAMMER: Final = re.compile(r"f([xyz])_N")
 _SENSOR: Final = re.compile(r"(a|v|)([xyz])_(\w+)")
@@ -38,14 +35,10 @@ def read_hammer_csv(path: str | Path) -> HammerRecord:
             its unit, a cell that is no finite number; with its line.
         ImplausibleDataError: An uneven clock.
     """
-    table = read_columns(path)
-
-    def refuse(message: str, hint: str) -> FormatError:
-        return FormatError(message, source=path, line=table.header_line, hint=hint)
-
+    table = read_number_table(path)
     hammers = [name for name in table.names if _HAMMER.fullmatch(name)]
     if len(hammers) != 1:
-        raise refuse(
+        raise table.fault(
             f"{len(hammers)} hammer columns, expected one of fx_N, fy_N, fz_N.",
             "one file per axis of the hammer.",
         )
@@ -56,7 +49,7 @@ def read_hammer_csv(path: str | Path) -> HammerRecord:
             continue
         named = _SENSOR.fullmatch(name)
         if named is None or (named[1], named[3]) not in _UNITS:
-            raise refuse(
+            raise table.fault(
                 f"column {name!r} is not known or has no unit; sensors are called ax_m_per_s2, "
                 "ax_g, vx_m_per_s, x_m or x_um.",
                 "rename or remove it.",
@@ -64,9 +57,9 @@ def read_hammer_csv(path: str | Path) -> HammerRecord:
         forms.add(_UNITS[named[1], named[3]])
         sensors[named[2]] = name
     if "t_s" not in table.names or not sensors:
-        raise refuse("no column t_s, or no sensor.", "t_s,fx_N,ax_m_per_s2,ay_m_per_s2")
+        raise table.fault("no column t_s, or no sensor.", "t_s,fx_N,ax_m_per_s2,ay_m_per_s2")
     if len(forms) > 1:
-        raise refuse(f"sensors of {len(forms)} kinds or units.", "one kind per file.")
+        raise table.fault(f"sensors of {len(forms)} kinds or units.", "one kind per file.")
     form, scale = forms.pop()
     _, rate = even_rate(table.column("t_s"), path, table.line)
     axes = tuple(sorted(sensors))
@@ -74,7 +67,7 @@ def read_hammer_csv(path: str | Path) -> HammerRecord:
         rate=rate,
         force=table.column(hammers[0]),
         excitation_axis=hammers[0][1],
-        motion=scale * np.column_stack([table.column(sensors[axis]) for axis in axes]),
+        motion=scale * table.stack([sensors[axis] for axis in axes]),
         response_axes=axes,
         form=form,
         source=str(path),

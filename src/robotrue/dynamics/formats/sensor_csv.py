@@ -16,11 +16,11 @@ from robotrue.core.arrays import Array
 from robotrue.core.provenance import MEASURED, Provenance, mark_line
 from robotrue.core.rotations import abc_from_matrix, matrix_from_abc
 from robotrue.core.units import DEG
-from robotrue.dynamics.formats.columns import read_columns
-from robotrue.errors import FormatError
+from robotrue.dynamics.formats.number_table import read_number_table
 
 ATTITUDE: Final = ("rx_deg", "ry_deg", "rz_deg")
 WRENCH: Final = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
+COLUMNS: Final = (*ATTITUDE, *WRENCH)
 
 
 def read_sensor_csv(path: str | Path) -> tuple[Array, Array]:
@@ -30,32 +30,26 @@ def read_sensor_csv(path: str | Path) -> tuple[Array, Array]:
         FormatError: A column that is missing or not known, a cell that is no finite number; with
             its line.
     """
-    table = read_columns(path)
-    for name in (*ATTITUDE, *WRENCH):
+    table = read_number_table(path)
+    expected = ",".join(COLUMNS)
+    for name in COLUMNS:
         if name not in table.names:
-            raise FormatError(
-                f"no column {name}; expected {','.join((*ATTITUDE, *WRENCH))}.",
-                source=path,
-                line=table.header_line,
-                hint="angles in deg, forces in N, moments in N m.",
+            raise table.fault(
+                f"no column {name}; expected {expected}.",
+                "angles in deg, forces in N, moments in N m.",
             )
     for name in table.names:
-        if name not in (*ATTITUDE, *WRENCH):
-            raise FormatError(
-                f"column {name!r} is not known; expected {','.join((*ATTITUDE, *WRENCH))}.",
-                source=path,
-                line=table.header_line,
-                hint="remove the column.",
+        if name not in COLUMNS:
+            raise table.fault(
+                f"column {name!r} is not known; expected {expected}.", "remove the column."
             )
-    angles = np.column_stack([table.column(name) for name in reversed(ATTITUDE)]) * DEG
-    readings = np.column_stack([table.column(name) for name in WRENCH])
-    return matrix_from_abc(angles), readings
+    return matrix_from_abc(table.stack(ATTITUDE[::-1]) * DEG), table.stack(WRENCH)
 
 
 def sensor_csv(R_base_sensor: Array, readings: Array, provenance: Provenance = MEASURED) -> bytes:
     """Returns the file of rotations (n, 3, 3) and readings (n, 6) N, N m, with its mark."""
     angles = abc_from_matrix(R_base_sensor)[:, ::-1] / DEG
     rows = np.concatenate([angles, readings], axis=1)
-    lines = [mark_line(provenance) + ",".join((*ATTITUDE, *WRENCH))]
+    lines = [mark_line(provenance) + ",".join(COLUMNS)]
     lines += [",".join(f"{v:.6f}" for v in row) for row in rows.tolist()]
     return ("\n".join(lines) + "\n").encode()

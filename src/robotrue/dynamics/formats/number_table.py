@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from robotrue.errors import FormatError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Columns:
+class NumberTable:
     """Named columns of finite numbers.
 
     Attributes:
@@ -47,8 +48,16 @@ class Columns:
         """Returns the line of a row counted from 0."""
         return self.first_line + row
 
+    def stack(self, names: Sequence[str]) -> Array:
+        """Returns (n, k) of columns that are there."""
+        return np.column_stack([self.column(name) for name in names])
 
-def read_columns(path: str | Path) -> Columns:
+    def fault(self, message: str, hint: str) -> FormatError:
+        """Returns the error of the header, with its line."""
+        return FormatError(message, source=self.source, line=self.header_line, hint=hint)
+
+
+def read_number_table(path: str | Path) -> NumberTable:
     """Returns a CSV file of numbers; comma, semicolon or tab, ``#`` lines before the header.
 
     Raises:
@@ -86,7 +95,7 @@ def read_columns(path: str | Path) -> Columns:
     rows = body.count("\n") + 1
     if values.shape != (rows, len(names)) or not np.isfinite(values).all():
         raise _fault(body.split("\n"), names, mark, decimal, path, head + 1)
-    return Columns(
+    return NumberTable(
         source=str(path),
         digest=sha256(data),
         names=names,
