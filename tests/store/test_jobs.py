@@ -26,13 +26,13 @@ from robotrue.store.jobs import Job
 from robotrue.store.jobs_claim import (
     Claim,
     claim,
-    died,
-    done,
-    failed,
-    held,
+    fail,
+    finish,
+    lock_claimed,
     lock_path,
     reclaim,
-    report,
+    report_progress,
+    requeue,
     worker_name,
 )
 from robotrue.store.jobs_work import attempt
@@ -192,8 +192,8 @@ def test_a_lost_claim_writes_nothing(workspace: Workspace) -> None:
     assert (job.id, job.state, job.attempts) == (id, "running", 1)
     jobs.cancel(workspace, id)
     with workspace.write() as into:
-        assert held(into, mine) is not None
-        assert not done(into, mine, {}, [])
+        assert lock_claimed(into, mine) is not None
+        assert not finish(into, mine, {}, [])
     assert jobs.status(workspace, id).state == "running"
 
 
@@ -202,19 +202,19 @@ def test_an_earlier_attempt_of_the_same_worker_writes_nothing(workspace: Workspa
     id = jobs.submit(workspace, "write", {"count": 1}, attempts_allowed=2)
     first = claim(workspace, ["write"], "elsewhere/same")
     assert first is not None
-    died(workspace, first[1], "its process was killed")
+    requeue(workspace, first[1], "its process was killed")
     second = claim(workspace, ["write"], "elsewhere/same")
     assert second is not None
     assert (first[1].attempt, second[1].attempt) == (1, 2)
-    assert not report(workspace, first[1], 0.9, "late")
-    failed(workspace, first[1], {"kind": "Late", "message": "of the first attempt"}, [])
+    assert not report_progress(workspace, first[1], 0.9, "late")
+    fail(workspace, first[1], {"kind": "Late", "message": "of the first attempt"}, [])
     with workspace.write() as into:
-        assert held(into, first[1]) is None
-        assert not done(into, first[1], {"late": True}, [])
+        assert lock_claimed(into, first[1]) is None
+        assert not finish(into, first[1], {"late": True}, [])
     job = jobs.status(workspace, id)
     assert (job.state, job.progress, job.text) == ("running", 0.0, "")
     with workspace.write() as into:
-        assert done(into, second[1], {}, [])
+        assert finish(into, second[1], {}, [])
     assert jobs.status(workspace, id).result == {}
 
 

@@ -11,7 +11,7 @@ import json
 import time
 import uuid
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from datetime import datetime
 from typing import Any, Final, NewType
 
@@ -238,24 +238,8 @@ def end(into: Transaction, row: JobRow, state: str, error: Mapping[str, Any] | N
 
 def job_of(row: JobRow) -> Job:
     """Returns the record of a row."""
-    return Job(
-        id=JobId(row.id),
-        kind=row.kind,
-        parameters=row.parameters,
-        state=row.state,
-        progress=row.progress,
-        text=row.text,
-        remarks=tuple(row.remarks),
-        result=row.result,
-        error=row.error,
-        attempts=row.attempts,
-        attempts_allowed=row.attempts_allowed,
-        cancel=row.cancel,
-        worker=row.worker,
-        submitted=row.submitted,
-        started=row.started,
-        finished=row.finished,
-    )
+    values = {item.name: getattr(row, item.name) for item in fields(Job)}
+    return Job(**{**values, "remarks": tuple(row.remarks)})
 
 
 def clock(session: Session) -> ColumnElement[Any]:

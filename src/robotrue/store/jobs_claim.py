@@ -76,7 +76,7 @@ def claim(workspace: Workspace, kinds: Collection[str], worker: str) -> tuple[Jo
         return job_of(row), Claim(job=row.id, attempt=row.attempts, worker=worker)
 
 
-def held(into: Transaction, claim: Claim) -> JobRow | None:
+def lock_claimed(into: Transaction, claim: Claim) -> JobRow | None:
     """Returns the job's row, locked, if the claim still holds."""
     chosen = select(JobRow).where(
         JobRow.id == claim.job,
@@ -89,8 +89,8 @@ def held(into: Transaction, claim: Claim) -> JobRow | None:
     ).first()
 
 
-def beat(workspace: Workspace, worker: str) -> None:
-    """Says that a worker lives."""
+def send_heartbeat(workspace: Workspace, worker: str) -> None:
+    """Renews the lease of a worker on all its jobs."""
     with workspace.write() as into:
         into.session.execute(
             update(JobRow)
@@ -99,95 +99,101 @@ def beat(workspace: Workspace, worker: str) -> None:
         )
 
 
-def report(workspace: Workspace, claim: Claim, progress: float, text: str) -> bool:
+def report_progress(workspace: Workspace, claim: Claim, progress: float, text: str) -> bool:
     """Notes how far a job is; returns whether it may go on: not cancelled, not somebody else's."""
     with workspace.write() as into:
-        row = held(into, claim)
+        row = lock_claimed(into, claim)
         if row is None or row.cancel:
             return False
         row.progress, row.text = progress, text
         return True
 
 
-def done(into: Transaction, claim: Claim, result: Mapping[str, Any], remarks: list[str]) -> bool:
+def finish(into: Transaction, claim: Claim, result: Mapping[str, Any], remarks: list[str]) -> bool:
     """Puts the job done with its result; returns False, and does nothing, if the claim is lost."""
-    row = held(into, claim)
+    row = lock_claimed(into, claim)
     if row is None or row.cancel:
         return False
-    row.result, row.remarks, row.text = json_values(result), _text(remarks), ""
+    row.result, row.remarks, row.text = json_values(result), _without_nul(remarks), ""
     end(into, row, DONE)
     return True
 
 
-def failed(
-    workspace: Workspace, claim: Claim, error: Mapping[str, Any], remarks: list[str]
-) -> None:
-    """Puts the job failed with what it failed with, or cancelled if that was asked for."""
+def fail(workspace: Workspace, claim: Claim, error: Mapping[str, Any], remarks: list[str]) -> None:
+    """Puts the job failed with its error, or cancelled if somebody asked for that."""
     with workspace.write() as into:
-        row = held(into, claim)
+        row = lock_claimed(into, claim)
         if row is not None:
-            row.remarks = _text(remarks)
-            end(
-                into, row, CANCELLED if row.cancel else FAILED, None if row.cancel else _text(error)
-            )
+            row.remarks = _without_nul(remarks)
+            if row.cancel:
+                end(into, row, CANCELLED)
+            else:
+                end(into, row, FAILED, _without_nul(error))
 
 
-def died(workspace: Workspace, claim: Claim, why: str) -> None:
-    """Queues again what a dead process was at, or puts it over: nothing of the attempt stands."""
+def requeue(workspace: Workspace, claim: Claim, why: str, *, counts: bool = True) -> None:
+    """Queues again what a process was at that died, or puts it over: nothing of it stands.
+
+    Args:
+        workspace: Where the job waits.
+        claim: Of the attempt.
+        why: It ended.
+        counts: Whether the attempt counts; that of a worker that was stopped does not.
+    """
     with workspace.write() as into:
-        row = held(into, claim)
+        row = lock_claimed(into, claim)
         if row is not None:
-            _again(into, row, why)
-
-
-def released(workspace: Workspace, claim: Claim) -> None:
-    """Queues again what a worker that was stopped was at; the attempt does not count."""
-    with workspace.write() as into:
-        row = held(into, claim)
-        if row is not None:
-            row.attempts -= 1
-            _again(into, row, "its worker was stopped")
+            row.attempts -= 0 if counts else 1
+            _requeue_row(into, row, why)
 
 
 def reclaim(workspace: Workspace) -> int:
     """Returns how many jobs of dead workers were queued again or put over."""
-    under_way = select(JobRow).where(JobRow.state == RUNNING)
     with workspace.read() as session:
-        suspects = [row.id for row in session.scalars(under_way) if _dead(workspace, session, row)]
-    count = 0
-    for id in suspects:
-        with workspace.write() as into:
-            same = under_way.where(JobRow.id == id).with_for_update(skip_locked=True)
-            row = into.session.scalars(same).first()
-            if row is None or not _dead(workspace, into.session, row):
-                continue
-            _again(into, row, "its worker died")
-            count += 1
-    return count
+        if not _rows_of_dead(workspace, session):
+            return 0
+    with workspace.write() as into:
+        rows = _rows_of_dead(workspace, into.session, lock=True)
+        for row in rows:
+            _requeue_row(into, row, "its worker died")
+        return len(rows)
 
 
-def running(workspace: Workspace) -> dict[str, str]:
-    """Returns the worker of every job that is being done."""
+def list_running(workspace: Workspace) -> list[Claim]:
+    """Returns the claim of every job that is under way."""
+    columns = select(JobRow.id, JobRow.attempts, JobRow.worker).where(JobRow.state == RUNNING)
     with workspace.read() as session:
-        rows = session.execute(select(JobRow.id, JobRow.worker).where(JobRow.state == RUNNING))
-        return {id: worker for id, worker in rows}
+        rows = session.execute(columns).all()
+    return [Claim(job=id, attempt=attempt, worker=worker) for id, attempt, worker in rows]
 
 
-def _text(value: Any) -> Any:
-    """The value without NUL characters, which no database keeps: messages may quote any file."""
+def _rows_of_dead(workspace: Workspace, session: Session, *, lock: bool = False) -> list[JobRow]:
+    """Returns the jobs whose worker released its lock or, on another machine, lost its lease.
+
+    Args:
+        workspace: Whose folder holds the workers' locks.
+        session: To ask.
+        lock: Whether nobody else may alter the rows; those somebody else has locked are left out.
+    """
+    silent = JobRow.heartbeat < clock(session) - STALE
+    chosen = select(JobRow, silent).where(JobRow.state == RUNNING)
+    if lock:
+        chosen = chosen.with_for_update(skip_locked=True)
+    dead = []
+    for row, lease_over in session.execute(chosen):
+        path = lock_path(workspace.folder, row.worker)
+        local = row.worker.rpartition("/")[0] == socket.gethostname() and POSIX and path.is_file()
+        if abandoned(path) if local else lease_over:
+            dead.append(row)
+    return dead
+
+
+def _without_nul(value: Any) -> Any:
+    """Returns the value without NUL, which no database keeps: messages may quote any file."""
     return json.loads(json.dumps(json_values(value)).replace("\\u0000", "?"))
 
 
-def _dead(workspace: Workspace, session: Session, row: JobRow) -> bool:
-    """Whether a job's worker has let go of its lock or, on another machine, is silent for long."""
-    lock = lock_path(workspace.folder, row.worker)
-    if row.worker.rpartition("/")[0] == socket.gethostname() and POSIX and lock.is_file():
-        return abandoned(lock)
-    silent = select(JobRow.id).where(JobRow.id == row.id, JobRow.heartbeat < clock(session) - STALE)
-    return session.scalar(silent) is not None
-
-
-def _again(into: Transaction, row: JobRow, why: str) -> None:
+def _requeue_row(into: Transaction, row: JobRow, why: str) -> None:
     detail = {"kind": row.kind, "attempt": row.attempts, "why": why}
     journal.record(into, "died", NOUN, row.id, detail=detail)
     if row.cancel:

@@ -23,7 +23,7 @@ from typing import Any, Final, TypeAlias
 
 from robotrue.errors import ConfigurationError, DatabaseDownError, RobotrueError
 from robotrue.store.jobs import Job, status
-from robotrue.store.jobs_claim import Claim, done, failed, report
+from robotrue.store.jobs_claim import Claim, fail, finish, report_progress
 from robotrue.store.workspace import Transaction, Workspace
 
 SCRATCH: Final = "scratch"
@@ -67,7 +67,7 @@ class Work:
         self._noted = time.monotonic()
         share = min(max(done / of, 0.0), 1.0) if of else 0.0
         with contextlib.suppress(DatabaseDownError):
-            if not report(self.workspace, self._claim, share, text):
+            if not report_progress(self.workspace, self._claim, share, text):
                 raise Cancelled
 
     def remark(self, text: str) -> None:
@@ -105,16 +105,16 @@ def attempt(folder: Path, url: str | None, target: str, claim: Claim) -> None:
         try:
             publish = kind_named(target)(work)
             with workspace.write() as into:
-                if not done(into, claim, publish(into), work.remarks):
+                if not finish(into, claim, publish(into), work.remarks):
                     raise Cancelled
         except Cancelled:
-            failed(workspace, claim, {"kind": "Cancelled", "message": "cancelled"}, work.remarks)
+            fail(workspace, claim, {"kind": "Cancelled", "message": "cancelled"}, work.remarks)
         except DatabaseDownError:
             raise
         except RobotrueError as cause:
-            failed(workspace, claim, fault(cause), work.remarks)
+            fail(workspace, claim, fault(cause), work.remarks)
         except Exception as cause:  # a fault of the program: the job says so, the worker goes on
-            failed(workspace, claim, fault(cause), work.remarks)
+            fail(workspace, claim, fault(cause), work.remarks)
 
 
 def attempt_as_child(folder: Path, url: str | None, target: str, claim: Claim) -> None:

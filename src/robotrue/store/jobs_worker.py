@@ -20,13 +20,12 @@ from robotrue.store.jobs import RUNNING, status
 from robotrue.store.jobs_claim import (
     WORKERS,
     Claim,
-    beat,
     claim,
-    died,
+    list_running,
     lock_path,
     reclaim,
-    released,
-    running,
+    requeue,
+    send_heartbeat,
     worker_name,
 )
 from robotrue.store.jobs_work import SCRATCH, attempt_as_child, tidy
@@ -40,6 +39,7 @@ BEAT: Final = 2.0
 """s between two heartbeats, and between two looks for jobs of dead workers."""
 SEE: Final = 0.5
 """s between two looks whether a job was cancelled."""
+STOPPED: Final = "its worker was stopped"
 PATIENCE: Final = 1.0
 """s a cancelled job has to see that it is."""
 
@@ -84,7 +84,7 @@ class Processes:
 
 
 @dataclass
-class _Under:
+class _Attempt:
     claim: Claim
     run: Run
     seen: float = 0.0
@@ -111,7 +111,7 @@ class Worker:
     patience: float = PATIENCE
     done: int = 0
     _name: str = field(default_factory=lambda: worker_name(uuid.uuid4().hex))
-    _under: list[_Under] = field(default_factory=list)
+    _attempts: list[_Attempt] = field(default_factory=list)
     _beaten: float = -BEAT
     _down: bool = False
 
@@ -137,7 +137,7 @@ class Worker:
             if self._down:
                 self._release_unknown()
             self._look()
-            idle = until_idle and not self._under and not self._begin()
+            idle = until_idle and not self._attempts and not self._begin()
         except DatabaseDownError as cause:
             if not self._down:
                 logging.getLogger("robotrue").warning("%s Waiting for it.", cause)
@@ -148,65 +148,64 @@ class Worker:
 
     def _release_unknown(self) -> None:
         """Queues again what is this worker's only in the database: the claim's answer was lost."""
-        under = {each.claim.job for each in self._under}
-        for job, worker in running(self.workspace).items():
-            if worker == self._name and job not in under:
-                attempt = status(self.workspace, job).attempts
-                released(self.workspace, Claim(job=job, attempt=attempt, worker=worker))
+        under = {attempt.claim.job for attempt in self._attempts}
+        for lost in list_running(self.workspace):
+            if lost.worker == self._name and lost.job not in under:
+                requeue(self.workspace, lost, STOPPED, counts=False)
 
     def _look(self) -> None:
-        for each in list(self._under):
-            self._see(each)
+        for attempt in list(self._attempts):
+            self._check(attempt)
         if time.monotonic() - self._beaten >= BEAT:
             self._beaten = time.monotonic()
-            beat(self.workspace, self._name)
+            send_heartbeat(self.workspace, self._name)
             reclaim(self.workspace)
             _forget_the_dead(self.workspace)
-        while len(self._under) < self.slots and self._begin():
+        while len(self._attempts) < self.slots and self._begin():
             pass
 
     def _begin(self) -> bool:
-        found = claim(self.workspace, self.kinds, self._name)
-        if found is None:
+        claimed = claim(self.workspace, self.kinds, self._name)
+        if claimed is None:
             return False
-        job, mine = found
-        run = self.engine.begin(self.workspace, self.kinds[job.kind], mine)
-        self._under.append(_Under(claim=mine, run=run))
+        job, own = claimed
+        run = self.engine.begin(self.workspace, self.kinds[job.kind], own)
+        self._attempts.append(_Attempt(claim=own, run=run))
         return True
 
-    def _see(self, each: _Under) -> None:
-        why = each.run.ended()
+    def _check(self, attempt: _Attempt) -> None:
+        why = attempt.run.ended()
         if why is None:
-            self._hurry(each)
+            self._kill_if_cancelled(attempt)
             return
-        died(self.workspace, each.claim, why or "its process ended without a result")
-        tidy(self.workspace.folder, each.claim.job)
-        self._under.remove(each)
+        requeue(self.workspace, attempt.claim, why or "its process ended without a result")
+        tidy(self.workspace.folder, attempt.claim.job)
+        self._attempts.remove(attempt)
         self.done += 1
 
-    def _hurry(self, each: _Under) -> None:
+    def _kill_if_cancelled(self, attempt: _Attempt) -> None:
         """Kills what was cancelled and does not see it."""
         now = time.monotonic()
-        if each.cancelled is not None:
-            if now - each.cancelled > self.patience:
-                each.run.kill()
-        elif now - each.seen >= SEE:
-            each.seen = now
-            found = status(self.workspace, each.claim.job)
-            lost = found.state != RUNNING or found.attempts != each.claim.attempt
-            each.cancelled = now if found.cancel or lost else None
+        if attempt.cancelled is not None:
+            if now - attempt.cancelled > self.patience:
+                attempt.run.kill()
+        elif now - attempt.seen >= SEE:
+            attempt.seen = now
+            job = status(self.workspace, attempt.claim.job)
+            lost = job.state != RUNNING or job.attempts != attempt.claim.attempt
+            attempt.cancelled = now if job.cancel or lost else None
 
     def _leave(self) -> None:
         """Ends what is under way; others, or this one later, begin it anew."""
-        for each in self._under:
-            each.run.kill()
-        for each in self._under:
+        for attempt in self._attempts:
+            attempt.run.kill()
+        for attempt in self._attempts:
             until = time.monotonic() + self.patience
-            while each.run.ended() is None and time.monotonic() < until:
+            while attempt.run.ended() is None and time.monotonic() < until:
                 time.sleep(LOOK)
-            released(self.workspace, each.claim)
-            tidy(self.workspace.folder, each.claim.job)
-        self._under.clear()
+            requeue(self.workspace, attempt.claim, STOPPED, counts=False)
+            tidy(self.workspace.folder, attempt.claim.job)
+        self._attempts.clear()
 
 
 def run_worker(
@@ -253,12 +252,13 @@ def _forget_the_dead(workspace: Workspace) -> None:
     """Removes locks of dead workers that have no job, and folders of jobs that are not done now."""
     folder = workspace.folder
     dead = [lock for lock in (folder / WORKERS).glob("*.lock") if abandoned(lock)]
-    left = os.listdir(folder / SCRATCH) if (folder / SCRATCH).is_dir() else []
-    if not dead and not left:
+    scratch = os.listdir(folder / SCRATCH) if (folder / SCRATCH).is_dir() else []
+    if not dead and not scratch:
         return
-    busy = running(workspace)
+    running = list_running(workspace)
+    busy = {own.worker.rpartition("/")[2] for own in running}
     for lock in dead:
-        if lock.stem not in {worker.rpartition("/")[2] for worker in busy.values()}:
+        if lock.stem not in busy:
             lock.unlink(missing_ok=True)
-    for job in {name[:36] for name in left} - set(busy):
+    for job in {name[:36] for name in scratch} - {own.job for own in running}:
         tidy(folder, job)
