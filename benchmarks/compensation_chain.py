@@ -23,12 +23,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "compensa
 import cases
 
 from robotrue.compensation import CompensationSettings, compensate
+from robotrue.core.sines import sines
 from robotrue.core.units import UM
 from robotrue.program.program import Motion
 from robotrue.robot.forward import forward
 from robotrue.robot.statics import Load
 
 SEED = 3
+COUNT = 192
 LOW = np.radians([-60.0, -60.0, -60.0, -170.0, 15.0, -170.0])
 HIGH = np.radians([60.0, 40.0, 60.0, 170.0, 115.0, 170.0])
 
@@ -61,18 +63,15 @@ def measure(name: str, model, joints: np.ndarray, motion: Motion) -> None:
 
 def calibration() -> None:
     """Prints the speed of a fixed loop, to compare figures from machines busy with other things."""
-    from robotrue.compensation.arm_lanes import sincos_rows
-    from robotrue.compensation.memory import LANES
-
-    angle, out = np.linspace(-3.0, 3.0, 6 * LANES), np.zeros(12 * LANES)
-    sincos_rows(angle, out)
+    angle, out = np.linspace(-3.0, 3.0, COUNT), np.zeros(2 * COUNT)
+    sines(angle, COUNT, out)
 
     def loop() -> None:
         for _ in range(20_000):
-            sincos_rows(angle, out)
+            sines(angle, COUNT, out)
 
-    rate = 20_000 * 6 * LANES / seconds(loop) / 1e6
-    print(f"{'calibration: sine and cosine in lanes':58s} {rate:8.1f} M/s")
+    rate = 20_000 * COUNT / seconds(loop) / 1e6
+    print(f"{'calibration: sine and cosine':58s} {rate:8.1f} M/s")
 
 
 def floor(joints: np.ndarray, robot) -> None:

@@ -14,7 +14,6 @@ import pytest
 from test_rapid_urscript_programs import rapid, urscript
 
 from robotrue.calibration.rigid_flexible import RigidFlexibleModel
-from robotrue.compensation.chunks import at_home
 from robotrue.compensation.compensate import compensate
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.stream import Streamed, compensate_stream, worker_count
@@ -231,8 +230,8 @@ def test_a_wrong_guess_is_found_out(source: Path, monkeypatch: pytest.MonkeyPatc
     from robotrue.compensation import stream
 
     class Astray(stream.Here):
-        def __init__(self, work, model) -> None:
-            super().__init__(work, model)
+        def __init__(self, job) -> None:
+            super().__init__(job)
             self.ahead = 3
 
     model, how = cases.rich_model(harmonics=8, centres=20), settings()
@@ -241,12 +240,12 @@ def test_a_wrong_guess_is_found_out(source: Path, monkeypatch: pytest.MonkeyPatc
     found, result = streamed(source, model, how, workers=1)
     assert (found, result.again) == (alone, 0)
 
-    def nowhere(work, found, reading, home):
-        wrong = at_home(work.pack, work.settings)
-        wrong.near[:] += [np.pi, 0.0, 0.0, 2.0 * np.pi, 0.0, -2.0 * np.pi]
+    def nowhere(job, found, reading, start):
+        wrong = start.copy()
+        wrong.get("near")[:] += [np.pi, 0.0, 0.0, 2.0 * np.pi, 0.0, -2.0 * np.pi]
         return wrong
 
-    monkeypatch.setattr(stream, "_after_some", nowhere)
+    monkeypatch.setattr(stream, "_state_soon", nowhere)
     found, result = streamed(source, model, how, workers=1)
     assert found == alone
     assert result.again > 0

@@ -14,16 +14,12 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
+from robotrue.compensation.arm_state import GUESSED, KNOWN, PARTED
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.robot.inverse import inverse_branches
 from robotrue.robot.inverse_numeric import all_solutions, solve
 from robotrue.robot.model import RobotModel
 from robotrue.robot.opw import opw_geometry
-
-KNOWN: Final = 0
-GUESSED: Final = 1
-PARTED: Final = 2
-"""What is known of the configuration of a target: it, a guess, a guess that matters."""
 
 Others: TypeAlias = Callable[[IntArray, Array], Array]
 """Other configurations (m, k, 6) rad of rows (m,) with joints (m, 6) rad; NaN where none is."""
@@ -36,20 +32,20 @@ _BATCHES: Final = (1, 63, 960)
 """Rows looked at together; the first is nearly always enough."""
 
 
-def standings(known: IntArray, before: int) -> IntArray:
-    """Returns what is known of each target (n,), before any error is looked at.
+def configuration_known(known: IntArray, before: int) -> IntArray:
+    """Returns ``KNOWN`` or ``GUESSED`` of each target (n,), before any error is computed.
 
     Args:
         known: (n,) see :attr:`robotrue.compensation.plan.Plan.known`.
-        before: What was known of the target before.
+        before: That of the target before.
     """
     last = np.maximum.accumulate(np.where(known != 0, np.arange(len(known)), -1))
     here = np.where(known[last] > 0, KNOWN, GUESSED)
     return np.where(last < 0, before, here).astype(np.int64)
 
 
-def part_ways(
-    standing: IntArray,
+def mark_guesses_that_matter(
+    configuration: IntArray,
     known: IntArray,
     rows: IntArray,
     nominal: Array,
@@ -61,7 +57,7 @@ def part_ways(
     """Marks, in place, where guessed configurations begin to matter, up to the next that is known.
 
     Args:
-        standing: (n,) of :func:`standings`.
+        configuration: (n,) of :func:`configuration_known`, changed.
         known: (n,) likewise.
         rows: (m,) targets that are to be compensated.
         nominal: (n, 6) rad, joints of the guess.
@@ -73,7 +69,7 @@ def part_ways(
     if not alike < np.inf:
         return
     run = np.cumsum(known != 0)
-    asked = rows[standing[rows] == GUESSED]
+    asked = rows[configuration[rows] == GUESSED]
     for number in np.unique(run[asked]):
         mine = asked[run[asked] == number]
         at = 0
@@ -83,7 +79,7 @@ def part_ways(
             far = _differ(some, nominal[some], approach[some], others, error_at, alike)
             if far.any():
                 first = int(some[np.argmax(far)])
-                standing[first:][run[first:] == number] = PARTED
+                configuration[first:][run[first:] == number] = PARTED
                 break
             at += size
 

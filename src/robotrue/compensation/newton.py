@@ -114,7 +114,7 @@ def correct_rows(
     )
 
 
-def load_rows(load: Load, rows: IntArray) -> Load:
+def load_rows(load: Load, rows: IntArray | slice) -> Load:
     """Returns the load at some targets; single rows stay single."""
     mass, com, wrench = (
         part[rows] if len(part) > 1 else part for part in (load.mass, load.com, load.wrench)

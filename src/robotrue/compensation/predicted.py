@@ -6,153 +6,114 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from robotrue.calibration.model import ErrorModel, Query
-from robotrue.compensation.chunks import Outcome, Part
-from robotrue.compensation.newton import Corrected, correct_rows, load_rows
-from robotrue.compensation.plan import Plan
-from robotrue.compensation.settings import CompensationSettings
-from robotrue.compensation.status import Route, Status
-from robotrue.core.arrays import Array, BoolArray, IntArray
-from robotrue.core.poses import inverse
-from robotrue.core.rotations import rotation_vector_from_matrix
+from robotrue.calibration.model import Query
+from robotrue.compensation.calibrated_arm import Chunk, InversionLimits, Outcome
+from robotrue.compensation.inversion_kernels import write_predicted
+from robotrue.compensation.newton import correct_rows, load_rows
+from robotrue.compensation.setup import CompensationSetup
+from robotrue.compensation.status import Status
+from robotrue.core.arrays import Array, IntArray
 from robotrue.program.program import Program
-from robotrue.robot.model import RobotModel
 from robotrue.robot.statics import Load
 
 
-def by_prediction(
-    model: ErrorModel,
-    robot: RobotModel,
-    program: Program,
-    plan: Plan,
-    settings: CompensationSettings,
+def correct_by_prediction(
+    setup: CompensationSetup,
     load: Load,
-    measured: BoolArray,
-    outcome: Outcome,
-    part: Part,
+    program: Program,
+    chunk: Chunk,
+    limits: InversionLimits,
+    first: int,
+    part: Outcome,
 ) -> bool:
-    """Compensates, in place, the targets of a chunk that the nominal pass found free of guards.
+    """Compensates the targets of a chunk that the nominal pass found free of guards.
+
+    Args:
+        setup: With a model.
+        load: Of the program.
+        program: The targets.
+        chunk: Those of the chunk, solved with the nominal arm.
+        limits: Of the inversion.
+        first: Row of the first target of the chunk.
+        part: Outcome of the chunk, changed.
 
     Returns:
-        Whether the model gave a rotation error everywhere it was asked.
+        Whether the model gave a rotation error everywhere.
     """
-    known = True
-    fine = np.flatnonzero(outcome.status[part.rows] == Status.UNCHANGED_NO_ERROR)
-    for tool, local in _by_tool(program, part, fine):
-        rows = part.rows.start + local
+    if setup.model is None:
+        return True
+    rotation_known = True
+    fine = np.flatnonzero(part.status == Status.UNCHANGED_NO_ERROR)
+    for tool, rows in _by_tool(chunk.tool, fine):
         corrected = correct_rows(
-            model,
-            robot.with_tool(program.T_flange_tool[tool]),
-            bool(measured[tool]),
-            part.nominal[local],
-            load_rows(load, rows),
-            part.approach[local],
-            (settings.tolerance, settings.turn_tolerance),
+            setup.model,
+            setup.robot.with_tool(program.T_flange_tool[tool]),
+            bool(setup.measured[tool]),
+            chunk.nominal[rows],
+            load_rows(load, first + rows),
+            chunk.approach[rows],
+            (limits.tolerance, limits.turn_tolerance),
         )
-        known = known and bool(corrected.rotation_known.all())
-        _write(robot, program, plan, settings, outcome, rows, corrected, part.nominal[local])
-    return known
+        rotation_known = rotation_known and bool(corrected.rotation_known.all())
+        write_predicted(
+            setup.arm, chunk, limits, rows, corrected.converged, corrected.joints,
+            corrected.T_base_tool, np.array(corrected.T_base_target), corrected.before,
+            corrected.after, part,
+        )  # fmt: skip
+    return rotation_known
 
 
 def predicted_error(
-    model: ErrorModel,
+    setup: CompensationSetup,
     program: Program,
     load: Load,
-    measured: BoolArray,
     rows: IntArray,
     joints: Array,
     approach: Array,
 ) -> Array:
     """Returns the error (m, 3) m that the model predicts at joints (m, 6) rad of some targets."""
-    out = np.full((len(rows), 3), np.nan)
-    for tool in np.unique(program.tool[rows]):
-        mine = np.flatnonzero(program.tool[rows] == tool)
-        out[mine] = model.predict(
-            Query(
-                joints=joints[mine],
-                load=load_rows(load, rows[mine]),
-                approach=approach[mine],
-                T_flange_tool=None if measured[tool] else program.T_flange_tool[tool],
-            )
-        ).error
-    return out
+    error = np.full((len(rows), 3), np.nan)
+    if setup.model is None:
+        return error
+    for tool, local in _by_tool(program.tool[rows], np.arange(len(rows))):
+        query = _query(setup, program, load, tool, rows[local], joints[local], approach[local])
+        error[local] = setup.model.predict(query).error
+    return error
 
 
-def _write(
-    robot: RobotModel,
-    program: Program,
-    plan: Plan,
-    settings: CompensationSettings,
-    outcome: Outcome,
-    rows: IntArray,
-    corrected: Corrected,
-    nominal: Array,
+def write_covariances(
+    setup: CompensationSetup, program: Program, load: Load, chunk: Chunk, first: int, part: Outcome
 ) -> None:
-    """Applies the guards and writes what passed them."""
-    shift = corrected.T_base_tool[:, :3, 3] - corrected.T_base_target[:, :3, 3]
-    turned = corrected.T_base_tool[:, :3, :3] @ np.swapaxes(
-        corrected.T_base_target[:, :3, :3], 1, 2
-    )
-    turn = np.linalg.norm(rotation_vector_from_matrix(turned), axis=1)
-    size = np.linalg.norm(shift, axis=1)
-    low, high = robot.limits[:, 0], robot.limits[:, 1]
-    both = np.stack([corrected.joints, nominal])
-    inside = ((both >= low) & (both <= high)).all(axis=(0, 2))
-    status = np.select(
-        [
-            ~corrected.converged,
-            (size < settings.min_shift) & (turn < settings.min_shift),
-            (size > settings.max_shift) | (turn > settings.max_turn),
-            ~inside,
-        ],
-        [
-            int(Status.UNCHANGED_NOT_CONVERGED),
-            int(Status.UNCHANGED_NO_ERROR),
-            int(Status.UNCHANGED_STEP),
-            int(Status.UNCHANGED_JOINT_LIMIT),
-        ],
-        default=int(Status.COMPENSATED),
-    )
-    outcome.status[rows] = status
-    outcome.before[rows] = corrected.before
-    outcome.after[rows] = corrected.before
-    keep = status == Status.COMPENSATED
-    done = rows[keep]
-    outcome.after[done] = corrected.after[keep]
-    outcome.joints[done] = corrected.joints[keep]
-    outcome.shift[done] = shift[keep]
-    outcome.turn[done] = turn[keep]
-    posed = keep & (plan.route[rows] != Route.AXES)
-    done = rows[posed]
-    frame = inverse(program.T_base_frame[program.frame[done]]) @ corrected.T_base_tool[posed]
-    outcome.position[done] = frame[:, :3, 3]
-    outcome.rotation[done] = frame[:, :3, :3].reshape(-1, 9)
+    """Writes the covariance of the actual position at the joints of a chunk's targets."""
+    if setup.model is None or not setup.settings.covariance:
+        return
+    reached = np.flatnonzero(np.isfinite(part.joints).all(axis=1))
+    for tool, rows in _by_tool(chunk.tool, reached):
+        query = _query(
+            setup, program, load, tool, first + rows, part.joints[rows], chunk.approach[rows]
+        )
+        part.covariance[rows] = setup.model.predict(query).covariance
 
 
-def covariances(
-    model: ErrorModel,
+def _query(
+    setup: CompensationSetup,
     program: Program,
     load: Load,
-    measured: BoolArray,
-    outcome: Outcome,
-    part: Part,
-) -> None:
-    """Writes the covariance of the actual position at the joints of a chunk's targets, in place."""
-    known = np.flatnonzero(np.isfinite(outcome.joints[part.rows]).all(axis=1))
-    for tool, local in _by_tool(program, part, known):
-        rows = part.rows.start + local
-        predicted = model.predict(
-            Query(
-                joints=outcome.joints[rows],
-                load=load_rows(load, rows),
-                approach=part.approach[local],
-                T_flange_tool=None if measured[tool] else program.T_flange_tool[tool],
-            )
-        )
-        outcome.covariance[rows] = predicted.covariance
+    tool: int,
+    rows: IntArray,
+    joints: Array,
+    approach: Array,
+) -> Query:
+    """Returns what the model is asked at targets that have one tool."""
+    return Query(
+        joints=joints,
+        load=load_rows(load, rows),
+        approach=approach,
+        T_flange_tool=None if setup.measured[tool] else program.T_flange_tool[tool],
+    )
 
 
-def _by_tool(program: Program, part: Part, local: IntArray) -> Iterator[tuple[int, IntArray]]:
-    tools = program.tool[part.rows][local]
-    for tool in np.unique(tools):
-        yield int(tool), local[tools == tool]
+def _by_tool(tool: IntArray, rows: IntArray) -> Iterator[tuple[int, IntArray]]:
+    """Yields the tools of some rows, and the rows of each."""
+    for index in np.unique(tool[rows]).tolist():
+        yield index, rows[tool[rows] == index]

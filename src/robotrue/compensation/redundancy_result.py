@@ -118,5 +118,5 @@ class Respun:
             replacement=replace(
                 new, changed=new.changed | moved, position=position, rotation=rotation, words=words
             ),
-            notes=(*result.notes, *notes),
+            remarks=(*result.remarks, *notes),
         )

@@ -8,8 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from robotrue.compensation.row_notes import RowNote
 from robotrue.compensation.stance import Stance
 from robotrue.compensation.status import Status
+from robotrue.compensation.steps import Steps
+from robotrue.compensation.tally import Tally
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.units import DEG, UM
 from robotrue.core.words import NO_WORD
@@ -32,7 +35,8 @@ class Compensation:
         joints: (n, dof) rad the robot will be commanded to, model's sense; NaN where unknown.
         covariance: (n, 3, 3) m^2 of the position at the commanded joints; empty if not asked for.
         singular_value: (n,) see ``CompensationSettings.min_singular_value``; NaN where unknown.
-        notes: One sentence each, with line numbers.
+        row_notes: Notes on targets, by their lines.
+        remarks: Further notes, one sentence each.
         stance: How the arm stands at the first target that it reaches; None if it reaches none.
     """
 
@@ -45,7 +49,8 @@ class Compensation:
     joints: Array
     covariance: Array
     singular_value: Array
-    notes: tuple[str, ...]
+    row_notes: tuple[RowNote, ...] = ()
+    remarks: tuple[str, ...] = ()
     stance: Stance | None = None
 
     def __post_init__(self) -> None:
@@ -62,39 +67,40 @@ class Compensation:
         ):
             getattr(self, name).flags.writeable = False
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """One sentence each, with line numbers."""
+        return (*(str(note) for note in self.row_notes), *self.remarks)
+
+    def tally(self) -> Tally:
+        """Returns the sums over the targets; steps between them are not among them."""
+        done = self.status == Status.COMPENSATED
+        sizes = [
+            np.linalg.norm(self.predicted_error_before[done], axis=1) / UM,
+            np.linalg.norm(self.predicted_error_after[done], axis=1) / UM,
+            np.linalg.norm(self.shift[done], axis=1) / UM,
+            self.turn[done] / DEG,
+            np.zeros(0),
+        ]
+        if len(self.covariance):
+            sizes[-1] = np.sqrt(np.trace(self.covariance[done], axis1=1, axis2=2)) / UM
+        return Tally(
+            status=np.bincount(self.status, minlength=len(Status)).astype(np.int64),
+            total=np.array([size.sum() for size in sizes]),
+            largest=np.array([size.max(initial=0.0) for size in sizes]),
+            sigma=len(self.covariance) > 0,
+            notes=self.row_notes,
+            steps=Steps(),
+            stance=self.stance,
+        )
+
     def counts(self) -> dict[str, int]:
         """Returns how many targets there are of each status, by lower-case name, zeros left out."""
-        number = np.bincount(self.status, minlength=len(Status))
-        return {s.name.lower(): int(number[s]) for s in Status if number[s]}
+        return self.tally().counts()
 
     def summary(self) -> Mapping[str, Any]:
         """Returns JSON values: counts, predicted error before and after, size of the correction."""
-        done = self.status == Status.COMPENSATED
-        out: dict[str, Any] = {
-            "targets": len(self.status),
-            "compensated": int(done.sum()),
-            "unchanged": int((~done).sum()),
-            "status": self.counts(),
-            "predicted_error_before_um": _sizes(self.predicted_error_before[done], UM),
-            "predicted_error_after_um": _sizes(self.predicted_error_after[done], UM),
-            "correction_um": _sizes(self.shift[done], UM),
-            "correction_deg": _sizes(self.turn[done, None], DEG),
-            "notes": list(self.notes),
-        }
-        if self.stance is not None:
-            out["configuration"] = self.stance.document()
-        if len(self.covariance):
-            sigma = np.sqrt(np.trace(self.covariance[done], axis1=1, axis2=2))
-            out["predicted_sigma_um"] = _sizes(sigma[:, None], UM)
-        return out
-
-
-def _sizes(vectors: Array, unit: float) -> dict[str, float] | None:
-    """Mean and largest length in ``unit``; None (null) without rows."""
-    if not len(vectors):
-        return None
-    length = np.linalg.norm(vectors, axis=1) / unit
-    return {"mean": float(length.mean()), "max": float(length.max())}
+        return {**self.tally().summary(), "notes": list(self.notes)}
 
 
 def unchanged(program: Program) -> Replacement:

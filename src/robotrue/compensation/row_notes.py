@@ -46,22 +46,22 @@ def row_note(
     return RowNote(lines=lines, count=len(rows), text=text, worst=worst, rank=rank)
 
 
-def merged(notes: Iterable[RowNote]) -> tuple[RowNote, ...]:
+def merge_notes(notes: Iterable[RowNote]) -> tuple[RowNote, ...]:
     """Returns notes that say the same as one each, by rank, from parts of a program in order."""
-    found: dict[tuple[int, str], RowNote] = {}
+    merged: dict[tuple[int, str], RowNote] = {}
     for note in notes:
         key = (note.rank, note.text)
-        before = found.get(key)
+        before = merged.get(key)
         if before is None:
-            found[key] = note
+            merged[key] = note
             continue
         worst = note.worst
         if before.worst is not None and worst is not None:
             worst = max(before.worst, worst)
-        found[key] = replace(
+        merged[key] = replace(
             before,
             lines=(before.lines + note.lines)[:NAMED],
             count=before.count + note.count,
             worst=worst,
         )
-    return tuple(found[key] for key in sorted(found, key=lambda key: key[0]))
+    return tuple(merged[key] for key in sorted(merged, key=lambda key: key[0]))

@@ -7,7 +7,6 @@ from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
 
-from robotrue.compensation.chunks import Part
 from robotrue.compensation.plan import Plan
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.status import Route
@@ -57,16 +56,30 @@ def sentence(stated: dict[str, Any]) -> str:
 
 
 def first_stance(
-    robot: RobotModel, program: Program, plan: Plan, settings: CompensationSettings, part: Part
+    robot: RobotModel,
+    program: Program,
+    plan: Plan,
+    settings: CompensationSettings,
+    first: int,
+    nominal: Array,
 ) -> Stance | None:
-    """Returns the arm at the first target of a chunk that it reaches, None if there is none."""
-    reached = np.isfinite(part.nominal[:, 0]) & (plan.route[part.rows] != Route.SKIP)
+    """Returns the arm at the first target of a chunk that it reaches, None if there is none.
+
+    Args:
+        robot: The nominal arm.
+        program: The targets.
+        plan: Their treatment.
+        settings: Whether a start posture is stated.
+        first: Row of the first target of the chunk.
+        nominal: (n, 6) rad, nominal joints of the chunk.
+    """
+    route = plan.route[first : first + len(nominal)]
+    reached = np.isfinite(nominal[:, 0]) & (route != Route.SKIP)
     if not reached.any() or robot.controller is None:
         return None
     local = int(np.argmax(reached))
-    row = part.rows.start + local
     by: ChosenBy = "start posture" if len(settings.home) else "middle of the limits"
-    if plan.known[row] > 0:
-        by = "words" if plan.route[row] == Route.GIVEN else "axis target"
-    axes = robot.controller.to_controller(part.nominal[local])
-    return Stance(line=int(program.line[row]), axes=axes, chosen_by=by)
+    if plan.known[first + local] > 0:
+        by = "words" if route[local] == Route.GIVEN else "axis target"
+    axes = robot.controller.to_controller(nominal[local])
+    return Stance(line=int(program.line[first + local]), axes=axes, chosen_by=by)

@@ -1,6 +1,6 @@
 """Compensation of programs too long to hold: block by block, by several workers, in file order.
 
-A block depends on the one before only through where the arm is (:class:`Standing`). A worker drives
+A block depends on the one before only through where the arm is (:class:`ArmState`). A worker drives
 through a few hundred targets before its block to get there; the block is taken only if it began,
 bit for bit, where the block before it ended, and is done again from there otherwise. So the bytes
 are those of :func:`robotrue.compensation.compensate.compensate` on the whole file, whoever did
@@ -19,15 +19,14 @@ from typing import Any, BinaryIO, Final
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel
-from robotrue.compensation.chunks import Standing, at_home
-from robotrue.compensation.compensate import measured_tools, with_start
-from robotrue.compensation.pack import pack_tables
+from robotrue.compensation.arm_state import ArmState
+from robotrue.compensation.newton import load_rows
 from robotrue.compensation.settings import CompensationSettings
-from robotrue.compensation.stream_block import Done, Task, Work, drive_through
+from robotrue.compensation.setup import compensation_setup
+from robotrue.compensation.stream_block import BlockTask, SolvedBlock, StreamJob, drive_through
 from robotrue.compensation.stream_workers import Here, Processes, Workers
-from robotrue.compensation.tally import Tally, summed
+from robotrue.compensation.tally import Tally, sum_tallies
 from robotrue.core.archive import archive_bytes
-from robotrue.core.arrays import Array
 from robotrue.core.files import atomic_stream
 from robotrue.core.progress import Progress, unheard
 from robotrue.errors import ConfigurationError, FormatError
@@ -108,19 +107,19 @@ def compensate_stream(
         ConfigurationError: No tables, a number of workers that is none, or workers that died.
         FormatError: The source changed since it was outlined, or the target cannot be written.
     """
-    settings = with_start(model.robot.nominal(), found.start, settings or CompensationSettings())
+    settings = settings or CompensationSettings()
     load = settings.load_for(found.targets)
-    work = _work(model, found, settings, load)
-    closed = bool(np.isfinite(work.pack.opw[0]))
+    job = _job(model, found, settings, load)
+    closed = job.setup.arm.has_closed_form
     alone = ALONE_SURE if settings.covariance else ALONE
     count = worker_count(found.targets, workers, alone=alone) if closed else 1
     digest, tallies, again = hashlib.sha256(), [], 0
     with (
-        _workers(model, work, count, dask if closed else None) as staff,
+        _workers(job, count, dask if closed else None) as staff,
         Path(source).open("rb") as reading,
         atomic_stream(target) as writing,
     ):
-        for done, repeated in _in_order(staff, work, found, load, reading):
+        for done, repeated in _in_order(staff, job, found, load, reading):
             writing.write(done.data)
             digest.update(done.data)
             tallies.append(done.tally)
@@ -128,7 +127,7 @@ def compensate_stream(
             progress("compensating", len(tallies), len(found.blocks))
         if os.fstat(reading.fileno()).st_size != found.size:
             raise FormatError("the file changed while it was compensated.", source=source)
-        total = summed(tallies)
+        total = sum_tallies(tallies)
         accept(total)
         notes = [] if closed else ["an arm without a closed form is followed by one process."]
         return Streamed(
@@ -162,56 +161,55 @@ def worker_count(targets: int, asked: int | None, *, alone: int = ALONE) -> int:
     return max(1, min(cores or 1, 8, 1 + targets // alone))
 
 
-def _workers(model: ErrorModel, work: Work, count: int, dask: str | None) -> Workers:
+def _workers(job: StreamJob, count: int, dask: str | None) -> Workers:
+    if dask is None and count == 1:
+        return Here(job)
+    job = replace(job, setup=replace(job.setup, model=None))
     if dask is not None:
         from robotrue.compensation.stream_dask import Dask
 
-        return Dask(work, dask)
-    return Processes(work, count) if count > 1 else Here(work, model)
+        return Dask(job, dask)
+    return Processes(job, count)
 
 
-def _work(model: ErrorModel, found: Outline, settings: CompensationSettings, load: Load) -> Work:
-    tables = model.mean_tables(load)
-    if tables is None:
+def _job(
+    model: ErrorModel, found: Outline, settings: CompensationSettings, load: Load
+) -> StreamJob:
+    setup = compensation_setup(model, found.T_flange_tool, found.start, load, settings)
+    if not setup.has_tables:
         raise ConfigurationError(
             "the model has no flat tables; programs are read whole with it.",
             source=found.name,
         )
-    robot = model.robot.nominal()
-    measured = measured_tools(robot, found.T_flange_tool)
-    plain = replace(settings, load=NO_LOAD, wrench=np.empty(0))
-    return Work(
+    plain = replace(setup.settings, load=NO_LOAD, wrench=np.empty(0))
+    return StreamJob(
         judged=judged(found),
-        robot=robot,
-        pack=pack_tables(tables, found.T_flange_tool, measured),
-        measured=measured,
-        settings=plain,
+        setup=replace(setup, settings=plain),
         archive=archive_bytes(model.to_archive()) if settings.covariance else b"",
     )
 
 
 def _in_order(
-    staff: Workers, work: Work, found: Outline, load: Load, reading: BinaryIO
-) -> Iterator[tuple[Done, bool]]:
+    staff: Workers, job: StreamJob, found: Outline, load: Load, reading: BinaryIO
+) -> Iterator[tuple[SolvedBlock, bool]]:
     """Yields the blocks in file order, and whether each had to be done again."""
-    standing = at_home(work.pack, work.settings)
-    guess = standing
+    state = guess = job.setup.start_state()
     if staff.ahead > 1:
-        guess = _after_some(work, found, reading, standing)
-    handed_in = 0
+        guess = _state_soon(job, found, reading, state)
+    submitted = 0
     for number in range(len(found.blocks)):
-        while handed_in < min(number + staff.ahead, len(found.blocks)):
-            exact = handed_in == number
-            come_from = standing if exact else guess
-            staff.submit(_task(found, load, reading, handed_in, come_from, exact=exact))
-            handed_in += 1
-        done = staff.result(number)
-        repeated = not done.start.same(standing)
+        while submitted < min(number + staff.ahead, len(found.blocks)):
+            exact = submitted == number
+            before = state if exact else guess
+            staff.submit(_task(found, load, reading, submitted, before, exact=exact))
+            submitted += 1
+        solved = staff.result(number)
+        repeated = not solved.start.equals(state)
         if repeated:
-            staff.submit(_task(found, load, reading, number, standing, exact=True))
-            done = staff.result(number)
-        standing = guess = done.end
-        yield done, repeated
+            staff.submit(_task(found, load, reading, number, state, exact=True))
+            solved = staff.result(number)
+        state = guess = solved.end
+        yield solved, repeated
 
 
 def _task(
@@ -219,36 +217,33 @@ def _task(
     load: Load,
     reading: BinaryIO,
     number: int,
-    standing: Standing,
+    state: ArmState,
     *,
     exact: bool,
-) -> Task:
+) -> BlockTask:
     block = found.blocks[number]
-    rows = slice(block.first, block.first + block.targets)
-    return Task(
+    return BlockTask(
         number=number,
         piece=block.piece,
         data=_bytes(reading, block.piece, found.name),
         lead=None if exact else block.lead,
         lead_data=b"" if exact else _bytes(reading, block.lead, found.name),
-        mass=_share(load.mass, rows),
-        com=_share(load.com, rows),
-        wrench=_share(load.wrench, rows),
-        standing=standing,
+        load=load_rows(load, slice(block.first, block.first + block.targets)),
+        state=state,
     )
 
 
-def _after_some(work: Work, found: Outline, reading: BinaryIO, home: Standing) -> Standing:
+def _state_soon(job: StreamJob, found: Outline, reading: BinaryIO, start: ArmState) -> ArmState:
     """Returns where the arm is soon after the program began: a guess for the first blocks."""
-    standing = home.copy()
+    state = start.copy()
     piece = found.blocks[0].piece
     if len(found.blocks) > 1:
         lead = found.blocks[1].lead
         end = _line_end(reading, min(piece.end, piece.start + (lead.end - lead.start)))
         piece = replace(piece, end=end)
     data = _bytes(reading, piece, found.name)
-    drive_through(work, piece, data, standing, alike=work.settings.alike)
-    return standing
+    drive_through(job, piece, data, state, alike=job.setup.settings.alike)
+    return state
 
 
 def _line_end(reading: BinaryIO, place: int) -> int:
@@ -263,7 +258,3 @@ def _bytes(reading: BinaryIO, piece: Piece, name: str) -> bytes:
     if len(data) != piece.end - piece.start:
         raise FormatError("the file became shorter while it was read.", source=name)
     return data
-
-
-def _share(column: Array, rows: slice) -> Array:
-    return column[rows] if len(column) > 1 else column

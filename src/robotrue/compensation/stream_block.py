@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from robotrue.calibration.archive import open_model
-from robotrue.calibration.model import ErrorModel
-from robotrue.compensation.chunks import Standing
-from robotrue.compensation.compensate import compensate_part, replaced
-from robotrue.compensation.pack import Pack
+from robotrue.compensation.arm_state import ArmState
+from robotrue.compensation.compensate import compensate_targets
 from robotrue.compensation.row_notes import row_note
-from robotrue.compensation.settings import CompensationSettings
-from robotrue.compensation.tally import Tally, tally
+from robotrue.compensation.setup import CompensationSetup
+from robotrue.compensation.steps import steps_of
+from robotrue.compensation.tally import Tally
 from robotrue.core.archive import archive_from
-from robotrue.core.arrays import Array, BoolArray
 from robotrue.program.program import Reason
 from robotrue.program.stream import Judged, Piece, read_piece, write_piece
-from robotrue.robot.model import RobotModel
 from robotrue.robot.statics import Load
 
 _INCOMPLETE = -1
@@ -26,40 +23,32 @@ _INCOMPLETE = -1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Work:
-    """What every block needs; sent to a worker once. Arrays and plain values only.
+class StreamJob:
+    """What every block of a long program needs; sent to a worker once. Arrays and plain values.
 
     Attributes:
         judged: What reading takes.
-        robot: The nominal arm.
-        pack: The mean of the model, for the tools of the program.
-        measured: (t,) which of them is the measured tool.
-        settings: Guards and tolerances; its loads are not used.
-        archive: The model file's bytes where covariances are asked for, else empty.
+        setup: What compensation takes; a worker's has no model, see :func:`with_model`.
+        archive: The model file's bytes where covariances are requested, else empty.
     """
 
     judged: Judged
-    robot: RobotModel
-    pack: Pack
-    measured: BoolArray
-    settings: CompensationSettings
+    setup: CompensationSetup
     archive: bytes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Task:
-    """One block.
+class BlockTask:
+    """One block to be compensated.
 
     Attributes:
         number: Place of the block.
-        piece: Where it stands.
+        piece: Where it is in the file.
         data: Its bytes.
-        lead: Lines before it, to be driven through first; None where ``standing`` is exact.
+        lead: Lines before it, to be driven through first; None where ``state`` is exact.
         lead_data: Their bytes.
-        mass: kg, of one row or one per target.
-        com: (1 or n, 3) m.
-        wrench: (1 or n, 6) N, N m.
-        standing: Where the arm is before the lead or the block.
+        load: One row, or one per target of the block.
+        state: Where the arm is before the lead or the block.
     """
 
     number: int
@@ -67,14 +56,12 @@ class Task:
     data: bytes
     lead: Piece | None
     lead_data: bytes
-    mass: Array
-    com: Array
-    wrench: Array
-    standing: Standing
+    load: Load
+    state: ArmState
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Done:
+class SolvedBlock:
     """A block that has been compensated.
 
     Attributes:
@@ -87,55 +74,49 @@ class Done:
 
     number: int
     data: bytes
-    start: Standing
-    end: Standing
+    start: ArmState
+    end: ArmState
     tally: Tally = field(repr=False)
 
 
-def model_of(work: Work) -> ErrorModel | None:
-    """Returns the model to ask for covariances, rebuilt from its file's bytes."""
-    return open_model(archive_from(work.archive)) if work.archive else None
+def with_model(job: StreamJob) -> StreamJob:
+    """Returns the job with the model that its archive holds, if it holds one."""
+    model = open_model(archive_from(job.archive)) if job.archive else None
+    return replace(job, setup=replace(job.setup, model=model))
 
 
-def solve_block(work: Work, model: ErrorModel | None, task: Task) -> Done:
-    """Returns the compensated block: a function of the task's content alone."""
-    standing = task.standing.copy()
+def solve_block(job: StreamJob, task: BlockTask) -> SolvedBlock:
+    """Returns the compensated block: a function of the content of job and task alone."""
+    state = task.state.copy()
     if task.lead is not None:
-        drive_through(work, task.lead, task.lead_data, standing)
-    start = standing.copy()
-    program = read_piece(task.data, task.piece, work.judged)
-    load = Load(mass=task.mass, com=task.com, wrench=task.wrench)
-    plan, outcome, stance = compensate_part(
-        model, work.robot, work.pack, work.measured, program, work.settings, load, standing
-    )
-    replacement, notes = replaced(work.robot, program, plan, work.settings, outcome)
-    lacking = np.flatnonzero(program.reason == Reason.INCOMPLETE)
-    if len(lacking):
+        drive_through(job, task.lead, task.lead_data, state)
+    start = state.copy()
+    program = read_piece(task.data, task.piece, job.judged)
+    result = compensate_targets(job.setup, program, task.load, state)
+    notes = result.row_notes
+    incomplete = np.flatnonzero(program.reason == Reason.INCOMPLETE)
+    if len(incomplete):
         text = "components are left out, and what the targets inherit is not known."
-        notes = (row_note(program, lacking, text, rank=_INCOMPLETE), *notes)
-    return Done(
+        notes = (row_note(program, incomplete, text, rank=_INCOMPLETE), *notes)
+    steps = steps_of([(program, result.status, result.shift)])
+    return SolvedBlock(
         number=task.number,
-        data=write_piece(program, replacement),
+        data=write_piece(program, result.replacement),
         start=start,
-        end=standing,
-        tally=tally(program, outcome, notes, stance),
+        end=state,
+        tally=replace(result.tally(), notes=notes, steps=steps),
     )
 
 
 def drive_through(
-    work: Work, piece: Piece, data: bytes, standing: Standing, *, alike: float = np.inf
+    job: StreamJob, piece: Piece, data: bytes, state: ArmState, *, alike: float = np.inf
 ) -> None:
-    """Moves ``standing`` over the targets of a piece; nothing else comes of it.
+    """Moves ``state`` over the targets of a piece; nothing else comes of it.
 
-    Whether a guessed configuration matters is told by the block itself, under its load; ``alike``
+    Whether a guessed configuration matters is found by the block itself, under its load; ``alike``
     is for a first look.
     """
-    program = read_piece(data, piece, work.judged)
-    settings = CompensationSettings(
-        axis_targets=work.settings.axis_targets,
-        approach=work.settings.approach,
-        max_joint_step=work.settings.max_joint_step,
-        home=work.settings.home,
-        alike=alike,
-    )
-    compensate_part(None, work.robot, work.pack, work.measured, program, settings, Load(), standing)
+    program = read_piece(data, piece, job.judged)
+    settings = replace(job.setup.settings, alike=alike, covariance=False)
+    setup = replace(job.setup, settings=settings, model=None)
+    compensate_targets(setup, program, Load(), state)

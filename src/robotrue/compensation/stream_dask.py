@@ -7,6 +7,7 @@ tables and, for covariances, as the bytes of its file.
 from __future__ import annotations
 
 import platform
+from dataclasses import replace
 from functools import lru_cache
 from importlib import import_module
 from importlib.metadata import version
@@ -14,7 +15,12 @@ from typing import Any
 
 from robotrue.calibration.archive import open_model
 from robotrue.calibration.model import ErrorModel
-from robotrue.compensation.stream_block import Done, Task, Work, solve_block
+from robotrue.compensation.stream_block import (
+    BlockTask,
+    SolvedBlock,
+    StreamJob,
+    solve_block,
+)
 from robotrue.core.archive import archive_from
 from robotrue.errors import ConfigurationError, MissingExtraError, RobotrueError
 
@@ -22,7 +28,7 @@ from robotrue.errors import ConfigurationError, MissingExtraError, RobotrueError
 class Dask:
     """The workers of a scheduler."""
 
-    def __init__(self, work: Work, address: str) -> None:
+    def __init__(self, job: StreamJob, address: str) -> None:
         try:
             client: Any = import_module("distributed").Client
         except ImportError as cause:
@@ -38,11 +44,11 @@ class Dask:
                 hint="the address `dask scheduler` prints, such as tcp://10.0.0.5:8786.",
             ) from cause
         self.notes: list[str] = []
-        self._work = work
+        self._job = job
         self.count = self._require_equals(address)
         self.ahead = 2 * self.count
         self._shared = self._scattered()
-        self._tasks: dict[int, Task] = {}
+        self._tasks: dict[int, BlockTask] = {}
         self._futures: dict[int, Any] = {}
 
     def _require_equals(self, address: str) -> int:
@@ -71,25 +77,25 @@ class Dask:
         return threads
 
     def _scattered(self) -> Any:
-        return self._client.scatter(self._work, broadcast=True, hash=False)
+        return self._client.scatter(self._job, broadcast=True, hash=False)
 
-    def submit(self, task: Task) -> None:
+    def submit(self, task: BlockTask) -> None:
         """Hands the task to the scheduler."""
         self._tasks[task.number] = task
         self._hand_in(task)
 
-    def _hand_in(self, task: Task) -> None:
+    def _hand_in(self, task: BlockTask) -> None:
         content = self._client.scatter(task, hash=False)
         self._futures[task.number] = self._client.submit(_solve, self._shared, content, pure=False)
 
-    def result(self, number: int) -> Done:
+    def result(self, number: int) -> SolvedBlock:
         """Returns a block when it is done; if a worker was lost on the way, it is done again, once.
 
         Raises:
             ConfigurationError: Workers were lost twice.
         """
         try:
-            done: Done = self._futures[number].result()
+            done: SolvedBlock = self._futures[number].result()
         except RobotrueError:
             raise
         except Exception as cause:  # killed, cancelled, or its data lost with the worker
@@ -99,17 +105,17 @@ class Dask:
         del self._tasks[number], self._futures[number]
         return done
 
-    def _again(self, number: int, where: str) -> Done:
+    def _again(self, number: int, where: str) -> SolvedBlock:
         try:
             self._shared = self._scattered()
             self._hand_in(self._tasks[number])
-            done: Done = self._futures[number].result()
+            done: SolvedBlock = self._futures[number].result()
         except RobotrueError:
             raise
         except Exception as cause:
             raise ConfigurationError(
                 f"the Dask workers lost {where} twice ({type(cause).__name__}: {cause}).",
-                source=self._work.judged.name,
+                source=self._job.judged.name,
                 hint="see the workers' logs, or leave --dask out.",
             ) from cause
         return done
@@ -138,5 +144,5 @@ def _model(archive: bytes) -> ErrorModel | None:
     return open_model(archive_from(archive)) if archive else None
 
 
-def _solve(work: Work, task: Task) -> Done:
-    return solve_block(work, _model(work.archive), task)
+def _solve(job: StreamJob, task: BlockTask) -> SolvedBlock:
+    return solve_block(replace(job, setup=replace(job.setup, model=_model(job.archive))), task)

@@ -14,8 +14,13 @@ from multiprocessing import get_context, parent_process
 from types import TracebackType
 from typing import Final, Protocol
 
-from robotrue.calibration.model import ErrorModel
-from robotrue.compensation.stream_block import Done, Task, Work, model_of, solve_block
+from robotrue.compensation.stream_block import (
+    BlockTask,
+    SolvedBlock,
+    StreamJob,
+    solve_block,
+    with_model,
+)
 from robotrue.errors import ConfigurationError
 
 _THREADS: Final = (
@@ -39,11 +44,11 @@ class Workers(Protocol):
     ahead: int
     notes: list[str]
 
-    def submit(self, task: Task) -> None:
+    def submit(self, task: BlockTask) -> None:
         """Takes a task."""
         ...
 
-    def result(self, number: int) -> Done:
+    def result(self, number: int) -> SolvedBlock:
         """Returns a block when it is done.
 
         Raises:
@@ -63,19 +68,19 @@ class Workers(Protocol):
 class Here:
     """This process, one block at a time."""
 
-    def __init__(self, work: Work, model: ErrorModel | None) -> None:
+    def __init__(self, job: StreamJob) -> None:
         self.count = self.ahead = 1
         self.notes: list[str] = []
-        self._work, self._model = work, model
-        self._tasks: dict[int, Task] = {}
+        self._job = job
+        self._tasks: dict[int, BlockTask] = {}
 
-    def submit(self, task: Task) -> None:
+    def submit(self, task: BlockTask) -> None:
         """Keeps the task until its block is asked for."""
         self._tasks[task.number] = task
 
-    def result(self, number: int) -> Done:
+    def result(self, number: int) -> SolvedBlock:
         """Compensates a block and returns it."""
-        return solve_block(self._work, self._model, self._tasks.pop(number))
+        return solve_block(self._job, self._tasks.pop(number))
 
     def __enter__(self) -> Here:
         return self
@@ -87,12 +92,12 @@ class Here:
 class Processes:
     """Processes of this machine, each started anew and with one thread."""
 
-    def __init__(self, work: Work, count: int) -> None:
+    def __init__(self, job: StreamJob, count: int) -> None:
         self.count, self.ahead = count, count + 1
         self.notes: list[str] = []
-        self._work = work
-        self._tasks: dict[int, Task] = {}
-        self._futures: dict[int, Future[Done]] = {}
+        self._job = job
+        self._tasks: dict[int, BlockTask] = {}
+        self._futures: dict[int, Future[SolvedBlock]] = {}
         self._retried: set[int] = set()
         self._pool = self._started()
 
@@ -101,19 +106,19 @@ class Processes:
             max_workers=self.count,
             mp_context=get_context("spawn"),
             initializer=_begin,
-            initargs=(self._work,),
+            initargs=(self._job,),
         )
 
-    def submit(self, task: Task) -> None:
+    def submit(self, task: BlockTask) -> None:
         """Hands the task to a process."""
         self._tasks[task.number] = task
         self._hand_in(task)
 
-    def _hand_in(self, task: Task) -> None:
+    def _hand_in(self, task: BlockTask) -> None:
         with contextlib.suppress(BrokenProcessPool), _single_threaded():
             self._futures[task.number] = self._pool.submit(_solve, task)
 
-    def result(self, number: int) -> Done:
+    def result(self, number: int) -> SolvedBlock:
         """Returns a block when it is done; if a process died on the way, it is done again, once.
 
         Raises:
@@ -128,7 +133,7 @@ class Processes:
                 del self._tasks[number], self._futures[number]
                 return done
 
-    def _of(self, number: int) -> Done:
+    def _of(self, number: int) -> SolvedBlock:
         if number not in self._futures:  # handed in while the pool was breaking
             raise BrokenProcessPool
         return self._futures[number].result()
@@ -138,7 +143,7 @@ class Processes:
         if number in self._retried:
             raise ConfigurationError(
                 f"a worker process died twice while {where} was waited for.",
-                source=self._work.judged.name,
+                source=self._job.judged.name,
                 hint="--workers 1; and see whether memory ran out.",
             ) from cause
         self._retried.add(number)
@@ -172,15 +177,15 @@ def _single_threaded() -> Iterator[None]:
 
 
 @cache
-def _held() -> list[tuple[Work, ErrorModel | None]]:
+def _jobs() -> list[StreamJob]:
     """Returns what this worker process was begun with."""
     return []
 
 
-def _begin(work: Work) -> None:
+def _begin(job: StreamJob) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what Ctrl-C ends
     threading.Thread(target=_leave_with_parent, daemon=True).start()
-    _held()[:] = [(work, model_of(work))]
+    _jobs()[:] = [with_model(job)]
 
 
 def _leave_with_parent() -> None:
@@ -191,6 +196,6 @@ def _leave_with_parent() -> None:
         os._exit(1)
 
 
-def _solve(task: Task) -> Done:
-    ((work, model),) = _held()
-    return solve_block(work, model, task)
+def _solve(task: BlockTask) -> SolvedBlock:
+    (job,) = _jobs()
+    return solve_block(job, task)

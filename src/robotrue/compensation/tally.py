@@ -1,4 +1,4 @@
-"""What a compensation is summed up to, also when it is made in parts.
+"""Sums over the targets of a compensation, made whole or in parts.
 
 Counts, largest values and lines are those of the whole program; a mean is that of the whole to
 rounding, since a sum of sums is.
@@ -12,14 +12,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from robotrue.compensation.chunks import Outcome
-from robotrue.compensation.row_notes import RowNote, merged
+from robotrue.compensation.row_notes import RowNote, merge_notes
 from robotrue.compensation.stance import Stance
 from robotrue.compensation.status import Status
-from robotrue.compensation.steps import Steps, joined, steps_of
+from robotrue.compensation.steps import Steps, joined
 from robotrue.core.arrays import Array, IntArray
-from robotrue.core.units import DEG, UM
-from robotrue.program.program import Program
 
 SIZES: Final = (
     "predicted_error_before_um",
@@ -52,15 +49,19 @@ class Tally:
     steps: Steps
     stance: Stance | None = None
 
+    def counts(self) -> dict[str, int]:
+        """Returns how many targets there are of each status, by lower-case name, zeros left out."""
+        return {s.name.lower(): int(self.status[s]) for s in Status if self.status[s]}
+
     def summary(self) -> Mapping[str, Any]:
-        """Returns JSON values, as :meth:`robotrue.compensation.result.Compensation.summary`."""
+        """Returns JSON values: counts, predicted error before and after, size of the correction."""
         done = int(self.status[Status.COMPENSATED])
         count = int(self.status.sum())
         out: dict[str, Any] = {
             "targets": count,
             "compensated": done,
             "unchanged": count - done,
-            "status": {s.name.lower(): int(self.status[s]) for s in Status if self.status[s]},
+            "status": self.counts(),
         }
         for name, total, largest in zip(
             SIZES, self.total.tolist(), self.largest.tolist(), strict=True
@@ -72,36 +73,7 @@ class Tally:
         return {**out, "notes": [str(note) for note in self.notes]}
 
 
-def tally(
-    program: Program,
-    outcome: Outcome,
-    notes: tuple[RowNote, ...],
-    stance: Stance | None = None,
-) -> Tally:
-    """Returns the sums over the targets of a program from their outcome."""
-    done = outcome.status == Status.COMPENSATED
-    sizes = [
-        np.linalg.norm(outcome.before[done], axis=1) / UM,
-        np.linalg.norm(outcome.after[done], axis=1) / UM,
-        np.linalg.norm(outcome.shift[done], axis=1) / UM,
-        outcome.turn[done] / DEG,
-        np.zeros(0),
-    ]
-    known = len(outcome.covariance) > 0
-    if known:
-        sizes[-1] = np.sqrt(np.trace(outcome.covariance[done], axis1=1, axis2=2)) / UM
-    return Tally(
-        status=np.bincount(outcome.status, minlength=len(Status)).astype(np.int64),
-        total=np.array([size.sum() for size in sizes]),
-        largest=np.array([size.max(initial=0.0) for size in sizes]),
-        sigma=known,
-        notes=notes,
-        stance=stance,
-        steps=steps_of([(program, outcome.status, outcome.shift)]),
-    )
-
-
-def summed(parts: Iterable[Tally]) -> Tally:
+def sum_tallies(parts: Iterable[Tally]) -> Tally:
     """Returns the sums over all parts of a program, given in file order."""
     status = np.zeros(len(Status), np.int64)
     total, largest, sigma = np.zeros(len(SIZES)), np.zeros(len(SIZES)), False
@@ -113,7 +85,7 @@ def summed(parts: Iterable[Tally]) -> Tally:
         total += part.total
         largest = np.maximum(largest, part.largest)
         sigma |= part.sigma
-        notes = merged([*notes, *part.notes])
+        notes = merge_notes([*notes, *part.notes])
         stance = stance or part.stance
         steps = joined([steps, part.steps])
     return Tally(

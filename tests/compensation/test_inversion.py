@@ -1,4 +1,4 @@
-"""Targets abreast: blocks of any length, and neighbours that fail."""
+"""Inversion of the calibrated arm: chunks of any length, neighbours that fail, hard targets."""
 
 from __future__ import annotations
 
@@ -10,9 +10,7 @@ import pytest
 
 from robotrue.calibration.model import Query
 from robotrue.compensation import CompensationSettings, Status, compensate
-from robotrue.compensation.arm_lanes import sincos_rows
 from robotrue.compensation.chunks import CHUNK
-from robotrue.compensation.memory import LANES
 from robotrue.core.units import DEG
 from robotrue.program.program import Motion
 from robotrue.robot.forward import forward
@@ -23,8 +21,8 @@ def solved(model, joints, **more):
     return compensate(model, program, settings=CompensationSettings(home=joints[0], **more))
 
 
-@pytest.mark.parametrize("count", [1, LANES - 1, LANES, LANES + 1, 3 * LANES + 5, CHUNK + 7])
-def test_block_length_changes_no_bit(count):
+@pytest.mark.parametrize("count", [1, 31, 33, 101, CHUNK + 7])
+def test_number_of_targets_changes_no_bit(count):
     model, path = cases.rigid_model(), cases.path_joints(CHUNK + 40)
     whole, part = solved(model, path), solved(model, path[:count])
     assert (part.status == Status.COMPENSATED).all()
@@ -34,8 +32,8 @@ def test_block_length_changes_no_bit(count):
 
 
 @pytest.mark.parametrize("bad", ["unreachable", "stretched"])
-def test_failing_lane_leaves_its_neighbours(bad):
-    joints = cases.path_joints(LANES + 3)
+def test_failing_target_leaves_its_neighbours(bad):
+    joints = cases.path_joints(35)
     model = cases.rich_model(harmonics=8, centres=10)
     program = cases.program_of(forward(model.robot, joints), motion=Motion.PTP)
     poses = forward(model.robot, joints)
@@ -59,10 +57,10 @@ def test_failing_lane_leaves_its_neighbours(bad):
     assert np.array_equal(mixed.replacement.rotation[others], good.replacement.rotation[others])
 
 
-def test_stragglers_arrive_where_lanes_give_up():
+def test_nearly_singular_targets_arrive():
     model, joints = cases.rigid_model(), cases.path_joints(6)
     joints = np.array(joints)
-    joints[:, 4] = 0.02 * DEG  # singular value far below what the lanes take on
+    joints[:, 4] = 0.02 * DEG  # far below the usual limit of the singular value
     loose = {"min_wrist_angle": 0.0, "min_singular_value": 0.0, "max_turn": 1.0}
     result = solved(model, joints, **loose, max_shift=1.0)
     done = result.status == Status.COMPENSATED
@@ -86,7 +84,7 @@ def test_not_converged_has_its_status():
 
 
 def test_ripple_of_any_harmonics():
-    joints = cases.path_joints(LANES)
+    joints = cases.path_joints(32)
     model = cases.rich_model(harmonics=5, centres=3)
     for cycles in ([1.0, 2.5, 7.25, 33.1, 101.0], [2.0, 3.0, 9.0, 17.0, 30.0]):
         tables = replace(model.tables, harmonics=np.array(cycles))
@@ -94,12 +92,3 @@ def test_ripple_of_any_harmonics():
         _, position, _ = replace(model, tables=tables).actual(Query(joints=result.joints))
         left = position - forward(model.robot, joints)[:, :3, 3]
         assert np.abs(left - result.predicted_error_after).max() < 1e-9
-
-
-def test_sines_and_cosines():
-    angle = np.random.default_rng(2).uniform(-700.0, 700.0, size=6 * LANES)
-    angle[:5] = 0.0, np.pi / 2, -np.pi, 1e-9, 3 * np.pi / 4
-    out = np.zeros(12 * LANES)
-    sincos_rows(angle, out)
-    assert np.abs(out[: 6 * LANES] - np.sin(angle)).max() < 3e-16
-    assert np.abs(out[6 * LANES :] - np.cos(angle)).max() < 3e-16
