@@ -18,16 +18,17 @@ from robotrue.dynamics.pose_modes import pose_modes
 from robotrue.dynamics.static_row import static_row
 from robotrue.dynamics.streaming import ModalFilter
 from robotrue.dynamics.windows import WindowSet, concatenated, peaks_per_turn
-from robotrue.online import sensing_kernels as kernels
 from robotrue.online.blocks import ForceBlock, JointBlock
 from robotrue.online.estimates import Doubt
 from robotrue.online.sensing import Sensing
+from robotrue.online.sensing_kernels import add_peak
 from robotrue.online.sensing_models import (
     JointCompliance,
     LearnedPart,
     MeasuredResponse,
     SensingModels,
 )
+from robotrue.online.sensing_records import new_record, window_dtype
 from robotrue.online.sensing_windows import peaks
 from robotrue.simulation.milling_arm import FEED, milling_arm, pass_joints
 from robotrue.simulation.milling_cut import RATE, TURN, pass_force, read_force, tooling
@@ -228,9 +229,9 @@ def test_static_part_is_counted_once():
 @pytest.mark.parametrize("n", [334, 562, 563, 1000, 1250, 1251])
 def test_turns_are_cut_as_offline(turn, n):
     bent, push = np.random.default_rng(5).normal(size=(2, n))
-    sums = np.zeros(kernels.WINDOW_SUMS)
+    sums = new_record(window_dtype(6))[0]
     for one, two in zip(bent, push, strict=True):
-        kernels._peak(one, two, turn, sums)
+        add_peak(one, two, turn, sums)
     found = peaks(sums, turn)
     np.testing.assert_allclose(found[0], peaks_per_turn(bent, turn).mean(), rtol=1e-12)
     np.testing.assert_allclose(found[1], peaks_per_turn(np.abs(push), turn).mean(), rtol=1e-12)

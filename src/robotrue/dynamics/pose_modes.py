@@ -17,9 +17,10 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.columns import Column, Columns
-from robotrue.dynamics.arm_kernels import mass_and_jacobian
+from robotrue.dynamics.mass_kernels import write_mass_matrix
 from robotrue.dynamics.oscillators import Oscillators, real_modes
 from robotrue.errors import ModelMismatchError, ReachError, ShapeError
+from robotrue.robot.chain import chain_dtype, link_frames, links_of
 from robotrue.robot.model import RobotModel
 
 LIMIT_SLACK: Final = 1e-6
@@ -51,8 +52,8 @@ class FlexibleArm(Columns):
     payload_inertia: Annotated[Array, Column("3 3", unit="kg m^2")] = field(
         default_factory=lambda: np.zeros((3, 3))
     )
-    _bodies: Array = field(init=False, repr=False)
-    _table: Array = field(init=False, repr=False)
+    _links: np.ndarray[tuple[int], np.dtype[np.void]] = field(init=False, repr=False)
+    _bodies: tuple[Array, Array, Array] = field(init=False, repr=False)
 
     def _known_sizes(self) -> dict[Any, int]:
         return {"n": self.robot.dof}
@@ -68,15 +69,8 @@ class FlexibleArm(Columns):
                 f"{self.robot.name} has no link masses: without masses there are no modes.",
                 hint="state link_mass, link_com and link_inertia, or fit modes to hammer tests.",
             )
-        n, robot = self.robot.dof, self.robot
-        bodies = np.zeros((n + 1, 13))
-        bodies[:n, 0], bodies[:n, 1:4] = robot.link_mass, robot.link_com
-        bodies[:n, 4:] = self.link_inertia.reshape(n, 9)
-        bodies[n, 0], bodies[n, 1:4] = self.payload_mass, self.payload_com
-        bodies[n, 4:] = self.payload_inertia.ravel()
-        table = np.column_stack([robot.theta, robot.d, robot.a, robot.alpha])
-        object.__setattr__(self, "_bodies", bodies)
-        object.__setattr__(self, "_table", table)
+        object.__setattr__(self, "_links", links_of(self.robot.nominal()))
+        object.__setattr__(self, "_bodies", _bodies_of(self))
 
     def mass_and_jacobian(self, joints: Array) -> tuple[Array, Array]:
         """Returns M (n, n) kg m^2 and the tool's Jacobian (6, n), in drive coordinates.
@@ -84,19 +78,38 @@ class FlexibleArm(Columns):
         Args:
             joints: (n,) rad.
         """
-        n = self.robot.dof
-        mass, jacobian = np.empty((n, n)), np.empty((6, n))
-        mass_and_jacobian(
-            np.ascontiguousarray(joints, dtype=np.float64),
-            self._table,
-            self.robot.convention == "mdh",
-            self.robot.joint_map,
-            self._bodies,
-            self.robot.T_flange_tool,
-            mass,
-            jacobian,
-        )
-        return mass, jacobian
+        robot, n = self.robot, self.robot.dof
+        mass, chain = np.empty((n, n)), np.zeros(1, chain_dtype(n))
+        chain["theta"][0] = robot.joint_map @ joints + robot.theta
+        write_mass_matrix(self._links, chain, *self._bodies, mass)
+        drives = robot.joint_map
+        return drives.T @ mass @ drives, chain["jacobian"][0] @ drives
+
+
+def _bodies_of(arm: FlexibleArm) -> tuple[Array, Array, Array]:
+    """Returns centres (n, 4), masses (n,) and inertias (n, 3, 3) of the links, payload included.
+
+    They are in the frames turned by the joints; a centre ends in 1.
+    """
+    robot, frames = arm.robot, link_frames(arm.robot)
+    rotation, mass = frames[:, :3, :3], np.array(robot.link_mass)
+    inertia = np.where(mass[:, None, None] > 0.0, arm.link_inertia, 0.0)
+    centre = np.array(robot.link_com)
+    if arm.payload_mass > 0.0:  # one body with the last link, in whose frame the flange is
+        total = mass[-1] + arm.payload_mass
+        together = (mass[-1] * centre[-1] + arm.payload_mass * arm.payload_com) / total
+        inertia[-1] += arm.payload_inertia
+        inertia[-1] += _moved(mass[-1], centre[-1] - together)
+        inertia[-1] += _moved(arm.payload_mass, arm.payload_com - together)
+        mass[-1], centre[-1] = total, together
+    inertia = rotation @ inertia @ np.swapaxes(rotation, 1, 2)
+    centre = np.einsum("nij,nj->ni", rotation, centre) + frames[:, :3, 3]
+    return np.column_stack([centre, np.ones(robot.dof)]), mass, np.ascontiguousarray(inertia)
+
+
+def _moved(mass: float, away: Array) -> Array:
+    """Returns the inertia (3, 3) kg m^2 of a mass about a point ``away`` (3,) m from it."""
+    return np.asarray(mass * (away @ away * np.eye(3) - np.outer(away, away)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

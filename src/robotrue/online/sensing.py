@@ -21,14 +21,22 @@ from robotrue.dynamics.pose_modes import PoseModes, pose_modes
 from robotrue.dynamics.streaming import ModalFilter
 from robotrue.errors import ModelMismatchError
 from robotrue.online import sensing_kernels as kernels
-from robotrue.online import sensing_watch
 from robotrue.online.blocks import ForceBlock, JointBlock
 from robotrue.online.estimates import Doubt, EstimateBlock
 from robotrue.online.sensing_constants import constants, noise_variance, parameters
 from robotrue.online.sensing_joints import JointTrack
 from robotrue.online.sensing_models import PoseResponse, SensingModels
-from robotrue.online.sensing_pose import BASE, POSE_SIZE, SENSOR, TOOL, posed
+from robotrue.online.sensing_pose import BASE, SENSOR, TOOL, write_pose
+from robotrue.online.sensing_records import (
+    POSE_DTYPE,
+    WORK_DTYPE,
+    new_record,
+    numbers_of,
+    state_dtype,
+    window_dtype,
+)
 from robotrue.online.sensing_settings import SensingSettings
+from robotrue.online.sensing_watch import new_watch
 from robotrue.online.sensing_windows import WindowDeviation
 
 ROWS: Final = 1024
@@ -56,28 +64,28 @@ class Sensing:
         dof = models.robot.dof
         self._track = JointTrack(models, self.settings)
         self._windows = WindowDeviation(models)
-        self._s = np.zeros(kernels.JOINTS + 2 * dof)
-        self._s[kernels.LAST_TIME], self._s[kernels.ANCHOR] = -np.inf, np.nan
-        self._s[kernels.ROW], self._s[kernels.JOINTS :] = -1.0, np.nan
-        self._watch = sensing_watch.fresh()
-        self._window = np.zeros(kernels.WINDOW_SUMS + dof)
+        self._state = new_record(state_dtype(dof))
+        self._state["last_time"], self._state["anchor"], self._state["row"] = -np.inf, np.nan, -1.0
+        self._state["joints_of_pose"] = self._state["joints_of_modes"] = np.nan
+        self._watch = new_watch()
+        self._window = new_record(window_dtype(dof))
         self._filter: ModalFilter | None = None
         self._modes: PoseModes | None = None
         own = _start(models)
         if own is not None:
             self._filter = ModalFilter(own, models.rate)
-        self._p = parameters(models, self.settings, own)
-        self._c = constants(models, self.settings)
-        self._pose, self._axes = np.zeros(POSE_SIZE), -1
+        self._parameters = parameters(models, self.settings, own)
+        self._constants = constants(models, self.settings)
+        self._pose, self._axes = new_record(POSE_DTYPE), -1
         self._noise = noise_variance(own, models, self.settings)
         self._force = np.empty((ROWS + self.settings.bridged + 1, 3))
         self._moved = np.zeros_like(self._force)
-        self._work = np.empty((len(self._force), kernels.WORK))
+        self._work = np.zeros(len(self._force), WORK_DTYPE)
 
     @property
     def memory(self) -> float:
         """How long after a gap or restart estimates are marked as settling, s."""
-        return float(self._p[kernels.MEMORY]) / self.models.rate
+        return float(self._parameters["memory"][0]) / self.models.rate
 
     def joints(self, block: JointBlock) -> None:
         """Takes joint samples: those of before a force have to be given before the force.
@@ -100,25 +108,25 @@ class Sensing:
         doubts = np.empty(n, dtype=np.int64)
         first = 0
         while first < n:
-            first, count, why, at = kernels.gathered(
+            first, count, why, stopped_at = kernels.ingest(
                 first, block.host_time, block.controller_time, block.wrench, block.flags, frame,
-                self._track.rows, self._p, self._c, self._s, self._watch, self._window, self._pose,
-                joints, wrench, doubts, self._force, self._work,
+                self._track.rows, self._parameters, self._constants, self._state, self._watch,
+                self._window, self._pose, joints, wrench, doubts, self._force, self._work,
             )  # fmt: skip
             full, why = divmod(why, 4)
             if why == kernels.SETTLE:
                 self._windows.forget()
-            self._through(count, why, at)
-            kernels.combined(
-                0, count, self._moved, self._work, self._p, self._noise,
+            self._filter_rows(count, why, stopped_at)
+            kernels.combine(
+                count, self._moved, self._work, self._parameters, self._noise,
                 self._windows.correction, self._windows.direction, self._windows.turn,
-                self._s, self._window, doubts, *out,
+                self._state, self._window, doubts, *out,
             )  # fmt: skip
             if full:
                 self._windows.take(self._window)
-                self._window[:] = 0.0
-        self._track.forget(int(self._s[kernels.ROW]))
-        self._s[kernels.ROW] = min(self._s[kernels.ROW], 0.0)
+                numbers_of(self._window)[:] = 0.0
+        self._track.forget(int(self._state["row"][0]))
+        self._state["row"] = np.minimum(self._state["row"], 0.0)
         bad = (doubts & int(Doubt.INVALID)) != 0
         wrench[bad] = np.nan
         controller = self.models.robot.controller
@@ -140,9 +148,9 @@ class Sensing:
     def state(self) -> dict[str, Array]:
         """Returns all that a run goes on from, as arrays by name."""
         return {
-            "numbers": self._s.copy(),
-            "watch": self._watch.copy(),
-            "window": self._window.copy(),
+            "numbers": numbers_of(self._state).copy(),
+            "watch": numbers_of(self._watch).copy(),
+            "window": numbers_of(self._window).copy(),
             "correction": self._windows.correction.copy(),
             "filter": np.zeros(0) if self._filter is None else self._filter.snapshot(),
             **self._track.state(),
@@ -163,18 +171,21 @@ class Sensing:
                     f"the state's {name!r} has shape {there}, expected {values.shape}.",
                     hint="the models and settings it was kept with.",
                 )
-        self._s[:], self._watch[:] = state["numbers"], state["watch"]
-        self._window[:], self._windows.correction[:] = state["window"], state["correction"]
+        for record, name in (
+            (self._state, "numbers"), (self._watch, "watch"), (self._window, "window"),
+        ):  # fmt: skip
+            numbers_of(record)[:] = state[name]
+        self._windows.correction[:] = state["correction"]
         self._track.restore(state)
         self._axes = -1
         if self._filter is not None:
             response = self.models.response
-            if isinstance(response, PoseResponse) and self._s[kernels.STARTED]:
-                self._modes = _modes(response, self._s[-self.models.robot.dof :])
+            if isinstance(response, PoseResponse) and self._state["started"][0]:
+                self._modes = _modes(response, self._state["joints_of_modes"][0])
                 self._filter.change(joined([self._modes.oscillators(), response.tool]))
             self._filter.resume(state["filter"])
 
-    def _through(self, count: int, why: int, at: int) -> None:
+    def _filter_rows(self, count: int, why: int, at: int) -> None:
         """Moves the filters over rows of work, settling or changing them before row ``at``."""
         if self._filter is None or not count:
             return
@@ -184,7 +195,7 @@ class Sensing:
         self._filter.push(self._force[:at], self._moved[:at])
         response = self.models.response
         if isinstance(response, PoseResponse):
-            modes = _modes(response, self._s[-self.models.robot.dof :])
+            modes = _modes(response, self._state["joints_of_modes"][0])
             self._filter.change(joined([modes.oscillators(), response.tool]), self._carry(modes))
             self._modes = modes
         if why == kernels.SETTLE:
@@ -213,10 +224,10 @@ class Sensing:
             )
         frame = _FRAMES[block.frame]
         if frame != self._axes:
-            self._axes, dof = frame, self.models.robot.dof
-            known = self._s[kernels.JOINTS : kernels.JOINTS + dof]
-            if np.isfinite(known).all():
-                posed(known, frame, self._c, self._pose)
+            self._axes = frame
+            joints = np.array(self._state["joints_of_pose"][0])
+            if np.isfinite(joints).all():
+                write_pose(joints, frame, self._constants, self._pose)
         return frame
 
 

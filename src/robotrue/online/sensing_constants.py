@@ -7,36 +7,39 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array
+from robotrue.core.poses import inverse
 from robotrue.core.units import STANDARD_GRAVITY
 from robotrue.dynamics.deviation import FORCE_ROOM, DeviationModel
 from robotrue.dynamics.oscillators import Oscillators
 from robotrue.dynamics.predict import RINGS
 from robotrue.dynamics.streaming import ModalFilter
 from robotrue.errors import ReachError
-from robotrue.online import sensing_kernels as kernels
-from robotrue.online.sensing_joints import chain_of
 from robotrue.online.sensing_models import MeasuredResponse, PoseResponse, SensingModels
 from robotrue.online.sensing_pose import Constants
+from robotrue.online.sensing_records import PARAMETERS_DTYPE, new_record
 from robotrue.online.sensing_settings import SensingSettings
+from robotrue.robot.chain import chain_dtype, links_of
 from robotrue.robot.forward import drive_jacobian, walk
 
 _STAGES: Final = 1.5
 """Two low-passes take so much longer to forget than one."""
 
 
-def parameters(models: SensingModels, settings: SensingSettings, own: Oscillators | None) -> Array:
-    """Returns (PARAMETERS,) numbers; ``own`` is what is filtered with, or None."""
-    p = np.zeros(kernels.PARAMETERS)
-    held, learned, response = models.held, models.learned, models.response
-    p[kernels.RATE], p[kernels.AGE] = models.rate, settings.joints_age
-    p[kernels.SOFT] = -np.expm1(-2.0 * np.pi * settings.static_band / models.rate)
-    p[kernels.BRIDGED], p[kernels.MOST] = settings.bridged, settings.force_most
-    p[kernels.ROOM] = response.room if isinstance(response, MeasuredResponse) else np.inf
-    p[kernels.LONGEST] = settings.lever
-    p[kernels.REFRESHED] = response.refresh if isinstance(response, PoseResponse) else np.inf
-    p[kernels.MISFIT] = 0.0 if response is None else response.misfit
+def parameters(
+    models: SensingModels, settings: SensingSettings, own: Oscillators | None
+) -> np.ndarray[tuple[int], np.dtype[np.void]]:
+    """Returns ``PARAMETERS_DTYPE`` (1,); ``own`` is what is filtered with, or None."""
+    record = new_record(PARAMETERS_DTYPE)
+    p, held, learned, response = record[0], models.held, models.learned, models.response
+    p["rate"], p["joints_age"] = models.rate, settings.joints_age
+    p["soft"] = -np.expm1(-2.0 * np.pi * settings.static_band / models.rate)
+    p["bridged"], p["force_most"] = settings.bridged, settings.force_most
+    p["room"] = response.room if isinstance(response, MeasuredResponse) else np.inf
+    p["longest_lever"] = settings.lever
+    p["refresh"] = response.refresh if isinstance(response, PoseResponse) else np.inf
+    p["misfit"] = 0.0 if response is None else response.misfit
     if held is not None:
-        p[kernels.MASS] = held.mass if settings.acceleration_samples > 0 else 0.0
+        p["held_mass"] = held.mass if settings.acceleration_samples > 0 else 0.0
     forgets = _STAGES * RINGS / (2.0 * np.pi * settings.static_band)
     if own is not None and len(own):
         forgets = max(forgets, RINGS / float(-own.poles.real.max()))
@@ -44,10 +47,10 @@ def parameters(models: SensingModels, settings: SensingSettings, own: Oscillator
     if learned is not None:
         rows = max(round(learned.window * models.rate), 1)
         memory = (np.ceil(memory / rows) + 1.0) * rows
-        p[kernels.LEARNED], p[kernels.WHOLE_WINDOW] = 1.0, rows
-        p[kernels.OFFSET] = learned.model.factors[-2]
-    p[kernels.MEMORY] = memory
-    return p
+        p["learned"], p["window"] = 1.0, rows
+        p["offset"] = learned.model.factors[-2]
+    p["memory"] = memory
+    return record
 
 
 def constants(models: SensingModels, settings: SensingSettings) -> Constants:
@@ -58,12 +61,10 @@ def constants(models: SensingModels, settings: SensingSettings) -> Constants:
     """
     robot, response, dof = models.robot, models.response, models.robot.dof
     zero = settings.force_zero
-    held = np.zeros(12)
+    held = np.zeros((4, 3))
     if models.held is not None:
         tool = models.held
-        held = np.concatenate(
-            [tool.weight_in_base, tool.centre, tool.force_offset, tool.moment_offset]
-        )
+        held = np.array([tool.weight_in_base, tool.centre, tool.force_offset, tool.moment_offset])
         zero = float(np.hypot(tool.force_offset_sd.max(), tool.mass_sd * STANDARD_GRAVITY))
     compliance, covariance = np.zeros(dof), np.zeros((dof, dof))
     if isinstance(response, PoseResponse):
@@ -82,27 +83,26 @@ def constants(models: SensingModels, settings: SensingSettings) -> Constants:
         if response.frame == "tool":
             jacobian = state.rotation[0].T @ jacobian
         rest = response.oscillators.static - (jacobian * compliance) @ jacobian.T
-    learned = np.zeros(dof + 12)
-    if models.learned is not None:
-        learned = _learned(models.learned.model)
-    table, modified, joint_map = chain_of(models)
     return Constants(
-        table=table,
-        modified=modified,
-        joint_map=joint_map,
+        links=links_of(robot.nominal()),
+        chain=np.zeros(1, chain_dtype(dof)),
+        zero_angle=np.array(robot.theta),
+        joint_map=np.array(robot.joint_map),
         limits=np.array(robot.limits),
-        T_flange_tool=np.array(robot.T_flange_tool),
-        T_flange_sensor=np.array(models.T_flange_sensor),
-        held=held,
+        T_tool_sensor=np.ascontiguousarray(inverse(robot.T_flange_tool) @ models.T_flange_sensor),
+        weight=held[0],
+        centre=held[1],
+        force_offset=held[2],
+        moment_offset=held[3],
         compliance=compliance,
         covariance=np.ascontiguousarray(covariance),
         home=home,
         home_jacobian=np.ascontiguousarray(jacobian),
         rest=np.array(rest),
-        learned=learned,
+        **_learned(models),
         own=float(not isinstance(response, PoseResponse)),
         turns=isinstance(response, MeasuredResponse) and response.frame == "tool",
-        zero=zero,
+        zero_sd=zero,
         projected=models.learned is not None,
     )
 
@@ -123,20 +123,23 @@ def noise_variance(
     return total
 
 
-def _learned(model: DeviationModel) -> Array:
-    """Compliance times factor of each joint, g, direction, lowest and highest force."""
+def _learned(models: SensingModels) -> dict[str, Array]:
+    """Returns the constants of the learned deviation; zeros without one."""
+    if models.learned is None:
+        dof = models.robot.dof
+        empty = ("learned_tool", "direction", "force_low", "force_high")
+        return {"learned_compliance": np.zeros(dof), **{name: np.zeros(3) for name in empty}}
+    model: DeviationModel = models.learned.model
     dof, arm = model.arm.robot.dof, model.arm
     low, high = model.windows.force.min(axis=0), model.windows.force.max(axis=0)
     room = FORCE_ROOM * (high - low) + 0.1 * np.abs(model.windows.force).max()
-    return np.concatenate(
-        [
-            model.factors[:dof] / arm.stiffness,
-            model.factors[dof : dof + 3],
-            arm.direction,
-            low - room,
-            high + room,
-        ]
-    )
+    return {
+        "learned_compliance": model.factors[:dof] / arm.stiffness,
+        "learned_tool": np.array(model.factors[dof : dof + 3]),
+        "direction": np.array(arm.direction),
+        "force_low": low - room,
+        "force_high": high + room,
+    }
 
 
 def _check_limits(models: SensingModels, joints: Array) -> None:

@@ -7,23 +7,22 @@ samples alone, not on how the streams were cut or how far one ran ahead of the o
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.compiled import EXACT, compiled
-from robotrue.dynamics.arm_kernels import link
 from robotrue.errors import ModelMismatchError
 from robotrue.online.blocks import JointBlock
 from robotrue.online.estimates import Doubt
 from robotrue.online.samples import Flag
 from robotrue.online.sensing_models import SensingModels
+from robotrue.online.sensing_pose import walk_drives
+from robotrue.online.sensing_records import HEAD
 from robotrue.online.sensing_settings import SensingSettings
+from robotrue.robot.chain import ORIGIN, chain_dtype, links_of
 
-HEAD: Final = 7
-"""Columns of a row before the joints: time it came, doubt, time the joints are of, reach of their
-speed in s, acceleration of the held mass x y z; then joints (rad), then speeds (rad/s)."""
 MOST_ROWS: Final = 1 << 18
 """Rows kept while no force comes: a quarter of an hour at 250 samples per second."""
 _BAD: Final = int(Doubt.BAD_JOINTS)
@@ -43,7 +42,9 @@ class JointTrack:
     """Joint samples as rows that a force finds its place in.
 
     Attributes:
-        rows: (k, HEAD + 2 dof), by rising time.
+        rows: (k, HEAD + 2 dof), by rising time: time it came, doubt, time the joints are of, reach
+            of their speed in s, acceleration of the held mass x y z; then joints (rad), then
+            speeds (rad/s).
     """
 
     __slots__ = ("_age", "_arm", "_last", "_path", "_robot", "_weighs", "rows")
@@ -56,7 +57,12 @@ class JointTrack:
         centre = np.eye(4)
         if models.held is not None:
             centre[:3, 3] = models.held.centre
-        self._arm = (*chain_of(models), np.ascontiguousarray(models.T_flange_sensor @ centre))
+        self._arm = (
+            links_of(robot.nominal(), models.T_flange_sensor @ centre),
+            np.zeros(1, chain_dtype(robot.dof)),
+            np.array(robot.theta),
+            np.array(robot.joint_map),
+        )
         self._last = np.full(2 + 2 * robot.dof, np.nan)
         self._path = np.full((max(1, settings.acceleration_samples), 4), np.nan)
         self.rows = np.empty((0, HEAD + 2 * robot.dof))
@@ -76,7 +82,7 @@ class JointTrack:
         controller = self._robot.controller
         joints = block.joints if controller is None else controller.to_model(block.joints)
         new = np.empty((len(block), HEAD + 2 * dof))
-        _taken(
+        _write_rows(
             block.host_time, np.ascontiguousarray(joints), block.flags, self._age, self._weighs,
             *self._arm, self._last, self._path, new,
         )  # fmt: skip
@@ -102,61 +108,23 @@ class JointTrack:
         self._path[:] = state["joint_path"]
 
 
-def chain_of(models: SensingModels) -> tuple[Array, bool, Array]:
-    """Returns the links (n, 5) theta, d, a, sine and cosine of alpha; convention; joint map."""
-    robot = models.robot
-    table = np.column_stack(
-        [robot.theta, robot.d, robot.a, np.sin(robot.alpha), np.cos(robot.alpha)]
-    )
-    return table, robot.convention == "mdh", np.array(robot.joint_map)
-
-
 @compiled(EXACT)
-def chain(
-    joints: Array,
-    table: Array,
-    modified: bool,
-    joint_map: Array,
-    rotation: Array,
-    place: Array,
-    axis: Array,
-    origin: Array,
-) -> None:
-    """Writes the flange's rotation and place (m), and axis and origin of every joint, in base."""
-    n = len(joints)
-    for r in range(3):
-        place[r] = 0.0
-        for c in range(3):
-            rotation[r, c] = 1.0 if r == c else 0.0
-    for i in range(n):
-        theta = table[i, 0]
-        for j in range(n):
-            theta += joint_map[i, j] * joints[j]
-        link(
-            theta, table[i, 1], table[i, 2], table[i, 3], table[i, 4],
-            modified, rotation, place, axis[i], origin[i],
-        )  # fmt: skip
-
-
-@compiled(EXACT)
-def _taken(
+def _write_rows(
     host_time: Array,
     joints: Array,
     flags: IntArray,
     age: float,
     weighs: bool,
-    table: Array,
-    modified: bool,
+    links: Any,
+    chain: Any,
+    zero_angle: Array,
     joint_map: Array,
-    T_flange_centre: Array,
     last: Array,
     path: Array,
     rows: Array,
 ) -> None:
     """Writes a row per sample. ``last``: time it came, time of joints, joints, speeds."""
     n = joints.shape[1]
-    rotation, place = np.empty((3, 3)), np.empty(3)
-    axis, origin = np.empty((n, 3)), np.empty((n, 3))
     for i in range(len(host_time)):
         time, doubt = host_time[i], 0
         if flags[i] & _INVALID:
@@ -195,24 +163,21 @@ def _taken(
                     for k in range(len(path)):
                         path[k, 0] = np.nan
                 if not passed <= _BURST:
-                    chain(joints[i], table, modified, joint_map, rotation, place, axis, origin)
+                    walk_drives(joints[i], zero_angle, joint_map, links[0], chain[0])
                     for k in range(len(path) - 1):
                         for c in range(4):
                             path[k, c] = path[k + 1, c]
                     path[-1, 0] = time
                     for r in range(3):
-                        total = place[r]
-                        for c in range(3):
-                            total += rotation[r, c] * T_flange_centre[c, 3]
-                        path[-1, 1 + r] = total
+                        path[-1, 1 + r] = chain[0].frame[n, r, ORIGIN]
         rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3] = time, doubt, last[1], reach
-        _bend(path, rows[i, 4:7])
+        _write_acceleration(path, rows[i, 4:7])
         for j in range(2 * n):
             rows[i, 7 + j] = last[2 + j]
 
 
 @compiled(EXACT)
-def _bend(path: Array, acceleration: Array) -> None:
+def _write_acceleration(path: Array, acceleration: Array) -> None:
     """Writes the second derivative of the parabola through (k, 4) time and place; else zero."""
     k = len(path)
     for c in range(3):

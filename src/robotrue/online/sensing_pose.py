@@ -12,158 +12,171 @@ frequency response, turned along with its axes::
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.compiled import EXACT, compiled
-from robotrue.online.sensing_joints import chain
+from robotrue.robot.chain import ORIGIN
+from robotrue.robot.chain_kernels import walk, write_jacobian
 
 BASE, TOOL, SENSOR = 0, 1, 2
 """Frames a force comes in."""
-# where things stand in the numbers of a pose
-READ, LEVER, TURNED, ADDED, STILL, PHYSICS, SPREAD, ZERO = 0, 9, 12, 21, 39, 57, 60, 168
-POSE_SIZE: Final = 171
 
 
 class Constants(NamedTuple):
     """Models as the kernels take them.
 
     Attributes:
-        table: (dof, 5) theta, d, a, sine and cosine of alpha.
-        modified: Craig's convention.
+        links: (1,) of ``links_dtype``, up to the tool.
+        chain: (1,) of ``chain_dtype``, work space.
+        zero_angle: (dof,) rad of the DH table.
         joint_map: (dof, dof).
         limits: (dof, 2) rad.
-        T_flange_tool: (4, 4) m.
-        T_flange_sensor: (4, 4) m.
-        held: (12,) weight in base, centre, force offset, moment offset.
+        T_tool_sensor: (4, 4) m.
+        weight: (3,) N of the held tool, in base.
+        centre: (3,) m of it, in the sensor.
+        force_offset: (3,) N of the sensor.
+        moment_offset: (3,) N m.
         compliance: (dof,) rad/(N m).
         covariance: (dof, dof).
         home: (dof,) rad, pose of the response; NaN without.
         home_jacobian: (3, dof) m/rad at it, in the response's axes; zero without.
         rest: (3, 3) m/N in the response's axes: its static deflection less that of the arm there.
-        learned: (dof + 12,) compliance times factor, g, direction, lowest and highest force.
+        learned_compliance: (dof,) rad/(N m), compliance times the learned factor.
+        learned_tool: (3,) m/N of the tool along the learned direction.
+        direction: (3,) base, unit; zero without a learned deviation.
+        force_low: (3,) N, lowest force the deviation was learned from.
+        force_high: (3,) N, highest.
         own: 1 where the arm's compliance is added to the response, 0 where it is in it.
         turns: Whether the response turns with the tool.
-        zero: N, standard deviation of the sensor's zero.
+        zero_sd: N, standard deviation of the sensor's zero.
         projected: Whether what the joints are unsure of counts only across ``direction``.
     """
 
-    table: Array
-    modified: bool
+    links: np.ndarray[tuple[int], np.dtype[np.void]]
+    chain: np.ndarray[tuple[int], np.dtype[np.void]]
+    zero_angle: Array
     joint_map: Array
     limits: Array
-    T_flange_tool: Array
-    T_flange_sensor: Array
-    held: Array
+    T_tool_sensor: Array
+    weight: Array
+    centre: Array
+    force_offset: Array
+    moment_offset: Array
     compliance: Array
     covariance: Array
     home: Array
     home_jacobian: Array
     rest: Array
-    learned: Array
+    learned_compliance: Array
+    learned_tool: Array
+    direction: Array
+    force_low: Array
+    force_high: Array
     own: float
     turns: bool
-    zero: float
+    zero_sd: float
     projected: bool
 
 
 @compiled(EXACT)
-def posed(joints: Array, frame: int, c: Constants, out: Array) -> None:
-    """Writes the numbers of a pose (POSE_SIZE,).
+def walk_drives(joints: Array, zero_angle: Array, joint_map: Array, links: Any, chain: Any) -> None:
+    """Walks a chain at drive joints (dof,) rad."""
+    for i in range(len(joints)):
+        theta = zero_angle[i]
+        for j in range(len(joints)):
+            theta += joint_map[i, j] * joints[j]
+        chain.theta[i] = theta
+    walk(links, chain)
+
+
+@compiled(EXACT)
+def write_pose(joints: Array, frame: int, c: Constants, poses: Any) -> None:
+    """Writes the numbers of a pose.
 
     Args:
         joints: (dof,) rad.
         frame: BASE, TOOL or SENSOR: axes of the force that comes.
         c: Models.
-        out: READ (3, 3) rotation of the force's axes in base; LEVER (3,) m from its origin to the
-            tool point, base; TURNED (3, 3) rotation of the response's axes; ADDED (3, 6),
-            STILL (3, 6) m/N and m/(N m); PHYSICS (3,) m/N along the learned direction; SPREAD
-            (3, 6, 6) variance per wrench squared; ZERO (3,) m^2.
+        poses: (1,) of ``POSE_DTYPE``: ``read`` rotation of the force's axes in base; ``lever`` m
+            from its origin to the tool point, base; ``turned`` rotation of the response's axes;
+            ``added``, ``still`` m/N and m/(N m); ``physics`` m/N along the learned direction;
+            ``spread`` variance per wrench squared; ``zero`` m^2.
     """
-    n = len(joints)
-    rotation, place, tip = np.empty((3, 3)), np.empty(3), np.empty(3)
-    axis, origin = np.empty((n, 3)), np.empty((n, 3))
-    chain(joints, c.table, c.modified, c.joint_map, rotation, place, axis, origin)
-    _turn(rotation, c.T_flange_sensor if frame == SENSOR else c.T_flange_tool, frame, READ, out)
-    _turn(rotation, c.T_flange_tool, TOOL if c.turns else BASE, TURNED, out)
+    n, chain, pose = len(joints), c.chain[0], poses[0]
+    walk_drives(joints, c.zero_angle, c.joint_map, c.links[0], chain)
+    write_jacobian(chain)
+    tool = chain.frame[n]
     for r in range(3):
-        tip[r] = place[r]
-        out[LEVER + r] = 0.0
+        pose.lever[r] = 0.0
         for k in range(3):
-            tip[r] += rotation[r, k] * c.T_flange_tool[k, 3]
-            if frame == SENSOR:
-                gap = c.T_flange_tool[k, 3] - c.T_flange_sensor[k, 3]
-                out[LEVER + r] += rotation[r, k] * gap
-    way, turn = np.zeros((n, 3)), np.zeros((n, 3))
+            same = 1.0 if r == k else 0.0
+            pose.turned[r, k] = tool[r, k] if c.turns else same
+            pose.read[r, k] = same
+            if frame == TOOL:
+                pose.read[r, k] = tool[r, k]
+            elif frame == SENSOR:
+                pose.lever[r] -= tool[r, k] * c.T_tool_sensor[k, ORIGIN]
+                pose.read[r, k] = 0.0
+                for a in range(3):
+                    pose.read[r, k] += tool[r, a] * c.T_tool_sensor[a, k]
+    twist = np.zeros((n, 6))  # of the tool per drive
     for k in range(n):
-        ux, uy, uz = axis[k, 0], axis[k, 1], axis[k, 2]
-        ax, ay, az = tip[0] - origin[k, 0], tip[1] - origin[k, 1], tip[2] - origin[k, 2]
         for j in range(n):
-            m = c.joint_map[k, j]
-            way[j, 0] += m * (uy * az - uz * ay)
-            way[j, 1] += m * (uz * ax - ux * az)
-            way[j, 2] += m * (ux * ay - uy * ax)
-            for r in range(3):
-                turn[j, r] += m * axis[k, r]
-    _bending(n, c, way, turn, out)
+            for r in range(6):
+                twist[j, r] += c.joint_map[k, j] * chain.jacobian[r, k]
+    _write_bending(n, c, twist, pose)
 
 
 @compiled(EXACT)
-def _bending(n: int, c: Constants, way: Array, turn: Array, out: Array) -> None:
-    """Writes ADDED, STILL, PHYSICS, SPREAD and ZERO from the tool point's way and turn (n, 3)."""
-    dx, dy, dz = c.learned[n + 3], c.learned[n + 4], c.learned[n + 5]
-    for a in range(ADDED, POSE_SIZE):
-        out[a] = 0.0
+def _write_bending(n: int, c: Constants, twist: Array, pose: Any) -> None:
+    """Writes added, still, physics, spread and zero from the tool's twist per drive (n, 6)."""
+    d = c.direction
+    pose.added[:], pose.still[:], pose.physics[:] = 0.0, 0.0, 0.0
+    pose.spread[:], pose.zero[:] = 0.0, 0.0
     push, home = np.zeros((n, 3, 6)), np.zeros((n, 3))
     for j in range(n):
-        along = c.learned[j] * (dx * way[j, 0] + dy * way[j, 1] + dz * way[j, 2])
+        along = d[0] * twist[j, 0] + d[1] * twist[j, 1] + d[2] * twist[j, 2]
         for r in range(3):
-            out[PHYSICS + r] += along * way[j, r]
+            pose.physics[r] += c.learned_compliance[j] * along * twist[j, r]
             for k in range(3):
-                home[j, r] += out[TURNED + 3 * r + k] * c.home_jacobian[k, j]
+                home[j, r] += pose.turned[r, k] * c.home_jacobian[k, j]
         for r in range(3):
             for k in range(6):
-                other = way[j, k] if k < 3 else turn[j, k - 3]
-                size = way[j, r] * other
-                out[STILL + 6 * r + k] += c.compliance[j] * size
+                size = twist[j, r] * twist[j, k]
+                pose.still[r, k] += c.compliance[j] * size
                 if k < 3:
                     size = c.own * size - home[j, r] * home[j, k]
                 push[j, r, k] = size
-                out[ADDED + 6 * r + k] += c.compliance[j] * size
+                pose.added[r, k] += c.compliance[j] * size
         if c.projected:
             for k in range(6):
-                size = dx * push[j, 0, k] + dy * push[j, 1, k] + dz * push[j, 2, k]
-                push[j, 0, k] -= dx * size
-                push[j, 1, k] -= dy * size
-                push[j, 2, k] -= dz * size
+                size = d[0] * push[j, 0, k] + d[1] * push[j, 1, k] + d[2] * push[j, 2, k]
+                for r in range(3):
+                    push[j, r, k] -= d[r] * size
     for r in range(3):
-        out[PHYSICS + r] -= c.learned[n + r]
-        across = 1.0 - c.learned[n + 3 + r] ** 2 if c.projected else 1.0
+        pose.physics[r] -= c.learned_tool[r]
+        across = 1.0 - d[r] ** 2 if c.projected else 1.0
         for k in range(3):
             size = 0.0
             for a in range(3):
                 for b in range(3):
-                    size += out[TURNED + 3 * r + a] * c.rest[a, b] * out[TURNED + 3 * k + b]
-            out[STILL + 6 * r + k] += size
-            out[ZERO + r] += across * (out[STILL + 6 * r + k] * c.zero) ** 2
-        for i in range(n):
-            for j in range(n):
-                size = c.covariance[i, j]
-                if size != 0.0:
-                    for a in range(36):
-                        out[SPREAD + 36 * r + a] += size * push[i, r, a // 6] * push[j, r, a % 6]
+                    size += pose.turned[r, a] * c.rest[a, b] * pose.turned[k, b]
+            pose.still[r, k] += size
+            pose.zero[r] += across * (pose.still[r, k] * c.zero_sd) ** 2
+    _write_spread(n, c.covariance, push, pose)
 
 
 @compiled(EXACT)
-def _turn(rotation: Array, T: Array, frame: int, at: int, out: Array) -> None:
-    """Writes the rotation of a frame on the flange in base from ``at`` on; of base the identity."""
-    for r in range(3):
-        for k in range(3):
-            size = 1.0 if r == k else 0.0
-            if frame != BASE:
-                size = 0.0
-                for a in range(3):
-                    size += rotation[r, a] * T[a, k]
-            out[at + 3 * r + k] = size
+def _write_spread(n: int, covariance: Array, push: Array, pose: Any) -> None:
+    """Writes the variance per wrench squared that uncertain compliances leave."""
+    for i in range(n):
+        for j in range(n):
+            size = covariance[i, j]
+            if size != 0.0:
+                for r in range(3):
+                    for a in range(6):
+                        for b in range(6):
+                            pose.spread[r, a, b] += size * push[i, r, a] * push[j, r, b]

@@ -7,14 +7,12 @@ of milling, a few millimetres of path.
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array
 from robotrue.dynamics.deviation import Standing
 from robotrue.dynamics.windows import WindowSet
-from robotrue.online import sensing_kernels as kernels
 from robotrue.online.sensing_models import SensingModels
 
 _NAME: Final = "online"
@@ -50,17 +48,16 @@ class WindowDeviation:
         """Knows nothing of the deviation but its physics."""
         self.correction[:] = 0.0, 0.0, EXTRAPOLATED
 
-    def take(self, sums: Array) -> None:
-        """Takes the sums over a whole window (``sensing_kernels``)."""
+    def take(self, windows: np.ndarray[tuple[int], np.dtype[np.void]]) -> None:
+        """Takes the sums over a whole window (1,), see ``window_dtype``."""
         if self._learned is None:
             return
-        model, dof = self._learned.model, self._learned.model.arm.robot.dof
-        rows = sums[kernels.ROWS]
+        model, sums = self._learned.model, windows[0]
         peak, push = peaks(sums, self.turn)
-        force = sums[kernels.FORCE_SUM : kernels.FORCE_SUM + 3] / rows
+        force = sums["force"] / sums["rows"]
         window = WindowSet(
             passes=(_NAME,),
-            joints=sums[kernels.WINDOW_SUMS : kernels.WINDOW_SUMS + dof][None] / rows,
+            joints=sums["joints"][None] / sums["rows"],
             force=force[None],
             force_peak=np.array([push]),
             force_mean=np.array([force @ self.direction]),
@@ -77,15 +74,13 @@ class WindowDeviation:
         self.correction[2] = float(found.standing[0])
 
 
-def peaks(sums: Array, turn: float) -> tuple[float, float]:
+def peaks(sums: Any, turn: float) -> tuple[float, float]:
     """Returns mean peak of displacement (m) and force (N) over the whole turns of a window.
 
     As :func:`robotrue.dynamics.windows.peaks_per_turn`: a turn begun at the end does not count.
     """
-    turns, bent, pushed = (
-        float(sums[k]) for k in (kernels.TURN_COUNT, kernels.PEAKS, kernels.FORCE_PEAKS)
-    )
-    if turns == 0.0 or sums[kernels.SEEN] / turn + _WHOLE >= turns + 1.0:
-        bent, pushed = bent + sums[kernels.TURN_PEAK], pushed + sums[kernels.TURN_FORCE]
+    turns, bent, pushed = (float(sums[name]) for name in ("turns", "peaks", "force_peaks"))
+    if turns == 0.0 or sums["seen"] / turn + _WHOLE >= turns + 1.0:
+        bent, pushed = bent + float(sums["turn_peak"]), pushed + float(sums["turn_force"])
         turns += 1.0
     return bent / turns, pushed / turns

@@ -82,6 +82,15 @@ def link_constants(robot: RobotModel, T_flange_tool: Array | None = None) -> Arr
     return np.array([constant[:3] for constant in constants])
 
 
+def links_of(
+    robot: RobotModel, T_flange_tool: Array | None = None
+) -> np.ndarray[tuple[int], np.dtype[np.void]]:
+    """Returns :func:`link_constants` as one record of :func:`links_dtype`, shape (1,)."""
+    links = np.zeros(1, links_dtype(robot.dof))
+    links["constant"][0] = link_constants(robot, T_flange_tool)
+    return links
+
+
 def link_frames(robot: RobotModel) -> Array:
     """Returns the link frames (n, 4, 4) in the frames turned by their joints, without errors.
 
