@@ -21,115 +21,92 @@ from robotrue.compensation.stream_block import (
     StreamJob,
     solve_block,
 )
+from robotrue.compensation.stream_workers import RemoteWorkers
 from robotrue.core.archive import archive_from
-from robotrue.errors import ConfigurationError, MissingExtraError, RobotrueError
+from robotrue.errors import ConfigurationError, MissingExtraError
 
 
-class Dask:
+class Dask(RemoteWorkers):
     """The workers of a scheduler."""
 
+    lost = (Exception,)
+    """Killed, cancelled, or its data lost with the worker."""
+    hint = "see the workers' logs, or leave --dask out."
+
     def __init__(self, job: StreamJob, address: str) -> None:
-        try:
-            client: Any = import_module("distributed").Client
-        except ImportError as cause:
-            raise MissingExtraError(
-                "a Dask scheduler was named, and the package distributed is not installed.",
-                hint="pip install 'robotrue[dask]'.",
-            ) from cause
-        try:
-            self._client = client(address, timeout=10, set_as_default=False)
-        except (OSError, ValueError) as cause:
-            raise ConfigurationError(
-                f"no Dask scheduler answers at {address!r} ({cause}).",
-                hint="the address `dask scheduler` prints, such as tcp://10.0.0.5:8786.",
-            ) from cause
-        self.notes: list[str] = []
-        self._job = job
-        self.count = self._require_equals(address)
-        self.ahead = 2 * self.count
-        self._shared = self._scattered()
-        self._tasks: dict[int, BlockTask] = {}
-        self._futures: dict[int, Any] = {}
+        self._client, notes = _client_at(address)
+        count = int(sum(self._client.nthreads().values()))
+        super().__init__(job, count, 2 * count)
+        self.notes.extend(notes)
+        self._shared = self._scatter_job()
 
-    def _require_equals(self, address: str) -> int:
-        """Returns the number of threads of all workers, which must compute as this process does."""
-        threads = int(sum(self._client.nthreads().values()))
-        if not threads:
-            self.close()
-            raise ConfigurationError(
-                f"the Dask scheduler at {address!r} has no workers.",
-                hint="start some: dask worker ADDRESS --nthreads 1.",
-            )
-        mine = versions()
-        for worker, theirs in self._client.run(versions).items():
-            if theirs[:-1] != mine[:-1]:
-                self.close()
-                raise ConfigurationError(
-                    f"Dask worker {worker} has {theirs[:-1]}, this process {mine[:-1]} (robotrue, "
-                    "numpy, numba): the result would not be the same bit for bit.",
-                    hint="install the same versions on both.",
-                )
-            if theirs[-1] != mine[-1]:
-                self.notes.append(
-                    f"Dask worker {worker} has a processor of another kind ({theirs[-1]}, here "
-                    f"{mine[-1]}): numbers agree to rounding, not surely bit for bit."
-                )
-        return threads
-
-    def _scattered(self) -> Any:
+    def _scatter_job(self) -> Any:
         return self._client.scatter(self._job, broadcast=True, hash=False)
 
-    def submit(self, task: BlockTask) -> None:
-        """Hands the task to the scheduler."""
-        self._tasks[task.number] = task
-        self._hand_in(task)
-
-    def _hand_in(self, task: BlockTask) -> None:
+    def _start(self, task: BlockTask) -> None:
         content = self._client.scatter(task, hash=False)
         self._futures[task.number] = self._client.submit(_solve, self._shared, content, pure=False)
 
-    def result(self, number: int) -> SolvedBlock:
-        """Returns a block when it is done; if a worker was lost on the way, it is done again, once.
+    def _restart(self, number: int) -> None:
+        self._shared = self._scatter_job()
+        self._start(self._tasks[number])
 
-        Raises:
-            ConfigurationError: Workers were lost twice.
-        """
-        try:
-            done: SolvedBlock = self._futures[number].result()
-        except RobotrueError:
-            raise
-        except Exception as cause:  # killed, cancelled, or its data lost with the worker
-            where = f"block {number + 1} (from line {self._tasks[number].piece.line + 1})"
-            self.notes.append(f"Dask lost {where} ({type(cause).__name__}); it was done again.")
-            done = self._again(number, where)
-        del self._tasks[number], self._futures[number]
-        return done
+    def _once(self, where: str, cause: Exception) -> str:
+        return f"Dask lost {where} ({type(cause).__name__}); it was done again."
 
-    def _again(self, number: int, where: str) -> SolvedBlock:
-        try:
-            self._shared = self._scattered()
-            self._hand_in(self._tasks[number])
-            done: SolvedBlock = self._futures[number].result()
-        except RobotrueError:
-            raise
-        except Exception as cause:
-            raise ConfigurationError(
-                f"the Dask workers lost {where} twice ({type(cause).__name__}: {cause}).",
-                source=self._job.judged.name,
-                hint="see the workers' logs, or leave --dask out.",
-            ) from cause
-        return done
+    def _twice(self, where: str, cause: Exception) -> str:
+        return f"the Dask workers lost {where} twice ({type(cause).__name__}: {cause})."
 
     def close(self) -> None:
         """Leaves the scheduler."""
+        self._futures.clear()
         self._client.close()
 
-    def __enter__(self) -> Dask:
-        return self
 
-    def __exit__(self, *_: object) -> None:
-        self._futures.clear()
-        self.close()
+def _client_at(address: str) -> tuple[Any, list[str]]:
+    """Returns the client of a scheduler whose workers compute as this process does, and notes."""
+    try:
+        connect: Any = import_module("distributed").Client
+    except ImportError as cause:
+        raise MissingExtraError(
+            "a Dask scheduler was named, and the package distributed is not installed.",
+            hint="pip install 'robotrue[dask]'.",
+        ) from cause
+    try:
+        client = connect(address, timeout=10, set_as_default=False)
+    except (OSError, ValueError) as cause:
+        raise ConfigurationError(
+            f"no Dask scheduler answers at {address!r} ({cause}).",
+            hint="the address `dask scheduler` prints, such as tcp://10.0.0.5:8786.",
+        ) from cause
+    try:
+        return client, _compare_versions(client, address)
+    except ConfigurationError:
+        client.close()
+        raise
+
+
+def _compare_versions(client: Any, address: str) -> list[str]:
+    """Returns notes on workers of another kind; raises where their results would differ."""
+    if not client.nthreads():
+        raise ConfigurationError(
+            f"the Dask scheduler at {address!r} has no workers.",
+            hint="start some: dask worker ADDRESS --nthreads 1.",
+        )
+    own, notes = versions(), []
+    for worker, theirs in client.run(versions).items():
+        if theirs[:-1] != own[:-1]:
+            raise ConfigurationError(
+                f"Dask worker {worker} has {theirs[:-1]}, this process {own[:-1]} (robotrue, "
+                "numpy, numba): the result would not be the same bit for bit.",
+                hint="install the same versions on both.",
+            )
+        if theirs[-1] != own[-1]:
+            notes.append(
+                f"Dask worker {worker} has a processor of another kind ({theirs[-1]}, here "
+                f"{own[-1]}): numbers agree to rounding, not surely bit for bit."
+            )
+    return notes
 
 
 def versions() -> tuple[str, ...]:

@@ -7,12 +7,12 @@ import os
 import signal
 import threading
 from collections.abc import Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from functools import cache
 from multiprocessing import get_context, parent_process
 from types import TracebackType
-from typing import Final, Protocol
+from typing import Any, ClassVar, Final, Protocol
 
 from robotrue.compensation.stream_block import (
     BlockTask,
@@ -21,7 +21,7 @@ from robotrue.compensation.stream_block import (
     solve_block,
     with_model,
 )
-from robotrue.errors import ConfigurationError
+from robotrue.errors import ConfigurationError, RobotrueError
 
 _THREADS: Final = (
     "OMP_NUM_THREADS",
@@ -89,75 +89,118 @@ class Here:
         self._tasks.clear()
 
 
-class Processes:
-    """Processes of this machine, each started anew and with one thread."""
+class RemoteWorkers:
+    """Workers that may be lost; a block lost with one of them is done again, once."""
 
-    def __init__(self, job: StreamJob, count: int) -> None:
-        self.count, self.ahead = count, count + 1
+    lost: ClassVar[tuple[type[Exception], ...]] = ()
+    """What a lost worker raises."""
+    hint: ClassVar[str] = ""
+    """One thing to try where a block was lost twice."""
+
+    def __init__(self, job: StreamJob, count: int, ahead: int) -> None:
+        self.count, self.ahead = count, ahead
         self.notes: list[str] = []
         self._job = job
         self._tasks: dict[int, BlockTask] = {}
-        self._futures: dict[int, Future[SolvedBlock]] = {}
+        self._futures: dict[int, Any] = {}
         self._retried: set[int] = set()
-        self._pool = self._started()
-
-    def _started(self) -> ProcessPoolExecutor:
-        return ProcessPoolExecutor(
-            max_workers=self.count,
-            mp_context=get_context("spawn"),
-            initializer=_begin,
-            initargs=(self._job,),
-        )
+        # A task submitted while the workers died has no future: KeyError.
+        self._lost: tuple[type[Exception], ...] = (*self.lost, KeyError)
 
     def submit(self, task: BlockTask) -> None:
-        """Hands the task to a process."""
+        """Gives the task to a worker."""
         self._tasks[task.number] = task
-        self._hand_in(task)
-
-    def _hand_in(self, task: BlockTask) -> None:
-        with contextlib.suppress(BrokenProcessPool), _single_threaded():
-            self._futures[task.number] = self._pool.submit(_solve, task)
+        self._start(task)
 
     def result(self, number: int) -> SolvedBlock:
-        """Returns a block when it is done; if a process died on the way, it is done again, once.
+        """Returns a block when it is done.
 
         Raises:
-            ConfigurationError: A process died twice.
+            ConfigurationError: Workers were lost twice while it was waited for.
         """
         while True:
             try:
-                done = self._of(number)
-            except BrokenProcessPool as cause:
+                solved: SolvedBlock = self._futures[number].result()
+            except RobotrueError:
+                raise
+            except self._lost as cause:
                 self._retry(number, cause)
             else:
                 del self._tasks[number], self._futures[number]
-                return done
+                return solved
 
-    def _of(self, number: int) -> SolvedBlock:
-        if number not in self._futures:  # handed in while the pool was breaking
-            raise BrokenProcessPool
-        return self._futures[number].result()
-
-    def _retry(self, number: int, cause: BaseException) -> None:
+    def _retry(self, number: int, cause: Exception) -> None:
         where = f"block {number + 1} (from line {self._tasks[number].piece.line + 1})"
         if number in self._retried:
             raise ConfigurationError(
-                f"a worker process died twice while {where} was waited for.",
-                source=self._job.judged.name,
-                hint="--workers 1; and see whether memory ran out.",
+                self._twice(where, cause), source=self._job.judged.name, hint=self.hint
             ) from cause
         self._retried.add(number)
-        self.notes.append(f"a worker process died while {where} was waited for; it was done again.")
-        self._pool.shutdown(wait=True, cancel_futures=True)
-        self._pool = self._started()
-        self._futures.clear()
-        for task in self._tasks.values():
-            self._hand_in(task)
+        self.notes.append(self._once(where, cause))
+        self._restart(number)
 
-    def __enter__(self) -> Processes:
+    def _start(self, task: BlockTask) -> None:
+        """Gives a task to a worker."""
+        raise NotImplementedError
+
+    def _restart(self, number: int) -> None:
+        """Replaces lost workers and starts what was lost with them."""
+        raise NotImplementedError
+
+    def _once(self, where: str, cause: Exception) -> str:
+        raise NotImplementedError
+
+    def _twice(self, where: str, cause: Exception) -> str:
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Dismisses the workers."""
+        raise NotImplementedError
+
+    def __enter__(self) -> RemoteWorkers:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class Processes(RemoteWorkers):
+    """Processes of this machine, each started anew and with one thread."""
+
+    lost = (BrokenProcessPool,)
+    hint = "--workers 1; and see whether memory ran out."
+
+    def __init__(self, job: StreamJob, count: int) -> None:
+        super().__init__(job, count, count + 1)
+        self._pool = self._new_pool()
+
+    def _new_pool(self) -> ProcessPoolExecutor:
+        return ProcessPoolExecutor(
+            max_workers=self.count,
+            mp_context=get_context("spawn"),
+            initializer=_start_worker,
+            initargs=(self._job,),
+        )
+
+    def _start(self, task: BlockTask) -> None:
+        with contextlib.suppress(BrokenProcessPool), _single_threaded():
+            self._futures[task.number] = self._pool.submit(_solve, task)
+
+    def _restart(self, number: int) -> None:
+        self.close()
+        self._pool = self._new_pool()
+        self._futures.clear()
+        for task in self._tasks.values():
+            self._start(task)
+
+    def _once(self, where: str, cause: Exception) -> str:
+        return f"a worker process died while {where} was waited for; it was done again."
+
+    def _twice(self, where: str, cause: Exception) -> str:
+        return f"a worker process died twice while {where} was waited for."
+
+    def close(self) -> None:
+        """Ends the processes; what they work on is dropped."""
         self._pool.shutdown(wait=True, cancel_futures=True)
 
 
@@ -182,7 +225,7 @@ def _jobs() -> list[StreamJob]:
     return []
 
 
-def _begin(job: StreamJob) -> None:
+def _start_worker(job: StreamJob) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what Ctrl-C ends
     threading.Thread(target=_leave_with_parent, daemon=True).start()
     _jobs()[:] = [with_model(job)]
