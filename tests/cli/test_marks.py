@@ -19,6 +19,8 @@ from robotrue.report.content import Column, Table
 from robotrue.simulation.flange_hole import FlangeHole
 from robotrue.simulation.presets import deng2022, reflector_at_tool
 
+pytestmark = pytest.mark.first(1)
+
 SIMULATED = Provenance(simulated=True, instrument="virtual tracker")
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from online_cases import RDT
 from rdt_records import RdtRecord, force_sample, read_records
-from simulated import flagged, rdt_source, rows, scenario, sensor, timed, until
+from simulated import flagged, rdt_source, rows, scenario, sensor, timed, until, until_shown
 
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.online import rdt, udp
@@ -222,14 +222,9 @@ def test_scale_and_rate_from_the_sensors_own_page():
     ],
 )
 def test_what_goes_wrong_is_said(fault, flag):
-    async def work():
-        async with sensor(fault) as there:
-            source = rdt_source(there.port)
-            # a busy computer may show two kinds at once; a fault that is over leaves sound samples
-            found = await until(source, lambda blocks: flagged(flag, 60)(blocks))
-            return found, source.health()
-
-    found, health = timed(work())
+    # a busy computer may show two kinds at once; a fault that is over leaves sound samples
+    found, source, _ = timed(until_shown(lambda: sensor(fault), rdt_source, flagged(flag, 60)))
+    health = source.health()
     flags = np.concatenate([b.flags for b in found])
     valid = np.concatenate([b.valid for b in found])
     assert valid[-50:].all()
@@ -242,25 +237,18 @@ def test_what_goes_wrong_is_said(fault, flag):
 
 
 def test_what_are_no_records_is_refused_and_counted():
-    async def work():
-        async with sensor("garble@0.1+0.1") as there:
-            source = rdt_source(there.port)
-            found = await until(source, flagged(Flag.GAP, 20))
-            return found, source.health()
-
-    found, health = timed(work())
-    assert health.refused > 0
+    found, source, _ = timed(
+        until_shown(lambda: sensor("garble@0.1+0.1"), rdt_source, flagged(Flag.GAP, 20))
+    )
+    assert source.health().refused > 0
     assert all(b.valid.all() for b in found[-2:])
 
 
 def test_a_sensor_that_was_gone_is_asked_again():
-    async def work():
-        async with sensor("silence@0.2+0.5") as there:
-            source = rdt_source(there.port)
-            found = await until(source, flagged(Flag.CLOCK_JUMP, 50))
-            return found, source.health(), there.report.requests
-
-    found, health, requests = timed(work())
+    found, source, there = timed(
+        until_shown(lambda: sensor("silence@0.2+0.5"), rdt_source, flagged(Flag.CLOCK_JUMP, 50))
+    )
+    health, requests = source.health(), there.report.requests
     count = np.concatenate([b.sequence for b in found])
     assert health.reconnects == 1
     assert "silent" in health.last_fault

@@ -6,7 +6,16 @@ import struct
 
 import numpy as np
 import pytest
-from simulated import controller, flagged, rows, rtde_settings, scenario, timed, until
+from simulated import (
+    controller,
+    flagged,
+    rows,
+    rtde_settings,
+    scenario,
+    timed,
+    until,
+    until_shown,
+)
 
 from robotrue.errors import ConfigurationError
 from robotrue.online import rtde
@@ -74,11 +83,13 @@ def test_two_clients_at_once():
 )
 @pytest.mark.parametrize("kind", [RtdeSource, RtdeForce])
 def test_what_goes_wrong_is_said(fault, flag, kind):
-    async def work():
-        async with controller(fault) as there:
-            return await until(kind(rtde_settings(there.port)), flagged(flag, 80))
-
-    found = timed(work())
+    found, _, _ = timed(
+        until_shown(
+            lambda: controller(fault),
+            lambda port: kind(rtde_settings(port)),
+            flagged(flag, 80),
+        )
+    )
     valid = np.concatenate([b.valid for b in found])
     flags = np.concatenate([b.flags for b in found])
     assert valid[-50:].all()

@@ -72,6 +72,14 @@ def client(filled: Shop, monkeypatch: pytest.MonkeyPatch) -> Iterator[Client]:
 
 
 @pytest.fixture(scope="session")
+def kernels() -> None:
+    """Machine code of the kernels on the disk, for servers whose jobs a page waits for."""
+    from robotrue.cli.warm_up import run
+
+    run()
+
+
+@pytest.fixture(scope="session")
 def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     """``robotrue serve`` of an empty workspace on a free port."""
     with serving(tmp_path_factory.mktemp("served") / "shop") as found:

@@ -17,7 +17,7 @@ from robotrue.store.jobs_claim import claim
 from robotrue.store.jobs_work import attempt
 from robotrue.web.parts.curve import Line, curve
 
-JOB = 3 * WAIT
+JOB = WAIT
 """ms that a job may take on a machine with other things to do."""
 
 

@@ -16,17 +16,19 @@ from web_shop import SEED, Served, Shop, fill, write_files
 
 from robotrue.cli.main import run
 
+pytestmark = pytest.mark.first(3)
+
 POSES_OF_STORY = 30
 
 
 @pytest.fixture(scope="module")
-def empty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+def empty(kernels: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     with serving(tmp_path_factory.mktemp("story") / "shop") as found:
         yield found
 
 
 @pytest.fixture(scope="module")
-def known(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Served, Shop]]:
+def known(kernels: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Served, Shop]]:
     """A served workspace with one of everything."""
     folder, files = tmp_path_factory.mktemp("known") / "shop", tmp_path_factory.mktemp("files")
     write_files(files)
