@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= demo-out
 
-.PHONY: demo test check bench fuzz fuzz-guided openapi postgres clean
+.PHONY: demo test check bench mutants fuzz fuzz-guided openapi postgres clean
 
 demo: $(VENV)/.runtime
 	$(BIN)/robotrue demo --out $(OUT)
@@ -15,6 +15,12 @@ test: $(VENV)/.development
 
 bench: $(VENV)/.development
 	$(BIN)/python benchmarks/run.py
+
+# Small planted faults that the tests should notice: make mutants SAMPLE=60 SEED=2 ROOMS=robot,store
+mutants: $(VENV)/.development
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[mutants]"
+	nice -n 15 $(BIN)/python scripts/mutants.py --sample $(or $(SAMPLE),300) --seed $(or $(SEED),1) \
+	    $(if $(ROOMS),--rooms $(ROOMS))
 
 # Whole and damaged programs by the thousand, per dialect; hours. DIALECTS=krl,rapid for some of them.
 fuzz: $(VENV)/.development

@@ -1,0 +1,21 @@
+"""What a command imports before it does anything."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+
+def test_services_start_without_scikit_learn() -> None:
+    """Fails when a service beside a machine imports it again: it takes longer than all the rest."""
+    code = (
+        "import robotrue.cli.drill_run, robotrue.cli.sense, robotrue.cli.simulate\n"
+        "import sys; print([name for name in ('sklearn', 'pandas') if name in sys.modules])\n"
+        "from robotrue.calibration.learners import __all__ as names\n"
+        "import robotrue.calibration.learners as learners\n"
+        "print([getattr(learners, name).__name__ for name in names] == names)\n"
+    )
+    done = subprocess.run(  # noqa: S603 - this interpreter
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split("\n")[:2] == ["[]", "True"]
