@@ -59,7 +59,7 @@ def test_a_good_source_is_used_and_the_gain_over_the_target_alone_is_stated():
     assert verdict.doubts == ()
     assert "target-only" in contest.reason
     assert "does not beat transfer" in contest.reason
-    json.dumps(model.training_summary(), allow_nan=False)
+    json.dumps(dict(model.training_summary()), allow_nan=False)
 
 
 @pytest.mark.parametrize("n", [3, 5, 12, 40])

@@ -10,6 +10,7 @@ import numpy as np
 
 from robotrue.calibration.model import Prediction, Query
 from robotrue.calibration.tables import MeanTables
+from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.archive import Archive
 from robotrue.core.arrays import Array
 from robotrue.measurement.measurement_set import MeasurementSet
@@ -64,8 +65,8 @@ class FakeModel:
     def in_base(self, measurements: MeasurementSet) -> MeasurementSet:
         return measurements
 
-    def training_summary(self) -> Mapping[str, Any]:
-        return self.summary
+    def training_summary(self) -> TrainingSummary:
+        return TrainingSummary(self.summary)
 
     def to_archive(self) -> Archive:
         return Archive(kind="fake", schema=1, document={}, arrays={})

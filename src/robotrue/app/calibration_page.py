@@ -38,17 +38,17 @@ def write_page(
         FormatError: The file cannot be written.
     """
     summary = model.training_summary()
-    sources = [str(source) for source in summary.get("sources", ())]
+    sources = summary.sources
     origin = merge([provenance_of(model), measured])
     content = calibration_content(
         result,
         title=title,
         simulated=origin.simulated,
-        subtitle=f"{result.robot}, method {summary.get('method', 'unknown')}",
+        subtitle=f"{result.robot}, method {summary.method or 'unknown'}",
         selection=selection,
-        unseen=[f"{d['name']}: {d['cure']}" for d in summary.get("unseen", ()) if d.get("cure")],
+        unseen=[f"{d.name}: {d.cure}" for d in summary.unseen if d.cure],
         provenance=[
-            Fact(name="training data", value=str(summary.get("data_sha256", "not recorded"))),
+            Fact(name="training data", value=summary.data_sha256 or "not recorded"),
             *(Fact(name="measured", value=source) for source in sources),
         ],
     )

@@ -29,7 +29,7 @@ def provenance_of(model: ErrorModel) -> Provenance:
         ArchiveError: The model's summary holds something else in its place.
     """
     recorded = [source for step in history(model) for source in step.get("sources", ())]
-    return provenance_from(model.training_summary().get("provenance"), before=recorded)
+    return provenance_from(model.training_summary().provenance, before=recorded)
 
 
 def merged_document(models: Sequence[ErrorModel], *data: Provenance) -> dict[str, Any]:
@@ -40,16 +40,15 @@ def merged_document(models: Sequence[ErrorModel], *data: Provenance) -> dict[str
 def history(model: ErrorModel) -> list[dict[str, Any]]:
     """Returns the steps that made the model, oldest first; a plain fit is one step."""
     summary = model.training_summary()
-    kept = summary.get("lineage")
-    if kept:
-        return [dict(step) for step in kept]
+    if summary.lineage:
+        return [dict(step) for step in summary.lineage]
     return [
         {
             "step": "fit",
-            "method": summary.get("method", "unknown"),
-            "rows": summary.get("rows", 0),
-            "data_sha256": summary.get("data_sha256", ""),
-            "sources": list(summary.get("sources", ())),
+            "method": summary.method or "unknown",
+            "rows": summary.rows,
+            "data_sha256": summary.data_sha256,
+            "sources": list(summary.sources),
         }
     ]
 

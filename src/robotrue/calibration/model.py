@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from robotrue.calibration.belief import Belief
 from robotrue.calibration.tables import MeanTables
+from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.archive import Archive
 from robotrue.core.arrays import Array
 from robotrue.errors import ConfigurationError
@@ -104,8 +104,8 @@ class ErrorModel(Protocol):
         """
         ...
 
-    def training_summary(self) -> Mapping[str, Any]:
-        """Returns JSON values: method, data hash, row counts, region, held-out result, doubts."""
+    def training_summary(self) -> TrainingSummary:
+        """Returns method, data hash, row counts, region, held-out result, warnings."""
         ...
 
     def to_archive(self) -> Archive:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Final
 
 from robotrue.calibration.archive import robot_arrays, robot_document, robot_from
 from robotrue.calibration.belief import Belief
@@ -14,6 +13,7 @@ from robotrue.calibration.residual import model_of
 from robotrue.calibration.rigid_flexible import unknown_reflector
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.tables import MeanTables, rigid_tables
+from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array
 from robotrue.errors import ModelMismatchError
@@ -98,16 +98,16 @@ class NominalModel:
             raise unknown_reflector(number, ())
         return self
 
-    def training_summary(self) -> Mapping[str, Any]:
-        """Returns JSON values: no rows, and a warning that says so."""
-        return {
-            "method": "none",
-            "rows": 0,
-            "screened_rows": [],
-            "sources": [],
-            "verdict": "conditional",
-            "doubts": ["nothing was measured: the nominal arm, and the priors of its type."],
-        }
+    def training_summary(self) -> TrainingSummary:
+        """Returns a summary without rows, and a warning that says so."""
+        return TrainingSummary(
+            {
+                "method": "none",
+                "rows": 0,
+                "verdict": "conditional",
+                "doubts": ["nothing was measured: the nominal arm, and the priors of its type."],
+            }
+        )
 
     def to_archive(self) -> Archive:
         """Returns the arm; priors are those of the program that opens it."""

@@ -65,7 +65,7 @@ def probing_summary(
         past = [old for parent in parents for old in history(parent)]
         origin = merged_document(parents, touches.provenance)
         summary = {**parents[0].training_summary(), "provenance": origin}
-        summary["doubts"] = [*summary.get("doubts", ()), *doubts]
+        summary["doubts"] = [*parents[0].training_summary().warnings, *doubts]
         return moved_summary(summary, [*past, step], after)
     return {
         "method": "probing",

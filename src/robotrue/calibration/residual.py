@@ -24,6 +24,7 @@ from robotrue.calibration.rigid_flexible import RigidFlexibleModel, reflector_of
 from robotrue.calibration.tables import MeanTables, rigid_tables
 from robotrue.calibration.terms.registry import STANDARD, term_of
 from robotrue.calibration.terms.term import Term
+from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array, frozen
 from robotrue.errors import ArchiveError, ShapeError
@@ -212,9 +213,9 @@ class LearnedModel:
             reflector_roots={},
         )
 
-    def training_summary(self) -> Mapping[str, Any]:
-        """Returns JSON values: method, data, scales learned, held-out blocks, doubts."""
-        return dict(self.summary)
+    def training_summary(self) -> TrainingSummary:
+        """Returns method, data, row counts, verdict and warnings."""
+        return TrainingSummary(self.summary)
 
     def to_archive(self) -> Archive:
         """Returns everything needed to rebuild the model."""

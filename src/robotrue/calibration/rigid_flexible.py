@@ -19,6 +19,7 @@ from robotrue.calibration.arm import linearise_arm
 from robotrue.calibration.belief import Belief, standard_terms
 from robotrue.calibration.model import Prediction, Query
 from robotrue.calibration.tables import MeanTables, rigid_tables
+from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.poses import apply, inverse
@@ -196,9 +197,9 @@ class RigidFlexibleModel:
             reflectors={},
         )
 
-    def training_summary(self) -> Mapping[str, Any]:
-        """Returns JSON values: method, data, row counts, verdict, identifiability, doubts."""
-        return dict(self.summary)
+    def training_summary(self) -> TrainingSummary:
+        """Returns method, data, row counts, verdict and warnings."""
+        return TrainingSummary(self.summary)
 
     def to_archive(self) -> Archive:
         """Returns everything needed to rebuild the model, bit for bit."""

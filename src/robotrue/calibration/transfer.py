@@ -285,7 +285,9 @@ def _summary(
     summary = moved_summary(lead, [*history(models[0]), step], belief)
     rows = 0 if target is None else len(target)
     said = f"in source {sources[0].name!r}: "
-    doubts = [d if d.startswith("in source ") else said + d for d in lead.get("doubts", ())]
+    doubts = [
+        d if d.startswith("in source ") else said + d for d in models[0].training_summary().warnings
+    ]
     return {
         **summary,
         "method": "transfer",
@@ -293,7 +295,7 @@ def _summary(
         "screened_rows": [int(i) for i in screened],
         "relation": relation,
         "transfer_sources": [
-            {"name": s.name, "relation": s.relation, "rows": m.training_summary().get("rows", 0)}
+            {"name": s.name, "relation": s.relation, "rows": m.training_summary().rows}
             for s, m in zip(sources, models, strict=True)
         ],
         "drift_scales": drift.scales,

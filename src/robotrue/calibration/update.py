@@ -60,14 +60,14 @@ def updated(
     require_joints(model, measurements)
     belief = require_belief(model)
     if not len(measurements):
-        return model_of(belief, dict(model.training_summary()))
+        return model_of(belief, model.training_summary().document)
     belief = centred(belief, measurements.joints)
-    angular = model.training_summary().get("white_sd_rad")
+    angular = model.training_summary().white_turn_sd
     if angular is None:
         measurements = points_only(measurements)
     rows = new_rows(belief, measurements, settings, fresh=False)
     prior = with_nuisances(belief, np.full(rows.nuisances, NUISANCE_SD))
-    noise = np.array([belief.white**2, float(angular or 0.0) ** 2])
+    noise = np.array([belief.white**2, (angular or 0.0) ** 2])
     u = innovation_weights(
         prior, rows.pieces(prior), noise, rows.count, settings.solver.loss, belief.inflation
     )

@@ -58,8 +58,8 @@ def run(
     say(f"model written to {output}")
     if report is not None:
         write_report(report, model, measurements, cell, selection)
-    summary = dict(model.training_summary())
-    for line in screened_remarks(measurements, summary.get("screened_rows", ())):
+    summary = model.training_summary()
+    for line in screened_remarks(measurements, summary.screened_rows):
         say(line)
     if as_json:
         emit_json({"model": str(output), **summary}, origin)
@@ -114,7 +114,7 @@ def calibrated(
             step(method, 0, 1)
             return fit(robot, measurements, method=method, settings=settings), None
         model = fit_auto(robot, measurements, settings, progress=step)
-    selection = selection_from_summary(model.training_summary()["selection"])
+    selection = selection_from_summary(model.training_summary().selection or {})
     say(f"method {selection.winner}: {selection.reason}")
     return model, selection
 

@@ -372,7 +372,7 @@ def _content(
         title="",
         simulated=False,
         selection=selection,
-        unseen=[f"{u['name']}: {u['cure']}" for u in summary.get("unseen", ())],
+        unseen=[f"{u.name}: {u.cure}" for u in summary.unseen],
     )
     before, after = np.linalg.norm(path.before, axis=1), np.linalg.norm(path.after, axis=1)
     worst = max(held_out, key=lambda h: h.report.after.mean)

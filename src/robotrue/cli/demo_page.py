@@ -132,7 +132,7 @@ def demo_content(
         title="",
         simulated=True,
         selection=chosen.selection,
-        unseen=[str(u["name"]) + ": " + str(u["cure"]) for u in summary.get("unseen", ())],
+        unseen=[f"{u.name}: {u.cure}" for u in summary.unseen],
     )
     dry, after = np.linalg.norm(runs.dry_before, axis=1), np.linalg.norm(runs.dry_after, axis=1)
     sections = (

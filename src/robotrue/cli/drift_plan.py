@@ -99,8 +99,8 @@ def chosen(
 
 def _candidates(model: ErrorModel, scene: Scene, seed: int) -> Array:
     """Postures (n, dof) rad that can be measured, within the trained joint ranges if known."""
-    trained = np.asarray(model.training_summary().get("joint_range_rad", ()), dtype=np.float64)
-    if trained.shape != (2, model.robot.dof):
+    trained = model.training_summary().joint_range
+    if trained is None or trained.shape != (2, model.robot.dof):
         found = draw_candidates(
             scene, CANDIDATES, seed=seed, margin=MARGIN, region=None, step_back=None
         )

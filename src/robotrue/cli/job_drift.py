@@ -114,7 +114,7 @@ def transfer(work: Work) -> Publish:
         model = judged(found, robot, rows, settings, progress=work.step)
     path = work.folder / "model.rtm"
     write_model(path, model, cell)
-    for line in remarks(dict(model.training_summary())):
+    for line in remarks(model.training_summary()):
         work.remark(line)
     return _new_version(work, asked.text("name", f"{record.name}, updated"), record, sets, path)
 

@@ -63,7 +63,7 @@ def calibrate(work: Work) -> Publish:
         write_model(path, model, cell)
         write_report(page, model, rows, cell, selection)
     summary = model.training_summary()
-    for line in screened_remarks(rows, summary.get("screened_rows", ())) + remarks(dict(summary)):
+    for line in screened_remarks(rows, summary.screened_rows) + remarks(summary):
         work.remark(line)
     name = asked.text("name", f"{record.name}, {len(rows)} poses")
 

@@ -95,7 +95,7 @@ def run(
     else:
         _write_page(output, path, model, found, alike, title)
     say(f"map written to {output}")
-    for doubt in summary.get("doubts", ()):
+    for doubt in summary.warnings:
         say(f"doubt: {doubt}")
     document = _document(found, alike, model, at_tool)
     if as_json:
@@ -201,9 +201,9 @@ def _write_page(
         found,
         alike,
         title=title,
-        subtitle=f"{path.name}, method {summary.get('method', 'unknown')}",
+        subtitle=f"{path.name}, method {summary.method or 'unknown'}",
         simulated=provenance_of(model).simulated,
-        doubts=tuple(str(d) for d in summary.get("doubts", ())),
+        doubts=summary.warnings,
         provenance=(Fact(name=path.name, value=f"sha256:{sha256(read_bytes(path))}"),),
     )
     write_atomic(output, report_html(content).encode())

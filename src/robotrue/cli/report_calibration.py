@@ -131,8 +131,8 @@ def certificate_facts(
     summary = model.training_summary()
     places = known_places(model, load=cell.payload)
     seen = None if check is None else evaluate(model, check, payload=cell.payload)
-    sources = [str(s) for s in summary.get("sources", ())]
-    held_out = summary.get("held_out_blocks_mean_m")
+    sources = summary.sources
+    held_out = summary.held_out_mean
     t = Words(lang=lang)
     regions: tuple[tuple[str, ErrorStatistics], ...] = ()
     if check is not None and seen is not None:
@@ -140,7 +140,7 @@ def certificate_facts(
         regions = tuple((name, error_statistics(seen.after[index])) for name, index in rows)
     return CertificateFacts(
         robot=model.robot.name,
-        method=str(summary.get("method", "-")),
+        method=summary.method or "-",
         simulated=simulated or _origin(model, check).simulated,
         budget=_budget(model, cell, check, seen, places, part, force_sigma),
         places=places,
@@ -151,17 +151,13 @@ def certificate_facts(
         else repeated_poses(model.robot.nominal(), seen.measured, seen.after),
         parameters=_parameters(model),
         lineage=tuple(history(model)),
-        unseen=tuple(
-            f"{d['name']}: {d['cure']}"
-            for d in summary.get("unseen", ())
-            if d.get("cure") and not d.get("harmless")
-        ),
-        doubts=tuple(str(d) for d in summary.get("doubts", ())),
-        held_out=None if held_out is None else float(held_out),
+        unseen=tuple(f"{d.name}: {d.cure}" for d in summary.unseen if d.cure and not d.harmless),
+        doubts=summary.warnings,
+        held_out=held_out,
         provenance=(
             *(fact(t, key, file_fact(path)) for key, path in files),
             fact(t, "fact.cell", f"{cell.source} sha256:{cell.digest}"),
-            fact(t, "fact.training", str(summary.get("data_sha256", "-"))),
+            fact(t, "fact.training", summary.data_sha256 or "-"),
             *(fact(t, "fact.measured", source) for source in sources),
             fact(t, "fact.instrument", cell.tracker.name),
             fact(t, "fact.payload", f"{float(cell.payload.mass[0]):g} kg"),

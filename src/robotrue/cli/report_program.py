@@ -122,7 +122,7 @@ def program_report(
         after=after.name,
         tolerance=tolerance,
         simulated=simulated or provenance_used(cell, model).simulated,
-        doubts=[str(d) for d in summary.get("doubts", ())],
+        doubts=list(summary.warnings),
         provenance=[
             *(
                 fact(t, "fact.program", file_fact(p))

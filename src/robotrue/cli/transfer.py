@@ -152,7 +152,7 @@ def _print(
     as_json: bool,
 ) -> None:
     verdict, selection = told
-    summary, origin = dict(model.training_summary()), provenance_of(model)
+    summary, origin = model.training_summary(), provenance_of(model)
     say_mark(origin)
     if as_json:
         drawn = {} if curve is None else {"curve": curve.to_json()}
@@ -232,7 +232,7 @@ def _write_report(
         subtitle=", ".join(f"{name} ({relation})" for name, _, relation in named)
         + f"; {count(verdict.target_rows, 'target pose')}",
         simulated=provenance_of(model).simulated,
-        doubts=[str(d) for d in summary.get("doubts", ())],
+        doubts=list(summary.warnings),
         provenance=[
             Fact(name=what, value=f"{file.name} sha256:{sha256(read_bytes(file))}")
             for what, file in files

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.units import DEG, MM
 from robotrue.robot.model import UNITS, parameter_names
 
@@ -78,21 +78,21 @@ def drive_errors(model: ErrorModel) -> dict[str, dict[str, Any]]:
     }
 
 
-def result_facts(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+def result_facts(summary: TrainingSummary) -> list[tuple[str, str]]:
     """Returns what a calibration came to, in words and mm."""
-    poses = f"{summary.get('rows', 'not recorded')}"
-    screened = len(summary.get("screened_rows", ()))
+    poses = f"{summary.rows or 'not recorded'}"
+    screened = len(summary.screened_rows)
     if screened:
         poses += f", {screened} of them screened out"
-    facts = [("method", str(summary.get("method", "not recorded"))), ("poses", poses)]
-    for key, name in (
-        ("rms_m", "residual rms"),
-        ("held_out_blocks_mean_m", "mean on held-out blocks"),
-        ("white_sd_m", "noise learned, per axis"),
+    facts = [("method", summary.method or "not recorded"), ("poses", poses)]
+    for size, name in (
+        (summary.rms, "residual rms"),
+        (summary.held_out_mean, "mean on held-out blocks"),
+        (summary.white_sd, "noise learned, per axis"),
     ):
-        if key in summary:
-            facts.append((name, f"{summary[key] / MM:.4f} mm"))
-    verdict = str(summary.get("verdict", "not recorded"))
+        if size is not None:
+            facts.append((name, f"{size / MM:.4f} mm"))
+    verdict = summary.verdict or "not recorded"
     facts.append(("verdict", f"{verdict}: {VERDICTS[verdict]}" if verdict in VERDICTS else verdict))
     return facts
 
@@ -103,16 +103,15 @@ VERDICTS: Final = {
 }
 
 
-def remarks(summary: Mapping[str, Any]) -> list[str]:
+def remarks(summary: TrainingSummary) -> list[str]:
     """Returns the doubts, and one sentence for all combinations nobody needs to know apart."""
-    found = [f"doubt: {line}" for line in summary.get("doubts", ())]
+    found = [f"doubt: {line}" for line in summary.warnings]
     return found + harmless_remark(summary)
 
 
-def harmless_remark(summary: Mapping[str, Any]) -> list[str]:
+def harmless_remark(summary: TrainingSummary) -> list[str]:
     """Returns one sentence, or none, about what is unseen and does not matter."""
-    unseen = summary.get("unseen", ())
-    names = sorted((str(d["name"]) for d in unseen if d.get("harmless")), key=len)
+    names = sorted((unseen.name for unseen in summary.unseen if unseen.harmless), key=len)
     if not names:
         return []
     shown = ", ".join(names[:3]) + (", ..." if len(names) > 3 else "")
@@ -125,12 +124,12 @@ def harmless_remark(summary: Mapping[str, Any]) -> list[str]:
 
 def _estimated(model: ErrorModel) -> dict[str, dict[str, Any]]:
     """The parameters of the summary, or, of a model that keeps no table there, its mean and sd."""
-    stated = model.training_summary().get("parameters")
-    if isinstance(stated, Mapping):
+    stated = model.training_summary().parameters
+    if stated is not None:
         return {
-            name: dict(stated[name])
+            name: {"value": parameter.value, "sd": parameter.sd, "class": parameter.kind}
             for name in parameter_names(model.robot.dof)
-            if name in stated and stated[name].get("class") != "fixed"
+            if (parameter := stated.get(name)) is not None and parameter.kind != "fixed"
         }
     actual = model.mean_tables()
     if actual is None:

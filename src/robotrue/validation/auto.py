@@ -72,7 +72,7 @@ def _with_failures(model: ErrorModel, failed: Sequence[CandidateScore]) -> Error
         f"not compared: {score.failure}"
         for score in failed
     ]
-    stated = model.training_summary().get("doubts", ())
+    stated = model.training_summary().warnings
     return with_summary(model, {"verdict": "conditional", "doubts": [*doubts, *stated]})
 
 

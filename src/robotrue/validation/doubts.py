@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
+from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.files import sha256
 from robotrue.core.units import DEG, MM
@@ -32,18 +32,17 @@ def physical_floor(instrument_covariance: Array) -> float:
     return float(np.hypot(np.sqrt(instrument), REPEATABILITY))
 
 
-def outside_training_region(summary: Mapping[str, Any], joints: Array) -> IntArray:
+def outside_training_region(summary: TrainingSummary, joints: Array) -> IntArray:
     """Returns the rows with a joint more than 2 deg outside the range the model was trained in.
 
-    The range is ``summary["joint_range_rad"]``, lowest and highest value of each joint; without it
-    no row is returned.
+    Without a joint range in the summary no row is returned.
 
     Args:
         summary: :meth:`ErrorModel.training_summary`.
         joints: (n, dof) rad.
     """
-    stated = np.asarray(summary.get("joint_range_rad", ()), dtype=np.float64)
-    if stated.shape != (2, joints.shape[1]):
+    stated = summary.joint_range
+    if stated is None or stated.shape != (2, joints.shape[1]):
         return np.zeros(0, dtype=np.int64)
     low, high = stated
     outside = (joints < low - REGION_MARGIN) | (joints > high + REGION_MARGIN)
@@ -58,7 +57,7 @@ def find_doubts(
     coverage: Coverage,
     outside: int,
     floor: float,
-    summary: Mapping[str, Any],
+    summary: TrainingSummary,
     measured: MeasurementSet,
 ) -> tuple[str, ...]:
     """Returns every reason found not to take the result at its word, one sentence each."""
@@ -86,19 +85,17 @@ def find_doubts(
             f"model {after.mean / MM:.3f} mm: the model is no better than a frame correction here."
         )
     found.extend(_coverage_doubt(coverage))
-    found.extend(str(doubt) for doubt in summary.get("doubts", ()))
+    found.extend(summary.warnings)
     return tuple(found)
 
 
-def _overlap_doubt(summary: Mapping[str, Any], measured: MeasurementSet) -> tuple[str, ...]:
-    if summary.get("data_sha256") == sha256(
-        measured.joints.tobytes() + measured.position.tobytes()
-    ):
+def _overlap_doubt(summary: TrainingSummary, measured: MeasurementSet) -> tuple[str, ...]:
+    if summary.data_sha256 == sha256(measured.joints.tobytes() + measured.position.tobytes()):
         return (
             "The fit saw exactly these poses: the errors say how well the model bends, not how "
             "well it predicts. Validate on poses held back.",
         )
-    shared = sorted({str(s) for s in summary.get("sources", ())} & set(measured.sources))
+    shared = sorted(set(summary.sources) & set(measured.sources))
     if not shared:
         return ()
     return (

@@ -278,9 +278,8 @@ def uncalibrated(robot: RobotModel, settings: FitSettings) -> RigidFlexibleModel
 
 
 def _posture(model: ErrorModel, robot: RobotModel) -> Array:
-    summary: Any = model.training_summary().get("joint_range_rad", ())
-    trained = np.asarray(summary, dtype=np.float64)
-    if trained.shape == (2, robot.dof):
+    trained = model.training_summary().joint_range
+    if trained is not None and trained.shape == (2, robot.dof):
         return np.asarray(trained.mean(axis=0))
     return np.asarray(np.clip(robot.limits, -np.pi, np.pi).mean(axis=1))
 

@@ -17,6 +17,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.progress import Progress
 from robotrue.core.units import MM
 from robotrue.errors import ObservabilityError, RobotrueError
@@ -120,9 +121,9 @@ def guarded(
     return _with_verdict(with_evidence(model, selection), verdict)
 
 
-def verdict_from_summary(summary: Mapping[str, Any]) -> tuple[Verdict, Selection | None] | None:
+def verdict_from_summary(summary: TrainingSummary) -> tuple[Verdict, Selection | None] | None:
     """Returns what the guard wrote into a training summary, None if there was no guard."""
-    stated = summary.get("guard")
+    stated = summary.guard
     if not isinstance(stated, Mapping):
         return None
     nan = float("nan")
@@ -135,7 +136,7 @@ def verdict_from_summary(summary: Mapping[str, Any]) -> tuple[Verdict, Selection
         noise=nan if stated["noise_m"] is None else float(stated["noise_m"]),
         doubts=tuple(str(d) for d in stated["doubts"]),
     )
-    contest = summary.get("selection") if verdict.checked else None
+    contest = summary.selection if verdict.checked else None
     return verdict, None if contest is None else selection_from_summary(contest)
 
 
@@ -185,7 +186,7 @@ def _rule(rows: int, folds: int) -> str:
 
 
 def _with_verdict(model: ErrorModel, verdict: Verdict) -> ErrorModel:
-    stated = [str(doubt) for doubt in model.training_summary().get("doubts", ())]
+    stated = model.training_summary().warnings
     return with_summary(
         model, {"guard": dict(verdict.summary()), "doubts": [*verdict.doubts, *stated]}
     )

@@ -115,7 +115,7 @@ def judged(
     more = drift_doubts(summary)
     if not more:
         return model
-    return with_summary(model, {"doubts": [*summary["doubts"], *more]})
+    return with_summary(model, {"doubts": [*summary.warnings, *more]})
 
 
 def contestants(

@@ -47,9 +47,8 @@ def known_places(
         load: One payload.
         samples: A power of two.
     """
-    stated = np.asarray(model.training_summary().get("joint_range_rad", ()), dtype=np.float64)
-    dof = model.robot.dof
-    if stated.shape != (2, dof):
+    stated, dof = model.training_summary().joint_range, model.robot.dof
+    if stated is None or stated.shape != (2, dof):
         return None
     low, high = stated
     unit = qmc.Sobol(dof, rng=np.random.default_rng(SEED)).random(samples)

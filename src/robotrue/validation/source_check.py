@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.sources import Source, require_same_type
+from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, fit_rigid
 from robotrue.core.rotations import rotation_vector_from_matrix
@@ -98,7 +99,7 @@ def fit_doubts(
     """Returns what the fit of a source says against the source or the prior."""
     summary = model.training_summary()
     found = _contaminated(name, summary, rows)
-    held = summary.get("held_out_blocks_mean_m")
+    held = summary.held_out_mean
     if rows.frame == "base" and held is not None and not found:
         aligned = aligned_rows(model, rows)
         if aligned is not None:
@@ -112,8 +113,8 @@ def fit_doubts(
     return found + prior_doubts(summary, settings)
 
 
-def _contaminated(name: str, summary: Mapping[str, Any], rows: MeasurementSet) -> list[str]:
-    screened = list(summary.get("screened_rows", ()))
+def _contaminated(name: str, summary: TrainingSummary, rows: MeasurementSet) -> list[str]:
+    screened = summary.screened_rows
     if len(screened) <= MANY_SCREENED * len(rows):
         return []
     line = int(rows.source_row[int(screened[0])])
@@ -123,14 +124,13 @@ def _contaminated(name: str, summary: Mapping[str, Any], rows: MeasurementSet) -
     ]
 
 
-def prior_doubts(summary: Mapping[str, Any], settings: FitSettings) -> list[str]:
+def prior_doubts(summary: TrainingSummary, settings: FitSettings) -> list[str]:
     """Returns whether the geometric errors found fit the stated prior scales."""
-    stated: Any = summary.get("parameters", {})
     ratios = [
-        float(stated[name]["value"]) / getattr(settings.scales, group)
+        parameter.value / getattr(settings.scales, group)
         for group in ("theta", "d", "a", "alpha")
-        for name in stated
-        if name.rstrip("0123456789") == group and stated[name]["class"] not in ("fixed", "unseen")
+        for name, parameter in (summary.parameters or {}).items()
+        if name.rstrip("0123456789") == group and parameter.kind not in ("fixed", "unseen")
     ]
     if len(ratios) < 8:
         return []
@@ -177,10 +177,9 @@ def target_doubts(
     ]
 
 
-def drift_doubts(summary: Mapping[str, Any]) -> list[str]:
+def drift_doubts(summary: TrainingSummary) -> list[str]:
     """Returns which things changed far more than the stated relation lets expect."""
-    learned: Any = summary.get("drift_scales", {})
-    usual: Any = summary.get("drift_defaults", {})
+    learned, usual = summary.drift_scales, summary.drift_defaults
     found = [
         f"{name} {learned[name] / usual[name]:.0f} times"
         for name in learned
@@ -189,6 +188,6 @@ def drift_doubts(summary: Mapping[str, Any]) -> list[str]:
     if not found:
         return []
     return [
-        f"between source and target more has changed than a {summary.get('relation', 'source')} "
+        f"between source and target more has changed than a {summary.relation or 'source'} "
         f"should: drift beyond its usual scale in {', '.join(found)}."
     ]

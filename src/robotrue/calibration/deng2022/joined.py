@@ -17,6 +17,7 @@ from robotrue.calibration.deng2022.readings import Outside
 from robotrue.calibration.model import Prediction, Query
 from robotrue.calibration.rigid_flexible import unknown_reflector
 from robotrue.calibration.tables import MeanTables
+from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array, IntArray, frozen
 from robotrue.core.regions import CylinderRegion, contains, coordinates_of
@@ -177,9 +178,9 @@ class PoseModel:
             raise unknown_reflector(number, ())
         return self
 
-    def training_summary(self) -> Mapping[str, Any]:
-        """Returns JSON values: method, readings, data, alignment of the sub-spaces."""
-        return dict(self.summary)
+    def training_summary(self) -> TrainingSummary:
+        """Returns method, data, row counts, verdict and warnings."""
+        return TrainingSummary(self.summary)
 
     def to_archive(self) -> Archive:
         """Returns everything needed to rebuild the model."""

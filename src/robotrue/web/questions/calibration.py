@@ -29,18 +29,18 @@ def shown(folder: str, model_id: str, version: int) -> bytes:
     return answer(
         {
             "simulated": from_simulation(model, rows),
-            "method": summary.get("method", ""),
-            "poses": summary.get("rows", 0),
-            "screened": len(summary.get("screened_rows", ())),
-            "verdict": summary.get("verdict", ""),
-            "held_out_m": summary.get("held_out_blocks_mean_m"),
-            "rms_m": summary.get("rms_m"),
-            "noise_m": summary.get("white_sd_m"),
-            "doubts": list(summary.get("doubts", ())),
+            "method": summary.method,
+            "poses": summary.rows,
+            "screened": len(summary.screened_rows),
+            "verdict": summary.verdict,
+            "held_out_m": summary.held_out_mean,
+            "rms_m": summary.rms,
+            "noise_m": summary.white_sd,
+            "doubts": list(summary.warnings),
             "unseen": [
-                {"name": each["name"], "cure": each.get("cure", "")}
-                for each in summary.get("unseen", ())
-                if not each.get("harmless")
+                {"name": unseen.name, "cure": unseen.cure}
+                for unseen in summary.unseen
+                if not unseen.harmless
             ],
             "parameters": identified(model),
             "stiffness": _stiffness(model),
@@ -55,7 +55,7 @@ def _stiffness(model: ErrorModel) -> dict[str, dict[str, Any]]:
 
 
 def _contest(model: ErrorModel) -> dict[str, Any] | None:
-    stated = model.training_summary().get("selection")
+    stated = model.training_summary().selection
     if not stated:
         return None
     found: Selection = selection_from_summary(stated)

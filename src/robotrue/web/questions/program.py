@@ -187,8 +187,8 @@ def _document(
     # What nothing is known of comes first: it is why the program is NO-GO.
     order = np.argsort(-np.where(known, after + bound, np.inf), kind="stable")[:WORST]
     place = {int(row): number for number, row in enumerate(drawn)}
-    start = np.asarray(found.model.training_summary().get("joint_range_rad", ()))
-    joints = start.mean(axis=0) if start.size else np.zeros(found.cell.robot.dof)
+    start = found.model.training_summary().joint_range
+    joints = np.zeros(found.cell.robot.dof) if start is None else start.mean(axis=0)
     return {
         "scene": {
             "robot": body_document(found.cell, joints[None]),

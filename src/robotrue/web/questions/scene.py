@@ -113,8 +113,8 @@ def frame_documents(cell: Cell) -> list[dict[str, Any]]:
 
 
 def _posture(cell: Cell, model: ErrorModel) -> Array:
-    seen = np.asarray(model.training_summary().get("joint_range_rad", ()), dtype=np.float64)
-    return np.asarray(seen.mean(axis=0)) if seen.size else np.zeros(cell.robot.dof)
+    seen = model.training_summary().joint_range
+    return np.zeros(cell.robot.dof) if seen is None else np.asarray(seen.mean(axis=0))
 
 
 def _field(cell: Cell, model: ErrorModel, seen: Evaluation) -> dict[str, Any] | None:

@@ -1,0 +1,196 @@
+"""What a model says of its training: JSON values in an archive, decoded here and nowhere else."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unseen:
+    """A combination of parameters that the data could not see.
+
+    Attributes:
+        name: Of the combination.
+        cure: What would show it; empty if nobody knows.
+        harmless: No position of the measured point depends on it.
+    """
+
+    name: str
+    cure: str
+    harmless: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EstimatedParameter:
+    """A robot parameter as estimated.
+
+    Attributes:
+        value: SI.
+        sd: SI.
+        kind: ``seen``, ``weakly seen``, ``prior only`` or ``fixed``.
+    """
+
+    value: float
+    sd: float
+    kind: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrainingSummary(Mapping[str, Any]):
+    """The summary of a model. As a mapping it is its JSON document.
+
+    Properties of what a model never recorded are empty or None.
+
+    Attributes:
+        document: JSON values; lengths are SI.
+    """
+
+    document: Mapping[str, Any] = field(default_factory=dict)
+
+    def __getitem__(self, key: str) -> Any:
+        """Returns a JSON value."""
+        return self.document[key]
+
+    def __iter__(self) -> Iterator[str]:
+        """Yields the keys of the document."""
+        return iter(self.document)
+
+    def __len__(self) -> int:
+        """Number of keys."""
+        return len(self.document)
+
+    @property
+    def method(self) -> str:
+        """Calibration method."""
+        return str(self.document.get("method", ""))
+
+    @property
+    def rows(self) -> int:
+        """Number of measured poses."""
+        return int(self.document.get("rows", 0))
+
+    @property
+    def target_rows(self) -> int:
+        """Of those, how many a transfer took from the target itself."""
+        return int(self.document.get("target_rows", 0))
+
+    @property
+    def screened_rows(self) -> tuple[int, ...]:
+        """Rows (from 0) that carry no weight."""
+        return tuple(int(row) for row in self.document.get("screened_rows", ()))
+
+    @property
+    def data_sha256(self) -> str:
+        """Hash of joints and positions."""
+        return str(self.document.get("data_sha256", ""))
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Files of the rows."""
+        return tuple(str(source) for source in self.document.get("sources", ()))
+
+    @property
+    def provenance(self) -> Any:
+        """JSON values of the provenance; None before it was recorded."""
+        return self.document.get("provenance")
+
+    @property
+    def lineage(self) -> tuple[Mapping[str, Any], ...]:
+        """Steps that made the model after its first fit, oldest first."""
+        return tuple(self.document.get("lineage") or ())
+
+    @property
+    def verdict(self) -> str:
+        """``determined`` or ``conditional``."""
+        return str(self.document.get("verdict", ""))
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences about what to watch."""
+        return tuple(str(line) for line in self.document.get("doubts", ()))
+
+    @property
+    def unseen(self) -> tuple[Unseen, ...]:
+        """Combinations of parameters the data could not see."""
+        return tuple(
+            Unseen(
+                name=str(entry["name"]),
+                cure=str(entry.get("cure", "")),
+                harmless=bool(entry.get("harmless", False)),
+            )
+            for entry in self.document.get("unseen", ())
+        )
+
+    @property
+    def joint_range(self) -> Array | None:
+        """(2, dof) rad, lowest and highest joint values of the rows."""
+        stated = np.asarray(self.document.get("joint_range_rad", ()), dtype=np.float64)
+        return stated if stated.ndim == 2 and len(stated) == 2 else None
+
+    @property
+    def parameters(self) -> Mapping[str, EstimatedParameter] | None:
+        """Robot parameters by name."""
+        stated = self.document.get("parameters")
+        if not isinstance(stated, Mapping):
+            return None
+        return {
+            name: EstimatedParameter(
+                value=float(entry["value"]), sd=float(entry["sd"]), kind=str(entry["class"])
+            )
+            for name, entry in stated.items()
+        }
+
+    @property
+    def white_sd(self) -> float | None:
+        """M per axis, white noise learned beyond instrument and repeatability."""
+        return self._number("white_sd_m")
+
+    @property
+    def white_turn_sd(self) -> float | None:
+        """Rad per axis, the same of orientations."""
+        return self._number("white_sd_rad")
+
+    @property
+    def rms(self) -> float | None:
+        """m, residual of the training poses; not the accuracy."""
+        return self._number("rms_m")
+
+    @property
+    def held_out_mean(self) -> float | None:
+        """m, mean 3-D error on held-out blocks of the training poses."""
+        return self._number("held_out_blocks_mean_m")
+
+    @property
+    def relation(self) -> str:
+        """Of a transfer: ``region``, ``campaign`` or ``unit``."""
+        return str(self.document.get("relation", ""))
+
+    @property
+    def drift_scales(self) -> Mapping[str, float]:
+        """Of a transfer: how far the target is from its source, by group."""
+        return dict(self.document.get("drift_scales", {}))
+
+    @property
+    def drift_defaults(self) -> Mapping[str, float]:
+        """What of that is usual."""
+        return dict(self.document.get("drift_defaults", {}))
+
+    @property
+    def selection(self) -> Mapping[str, Any] | None:
+        """JSON values of how the method was selected, if it was."""
+        return self.document.get("selection")
+
+    @property
+    def guard(self) -> Mapping[str, Any] | None:
+        """JSON values of the verdict on a transfer, if it was guarded."""
+        return self.document.get("guard")
+
+    def _number(self, key: str) -> float | None:
+        value = self.document.get(key)
+        return None if value is None else float(value)
