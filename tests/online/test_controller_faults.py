@@ -123,9 +123,9 @@ def test_a_controller_that_falls_silent_comes_back_without_a_correction(scheme):
 
 def test_faults_end_and_what_was_held_back_follows():
     wire = FaultyWire([Fault(kind=FaultKind.LATE, start=1.0, duration=1.0)])
-    assert wire.passed([b"a"], 0.5) == [b"a"]
-    assert wire.passed([b"b"], 1.0) == []
-    assert wire.passed([b"c"], 1.5) == []
-    assert wire.passed([b"d"], 2.0) == [b"b", b"c", b"d"]
+    assert wire.transmit([b"a"], 0.5) == [b"a"]
+    assert wire.transmit([b"b"], 1.0) == []
+    assert wire.transmit([b"c"], 1.5) == []
+    assert wire.transmit([b"d"], 2.0) == [b"b", b"c", b"d"]
     with pytest.raises(ConfigurationError, match="expected KIND@START_S"):
         parse_fault("hang@1", FAULTS)

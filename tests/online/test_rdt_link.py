@@ -148,7 +148,7 @@ def test_its_counts_are_what_it_feels():
     block = rdt_block(
         records, settings.scale, times, np.zeros(32_000, int), device=settings.device, rate=1e3
     )
-    felt = scenario().felt(times)
+    felt = scenario().sensor_wrench(times)
     np.testing.assert_allclose(block.wrench, felt, atol=1.1e-5)
     assert block.valid.all()
     assert np.abs(felt[(times > 6.0) & (times < 24.0)]).max() > 50.0  # it cuts

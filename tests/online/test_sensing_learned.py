@@ -49,7 +49,7 @@ def truth(force, joints):
     """Displacement y (n,) m of the loaded arm."""
     mean = force.mean(axis=0)
     _, jacobian = ARM.arm.mass_and_jacobian(joints)
-    modes = pose_modes(ARM.loaded(jacobian[:3].T @ mean), joints)
+    modes = pose_modes(ARM.soften(jacobian[:3].T @ mean), joints)
     stream = ModalFilter(joined([modes.oscillators(), ARM.tool]), RATE)
     stream.settle(mean)
     return stream.push(force)[:, 1]

@@ -100,7 +100,7 @@ def test_pynetft_reads_the_simulated_sensor():
             sample = client.latest_sample()
             health = client.health()
     scenario = online_scenario(0)
-    whole = scenario.felt(np.arange(0.0, 32.0, 1e-3))
+    whole = scenario.sensor_wrench(np.arange(0.0, 32.0, 1e-3))
     wrench = np.array([*sample.force, *sample.torque])
     assert (wrench > whole.min(axis=0) - 1.0).all()
     assert (wrench < whole.max(axis=0) + 1.0).all()

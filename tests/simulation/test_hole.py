@@ -11,7 +11,7 @@ from robotrue.errors import ConfigurationError, FormatError
 from robotrue.program.formats import dialect
 from robotrue.program.program import FrameTable, Motion
 from robotrue.simulation.commanded_path import commanded_path, feed_directions, target_poses
-from robotrue.simulation.cutting import SIDE, SLOT, Cut, cutting_wrench, mean_force
+from robotrue.simulation.cutting import SIDE, SLOT, EndMillPass, cutting_wrench, mean_force
 from robotrue.simulation.flange_hole import (
     FlangeHole,
     check_rows,
@@ -108,4 +108,6 @@ def test_slot_force_is_the_closed_form():
     wrench = cutting_wrench(SLOT, np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 0.0, 1.0]]))
     np.testing.assert_allclose(wrench[0, :3], force)  # feed x, left y, up z
     with pytest.raises(ConfigurationError, match="width of cut"):
-        Cut(spindle=1.0, teeth=3, feed_per_tooth=1e-4, depth=1e-3, width=0.02, diameter=0.01)
+        EndMillPass(
+            spindle=1.0, teeth=3, feed_per_tooth=1e-4, depth=1e-3, width=0.02, diameter=0.01
+        )

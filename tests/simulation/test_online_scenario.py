@@ -26,7 +26,7 @@ def scenario(request):
 def test_joints_take_the_tool_where_it_is_said_to_be(scenario):
     T = forward(scenario.robot, scenario.joints(TIMES))
     np.testing.assert_allclose(T, scenario.poses(TIMES), atol=0.5 * UM)
-    shown = scenario.displayed(TIMES)
+    shown = scenario.displayed_joints(TIMES)
     model = scenario.robot.controller.to_model(shown)
     np.testing.assert_allclose(model, scenario.joints(TIMES), atol=1e-12)
 
@@ -34,7 +34,9 @@ def test_joints_take_the_tool_where_it_is_said_to_be(scenario):
 def test_it_repeats_without_a_seam(scenario):
     later = 1000 * CYCLE
     np.testing.assert_allclose(scenario.joints(TIMES + later), scenario.joints(TIMES), atol=1e-9)
-    np.testing.assert_allclose(scenario.felt(TIMES + later), scenario.felt(TIMES), atol=1e-3)
+    np.testing.assert_allclose(
+        scenario.sensor_wrench(TIMES + later), scenario.sensor_wrench(TIMES), atol=1e-3
+    )
     ends = scenario.joints(np.array([0.0, CYCLE - 1e-9]))
     np.testing.assert_allclose(ends[0], ends[1], atol=1e-9)
 
@@ -47,7 +49,7 @@ def test_the_sensor_feels_the_second_difference_of_the_way(scenario):
     acceleration = (place[0] - 2.0 * place[1] + place[2]) / step**2
     R_base_sensor = scenario.T_base_start[:3, :3]
     held = MASS * (np.array([0.0, 0.0, -STANDARD_GRAVITY]) - acceleration) @ R_base_sensor
-    felt = scenario.felt(times)
+    felt = scenario.sensor_wrench(times)
     np.testing.assert_allclose(felt[:, :3], held, atol=0.1)
     np.testing.assert_allclose(felt[:, 3:], np.cross(CENTRE, held), atol=0.02)
     assert np.abs(acceleration).max() > 2.0
@@ -63,19 +65,10 @@ def test_it_cuts_in_the_pass_and_nowhere_else(scenario):
     np.testing.assert_allclose(scenario.cut(fine), scenario.cut(fine + 0.05), atol=1e-6)
 
 
-def test_a_robot_led_off_its_path(scenario):
-    shift = np.array([0.2e-3, -0.1e-3, 0.3e-3])
-    times = np.array([2.0, 10.0, 27.0])
-    shown = scenario.displayed_beside(times, shift, np.zeros(3))
-    T = forward(scenario.robot, scenario.robot.controller.to_model(shown))
-    moved = T[:, :3, 3] - scenario.poses(times)[:, :3, 3]
-    np.testing.assert_allclose(moved, np.tile(shift, (3, 1)), atol=1.0 * UM)
-
-
 def test_as_the_motion_of_a_controller(scenario):
     motion = ScenarioMotion(scenario=scenario, begun=100.0)
     (joints,), (T,) = motion.along(np.array([5.0]))
-    np.testing.assert_array_equal(joints, scenario.displayed(np.array([105.0]))[0])
+    np.testing.assert_array_equal(joints, scenario.displayed_joints(np.array([105.0]))[0])
     np.testing.assert_array_equal(T, scenario.poses(np.array([105.0]))[0])
     assert motion.duration == np.inf
 

@@ -97,7 +97,7 @@ def test_a_pull_bends_the_arm_along_the_pull(printed):
     for axis in range(3):
         force = np.zeros(6)
         force[axis] = 300.0
-        pulled = actual_pose(virtual, q, virtual.loaded(force))[:, :3, 3]
+        pulled = actual_pose(virtual, q, virtual.payload_with(force))[:, :3, 3]
         assert (pulled[:, axis] > rest[:, axis]).all()
 
 

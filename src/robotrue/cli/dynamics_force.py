@@ -24,8 +24,8 @@ from robotrue.dynamics.coefficients import (
 )
 from robotrue.dynamics.cutter import Cut, Cutter, CuttingCoefficients
 from robotrue.dynamics.force import ForceRecord
+from robotrue.dynamics.formats.column_table import read_column_table, table_bytes
 from robotrue.dynamics.formats.force_csv import write_force_csv
-from robotrue.dynamics.formats.number_table import read_number_table, table_bytes
 from robotrue.dynamics.formats.registry import read_force
 from robotrue.dynamics.milling_force import CALCULATED, force_over_time, mean_force
 from robotrue.dynamics.path_force import MillingAlongPath
@@ -126,7 +126,7 @@ def _lines(record: ForceRecord, cut: Cut, cutter: Cutter) -> dict[str, Any]:
 def _identify(
     slots: Path, cutter: Cutter, cut: Cut, stated: dict[str, Any], output: Path | None
 ) -> dict[str, Any]:
-    table = read_number_table(slots)
+    table = read_column_table(slots)
     columns = _columns(table.names, _SLOTS, ("depth_mm", "width_mm"), slots, table.header_line)
     values = {name: table.column(name) for name in columns}
     tests = []
@@ -173,7 +173,7 @@ def _deviations(found: IdentifiedCoefficients) -> dict[str, float]:
 def _along(
     along: Path, cutter: Cutter, cut: Cut, coefficients: CuttingCoefficients, output: Path | None
 ) -> dict[str, Any]:
-    table = read_number_table(along)
+    table = read_column_table(along)
     _columns(table.names, _ALONG, (), along, table.header_line)
     lengths, depth, width = (table.column(name) * MM for name in _ALONG)
     model = MillingAlongPath(

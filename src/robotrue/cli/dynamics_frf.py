@@ -16,9 +16,9 @@ from robotrue.core.archive import write_archive
 from robotrue.core.files import write_atomic
 from robotrue.core.units import UM
 from robotrue.dynamics.checks import reciprocity, response_remarks
+from robotrue.dynamics.formats.column_table import read_column_table
 from robotrue.dynamics.formats.frf_csv import write_frf_csv
 from robotrue.dynamics.formats.hammer_csv import read_hammer_csv
-from robotrue.dynamics.formats.number_table import read_number_table
 from robotrue.dynamics.formats.registry import read_frf
 from robotrue.dynamics.frf import FrequencyResponse, trusted_lines, with_static
 from robotrue.dynamics.hammer import HammerResult, combined, evaluate_together, without_window
@@ -82,7 +82,7 @@ def _is_hammer(path: Path) -> bool:
     """A table of times is a record, one of frequencies a response."""
     if path.suffix.lower() not in (".csv", ".txt"):
         return False
-    return "t_s" in read_number_table(path).names
+    return "t_s" in read_column_table(path).names
 
 
 def _with_modes(

@@ -13,7 +13,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.files import write_atomic
 from robotrue.core.provenance import Provenance, mark_line, merge
 from robotrue.core.units import UM
-from robotrue.dynamics.formats.number_table import table_bytes
+from robotrue.dynamics.formats.column_table import table_bytes
 from robotrue.dynamics.formats.registry import read_force, read_frf
 from robotrue.dynamics.frf import AXES, FrequencyResponse, with_static
 from robotrue.dynamics.interpolation import ResponseCurve, response_curve

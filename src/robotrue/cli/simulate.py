@@ -133,7 +133,7 @@ def run_egm(
     port = port or _free_port()
 
     def felt(elapsed: float) -> tuple[float, ...]:
-        return tuple(scenario.felt(np.array([begun + elapsed]))[0].tolist())
+        return tuple(scenario.sensor_wrench(np.array([begun + elapsed]))[0].tolist())
 
     settings = egm_controller.EgmControllerSettings(
         target=(host, port),

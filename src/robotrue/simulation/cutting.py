@@ -23,7 +23,7 @@ ALUMINIUM: Final = cutters.CuttingCoefficients(tangential=800e6, radial=240e6, a
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Cut:
+class EndMillPass:
     """One kind of pass with an end mill that turns clockwise, seen from the spindle.
 
     Attributes:
@@ -56,7 +56,7 @@ class Cut:
         return self.spindle * self.teeth * self.feed_per_tooth
 
 
-SLOT: Final = Cut(
+SLOT: Final = EndMillPass(
     spindle=3000 / 60,
     teeth=3,
     feed_per_tooth=0.1 * MM,
@@ -65,7 +65,7 @@ SLOT: Final = Cut(
     diameter=10 * MM,
 )
 """Slotting of Deng et al. 2022, Table 10."""
-SIDE: Final = Cut(
+SIDE: Final = EndMillPass(
     spindle=6000 / 60,
     teeth=3,
     feed_per_tooth=0.05 * MM,
@@ -76,7 +76,7 @@ SIDE: Final = Cut(
 """Side milling of Deng et al. 2022, Table 10."""
 
 
-def mean_force(cut: Cut) -> Array:
+def mean_force(cut: EndMillPass) -> Array:
     """Returns the mean force on the tool (3,) N: along the feed, to its left, along the tool up.
 
     Material stands to the right of the feed (climb milling) where the cut is narrower than the
@@ -93,7 +93,7 @@ def mean_force(cut: Cut) -> Array:
     return milling.mean_force(tool, climb, ALUMINIUM)
 
 
-def cutting_wrench(cut: Cut, feed_direction: Array, tool_axis: Array) -> Array:
+def cutting_wrench(cut: EndMillPass, feed_direction: Array, tool_axis: Array) -> Array:
     """Returns the wrench on the tool (n, 6) N, N m at its tip, in the axes of the arguments.
 
     Args:

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from robotrue.simulation.joint_motion import Motion
+from robotrue.simulation.joint_motion import ArmMotion
 from robotrue.simulation.motion_grid import MotionGrid
 from robotrue.simulation.online_faults import Fault, FaultKind, showing
 from robotrue.simulation.pace import Pace
@@ -27,7 +27,7 @@ class CyclicSettings:
         keeps_time: A computer too busy for all cycles leaves some out, instead of going slower.
     """
 
-    motion: Motion
+    motion: ArmMotion
     cycles: int | None = None
     host: str = "127.0.0.1"
     own_port: int = 0
@@ -73,11 +73,11 @@ class CyclicController(ABC):
                 packet = self.next_packet()
                 if packet is None:
                     break
-                for datagram in self._wire.passed([packet], self.elapsed):
+                for datagram in self._wire.transmit([packet], self.elapsed):
                     transport.sendto(datagram, target)
                 self.close_cycle(short=await pace.wait())
                 if settings.keeps_time:
-                    self.leave_out(pace.left_out())
+                    self.leave_out(pace.skip_overdue())
         finally:
             transport.close()
 
@@ -86,7 +86,7 @@ class CyclicController(ABC):
         number, last = self.cycles, self._shared.cycles
         elapsed = number * self._cycle
         over = last is not None and number >= last
-        if over or self._ended() or elapsed > self._shared.motion.duration:
+        if over or self._is_over() or elapsed > self._shared.motion.duration:
             return None
         self.elapsed = elapsed
         silence = FaultKind.SILENCE
@@ -121,7 +121,7 @@ class CyclicController(ABC):
     def _restart(self) -> None:
         """Begins anew after a silence."""
 
-    def _ended(self) -> bool:
+    def _is_over(self) -> bool:
         """Returns whether it sends no more."""
         return False
 

@@ -148,7 +148,7 @@ def clamp(
     """
     load, z = force / FORCE, height / HEIGHT
     true = tilt * machine.axis_scale * (1.0 - machine.yielding * load[:, None])
-    followed = _followed(machine, true + machine.axis_zero, force, approach)
+    followed = _stop_short(machine, true + machine.axis_zero, force, approach)
     angle = tilt / DEG
     a, b = angle.T
     bend = np.stack([a * a, a * b, b * b], axis=-1)
@@ -161,7 +161,7 @@ def clamp(
     return Clamps(readings=seen, force=force, height=height, approach=(approach,) * len(seen))
 
 
-def _followed(machine: DrillingMachine, tilt: Array, force: Array, approach: str) -> Array:
+def _stop_short(machine: DrillingMachine, tilt: Array, force: Array, approach: str) -> Array:
     """(n, 2) rad where friction lets the foot stop on its way to the skin's tilt."""
     left = np.zeros(2)
     out = np.empty_like(tilt)

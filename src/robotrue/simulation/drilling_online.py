@@ -19,6 +19,7 @@ from robotrue.drilling.foot_signals import SIMULATED
 from robotrue.drilling.head import normal_from_tilt, rotation, tilt_from_normal
 from robotrue.errors import FormatError
 from robotrue.online.signals import read_signals, write_signals
+from robotrue.simulation.cyclic_controller import Datagrams
 from robotrue.simulation.drilling_machine import DrillingMachine, clamp
 
 GAUGE: Final = "hole gauge (simulated)"
@@ -99,21 +100,21 @@ async def run(
     loop = asyncio.get_running_loop()
     answers: asyncio.Queue[Mapping[str, Any]] = asyncio.Queue()
     transport, _ = await loop.create_datagram_endpoint(
-        lambda: _Answers(answers), remote_addr=(host, port)
+        lambda: Datagrams(lambda data: _read_answer(data, answers)), remote_addr=(host, port)
     )
     machine = _Machine(settings, transport, answers)
     try:
         for number in range(1, settings.holes + 1):
             await machine.drill(number)
             told(f"H{number}", machine.tally)
-            if stop is not None and (stop.is_set() or await _waited(stop, settings.pause)):
+            if stop is not None and (stop.is_set() or await _pause(stop, settings.pause)):
                 break
     finally:
         transport.close()
     return machine.tally
 
 
-async def _waited(stop: asyncio.Event, seconds: float) -> bool:
+async def _pause(stop: asyncio.Event, seconds: float) -> bool:
     """Waits between two holes; whether it was told to stop meanwhile."""
     try:
         await asyncio.wait_for(stop.wait(), max(seconds, 1e-3))
@@ -150,7 +151,7 @@ class _Machine:
         ).readings[0]
         if settings.shift_at and number >= settings.shift_at:
             readings = readings + np.array([settings.shift, *[0.0] * (len(readings) - 1)])
-        answer = await self._clamped(hole, readings, force, height)
+        answer = await self._send_clamp(hole, readings, force, height)
         if answer is None:
             self.tally.silent.append(hole)
         elif answer.get("status") != "move":
@@ -160,15 +161,15 @@ class _Machine:
             left = self._tilt(surface)
             self.tally.before.append(before)
             self.tally.left.append(left)
-            await self._measured(hole, left)
-        await self._released(hole, readings, height)
+            await self._send_gauge(hole, left)
+        await self._release(hole, readings, height)
 
     def _tilt(self, surface: Array) -> Array:
         """(2,) rad, the surface's normal in the frame of the spindle as it stands."""
         R_machine_spindle = rotation(self._settings.machine.order, self._axes)
         return tilt_from_normal(self._settings.machine.order, R_machine_spindle.T @ surface)
 
-    async def _clamped(
+    async def _send_clamp(
         self, hole: str, readings: Array, force: float, height: float
     ) -> Mapping[str, Any] | None:
         """Sends the clamp until it is answered."""
@@ -191,7 +192,7 @@ class _Machine:
                 continue
         return None
 
-    async def _measured(self, hole: str, left: Array) -> None:
+    async def _send_gauge(self, hole: str, left: Array) -> None:
         sigma = self._settings.gauge_sigma
         if np.isnan(sigma):
             return
@@ -206,7 +207,7 @@ class _Machine:
         if answer.get("status") == "alarm":
             self.tally.alarms.append(hole)
 
-    async def _released(self, hole: str, readings: Array, height: float) -> None:
+    async def _release(self, hole: str, readings: Array, height: float) -> None:
         for _ in range(3):
             self._send(hole, readings, 0.0, height)
             await asyncio.sleep(1.0 / self._settings.rate)
@@ -245,16 +246,10 @@ class _Machine:
         self.tally.sent += 1
 
 
-class _Answers(asyncio.DatagramProtocol):
-    def __init__(self, answers: asyncio.Queue[Mapping[str, Any]]) -> None:
-        self._answers = answers
-
-    def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
-        try:
-            sample = read_signals(data, 0.0)
-        except FormatError:
-            return
-        self._answers.put_nowait({**sample.values, **sample.texts})
-
-    def error_received(self, exc: Exception) -> None:
-        """Nobody listens yet: the hole stays without an answer."""
+def _read_answer(data: bytes, answers: asyncio.Queue[Mapping[str, Any]]) -> None:
+    """Puts what a datagram says into the queue; what cannot be read is no answer."""
+    try:
+        sample = read_signals(data, 0.0)
+    except FormatError:
+        return
+    answers.put_nowait({**sample.values, **sample.texts})

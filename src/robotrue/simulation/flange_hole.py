@@ -22,7 +22,7 @@ from robotrue.program.program import Motion, Program
 from robotrue.robot.configuration import controller_axes
 from robotrue.robot.inverse import inverse as inverse_joints
 from robotrue.robot.model import RobotModel
-from robotrue.simulation.cutting import SIDE, SLOT, Cut
+from robotrue.simulation.cutting import SIDE, SLOT, EndMillPass
 from robotrue.simulation.plans import POSTURE
 
 CHECKS: Final = 39
@@ -57,8 +57,8 @@ class FlangeHole(Columns):
     diameter: float = 210.0 * MM
     depth: float = 30.0 * MM
     allowance: float = 1.0 * MM
-    slot: Cut = SLOT
-    side: Cut = SIDE
+    slot: EndMillPass = SLOT
+    side: EndMillPass = SIDE
 
     def _check_rules(self) -> None:
         """The tool has to fit the hole."""

@@ -16,7 +16,7 @@ from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel
 
 
-class Motion(Protocol):
+class ArmMotion(Protocol):
     """Where the arm is at each moment."""
 
     @property

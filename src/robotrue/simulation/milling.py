@@ -10,7 +10,7 @@ from robotrue.errors import ReachError
 from robotrue.program.program import Program
 from robotrue.robot.inverse import inverse_path
 from robotrue.simulation.commanded_path import commanded_path, feed_directions, target_poses
-from robotrue.simulation.cutting import Cut, cutting_wrench
+from robotrue.simulation.cutting import EndMillPass, cutting_wrench
 from robotrue.simulation.flange_hole import FlangeHole, side_rows, to_part
 from robotrue.simulation.plans import POSTURE
 from robotrue.simulation.presets import VirtualCell
@@ -87,7 +87,13 @@ def mill_hole(
 
 
 def _wall(
-    cell: VirtualCell, cut: Cut, path: Array, tool: Array, name: str, start: float, campaign: int
+    cell: VirtualCell,
+    cut: EndMillPass,
+    path: Array,
+    tool: Array,
+    name: str,
+    start: float,
+    campaign: int,
 ) -> Array:
     """Points (m, 3) m in base that the mill leaves to the right of its feed."""
     joints = _controller_joints(cell, path, tool, name)
@@ -99,7 +105,7 @@ def _wall(
     actual = actual_pose(
         cell.robot,
         joints,
-        cell.robot.loaded(wrench),
+        cell.robot.payload_with(wrench),
         approach=approach,
         time=start + length / cut.feed,
         campaign=campaign,

@@ -75,7 +75,7 @@ class MillingArm:
     stiffness_belief: Array
     tool: Oscillators
 
-    def loaded(self, torque: Array) -> FlexibleArm:
+    def soften(self, torque: Array) -> FlexibleArm:
         """Returns the arm with its joints softened by process torques (6,) N m."""
         depth, centre, width = SOFTENING
         softer = 1.0 - depth * np.tanh((np.abs(torque) - centre) / width)

@@ -13,7 +13,7 @@ import numpy as np
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.rotations import abc_from_matrix, quat_wxyz_from_matrix
 from robotrue.core.units import DEG, MM
-from robotrue.simulation.joint_motion import Motion
+from robotrue.simulation.joint_motion import ArmMotion
 
 _AHEAD: Final = 64
 """Cycles: half a millisecond of work four times a second."""
@@ -49,7 +49,7 @@ class MotionGrid:
         cycle: s.
     """
 
-    def __init__(self, motion: Motion, cycle: float) -> None:
+    def __init__(self, motion: ArmMotion, cycle: float) -> None:
         self._motion, self._cycle = motion, cycle
         self._first, self._places = 0, list[Place]()
 
@@ -63,7 +63,7 @@ class MotionGrid:
         return self._places[row]
 
 
-def _places(motion: Motion, times: Array) -> list[Place]:
+def _places(motion: ArmMotion, times: Array) -> list[Place]:
     joints, poses = motion.along(times)
     known: BoolArray = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
     turns = np.where(known[:, None, None], poses, np.eye(4))[:, :3, :3]

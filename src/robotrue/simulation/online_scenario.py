@@ -24,7 +24,7 @@ from robotrue.core.columns import Column, Columns
 from robotrue.core.units import DEG, MM, STANDARD_GRAVITY
 from robotrue.errors import ConfigurationError, ReachError
 from robotrue.robot.configuration import controller_axes
-from robotrue.robot.forward import forward, joint_jacobian, walk
+from robotrue.robot.forward import forward
 from robotrue.robot.inverse_numeric import solve
 from robotrue.robot.model import RobotModel
 from robotrue.robot.presets import preset
@@ -96,23 +96,9 @@ class OnlineScenario(Columns):
         """Returns joints (n, 6) rad of the model."""
         return np.asarray(self.curve(np.mod(time, CYCLE)))
 
-    def displayed(self, time: Array) -> Array:
+    def displayed_joints(self, time: Array) -> Array:
         """Returns joints (n, 6) rad as the controller displays them."""
         return controller_axes(self.robot, self.joints(time))
-
-    def displayed_beside(self, time: Array, shift: Array, turn: Array) -> Array:
-        """Returns ``displayed`` of a robot that is led off its path, to first order.
-
-        Args:
-            time: (n,) s.
-            shift: (3,) m of the tool point in base.
-            turn: (3,) rad, rotation vector in base.
-        """
-        joints = self.joints(time)
-        jacobian = joint_jacobian(self.robot, walk(self.robot, joints))
-        twist = np.concatenate([shift, turn])
-        moved = np.linalg.solve(jacobian, np.broadcast_to(twist, (len(joints), 6))[..., None])
-        return controller_axes(self.robot, joints + moved[..., 0])
 
     def cut(self, time: Array) -> Array:
         """Returns the force (n, 3) N of the cut on the tool in base axes."""
@@ -139,7 +125,7 @@ class OnlineScenario(Columns):
         scatter = np.random.default_rng([seed, 7]).normal(size=(len(held), 6)) * _SCATTER
         return np.asarray(np.concatenate([held, np.cross(CENTRE, held)], axis=1) + scatter)
 
-    def felt(self, time: Array) -> Array:
+    def sensor_wrench(self, time: Array) -> Array:
         """Returns what a sensor at the flange feels (n, 6) N, N m in its axes: weight, too."""
         R_base_sensor = self.T_base_start[:3, :3] @ self.robot.T_flange_tool[:3, :3].T
         weight = np.array([0.0, 0.0, -MASS * STANDARD_GRAVITY])
@@ -169,7 +155,7 @@ class ScenarioMotion:
     def along(self, times: Array) -> tuple[Array, Array]:
         """Returns joints (n, dof) rad as displayed and T_base_tool (n, 4, 4) m, from time zero."""
         now = self.begun + times
-        return self.scenario.displayed(now), self.scenario.poses(now)
+        return self.scenario.displayed_joints(now), self.scenario.poses(now)
 
 
 def online_scenario(seed: int = 0, robot: str | None = None) -> OnlineScenario:

@@ -39,8 +39,8 @@ class Pace:
         await asyncio.sleep(max(room, _SHORTEST * self._cycle))
         return asyncio.get_running_loop().time() - now < _WHOLE * self._cycle
 
-    def left_out(self) -> int:
-        """Returns cycles that lie too far behind, and takes them for over.
+    def skip_overdue(self) -> int:
+        """Skips cycles that lie too far behind and returns how many.
 
         A controller's clock does not go slower because a computer is busy; one that plays it sends
         fewer packets instead, as if they had been lost on their way.

@@ -203,7 +203,7 @@ class RdtSensor:
         """The records of moments (n,) s, numbered on."""
         n, settings = len(times), self.settings
         since = float(times[-1] - begun) if n else 0.0
-        wrench = self._ahead.felt(times) - self._bias + self._ahead.noise(n)
+        wrench = self._ahead.wrench(times) - self._bias + self._ahead.noise(n)
         records = np.zeros(n, dtype=RECORD)
         counts = np.rint(wrench * self._counts)
         records["counts"] = np.minimum(np.maximum(counts, -(2.0**31)), 2.0**31 - 1.0)
@@ -230,7 +230,7 @@ class RdtSensor:
 
     def _deliver(self, packets: list[bytes], since: float) -> None:
         """Sends packets as the fault of the moment lets them go."""
-        packets = self._wire.passed(packets, since)
+        packets = self._wire.transmit(packets, since)
         self.report = replace(self.report, withheld=self._wire.withheld)
         sent = 0
         for packet in packets:
@@ -268,7 +268,7 @@ class RdtSensor:
         elif command is RdtCommand.STOP:
             self._client = None
         elif command is RdtCommand.BIAS:
-            self._bias = self._scenario.felt(np.array([time.monotonic()]))[0]
+            self._bias = self._scenario.sensor_wrench(np.array([time.monotonic()]))[0]
 
     async def _serve_page(self) -> asyncio.Server | None:
         if self.settings.page_port is None:
@@ -307,7 +307,7 @@ class _Ahead:
         self._felt, self._first = np.zeros((0, 6)), 0.0
         self._noise = np.zeros((0, 6))
 
-    def felt(self, times: Array) -> Array:
+    def wrench(self, times: Array) -> Array:
         """Returns what is felt (n, 6) at consecutive moments (n,) s."""
         n = len(times)
         if not n:
@@ -317,7 +317,7 @@ class _Ahead:
         if not (0 <= row <= len(self._felt) - n and abs(place - row) < _ON_GRID):
             self._first, row = float(times[0]), 0
             ahead = self._first + self._step * np.arange(max(n, _AHEAD), dtype=np.float64)
-            self._felt = self._scenario.felt(ahead)
+            self._felt = self._scenario.sensor_wrench(ahead)
         return self._felt[row : row + n]
 
     def noise(self, n: int) -> Array:

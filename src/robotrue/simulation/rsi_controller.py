@@ -148,7 +148,7 @@ class RsiController(CyclicController):
             pose = six([a + b for a, b in zip(pose, self._total, strict=True)])
         return self._writer.write(self._ipoc, self._delay_value(), joints, pose)
 
-    def _ended(self) -> bool:
+    def _is_over(self) -> bool:
         return bool(self._report.broke_off)
 
     def take(self, data: bytes) -> None:

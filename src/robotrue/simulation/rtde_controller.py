@@ -194,7 +194,7 @@ class RtdeController:
         poses = scenario.poses(times)
         turn = rotation_vector_from_matrix(poses[:, :3, :3])
         tool = np.concatenate([poses[:, :3, 3], turn], axis=1)
-        joints = scenario.displayed(times)
+        joints = scenario.displayed_joints(times)
         noise = settings.force_noise * self._noise.standard_normal((len(times), 6))
         force = scenario.process(times) + noise * np.array([1.0] * 3 + [0.1] * 3)
         if self._shows(FaultKind.NAN, since):
@@ -213,7 +213,7 @@ class RtdeController:
     def _deliver(self, client: _Client, packets: list[bytes], since: float) -> None:
         """Sends packets as the fault of the moment lets them go."""
         before = client.wire.withheld
-        packets = client.wire.passed(packets, since)
+        packets = client.wire.transmit(packets, since)
         withheld = self.report.withheld + client.wire.withheld - before
         self.report = replace(self.report, withheld=withheld)
         transport = client.writer.transport

@@ -33,7 +33,7 @@ _DRIFT_SIGMA: Final = np.array([5e-6, 5e-6, 5e-6, 3e-6, 3e-6])  # m m m rad rad 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Unmodelled(Columns):
+class UnmodelledEffects(Columns):
     """One arm's un-modelled behaviour, drawn once.
 
     Attributes:
@@ -63,7 +63,7 @@ class Unmodelled(Columns):
     tilt: Annotated[Array, Column("2")]
 
 
-def draw_unmodelled(seed: int, *, level: float, dof: int = 6) -> Unmodelled:
+def draw_unmodelled(seed: int, *, level: float, dof: int = 6) -> UnmodelledEffects:
     """Returns the un-modelled behaviour of one arm; equal seeds give equal arms.
 
     Args:
@@ -87,7 +87,7 @@ def draw_unmodelled(seed: int, *, level: float, dof: int = 6) -> Unmodelled:
     approach = np.zeros(dof)
     approach[0] = rng.uniform(0.5e-5, 1.5e-5)
     per_newton_metre = np.where(wrist, 1e-2, 1e-3)
-    return Unmodelled(
+    return UnmodelledEffects(
         seed=seed,
         level=level,
         cycles=cycles,
@@ -103,7 +103,7 @@ def draw_unmodelled(seed: int, *, level: float, dof: int = 6) -> Unmodelled:
 
 
 def drive_shift(
-    effects: Unmodelled, joints: Array, torque: Array, compliance: Array, approach: Array
+    effects: UnmodelledEffects, joints: Array, torque: Array, compliance: Array, approach: Array
 ) -> Array:
     """Returns the un-modelled drive-side shift (n, dof) in rad: harmonics, backlash, bending.
 
@@ -123,7 +123,7 @@ def drive_shift(
     return shift
 
 
-def thermal_drift(effects: Unmodelled, time: Array, campaign: int) -> tuple[Array, Array]:
+def thermal_drift(effects: UnmodelledEffects, time: Array, campaign: int) -> tuple[Array, Array]:
     """Returns base shift (n, 3) m and turn of joints 2, 3 (n, 2) rad at times of a campaign.
 
     A sum of 64 waves with frequencies from a Cauchy density: its covariance over phases is

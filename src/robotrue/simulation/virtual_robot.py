@@ -13,7 +13,7 @@ from robotrue.errors import ShapeError
 from robotrue.robot.forward import ChainState, walk
 from robotrue.robot.model import RobotModel
 from robotrue.robot.statics import Load, torque_at
-from robotrue.simulation.unmodelled import Unmodelled, drive_shift, thermal_drift
+from robotrue.simulation.unmodelled import UnmodelledEffects, drive_shift, thermal_drift
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,7 +35,7 @@ class VirtualRobot:
     actual: RobotModel
     known_payload: Load
     payload: Load
-    effects: Unmodelled
+    effects: UnmodelledEffects
     repeatability: float
 
     def __post_init__(self) -> None:
@@ -45,7 +45,7 @@ class VirtualRobot:
                 f"nominal arm has {self.nominal.dof} joints, the actual one {self.actual.dof}."
             )
 
-    def loaded(self, wrench: Array) -> Load:
+    def payload_with(self, wrench: Array) -> Load:
         """Returns the true payload together with a wrench (n, 6) or (6,) N, N m on the tool."""
         return Load(
             mass=self.payload.mass, com=self.payload.com, wrench=np.reshape(wrench, (-1, 6))

@@ -39,7 +39,7 @@ class FaultyWire:
         self._damage = damage
         self._held: list[bytes] = []
 
-    def passed(self, packets: Sequence[bytes], since: float) -> list[bytes]:
+    def transmit(self, packets: Sequence[bytes], since: float) -> list[bytes]:
         """Returns what is sent now, in order, when packets are due.
 
         Args:

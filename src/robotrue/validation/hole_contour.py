@@ -23,7 +23,7 @@ _TALL: Final = 0.1  # height over radius from which the direction of the axis is
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Cylinder:
+class HoleCylinder:
     """A least-squares cylinder with its axis near z.
 
     Attributes:
@@ -52,7 +52,7 @@ class HoleResult(Columns):
     """
 
     position_error: Annotated[Array, Column("2", unit="m")]
-    cylinder: Cylinder
+    cylinder: HoleCylinder
     contour: Annotated[Array, Column("_", unit="m")]
     form: Annotated[Array, Column("_", unit="m")]
     angle: Annotated[Array, Column("_", unit="rad")]
@@ -64,7 +64,7 @@ class HoleResult(Columns):
         return float(np.linalg.norm(self.position_error))
 
 
-def fit_cylinder(points: Array) -> Cylinder:
+def fit_cylinder(points: Array) -> HoleCylinder:
     """Returns the cylinder of least squared radial distance, axis within 45 deg of z.
 
     Args:
@@ -93,7 +93,7 @@ def fit_cylinder(points: Array) -> Cylinder:
         step = np.linalg.lstsq(jacobian[:, columns], -residual, rcond=None)[0]
         values[columns] += step
         if np.abs(step).max() < _TOLERANCE:
-            return Cylinder(centre=values[:2], slope=values[2:4], radius=float(values[4]))
+            return HoleCylinder(centre=values[:2], slope=values[2:4], radius=float(values[4]))
     raise ConvergenceError(
         f"no cylinder fits the {len(points)} points: still moving by "
         f"{np.abs(step).max():.3g} m after {_STEPS} steps.",
@@ -101,7 +101,7 @@ def fit_cylinder(points: Array) -> Cylinder:
     )
 
 
-def axis_distance(cylinder: Cylinder, points: Array) -> Array:
+def axis_distance(cylinder: HoleCylinder, points: Array) -> Array:
     """Returns the distance of points (n, 3) m from the axis, (n,) m."""
     values = np.array([*cylinder.centre, *cylinder.slope, 0.0])
     return _radial(points, values)[0]

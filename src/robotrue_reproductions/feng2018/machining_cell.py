@@ -39,7 +39,7 @@ from robotrue.robot.inverse_numeric import solve
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.presets import preset
 from robotrue.robot.statics import NO_LOAD
-from robotrue.simulation.unmodelled import Unmodelled, drive_shift
+from robotrue.simulation.unmodelled import UnmodelledEffects, drive_shift
 from robotrue.simulation.virtual_robot import VirtualRobot
 
 Posture: TypeAlias = Literal["R", "L", "T"]
@@ -181,9 +181,9 @@ def feng_cell(seed: int, sizes: CellSizes | None = None) -> FengCell:
     return FengCell(seed=seed, sizes=own, robot=robot, T_base_part=place)
 
 
-def _harmonics(seed: int, amplitude: Array, order: Array, phase: Array) -> Unmodelled:
+def _harmonics(seed: int, amplitude: Array, order: Array, phase: Array) -> UnmodelledEffects:
     """One sine per joint and nothing else."""
-    return Unmodelled(
+    return UnmodelledEffects(
         seed=seed,
         level=1.0,
         cycles=order[:, None],

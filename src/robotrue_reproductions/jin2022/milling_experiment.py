@@ -192,7 +192,7 @@ def _displacement(
 
 def _modes(arm: MillingArm, joints: Array, force: Array) -> PoseModes:
     _, jacobian = arm.arm.mass_and_jacobian(joints)
-    return pose_modes(arm.loaded(jacobian[:3].T @ force), joints)
+    return pose_modes(arm.soften(jacobian[:3].T @ force), joints)
 
 
 def _carry(after: PoseModes, before: PoseModes, tool: int) -> Array:

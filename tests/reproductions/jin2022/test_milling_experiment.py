@@ -52,7 +52,7 @@ def test_belief_is_within_thirty_percent_and_load_softens():
     arm = milling_arm(5)
     ratio = arm.stiffness_belief / arm.arm.stiffness
     assert ((ratio > 0.7) & (ratio < 1.3)).all()
-    soft, stiff = arm.loaded(np.full(6, 120.0)), arm.loaded(np.zeros(6))
+    soft, stiff = arm.soften(np.full(6, 120.0)), arm.soften(np.zeros(6))
     assert (soft.stiffness < arm.arm.stiffness).all()
     assert (stiff.stiffness > arm.arm.stiffness).all()
 

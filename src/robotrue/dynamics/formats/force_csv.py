@@ -12,7 +12,7 @@ from robotrue.core.files import write_atomic
 from robotrue.core.provenance import mark_line
 from robotrue.dynamics.clock import even_rate
 from robotrue.dynamics.force import ForceRecord, check_force
-from robotrue.dynamics.formats.number_table import read_number_table, table_bytes
+from robotrue.dynamics.formats.column_table import read_column_table, table_bytes
 
 COLUMNS: Final = ("t_s", "fx_N", "fy_N", "fz_N")
 _BARE: Final = re.compile(r"(t|time|f[xyz])([ _(\[].*)?", re.IGNORECASE)
@@ -26,7 +26,7 @@ def read_force_csv(path: str | Path) -> tuple[ForceRecord, tuple[str, ...]]:
             finite number; with its line.
         ImplausibleDataError: An uneven clock or a sensor that cannot be right.
     """
-    table = read_number_table(path)
+    table = read_column_table(path)
     for name in table.names:
         if name in COLUMNS:
             continue

@@ -18,7 +18,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.files import write_atomic
 from robotrue.core.provenance import mark_line
 from robotrue.core.units import MM, UM
-from robotrue.dynamics.formats.number_table import NumberTable, read_number_table, table_bytes
+from robotrue.dynamics.formats.column_table import ColumnTable, read_column_table, table_bytes
 from robotrue.dynamics.frf import AXES, ComplexArray, FrequencyResponse
 from robotrue.dynamics.frf_build import Pairs, assembled
 from robotrue.errors import FormatError
@@ -44,7 +44,7 @@ def read_frf_csv(path: str | Path) -> FrequencyResponse:
         ImplausibleDataError: Numbers that cannot be the form their name says (see
             ``checks.check_response``).
     """
-    table = read_number_table(path)
+    table = read_column_table(path)
     parts, coherence, unit = _sort_columns(table)
     if "f_Hz" not in table.names:
         raise table.fault(
@@ -102,7 +102,7 @@ def write_frf_csv(path: str | Path, frf: FrequencyResponse) -> None:
 
 
 def _sort_columns(
-    table: NumberTable,
+    table: ColumnTable,
 ) -> tuple[dict[str, tuple[str, str]], dict[str, Array], str]:
     """Names of real and imaginary columns by pair, coherence by pair, the unit of all."""
     halves: dict[str, dict[str, str]] = {}

@@ -13,7 +13,7 @@ from typing import Final
 
 from robotrue.core.units import STANDARD_GRAVITY, UM
 from robotrue.dynamics.clock import even_rate
-from robotrue.dynamics.formats.number_table import read_number_table
+from robotrue.dynamics.formats.column_table import read_column_table
 from robotrue.dynamics.hits import HammerRecord
 
 _HAMMER: Final = re.compile(r"f([xyz])_N")
@@ -35,7 +35,7 @@ def read_hammer_csv(path: str | Path) -> HammerRecord:
             its unit, a cell that is no finite number; with its line.
         ImplausibleDataError: An uneven clock.
     """
-    table = read_number_table(path)
+    table = read_column_table(path)
     hammers = [name for name in table.names if _HAMMER.fullmatch(name)]
     if len(hammers) != 1:
         raise table.fault(

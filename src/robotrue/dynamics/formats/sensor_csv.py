@@ -16,7 +16,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.provenance import MEASURED, Provenance, mark_line
 from robotrue.core.rotations import abc_from_matrix, matrix_from_abc
 from robotrue.core.units import DEG
-from robotrue.dynamics.formats.number_table import read_number_table
+from robotrue.dynamics.formats.column_table import read_column_table
 
 ATTITUDE: Final = ("rx_deg", "ry_deg", "rz_deg")
 WRENCH: Final = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
@@ -30,7 +30,7 @@ def read_sensor_csv(path: str | Path) -> tuple[Array, Array]:
         FormatError: A column that is missing or not known, a cell that is no finite number; with
             its line.
     """
-    table = read_number_table(path)
+    table = read_column_table(path)
     expected = ",".join(COLUMNS)
     for name in COLUMNS:
         if name not in table.names:

@@ -19,7 +19,7 @@ from robotrue.errors import FormatError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class NumberTable:
+class ColumnTable:
     """Named columns of finite numbers.
 
     Attributes:
@@ -57,7 +57,7 @@ class NumberTable:
         return FormatError(message, source=self.source, line=self.header_line, hint=hint)
 
 
-def read_number_table(path: str | Path) -> NumberTable:
+def read_column_table(path: str | Path) -> ColumnTable:
     """Returns a CSV file of numbers; comma, semicolon or tab, ``#`` lines before the header.
 
     Raises:
@@ -95,7 +95,7 @@ def read_number_table(path: str | Path) -> NumberTable:
     rows = body.count("\n") + 1
     if values.shape != (rows, len(names)) or not np.isfinite(values).all():
         raise _fault(body.split("\n"), names, mark, decimal, path, head + 1)
-    return NumberTable(
+    return ColumnTable(
         source=str(path),
         digest=sha256(data),
         names=names,
