@@ -1,6 +1,7 @@
 """KUKA RSI against packets as controllers print them."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from robotrue.errors import (
     ShapeError,
 )
 from robotrue.online import rsi
+from robotrue.online.rsi_block import rob_block
 from robotrue.online.rsi_config import parse_rsi_config
 from robotrue.online.samples import Correction, CorrectionMode, Flag
 from robotrue.online.sequence import advance
@@ -63,13 +65,25 @@ def test_a_configuration_that_cannot_be_used(old, new, message):
         parse_rsi_config(CONFIG.replace(old, new))
 
 
+def _sample(packet, host_time):
+    """The only row of the block of one packet."""
+    block = rob_block([(packet, host_time, Flag.NONE)])
+    return SimpleNamespace(
+        valid=bool(block.valid[0]),
+        flags=Flag(int(block.flags[0])),
+        controller_time=block.controller_time[0],
+        joints=block.joints[0],
+        T_frame_tool=block.T_frame_tool[0],
+    )
+
+
 def test_a_packet_as_printed():
     packet = rsi.read_rob(ROB, parse_rsi_config(CONFIG))
     assert packet.ipoc == 4208163634
     assert packet.late == 0
     assert packet.joints_deg == (10.0, -90.0, 90.0, 0.0, 45.0, -180.0)
     assert packet.signals == {"DiL": 5.0}
-    sample = rsi.joint_sample(packet, 2.0)
+    sample = _sample(packet, 2.0)
     assert sample.valid
     assert sample.controller_time == pytest.approx(4208163.634)
     np.testing.assert_allclose(sample.joints, np.array(packet.joints_deg) * DEG)
@@ -122,7 +136,7 @@ def test_a_packet_without_what_the_configuration_promises():
 def test_nan_is_marked(printed):
     data = ROB.replace(b"-90.0000", printed).replace(b"1500.0000", printed)
     for read in (rsi.read_rob, rsi.read_rob_fast):
-        sample = rsi.joint_sample(read(data), 0.0)
+        sample = _sample(read(data), 0.0)
         assert sample.flags == Flag.NOT_FINITE
         assert not sample.valid
         assert np.isnan(sample.joints[1])
@@ -131,7 +145,7 @@ def test_nan_is_marked(printed):
 
 def test_what_no_robot_does_is_marked():
     data = ROB.replace(b"45.0000", b"45000000").replace(b"1500.0000", b"1500000000")
-    sample = rsi.joint_sample(rsi.read_rob_fast(data), 0.0)
+    sample = _sample(rsi.read_rob_fast(data), 0.0)
     assert sample.flags == Flag.IMPLAUSIBLE
     assert np.isnan(sample.joints[4])
 

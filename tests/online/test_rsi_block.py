@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rsi_samples import joint_sample
 
 from robotrue.errors import FormatError
 from robotrue.online.blocks import JointBlock, joint_block
-from robotrue.online.rsi import RobPacket, joint_sample
+from robotrue.online.rsi import RobPacket
 from robotrue.online.rsi_block import packet_flags, rob_block
 from robotrue.online.samples import Flag
 

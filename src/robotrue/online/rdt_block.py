@@ -9,10 +9,9 @@ import numpy.typing as npt
 
 from robotrue.core.arrays import Array, IntArray
 from robotrue.errors import FormatError
-from robotrue.online.block_checks import checked_wrench
 from robotrue.online.blocks import ForceBlock
 from robotrue.online.rdt import EXTREME, LATCHED, SATURATED, RdtDevice, RdtScale
-from robotrue.online.samples import Flag
+from robotrue.online.samples import Flag, check_wrenches
 
 RECORD: Final = np.dtype(
     [("rdt", ">u4"), ("ft", ">u4"), ("status", ">u4"), ("counts", ">i4", (6,))]
@@ -75,7 +74,7 @@ def rdt_block(
     flags = flags | np.where(full, int(Flag.SATURATED), 0)
     flags = flags | np.where(ill, int(Flag.SENSOR_FAULT), 0)
     wrench = counts * np.repeat([scale.newton, scale.newton_metre], 3)
-    wrench, flags = checked_wrench(wrench, flags)
+    wrench, flags = check_wrenches(wrench, flags)
     return ForceBlock(
         controller_time=rdt / rate,
         host_time=host_time,

@@ -18,7 +18,6 @@ from robotrue.core.arrays import Array, IntArray
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, FormatError
-from robotrue.online.block_checks import checked_joints, checked_poses, checked_wrench
 from robotrue.online.blocks import ForceBlock, JointBlock
 from robotrue.online.rdt import LATCHED
 from robotrue.online.replay_columns import (
@@ -31,7 +30,7 @@ from robotrue.online.replay_columns import (
     read_columns,
     read_tdms_table,
 )
-from robotrue.online.samples import Flag
+from robotrue.online.samples import Flag, check_joints, check_poses, check_wrenches
 from robotrue.online.sequence import SequenceState
 from robotrue.online.sequence_block import advance_block, in_order
 
@@ -200,7 +199,7 @@ def _played(
 
 
 def _joints(names: tuple[str, ...], table: Array, clock: _Clock) -> JointBlock:
-    joints, flags = checked_joints(_taken(names, table, JOINTS) * DEG, clock.flags)
+    joints, flags = check_joints(_taken(names, table, JOINTS) * DEG, clock.flags)
     poses = np.full((len(table), 4, 4), np.nan)
     if POSE[0] in names:
         numbers = _taken(names, table, POSE)
@@ -208,7 +207,7 @@ def _joints(names: tuple[str, ...], table: Array, clock: _Clock) -> JointBlock:
         # rx, ry, rz are KUKA's C, B, A
         poses[known] = pose_from_xyz_abc(numbers[known, :3] * MM, numbers[known, :2:-1] * DEG)
         flags = flags | np.where(known, 0, int(Flag.NOT_FINITE))
-        poses, flags = checked_poses(poses, flags)
+        poses, flags = check_poses(poses, flags)
     return JointBlock(
         controller_time=clock.time,
         host_time=clock.host_time,
@@ -233,7 +232,7 @@ def _force(names: tuple[str, ...], table: Array, clock: _Clock, frame: str) -> F
         sound = (printed >= 0.0) & (printed < 2.0**32)
         status = np.where(sound, printed, -1.0).astype(np.int64)
     flags = flags | np.where(status & ~LATCHED, int(Flag.SENSOR_FAULT), 0)
-    wrench, flags = checked_wrench(wrench, flags)
+    wrench, flags = check_wrenches(wrench, flags)
     return ForceBlock(
         controller_time=clock.time,
         host_time=clock.host_time,

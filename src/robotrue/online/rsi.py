@@ -17,7 +17,6 @@ from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
-from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.rotations import abc_from_matrix, matrix_from_rotation_vector
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, FormatError, ModelMismatchError
@@ -25,9 +24,6 @@ from robotrue.online.rsi_config import RsiConfig
 from robotrue.online.samples import (
     Correction,
     CorrectionMode,
-    Flag,
-    JointSample,
-    unknown_pose,
 )
 from robotrue.online.sequence import SequenceState
 from robotrue.online.xml_text import parse_xml
@@ -188,34 +184,6 @@ def read_rob(data: bytes, config: RsiConfig | None = None) -> RobPacket:
         joints_deg=joints,
         pose_mm_deg=pose,
         signals=values,
-    )
-
-
-def joint_sample(packet: RobPacket, host_time: float, flags: Flag = Flag.NONE) -> JointSample:
-    """Returns the sample of a packet; its pose is in the frame of RSI_ON.
-
-    Raises:
-        FormatError: The packet has no joints.
-    """
-    if packet.joints_deg is None:
-        raise FormatError(
-            "RSI packet without AIPos: no joints.",
-            hint='<ELEMENT TAG="DEF_AIPos" TYPE="DOUBLE" INDX="INTERNAL"/> under SEND.',
-        )
-    pose = unknown_pose()
-    if packet.pose_mm_deg is not None:
-        numbers = np.array(packet.pose_mm_deg)
-        if np.isfinite(numbers).all():
-            pose = pose_from_xyz_abc(numbers[:3] * MM, numbers[3:] * DEG)
-        else:
-            flags |= Flag.NOT_FINITE
-    return JointSample(
-        controller_time=packet.ipoc * 1e-3,
-        host_time=host_time,
-        joints=np.array(packet.joints_deg) * DEG,
-        T_frame_tool=pose,
-        sequence=packet.ipoc,
-        flags=flags,
     )
 
 

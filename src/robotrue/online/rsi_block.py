@@ -1,4 +1,4 @@
-"""Packets of a KUKA controller to a block at once, equal to packet by packet.
+"""Packets of a KUKA controller as a block.
 
 What an answer waits for is done packet by packet; what is made of the packets afterwards is not.
 """
@@ -13,10 +13,10 @@ import numpy as np
 
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
-from robotrue.online.block_checks import checked_joints, checked_poses
+from robotrue.errors import FormatError
 from robotrue.online.blocks import JointBlock
-from robotrue.online.rsi import RobPacket, joint_sample
-from robotrue.online.samples import FARTHEST, MOST_TURNS, Flag
+from robotrue.online.rsi import RobPacket
+from robotrue.online.samples import FARTHEST, MOST_TURNS, Flag, check_joints, check_poses
 
 SeenPacket: TypeAlias = tuple[RobPacket, float, Flag]
 """A packet with joints, s on the host's clock when it came, and what its count says."""
@@ -26,7 +26,7 @@ _FAR: Final = 0.9 * FARTHEST / MM
 
 
 def packet_flags(packet: RobPacket) -> Flag:
-    """Returns what :func:`~robotrue.online.rsi.joint_sample` would find wrong with the values.
+    """Returns what is wrong with the values of a packet.
 
     Raises:
         FormatError: The packet has no joints.
@@ -38,11 +38,16 @@ def packet_flags(packet: RobPacket) -> Flag:
             return Flag.NONE
         if sum(map(abs, pose[:3])) < _FAR and sum(map(abs, pose[3:])) < math.inf:
             return Flag.NONE
-    return joint_sample(packet, 0.0).flags
+    if joints is None:
+        raise FormatError(
+            "RSI packet without AIPos: no joints.",
+            hint='<ELEMENT TAG="DEF_AIPos" TYPE="DOUBLE" INDX="INTERNAL"/> under SEND.',
+        )
+    return Flag(int(rob_block([(packet, 0.0, Flag.NONE)]).flags[0]))
 
 
 def rob_block(seen: Sequence[SeenPacket]) -> JointBlock:
-    """Returns the block of packets, as :func:`~robotrue.online.rsi.joint_sample` gives each."""
+    """Returns the block of packets with joints; poses are in the frame of RSI_ON."""
     packets = [packet for packet, _, _ in seen]
     flags = np.array([int(flag) for _, _, flag in seen], dtype=np.int64)
     joints = np.array([packet.joints_deg for packet in packets]) * DEG
@@ -56,8 +61,8 @@ def rob_block(seen: Sequence[SeenPacket]) -> JointBlock:
     poses = pose_from_xyz_abc(printed[:, :3] * MM, printed[:, 3:] * DEG)
     if not whole:
         poses[~finite] = np.nan
-    joints, flags = checked_joints(joints, flags)
-    poses, flags = checked_poses(poses, flags)
+    joints, flags = check_joints(joints, flags)
+    poses, flags = check_poses(poses, flags)
     ipoc = np.array([packet.ipoc for packet in packets], dtype=np.int64)
     return JointBlock(
         controller_time=np.asarray(ipoc * 1e-3),

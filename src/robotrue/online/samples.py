@@ -5,14 +5,14 @@ from __future__ import annotations
 import enum
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
+from robotrue.core.columns import Column, Columns
 from robotrue.core.units import DEG
 from robotrue.dynamics.force import MOST
-from robotrue.errors import ShapeError
 
 FARTHEST: Final = 100.0
 """m; no tool point is farther from its frame, on the longest rail."""
@@ -62,7 +62,7 @@ class CorrectionMode(enum.Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class JointSample:
+class JointSample(Columns):
     """Where the robot was.
 
     Attributes:
@@ -77,20 +77,19 @@ class JointSample:
 
     controller_time: float
     host_time: float
-    joints: Array
-    T_frame_tool: Array
+    joints: Annotated[Array, Column("dof", unit="rad", nan=True, inf=True)]
+    T_frame_tool: Annotated[Array, Column("4 4", nan=True, inf=True)]
     sequence: int
     flags: Flag = Flag.NONE
 
-    def __post_init__(self) -> None:
-        """Freezes and checks."""
-        joints, wrong = _cleaned(self.joints, MOST_TURNS)
-        pose, wrong_pose = _cleaned_pose(self.T_frame_tool)
-        object.__setattr__(self, "joints", frozen(joints, (None,), "joints", allow_nan=True))
-        object.__setattr__(
-            self, "T_frame_tool", frozen(pose, (4, 4), "T_frame_tool", allow_nan=True)
-        )
-        object.__setattr__(self, "flags", Flag(self.flags) | wrong | wrong_pose)
+    def _check_rules(self) -> None:
+        """Checks the values: as those of a block of one row."""
+        flags = np.array([int(self.flags)])
+        joints, flags = check_joints(self.joints[None], flags)
+        poses, flags = check_poses(self.T_frame_tool[None], flags)
+        self._set_column("joints", joints[0])
+        self._set_column("T_frame_tool", poses[0])
+        object.__setattr__(self, "flags", Flag(int(flags[0])))
 
     @property
     def valid(self) -> bool:
@@ -99,7 +98,7 @@ class JointSample:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ForceSample:
+class ForceSample(Columns):
     """What acted on the tool.
 
     Attributes:
@@ -114,22 +113,17 @@ class ForceSample:
 
     controller_time: float
     host_time: float
-    wrench: Array
+    wrench: Annotated[Array, Column("6", nan=True, inf=True)]
     frame: str
     sequence: int
     status: int = 0
     flags: Flag = Flag.NONE
 
-    def __post_init__(self) -> None:
-        """Freezes and checks."""
-        wrench = np.asarray(self.wrench, dtype=np.float64)
-        if wrench.shape != (6,):
-            raise ShapeError(f"wrench has shape {wrench.shape}, expected (6,).")
-        measured = 3 if np.isnan(wrench[3:]).all() else 6
-        head, wrong = _cleaned(wrench[:measured], STRONGEST[:measured])
-        wrench = np.concatenate([head, wrench[measured:]])
-        object.__setattr__(self, "wrench", frozen(wrench, (6,), "wrench", allow_nan=True))
-        object.__setattr__(self, "flags", Flag(self.flags) | wrong)
+    def _check_rules(self) -> None:
+        """Checks the values: as those of a block of one row."""
+        wrenches, flags = check_wrenches(self.wrench[None], np.array([int(self.flags)]))
+        self._set_column("wrench", wrenches[0])
+        object.__setattr__(self, "flags", Flag(int(flags[0])))
 
     @property
     def valid(self) -> bool:
@@ -180,26 +174,47 @@ def no_correction(mode: CorrectionMode) -> Correction:
     return Correction(shift=np.zeros(3), turn=np.zeros(3), mode=mode)
 
 
-def _cleaned(values: Array, most: float | Array) -> tuple[Array, Flag]:
-    values = np.asarray(values, dtype=np.float64)
-    size = np.abs(values)
-    if (size <= most).all():
-        return values, Flag.NONE
-    flags = Flag.NONE if np.isfinite(values).all() else Flag.NOT_FINITE
-    if (np.isfinite(values) & (size > most)).any():
-        flags |= Flag.IMPLAUSIBLE
+def check_wrenches(wrench: Array, flags: IntArray) -> tuple[Array, IntArray]:
+    """Returns wrenches (n, 6) with NaN for what no sensor gives, and the flags (n,) with it.
+
+    Torques that are all NaN were not measured: no fault.
+    """
+    size = np.abs(wrench)
+    if (size <= STRONGEST).all():
+        return wrench, flags
+    measured = np.ones(wrench.shape, dtype=bool)
+    measured[:, 3:] = ~np.isnan(wrench[:, 3:]).all(axis=1, keepdims=True)
+    return _mark_values(wrench, size, STRONGEST, measured, flags)
+
+
+def check_joints(joints: Array, flags: IntArray) -> tuple[Array, IntArray]:
+    """Returns joints (n, dof) rad with NaN for what no arm has, and the flags (n,) with it."""
+    size = np.abs(joints)
+    if (size <= MOST_TURNS).all():
+        return joints, flags
+    return _mark_values(joints, size, MOST_TURNS, np.ones(joints.shape, dtype=bool), flags)
+
+
+def check_poses(poses: Array, flags: IntArray) -> tuple[Array, IntArray]:
+    """Returns poses (n, 4, 4) m, known whole or NaN whole, and the flags (n,) with it."""
+    if (np.abs(poses) <= FARTHEST).all():  # as nearly all are; no entry of a rotation is larger
+        return poses, flags
+    known = ~np.isnan(poses).all(axis=(1, 2))
+    finite = np.isfinite(poses).all(axis=(1, 2))
+    near = finite & ~(np.abs(poses[:, :3, 3]).max(axis=1) > FARTHEST)
+    flags = flags | np.where(known & ~finite, int(Flag.NOT_FINITE), 0)
+    flags = flags | np.where(finite & ~near, int(Flag.IMPLAUSIBLE), 0)
+    if (near | ~known).all():
+        return poses, flags
+    return np.where(near[:, None, None], poses, np.nan), flags
+
+
+def _mark_values(
+    values: Array, size: Array, most: float | Array, measured: BoolArray, flags: IntArray
+) -> tuple[Array, IntArray]:
+    finite = np.isfinite(values)
+    strange = (measured & ~finite).any(axis=1)
+    large = (measured & finite & (size > most)).any(axis=1)
+    flags = flags | np.where(strange, int(Flag.NOT_FINITE), 0)
+    flags = flags | np.where(large, int(Flag.IMPLAUSIBLE), 0)
     return np.where(size <= most, values, np.nan), flags
-
-
-def _cleaned_pose(pose: Array) -> tuple[Array, Flag]:
-    """A pose is known whole or not at all: half a pose has no use and hides well."""
-    pose = np.asarray(pose, dtype=np.float64)
-    if pose.shape != (4, 4):
-        raise ShapeError(f"T_frame_tool has shape {pose.shape}, expected (4, 4).")
-    if np.isnan(pose).all():
-        return pose, Flag.NONE
-    if not np.isfinite(pose).all():
-        return unknown_pose(), Flag.NOT_FINITE
-    if np.abs(pose[:3, 3]).max() > FARTHEST:
-        return unknown_pose(), Flag.IMPLAUSIBLE
-    return pose, Flag.NONE
