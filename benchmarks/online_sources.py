@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from robotrue.online import rdt
-from robotrue.online.rdt_block import RECORD, rdt_block, records_of
+from robotrue.online.rdt_block import RECORD, decode_records, rdt_block
 from robotrue.online.replay_blocks import force_blocks
 from robotrue.online.sequence_block import advance_block
 
@@ -61,7 +61,7 @@ def _rdt_in_bulk(size: int) -> int:
     data = _bytes(size)
     state, before, blocks = rdt.rdt_sequence(RATE), None, max(2, 40_000 // size // 4)
     for k in range(blocks):
-        records = records_of(data)
+        records = decode_records(data)
         count = records["rdt"].astype(np.int64) + k * size
         state, flags = advance_block(state, count, count / RATE)
         block = rdt_block(

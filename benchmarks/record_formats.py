@@ -18,11 +18,13 @@ from robotrue.online.record_frames import (
     Kind,
     frame_bytes,
     head_length,
-    sound,
+    is_sound,
 )
 
 ROWS = (20, 28, 100, 512)
 FLIPS = 2000
+END = 8
+"""Bytes of the mark that ends a stream."""
 SCHEMA = pa.schema(
     [
         ("controller_time", pa.float64()),
@@ -50,6 +52,8 @@ def main() -> None:
             f"Arrow IPC {arrow * 1e6:6.1f} us, {sizes[1]:6d} bytes"
         )
     block = force_block(28)
+    data = stream(block, 20)
+    print(f"Arrow IPC cut at each of {len(data) + 1} places: {lost_at_cuts(block)} lose a batch")
     print(f"{FLIPS} flipped bits, other numbers read without an error:")
     print(f"  own frames {silent_in_frames(block)}, Arrow IPC {silent_in_arrow(block)}")
 
@@ -77,6 +81,7 @@ def stream(block: ForceBlock, count: int) -> bytes:
     writer = pa.ipc.new_stream(sink, SCHEMA)
     for _ in range(count):
         writer.write_batch(batch(block))
+    writer.close()
     return sink.getvalue()
 
 
@@ -96,12 +101,12 @@ def silent_in_frames(block: ForceBlock) -> int:
     silent = 0
     for damaged in flipped(data, 0):
         head, payload = damaged[: HEAD.size], damaged[HEAD.size :]
-        silent += head_length(head) == len(payload) and sound(head, payload)
+        silent += head_length(head) == len(payload) and is_sound(head, payload)
     return silent
 
 
 def silent_in_arrow(block: ForceBlock) -> int:
-    first = len(stream(block, 1))
+    first = len(stream(block, 1)) - END
     whole = pa.ipc.open_stream(stream(block, 2)).read_all()
     silent = 0
     for damaged in flipped(stream(block, 2), first):
@@ -111,6 +116,22 @@ def silent_in_arrow(block: ForceBlock) -> int:
             continue
         silent += found.num_rows == whole.num_rows and not found.equals(whole)
     return silent
+
+
+def lost_at_cuts(block: ForceBlock) -> int:
+    """At how many places a stream that is cut there gives back fewer batches than were whole."""
+    ends = [len(stream(block, count)) - END for count in range(1, 21)]
+    data = stream(block, 20)
+    lost = 0
+    for cut in range(len(data) + 1):
+        count = 0
+        try:
+            for _ in pa.ipc.open_stream(data[:cut]):
+                count += 1
+        except (pa.ArrowInvalid, OSError):
+            pass
+        lost += count < sum(end <= cut for end in ends)
+    return lost
 
 
 def flipped(data: bytes, first: int) -> list[bytes]:

@@ -25,11 +25,11 @@ from robotrue.online import answering_link
 from robotrue.online.answering_link import AnsweringLink, answering_guard
 from robotrue.online.answering_wire import (
     fault_document,
-    fault_of,
     guard_state,
     plain,
+    read_fault,
+    read_settings,
     settings_document,
-    settings_of,
 )
 from robotrue.online.guard import CorrectionGuard, GuardState
 from robotrue.online.remote_guard import RemoteGuard
@@ -260,16 +260,16 @@ def test_twenty_thousand_samples_reach_a_service_that_slept(monkeypatch):
 
 def test_what_is_said_over_the_pipe_comes_back_as_it_was():
     for made in (settings(), settings(mode=None, port=None), egm._settings(egm.SEVEN)):
-        assert settings_of(settings_document(made)) == made
+        assert read_settings(settings_document(made)) == made
     pinned = settings(peer=("192.0.2.1", 0), trust_restart=True)
-    assert settings_of(json.loads(json.dumps(settings_document(pinned)))) == pinned
+    assert read_settings(json.loads(json.dumps(settings_document(pinned)))) == pinned
     state = GuardState(
         shift=(3, 2, 1), pending=((1, 0, 0), (0, 2, 0)), spread=(7, 1), refused=True, frozen=True
     )
     assert guard_state(json.loads(json.dumps(plain(state)))) == state
     assert guard_state(asdict(state)) == state
     fault = ConfigurationError("no.", source="here", hint="yes.")
-    again = fault_of(fault_document(fault))
+    again = read_fault(fault_document(fault))
     assert (type(again), str(again)) == (ConfigurationError, str(fault))
 
 

@@ -12,7 +12,7 @@ from rdt_records import RdtRecord, read_records, write_record
 from robotrue.errors import FormatError, ImplausibleDataError, RobotrueError
 from robotrue.online import rdt
 from robotrue.online.rdt import RdtCommand, RdtDevice
-from robotrue.online.rdt_block import rdt_block, records_of
+from robotrue.online.rdt_block import decode_records, rdt_block
 from robotrue.online.samples import Flag
 from robotrue.online.sequence import advance
 
@@ -23,7 +23,7 @@ NET, AXIA = RdtDevice.NET, RdtDevice.AXIA
 def _sample(record, device=NET, before=None, scale=SCALE):
     """The only row of the block of one record."""
     block = rdt_block(
-        records_of(write_record(record)),
+        decode_records(write_record(record)),
         scale,
         np.array([5.0]),
         np.zeros(1, dtype=np.int64),
@@ -62,10 +62,10 @@ def test_a_record():
     assert sample.frame == "sensor"
     assert sample.controller_time == pytest.approx(1e-3)
     assert write_record(record) == RDT
-    assert len(records_of(RDT * 40)) == 40
+    assert len(decode_records(RDT * 40)) == 40
     for size in (35, 37):
         with pytest.raises(FormatError, match=f"of {size} bytes"):
-            records_of((RDT * 41)[:size])
+            decode_records((RDT * 41)[:size])
 
 
 @pytest.mark.parametrize(
@@ -162,7 +162,7 @@ def test_one_flipped_bit_changes_one_number_or_is_marked():
 @settings(max_examples=200, deadline=None)
 @given(st.binary(max_size=200))
 def test_anything_else_raises_our_own_error(data):
-    for read in (records_of, rdt.read_request, rdt.parse_netftapi):
+    for read in (decode_records, rdt.read_request, rdt.parse_netftapi):
         try:
             read(data)
         except RobotrueError:

@@ -16,7 +16,7 @@ from simulated import flagged, rdt_source, rows, scenario, sensor, timed, until,
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.online import rdt, udp
 from robotrue.online.blocks import force_block
-from robotrue.online.rdt_block import RECORD, arrival_times, rdt_block, records_of
+from robotrue.online.rdt_block import RECORD, arrival_times, decode_records, rdt_block
 from robotrue.online.rdt_link import RdtSettings
 from robotrue.online.samples import Flag
 from robotrue.online.sequence import SequenceState, advance
@@ -81,7 +81,7 @@ def test_records_in_bulk_are_records_one_by_one(device):
     counts[rng.random((300, 6)) < 0.05] = -(2**31)
     records["counts"] = counts // rng.choice([1, 1000], size=(300, 1))
     scale = rdt.RdtScale(newton=1e-4, newton_metre=1e-6)  # some beyond what any sensor gives
-    read = records_of(records.tobytes())
+    read = decode_records(records.tobytes())
     one, before = [], RdtRecord(rdt_sequence=999, ft_sequence=7000, status=0, counts=(0,) * 6)
     for k in range(0, 300, 30):
         for record in read_records(records[k : k + 30].tobytes()):
@@ -107,9 +107,9 @@ def test_records_in_bulk_are_records_one_by_one(device):
 
 
 def test_bytes_that_are_no_records():
-    assert records_of(RDT)["rdt"] == [7]
+    assert decode_records(RDT)["rdt"] == [7]
     with pytest.raises(FormatError, match="37 bytes"):
-        records_of(RDT + b"x")
+        decode_records(RDT + b"x")
 
 
 def test_records_read_together_came_one_after_the_other():

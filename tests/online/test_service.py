@@ -23,7 +23,7 @@ from robotrue.online.guard import CorrectionGuard, CorrectionLimits
 from robotrue.online.record import Record, read_record
 from robotrue.online.record_frames import Kind
 from robotrue.online.record_writer import RecordWriter
-from robotrue.online.resume import recorded_after, resume
+from robotrue.online.resume import read_estimates_after, resume
 from robotrue.online.samples import CorrectionMode
 from robotrue.online.sensing_chain import SensingChain
 from robotrue.online.service import ServiceSettings, SinkPlan, Snapshot, sense
@@ -39,7 +39,7 @@ def run(story: Any) -> Any:
 def truth(joints: int, forces: int) -> dict[str, np.ndarray]:
     """What one pass over all rows at once gives."""
     chain = SensingChain(StandIn(), patient=True)
-    found = chain.joints(joint_rows(0, joints)) + chain.ended("joints")
+    found = chain.joints(joint_rows(0, joints)) + chain.end_stream("joints")
     return joined(found + chain.force(force_rows(0, forces)))
 
 
@@ -284,12 +284,14 @@ def test_a_file_is_given_what_it_has_missed(tmp_path: Path) -> None:
     wanted = truth(1500, 6000)
     row = 2345
     line = f"{wanted['host_time'][row]:.9f},{wanted['sequence'][row]},1.0"
-    rest = joined(recorded_after(record, line, 10**9))
+    rest = joined(read_estimates_after(record, line, 10**9))
     assert rest["sequence"].tolist() == list(range(row + 1, 6000))
-    assert joined(recorded_after(record, None, 10**9))["sequence"].tolist() == list(range(6000))
-    assert list(recorded_after(record, "12345.0,9000,1", 10**9)) == []  # ahead of the record
+    assert joined(read_estimates_after(record, None, 10**9))["sequence"].tolist() == list(
+        range(6000)
+    )
+    assert list(read_estimates_after(record, "12345.0,9000,1", 10**9)) == []  # ahead of the record
     with pytest.raises(ConfigurationError, match="ends with an estimate that is not in the record"):
-        list(recorded_after(record, "2.000500000,3,1", 10**9))
+        list(read_estimates_after(record, "2.000500000,3,1", 10**9))
 
 
 KILLED = """

@@ -11,7 +11,7 @@ from robotrue.cli.console import count, emit_facts, emit_json, say, say_mark
 from robotrue.core.files import atomic_stream
 from robotrue.errors import ConfigurationError
 from robotrue.online.record import Record
-from robotrue.online.record_export import STREAMS, exported_lines, stream_provenance
+from robotrue.online.record_export import STREAMS, export_lines, stream_provenance
 from robotrue.online.record_frames import Kind
 
 
@@ -31,7 +31,7 @@ def run_export(
     check_output(output, [])
     record, rows = Record(folder), 0
     with atomic_stream(output) as out:
-        lines = exported_lines(record, stream, skip_damage=skip_damage)
+        lines = export_lines(record, stream, skip_damage=skip_damage)
         for data, contained in lines:
             out.write(data)
             rows += contained

@@ -42,7 +42,7 @@ from robotrue.online.record_frames import Kind
 from robotrue.online.record_writer import RecordWriter
 from robotrue.online.remote_guard import RemoteGuard
 from robotrue.online.replay_blocks import Repeats, force_blocks
-from robotrue.online.resume import Resumed, recorded_after, resume
+from robotrue.online.resume import Resumed, read_estimates_after, resume
 from robotrue.online.samples import CorrectionMode
 from robotrue.online.sensing import Sensing
 from robotrue.online.sensing_chain import SensingChain, StreamShift
@@ -263,7 +263,7 @@ def _sinks(
 def _missed(writer: RecordWriter, resumed: Resumed, sink: Any) -> Any:
     """What a file has missed of the record, up to where this service goes on."""
     line = getattr(sink, "resumed_after", None)
-    yield from recorded_after(Record(writer.path), line, writer.first)
+    yield from read_estimates_after(Record(writer.path), line, writer.first)
     yield from resumed.missing
 
 

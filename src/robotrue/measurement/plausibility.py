@@ -113,7 +113,7 @@ def _check_station(
     _at_rest("measured", measurements.position, 1.0 * MM, place)
     if evidence.bad and forward is not None:
         _unit_of_angle(evidence, measurements.joints, forward)
-    _mirrored(evidence)
+    _check_mirrored(evidence)
     if evidence.bad:
         raise _wrong_robot(evidence)
     if measurements.frame == "base":
@@ -248,7 +248,7 @@ def _unit_of_angle(evidence: _Evidence, joints: Array, forward: Callable[[Array]
             )
 
 
-def _mirrored(evidence: _Evidence) -> None:
+def _check_mirrored(evidence: _Evidence) -> None:
     if evidence.misfit < _FLOOR:
         return
     other = _misfit(evidence.measured * [1.0, 1.0, -1.0], evidence.commanded)

@@ -162,7 +162,7 @@ def _rsi(address: str, settings: SourceSettings) -> Source[Block]:
                 source=where.shown,
                 hint=f"rsi://{where.host}:{config.port}",
             )
-    return _answered(
+    return _build_answering_source(
         RsiSettings(
             name=where.shown,
             config=config,
@@ -209,7 +209,7 @@ def _egm(address: str, settings: SourceSettings) -> Source[Block]:
             hint="egm://0.0.0.0:6510?robotware=7",
         )
     mode = options.word("mode", _MODES)
-    return _answered(
+    return _build_answering_source(
         EgmSettings(
             name=where.shown,
             generation=RobotWare.SIX if generation == "6" else RobotWare.SEVEN,
@@ -223,7 +223,9 @@ def _egm(address: str, settings: SourceSettings) -> Source[Block]:
     )
 
 
-def _answered(link: RsiSettings | EgmSettings, settings: SourceSettings) -> Source[JointBlock]:
+def _build_answering_source(
+    link: RsiSettings | EgmSettings, settings: SourceSettings
+) -> Source[JointBlock]:
     """The source of a controller that waits for answers: from a process of its own, or a thread."""
     from robotrue.online.answering_link import AVAILABLE, AnsweringLink
     from robotrue.online.egm_link import EgmSource

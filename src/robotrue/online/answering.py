@@ -31,13 +31,13 @@ from robotrue.online.answering_wire import (
     LinkSettings,
     fault_document,
     frames,
-    guard_of,
     guard_state,
     link_state,
     message,
     plain,
+    read_guard,
     read_message,
-    settings_of,
+    read_settings,
 )
 from robotrue.online.blocks import Block
 from robotrue.online.egm_link import EgmForce, EgmSource
@@ -70,7 +70,7 @@ def main(descriptor: int) -> None:
     with socket.socket(fileno=descriptor) as pipe:
         opening, _ = read_message(pipe.recv(MOST))
         try:
-            guard, link = _opened(opening)
+            guard, link = _open_link(opening)
         except RobotrueError as refused:
             pipe.send(message({"refused": fault_document(refused)}))
             return
@@ -86,15 +86,15 @@ def _stay_in_memory() -> None:
         ctypes.CDLL(None).mlockall(_RESIDENT)
 
 
-def _opened(opening: Document) -> tuple[CorrectionGuard | None, RobotLink[Any]]:
+def _open_link(opening: Document) -> tuple[CorrectionGuard | None, RobotLink[Any]]:
     guard, before = None, None
     if opening["guard"] is not None:
-        guard = CorrectionGuard(*guard_of(opening["guard"]))
+        guard = CorrectionGuard(*read_guard(opening["guard"]))
     if opening["before"] is not None:
         before = link_state(opening["before"]["link"])
         if guard is not None:
             guard.resume(guard_state(opening["before"]["guard"]), opening["before"]["why"])
-    return guard, _link(settings_of(opening["settings"]), guard, before)
+    return guard, _link(read_settings(opening["settings"]), guard, before)
 
 
 def _link(
@@ -122,7 +122,7 @@ class _Answering:
         """Serves until closed, left alone, or until the link has failed."""
         await self._send(lambda: {"address": self._link.address, **self._state()})
         self._pump(self._link.blocks())
-        asked = asyncio.create_task(self._asked())
+        asked = asyncio.create_task(self._serve_requests())
         beat = asyncio.create_task(self._beat())
         await asyncio.wait({asked, *self._pumps}, return_when=asyncio.FIRST_COMPLETED)
         await self._link.close()
@@ -134,7 +134,7 @@ class _Answering:
             if pump.done():
                 pump.result()
 
-    async def _asked(self) -> None:
+    async def _serve_requests(self) -> None:
         """Does what the service asks for, until it closes or is gone."""
         loop = asyncio.get_running_loop()
         while True:
@@ -175,9 +175,9 @@ class _Answering:
         return False
 
     def _pump(self, blocks: AsyncIterator[Block]) -> None:
-        self._pumps.append(asyncio.create_task(self._pumped(blocks)))
+        self._pumps.append(asyncio.create_task(self._pump_blocks(blocks)))
 
-    async def _pumped(self, blocks: AsyncIterator[Block]) -> None:
+    async def _pump_blocks(self, blocks: AsyncIterator[Block]) -> None:
         try:
             async for block in blocks:
                 # right behind an answer there is time for the counters

@@ -24,16 +24,16 @@ from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.online.answering_wire import (
     MOST,
     LinkSettings,
-    block_of,
-    fault_of,
+    decode_block,
     guard_document,
     guard_state,
-    health_of,
     join_blocks,
     link_state,
     message,
+    read_fault,
+    read_health,
     read_message,
-    seen_of,
+    read_watch,
     settings_document,
 )
 from robotrue.online.blocks import ForceBlock, JointBlock
@@ -117,7 +117,7 @@ class AnsweringLink:
         Raises:
             RobotrueError: A correction that this controller cannot take, or a process that ended.
         """
-        await self._revived()
+        await self._restart_process()
         async for block in self._stream.blocks():
             yield block
 
@@ -176,7 +176,7 @@ class AnsweringLink:
             "before": before,
         }
         try:
-            document = self._opened(opening)
+            document = self._open_process(opening)
         except BaseException:
             self._pipe.close()
             self._process.kill()
@@ -185,7 +185,7 @@ class AnsweringLink:
         self.address: tuple[str, int] = (document["address"][0], document["address"][1])
         self._stream: _Stream[JointBlock] = _Stream(settings.waiting)
         self._died = ""
-        self._heard(document)
+        self._take_state(document)
         self._thread = threading.Thread(
             target=self._listen, name=f"answers {settings.name}", daemon=True
         )
@@ -194,7 +194,7 @@ class AnsweringLink:
             self._view.begin(settings.waiting)
             self._tell({"do": "force"})
 
-    def _opened(self, opening: Mapping[str, Any]) -> dict[str, Any]:
+    def _open_process(self, opening: Mapping[str, Any]) -> dict[str, Any]:
         self._pipe.settimeout(_START)
         data, slow = b"", ""
         try:
@@ -212,10 +212,10 @@ class AnsweringLink:
         self._pipe.settimeout(None)
         document, _ = read_message(data)
         if "refused" in document:
-            raise fault_of(document["refused"])
+            raise read_fault(document["refused"])
         return document
 
-    async def _revived(self) -> None:
+    async def _restart_process(self) -> None:
         """Starts a process anew where one has ended by itself."""
         async with self._again:
             if not self._died or self._closing:
@@ -260,34 +260,34 @@ class AnsweringLink:
                 break
             document, frame = read_message(data)
             if "fault" in document:
-                fault = fault_of(document["fault"])
+                fault = read_fault(document["fault"])
             else:
-                self._heard(document)
+                self._take_state(document)
             if frame:
                 self._take(frame)
-        self._ended(fault)
+        self._handle_end(fault)
 
     def _take(self, frame: bytes) -> None:
-        block = block_of(frame)
+        block = decode_block(frame)
         if isinstance(block, JointBlock):
             self._stream.put(block)
         elif self._view is not None:
             self._view.put(block)
 
-    def _heard(self, document: Mapping[str, Any]) -> None:
+    def _take_state(self, document: Mapping[str, Any]) -> None:
         if self._guard is not None:
-            self._guard.heard(guard_state(document["guard"]))
+            self._guard.take_state(guard_state(document["guard"]))
         if "link" in document:
             self._link = link_state(document["link"])
-            self._health = health_of(document["health"])
+            self._health = read_health(document["health"])
             self.preferred = document["preferred"]
             if self._view is not None and document["force"] is not None:
-                self._view.heard(health_of(document["force"]))
+                self._view.take_health(read_health(document["force"]))
         else:
-            watch, peer = seen_of(document)
+            watch, peer = read_watch(document)
             self._link = replace(self._link, watch=watch, peer=peer)
 
-    def _ended(self, fault: RobotrueError | None) -> None:
+    def _handle_end(self, fault: RobotrueError | None) -> None:
         code = self._process.wait()
         if fault is None and not self._closing:
             how = f"exit code {code}"
@@ -301,7 +301,7 @@ class AnsweringLink:
         self._health = replace(self._health, connected=False)
         if fault is not None:
             if self._guard is not None:
-                self._before = self._guard.ended(fault.message)
+                self._before = self._guard.mark_ended(fault.message)
             self._died = fault.message
         self._stream.close(fault)
         if self._view is not None:
@@ -322,7 +322,7 @@ class AnsweringForce:
         Raises:
             RobotrueError: The process that answers has ended.
         """
-        await self._link._revived()
+        await self._link._restart_process()
         async for block in self._stream.blocks():
             yield block
 
@@ -347,7 +347,7 @@ class AnsweringForce:
         """Keeps what came."""
         self._stream.put(block)
 
-    def heard(self, health: Health) -> None:
+    def take_health(self, health: Health) -> None:
         """Takes note of the counters."""
         self._health = health
 

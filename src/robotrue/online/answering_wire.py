@@ -70,7 +70,7 @@ def frames(block: Block) -> Iterator[bytes]:
         yield frame_bytes(kind, 0, block.take(slice(start, start + _ROWS)))
 
 
-def block_of(frame: bytes) -> Any:
+def decode_block(frame: bytes) -> Any:
     """Returns the block of a frame."""
     return frame_from(frame[: HEAD.size], frame[HEAD.size :]).content
 
@@ -87,7 +87,7 @@ def settings_document(settings: LinkSettings) -> dict[str, Any]:
     return found | {"scheme": "egm", "generation": settings.generation.value}
 
 
-def settings_of(document: Document) -> LinkSettings:
+def read_settings(document: Document) -> LinkSettings:
     """Returns the settings that :func:`settings_document` told of."""
     found = dict(document)
     scheme = found.pop("scheme")
@@ -107,7 +107,7 @@ def guard_document(limits: CorrectionLimits, mode: CorrectionMode) -> dict[str, 
     return {"limits": asdict(limits), "mode": mode.value}
 
 
-def guard_of(document: Document) -> tuple[CorrectionLimits, CorrectionMode]:
+def read_guard(document: Document) -> tuple[CorrectionLimits, CorrectionMode]:
     """Returns what :func:`guard_document` told of."""
     return CorrectionLimits(**document["limits"]), CorrectionMode(document["mode"])
 
@@ -123,18 +123,18 @@ def guard_state(document: Document) -> GuardState:
 
 def link_state(document: Document) -> LinkState:
     """Returns the state of a link from its fields."""
-    watch, peer = seen_of(document)
+    watch, peer = read_watch(document)
     return LinkState(**{**document, "watch": watch, "peer": peer})
 
 
-def seen_of(document: Document) -> tuple[SequenceState, Address | None]:
+def read_watch(document: Document) -> tuple[SequenceState, Address | None]:
     """Returns the count of a controller's packets, and who sends them."""
     peer = document["peer"]
     peer = None if peer is None else (str(peer[0]), int(peer[1]))
     return SequenceState(**document["watch"]), peer
 
 
-def health_of(document: Document) -> Health:
+def read_health(document: Document) -> Health:
     """Returns the counters from their fields."""
     return Health(**document)
 
@@ -149,7 +149,7 @@ def fault_document(fault: RobotrueError) -> dict[str, Any]:
     }
 
 
-def fault_of(document: Document) -> RobotrueError:
+def read_fault(document: Document) -> RobotrueError:
     """Returns the error that :func:`fault_document` told of."""
     kind = getattr(errors, document["kind"], ConfigurationError)
     made: RobotrueError = kind(

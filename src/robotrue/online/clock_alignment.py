@@ -126,11 +126,11 @@ def align_streams(
             hint="record for longer, or both on one clock; --most-s for a narrower search.",
         )
     grid = np.arange(begin, end, 1.0 / _GRID)
-    seen = _smoothed(force_time, force, grid)
+    seen = _smooth(force_time, force, grid)
     seen = seen - seen.mean(axis=0)
     seen /= np.maximum(seen.std(axis=0), 1e-300)
     track = _Track(joint_time, joints[:, moves], begin - most, end + most)
-    return _refined(grid, seen, track, *_searched(grid, seen, track, most), worst=worst)
+    return _refine_fit(grid, seen, track, *_search_shift(grid, seen, track, most), worst=worst)
 
 
 class _Track:
@@ -141,7 +141,7 @@ class _Track:
         self.begin = begin - 2.0 * self.step
         count = int(np.ceil((end - begin) / self.step)) + 6
         grid: Array = self.begin + self.step * np.arange(count, dtype=np.float64)
-        values = _smoothed(time, joints, grid)
+        values = _smooth(time, joints, grid)
         bend = np.gradient(np.gradient(values, self.step, axis=0), self.step, axis=0)
         own = np.hstack([_products(values), bend])
         own = own - own.mean(axis=0)
@@ -184,12 +184,14 @@ def _products(joints: Array) -> Array:
     return np.hstack([*single, *pairs])
 
 
-def _searched(grid: Array, seen: Array, track: _Track, most: float) -> tuple[float, float, float]:
+def _search_shift(
+    grid: Array, seen: Array, track: _Track, most: float
+) -> tuple[float, float, float]:
     """Returns the best shift on a coarse grid, what it explains, and what its best rival does."""
     thin = slice(None, None, _COARSE)
     reach = int(np.floor(most * _GRID / _COARSE))
     shifts = np.arange(-reach, reach + 1.0) * _COARSE / _GRID
-    share = np.array([_explained(seen[thin], track.near(grid[thin] + s)) for s in shifts])
+    share = np.array([_explained_share(seen[thin], track.near(grid[thin] + s)) for s in shifts])
     best = int(np.argmax(share))
     if best in (0, len(share) - 1):
         raise ObservabilityError(
@@ -214,7 +216,7 @@ def _searched(grid: Array, seen: Array, track: _Track, most: float) -> tuple[flo
     return float(shifts[best]), float(share[best]), rival
 
 
-def _refined(
+def _refine_fit(
     grid: Array, seen: Array, track: _Track, shift: float, _share: float, rival: float,
     *, worst: float,
 ) -> ClockAlignment:  # fmt: skip
@@ -249,7 +251,7 @@ def _refined(
         if np.abs(step[0]) < _SETTLED:
             break
     sd = _deviation(normal, free, rest, weight)
-    explained = _explained(seen, track.at(grid + shift + drift * scale)[0])
+    explained = _explained_share(seen, track.at(grid + shift + drift * scale)[0])
     if not sd[0] <= worst:
         raise ObservabilityError(
             f"the jog shows the shift to {1e3 * sd[0]:.2g} ms only, expected {1e3 * worst:.2g} ms "
@@ -286,14 +288,14 @@ def _deviation(normal: Array, free: Array, rest: Array, weight: Array) -> Array:
     return np.asarray(sd)
 
 
-def _explained(seen: Array, value: Array) -> float:
+def _explained_share(seen: Array, value: Array) -> float:
     """Share of the variance of (n, k) that functions (n, j) of the joints explain."""
     basis = np.linalg.qr(value - value.mean(axis=0))[0]
     centred = seen - seen.mean(axis=0)
     return float(((basis.T @ centred) ** 2).sum() / (centred**2).sum())
 
 
-def _smoothed(time: Array, values: Array, grid: Array) -> Array:
+def _smooth(time: Array, values: Array, grid: Array) -> Array:
     """Values (n, k) at the times of an even grid, smoothed by a bell that shifts nothing."""
     fine = 1.0 / max(_GRID, 5.0 / SMOOTH)
     begin = grid[0] - 4.0 * SMOOTH

@@ -155,7 +155,7 @@ class StreamClock:
         controller, delay = controller[:n], delay[:n]
         latest = np.maximum.accumulate(np.maximum(controller, number[3]))
         wrong = controller < latest - BIN
-        expected = self._expected(controller, delay)
+        expected = self._expect_host_times(controller, delay)
         if number[7]:
             wrong |= delay < expected - JUMP
         if wrong.any():
@@ -173,7 +173,7 @@ class StreamClock:
         self._least(controller, delay)
         return n
 
-    def _expected(self, controller: Array, delay: Array) -> Array:
+    def _expect_host_times(self, controller: Array, delay: Array) -> Array:
         start, offset, drift = self._fit[:3]
         if self._number[7]:
             return np.asarray(offset + drift * (controller - start))

@@ -93,13 +93,13 @@ class CsvSink:
                 hint="check the folder and its permissions.",
             ) from cause
         try:
-            self._size = self._settled(file, header)
+            self._size = self._find_append_position(file, header)
         except BaseException:
             file.close()
             raise
         self._file = file
 
-    def _settled(self, file: FileIO, header: bytes) -> int:
+    def _find_append_position(self, file: FileIO, header: bytes) -> int:
         """Returns where the next line goes."""
         size = file.seek(0, os.SEEK_END)
         if size == 0:

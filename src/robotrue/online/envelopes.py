@@ -75,7 +75,7 @@ class Envelopes:
         found = self._bins(block)
         if self._open is not None:
             if found[0].index == self._open.index:
-                found[0] = _joined(self._open, found[0])
+                found[0] = _merge_bins(self._open, found[0])
             else:
                 found.insert(0, self._open)
         self._open = found.pop()
@@ -110,7 +110,7 @@ class Envelopes:
         ]
 
 
-def _joined(first: Bin, second: Bin) -> Bin:
+def _merge_bins(first: Bin, second: Bin) -> Bin:
     return Bin(
         index=second.index,
         host_time=second.host_time,

@@ -128,7 +128,7 @@ class MqttSink:
                     await self._say(client, "status", "online", lasting=True)
                     self._connected, wait = True, _FIRST_WAIT
                     self._joined += 1
-                    await _first_of(self._send(client), _until_gone(client))
+                    await _wait_for_first(self._send(client), _until_gone(client))
                     await self._say(client, "status", "offline", lasting=True)
                     return
             except (aiomqtt.MqttError, OSError, ValueError) as cause:
@@ -210,7 +210,7 @@ async def _until_gone(client: Any) -> None:
         pass
 
 
-async def _first_of(*work: Coroutine[Any, Any, None]) -> None:
+async def _wait_for_first(*work: Coroutine[Any, Any, None]) -> None:
     """Waits until one is done, ends the others and raises what the one raised."""
     tasks = [asyncio.ensure_future(w) for w in work]
     try:

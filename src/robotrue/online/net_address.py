@@ -131,11 +131,11 @@ def net_address(address: str, *, default_port: int) -> NetAddress:
         host=parts.hostname,
         port=default_port if port is None else port,
         path=unquote(parts.path.strip("/")),
-        user=_unquoted(parts, "username"),
-        password=_unquoted(parts, "password"),
+        user=_unquote(parts, "username"),
+        password=_unquote(parts, "password"),
         options=dict(options),
     )
 
 
-def _unquoted(parts: SplitResult, name: str) -> str:
+def _unquote(parts: SplitResult, name: str) -> str:
     return unquote(getattr(parts, name) or "")

@@ -74,13 +74,13 @@ async def add_robot(server: Any, index: int, cell: str, joints: int) -> list[Any
 
     di, robotics = [await server.get_namespace_index(uri) for uri in (_DI, _ROBOTICS)]
     types = await _types(server, robotics)
-    system = await _made(server.nodes.objects, index, f"{cell} robot", types[_SYSTEM])
+    system = await _make_object(server.nodes.objects, index, f"{cell} robot", types[_SYSTEM])
     devices = await system.get_child([f"{robotics}:MotionDevices"])
-    device = await _made(devices, index, "Robot", types[_DEVICE])
+    device = await _make_object(devices, index, "Robot", types[_DEVICE])
     axes = await device.get_child([f"{robotics}:Axes"])
     found = []
     for k in range(joints):
-        axis = await _made(axes, index, f"Axis_{k + 1}", types[_AXIS])
+        axis = await _make_object(axes, index, f"Axis_{k + 1}", types[_AXIS])
         node = await axis.get_child([f"{di}:ParameterSet", f"{robotics}:ActualPosition"])
         await set_unit(node, "deg")
         await node.write_value(
@@ -109,7 +109,7 @@ async def _types(server: Any, robotics: int) -> dict[str, Any]:
     return found
 
 
-async def _made(parent: Any, index: int, name: str, kind: Any) -> Any:
+async def _make_object(parent: Any, index: int, name: str, kind: Any) -> Any:
     """Returns a new object of a type, without the placeholders its type has for a reader."""
     node = await parent.add_object(index, name, objecttype=kind.nodeid, instantiate_optional=False)
     await _without_placeholders(node)

@@ -115,7 +115,7 @@ class OpcUaSink:
         from asyncua import Server, ua
 
         server = Server(user_manager=_Users(self._user, self._password) if self._user else None)
-        await self._secured(server)
+        await self._secure(server)
         await server.init()
         host = f"[{self._address.host}]" if ":" in self._address.host else self._address.host
         server.set_endpoint(f"opc.tcp://{host}:{self._address.port}/")
@@ -135,7 +135,7 @@ class OpcUaSink:
         await self._grow(server.nodes.objects, index)
         return server
 
-    async def _secured(self, server: Any) -> None:
+    async def _secure(self, server: Any) -> None:
         from asyncua import ua
 
         env: Mapping[str, str] = self._settings.environment

@@ -141,12 +141,12 @@ def _one(
 
 def write_varint(number: int, value: int) -> bytes:
     """Returns a field that holds a whole number from 0 to 2^64 - 1."""
-    return _written(number << 3 | VARINT) + _written(value)
+    return _encode_varint(number << 3 | VARINT) + _encode_varint(value)
 
 
 def write_double(number: int, value: float) -> bytes:
     """Returns a field that holds a double."""
-    return _written(number << 3 | FIXED64) + _DOUBLE.pack(value)
+    return _encode_varint(number << 3 | FIXED64) + _DOUBLE.pack(value)
 
 
 def write_doubles(number: int, values: tuple[float, ...]) -> bytes:
@@ -156,10 +156,10 @@ def write_doubles(number: int, values: tuple[float, ...]) -> bytes:
 
 def write_message(number: int, body: bytes) -> bytes:
     """Returns a field that holds a message."""
-    return _written(number << 3 | BYTES) + _written(len(body)) + body
+    return _encode_varint(number << 3 | BYTES) + _encode_varint(len(body)) + body
 
 
-def _written(value: int) -> bytes:
+def _encode_varint(value: int) -> bytes:
     if not 0 <= value < 1 << 64:
         raise FormatError(f"{value} cannot be written, expected 0 to 2^64 - 1.")
     out = bytearray()

@@ -20,7 +20,7 @@ RECORD: Final = np.dtype(
 Records = npt.NDArray[np.void]
 
 
-def records_of(data: bytes | bytearray | memoryview) -> Records:
+def decode_records(data: bytes | bytearray | memoryview) -> Records:
     """Returns the records (n,) of bytes that hold whole ones, without copying.
 
     Raises:

@@ -34,7 +34,7 @@ from robotrue.online.rdt import (
     rdt_sequence,
     write_request,
 )
-from robotrue.online.rdt_block import RECORD, arrival_times, rdt_block, records_of
+from robotrue.online.rdt_block import RECORD, arrival_times, decode_records, rdt_block
 from robotrue.online.samples import Flag
 from robotrue.online.sequence import SequenceState
 from robotrue.online.sequence_block import advance_block
@@ -159,7 +159,7 @@ class RdtSource:
         try:
             while not self._closed:
                 try:
-                    scale, rate = await self._known()
+                    scale, rate = await self._find_scale_and_rate()
                     self._enter(rate)
                     while (block := await self._next(scale, rate)) is not None:
                         wait = _RETRY[0]
@@ -174,11 +174,11 @@ class RdtSource:
         finally:
             await self.close()
 
-    async def _known(self) -> tuple[RdtScale, float]:
+    async def _find_scale_and_rate(self) -> tuple[RdtScale, float]:
         """Scale and rate, fetched from the sensor where the settings leave it to the page."""
         page = self._settings.page
         if page and (self._scale is None or self._rate is None):
-            data = await asyncio.to_thread(_fetched, page)
+            data = await asyncio.to_thread(_fetch_page, page)
             self._scale = self._scale or parse_netftapi(data, page)
             self._rate = self._rate or parse_rate(data, page)
         if self._scale is None or self._rate is None:
@@ -218,7 +218,7 @@ class RdtSource:
             return None
         now = time.monotonic() - self._waited
         with memoryview(self._buffer) as whole, whole[:size] as part:
-            records = records_of(bytes(part))
+            records = decode_records(bytes(part))
         self._emptied, earliest = now, min(self._emptied, now)
         rdt = records["rdt"].astype(np.int64)
         came = arrival_times(rdt, now, earliest, rate)
@@ -256,7 +256,7 @@ class RdtSource:
                             got = await loop.sock_recv_into(link, view[: _DATAGRAM + 1])
                     except TimeoutError:
                         continue
-                    size = self._drain(link, view, self._whole(got))
+                    size = self._drain(link, view, self._whole_size(got))
         finally:
             self._reading = False
         return 0 if self._closed else size
@@ -264,19 +264,19 @@ class RdtSource:
     def _drain(self, link: socket.socket, view: memoryview, size: int) -> int:
         """Reads all that is there now behind what was read."""
         most = _MOST * RECORD.itemsize
-        recv_into, whole = _received(link), RECORD.itemsize
+        recv_into, whole = _make_receiver(link), RECORD.itemsize
         told: Told = []
         while size < most:
             try:
                 got, told = recv_into(view[size : size + _DATAGRAM + 1])
             except BlockingIOError:
                 break
-            size += got if got == whole else self._whole(got)
+            size += got if got == whole else self._whole_size(got)
         # a computer that was busy reads late what came in time
         self._waited = waited(told)
         return size
 
-    def _whole(self, got: int) -> int:
+    def _whole_size(self, got: int) -> int:
         """The size of a datagram if it holds records, else 0."""
         if got and got <= _DATAGRAM and got % RECORD.itemsize == 0:
             return got
@@ -326,7 +326,7 @@ class RdtSource:
         self._health = replace(self._health, last_fault=what)
 
 
-def _received(link: socket.socket) -> Callable[[memoryview], tuple[int, Told]]:
+def _make_receiver(link: socket.socket) -> Callable[[memoryview], tuple[int, Told]]:
     """Reads a datagram into a view: its size, and what the system tells with it."""
     if not hasattr(link, "recvmsg_into"):  # Windows
         return lambda view: (link.recv_into(view), [])
@@ -339,7 +339,7 @@ def _received(link: socket.socket) -> Callable[[memoryview], tuple[int, Told]]:
     return read
 
 
-def _fetched(page: str) -> bytes:
+def _fetch_page(page: str) -> bytes:
     try:
         with urllib.request.urlopen(page, timeout=2.0) as answer:  # noqa: S310 (http, checked)
             return bytes(answer.read(1 << 20))

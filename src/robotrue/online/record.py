@@ -26,7 +26,7 @@ from robotrue.online.record_frames import (
     frame_kind,
     frame_number,
     head_length,
-    sound,
+    is_sound,
 )
 
 SCHEMA: Final = 1
@@ -133,7 +133,7 @@ class Record:
         self, segment: Path, kinds: Collection[Kind] | None = None, *, skip_damage: bool = False
     ) -> Iterator[Frame]:
         """Gives the frames of one segment, as :meth:`frames`."""
-        for head, payload in self._whole(segment, skip_damage):
+        for head, payload in self._read_whole_frames(segment, skip_damage):
             if kinds is None or frame_kind(head) in kinds:
                 yield frame_from(head, payload)
 
@@ -141,16 +141,16 @@ class Record:
         """Returns the number after the last whole frame; 0 where there is none."""
         for segment in reversed(segments(self.path)):
             number = None
-            for head, _ in self._whole(segment, skip_damage=True):
+            for head, _ in self._read_whole_frames(segment, skip_damage=True):
                 number = frame_number(head)
             if number is not None:
                 return number + 1
         return 0
 
-    def _whole(self, segment: Path, skip_damage: bool) -> Iterator[tuple[bytes, bytes]]:
+    def _read_whole_frames(self, segment: Path, skip_damage: bool) -> Iterator[tuple[bytes, bytes]]:
         with segment.open("rb", buffering=_BUFFER) as stream:
             if _read_header(stream, segment) is None:
-                self._tear(segment, 0, segment.stat().st_size, inside=False)
+                self._note_torn(segment, 0, segment.stat().st_size, inside=False)
                 return
             while True:
                 at = stream.tell()
@@ -159,12 +159,12 @@ class Record:
                     return
                 length = head_length(head)
                 payload = b"" if length is None else stream.read(length)
-                if length is not None and len(payload) == length and sound(head, payload):
+                if length is not None and len(payload) == length and is_sound(head, payload):
                     yield head, payload
                     continue
                 there = _next_frame(stream, at + 1)
                 end = segment.stat().st_size if there is None else there
-                self._tear(segment, at, end - at, inside=there is not None)
+                self._note_torn(segment, at, end - at, inside=there is not None)
                 if there is None:
                     return
                 if not skip_damage:
@@ -176,7 +176,7 @@ class Record:
                     )
                 stream.seek(there)
 
-    def _tear(self, segment: Path, offset: int, length: int, *, inside: bool) -> None:
+    def _note_torn(self, segment: Path, offset: int, length: int, *, inside: bool) -> None:
         found = Torn(segment=segment, offset=offset, length=length, inside=inside)
         if found not in self.torn:
             self.torn.append(found)
@@ -253,7 +253,7 @@ def _next_frame(stream: BinaryIO, start: int) -> int | None:
         window += more
         found = window.find(MAGIC)
         while found >= 0:
-            if _whole_at(stream, base + found):
+            if _is_whole_frame_at(stream, base + found):
                 return base + found
             found = window.find(MAGIC, found + 1)
         if not more:
@@ -263,11 +263,11 @@ def _next_frame(stream: BinaryIO, start: int) -> int | None:
         stream.seek(base + keep)
 
 
-def _whole_at(stream: BinaryIO, at: int) -> bool:
+def _is_whole_frame_at(stream: BinaryIO, at: int) -> bool:
     stream.seek(at)
     head = stream.read(HEAD.size)
     length = head_length(head)
     if length is None:
         return False
     payload = stream.read(length)
-    return len(payload) == length and sound(head, payload)
+    return len(payload) == length and is_sound(head, payload)

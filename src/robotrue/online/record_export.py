@@ -29,7 +29,7 @@ STREAMS: Final[dict[Exported, Kind]] = {
 _LOOKED_AT: Final = 16
 
 
-def exported_lines(
+def export_lines(
     record: Record, stream: Exported, *, skip_damage: bool = False
 ) -> Iterator[tuple[bytes, int]]:
     """Gives the header and then the lines of each block of a stream, with how many they are.

@@ -131,7 +131,7 @@ def head_length(head: bytes) -> int | None:
     return length if magic == MAGIC and known and not zero and length <= LARGEST else None
 
 
-def sound(head: bytes, payload: bytes) -> bool:
+def is_sound(head: bytes, payload: bytes) -> bool:
     """Returns whether head and payload are what was written."""
     return zlib.crc32(payload, zlib.crc32(head[:-4])) == int.from_bytes(head[-4:], "little")
 

@@ -163,13 +163,13 @@ class RecordWriter:
     def _run(self) -> None:
         try:
             while self._wait():
-                if self._queue and not self._pass_on():
+                if self._queue and not self._write_batch():
                     if self._closing:
                         return
                     with self._change:
                         self._change.wait(_RETRY)
                 elif time.monotonic() - self._synced >= self._sync:
-                    self._through()
+                    self._sync_to_disk()
             self._end_segment()
         except BaseException as fault:  # raised to whoever puts next: the thread has no caller
             self._broken = fault
@@ -181,7 +181,7 @@ class RecordWriter:
                 self._change.wait(self._sync)
             return bool(self._queue) or not self._closing
 
-    def _pass_on(self) -> bool:
+    def _write_batch(self) -> bool:
         """Writes a batch; whether the disk took it. What it did not take stays in the queue."""
         batch, size, most = [], 0, min(_BATCH, self._segment - self._length)
         for kind, number, content, _ in self._queue_now():
@@ -197,7 +197,7 @@ class RecordWriter:
             while done < size:
                 done += self._write(self._file, data[done:])
         except OSError as fault:
-            self._refused(fault)
+            self._note_refusal(fault)
         else:
             self._fault = ""
         whole, length = 0, 0
@@ -221,7 +221,7 @@ class RecordWriter:
         with self._change:
             return list(itertools.islice(self._queue, _MOST))
 
-    def _refused(self, fault: OSError) -> None:
+    def _note_refusal(self, fault: OSError) -> None:
         self._fault = f"the disk refuses: {fault.strerror or fault}"
         self._faults += 1
 
@@ -255,18 +255,18 @@ class RecordWriter:
     def _segment_path(self) -> Path:
         return self.path / f"segment-{self._segment_number:06d}.rtr"
 
-    def _through(self) -> None:
+    def _sync_to_disk(self) -> None:
         self._synced = time.monotonic()
         if self._file < 0:
             return
         try:
             os.fsync(self._file)
         except OSError as fault:
-            self._refused(fault)
+            self._note_refusal(fault)
 
     def _end_segment(self) -> None:
         if self._file >= 0:
-            self._through()
+            self._sync_to_disk()
             os.close(self._file)
             self._file, self._length = -1, 0
 

@@ -87,11 +87,11 @@ class RemoteGuard:
         """Says how it is reached."""
         self._tell = tell
 
-    def heard(self, state: GuardState) -> None:
+    def take_state(self, state: GuardState) -> None:
         """Takes note of how it stands."""
         self._state = state
 
-    def ended(self, why: str) -> GuardState:
+    def mark_ended(self, why: str) -> GuardState:
         """Takes note that its process has ended; returns how it stood before."""
         before = self._state
         if before.active:

@@ -78,7 +78,7 @@ def joint_blocks(path: str | Path, repeats: Repeats | None = None) -> Iterator[J
     def tables() -> Iterator[Table]:
         return read_columns(path, (*TIME, *JOINTS), (POSE,), CLOCKS)
 
-    return _played(tables, repeats or Repeats(), _joints, path)
+    return _play(tables, repeats or Repeats(), _joints, path)
 
 
 def force_blocks(
@@ -106,7 +106,7 @@ def force_blocks(
     def block(names: tuple[str, ...], table: Array, clock: _Clock) -> ForceBlock:
         return _force(names, table, clock, frame)
 
-    return _played(tables, repeats or Repeats(), block, path)
+    return _play(tables, repeats or Repeats(), block, path)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -177,7 +177,7 @@ class _Watch:
         self._passed = self._rows
 
 
-def _played(
+def _play(
     tables: Callable[[], Iterator[Table]],
     repeats: Repeats,
     block: Callable[[tuple[str, ...], Array, _Clock], B],
@@ -199,10 +199,10 @@ def _played(
 
 
 def _joints(names: tuple[str, ...], table: Array, clock: _Clock) -> JointBlock:
-    joints, flags = check_joints(_taken(names, table, JOINTS) * DEG, clock.flags)
+    joints, flags = check_joints(_pick_columns(names, table, JOINTS) * DEG, clock.flags)
     poses = np.full((len(table), 4, 4), np.nan)
     if POSE[0] in names:
-        numbers = _taken(names, table, POSE)
+        numbers = _pick_columns(names, table, POSE)
         known = np.isfinite(numbers).all(axis=1)
         # rx, ry, rz are KUKA's C, B, A
         poses[known] = pose_from_xyz_abc(numbers[known, :3] * MM, numbers[known, :2:-1] * DEG)
@@ -220,10 +220,10 @@ def _joints(names: tuple[str, ...], table: Array, clock: _Clock) -> JointBlock:
 
 def _force(names: tuple[str, ...], table: Array, clock: _Clock, frame: str) -> ForceBlock:
     wrench = np.full((len(table), 6), np.nan)
-    wrench[:, :3] = _taken(names, table, FORCE)
+    wrench[:, :3] = _pick_columns(names, table, FORCE)
     flags = clock.flags
     if TORQUE[0] in names:
-        wrench[:, 3:] = _taken(names, table, TORQUE)
+        wrench[:, 3:] = _pick_columns(names, table, TORQUE)
         lost = np.isnan(wrench[:, 3:]).any(axis=1)
         flags = flags | np.where(lost, int(Flag.NOT_FINITE), 0)
     status = np.zeros(len(table), dtype=np.int64)
@@ -244,5 +244,5 @@ def _force(names: tuple[str, ...], table: Array, clock: _Clock, frame: str) -> F
     )
 
 
-def _taken(names: tuple[str, ...], table: Array, wanted: tuple[str, ...]) -> Array:
+def _pick_columns(names: tuple[str, ...], table: Array, wanted: tuple[str, ...]) -> Array:
     return np.asarray(table[:, [names.index(name) for name in wanted]])

@@ -57,13 +57,13 @@ def resume(record: Record, chain: SensingChain) -> Resumed:
         elif frame.kind is Kind.FORCE:
             made.extend(chain.force(frame.content))
         else:
-            compared = _compared(frame, made)
+            compared = _compare_estimates(frame, made)
             checked += compared
             again += len(frame.content) - compared
     return Resumed(rows=dict(chain.rows), missing=list(made), again=again, checked=checked)
 
 
-def recorded_after(record: Record, line: str | None, before: int) -> Iterator[EstimateBlock]:
+def read_estimates_after(record: Record, line: str | None, before: int) -> Iterator[EstimateBlock]:
     """Gives the recorded estimates after the one that a line of a CSV file stands for.
 
     Args:
@@ -88,7 +88,7 @@ def recorded_after(record: Record, line: str | None, before: int) -> Iterator[Es
             block = frame.content
             if begun:
                 yield block
-            elif (row := _row_of(block, host, sequence)) is not None:
+            elif (row := _find_row(block, host, sequence)) is not None:
                 begun = True
                 if row + 1 < len(block):
                     yield block.take(slice(row + 1, None))
@@ -129,7 +129,7 @@ def _since_checkpoint(record: Record) -> Iterator[Frame]:
                 yield frame
 
 
-def _compared(frame: Frame, made: deque[EstimateBlock]) -> int:
+def _compare_estimates(frame: Frame, made: deque[EstimateBlock]) -> int:
     """Takes from ``made`` what a frame holds; returns how many rows there were to compare."""
     block: EstimateBlock = frame.content
     done = 0
@@ -157,7 +157,7 @@ def _from_before(record: Record, segment: Path, host: float) -> bool:
     return False
 
 
-def _row_of(block: EstimateBlock, host: str, sequence: str) -> int | None:
+def _find_row(block: EstimateBlock, host: str, sequence: str) -> int | None:
     for row in np.flatnonzero(block.sequence == int(sequence or -1)).tolist():
         if f"{block.host_time[row]:.9f}" == host:
             return int(row)

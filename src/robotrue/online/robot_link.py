@@ -116,7 +116,7 @@ class RobotLink(Generic[S]):
         """Lets a correction go to zero at its rate, then stops answering."""
         if self._corrector is not None:
             self._corrector.release()
-            await self._released(self._corrector)
+            await self._wait_for_release(self._corrector)
         await self._endpoint.stop()
 
     @property
@@ -124,7 +124,7 @@ class RobotLink(Generic[S]):
         """Whether the system lets the answering thread run before all others."""
         return self._endpoint.preferred
 
-    async def _released(self, corrector: Corrector) -> None:
+    async def _wait_for_release(self, corrector: Corrector) -> None:
         """Waits for a robot without correction that has had the time to say otherwise."""
         until = time.monotonic() + _RELEASE
         since = None

@@ -173,8 +173,8 @@ def read_rob(data: bytes, config: RsiConfig | None = None) -> RobPacket:
                 f"RSI packet without {', '.join(missing)}.",
                 hint="give the EthernetConfig.xml that the controller runs.",
             )
-    joints = _taken(values, "AIPos", _JOINTS)
-    pose = _taken(values, "RIst", _POSE)
+    joints = _take_six(values, "AIPos", _JOINTS)
+    pose = _take_six(values, "RIst", _POSE)
     late = values.pop("Delay.D", None)
     if late is not None and not (0 <= late < 1e9 and late == int(late)):
         raise FormatError(f"Delay D={late:g}, expected a count.")
@@ -330,7 +330,7 @@ def _number(text: str, name: str) -> float:
     raise FormatError(f"{name}={text!r}, expected a number.")
 
 
-def _taken(values: dict[str, float], tag: str, names: tuple[str, ...]) -> Six | None:
+def _take_six(values: dict[str, float], tag: str, names: tuple[str, ...]) -> Six | None:
     found = [values.pop(f"{tag}.{name}") for name in names if f"{tag}.{name}" in values]
     if not found:
         return None

@@ -157,16 +157,18 @@ class RsiSource(RobotLink[SeenPacket]):
             packet_flags(packet)
             same = self._begin(sender)
             self._answered.clear()
-            moves = self._booked(packet.ipoc, packet.late, host_time, same=same, silent=True)
+            moves = self._book_answer(packet.ipoc, packet.late, host_time, same=same, silent=True)
             self._answer(packet.ipoc, sender, host_time, moves=moves)
         else:
             ipoc = read_ipoc(data)
-            moves = self._booking is not None and self._booked(ipoc, read_late(data), host_time)
+            moves = self._booking is not None and self._book_answer(
+                ipoc, read_late(data), host_time
+            )
             self._answer(ipoc, sender, host_time, moves=moves)
             packet = read_rob_fast(data)
-        self._watched(packet, host_time)
+        self._watch_counts(packet, host_time)
 
-    def _booked(
+    def _book_answer(
         self,
         ipoc: int,
         late: int | None,
@@ -196,7 +198,7 @@ class RsiSource(RobotLink[SeenPacket]):
         if self._endpoint.send(self._writer.write(ipoc, correction), sender):
             self.turnaround.add(time.monotonic() - host_time)
 
-    def _watched(self, packet: RobPacket, host_time: float) -> None:
+    def _watch_counts(self, packet: RobPacket, host_time: float) -> None:
         """Watches the counts."""
         watch = self._watch
         now = watch.late_count

@@ -133,7 +133,7 @@ def write_output_request(names: tuple[str, ...], rate: float) -> bytes:
     """
     if not 0.0 < rate <= 500.0:
         raise ConfigurationError(f"rate {rate:g} 1/s, expected up to 500 (125 before e-Series).")
-    return write_frame("O", struct.pack(">d", rate) + _listed(names))
+    return write_frame("O", struct.pack(">d", rate) + _write_names(names))
 
 
 def write_input_request(names: tuple[str, ...]) -> bytes:
@@ -142,7 +142,7 @@ def write_input_request(names: tuple[str, ...]) -> bytes:
     Raises:
         ConfigurationError: No names, or one that is not a name.
     """
-    return write_frame("I", _listed(names))
+    return write_frame("I", _write_names(names))
 
 
 def read_accepted(frame: Frame) -> bool:
@@ -325,7 +325,7 @@ def _six(values: Mapping[str, Value], name: str) -> Array:
     return np.array(found, dtype=np.float64)
 
 
-def _listed(names: tuple[str, ...]) -> bytes:
+def _write_names(names: tuple[str, ...]) -> bytes:
     if not names or not all(n.isascii() and n.isidentifier() for n in names):
         raise ConfigurationError(f"RTDE variables {names}, expected names.")
     return ",".join(names).encode("ascii")

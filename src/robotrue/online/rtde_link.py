@@ -185,7 +185,7 @@ class _RtdeLink(Generic[B]):
     def _block(self, values: list[dict[str, rtde.Value]], now: float) -> B:
         raise NotImplementedError
 
-    def _watched(self, sample: S) -> S:
+    def _watch_clock(self, sample: S) -> S:
         """The sample with what its clock says; the first after a return is another clock's."""
         if sample.flags & Flag.CLOCK_JUMP:  # no time at all: the clock stays where it was
             return sample
@@ -221,7 +221,9 @@ class RtdeSource(_RtdeLink[JointBlock]):
 
     def _block(self, values: list[dict[str, rtde.Value]], now: float) -> JointBlock:
         rate = self._settings.rate
-        return joint_block([self._watched(rtde.joint_sample(v, now, rate=rate)) for v in values])
+        return joint_block(
+            [self._watch_clock(rtde.joint_sample(v, now, rate=rate)) for v in values]
+        )
 
 
 class RtdeForce(_RtdeLink[ForceBlock]):
@@ -231,7 +233,9 @@ class RtdeForce(_RtdeLink[ForceBlock]):
 
     def _block(self, values: list[dict[str, rtde.Value]], now: float) -> ForceBlock:
         rate = self._settings.rate
-        return force_block([self._watched(rtde.force_sample(v, now, rate=rate)) for v in values])
+        return force_block(
+            [self._watch_clock(rtde.force_sample(v, now, rate=rate)) for v in values]
+        )
 
 
 class _Talk:

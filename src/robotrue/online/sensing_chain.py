@@ -86,10 +86,12 @@ class SensingChain:
         """Takes joints; returns the estimates of forces that waited for them."""
         self.rows["joints"] += len(block)
         time, doubt = self._clocks["joints"].align(block.controller_time, block.host_time)
-        self._estimator.joints(replace(block, host_time=time, flags=_doubted(block.flags, doubt)))
+        self._estimator.joints(
+            replace(block, host_time=time, flags=_mark_doubtful(block.flags, doubt))
+        )
         if len(time) and np.isfinite(time[-1]):
             self._passed["joints"] = float(time[-1])
-        return self._released()
+        return self._release_held()
 
     def force(self, block: ForceBlock) -> list[EstimateBlock]:
         """Takes forces; returns the estimates that can be made now, in order."""
@@ -100,19 +102,19 @@ class SensingChain:
             time = time + (shift.offset + shift.drift * (time - shift.at))
         if len(time) and np.isfinite(time[-1]):
             self._passed["force"] = float(time[-1])
-        self._held.append(replace(block, host_time=time, flags=_doubted(block.flags, doubt)))
-        return self._released()
+        self._held.append(replace(block, host_time=time, flags=_mark_doubtful(block.flags, doubt)))
+        return self._release_held()
 
-    def ended(self, stream: Stream) -> list[EstimateBlock]:
-        """Says that a stream has ended; returns the estimates of forces that waited for it."""
+    def end_stream(self, stream: Stream) -> list[EstimateBlock]:
+        """Ends a stream; returns the estimates of forces that waited for it."""
         self._passed[stream] = np.inf
-        return self._released()
+        return self._release_held()
 
     def behind(self) -> Stream:
         """Returns the stream that is to be read next, where both can wait."""
         return "joints" if self._passed["joints"] <= self._passed["force"] else "force"
 
-    def passed(self, stream: Stream) -> float:
+    def latest_time(self, stream: Stream) -> float:
         """Returns the time of a stream's latest sample, s; minus infinity before the first."""
         return self._passed[stream]
 
@@ -156,7 +158,7 @@ class SensingChain:
                 f"a checkpoint without {cause}.", hint="a record of this robotrue and these models."
             ) from cause
 
-    def _released(self) -> list[EstimateBlock]:
+    def _release_held(self) -> list[EstimateBlock]:
         until, found = self._passed["joints"] if self._patient else np.inf, []
         while self._held:
             block = self._held[0]
@@ -175,7 +177,7 @@ class SensingChain:
         return found
 
 
-def _doubted(flags: IntArray, doubt: BoolArray) -> IntArray:
+def _mark_doubtful(flags: IntArray, doubt: BoolArray) -> IntArray:
     return np.asarray(flags | np.where(doubt, _JUMP, 0)) if doubt.any() else flags
 
 

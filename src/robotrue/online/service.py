@@ -343,7 +343,7 @@ class _Service:
             await asyncio.sleep(wait)
             wait = min(2.0 * wait, _RETRY[1])
         if not self.stopping:
-            await self._give(self.chain.ended(stream))
+            await self._give(self.chain.end_stream(stream))
 
     async def _let_joints_in(self, block: ForceBlock) -> None:
         """Waits a moment for joints that a busy computer has not handed on yet.
@@ -353,7 +353,7 @@ class _Service:
         """
         until = time.monotonic() + _ON_THEIR_WAY
         while True:
-            latest = self.chain.passed("joints")
+            latest = self.chain.latest_time("joints")
             if not _APART < block.host_time[-1] - latest < _OTHER or latest == self.silent_since:
                 return
             if time.monotonic() > until:
@@ -375,7 +375,7 @@ class _Service:
                 del streams[stream]
                 if self.stopping:
                     return  # closed: a stream that goes on another time has not ended
-                await self._give(self.chain.ended(stream))
+                await self._give(self.chain.end_stream(stream))
                 continue
             await self._take(stream, block)
             while self.record is not None and self.record.crowded:

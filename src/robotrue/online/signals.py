@@ -70,7 +70,7 @@ def read_signals(data: bytes, host_time: float) -> SignalSample:
         raise FormatError(f"a datagram of {len(data)} bytes, at most {LONGEST} are read.")
     try:
         # whole numbers through float: int() of a thousand digits takes its time
-        document = json.loads(data.decode("utf-8"), object_pairs_hook=_once, parse_int=_whole)
+        document = json.loads(data.decode("utf-8"), object_pairs_hook=_once, parse_int=_read_whole)
     except (ValueError, RecursionError) as cause:
         raise FormatError(
             f"a datagram that is no JSON object: {data[:60]!r}.",
@@ -123,7 +123,7 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return dict(pairs)
 
 
-def _whole(text: str) -> float:
+def _read_whole(text: str) -> float:
     return float(text) if len(text) < 400 else math.inf
 
 

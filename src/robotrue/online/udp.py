@@ -121,12 +121,12 @@ class UdpEndpoint:
 
     def _serve(self) -> None:
         fault: BaseException | None = None
-        self.preferred = _preferred(above=1)
+        self.preferred = _prefer_thread(above=1)
         latest = float("-inf")
         try:
             while not self._stopping.is_set():
                 try:
-                    data, waited, sender = self._taken()
+                    data, waited, sender = self._take_datagram()
                 except OSError:
                     # nothing came, or the system tells that an answer found nobody
                     continue
@@ -137,7 +137,7 @@ class UdpEndpoint:
         finally:
             self._closed(fault)
 
-    def _taken(self) -> tuple[bytes, float, tuple[Any, ...]]:
+    def _take_datagram(self) -> tuple[bytes, float, tuple[Any, ...]]:
         """A datagram, s that it has waited in the system, and its sender."""
         if not _STAMPED:
             data, sender = self._socket.recvfrom(_LARGEST)
@@ -233,7 +233,7 @@ def waited(told: list[tuple[int, int, bytes]]) -> float:
     return passed if 0.0 <= passed < _LONGEST else 0.0
 
 
-def _preferred(above: int = 0) -> bool:
+def _prefer_thread(above: int = 0) -> bool:
     """Whether this thread may run before all others from now on; where that can be asked.
 
     Args:
@@ -274,7 +274,7 @@ def prompt_answers(*, first: bool = False, switch: float = SWITCH) -> Iterator[N
     gc.collect()
     gc.freeze()
     sys.setswitchinterval(switch)
-    preferred = first and _preferred()
+    preferred = first and _prefer_thread()
     try:
         yield
     finally:

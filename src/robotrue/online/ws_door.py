@@ -51,11 +51,11 @@ class Door:
             parts = urlsplit(origin)
             if parts.scheme not in ("http", "https") or parts.netloc != host:
                 return f"origin {origin[:80]!r} may not look"
-        if self.token and not self._shown(path, bearer):
+        if self.token and not self._is_authorised(path, bearer):
             return "no token, or a wrong one"
         return ""
 
-    def _shown(self, path: str, bearer: str) -> bool:
+    def _is_authorised(self, path: str, bearer: str) -> bool:
         shown = parse_qs(urlsplit(path).query).get("token", [""])[0]
         if bearer.startswith("Bearer "):
             shown = bearer.removeprefix("Bearer ")

@@ -63,7 +63,7 @@ def joints_line(text: str, dof: int) -> ReadingLine:
     numbers = _numbers(group[1] if group else text)
     if len(numbers) != dof:
         raise FormatError(
-            f"{len(numbers)} numbers in {_shown(text)}, expected {dof} joints in deg.",
+            f"{len(numbers)} numbers in {_quote(text)}, expected {dof} joints in deg.",
             hint=", ".join(f"A{k + 1} ..." for k in range(min(dof, 3))) + f", A{dof} ...",
         )
     return ReadingLine(values=numbers, counting="controller" if group else "stated")
@@ -86,7 +86,7 @@ def position_line(text: str) -> ReadingLine:
     numbers = _numbers(ur[1] if ur else group[1] if group else text)
     if len(numbers) not in (3, 6, 7):
         raise FormatError(
-            f"{len(numbers)} numbers in {_shown(text)}, expected x, y, z in mm.",
+            f"{len(numbers)} numbers in {_quote(text)}, expected x, y, z in mm.",
             hint="X 1200.02, Y -150.04, Z 599.97",
         )
     scale = 1000.0 if ur else 1.0
@@ -94,23 +94,28 @@ def position_line(text: str) -> ReadingLine:
 
 
 def _labels(text: str) -> dict[str, float]:
-    return {name.upper(): float(value) for name, value in _LABELLED.findall(_pointed(text))}
+    return {
+        name.upper(): float(value)
+        for name, value in _LABELLED.findall(_replace_decimal_commas(text))
+    }
 
 
 def _sensible(value: float, text: str) -> float:
     if not abs(value) <= MOST:
         raise FormatError(
-            f"{value:g} in {_shown(text)}, expected mm or deg of up to {MOST:,.0f}.",
+            f"{value:g} in {_quote(text)}, expected mm or deg of up to {MOST:,.0f}.",
             hint="check the line: a point may be missing.",
         )
     return value
 
 
 def _numbers(text: str) -> tuple[float, ...]:
-    return tuple(_sensible(float(each), text) for each in _PLAIN.findall(_pointed(text)))
+    return tuple(
+        _sensible(float(each), text) for each in _PLAIN.findall(_replace_decimal_commas(text))
+    )
 
 
-def _pointed(text: str) -> str:
+def _replace_decimal_commas(text: str) -> str:
     """The text with decimal points: a comma between digits is one where others separate."""
     if len(text) > LONGEST:
         raise FormatError(f"{len(text)} characters, expected one line of up to {LONGEST}.")
@@ -122,5 +127,5 @@ def _pointed(text: str) -> str:
     return text
 
 
-def _shown(text: str) -> str:
+def _quote(text: str) -> str:
     return repr(text.strip()[:60])

@@ -81,10 +81,10 @@ def open_sheet(
         )
         return sheet, mapping
     sheet = read_sheet(path)
-    return _detected(sheet, mapping, positions, ignore)
+    return _detect_mapping(sheet, mapping, positions, ignore)
 
 
-def _detected(
+def _detect_mapping(
     sheet: Sheet, name: str | None, positions: bool, ignore: Sequence[str]
 ) -> tuple[Sheet, ColumnMapping]:
     header = {column_key(column) for column in sheet.header}
