@@ -8,8 +8,8 @@ from robotrue.calibration.identity import identity_of
 from robotrue.calibration.lineage import provenance_of
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.nominal import NominalModel
-from robotrue.cell.beside import beside
 from robotrue.cell.cell import Cell
+from robotrue.cell.cell_overlay import overlay_cell
 from robotrue.cell.config import read_cell
 from robotrue.cell.part import PartTable
 from robotrue.core.files import read_bytes
@@ -25,10 +25,11 @@ def opened(path: Path, registered: Path | None = None) -> tuple[Cell, ErrorModel
     Args:
         path: Model file or cell; a registered cell brings the model it was registered with.
         registered: Another cell whose frames are wanted: its part frames, if it is registered,
-            and what else it states, see :func:`robotrue.cell.beside.beside`.
+            and what else it states, see :func:`robotrue.cell.cell_overlay.overlay_cell`.
 
     Raises:
-        ConfigurationError: As :func:`robotrue.cell.beside.beside`, or two registered cells.
+        ConfigurationError: As :func:`~robotrue.cell.cell_overlay.overlay_cell`; or two registered
+            cells.
         ModelMismatchError: The frames were registered with another model, or it is not there; or
             the other cell has another arm.
     """
@@ -39,7 +40,7 @@ def opened(path: Path, registered: Path | None = None) -> tuple[Cell, ErrorModel
         return cell, model
     place = read_cell(registered)
     if place.part is None:
-        return beside(cell, place), model
+        return overlay_cell(cell, place), model
     if cell.part is not None:
         raise ConfigurationError(
             "two registered cells: one with --cell is enough.",
@@ -48,7 +49,7 @@ def opened(path: Path, registered: Path | None = None) -> tuple[Cell, ErrorModel
         )
     used = identity_of(model or NominalModel(robot=cell.robot))
     require_same_model(place.part.identity, used, what="the part frame", source=str(registered))
-    return beside(cell, place), model
+    return overlay_cell(cell, place), model
 
 
 def provenance_used(cell: Cell | None, model: ErrorModel | None) -> Provenance:

@@ -25,7 +25,7 @@ from robotrue.cell.schema import (
     TargetTable,
     TrackerTable,
 )
-from robotrue.cell.wording import configuration_error, line_of_key
+from robotrue.cell.schema_faults import configuration_error, line_of_key
 from robotrue.core.arrays import Array
 from robotrue.core.files import read_bytes, sha256
 from robotrue.core.poses import pose, pose_from_xyz_abc

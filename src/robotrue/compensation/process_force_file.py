@@ -25,7 +25,7 @@ from typing import Any, Final, TypeAlias, get_args
 
 import numpy as np
 
-from robotrue.cell.wording import line_of_key
+from robotrue.cell.schema_faults import line_of_key
 from robotrue.compensation.process_force import (
     FEEDING,
     Axes,

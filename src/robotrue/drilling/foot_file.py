@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import ValidationError
 
-from robotrue.cell.wording import configuration_error, line_of_key
+from robotrue.cell.schema_faults import configuration_error, line_of_key
 from robotrue.core.arrays import Array
 from robotrue.core.toml_text import read_toml
 from robotrue.core.units import DEG, MM, UM

@@ -12,7 +12,7 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 from scipy.stats import chi2
 
-from robotrue.cell.registration.fit import Noise, numbered
+from robotrue.cell.registration.fit import Noise, name_touches
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.poses import apply, inverse
 from robotrue.core.rotations import skew
@@ -89,7 +89,7 @@ def check_datums(
     """
     part: Array = frozen(in_part, (None, 3), "in_part")
     base: Array = frozen(in_base, (len(part), 3), "in_base")
-    labels = numbered(names, len(part))
+    labels = name_touches(names, len(part))
     if not len(part):
         raise ShapeError("no datum to check.")
     if not tolerance > 0.0:

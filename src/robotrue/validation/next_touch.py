@@ -21,7 +21,7 @@ import numpy as np
 from robotrue.calibration.belief import Belief
 from robotrue.calibration.machined import tip_columns, uncarried
 from robotrue.calibration.model import ErrorModel
-from robotrue.cell.registration.fit import moved
+from robotrue.cell.registration.fit import displace_frame
 from robotrue.core.arrays import Array
 from robotrue.core.rotations import rotation_vector_from_matrix, skew
 from robotrue.measurement.probing_set import ProbingSet
@@ -151,7 +151,7 @@ def believed(
         normal = np.diag(precision) + (rows * weight[:, None]).T @ rows
         at = np.linalg.solve(normal, precision * prior + rows.T @ (weight * gap))
         steps = at[size:].reshape(-1, 6)
-        T = {part: moved(T[part], steps[k]) for part, k in numbers.items()}
+        T = {part: displace_frame(T[part], steps[k]) for part, k in numbers.items()}
         if np.abs(steps).max() < STILL:
             break
     at[size:] = 0.0

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robotrue.cell.registration.fit import Noise, moved
+from robotrue.cell.registration.fit import Noise, displace_frame
 from robotrue.cell.registration.robust import fit_surfaces_robust
 from robotrue.cell.registration.surface_fit import fit_surfaces, on_mesh
 from robotrue.cell.registration.symmetry import symmetric_alternatives
@@ -108,7 +108,9 @@ def test_point_to_plane_finds_a_free_form_part(angle_deg: float, shift_mm: float
     for seed in range(5):
         step = rng.normal(size=(2, 3))
         step /= np.linalg.norm(step, axis=1)[:, None]
-        start = moved(T, np.concatenate([step[0] * shift_mm * MM, step[1] * angle_deg * DEG]))
+        start = displace_frame(
+            T, np.concatenate([step[0] * shift_mm * MM, step[1] * angle_deg * DEG])
+        )
         touches = on_mesh(mesh, touched(mesh, 30, seed, 3 * MM, 0.0), radius=3 * MM)
         fit = fit_surfaces(touches, start, sigma=0.1 * MM)
         np.testing.assert_allclose(fit.T_base_part, T, atol=1e-6)
@@ -116,7 +118,7 @@ def test_point_to_plane_finds_a_free_form_part(angle_deg: float, shift_mm: float
 
 def test_a_start_too_far_off_shows_in_the_misfit() -> None:
     mesh = free_form()
-    start = moved(T, np.array([0.0, 0.0, 0.0, 0.0, 0.0, 2.5]))
+    start = displace_frame(T, np.array([0.0, 0.0, 0.0, 0.0, 0.0, 2.5]))
     touches = on_mesh(mesh, touched(mesh, 30, 1, 3 * MM, 0.1 * MM), radius=3 * MM)
     assert fit_surfaces(touches, T, sigma=0.1 * MM).misfit == pytest.approx(1.0, abs=0.4)
     assert fit_surfaces(touches, start, sigma=0.1 * MM).misfit > 10.0
@@ -151,7 +153,7 @@ def test_a_wrong_touch_on_a_mesh_is_named() -> None:
     mesh = free_form()
     centre = touched(mesh, 40, 9, 3 * MM, 0.1 * MM)
     centre[[4, 17]] += 6 * MM
-    start = moved(T, np.array([3 * MM, -3 * MM, 3 * MM, 0.03, 0.02, -0.03]))
+    start = displace_frame(T, np.array([3 * MM, -3 * MM, 3 * MM, 0.03, 0.02, -0.03]))
     fit = fit_surfaces_robust(
         on_mesh(mesh, centre, radius=3 * MM), start, noise=Noise(touch=0.1 * MM, robot=0.1 * MM)
     )
@@ -168,7 +170,9 @@ def test_a_block_looks_the_same_after_half_a_turn_but_not_after_a_quarter() -> N
     for row in range(18):
         points[row, row % 3] = half[row % 3]
     touches = on_mesh(box(), apply(T, points))
-    fit = fit_surfaces(touches, moved(T, np.array([0, 0, 0, 0.02, 0.02, 0])), sigma=0.1 * MM)
+    fit = fit_surfaces(
+        touches, displace_frame(T, np.array([0, 0, 0, 0.02, 0.02, 0])), sigma=0.1 * MM
+    )
     np.testing.assert_allclose(fit.T_base_part, T, atol=1e-9)
     found = symmetric_alternatives(touches, fit, sigma=0.1 * MM)
     assert sorted(round(a.angle / DEG) for a in found) == [180, 180, 180]

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from robotrue.cell.registration.feature_frame import feature_frame, fit_feature_frame
-from robotrue.cell.registration.fit import Registration, moved, point_covariance
+from robotrue.cell.registration.fit import Registration, displace_frame, point_covariance
 from robotrue.cell.registration.points import fit_points, frame_gain
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, inverse, pose_from_xyz_abc
@@ -130,7 +130,7 @@ def test_gain_is_the_derivative_of_the_fit() -> None:
 
 def test_moved_is_the_step_the_covariance_is_about() -> None:
     small = np.array([1e-3, -2e-3, 3e-3, 0.01, -0.02, 0.03])
-    np.testing.assert_allclose(step(moved(T, small), T), small, atol=1e-12)
+    np.testing.assert_allclose(step(displace_frame(T, small), T), small, atol=1e-12)
 
 
 def complaint(in_part: Array, in_base: Array) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robotrue.cell.registration.fit import moved
+from robotrue.cell.registration.fit import displace_frame
 from robotrue.cell.registration.surface_fit import SurfaceTouches, fit_surfaces
 from robotrue.cell.registration.symmetry import symmetric_alternatives
 from robotrue.cell.registration.three_two_one import fit_three_two_one
@@ -17,7 +17,7 @@ from robotrue.core.units import DEG, MM
 from robotrue.errors import ImplausibleDataError, ObservabilityError, ShapeError
 
 T = pose_from_xyz_abc(np.array([1.0, 0.2, 0.6]), np.array([0.4, 0.1, -0.8]))
-START = moved(T, np.array([6.0 * MM, -6.0 * MM, 4.0 * MM, 0.05, -0.04, 0.05]))
+START = displace_frame(T, np.array([6.0 * MM, -6.0 * MM, 4.0 * MM, 0.05, -0.04, 0.05]))
 HALF = np.array([0.2, 0.1, 0.15])
 BLOCK = tuple(
     Plane(point=s * HALF * np.eye(3)[i], normal=s * np.eye(3)[i]) for i in range(3) for s in (1, -1)

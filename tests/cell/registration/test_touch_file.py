@@ -36,7 +36,7 @@ def test_other_columns_and_units(tmp_path: Path) -> None:
 
 
 def test_bad_files_are_named_with_their_line(tmp_path: Path) -> None:
-    with pytest.raises(FormatError, match=r"touches.csv:3: y_mm is 'oops'"):
+    with pytest.raises(FormatError, match=r"touches.csv:3: y_mm of 'B' is oops"):
         read_touches(written(tmp_path, "name,x_mm,y_mm,z_mm\nA,1,2,3\nB,1,oops,3\n"))
     with pytest.raises(FormatError, match=r"no column 'z_mm'; the file has name, x_mm, y_mm"):
         read_touches(written(tmp_path, "name,x_mm,y_mm\nA,1,2\n"))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from robotrue.cell.registration.fit import Noise, moved
+from robotrue.cell.registration.fit import Noise, displace_frame
 from robotrue.cell.registration.robust import fit_points_robust
 from robotrue.cell.registration.touches import fit_touches, touch_gain
 from robotrue.core.poses import apply, pose_from_xyz_abc
@@ -112,7 +112,7 @@ def test_the_gain_is_the_derivative_of_the_frame() -> None:
     for _ in range(5):
         shift = 1e-6 * rng.standard_normal((12, 3))
         found = fit_touches(touches, exact + shift, noise=NOISE)
-        expected = moved(T, gain @ shift.ravel())
+        expected = displace_frame(T, gain @ shift.ravel())
         np.testing.assert_allclose(found.T_base_part, expected, atol=2e-9)
 
 

@@ -125,13 +125,13 @@ def point_covariance(registration: Registration, points: Array) -> Array:
     return np.asarray(jacobian @ registration.covariance @ np.swapaxes(jacobian, -1, -2))
 
 
-def moved(T_base_part: Array, step: Array) -> Array:
+def displace_frame(T_base_part: Array, step: Array) -> Array:
     """Returns the frame displaced by a step (6,): origin (m), then left rotation vector (rad)."""
     turn = matrix_from_rotation_vector(step[3:])
     return pose(turn @ T_base_part[:3, :3], T_base_part[:3, 3] + step[:3])
 
 
-def numbered(names: tuple[str, ...] | None, n: int) -> tuple[str, ...]:
+def name_touches(names: tuple[str, ...] | None, n: int) -> tuple[str, ...]:
     """Returns the names given, or "1" to "n".
 
     Raises:

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from robotrue.cell.registration.fit import Registration, numbered, point_residuals
+from robotrue.cell.registration.fit import Registration, name_touches, point_residuals
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.poses import fit_rigid
 from robotrue.core.rotations import skew
@@ -125,7 +125,7 @@ def checked_points(
             f"the part points span {sizes[0]:g} m and the touched points {sizes[1]:g} m.",
             hint="one of the two is probably in millimetres; multiply it by 0.001.",
         )
-    return part, base, numbered(names, len(part))
+    return part, base, name_touches(names, len(part))
 
 
 def check_pattern(points: Array, names: tuple[str, ...], *, floor: float = 0.0) -> None:

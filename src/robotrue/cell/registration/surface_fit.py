@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.cell.registration.fit import Registration, moved, numbered
+from robotrue.cell.registration.fit import Registration, displace_frame, name_touches
 from robotrue.core.arrays import Array, IntArray, frozen
 from robotrue.core.observable import check_motions
 from robotrue.core.poses import apply, inverse
@@ -61,7 +61,7 @@ class SurfaceTouches:
             raise ShapeError(f"probe radius is {self.radius:g} m, expected 0 or more.")
         object.__setattr__(self, "centre", centre)
         object.__setattr__(self, "touched", touched)
-        object.__setattr__(self, "names", numbered(self.names or None, len(centre)))
+        object.__setattr__(self, "names", name_touches(self.names or None, len(centre)))
 
 
 def on_mesh(
@@ -170,7 +170,7 @@ def solve_surfaces(touches: SurfaceTouches, start: Array, weights: Array) -> Arr
         twist = np.linalg.lstsq(scaled, root * distance, rcond=1e-6)[0] / scale
         twist[:3] += np.cross(twist[3:], T[:3, 3] - touches.centre.mean(0))
         for shorter in (1.0, 0.5, 0.25, 0.1, 0.01):
-            new = moved(T, shorter * twist)
+            new = displace_frame(T, shorter * twist)
             found = linearised(touches, new)
             new_cost = float(weights @ found[0] ** 2)
             if new_cost <= cost:

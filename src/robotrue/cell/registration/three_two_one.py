@@ -54,11 +54,11 @@ def fit_three_two_one(
         radius=radius,
         names=names,
     )
-    start = _laid(faces, touched, radius, names)
+    start = _lay_on_faces(faces, touched, radius, names)
     return fit_surfaces(touches, start, sigma=sigma, method="3-2-1")
 
 
-def _laid(
+def _lay_on_faces(
     faces: tuple[Plane, Plane, Plane], q: Array, radius: float, names: tuple[str, ...]
 ) -> Array:
     """Returns the frame of three faces at right angles laid on the touches."""

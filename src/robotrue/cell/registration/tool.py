@@ -1,4 +1,4 @@
-"""Tool point and tool axis from touches: orientations about a fixed point, a plane, an axis.
+"""Tool point and tool axis from touches: orientations about a fixed point, a plane, a table.
 
 A touch with the tip gives three equations and says nothing about the turn of the tool about itself;
 how that turn is chosen is therefore an argument.
@@ -11,9 +11,9 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.cell.registration.fit import numbered
+from robotrue.cell.registration.fit import name_touches
 from robotrue.core.arrays import Array, frozen
-from robotrue.core.poses import pose
+from robotrue.core.poses import inverse, pose
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ImplausibleDataError, ObservabilityError, ShapeError
 
@@ -98,7 +98,7 @@ def fit_tool_point(
     """
     T: Array = frozen(T_base_flange, (None, 4, 4), "T_base_flange")
     n = len(T)
-    labels = numbered(names, n)
+    labels = name_touches(names, n)
     if n < 3:
         raise ObservabilityError(
             f"{n} flange poses, a tool point needs 3 or more orientations about two axes.",
@@ -178,10 +178,10 @@ def fit_tool_axis_on_plane(
             "with its sigma, or two squarings, are needed."
         )
     # Out of the spindle is into the material.
-    each = -np.einsum("nji,j->ni", R, normal / length)
-    axis = each.mean(axis=0)
+    axes = -np.einsum("nji,j->ni", R, normal / length)
+    axis = axes.mean(axis=0)
     axis = axis / np.linalg.norm(axis)
-    off = np.arctan2(np.linalg.norm(np.cross(each, axis), axis=1), each @ axis)
+    off = np.arctan2(np.linalg.norm(np.cross(axes, axis), axis=1), axes @ axis)
     if off.max() > 5.0 * DEG:
         worst = int(np.argmax(off))
         raise ImplausibleDataError(
@@ -225,6 +225,21 @@ def fit_tool_axis_between(short: ToolPoint, long: ToolPoint) -> ToolAxis:
         covariance=frozen(across @ joint @ across.T, (3, 3), "covariance"),
         residuals=frozen(np.empty(0), (0,), "residuals"),
     )
+
+
+def tool_from_table(T_base_flange: Array, T_base_table: Array) -> Array:
+    """Returns ``T_flange_tool`` (4, 4) of a tool whose frame lies on a calibrated table's frame.
+
+    It needs the tool's frame on the table's in full pose, and a tip touch gives three of the six
+    equations; :func:`fit_tool_point` needs nothing but touches. Feng, Liang, Xi 2018, eq. 7.
+
+    Args:
+        T_base_flange: (4, 4), flange pose while the two frames coincide.
+        T_base_table: (4, 4), the calibrated table.
+    """
+    flange = frozen(T_base_flange, (4, 4), "T_base_flange")
+    table = frozen(T_base_table, (4, 4), "T_base_table")
+    return np.asarray(inverse(flange) @ table)
 
 
 def tool_frame(p_flange_tool: Array, axis_in_flange: Array, x_in_flange: Array) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.units import MM
 from robotrue.errors import FormatError
-from robotrue.measurement.formats.sheet import Sheet, column_key, read_sheet
+from robotrue.measurement.formats.sheet import Sheet, column_key, finite_number, read_sheet
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,10 +77,13 @@ def read_touches(path: str | Path, columns: TouchColumns | None = None) -> Touch
     wanted = TouchColumns() if columns is None else columns
     sheet = read_sheet(path)
     name, *axes = (_column(sheet, column) for column in (wanted.name, *wanted.position))
-    values = np.array(
-        [[_number(sheet, row, column) for column in axes] for row in range(len(sheet.cells))]
-    )
     names = tuple(row[name] for row in sheet.cells)
+    values = np.array(
+        [
+            [finite_number(sheet, row, axis, of=names[row]) for axis in axes]
+            for row in range(len(names))
+        ]
+    )
     return TouchedPoints(names=names, position=values * wanted.unit)
 
 
@@ -112,18 +115,3 @@ def _column(sheet: Sheet, name: str) -> int:
             hint="state which columns hold the name and x, y, z.",
         )
     return keys.index(column_key(name))
-
-
-def _number(sheet: Sheet, row: int, column: int) -> float:
-    text = sheet.cells[row][column]
-    try:
-        value = float(text.replace(",", ".") if sheet.decimal == "," else text)
-    except ValueError:
-        value = float("nan")
-    if not np.isfinite(value):
-        raise FormatError(
-            f"{sheet.header[column]} is {text!r}, expected a finite number.",
-            source=sheet.source,
-            line=sheet.lines[row],
-        )
-    return value

@@ -10,8 +10,8 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel
-from robotrue.cell.beside import beside
 from robotrue.cell.cell import Cell
+from robotrue.cell.cell_overlay import overlay_cell
 from robotrue.cell.config import read_cell
 from robotrue.cell.frame_table import frame_table
 from robotrue.compensation.difference import Difference, difference
@@ -113,7 +113,7 @@ def _found(
         record = items.get(workspace, MODEL, used[0].id, version=used[0].version)
     held = models.model_of(workspace, record)
     other = _cell(workspace, after, scratch)
-    cell = held.cell if other is None else beside(held.cell, other)
+    cell = held.cell if other is None else overlay_cell(held.cell, other)
     frames = frame_table(cell)
     job = str(after.detail.get("job", ""))
     said = jobs.status(workspace, job).parameters if job else {}

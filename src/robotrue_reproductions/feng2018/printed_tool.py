@@ -1,8 +1,6 @@
-"""The paper's route to the tool: its frame laid on the calibrated table's frame.
+"""How Feng, Liang, Xi 2018 print a tool: eq. 3 and 6, angles first, then shifts.
 
-Feng, Liang, Xi 2018 (see ``readings``), eq. 5-8. It needs the tool's frame on the table's frame in
-full pose; a tip touch gives three of the six equations. Several orientations about one point, in
-``tool``, need nothing but touches.
+:func:`robotrue.cell.registration.tool.tool_from_table` is the route itself (eq. 7).
 """
 
 from __future__ import annotations
@@ -12,18 +10,6 @@ import numpy as np
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.poses import inverse
 from robotrue.core.rotations import abc_from_matrix
-
-
-def tool_from_table(T_base_flange: Array, T_base_table: Array) -> Array:
-    """Returns ``T_flange_tool`` (4, 4) with the tool's frame lying on the table's, eq. 7.
-
-    Args:
-        T_base_flange: (4, 4), flange pose while the two frames coincide.
-        T_base_table: (4, 4), J1, the calibrated table.
-    """
-    flange = frozen(T_base_flange, (4, 4), "T_base_flange")
-    table = frozen(T_base_table, (4, 4), "T_base_table")
-    return np.asarray(inverse(flange) @ table)
 
 
 def printed_parameters(T_flange_tool: Array) -> tuple[Array, Array]:

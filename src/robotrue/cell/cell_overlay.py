@@ -15,7 +15,7 @@ from robotrue.robot.model import RobotModel
 _SAME = 1e-6  # rad by which joint limits may differ: they are printed
 
 
-def beside(cell: Cell, place: Cell) -> Cell:
+def overlay_cell(cell: Cell, place: Cell) -> Cell:
     """Returns the cell of a model with what another cell states: frames, tool, payload, controller.
 
     Args:
