@@ -13,7 +13,7 @@ import numpy as np
 
 from robotrue.core.archive import read_archive, write_archive
 from robotrue.core.units import UM
-from robotrue.dynamics.deviation import Standing, deviation_from_archive, fit_deviation
+from robotrue.dynamics.deviation import WindowTrust, deviation_from_archive, fit_deviation
 from robotrue.dynamics.deviation_physics import CompliantArm
 from robotrue.dynamics.formats.windows_csv import read_windows, windows_bytes
 from robotrue.simulation.milling_arm import milling_robot
@@ -36,7 +36,7 @@ def main(out: Path) -> None:
     for i, (factor, sd) in enumerate(zip(model.factors[:6], model.factors_sd[:6], strict=True)):
         print(f"joint {i + 1}: compliance {factor:.2f} +- {sd:.2f} of what is stated")
     found = model.predict(second)
-    print(f"windows at poses nobody has seen: {int((found.standing != Standing.INSIDE).sum())}")
+    print(f"windows at poses nobody has seen: {int((found.standing != WindowTrust.INSIDE).sum())}")
     before, after = second.deviation / UM, (found.error - second.measured) / UM
     figure, axes = plt.subplots(figsize=(6, 3))
     place = np.arange(len(second))

@@ -13,7 +13,7 @@ from known_arms import HOME, TURNED, known_arm
 from robotrue.cli.drill_robot import DrillingRobot, followed, with_robot
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
-from robotrue.drilling.adjust import Adjustment
+from robotrue.drilling.adjust import HoleAdjustment
 from robotrue.drilling.head import HeadMove, normal_from_tilt
 from robotrue.drilling.robot_adjust import squaring_joints
 from robotrue.errors import ImplausibleDataError, ModelMismatchError
@@ -27,7 +27,7 @@ from robotrue.simulation.joint_motion import Jog
 from robotrue.simulation.rsi_controller import RsiControllerSettings, run
 
 TILT = np.array([1.5, -0.8]) * DEG
-FOUND = Adjustment(
+FOUND = HoleAdjustment(
     tilt=TILT, covariance=np.eye(2) * 1e-10,
     move=HeadMove(axes=TILT, turn=TILT, shift=np.full(3, np.nan)), notes=(),
 )  # fmt: skip

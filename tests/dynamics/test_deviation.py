@@ -12,7 +12,7 @@ from robotrue.core.units import DEG, UM
 from robotrue.dynamics.deviation import (
     WIDER,
     DeviationSettings,
-    Standing,
+    WindowTrust,
     deviation_from_archive,
     fit_deviation,
 )
@@ -61,7 +61,7 @@ def test_pose_far_from_all_windows_is_marked_and_gets_physics_alone(model):
     far = planted(passes=(5,), each=14, seed=3)
     turned = replace(far, joints=far.joints + np.array([0.9, 0.0, 0.0, 0.6, 0.0, 0.0]))
     found = model.predict(turned)
-    assert (found.standing == Standing.EXTRAPOLATED).all()
+    assert (found.standing == WindowTrust.EXTRAPOLATED).all()
     np.testing.assert_allclose(found.deviation, found.physics, atol=1e-12)
     assert (found.sd >= model.predict(planted(passes=(0,), each=14)).sd.max()).all()
 
@@ -69,7 +69,7 @@ def test_pose_far_from_all_windows_is_marked_and_gets_physics_alone(model):
 def test_force_unlike_any_is_marked(model):
     windows = planted(passes=(0,), each=14)
     strange = replace(windows, force=windows.force * 8.0)
-    assert (model.predict(strange).standing == Standing.EXTRAPOLATED).all()
+    assert (model.predict(strange).standing == WindowTrust.EXTRAPOLATED).all()
 
 
 def test_pose_outside_the_arm_is_invalid(model):
@@ -77,7 +77,7 @@ def test_pose_outside_the_arm_is_invalid(model):
     joints = windows.joints.copy()
     joints[3, 1] = 100.0 * DEG
     found = model.predict(replace(windows, joints=joints))
-    assert found.standing[3] == Standing.INVALID
+    assert found.standing[3] == WindowTrust.INVALID
     assert np.isnan([found.error[3], found.sd[3], found.physics[3]]).all()
     assert np.isfinite(found.error[4])
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robotrue.dynamics.cutter import Cut, Cutter, CuttingCoefficients, engagement
+from robotrue.dynamics.cutter import Cutter, CutterEngagement, CuttingCoefficients, engagement
 from robotrue.dynamics.milling_force import force_over_time, mean_force, milling_force
 from robotrue.errors import ConfigurationError
 
@@ -16,7 +16,7 @@ STEEL = CuttingCoefficients(
 )  # fmt: skip
 FLAT = Cutter(kind="flat", diameter=0.016, teeth=2, helix=np.deg2rad(30.0))
 BALL = Cutter(kind="ball", diameter=0.016, teeth=2, helix=np.deg2rad(30.0))
-CUT = Cut(mode="up", depth=1e-3, width=6e-3, feed_per_tooth=5e-5, spindle=60.0)
+CUT = CutterEngagement(mode="up", depth=1e-3, width=6e-3, feed_per_tooth=5e-5, spindle=60.0)
 
 
 @pytest.mark.parametrize(

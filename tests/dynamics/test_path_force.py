@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robotrue.dynamics.cutter import Cut, Cutter, CuttingCoefficients
+from robotrue.dynamics.cutter import Cutter, CutterEngagement, CuttingCoefficients
 from robotrue.dynamics.milling_force import mean_force
 from robotrue.dynamics.path_force import MillingAlongPath
 from robotrue.errors import ConfigurationError
@@ -12,7 +12,7 @@ from robotrue.program.program import Motion
 
 STEEL = CuttingCoefficients(tangential=8e8, radial=1.7e8, axial=2.2e8)
 FLAT = Cutter(kind="flat", diameter=0.016, teeth=2)
-CUT = Cut(mode="up", depth=1e-3, width=6e-3, feed_per_tooth=5e-5, spindle=60.0)
+CUT = CutterEngagement(mode="up", depth=1e-3, width=6e-3, feed_per_tooth=5e-5, spindle=60.0)
 
 
 def model(**change):
@@ -46,8 +46,8 @@ def path(direction):
 def test_engagement_between_rows_and_none_beyond():
     force = model().at(np.array([0.0, 0.01, 0.03, 0.05, 0.06]))
     assert not force[[0, 4]].any()
-    deep = mean_force(FLAT, Cut(mode="up", depth=1.5e-3, width=6e-3, feed_per_tooth=5e-5,
-                                spindle=60.0), STEEL)  # fmt: skip
+    deep = mean_force(FLAT, CutterEngagement(mode="up", depth=1.5e-3, width=6e-3,
+                                             feed_per_tooth=5e-5, spindle=60.0), STEEL)  # fmt: skip
     np.testing.assert_allclose(force[1], mean_force(FLAT, CUT, STEEL))
     np.testing.assert_allclose(force[2], deep)
 

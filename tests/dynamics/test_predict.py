@@ -8,7 +8,7 @@ from frf_cases import measured, modal, robot_with_tool, single
 from scipy.linalg import expm
 
 from robotrue.core.units import UM
-from robotrue.dynamics.cutter import Cut, Cutter, CuttingCoefficients
+from robotrue.dynamics.cutter import Cutter, CutterEngagement, CuttingCoefficients
 from robotrue.dynamics.force import ForceRecord
 from robotrue.dynamics.frf import with_static
 from robotrue.dynamics.interpolation import response_curve
@@ -91,7 +91,7 @@ def test_entry_costs_tens_of_micrometres_in_a_whole_record():
         tangential=1.07e9, radial=2.3e8, axial=3.0e8,
         tangential_edge=3.7e4, radial_edge=4.2e4, axial_edge=1.9e3,
     )  # fmt: skip
-    cut = Cut(mode="up", depth=1e-3, width=6e-3, feed_per_tooth=4.17e-5, spindle=60.0)
+    cut = CutterEngagement(mode="up", depth=1e-3, width=6e-3, feed_per_tooth=4.17e-5, spindle=60.0)
     force = force_over_time(cutter, cut, material, rate=20e3, duration=5.0)
     found = predict_error(known(truth), force)
     difference = np.linalg.norm(found.circular - found.error, axis=1)

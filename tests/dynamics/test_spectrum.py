@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from robotrue.dynamics.cutter import Cut, Cutter, CuttingCoefficients
+from robotrue.dynamics.cutter import Cutter, CutterEngagement, CuttingCoefficients
 from robotrue.dynamics.force import ForceRecord
 from robotrue.dynamics.milling_force import force_over_time
 from robotrue.dynamics.spectrum import force_density, spindle_lines
 from robotrue.errors import ConfigurationError
 
 STEEL = CuttingCoefficients(tangential=8e8, radial=1.7e8, axial=2.2e8)
-CUT = Cut(mode="up", depth=1e-3, width=6e-3, feed_per_tooth=5e-5, spindle=60.0)
+CUT = CutterEngagement(mode="up", depth=1e-3, width=6e-3, feed_per_tooth=5e-5, spindle=60.0)
 
 
 def cutting(runout):

@@ -12,7 +12,7 @@ from sensing_cases import part
 from test_sensing import estimated, same
 
 from robotrue.core.units import UM
-from robotrue.dynamics.deviation import Standing, fit_deviation
+from robotrue.dynamics.deviation import WindowTrust, fit_deviation
 from robotrue.dynamics.oscillators import joined
 from robotrue.dynamics.pose_modes import pose_modes
 from robotrue.dynamics.static_row import static_row
@@ -153,7 +153,7 @@ def test_windows_say_what_the_model_says_of_them_offline():
     sensing, found = run(arm, block)
     last = len(block) // ROWS - 1
     asked, said = offline(block, found, last)
-    assert said.standing[0] == Standing.INSIDE
+    assert said.standing[0] == WindowTrust.INSIDE
     correction = sensing.state()["correction"]
     np.testing.assert_allclose(correction[0], beyond_physics(asked, said), atol=1e-6 * UM)
     np.testing.assert_allclose(np.sqrt(correction[1]), said.sd[0], rtol=1e-6)
@@ -198,7 +198,7 @@ def test_outside_what_was_learned_the_physics_stand_alone_with_their_band(strang
     arm, block, _ = stream(**strange)
     sensing, found = run(arm, block)
     asked, said = offline(block, found, len(block) // ROWS - 1)
-    assert said.standing[0] == Standing.EXTRAPOLATED
+    assert said.standing[0] == WindowTrust.EXTRAPOLATED
     np.testing.assert_allclose(said.deviation, said.physics, atol=1e-3 * UM)
     correction = sensing.state()["correction"]
     np.testing.assert_allclose(correction[0], beyond_physics(asked, said), atol=1e-6 * UM)

@@ -18,7 +18,7 @@ from robotrue.planning.criteria import covariance_after
 from robotrue.planning.expectation import mean_length, work_of
 from robotrue.planning.information import (
     Postures,
-    Unmodelled,
+    UnmodelledErrors,
     after_fit,
     before_measuring,
     settings_of,
@@ -27,7 +27,7 @@ from robotrue.robot.forward import forward
 from robotrue.robot.presets import preset
 from robotrue.robot.statics import Load, deflected
 
-NOTHING = Unmodelled(ripple=np.full(1, 1e-12), fast=1e-12, backlash=1e-12, white=1e-12)
+NOTHING = UnmodelledErrors(ripple=np.full(1, 1e-12), fast=1e-12, backlash=1e-12, white=1e-12)
 PRIOR = SolverSettings(learn_noise=False, learn_scales=False, loss="gaussian")
 
 
@@ -116,7 +116,7 @@ def test_a_second_load_shows_compliance() -> None:
 
 
 def test_what_is_not_modelled_is_expected_to_stay() -> None:
-    rough = Unmodelled(fast=2e-4, white=1e-4)
+    rough = UnmodelledErrors(fast=2e-4, white=1e-4)
     where = Postures(joints=postures(5, 1))
     smooth = work_of(before_measuring(shop()), where)
     coarse = work_of(before_measuring(shop(), unmodelled=rough), where)

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.core.units import DEG, MM, UM
-from robotrue.dynamics.cutter import Cut, Cutter, CuttingCoefficients
+from robotrue.dynamics.cutter import Cutter, CutterEngagement, CuttingCoefficients
 from robotrue.errors import ConfigurationError
 
 _WORDS: Final = ("kind", "mode")
@@ -26,7 +26,7 @@ _OPTIONAL: Final = ("helix_deg", "runout_um", "runout_angle_deg", *_EDGE)
 
 def cutting_data(
     stated: Mapping[str, Any], *, where: str, slots: bool = False
-) -> tuple[Cutter, Cut, CuttingCoefficients]:
+) -> tuple[Cutter, CutterEngagement, CuttingCoefficients]:
     """Returns cutter, cut and coefficients of a table of keys.
 
     Args:
@@ -64,7 +64,7 @@ def cutting_data(
         runout=si["runout_um"],
         runout_angle=si["runout_angle_deg"],
     )
-    cut = Cut(
+    cut = CutterEngagement(
         mode=str(stated["mode"]),
         depth=si["depth_mm"],
         width=si["width_mm"],

@@ -17,7 +17,7 @@ from robotrue.drilling.campaign_checks import check_campaign
 from robotrue.drilling.campaign_csv import read_campaign
 from robotrue.drilling.choose import Trial
 from robotrue.drilling.correction import Kind
-from robotrue.drilling.evaluate import Evaluation, Residuals, evaluated
+from robotrue.drilling.evaluate import Residuals, TiltEvaluation, evaluated
 from robotrue.drilling.foot_file import FootSetup, read_foot
 from robotrue.drilling.foot_model import NormalModel, fit_model
 from robotrue.drilling.head import Head
@@ -96,7 +96,7 @@ def setup_of(model: NormalModel, path: Path, foot: Path | None) -> FootSetup:
     return stated
 
 
-def evaluation_document(result: Evaluation) -> dict[str, Any]:
+def evaluation_document(result: TiltEvaluation) -> dict[str, Any]:
     """Returns an evaluation as JSON values."""
     return {
         "clamps": result.clamps,

@@ -15,7 +15,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.provenance import Provenance, merge
 from robotrue.core.rotations import abc_from_matrix, matrix_from_abc
 from robotrue.core.units import DEG, MM
-from robotrue.drilling.adjust import Adjustment, adjustment
+from robotrue.drilling.adjust import HoleAdjustment, adjustment
 from robotrue.drilling.campaign import Clamps
 from robotrue.drilling.foot_model import NormalModel
 from robotrue.drilling.fragments import gcode, robot_fragment
@@ -88,7 +88,7 @@ def numbers(text: str, count: int, option: str, form: str) -> Array:
     return values
 
 
-def _head_text(language: str | None, found: Adjustment, feed_mm_per_min: float) -> str:
+def _head_text(language: str | None, found: HoleAdjustment, feed_mm_per_min: float) -> str:
     if language is None:
         return ""
     if language != "gcode":
@@ -99,7 +99,7 @@ def _head_text(language: str | None, found: Adjustment, feed_mm_per_min: float) 
 
 
 def _robot_move(
-    model: NormalModel, found: Adjustment, path: Path, joints_deg: str | None, foot_abc_deg: str
+    model: NormalModel, found: HoleAdjustment, path: Path, joints_deg: str | None, foot_abc_deg: str
 ) -> RobotMove:
     if joints_deg is None:
         raise ConfigurationError(
@@ -127,7 +127,7 @@ def carrying_robot(path: Path, foot_abc_deg: str) -> tuple[ErrorModel, Load, Arr
     return robot, cell.payload, seat
 
 
-def _surface(found: Adjustment) -> dict[str, Any]:
+def _surface(found: HoleAdjustment) -> dict[str, Any]:
     sigma = np.sqrt(np.diag(found.covariance)) / DEG
     return {
         "a_deg": found.tilt[0] / DEG,
@@ -137,7 +137,7 @@ def _surface(found: Adjustment) -> dict[str, Any]:
     }
 
 
-def _head_move(found: Adjustment) -> dict[str, float]:
+def _head_move(found: HoleAdjustment) -> dict[str, float]:
     move = found.move
     return {
         **{f"{a}_deg": v / DEG for a, v in zip("AB", move.axes.tolist(), strict=True)},
@@ -156,7 +156,7 @@ def _robot_document(move: RobotMove) -> dict[str, Any]:
     }
 
 
-def _notes(found: Adjustment) -> list[str]:
+def _notes(found: HoleAdjustment) -> list[str]:
     if np.isfinite(found.move.shift).all():
         return list(found.notes)
     return [

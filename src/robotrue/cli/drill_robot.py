@@ -17,7 +17,7 @@ from robotrue.cli.drill_adjust import carrying_robot
 from robotrue.core.arrays import Array
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
-from robotrue.drilling.adjust import Adjustment
+from robotrue.drilling.adjust import HoleAdjustment
 from robotrue.drilling.head import AxisOrder, normal_from_tilt
 from robotrue.drilling.robot_adjust import squaring_joints
 from robotrue.errors import ConfigurationError, ImplausibleDataError, ModelMismatchError
@@ -86,7 +86,7 @@ class DrillingRobot:
             while len(self._recent) > 1 and at - self._recent[1][0] >= self._still:
                 self._recent.popleft()
 
-    def move(self, found: Adjustment, now: float) -> dict[str, Any]:
+    def move(self, found: HoleAdjustment, now: float) -> dict[str, Any]:
         """Returns where the robot has to go, as the machine is told it: deg and mm.
 
         Args:
@@ -179,7 +179,7 @@ async def followed(robot: DrillingRobot | None) -> AsyncIterator[asyncio.Task[No
 
 
 def with_robot(
-    document: Mapping[str, Any], found: Adjustment, robot: DrillingRobot
+    document: Mapping[str, Any], found: HoleAdjustment, robot: DrillingRobot
 ) -> dict[str, Any]:
     """Returns an answer with where the robot has to go instead of a head's axes."""
     head = {f"{d}{axis}_{unit}" for d in ("", "d") for axis in "ABXYZ" for unit in ("deg", "mm")}

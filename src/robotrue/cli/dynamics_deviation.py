@@ -22,7 +22,7 @@ from robotrue.core.units import UM
 from robotrue.dynamics.deviation import (
     DeviationModel,
     DeviationPrediction,
-    Standing,
+    WindowTrust,
     deviation_from_archive,
     fit_deviation,
 )
@@ -235,11 +235,11 @@ def _judge(windows: WindowSet, path: Path, output: Path | None, *, as_json: bool
     if output is not None:
         write_atomic(output, mark_line(origin).encode() + _estimates(windows, found))
         say(f"{count(len(windows), 'window')} written to {output}")
-    standing = np.bincount(found.standing, minlength=len(Standing))
-    known = np.isfinite(windows.measured) & (found.standing != Standing.INVALID)
+    standing = np.bincount(found.standing, minlength=len(WindowTrust))
+    known = np.isfinite(windows.measured) & (found.standing != WindowTrust.INVALID)
     document: dict[str, Any] = {
         "windows": len(windows),
-        "standing": {s.name.lower(): int(standing[s]) for s in Standing},
+        "standing": {s.name.lower(): int(standing[s]) for s in WindowTrust},
         "measured": int(known.sum()),
         "scores": [],
     }
@@ -274,7 +274,7 @@ def _estimates(windows: WindowSet, found: DeviationPrediction) -> bytes:
     table = np.column_stack([found.error, found.sd, found.deviation, found.physics]) / UM
     for name, row, standing in zip(windows.passes, table, found.standing, strict=True):
         numbers = ["" if np.isnan(v) else f"{v:.4f}" for v in row]
-        rows.append([name, *numbers, Standing(int(standing)).name.lower()])
+        rows.append([name, *numbers, WindowTrust(int(standing)).name.lower()])
     return csv_text(rows).encode()
 
 

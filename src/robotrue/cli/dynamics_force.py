@@ -22,7 +22,7 @@ from robotrue.dynamics.coefficients import (
     check_axes_agree,
     identify_coefficients,
 )
-from robotrue.dynamics.cutter import Cut, Cutter, CuttingCoefficients
+from robotrue.dynamics.cutter import Cutter, CutterEngagement, CuttingCoefficients
 from robotrue.dynamics.force import ForceRecord
 from robotrue.dynamics.formats.column_table import read_column_table, table_bytes
 from robotrue.dynamics.formats.force_csv import write_force_csv
@@ -76,7 +76,7 @@ def run(
 
 def _predict(
     cutter: Cutter,
-    cut: Cut,
+    cut: CutterEngagement,
     coefficients: CuttingCoefficients,
     rate: float,
     duration: float,
@@ -109,7 +109,7 @@ def _predict(
     return found
 
 
-def _lines(record: ForceRecord, cut: Cut, cutter: Cutter) -> dict[str, Any]:
+def _lines(record: ForceRecord, cut: CutterEngagement, cutter: Cutter) -> dict[str, Any]:
     lines = spindle_lines(record, spindle=cut.spindle, teeth=cutter.teeth)
     return {
         "tooth_share": lines.tooth_share,
@@ -124,14 +124,14 @@ def _lines(record: ForceRecord, cut: Cut, cutter: Cutter) -> dict[str, Any]:
 
 
 def _identify(
-    slots: Path, cutter: Cutter, cut: Cut, stated: dict[str, Any], output: Path | None
+    slots: Path, cutter: Cutter, cut: CutterEngagement, stated: dict[str, Any], output: Path | None
 ) -> dict[str, Any]:
     table = read_column_table(slots)
     columns = _columns(table.names, _SLOTS, ("depth_mm", "width_mm"), slots, table.header_line)
     values = {name: table.column(name) for name in columns}
     tests = []
     for k in range(len(table.values)):
-        one = Cut(
+        one = CutterEngagement(
             mode=cut.mode,
             depth=values["depth_mm"][k] * MM if "depth_mm" in values else cut.depth,
             width=values["width_mm"][k] * MM if "width_mm" in values else cut.width,
@@ -171,7 +171,11 @@ def _deviations(found: IdentifiedCoefficients) -> dict[str, float]:
 
 
 def _along(
-    along: Path, cutter: Cutter, cut: Cut, coefficients: CuttingCoefficients, output: Path | None
+    along: Path,
+    cutter: Cutter,
+    cut: CutterEngagement,
+    coefficients: CuttingCoefficients,
+    output: Path | None,
 ) -> dict[str, Any]:
     table = read_column_table(along)
     _columns(table.names, _ALONG, (), along, table.header_line)

@@ -18,7 +18,12 @@ from robotrue.dynamics.formats.registry import read_force, read_frf
 from robotrue.dynamics.frf import AXES, FrequencyResponse, with_static
 from robotrue.dynamics.interpolation import ResponseCurve, response_curve
 from robotrue.dynamics.modal_fit import fit_modes
-from robotrue.dynamics.predict import Prediction, out_of_band, predict_error, prediction_columns
+from robotrue.dynamics.predict import (
+    DeflectionPrediction,
+    out_of_band,
+    predict_error,
+    prediction_columns,
+)
 from robotrue.errors import ConfigurationError, RobotrueError
 
 BETWEEN: Final = ("auto", "lines", "modes")
@@ -107,7 +112,7 @@ def parse_static(text: str | None) -> dict[str, float]:
     return found
 
 
-def _document(curve: ResponseCurve, found: Prediction, output: Path) -> dict[str, Any]:
+def _document(curve: ResponseCurve, found: DeflectionPrediction, output: Path) -> dict[str, Any]:
     frf, record = curve.frf, found.record
     moving = found.error - found.static
     rms, largest = found.circular_error

@@ -28,7 +28,7 @@ from robotrue.measurement.formats.features import read_features
 from robotrue.planning.arm_scene import scene_of
 from robotrue.planning.information import settings_of
 from robotrue.planning.probing import Goal, ProbePlan, ProbingTask, plan_touches
-from robotrue.planning.probing_candidates import Candidates, TouchLimits, touch_candidates
+from robotrue.planning.probing_candidates import TouchCandidates, TouchLimits, touch_candidates
 from robotrue.planning.probing_frame import plan_frame_touches
 from robotrue.planning.probing_sheet import touch_sheet
 from robotrue.report.part_map import part_map_png
@@ -156,7 +156,7 @@ def _checked(options: Options) -> tuple[Goal, TouchLimits]:
 
 
 def _notes(
-    candidates: Candidates, options: Options, *, calibrated: bool, checked: bool
+    candidates: TouchCandidates, options: Options, *, calibrated: bool, checked: bool
 ) -> tuple[str, ...]:
     notes = []
     lost = candidates.untouchable
@@ -188,7 +188,7 @@ def _notes(
 
 
 def document(
-    plan: ProbePlan, task: ProbingTask, candidates: Candidates, notes: Sequence[str]
+    plan: ProbePlan, task: ProbingTask, candidates: TouchCandidates, notes: Sequence[str]
 ) -> dict[str, Any]:
     """Returns the plan as JSON values: mm, deg; keys as in the reference."""
     radius = radius_95(plan.covariance)
@@ -228,7 +228,9 @@ def document(
     }
 
 
-def _show(plan: ProbePlan, task: ProbingTask, candidates: Candidates, origin: Provenance) -> None:
+def _show(
+    plan: ProbePlan, task: ProbingTask, candidates: TouchCandidates, origin: Provenance
+) -> None:
     n = len(plan.row)
     shown = sorted({k for k in SHOWN if k < n} | {n})
     emit_table(

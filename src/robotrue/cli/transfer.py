@@ -35,7 +35,7 @@ from robotrue.report.content import Fact
 from robotrue.report.model_view import remarks, result_facts
 from robotrue.store.model_file import ZIP, read_model, write_model
 from robotrue.validation.contest import Selection
-from robotrue.validation.guard import Verdict, verdict_from_summary
+from robotrue.validation.guard import GuardVerdict, verdict_from_summary
 from robotrue.validation.guarded_transfer import Contestants, contestants, judged
 from robotrue.validation.learning_curve import LearningCurve, learning_curve
 
@@ -147,7 +147,7 @@ def _curve(found: Contestants, target: MeasurementSet | None, cell: Cell) -> Lea
 def _print(
     output: Path,
     model: ErrorModel,
-    told: tuple[Verdict, Selection | None],
+    told: tuple[GuardVerdict, Selection | None],
     curve: LearningCurve | None,
     as_json: bool,
 ) -> None:
@@ -212,7 +212,7 @@ def _print_curve(curve: LearningCurve, origin: Provenance) -> None:
 def _write_report(
     path: Path,
     model: ErrorModel,
-    told: tuple[Verdict, Selection | None],
+    told: tuple[GuardVerdict, Selection | None],
     curve: LearningCurve | None,
     named: Sequence[tuple[str, Path, str]],
     targets: Sequence[Path],

@@ -10,7 +10,7 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign import Clamps
-from robotrue.drilling.correction import Corrected
+from robotrue.drilling.correction import CorrectedReadings
 from robotrue.drilling.foot_model import NormalModel, seen
 from robotrue.drilling.head import HeadMove, normal_from_tilt, squaring_move
 from robotrue.errors import ImplausibleDataError
@@ -22,7 +22,7 @@ SURE: Final = 5.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Adjustment:
+class HoleAdjustment:
     """The move of one hole.
 
     Attributes:
@@ -38,7 +38,7 @@ class Adjustment:
     notes: tuple[str, ...]
 
 
-def adjustment(model: NormalModel, clamps: Clamps, axes: Array) -> Adjustment:
+def adjustment(model: NormalModel, clamps: Clamps, axes: Array) -> HoleAdjustment:
     """Returns the one move of a clamp.
 
     Args:
@@ -55,7 +55,7 @@ def adjustment(model: NormalModel, clamps: Clamps, axes: Array) -> Adjustment:
     found = seen(model, clamps)
     _refuse_plane(model, found)
     move = squaring_move(model.head, axes, normal_from_tilt(model.head.order, found.tilt[0]))
-    return Adjustment(
+    return HoleAdjustment(
         tilt=found.tilt[0], covariance=found.covariance[0], move=move, notes=_notes(model, clamps)
     )
 
@@ -82,7 +82,7 @@ def _refuse_force(model: NormalModel, clamps: Clamps) -> None:
         )
 
 
-def _refuse_plane(model: NormalModel, found: Corrected) -> None:
+def _refuse_plane(model: NormalModel, found: CorrectedReadings) -> None:
     tilt = float(np.hypot(*found.tilt[0]))
     limit = min(model.foot.max_tilt, model.envelope.tilt * (1.0 + MARGIN) + 0.1 * DEG)
     if tilt > limit:

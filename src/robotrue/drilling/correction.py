@@ -29,7 +29,7 @@ _TO_TILT: Final = np.array([[0.0, -1.0], [1.0, 0.0]])
 """Slopes to tilts, to first order: a turns against the slope in y, b with that in x."""
 
 
-class Correction(Protocol):
+class ReadingCorrection(Protocol):
     """A learned error of readings."""
 
     @property
@@ -42,7 +42,7 @@ class Correction(Protocol):
         ...
 
 
-def fit_correction(kind: Kind, foot: Foot, campaign: Campaign) -> Correction:
+def fit_correction(kind: Kind, foot: Foot, campaign: Campaign) -> ReadingCorrection:
     """Returns a correction learned from a campaign (step 7).
 
     Raises:
@@ -56,7 +56,7 @@ def fit_correction(kind: Kind, foot: Foot, campaign: Campaign) -> Correction:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Corrected:
+class CorrectedReadings:
     """What corrected readings show.
 
     Attributes:
@@ -71,10 +71,10 @@ class Corrected:
     residual: Array
     conditions: Conditions
 
-    def row(self, i: int) -> Corrected:
+    def row(self, i: int) -> CorrectedReadings:
         """Returns one clamp."""
         a, b, force, height = self.conditions.table[i : i + 1].T
-        return Corrected(
+        return CorrectedReadings(
             tilt=self.tilt[i : i + 1],
             covariance=self.covariance[i : i + 1],
             residual=self.residual[i : i + 1],
@@ -82,7 +82,9 @@ class Corrected:
         )
 
 
-def corrected(foot: Foot, order: AxisOrder, correction: Correction, clamps: Clamps) -> Corrected:
+def corrected(
+    foot: Foot, order: AxisOrder, correction: ReadingCorrection, clamps: Clamps
+) -> CorrectedReadings:
     """Returns the tilt the corrected readings show, with its covariance.
 
     Raises:
@@ -94,7 +96,7 @@ def corrected(foot: Foot, order: AxisOrder, correction: Correction, clamps: Clam
     scatter = np.maximum(correction.noise, foot.reading_sigma) ** 2
     each = (variance if variance.ndim == 2 else variance[:, None]) + scatter
     slopes = _TO_TILT @ np.linalg.pinv(foot.design)[:2]
-    return Corrected(
+    return CorrectedReadings(
         tilt=tilt_from_normal(order, plane.normal),
         covariance=np.einsum("ij,nj,kj->nik", slopes, each, slopes),
         residual=plane.residual,
@@ -102,7 +104,7 @@ def corrected(foot: Foot, order: AxisOrder, correction: Correction, clamps: Clam
     )
 
 
-def residual_tilt(foot: Foot, correction: Correction | None, campaign: Campaign) -> Array:
+def residual_tilt(foot: Foot, correction: ReadingCorrection | None, campaign: Campaign) -> Array:
     """Returns the angle (n,) rad one move leaves to the true normal; uncorrected with ``None``."""
     readings = np.asarray(campaign.clamps.readings)
     if correction is not None:

@@ -28,7 +28,7 @@ class Residuals:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Evaluation:
+class TiltEvaluation:
     """Residual tilt of a test.
 
     Attributes:
@@ -50,7 +50,7 @@ class Evaluation:
     covered: float
 
 
-def evaluated(model: NormalModel, test: Campaign) -> Evaluation:
+def evaluated(model: NormalModel, test: Campaign) -> TiltEvaluation:
     """Returns what one move leaves on clamps the model was not learned from.
 
     Raises:
@@ -67,7 +67,7 @@ def evaluated(model: NormalModel, test: Campaign) -> Evaluation:
     before = residual_tilt(model.foot, None, test)
     raw = tilt_seen(model.foot, model.head.order, test.clamps.readings)
     distance = squared_distance(found.tilt - test.tilt, found.covariance)
-    return Evaluation(
+    return TiltEvaluation(
         clamps=len(test),
         uncorrected=residuals(before),
         patent=None

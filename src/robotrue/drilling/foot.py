@@ -92,7 +92,7 @@ class Foot(Columns):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Plane:
+class FootPlane:
     """The plane under the foot, n of them.
 
     Attributes:
@@ -125,7 +125,7 @@ def readings(foot: Foot, normal: Array, height: Array) -> Array:
     return out
 
 
-def plane_under(foot: Foot, reading: Array) -> Plane:
+def plane_under(foot: Foot, reading: Array) -> FootPlane:
     """Returns the plane each set of readings lies on, by least squares.
 
     Args:
@@ -144,7 +144,7 @@ def plane_under(foot: Foot, reading: Array) -> Plane:
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     scale = float(np.mean(foot.radius))
     known = 0.0 if foot.skin.kind == "plane" else 1.0 / foot.skin.radius
-    return Plane(
+    return FootPlane(
         normal=normal,
         height=found[:, 2] * scale,
         curvature=found[:, 3] / scale if foot.skin.fitted else np.full(len(d), known),

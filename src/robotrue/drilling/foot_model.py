@@ -14,9 +14,9 @@ from robotrue.core.units import DEG
 from robotrue.drilling.campaign import Campaign, Clamps
 from robotrue.drilling.choose import Step, Trial, all_tried, chosen, tried
 from robotrue.drilling.correction import (
-    Corrected,
-    Correction,
+    CorrectedReadings,
     Kind,
+    ReadingCorrection,
     corrected,
     fit_correction,
 )
@@ -94,8 +94,8 @@ class NormalModel:
     foot: Foot
     head: Head
     kind: Kind
-    correction: Correction
-    patent: Correction | None
+    correction: ReadingCorrection
+    patent: ReadingCorrection | None
     envelope: Envelope
     left: float
     stretch: float
@@ -107,7 +107,7 @@ class NormalModel:
     provenance: Provenance = MEASURED
 
 
-def seen(model: NormalModel, clamps: Clamps) -> Corrected:
+def seen(model: NormalModel, clamps: Clamps) -> CorrectedReadings:
     """Returns the tilt every clamp stands for, refined, with its uncertainty.
 
     Raises:
@@ -116,7 +116,7 @@ def seen(model: NormalModel, clamps: Clamps) -> Corrected:
     return with_refinement(model, corrected(model.foot, model.head.order, model.correction, clamps))
 
 
-def with_refinement(model: NormalModel, found: Corrected) -> Corrected:
+def with_refinement(model: NormalModel, found: CorrectedReadings) -> CorrectedReadings:
     """Returns what the correction shows with what production has added to it."""
     c = found.conditions
     added, doubt = model.refinement.tilt(np.stack([c.a, c.b, c.force], axis=-1))
@@ -182,7 +182,7 @@ def fit_model(
     return model, trials
 
 
-def _patent(foot: Foot, campaign: Campaign) -> Correction | None:
+def _patent(foot: Foot, campaign: Campaign) -> ReadingCorrection | None:
     try:
         return fit_correction("patent", foot, campaign)
     except ObservabilityError:

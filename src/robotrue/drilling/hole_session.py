@@ -9,11 +9,11 @@ from typing import Final
 
 from robotrue.core.arrays import Array
 from robotrue.core.provenance import MEASURED, Provenance, merge
-from robotrue.drilling.adjust import Adjustment, adjustment
+from robotrue.drilling.adjust import HoleAdjustment, adjustment
 from robotrue.drilling.campaign import Clamps
 from robotrue.drilling.clamp_watch import ClampSettings, ClampWatch, FootSample, Seen
 from robotrue.drilling.foot_model import NormalModel, seen
-from robotrue.drilling.production import Step, record_of, recorded
+from robotrue.drilling.production import RecordUpdate, record_of, recorded
 from robotrue.errors import ConfigurationError, RobotrueError
 
 SIMULATED: Final = Provenance(simulated=True, instrument="drilling head")
@@ -38,7 +38,7 @@ class HoleAnswer:
     hole: str
     clamps: Clamps | None
     axes: Array
-    adjustment: Adjustment | None
+    adjustment: HoleAdjustment | None
     refused: str
     version: int
     simulated: bool = False
@@ -148,7 +148,7 @@ class HoleSession:
         """Takes back that a hole was moved for: the machine was not told to after all."""
         self._waiting.pop(hole, None)
 
-    def remained(self, hole: str, left: Array, truth: str) -> Step:
+    def remained(self, hole: str, left: Array, truth: str) -> RecordUpdate:
         """Takes what an outside reference measured at a hole after its move, into the model.
 
         Args:
@@ -172,7 +172,7 @@ class HoleSession:
         del self._waiting[hole]
         return step
 
-    def _found(self, clamps: Clamps, axes: Array) -> tuple[Adjustment | None, str]:
+    def _found(self, clamps: Clamps, axes: Array) -> tuple[HoleAdjustment | None, str]:
         try:
             return adjustment(self.model, clamps, axes), ""
         except RobotrueError as cause:

@@ -24,7 +24,7 @@ from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign import Clamps
 from robotrue.drilling.hole_session import HoleAnswer, MovedHole
 from robotrue.drilling.journal_lines import whole_lines
-from robotrue.drilling.production import Step
+from robotrue.drilling.production import RecordUpdate
 from robotrue.errors import FormatError
 
 
@@ -109,7 +109,7 @@ def answer_document(answer: HoleAnswer) -> dict[str, Any]:
 
 
 def step_document(
-    hole: str, step: Step, left_deg: tuple[float, float], truth: str
+    hole: str, step: RecordUpdate, left_deg: tuple[float, float], truth: str
 ) -> dict[str, Any]:
     """Returns what a reference did to the model, as machine and journal are told it."""
     return {

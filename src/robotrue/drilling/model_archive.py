@@ -11,7 +11,7 @@ import numpy as np
 from robotrue.core.archive import Archive, archive_reader, read_archive, write_archive
 from robotrue.core.arrays import Array
 from robotrue.core.provenance import provenance_from
-from robotrue.drilling.correction import Correction, Kind
+from robotrue.drilling.correction import Kind, ReadingCorrection
 from robotrue.drilling.foot import Foot
 from robotrue.drilling.foot_model import Envelope, Frozen, NormalModel
 from robotrue.drilling.head import Head
@@ -179,7 +179,7 @@ def _foot(d: Any, archive: Archive) -> Foot:
 
 
 def _correction_arrays(
-    name: str, correction: Correction, document: dict[str, Any]
+    name: str, correction: ReadingCorrection, document: dict[str, Any]
 ) -> dict[str, Array]:
     """Adds what a correction is to the document; returns its arrays under its name."""
     if isinstance(correction, LinearCorrection):
@@ -199,7 +199,7 @@ def _correction_arrays(
     return {f"{name}_{key}": value for key, value in kept.items()}
 
 
-def _correction(name: str, archive: Archive) -> Correction:
+def _correction(name: str, archive: Archive) -> ReadingCorrection:
     stated = archive.document[name]
     values = {
         key: archive.array(f"{name}_{key}")

@@ -10,7 +10,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.provenance import MEASURED, Provenance, merge
 from robotrue.core.units import DEG
 from robotrue.drilling.campaign import Campaign
-from robotrue.drilling.correction import Corrected
+from robotrue.drilling.correction import CorrectedReadings
 from robotrue.drilling.evaluate import evaluated
 from robotrue.drilling.foot_model import Frozen, NormalModel
 from robotrue.drilling.monitor import Watch, watch, watched
@@ -19,7 +19,7 @@ from robotrue.errors import ConfigurationError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Step:
+class RecordUpdate:
     """What one record did.
 
     Attributes:
@@ -37,7 +37,9 @@ class Step:
     said: str
 
 
-def recorded(model: NormalModel, found: Corrected, record: Remaining, *, reference: float) -> Step:
+def recorded(
+    model: NormalModel, found: CorrectedReadings, record: Remaining, *, reference: float
+) -> RecordUpdate:
     """Returns the model after what one hole left.
 
     A frozen model is watched and stays as it is; an alarm thaws it, so that the records that follow
@@ -59,7 +61,7 @@ def recorded(model: NormalModel, found: Corrected, record: Remaining, *, referen
     if model.frozen is None:
         refinement = refined(model.refinement, record, reference=reference)
         model = replace(model, refinement=refinement, version=model.version + 1)
-    return Step(
+    return RecordUpdate(
         model=replace(model, monitor=state),
         score=score,
         alarm=False,
@@ -75,7 +77,7 @@ def _alarmed(
     shift: Array,
     record: Remaining,
     reference: float,
-) -> Step:
+) -> RecordUpdate:
     a, b = (shift / DEG).tolist()
     was = "" if model.frozen is None else f"version {model.frozen.version} is thawed; "
     fresh = replace(watch(2), spread=state.spread, allowance=state.allowance, limit=state.limit)
@@ -90,7 +92,7 @@ def _alarmed(
         f"hole {record.hole}: the tilt has shifted by about {a:+.3f} deg in a and {b:+.3f} deg in "
         f"b: {was}check the zero on the mandrel. What follows refines the model."
     )
-    return Step(model=changed, score=score, alarm=True, shift=shift, said=said)
+    return RecordUpdate(model=changed, score=score, alarm=True, shift=shift, said=said)
 
 
 def frozen(
@@ -160,7 +162,7 @@ def _refuse_worse(mean: float, was: float, test: Campaign) -> None:
 
 def record_of(
     hole: str,
-    found: Corrected,
+    found: CorrectedReadings,
     left: Array,
     truth: str,
     provenance: Provenance = MEASURED,

@@ -20,7 +20,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.columns import Column, Columns
-from robotrue.dynamics.cutter import Cut, Cutter, CuttingCoefficients
+from robotrue.dynamics.cutter import Cutter, CutterEngagement, CuttingCoefficients
 from robotrue.dynamics.milling_force import mean_force
 from robotrue.errors import ImplausibleDataError, ObservabilityError
 
@@ -45,7 +45,7 @@ class CuttingTest(Columns):
         force: (3,) N mean force on the tool: along the feed, to its left, along the tool up.
     """
 
-    cut: Cut
+    cut: CutterEngagement
     force: Annotated[Array, Column("3", unit="N")]
 
 
@@ -141,7 +141,7 @@ def check_axes_agree(measured: Array, expected: Array, source: str) -> None:
         )
 
 
-def _design(cutter: Cutter, cut: Cut) -> Array:
+def _design(cutter: Cutter, cut: CutterEngagement) -> Array:
     """(3, 6) N per Pa and N/m: the mean force is linear in the coefficients."""
     base = CuttingCoefficients(tangential=_SIZE[0], radial=0.0, axial=0.0)
     first = mean_force(cutter, cut, base)

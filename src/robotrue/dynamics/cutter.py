@@ -108,7 +108,7 @@ class CuttingCoefficients:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Cut:
+class CutterEngagement:
     """What the tool takes away, steadily.
 
     Attributes:
@@ -141,7 +141,7 @@ class Cut:
         return self.spindle * teeth * self.feed_per_tooth
 
 
-def engagement(cutter: Cutter, cut: Cut, height: Array) -> tuple[Array, Array]:
+def engagement(cutter: Cutter, cut: CutterEngagement, height: Array) -> tuple[Array, Array]:
     """Returns angles of entry and exit (k,) rad at heights (k,) m; equal where nothing is cut.
 
     The wall of the material is a plane along the feed, ``width`` inside the tool's outline.

@@ -51,7 +51,7 @@ FORCE_ROOM: Final = 0.5
 """How far, over its range, a force may lie outside what was learned from."""
 
 
-class Standing(IntEnum):
+class WindowTrust(IntEnum):
     """How far a window's estimate is to be trusted."""
 
     INSIDE = 0
@@ -93,7 +93,7 @@ class DeviationPrediction:
         deviation: (n,) m.
         sd: (n,) m, of a measurement of that window.
         physics: (n,) m, the part of the deviation without residual process.
-        standing: (n,) :class:`Standing`.
+        standing: (n,) :class:`WindowTrust`.
     """
 
     error: Array
@@ -162,13 +162,13 @@ class DeviationModel(Columns):
         prior = spread**2
         cross = covariance(new, old, self.theta, prior)
         standing = self._standing(windows, terms, new, old)
-        far = standing != Standing.INSIDE
+        far = standing != WindowTrust.INSIDE
         cross[far] -= shared(new, old, self.theta)[far]
         deviation = new.basis @ mean + cross @ known.alpha[:, 0]
         half = known.whitened(cross.T)
         left = variance(new, self.theta, prior) - np.einsum("ij,ij->j", half, half)
         sd = np.sqrt(np.maximum(left, 0.0) + np.exp(2.0 * self.theta[4]))
-        invalid = standing == Standing.INVALID
+        invalid = standing == WindowTrust.INVALID
         deviation[invalid] = sd[invalid] = np.nan
         return DeviationPrediction(
             error=windows.predicted + deviation,
@@ -185,8 +185,8 @@ class DeviationModel(Columns):
         low, high = self.windows.force.min(axis=0), self.windows.force.max(axis=0)
         room = FORCE_ROOM * (high - low) + 0.1 * np.abs(self.windows.force).max()
         strange = ((windows.force < low - room) | (windows.force > high + room)).any(axis=1)
-        out = np.where((nearest < NEAR) | strange, Standing.EXTRAPOLATED, Standing.INSIDE)
-        return np.asarray(np.where(terms.outside, Standing.INVALID, out), dtype=np.int64)
+        out = np.where((nearest < NEAR) | strange, WindowTrust.EXTRAPOLATED, WindowTrust.INSIDE)
+        return np.asarray(np.where(terms.outside, WindowTrust.INVALID, out), dtype=np.int64)
 
     def to_archive(self) -> Archive:
         """Returns the model as document and arrays (SI)."""

@@ -19,7 +19,7 @@ _ROUNDING: Final = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pairs:
+class AxisPairCurves:
     """Curves by pair of axes, response first.
 
     Attributes:
@@ -35,7 +35,7 @@ class Pairs:
 
 def assembled(
     frequency: Array,
-    pairs: Pairs,
+    pairs: AxisPairCurves,
     *,
     source: str,
     provenance: Provenance = MEASURED,

@@ -21,7 +21,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.provenance import merge
 from robotrue.dynamics.checks import BLIND_BELOW, coherent_band
 from robotrue.dynamics.frf import FORMS, ComplexArray, FrequencyResponse
-from robotrue.dynamics.frf_build import Pairs, assembled
+from robotrue.dynamics.frf_build import AxisPairCurves, assembled
 from robotrue.dynamics.hits import SECOND, HammerRecord, check_sensors, find_hits
 from robotrue.dynamics.modal import ModalModel
 from robotrue.errors import ImplausibleDataError, ModelMismatchError, ObservabilityError, ShapeError
@@ -180,7 +180,7 @@ def combined(results: Sequence[HammerResult]) -> FrequencyResponse:
             f"no band in common: from {valid[0]:g} to {valid[1]:g} Hz.",
             hint="hit with the same tip along all axes.",
         )
-    pairs = Pairs(form=first.record.form, response=response, coherence=coherence)
+    pairs = AxisPairCurves(form=first.record.form, response=response, coherence=coherence)
     names = ", ".join(r.record.source for r in results)
     return assembled(
         first.frequency[1:],
@@ -315,9 +315,9 @@ def _check_alike(first: HammerResult, one: HammerResult) -> None:
         )
 
 
-def _without_rest(pairs: Pairs) -> Pairs:
+def _without_rest(pairs: AxisPairCurves) -> AxisPairCurves:
     """The curves without their line at 0 Hz, which a hit says nothing about."""
-    return Pairs(
+    return AxisPairCurves(
         form=pairs.form,
         response={pair: values[1:] for pair, values in pairs.response.items()},
         coherence={pair: values[1:] for pair, values in pairs.coherence.items()},

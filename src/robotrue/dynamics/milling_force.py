@@ -17,7 +17,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.provenance import Provenance
-from robotrue.dynamics.cutter import Cut, Cutter, CuttingCoefficients, engagement
+from robotrue.dynamics.cutter import Cutter, CutterEngagement, CuttingCoefficients, engagement
 from robotrue.dynamics.force import ForceRecord
 from robotrue.errors import ConfigurationError
 
@@ -30,7 +30,7 @@ _TURN: Final = 2.0 * np.pi
 
 def milling_force(
     cutter: Cutter,
-    cut: Cut,
+    cut: CutterEngagement,
     coefficients: CuttingCoefficients,
     angle: Array,
     *,
@@ -72,7 +72,7 @@ def milling_force(
 
 def force_over_time(
     cutter: Cutter,
-    cut: Cut,
+    cut: CutterEngagement,
     coefficients: CuttingCoefficients,
     *,
     rate: float,
@@ -111,7 +111,7 @@ def force_over_time(
     )
 
 
-def mean_force(cutter: Cutter, cut: Cut, coefficients: CuttingCoefficients) -> Array:
+def mean_force(cutter: Cutter, cut: CutterEngagement, coefficients: CuttingCoefficients) -> Array:
     """Returns the mean force over a turn (3,) N, axes as ``milling_force``.
 
     In closed form for a flat end mill whose teeth all cut (Altintas 2012, eq. 2.17-2.19; neither
@@ -139,7 +139,9 @@ def mean_force(cutter: Cutter, cut: Cut, coefficients: CuttingCoefficients) -> A
     return np.array([np.diff(part)[0] for part in (feed, left, up)])
 
 
-def _edge(cutter: Cutter, cut: Cut, slices: int | None) -> tuple[Array, Array, Array, Array]:
+def _edge(
+    cutter: Cutter, cut: CutterEngagement, slices: int | None
+) -> tuple[Array, Array, Array, Array]:
     """Middle height m, length m, sine and cosine of the surface's tilt, each (k,), tip first."""
     if slices is not None and slices < 1:
         raise ConfigurationError(f"{slices} axial slices, expected one or more.")

@@ -10,7 +10,7 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.columns import Column, Columns
 from robotrue.core.units import MM
-from robotrue.dynamics.cutter import Cut, Cutter, CuttingCoefficients
+from robotrue.dynamics.cutter import Cutter, CutterEngagement, CuttingCoefficients
 from robotrue.dynamics.milling_force import mean_force
 from robotrue.errors import ConfigurationError
 from robotrue.program.cut_path import CutPath
@@ -31,7 +31,7 @@ class MillingAlongPath(Columns):
 
     cutter: Cutter
     coefficients: CuttingCoefficients
-    cut: Cut
+    cut: CutterEngagement
     along: Annotated[Array, Column("n", unit="m")]
     depth: Annotated[Array, Column("n", unit="m")]
     width: Annotated[Array, Column("n", unit="m")]
@@ -79,8 +79,8 @@ class MillingAlongPath(Columns):
         out[known, :3] = np.einsum("nij,nj->ni", frames[known], force[known])
         return out
 
-    def _cut(self, depth: float, width: float) -> Cut:
-        return Cut(
+    def _cut(self, depth: float, width: float) -> CutterEngagement:
+        return CutterEngagement(
             mode=self.cut.mode,
             depth=depth,
             width=min(width, self.cutter.diameter),

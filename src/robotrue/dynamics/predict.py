@@ -36,7 +36,7 @@ _MOST_ABOVE: Final = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Prediction:
+class DeflectionPrediction:
     """Deflection of the tool along a force record.
 
     Attributes:
@@ -68,7 +68,7 @@ class Prediction:
 
 def predict_error(
     curve: ResponseCurve, record: ForceRecord, *, padding: float | None = None
-) -> Prediction:
+) -> DeflectionPrediction:
     """Returns the deflection of the tool under a recorded force.
 
     Args:
@@ -105,7 +105,7 @@ def predict_error(
     )
     circular = _in_all_axes(_filtered(curve, force, record.rate, n, exact=True), frf)
     static = _in_all_axes((curve.at_rest @ force.mean(axis=0))[None], frf)[0]
-    return Prediction(
+    return DeflectionPrediction(
         record=record,
         error=error[:n],
         circular=circular[:n],
@@ -235,7 +235,7 @@ def _remarks(
     return tuple(said)
 
 
-def prediction_columns(prediction: Prediction) -> tuple[list[str], Array]:
+def prediction_columns(prediction: DeflectionPrediction) -> tuple[list[str], Array]:
     """Returns names and values (n, 4) of the table written: s and um, NaN where nothing is said."""
     names = ["t_s", "ex_um", "ey_um", "ez_um"]
     return names, np.column_stack([prediction.record.time, prediction.error / UM])

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from robotrue.dynamics.deviation import Standing
+from robotrue.dynamics.deviation import WindowTrust
 from robotrue.dynamics.windows import WindowSet
 from robotrue.online.sensing_models import SensingModels
 
@@ -65,7 +65,7 @@ class WindowDeviation:
             measured=np.array([np.nan]),
         )
         found = model.predict(window)
-        if found.standing[0] == Standing.INVALID:
+        if found.standing[0] == WindowTrust.INVALID:
             self.correction[:] = 0.0, 0.0, INVALID
             return
         gain = model.factors[-1] * (window.predicted[0] - model.windows.predicted.mean())

@@ -18,7 +18,7 @@ RANDOM: Final = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Work(Columns):
+class WorkErrorPrior(Columns):
     """The error where the arm will work, before measuring.
 
     Attributes:
@@ -39,7 +39,7 @@ class Work(Columns):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Expected(Columns):
+class ExpectedAccuracy(Columns):
     """3-D error expected where the arm will work, after 0, 1, ..., n poses, as a check measures it.
 
     Attributes:
@@ -59,7 +59,9 @@ class Expected(Columns):
     floor_mean: float
 
 
-def work_of(model: LinearModel, postures: Postures, T_flange_tool: Array | None = None) -> Work:
+def work_of(
+    model: LinearModel, postures: Postures, T_flange_tool: Array | None = None
+) -> WorkErrorPrior:
     """Returns the error at the postures where the arm will work.
 
     Args:
@@ -68,7 +70,7 @@ def work_of(model: LinearModel, postures: Postures, T_flange_tool: Array | None 
         T_flange_tool: (4, 4) the point asked about; None is the reflector.
     """
     columns, rest, instrument = model.errors(postures, T_flange_tool)
-    return Work(columns=columns, rest=rest, instrument=instrument)
+    return WorkErrorPrior(columns=columns, rest=rest, instrument=instrument)
 
 
 def mean_length(covariance: Array) -> Array:
@@ -85,21 +87,21 @@ def mean_length(covariance: Array) -> Array:
     return np.asarray(np.sqrt(square / shape) * np.exp(gammaln(shape + 0.5) - gammaln(shape)))
 
 
-def mean_error(work: Work, covariance: Array) -> float:
+def mean_error(work: WorkErrorPrior, covariance: Array) -> float:
     """Returns the mean 3-D error in m expected with a covariance (k, k), as a check measures it."""
     learned = work.columns @ covariance @ np.swapaxes(work.columns, 1, 2)
     return float(mean_length(learned + work.rest + work.instrument).mean())
 
 
 def expected(
-    work: Work,
+    work: WorkErrorPrior,
     rows: Array,
     order: IntArray,
     *,
     seed: int,
     covariance: Array | None = None,
     told: Callable[[int], None] | None = None,
-) -> Expected:
+) -> ExpectedAccuracy:
     """Returns the accuracy expected after each pose of an order, and after random poses.
 
     Args:
@@ -121,7 +123,7 @@ def expected(
         other = rng.choice(len(rows), n, replace=False)
         random[k] = _curve(work, rows, other, fixed, covariance)[1]
     low, middle, high = np.percentile(random, [25, 50, 75], axis=0)
-    return Expected(
+    return ExpectedAccuracy(
         rms=rms,
         mean=mean,
         random_mean=middle,
@@ -132,7 +134,7 @@ def expected(
 
 
 def _curve(
-    work: Work, rows: Array, order: IntArray, fixed: Array, covariance: Array | None
+    work: WorkErrorPrior, rows: Array, order: IntArray, fixed: Array, covariance: Array | None
 ) -> tuple[Array, Array]:
     """Root mean square and mean of the 3-D error after each pose."""
     m, _, size = work.columns.shape

@@ -5,8 +5,8 @@ known without its result. ``w`` are the errors the fit estimates (geometry, comp
 the slow ripple of every drive and its backlash, with the priors of :mod:`calibration.priors`. What
 this linear model leaves out does not average out like noise, but over few poses it acts like it:
 fast ripple is carried through the arm's own Jacobian, and a smooth rest is added to every axis.
-Both sizes are stated in :class:`Unmodelled`; without them a plan promises more than it keeps and
-prefers a stretched arm.
+Both sizes are stated in :class:`UnmodelledErrors`; without them a plan promises more than it keeps
+and prefers a stretched arm.
 
 Rows come whitened and in units of the prior: in these coordinates the prior precision is I, and
 that of the data the sum of ``A' A`` over the poses.
@@ -51,7 +51,7 @@ KNOWN: Final = 1e-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Unmodelled(Columns):
+class UnmodelledErrors(Columns):
     """What an arm does beyond geometry and compliance, one standard deviation each.
 
     Drive errors are given as what they do at the end of the stretched arm: large arms have finer
@@ -113,7 +113,7 @@ class LinearModel(Columns):
     robot: RobotModel
     cell: Cell
     settings: FitSettings
-    unmodelled: Unmodelled
+    unmodelled: UnmodelledErrors
     root: Annotated[Array, Column("p _")]
 
     def _known_sizes(self) -> dict[Any, int]:
@@ -218,7 +218,7 @@ def settings_of(cell: Cell) -> FitSettings:
 
 
 def before_measuring(
-    cell: Cell, *, settings: FitSettings | None = None, unmodelled: Unmodelled | None = None
+    cell: Cell, *, settings: FitSettings | None = None, unmodelled: UnmodelledErrors | None = None
 ) -> LinearModel:
     """Returns the linear model of an arm of which only the type is known.
 
@@ -229,7 +229,7 @@ def before_measuring(
         unmodelled: Sizes of what is left out.
     """
     settings = settings_of(cell) if settings is None else settings
-    unmodelled = Unmodelled() if unmodelled is None else unmodelled
+    unmodelled = UnmodelledErrors() if unmodelled is None else unmodelled
     robot = cell.measured_robot.nominal()
     layout = Layout(dof=robot.dof)
     prior = build_prior(
@@ -259,7 +259,7 @@ def after_fit(
     cell: Cell,
     *,
     settings: FitSettings | None = None,
-    unmodelled: Unmodelled | None = None,
+    unmodelled: UnmodelledErrors | None = None,
 ) -> LinearModel:
     """Returns the linear model of an arm that was calibrated, to plan the poses that come next.
 
@@ -277,7 +277,7 @@ def after_fit(
             hint="plan with a model of this cell.",
         )
     settings = settings_of(cell) if settings is None else settings
-    unmodelled = Unmodelled() if unmodelled is None else unmodelled
+    unmodelled = UnmodelledErrors() if unmodelled is None else unmodelled
     dof, h = cell.robot.dof, len(unmodelled.ripple)
     size = 7 * dof + 12
     full = np.zeros((size + 2 * dof * h + dof,) * 2)
@@ -297,7 +297,7 @@ def after_fit(
     )
 
 
-def _drive_sd(robot: RobotModel, unmodelled: Unmodelled) -> Array:
+def _drive_sd(robot: RobotModel, unmodelled: UnmodelledErrors) -> Array:
     """Prior sd in rad of the ripple, joint by joint, sine and cosine, then of the backlash."""
     ripple = np.tile(np.repeat(unmodelled.ripple, 2), robot.dof)
     return np.append(ripple, np.full(robot.dof, unmodelled.backlash)) / robot.reach

@@ -8,7 +8,7 @@ import numpy as np
 
 from robotrue.core.arrays import BoolArray
 from robotrue.planning.criteria import Criterion, covariance_after, next_pose
-from robotrue.planning.expectation import Work, mean_error
+from robotrue.planning.expectation import WorkErrorPrior, mean_error
 from robotrue.planning.information import LinearModel, Postures
 
 
@@ -36,7 +36,7 @@ def next_visit(
     model: LinearModel,
     measured: Postures,
     candidates: Postures,
-    work: Work,
+    work: WorkErrorPrior,
     *,
     criterion: Criterion = "I",
     enough: float = 0.0,

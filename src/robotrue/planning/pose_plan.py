@@ -20,11 +20,17 @@ from robotrue.errors import ConfigurationError, ReachError
 from robotrue.planning.arm_scene import Scene, scene_of
 from robotrue.planning.candidates import draw_candidates, nothing_left, reachable_in, usable
 from robotrue.planning.criteria import CRITERIA, Choice, Criterion, exchanged, greedy, passes
-from robotrue.planning.expectation import RANDOM, Expected, Work, expected, work_of
+from robotrue.planning.expectation import (
+    RANDOM,
+    ExpectedAccuracy,
+    WorkErrorPrior,
+    expected,
+    work_of,
+)
 from robotrue.planning.information import (
     LinearModel,
     Postures,
-    Unmodelled,
+    UnmodelledErrors,
     after_fit,
     before_measuring,
 )
@@ -73,7 +79,7 @@ class PlanSettings:
     loads: tuple[Load, ...] = ()
     seed: int = 1
     fit: FitSettings | None = None
-    unmodelled: Unmodelled = field(default_factory=Unmodelled)
+    unmodelled: UnmodelledErrors = field(default_factory=UnmodelledErrors)
 
     def __post_init__(self) -> None:
         """Refuses what cannot be."""
@@ -121,7 +127,7 @@ class PosePlan(Columns):
     loads: tuple[Load, ...]
     position: Annotated[Array, Column("n 3", unit="m")]
     rank: Annotated[IntArray, Column("n")]
-    expected: Expected
+    expected: ExpectedAccuracy
     criterion: Criterion
     candidates: int
     drawn: int
@@ -299,7 +305,7 @@ class _Meter:
 
 
 def _chosen(
-    rows: Array, work: Work, n: int, settings: PlanSettings, meter: _Meter
+    rows: Array, work: WorkErrorPrior, n: int, settings: PlanSettings, meter: _Meter
 ) -> tuple[Choice, bool]:
     """Greedy, then exchanged, then sorted so that each pose is the best after those before."""
     weight, text = work.weight, "choosing poses"

@@ -75,7 +75,7 @@ class TouchLimits(Columns):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Candidates:
+class TouchCandidates:
     """Touches that can be made.
 
     Attributes:
@@ -99,7 +99,7 @@ def touch_candidates(
     *,
     limits: TouchLimits | None = None,
     scene: Scene | None = None,
-) -> Candidates:
+) -> TouchCandidates:
     """Returns every touch that can be made.
 
     Args:
@@ -156,7 +156,7 @@ def touch_candidates(
         rejected += (("more than are looked at", len(able) - MOST),)
         able = kept
     rows = feature[able]
-    return Candidates(
+    return TouchCandidates(
         touches=ProbingSet(
             names=tuple(features.names[k] for k in rows),
             point=features.point[rows],

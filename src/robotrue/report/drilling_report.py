@@ -7,7 +7,7 @@ import numpy as np
 from robotrue.core.provenance import merge
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign import Campaign
-from robotrue.drilling.evaluate import Evaluation, Residuals
+from robotrue.drilling.evaluate import Residuals, TiltEvaluation
 from robotrue.drilling.foot_model import NormalModel
 from robotrue.report.calibration_report import column, fact, versions
 from robotrue.report.content import (
@@ -25,7 +25,7 @@ from robotrue.report.words import ENGLISH, Lang, Words
 def drilling_content(
     model: NormalModel,
     test: Campaign,
-    result: Evaluation,
+    result: TiltEvaluation,
     *,
     digest: str,
     limit: float,
@@ -81,7 +81,7 @@ def drilling_content(
     )
 
 
-def _tiles(result: Evaluation, t: Words) -> tuple[Tile, ...]:
+def _tiles(result: TiltEvaluation, t: Words) -> tuple[Tile, ...]:
     ours, before = result.ours, result.uncorrected
     return (
         Tile(
@@ -111,7 +111,7 @@ def _tiles(result: Evaluation, t: Words) -> tuple[Tile, ...]:
     )
 
 
-def _residuals(model: NormalModel, result: Evaluation, t: Words) -> Table:
+def _residuals(model: NormalModel, result: TiltEvaluation, t: Words) -> Table:
     rows: list[tuple[str, Residuals]] = [(t("drill.as_is"), result.uncorrected)]
     if result.patent is not None:
         rows.append((t("drill.linear"), result.patent))
@@ -145,7 +145,7 @@ def _envelope(model: NormalModel, t: Words) -> Table:
     )
 
 
-def _doubts(model: NormalModel, result: Evaluation, t: Words) -> tuple[str, ...]:
+def _doubts(model: NormalModel, result: TiltEvaluation, t: Words) -> tuple[str, ...]:
     doubts = []
     if result.covered < 0.9:
         doubts.append(t("drill.doubt_region", share=100.0 * result.covered))

@@ -14,7 +14,7 @@ from robotrue.core.provenance import marked, merge, simulation_mark
 from robotrue.core.units import UM
 from robotrue.dynamics.frf import AXES, FrequencyResponse
 from robotrue.dynamics.interpolation import ResponseCurve
-from robotrue.dynamics.predict import Prediction
+from robotrue.dynamics.predict import DeflectionPrediction
 from robotrue.errors import ConfigurationError
 
 _FORMATS: Final = (".png", ".svg", ".pdf")
@@ -46,7 +46,7 @@ def response_figure(
     return _picture(figure, suffix)
 
 
-def prediction_figure(curve: ResponseCurve, found: Prediction, suffix: str) -> bytes:
+def prediction_figure(curve: ResponseCurve, found: DeflectionPrediction, suffix: str) -> bytes:
     """Returns response, force and predicted error as a picture.
 
     Raises:
@@ -131,7 +131,7 @@ def _along(ax: Axes, time: Array, values: Array, axis: str) -> None:
     ax.grid(True, lw=0.4)
 
 
-def _beginning(ax: Axes, found: Prediction) -> None:
+def _beginning(ax: Axes, found: DeflectionPrediction) -> None:
     """The first part of the record, padded and circular: what leaving out the zeros costs."""
     last = min(len(found.error), max(16, round(0.5 * found.rings * found.record.rate)))
     moved = np.nan_to_num(np.abs(found.circular - found.error)[:last]).max(axis=0)

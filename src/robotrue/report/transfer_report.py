@@ -22,12 +22,12 @@ from robotrue.report.content import (
 from robotrue.report.content import Verdict as Line
 from robotrue.report.transfer_curve import curves_of
 from robotrue.validation.contest import CandidateScore, Selection
-from robotrue.validation.guard import Verdict
+from robotrue.validation.guard import GuardVerdict
 from robotrue.validation.learning_curve import LearningCurve
 
 
 def transfer_content(
-    verdict: Verdict,
+    verdict: GuardVerdict,
     selection: Selection | None,
     curve: LearningCurve | None,
     *,
@@ -72,7 +72,7 @@ def transfer_content(
     )
 
 
-def _line(verdict: Verdict, selection: Selection | None) -> Line:
+def _line(verdict: GuardVerdict, selection: Selection | None) -> Line:
     if selection is None:
         return Line(
             text=f"{verdict.winner} is used; nothing was checked against the target.",
@@ -104,7 +104,7 @@ def _score(selection: Selection, name: str) -> CandidateScore:
     return next(score for score in selection.table if score.name == name)
 
 
-def _tiles(verdict: Verdict, selection: Selection | None) -> tuple[Tile, ...]:
+def _tiles(verdict: GuardVerdict, selection: Selection | None) -> tuple[Tile, ...]:
     if selection is None:
         return ()
     score = _score(selection, verdict.winner)

@@ -83,7 +83,7 @@ def mean_force(cut: EndMillPass) -> Array:
     tool.
     """
     tool = cutters.Cutter(kind="flat", diameter=cut.diameter, teeth=cut.teeth)
-    climb = cutters.Cut(
+    climb = cutters.CutterEngagement(
         mode="down",
         depth=cut.depth,
         width=cut.width,

@@ -16,7 +16,7 @@ from scipy.signal import lfilter
 
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM, UM
-from robotrue.dynamics.cutter import Cut, Cutter, CuttingCoefficients
+from robotrue.dynamics.cutter import Cutter, CutterEngagement, CuttingCoefficients
 from robotrue.dynamics.milling_force import milling_force
 from robotrue.simulation.milling_arm import FEED
 
@@ -100,7 +100,7 @@ def _cutter(rng: np.random.Generator) -> Cutter:
 def _table(cutter: Cutter, part: float, finer: int) -> Array:
     count = round(_TURNS * TURN * finer)
     angle = np.asarray(2.0 * np.pi * np.arange(count) / (TURN * finer), dtype=np.float64)
-    cut = Cut(
+    cut = CutterEngagement(
         mode="up",
         depth=DEPTH * part,
         width=6 * MM,

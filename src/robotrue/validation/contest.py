@@ -108,7 +108,7 @@ class Failure:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HeldOut:
+class CandidateResults:
     """Held-out results of one candidate: rows of all folds, one after the other.
 
     Attributes:
@@ -160,7 +160,10 @@ def _score_from(row: Mapping[str, Any]) -> CandidateScore:
 
 
 def decide(
-    held: Mapping[str, HeldOut | Failure], folds: Sequence[Split], fold_of_row: IntArray, rule: str
+    held: Mapping[str, CandidateResults | Failure],
+    folds: Sequence[Split],
+    fold_of_row: IntArray,
+    rule: str,
 ) -> Selection:
     """Returns the selection, given every candidate's held-out results or why it has none.
 
@@ -174,7 +177,7 @@ def decide(
         ObservabilityError: No candidate has results.
     """
     winner: str | None = None
-    best: HeldOut | None = None
+    best: CandidateResults | None = None
     table, trail = [], []
     for name, result in held.items():
         gain, noise = float("nan"), float("nan")
@@ -218,12 +221,12 @@ def decide(
     )
 
 
-def _twin(result: HeldOut, held: Mapping[str, HeldOut | Failure]) -> str | None:
+def _twin(result: CandidateResults, held: Mapping[str, CandidateResults | Failure]) -> str | None:
     """Name of an earlier candidate with the very same errors: a richer method that fell back."""
     for name, other in held.items():
         if other is result:
             return None
-        if isinstance(other, HeldOut) and np.array_equal(other.error, result.error):
+        if isinstance(other, CandidateResults) and np.array_equal(other.error, result.error):
             return name
     return None
 
@@ -250,7 +253,7 @@ def paired_gain(difference: Array, fold_of_row: IntArray) -> tuple[float, float]
 
 def _scored(
     name: str,
-    result: HeldOut,
+    result: CandidateResults,
     folds: Sequence[Split],
     fold_of_row: IntArray,
     gain: float,

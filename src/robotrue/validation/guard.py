@@ -24,7 +24,7 @@ from robotrue.errors import ObservabilityError, RobotrueError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.statics import Load
 from robotrue.validation.contest import (
-    HeldOut,
+    CandidateResults,
     Selection,
     decide,
     paired_gain,
@@ -46,7 +46,7 @@ NEAR: Final = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
+class GuardVerdict:
     """What the guard found.
 
     Attributes:
@@ -94,7 +94,7 @@ def guarded(
     """Returns the model of the candidate that holds on target poses, with the evidence.
 
     Its training summary gains ``"selection"`` (the contest, if there was one), ``"guard"``
-    (:meth:`Verdict.summary`) and the guard's sentences at the head of ``"doubts"``.
+    (:meth:`GuardVerdict.summary`) and the guard's sentences at the head of ``"doubts"``.
 
     Args:
         transfers: Candidates that use sources, the one believed first at the head.
@@ -121,13 +121,13 @@ def guarded(
     return _with_verdict(with_evidence(model, selection), verdict)
 
 
-def verdict_from_summary(summary: TrainingSummary) -> tuple[Verdict, Selection | None] | None:
+def verdict_from_summary(summary: TrainingSummary) -> tuple[GuardVerdict, Selection | None] | None:
     """Returns what the guard wrote into a training summary, None if there was no guard."""
     stated = summary.guard
     if not isinstance(stated, Mapping):
         return None
     nan = float("nan")
-    verdict = Verdict(
+    verdict = GuardVerdict(
         winner=str(stated["winner"]),
         checked=bool(stated["checked"]),
         target_rows=int(stated["target_rows"]),
@@ -152,7 +152,7 @@ def _unchecked(
         except RobotrueError as cause:
             failures.append(f"{name}: {cause.message}")
             continue
-        verdict = Verdict(
+        verdict = GuardVerdict(
             winner=name,
             checked=False,
             target_rows=rows,
@@ -185,7 +185,7 @@ def _rule(rows: int, folds: int) -> str:
     )
 
 
-def _with_verdict(model: ErrorModel, verdict: Verdict) -> ErrorModel:
+def _with_verdict(model: ErrorModel, verdict: GuardVerdict) -> ErrorModel:
     stated = model.training_summary().warnings
     return with_summary(
         model, {"guard": dict(verdict.summary()), "doubts": [*verdict.doubts, *stated]}
@@ -200,8 +200,8 @@ def _verdict(
     target: MeasurementSet,
     reach: float,
     doubts: Sequence[str],
-) -> Verdict:
-    held = {name: r for name, r in trials.held.items() if isinstance(r, HeldOut)}
+) -> GuardVerdict:
+    held = {name: r for name, r in trials.held.items() if isinstance(r, CandidateResults)}
     winner = held[selection.winner]
     rivals = [name for name in alone if name in held]
     against = min(rivals, key=lambda name: float(held[name].error.mean()), default="")
@@ -214,7 +214,7 @@ def _verdict(
             "the target poses alone could not be fitted: whether the sources help was not checked."
         )
     found += _width(winner, len(target)) + _one_place(target, reach)
-    return Verdict(
+    return GuardVerdict(
         winner=selection.winner,
         checked=True,
         target_rows=len(target),
@@ -228,7 +228,7 @@ def _verdict(
 def _harm(
     selection: Selection,
     trials: Trials,
-    held: Mapping[str, HeldOut],
+    held: Mapping[str, CandidateResults],
     transfers: tuple[str, ...],
 ) -> list[str]:
     """What became of the transfer that was believed first, if it was not used."""
@@ -236,7 +236,7 @@ def _harm(
         return []
     first = transfers[0]
     failure = trials.held[first]
-    if not isinstance(failure, HeldOut):
+    if not isinstance(failure, CandidateResults):
         return [f"{first} could not be fitted, {selection.winner} is used: {failure.message}"]
     winner = held[selection.winner]
     gain, noise = paired_gain(failure.error - winner.error, trials.fold_of_row)
@@ -252,7 +252,7 @@ def _harm(
     ]
 
 
-def _width(winner: HeldOut, rows: int) -> list[str]:
+def _width(winner: CandidateResults, rows: int) -> list[str]:
     low, high = wilson_interval(round(winner.inside * rows), rows)
     if high >= 0.95:
         return []

@@ -68,7 +68,7 @@ class TouchBelief:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Expected:
+class ExpectedTouch:
     """What touches should read, in base.
 
     Attributes:
@@ -86,7 +86,7 @@ class Expected:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Judged:
+class CheckedTouch:
     """A reading beside what was expected.
 
     Attributes:
@@ -159,7 +159,7 @@ def believed(
     return _replaced(start, T, at, 0.5 * (covariance + covariance.T), len(touches))
 
 
-def expected_readings(known: TouchBelief, touches: ProbingSet) -> Expected:
+def expected_readings(known: TouchBelief, touches: ProbingSet) -> ExpectedTouch:
     """Returns what touches should read that have not been made.
 
     Args:
@@ -171,10 +171,10 @@ def expected_readings(known: TouchBelief, touches: ProbingSet) -> Expected:
     noise = _noise(known, touches)
     spread = columns @ known.covariance @ np.swapaxes(columns, 1, 2)
     position = centre + columns @ known.mean
-    return Expected(position=position, covariance=spread + noise[:, None, None] * np.eye(3))
+    return ExpectedTouch(position=position, covariance=spread + noise[:, None, None] * np.eye(3))
 
 
-def judged_reading(known: TouchBelief, touch: ProbingSet) -> Judged:
+def judged_reading(known: TouchBelief, touch: ProbingSet) -> CheckedTouch:
     """Returns how far a reading is from what was expected of it.
 
     Args:
@@ -187,11 +187,11 @@ def judged_reading(known: TouchBelief, touch: ProbingSet) -> Judged:
     off = tip[0] - expected.position[0]
     if touch.full[0]:
         square = float(off @ np.linalg.solve(expected.covariance[0], off))
-        return Judged(off=off, sigmas=float(np.sqrt(square)))
+        return CheckedTouch(off=off, sigmas=float(np.sqrt(square)))
     normal = known.T_base_part[int(touch.part[0])][:3, :3] @ touch.normal[0]
     along = float(off @ normal)
     sd = float(np.sqrt(normal @ expected.covariance[0] @ normal))
-    return Judged(off=along * normal, sigmas=abs(along) / sd)
+    return CheckedTouch(off=along * normal, sigmas=abs(along) / sd)
 
 
 def machined_radius(known: TouchBelief, places: ProbingSet) -> Array:

@@ -24,7 +24,7 @@ from robotrue.core.progress import Progress
 from robotrue.errors import ConvergenceError, RobotrueError, ShapeError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.statics import Load
-from robotrue.validation.contest import Failure, HeldOut, Selection, decide
+from robotrue.validation.contest import CandidateResults, Failure, Selection, decide
 from robotrue.validation.evaluation import evaluate
 from robotrue.validation.metrics import coverage, log_density
 from robotrue.validation.splits import (
@@ -117,7 +117,7 @@ class Trials:
         rule: How rows were held out, one sentence.
     """
 
-    held: Mapping[str, HeldOut | Failure]
+    held: Mapping[str, CandidateResults | Failure]
     folds: tuple[Split, ...]
     fold_of_row: IntArray
     rule: str
@@ -139,7 +139,7 @@ def hold_out(
     folds = tuple(default_splits(measurements) if splits is None else splits)
     if not candidates or not folds:
         raise ShapeError("nothing to select from: no candidates or no splits.")
-    held: dict[str, HeldOut | Failure] = {}
+    held: dict[str, CandidateResults | Failure] = {}
     folds = tuple(f for f in map(partial(_predictable, measurements), folds) if f is not None)
     if not folds:
         raise ShapeError("no split leaves rows of the reflectors that it holds out.")
@@ -156,7 +156,7 @@ def hold_out(
             error = np.concatenate([np.linalg.norm(r.after, axis=1) for r in results])
             residual = np.concatenate([r.after for r in results])
             covariance = np.concatenate([r.covariance for r in results])
-            held[name] = HeldOut(
+            held[name] = CandidateResults(
                 error=error,
                 inside=coverage(residual, covariance).share,
                 log_density=float(log_density(residual, covariance).mean()),

@@ -11,7 +11,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.robot.forward import forward
-from robotrue.validation.next_touch import Judged, TouchBelief, judged_reading
+from robotrue.validation.next_touch import CheckedTouch, TouchBelief, judged_reading
 from robotrue.validation.registration_frame import GOOD
 
 Kind: TypeAlias = Literal["feature", "radians", "scale", "sign", "ball", "repeated"]
@@ -49,7 +49,7 @@ class Suspicion:
 def suspicions(
     known: TouchBelief,
     touch: ProbingSet,
-    judged: Judged,
+    judged: CheckedTouch,
     *,
     others: ProbingSet,
     before: ProbingSet | None,
@@ -123,7 +123,7 @@ def _repeated(touch: ProbingSet, before: ProbingSet | None) -> tuple[Suspicion, 
 
 
 def _ball(
-    known: TouchBelief, touch: ProbingSet, judged: Judged, tip_axis: Array
+    known: TouchBelief, touch: ProbingSet, judged: CheckedTouch, tip_axis: Array
 ) -> tuple[Suspicion, ...]:
     """An offset straight along the way of the approach: radius, tip length, or not at the part."""
     way = known.T_base_part[int(touch.part[0])][:3, :3] @ np.nan_to_num(touch.normal[0])

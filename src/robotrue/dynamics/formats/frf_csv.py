@@ -20,7 +20,7 @@ from robotrue.core.provenance import mark_line
 from robotrue.core.units import MM, UM
 from robotrue.dynamics.formats.column_table import ColumnTable, read_column_table, table_bytes
 from robotrue.dynamics.frf import AXES, ComplexArray, FrequencyResponse
-from robotrue.dynamics.frf_build import Pairs, assembled
+from robotrue.dynamics.frf_build import AxisPairCurves, assembled
 from robotrue.errors import FormatError
 
 UNITS: Final = {
@@ -69,7 +69,7 @@ def read_frf_csv(path: str | Path) -> FrequencyResponse:
     }
     return assembled(
         frequency,
-        Pairs(form=form, response=pairs, coherence=coherence),
+        AxisPairCurves(form=form, response=pairs, coherence=coherence),
         source=str(path),
         provenance=table.provenance,
     )

@@ -20,7 +20,7 @@ from robotrue.core.files import read_bytes, write_atomic
 from robotrue.core.provenance import mark_line, merge, provenance_of_lines, read_provenance
 from robotrue.core.units import MM, STANDARD_GRAVITY, UM
 from robotrue.dynamics.frf import AXES, ComplexArray, FrequencyResponse
-from robotrue.dynamics.frf_build import Pairs, assembled
+from robotrue.dynamics.frf_build import AxisPairCurves, assembled
 from robotrue.errors import FormatError, MissingExtraError
 
 _FORM: Final = {8: "receptance", 11: "mobility", 12: "accelerance"}
@@ -95,7 +95,7 @@ def read_uff(path: str | Path) -> FrequencyResponse:
     if len(forms) > 1:
         raise FormatError(f"curves of {' and '.join(sorted(forms))}.", source=path)
     coherence = {pair: values for pair, values in coherence.items() if pair in response}
-    pairs = Pairs(form=forms.pop(), response=response, coherence=coherence)
+    pairs = AxisPairCurves(form=forms.pop(), response=response, coherence=coherence)
     stated = provenance_of_lines(f"# {one.get('id5', '')}" for one in sets)
     origin = merge([read_provenance(path), stated])
     return assembled(frequency, pairs, source=str(path), provenance=origin)
