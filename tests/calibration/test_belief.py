@@ -10,9 +10,9 @@ from planted_arm import arm
 
 from robotrue.calibration.belief import (
     Belief,
-    conditioned,
+    add_variance,
+    condition,
     standard_terms,
-    widened,
     with_centres,
     with_harmonics,
     with_nuisances,
@@ -53,7 +53,7 @@ def test_update_is_that_of_kalman(belief, rows):
     columns, values = rows
     prior = belief.root.T @ belief.root
     gain = prior @ columns.T @ np.linalg.inv(columns @ prior @ columns.T + np.eye(70))
-    after = conditioned(belief, columns, values)
+    after = condition(belief, columns, values)
     scale = np.sqrt(np.trace(prior))
     np.testing.assert_allclose(
         after.mean, belief.mean + gain @ (values - columns @ belief.mean), atol=1e-9 * scale
@@ -65,11 +65,11 @@ def test_update_is_that_of_kalman(belief, rows):
 
 def test_block_by_block_is_all_at_once_in_any_order(belief, rows):
     columns, values = rows
-    whole = conditioned(belief, columns, values)
+    whole = condition(belief, columns, values)
     order = np.random.default_rng(5).permutation(70)
     parts = belief
     for block in np.array_split(order, 7):
-        parts = conditioned(parts, columns[block], values[block])
+        parts = condition(parts, columns[block], values[block])
     np.testing.assert_allclose(parts.mean, whole.mean, rtol=0, atol=1e-11)
     np.testing.assert_allclose(
         parts.root.T @ parts.root, whole.root.T @ whole.root, rtol=0, atol=1e-15
@@ -78,7 +78,7 @@ def test_block_by_block_is_all_at_once_in_any_order(belief, rows):
 
 def test_covariance_never_grows_and_never_turns_indefinite(belief, rows):
     columns, values = rows
-    after = conditioned(belief, 1e6 * columns, 1e6 * values)  # rows far better than the prior
+    after = condition(belief, 1e6 * columns, 1e6 * values)  # rows far better than the prior
     before = belief.root.T @ belief.root
     lost = np.linalg.eigvalsh(before - after.root.T @ after.root)
     assert lost.min() > -1e-12 * np.trace(before)
@@ -88,7 +88,7 @@ def test_covariance_never_grows_and_never_turns_indefinite(belief, rows):
 def test_widening_adds_variance_and_nothing_else(belief):
     extra = np.zeros(len(belief.mean))
     extra[::5] = 4e-8
-    wide = widened(belief, extra)
+    wide = add_variance(belief, extra)
     np.testing.assert_allclose(wide.variance, belief.variance + extra)
     np.testing.assert_array_equal(wide.mean, belief.mean)
 

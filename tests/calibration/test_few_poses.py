@@ -9,7 +9,7 @@ import pytest
 from planted_arm import PAYLOAD, arm, planted, postures
 
 from robotrue.calibration.evidence import Group, held_scales, learn, posterior, sums_of
-from robotrue.calibration.held_out import HeldOut, student_factor, trusted
+from robotrue.calibration.held_out import HeldOut, student_factor, temper_factor
 from robotrue.calibration.learned import LearnedParts, fit_learned
 from robotrue.calibration.methods import FitSettings, fit
 from robotrue.calibration.model import Query
@@ -123,7 +123,7 @@ def test_the_factor_of_the_blocks_counts_more_with_more_rows():
         error = np.zeros((rows, 3))
         return HeldOut(error=error, learned=none, white=none, instrument=none, inflation=3.0)
 
-    factors = [trusted(found(n), 3.0 * n).inflation for n in (5, 20, 60, 200, 10_000)]
+    factors = [temper_factor(found(n), 3.0 * n).inflation for n in (5, 20, 60, 200, 10_000)]
     assert (np.diff(factors[1:]) > 0.0).all()
     assert factors[-1] == pytest.approx(3.0, rel=0.01)
     assert 1.0 < factors[1] < 1.6

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from probing_cases import EXACT, FACE, SETTINGS, cell, frame_error, known_arm, of, touched
 
-from robotrue.calibration.belief import widened, with_amplitude, with_centres
+from robotrue.calibration.belief import add_variance, with_amplitude, with_centres
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import Query
 from robotrue.calibration.nominal import NominalModel
@@ -182,7 +182,7 @@ def test_a_smooth_residual_reaches_to_the_touches_and_is_kept() -> None:
     belief = with_amplitude(with_centres(plain, basis), 0.05 * MM)
     variance = np.zeros(len(belief.mean))
     variance[belief.place("smooth").start :] = (0.05 * MM) ** 2
-    model = model_of(widened(belief, variance), {"method": "gp"})
+    model = model_of(add_variance(belief, variance), {"method": "gp"})
     touches = touched(where, 6)
     found = estimate_probing(model, touches, replace(SETTINGS, tool_sigma=0.0))
     assert found.belief.smooth.size > belief.smooth.size == 3 * 20

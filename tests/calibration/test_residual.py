@@ -11,13 +11,13 @@ from planted_arm import PAYLOAD, arm, planted, postures
 from robotrue.calibration.archive import open_model
 from robotrue.calibration.estimate import estimate, free_groups
 from robotrue.calibration.evidence import learn
-from robotrue.calibration.held_out import held_out
+from robotrue.calibration.held_out import predict_held_out
 from robotrue.calibration.learned import (
     LearnedParts,
-    climb,
+    climb_ladder,
     first_design,
     fit_learned,
-    renewed,
+    renew_linearisation,
 )
 from robotrue.calibration.methods import FitSettings
 from robotrue.calibration.model import Query
@@ -176,8 +176,12 @@ def test_held_out_rows_equal_a_fit_without_them():
     )
     physical = estimate(robot, data, SETTINGS, free_groups("elastic"))
     parts = LearnedParts(highest=16)
-    at = renewed(climb(first_design(physical, data, SETTINGS, parts), parts), steps=3)
-    found = held_out(at.design, at.sums, at.weights, np.zeros(80), SETTINGS.repeatability_sd)
+    at = renew_linearisation(
+        climb_ladder(first_design(physical, data, SETTINGS, parts), parts), steps=3
+    )
+    found = predict_held_out(
+        at.design, at.sums, at.weights, np.zeros(80), SETTINGS.repeatability_sd
+    )
     chosen = np.arange(80) < 16  # the first of five blocks
     others = learn(at.design.sums(~chosen), at.weights.groups, at.weights.noise, steps=6)
     for item in at.design.rows(chosen):

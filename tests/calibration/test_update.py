@@ -14,7 +14,7 @@ from robotrue.calibration.lineage import model_hash
 from robotrue.calibration.methods import FitSettings, fit
 from robotrue.calibration.model import Query
 from robotrue.calibration.terms.smooth import SmoothBasis
-from robotrue.calibration.update import further_centres, updated
+from robotrue.calibration.update import choose_further_centres, update_model
 from robotrue.core.archive import read_archive, write_archive
 from robotrue.core.poses import pose
 from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector_from_matrix
@@ -46,10 +46,10 @@ def query():
 
 
 def test_block_by_block_is_all_at_once(parent, rows, query):
-    whole = updated(parent, rows.subset(np.arange(60, 120)), settings=PLAIN).predict(query)
+    whole = update_model(parent, rows.subset(np.arange(60, 120)), settings=PLAIN).predict(query)
     model = parent
     for start in (90, 60, 105, 75):  # in another order, too
-        model = updated(model, rows.subset(np.arange(start, start + 15)), settings=PLAIN)
+        model = update_model(model, rows.subset(np.arange(start, start + 15)), settings=PLAIN)
     parts = model.predict(query)
     np.testing.assert_allclose(parts.error, whole.error, rtol=0, atol=2e-8)  # linearisation
     np.testing.assert_allclose(parts.covariance, whole.covariance, rtol=1e-3, atol=1e-14)
@@ -57,7 +57,7 @@ def test_block_by_block_is_all_at_once(parent, rows, query):
 
 def test_close_to_the_full_refit(parent, rows, query):
     refit = fit(arm(), rows, settings=PLAIN).predict(query)
-    found = updated(parent, rows.subset(np.arange(60, 120)), settings=PLAIN).predict(query)
+    found = update_model(parent, rows.subset(np.arange(60, 120)), settings=PLAIN).predict(query)
     before = parent.predict(query)
     gap = np.linalg.norm(found.error - refit.error, axis=1).mean()
     assert gap < 0.3 * np.linalg.norm(before.error - refit.error, axis=1).mean()
@@ -68,8 +68,8 @@ def test_close_to_the_full_refit(parent, rows, query):
 
 
 def test_lineage_names_parents_and_data_and_survives_the_archive(parent, rows, tmp_path):
-    once = updated(parent, rows.subset(np.arange(60, 80)), settings=PLAIN)
-    twice = updated(once, rows.subset(np.arange(80, 90)), settings=PLAIN)
+    once = update_model(parent, rows.subset(np.arange(60, 80)), settings=PLAIN)
+    twice = update_model(once, rows.subset(np.arange(80, 90)), settings=PLAIN)
     write_archive(tmp_path / "m.rtm", twice.to_archive())
     lineage = open_model(read_archive(tmp_path / "m.rtm")).training_summary()["lineage"]
     assert [step["step"] for step in lineage] == ["fit", "update", "update"]
@@ -84,9 +84,9 @@ def test_a_gross_error_gets_no_weight(parent, rows, query):
     part = rows.subset(np.arange(60, 90))
     position = part.position.copy()
     position[7] += [0.0, 5e-3, 0.0]
-    found = updated(parent, replace(part, position=position), settings=ROBUST)
+    found = update_model(parent, replace(part, position=position), settings=ROBUST)
     assert found.training_summary()["lineage"][-1]["screened_rows"] == [7]
-    clean = updated(parent, part, settings=ROBUST).predict(query)
+    clean = update_model(parent, part, settings=ROBUST).predict(query)
     np.testing.assert_allclose(found.predict(query).error, clean.error, rtol=0, atol=1e-5)
 
 
@@ -99,7 +99,7 @@ def test_a_new_set_up_is_estimated_with_its_rows(parent, rows, query):
         frame="tracker",
         station=np.full(15, 4),
     )
-    found = updated(parent, moved, settings=ROBUST)
+    found = update_model(parent, moved, settings=ROBUST)
     back = found.in_base(moved)
     assert np.linalg.norm(back.position - part.position, axis=1).max() < 1e-4
     gap = found.predict(query).error - parent.predict(query).error
@@ -107,13 +107,13 @@ def test_a_new_set_up_is_estimated_with_its_rows(parent, rows, query):
 
 
 def test_no_rows_change_nothing(parent, rows, query):
-    same = updated(parent, rows.subset(np.zeros(0, dtype=int)), settings=ROBUST)
+    same = update_model(parent, rows.subset(np.zeros(0, dtype=int)), settings=ROBUST)
     np.testing.assert_allclose(same.predict(query).error, parent.predict(query).error, atol=1e-15)
 
 
 def test_another_number_of_joints_is_refused(parent):
     with pytest.raises(ModelMismatchError, match="5 joints"):
-        updated(
+        update_model(
             parent,
             MeasurementSet(
                 joints=np.zeros((4, 5)),
@@ -125,7 +125,7 @@ def test_another_number_of_joints_is_refused(parent):
 
 def test_further_centres_keep_those_there_were(rows):
     basis = SmoothBasis(centres=np.zeros((1, 12)), scale=np.full(12, 1.0))
-    more = further_centres(basis, rows.joints, most=10)
+    more = choose_further_centres(basis, rows.joints, most=10)
     np.testing.assert_array_equal(more.centres[:1], basis.centres)
     assert len(more.centres) == 11
     np.testing.assert_allclose(
@@ -141,7 +141,7 @@ def test_orientations_count_where_their_noise_is_known():
     poses = measure(actual, postures(robot, 80, rng), rng, pose_sd=5e-5)
     model = fit(robot, poses.subset(np.arange(40)), settings=ROBUST)
     assert model.training_summary()["white_sd_rad"] < 1e-4
-    found = updated(model, poses.subset(np.arange(40, 80)), settings=ROBUST)
+    found = update_model(model, poses.subset(np.arange(40, 80)), settings=ROBUST)
     query = Query(joints=postures(robot, 30, rng), load=PAYLOAD)
     off = [
         np.linalg.norm(m.predict(query).rotation_error - _turn(actual, robot, query), axis=1).mean()

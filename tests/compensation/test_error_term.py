@@ -23,9 +23,9 @@ from robotrue.calibration.residual import LearnedModel
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.tables import MeanTables
 from robotrue.calibration.terms import registry
-from robotrue.calibration.terms.term import Effect, Postures, Sensitivity, Term
+from robotrue.calibration.terms.term import ArmPostures, Effect, Sensitivity, Term
 from robotrue.calibration.transfer import Source, fit_transfer
-from robotrue.calibration.update import updated
+from robotrue.calibration.update import update_model
 from robotrue.compensation import CompensationSettings, Status, compensate
 from robotrue.core.archive import archive_bytes
 from robotrue.core.arrays import Array
@@ -58,13 +58,13 @@ class WarmDrives(Term):
     def unit(self) -> str:
         return "rad/K"
 
-    def _rise(self, at: Postures) -> Array:
+    def _rise(self, at: ArmPostures) -> Array:
         return np.where(np.isnan(at.temperature), USUAL, at.temperature) - self.reference
 
-    def columns(self, robot: RobotModel, at: Postures, by: Sensitivity, values: Array) -> Array:
+    def columns(self, robot: RobotModel, at: ArmPostures, by: Sensitivity, values: Array) -> Array:
         return by.drive * self._rise(at)[:, None, None]
 
-    def effect(self, robot: RobotModel, at: Postures, values: Array) -> Effect:
+    def effect(self, robot: RobotModel, at: ArmPostures, values: Array) -> Effect:
         return Effect(drive_shift=self._rise(at)[:, None] * values)
 
     def groups(self, *, few: bool) -> Sequence[Group]:
@@ -175,7 +175,7 @@ def test_predictions_at_other_temperatures_are_better_and_honest(model: LearnedM
 
 
 def test_new_poses_and_another_campaign_move_it_too(model: LearnedModel) -> None:
-    more = updated(model, measured(60, 21))
+    more = update_model(model, measured(60, 21))
     assert (coefficients(more)[1] < coefficients(model)[1] + 1e-12).all()
     assert coverage(more, 11)[1] > 0.9
     moved = fit_transfer(cases.kr160(), measured(12, 31), [Source(model=model)])

@@ -22,7 +22,7 @@ from robotrue.calibration.model import Query
 from robotrue.calibration.pose_transfer import fit_boosted_poses
 from robotrue.calibration.sources import Source
 from robotrue.calibration.transfer import fit_transfer
-from robotrue.calibration.update import updated
+from robotrue.calibration.update import update_model
 from robotrue.core.archive import archive_bytes
 from robotrue.core.poses import apply, pose
 from robotrue.core.regions import CylinderRegion
@@ -78,7 +78,7 @@ def fitted(name, measured):
         return fit(arm(), measured, method=name, settings=settings)
     if name == "updated":
         first = fit(arm(), measured.subset(np.arange(30)), method="ripple", settings=settings)
-        return updated(first, measured.subset(np.arange(30, 40)), settings=settings)
+        return update_model(first, measured.subset(np.arange(30, 40)), settings=settings)
     if name == "transfer":
         known = fit(arm(), elsewhere(), method="ripple", settings=settings)
         return fit_transfer(arm(), measured.subset(np.arange(10)), [Source(model=known)], settings)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robotrue.calibration.belief import conditioned, with_nuisances
+from robotrue.calibration.belief import condition, with_nuisances
 from robotrue.calibration.machined import (
     compensated_covariance,
     tip_columns,
@@ -126,7 +126,7 @@ def test_the_promise_is_the_covariance_after_these_touches() -> None:
     rows = tip_columns(belief, Query(joints=plan.touches.joints), T_base_part=frames)
     noise = np.sqrt(SIGMA**2 + belief.repeatability**2)
     flat = rows.reshape(-1, rows.shape[2]) / noise
-    after = conditioned(belief, flat, np.zeros(len(flat)))
+    after = condition(belief, flat, np.zeros(len(flat)))
     stated = compensated_covariance(after, now.machining.query, T_base_part=frames)
     np.testing.assert_allclose(plan.covariance, stated, rtol=1e-4, atol=1e-13)
     rms = np.sqrt(np.trace(stated, axis1=1, axis2=2).mean())

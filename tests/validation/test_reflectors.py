@@ -12,7 +12,7 @@ from robotrue.calibration.methods import METHODS, fit
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.sources import Source
 from robotrue.calibration.transfer import fit_transfer
-from robotrue.calibration.update import updated
+from robotrue.calibration.update import update_model
 from robotrue.core.poses import pose
 from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.measurement.measurement_set import MeasurementSet
@@ -131,7 +131,7 @@ def test_held_out_rows_of_a_reflector_with_no_others_are_not_scored(training):
 def test_updates_and_transfers_know_the_reflectors_of_their_rows(training):
     model = fit(nominal(), training, method="geometric", settings=SETTINGS)
     more, test = measured(60, 6), measured(60, 7)
-    moved = updated(model, more, settings=SETTINGS)
+    moved = update_model(model, more, settings=SETTINGS)
     assert np.linalg.norm(evaluate(moved, test).after, axis=1).mean() < 0.04 * MM
     source = Source(model=model, relation="campaign")
     carried = fit_transfer(nominal(), more, [source], SETTINGS)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotrue.calibration.terms.term import Postures, Term, sensitivity_of
+from robotrue.calibration.terms.term import ArmPostures, Term, sensitivity_of
 from robotrue.core.arrays import Array
 from robotrue.core.rotations import rotation_vector_from_matrix
 from robotrue.robot.forward import forward, parameter_jacobian, walk
@@ -64,7 +64,7 @@ def linearise_arm(
     if T_flange_tool is not None:
         actual = actual.with_tool(T_flange_tool)
     commanded = forward(actual.nominal(), joints)
-    at = Postures(
+    at = ArmPostures(
         joints=joints,
         torque=drive_torque(actual, joints, load),
         approach=np.empty(0) if approach is None else approach,
@@ -95,7 +95,7 @@ def linearise_arm(
 
 
 def linear_rows(
-    robot: RobotModel, at: Postures, jacobian: Array, terms: Sequence[Term], values: Array
+    robot: RobotModel, at: ArmPostures, jacobian: Array, terms: Sequence[Term], values: Array | None
 ) -> tuple[list[Array], Array | None]:
     """Returns the columns of the terms for observed rows, and what their linear part leaves.
 
@@ -107,7 +107,7 @@ def linear_rows(
         at: n postures.
         jacobian: (n, m, 7 dof + 12 or more) d(observed)/d(error vector, nuisances).
         terms: Beyond the error vector.
-        values: (k,) their parameters where they are linearised.
+        values: (k,) their parameters where they are linearised; zeros if None.
     """
     by = sensitivity_of(robot, jacobian)
     columns: list[Array] = []

@@ -119,7 +119,7 @@ def standard_terms(dof: int, cycles: Array | None = None) -> tuple[Term, ...]:
     return Ripple(dof=dof, cycles=waves), Backlash(dof=dof), SmoothResidual(basis=no_basis(dof))
 
 
-def conditioned(belief: Belief, columns: Array, values: Array) -> Belief:
+def condition(belief: Belief, columns: Array, values: Array) -> Belief:
     """Returns the belief after whitened rows ``values = columns @ w + e``, e ~ N(0, I).
 
     Args:
@@ -138,7 +138,7 @@ def conditioned(belief: Belief, columns: Array, values: Array) -> Belief:
     return replace(belief, mean=mean, root=root)
 
 
-def widened(belief: Belief, variance: Array) -> Belief:
+def add_variance(belief: Belief, variance: Array) -> Belief:
     """Returns the belief with independent variance (p,) added to its columns."""
     extra = np.flatnonzero(variance > 0.0)
     rows = np.zeros((len(extra), len(belief.mean)))
@@ -194,7 +194,7 @@ def with_harmonics(belief: Belief, count: int) -> Belief:
     return with_term(belief, *belief.ripple.with_cycles(count))
 
 
-def compressed_root(root: Array) -> Array:
+def compress_root(root: Array) -> Array:
     """Returns a root with no more rows than columns that say anything, where that saves much."""
     used = np.flatnonzero((root != 0.0).any(axis=0))
     if len(root) <= WIDE * len(used):

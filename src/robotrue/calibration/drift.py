@@ -21,7 +21,7 @@ from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
-from robotrue.calibration.belief import Belief, widened, with_amplitude
+from robotrue.calibration.belief import Belief, add_variance, with_amplitude
 from robotrue.core.arrays import Array, IntArray
 from robotrue.errors import ConfigurationError
 from robotrue.robot.model import parameter_slice
@@ -232,10 +232,10 @@ def prior_of(drift: Drift, log_scale: Array | None = None) -> Belief:
     """Returns the target's prior: the source carried over with the drift's scales."""
     belief = drift.belief
     scale = np.exp(drift.log_scale if log_scale is None else log_scale)
-    keep, variance = carried(drift, scale)
+    keep, variance = carry_over(drift, scale)
     if len(drift.field):
         belief = with_amplitude(belief, float(scale[4]))
-    return widened(
+    return add_variance(
         replace(
             belief,
             mean=keep * belief.mean,
@@ -247,7 +247,7 @@ def prior_of(drift: Drift, log_scale: Array | None = None) -> Belief:
     )
 
 
-def carried(drift: Drift, scale: Array) -> tuple[Array, Array]:
+def carry_over(drift: Drift, scale: Array) -> tuple[Array, Array]:
     """Returns D (p,) and the variance (p,) the drift adds, at scales as in ``Drift.names``."""
     belief = drift.belief
     angle = np.arctan(scale[2:4])

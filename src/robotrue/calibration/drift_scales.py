@@ -18,7 +18,8 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize
 
-from robotrue.calibration.drift import Drift, carried
+from robotrue.calibration.conditioning import left_out_lengths
+from robotrue.calibration.drift import Drift, carry_over
 from robotrue.calibration.new_rows import NUISANCE_SD, Piece
 from robotrue.core.arrays import Array, IntArray
 
@@ -50,7 +51,7 @@ class Stack:
     row: IntArray
 
 
-def stacked(pieces: Sequence[Piece]) -> Stack:
+def stack_rows(pieces: Sequence[Piece]) -> Stack:
     """Returns the rows as one stack."""
     blocks = [block for piece in pieces for block in piece.covariance]
     known = np.zeros((sum(map(len, blocks)),) * 2)
@@ -149,13 +150,13 @@ class Problem:
         belief = self._drift.belief
         end = belief.end
         scale = np.exp(log_scale)
-        keep, variance = carried(self._drift, scale)
+        keep, variance = carry_over(self._drift, scale)
         through = scale[0] ** 2 * keep * (belief.root.T @ (belief.root @ (keep * pull[:end])))
         moved = keep * belief.mean + through + variance * pull[:end]
         return np.concatenate([moved, NUISANCE_SD**2 * pull[end:]])
 
 
-def learned_drift(drift: Drift, problem: Problem) -> Drift:
+def learn_drift(drift: Drift, problem: Problem) -> Drift:
     """Returns the drift with the scales that the rows make most probable, and their covariance."""
     low, high = drift.rest - WIDEST, drift.rest + WIDEST
     found = minimize(
@@ -181,12 +182,12 @@ def learned_drift(drift: Drift, problem: Problem) -> Drift:
     return replace(drift, log_scale=at, log_cov=half @ half.T)
 
 
-def left_out(drift: Drift, problem: Problem, row: IntArray) -> tuple[IntArray, Array, IntArray]:
+def leave_rows_out(
+    drift: Drift, problem: Problem, row: IntArray
+) -> tuple[IntArray, Array, IntArray]:
     """Returns row numbers (n,), whitened lengths (n,) and sizes (n,) of rows left out in turn.
 
-    Each row is predicted from all others at the drift's scales; with K^-1 at hand that is one
-    small solve a row (Rasmussen and Williams 2006, eq. 5.12, in blocks). A row that has no weight
-    is judged as one that had full weight.
+    Each row is predicted from all others at the drift's scales.
 
     Args:
         drift: Scales.
@@ -195,18 +196,10 @@ def left_out(drift: Drift, problem: Problem, row: IntArray) -> tuple[IntArray, A
     """
     total, _, y, _ = problem.matrices(drift.log_scale)
     plain = problem.plain_noise(drift.log_scale)
-    precision = np.linalg.inv(total)
-    alpha = precision @ y
     rows = np.unique(row)
-    lengths, sizes = np.empty(len(rows)), np.empty(len(rows), dtype=np.int64)
-    for i, k in enumerate(rows):
-        mine = np.flatnonzero(row == k)
-        own = np.linalg.inv(precision[np.ix_(mine, mine)])
-        off = own @ alpha[mine]
-        own = own + plain[np.ix_(mine, mine)]
-        lengths[i] = float(np.sqrt(max(float(off @ np.linalg.solve(own, off)), 0.0)))
-        sizes[i] = len(mine)
-    return rows, lengths, sizes
+    blocks = [np.flatnonzero(row == k) for k in rows]
+    lengths = left_out_lengths(total, y, blocks, plain)
+    return rows, lengths, np.array([len(mine) for mine in blocks], dtype=np.int64)
 
 
 def mean_slopes(drift: Drift, problem: Problem) -> Array:

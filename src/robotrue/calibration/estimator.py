@@ -23,7 +23,7 @@ from robotrue.calibration.observations import (
     CHANNELS,
     Linearisation,
     Observation,
-    joined,
+    join_chunks,
     linearise_all,
 )
 from robotrue.calibration.parameters import Layout, State, difference, retract
@@ -482,8 +482,8 @@ def _finish(
         covariance=covariance,
         information=information,
         noise=scales.noise,
-        residuals=joined([item.residual for item in data], observations),
-        weights=joined(list(scales.weights), observations),
+        residuals=join_chunks([item.residual for item in data], observations),
+        weights=join_chunks(list(scales.weights), observations),
         chi2=chi2,
         numbers=numbers,
         evidence=evidence,

@@ -70,7 +70,7 @@ class HeldOut:
         return float((squared <= chi_point(LEVEL, 3) ** 2).mean())
 
 
-def held_out(
+def predict_held_out(
     design: Design,
     sums: Sequence[Sums],
     fit: Weights,
@@ -116,7 +116,7 @@ def held_out(
     return _covering(HeldOut(error=error, learned=learned, white=white, instrument=instrument))
 
 
-def trusted(found: HeldOut, freedom: float) -> HeldOut:
+def temper_factor(found: HeldOut, freedom: float) -> HeldOut:
     """Returns the same with a factor that few rows cannot throw about.
 
     Its logarithm is the mean of that of the blocks, with the weight of the rows, and that of
@@ -124,7 +124,7 @@ def trusted(found: HeldOut, freedom: float) -> HeldOut:
     lie inside make nothing narrower before there are :data:`MANY` rows: of twenty that is expected.
 
     Args:
-        found: From :func:`held_out`.
+        found: From :func:`predict_held_out`.
         freedom: Numbers measured beyond those the weights took.
     """
     rows = len(found.error)

@@ -20,8 +20,8 @@ from robotrue.calibration.design import Design
 from robotrue.calibration.estimate import Estimate, estimate, free_groups
 from robotrue.calibration.estimator import NOISE_FLOOR
 from robotrue.calibration.evidence import Sums, Weights, learn
-from robotrue.calibration.held_out import HeldOut, held_out, trusted
-from robotrue.calibration.learned_assembly import LinearFit, assembled, day_shift
+from robotrue.calibration.held_out import HeldOut, predict_held_out, temper_factor
+from robotrue.calibration.learned_assembly import LinearFit, assemble_model, day_shift
 from robotrue.calibration.observations import (
     CHANNELS,
     PoseObservation,
@@ -116,15 +116,15 @@ def fit_learned(
         ConvergenceError: The physical estimate did not settle.
     """
     physical = estimate(robot, measurements, settings, free_groups("elastic"))
-    at = climb(first_design(physical, measurements, settings, parts), parts)
+    at = climb_ladder(first_design(physical, measurements, settings, parts), parts)
     for steps in ROUNDS:
-        at = renewed(at, steps=steps)
+        at = renew_linearisation(at, steps=steps)
     found = _examined(at, settings)
     notes: dict[str, Any] = {"smooth": "not tried"}
     if parts.smooth and physical.rows >= FEWEST_SMOOTH:
         at, found, notes = _with_smooth(at, found, measurements, settings)
-    found = trusted(found, _freedom(at))
-    return assembled(physical, at, found, settings, {"method": method, **notes})
+    found = temper_factor(found, _freedom(at))
+    return assemble_model(physical, at, found, settings, {"method": method, **notes})
 
 
 def first_design(
@@ -177,7 +177,7 @@ def first_design(
     return replace(design, active=active)
 
 
-def climb(design: Design, parts: LearnedParts) -> LinearFit:
+def climb_ladder(design: Design, parts: LearnedParts) -> LinearFit:
     """Returns the fit with as many harmonics as the evidence asks for, idle bands put aside."""
     sums = design.sums()
     sighted = design.active.copy()
@@ -194,7 +194,7 @@ def climb(design: Design, parts: LearnedParts) -> LinearFit:
     return _without_idle(best)
 
 
-def renewed(at: LinearFit, *, steps: int) -> LinearFit:
+def renew_linearisation(at: LinearFit, *, steps: int) -> LinearFit:
     """Returns the fit with linearisation, robust weights and noise taken anew."""
     design, fit = at.design, at.weights
     robust = np.zeros(len(design.weights))
@@ -289,7 +289,7 @@ def _examined(at: LinearFit, settings: FitSettings) -> HeldOut:
         for o in design.observations:
             effect = smooth.effect(design.state.robot, o.visits, np.zeros(smooth.size))
             uncarried[o.rows] = 0.0 if effect.uncarried is None else effect.uncarried
-    return held_out(
+    return predict_held_out(
         design,
         at.sums,
         at.weights,
@@ -341,7 +341,7 @@ def _with_smooth(
     notes["smooth_evidence_gain"] = weights.evidence - at.weights.evidence
     if weights.evidence < at.weights.evidence + WORTH:
         return at, found, {**notes, "smooth": "no evidence for it beside the rest"}
-    richer = renewed(LinearFit(design=design, sums=sums, weights=weights), steps=5)
+    richer = renew_linearisation(LinearFit(design=design, sums=sums, weights=weights), steps=5)
     better = _examined(richer, settings)
     notes["held_out_mean_without_smooth_m"] = found.mean
     notes["held_out_mean_with_smooth_m"] = better.mean

@@ -41,7 +41,7 @@ def day_shift(settings: FitSettings) -> float:
     return float(np.sqrt(2.0)) * settings.campaign_shift
 
 
-def assembled(
+def assemble_model(
     physical: Estimate,
     at: LinearFit,
     found: HeldOut,

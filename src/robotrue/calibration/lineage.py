@@ -53,7 +53,7 @@ def history(model: ErrorModel) -> list[dict[str, Any]]:
     ]
 
 
-def added(
+def record_step(
     step: str,
     parents: Sequence[ErrorModel],
     measurements: MeasurementSet | None,

@@ -41,7 +41,7 @@ from robotrue.calibration.new_rows import NewRows
 from robotrue.calibration.observations import IN_BASE, PositionObservation, Visits
 from robotrue.calibration.parameters import Layout
 from robotrue.calibration.probing import ProbingEstimate
-from robotrue.calibration.terms.term import Postures
+from robotrue.calibration.terms.term import ArmPostures
 from robotrue.core.arrays import Array, IntArray, frozen
 from robotrue.core.poses import inverse
 from robotrue.core.rotations import skew
@@ -67,7 +67,7 @@ def tip_columns(
 
     Args:
         belief: The arm, and at its end the nuisances of the estimate.
-        query: Postures, loads, approach, and the tool point if it is not the touching one.
+        query: ArmPostures, loads, approach, and the tool point if it is not the touching one.
         T_base_part: (4, 4) of every frame that was estimated. Not given: none, and the columns of
             nuisances are zero.
         part: (n,) or one number: the frame each tip is seen in.
@@ -277,9 +277,9 @@ def smooth_rest(belief: Belief, query: Query, other: Query | None = None) -> Arr
     return out
 
 
-def _postures(query: Query) -> Postures:
+def _postures(query: Query) -> ArmPostures:
     """Postures of a query; what no parameter carries does not depend on loads."""
-    return Postures(
+    return ArmPostures(
         joints=query.joints, torque=np.zeros_like(query.joints), temperature=query.temperature
     )
 

@@ -25,9 +25,9 @@ from robotrue.calibration.observations import (
     observations_of,
 )
 from robotrue.calibration.parameters import Layout, State, retract
-from robotrue.calibration.rigid_flexible import RigidFlexibleModel
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.start import start_state
+from robotrue.calibration.stations import take_to_base
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel
@@ -178,7 +178,7 @@ def new_rows(
             continue
         part = measurements.subset(rows)
         if mine is known:
-            part = _in_base(part, belief)
+            part = take_to_base(part, belief.T_tracker_base)
         _, layout, start = start_state(robot, part)
         stations |= dict(start.T_tracker_base)
         targets |= dict(start.T_flange_target)
@@ -208,7 +208,7 @@ def new_rows(
     )
 
 
-def whitened(pieces: Sequence[Piece], noise: Array, weights: Array) -> tuple[Array, Array]:
+def whiten(pieces: Sequence[Piece], noise: Array, weights: Array) -> tuple[Array, Array]:
     """Returns whitened columns (m, p) and values (m,) of the rows with weight.
 
     Args:
@@ -226,19 +226,6 @@ def whitened(pieces: Sequence[Piece], noise: Array, weights: Array) -> tuple[Arr
         columns.append((inverse_lower @ piece.columns[kept]).reshape(-1, piece.columns.shape[2]))
         values.append((inverse_lower @ piece.values[kept][:, :, None]).reshape(-1))
     return np.concatenate(columns), np.concatenate(values)
-
-
-def _in_base(measurements: MeasurementSet, belief: Belief) -> MeasurementSet:
-    """The set in base, by the set-ups the belief knows."""
-    seen = RigidFlexibleModel(
-        robot=belief.robot,
-        errors=belief.errors,
-        covariance=np.zeros((len(belief.errors), len(belief.errors))),
-        repeatability=belief.repeatability,
-        white=belief.white,
-        T_tracker_base=belief.T_tracker_base,
-    )
-    return seen.in_base(measurements)
 
 
 def _with_tool_axes(robot: RobotModel, measurements: MeasurementSet) -> MeasurementSet:

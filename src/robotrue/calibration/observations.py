@@ -14,7 +14,7 @@ from typing import Final, Protocol
 import numpy as np
 
 from robotrue.calibration.parameters import Layout, State
-from robotrue.calibration.terms.term import Postures
+from robotrue.calibration.terms.term import ArmPostures
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.rotations import rotation_vector_from_matrix, skew
 from robotrue.errors import ImplausibleDataError
@@ -62,7 +62,7 @@ class Observation(Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Visits(Postures):
+class Visits(ArmPostures):
     """n visits of the arm: what decides where a reflector on the flange is.
 
     Attributes:
@@ -73,9 +73,9 @@ class Visits(Postures):
     target: IntArray
     station: IntArray
 
-    def postures(self, part: slice | IntArray) -> Postures:
+    def postures(self, part: slice | IntArray) -> ArmPostures:
         """Returns joints and conditions of some visits."""
-        return Postures(
+        return ArmPostures(
             joints=self.joints[part],
             torque=self.torque[part],
             approach=self.approach[part],
@@ -194,7 +194,7 @@ def linearise_all(
     )
 
 
-def joined(parts: list[Array], observations: Sequence[Observation]) -> tuple[Array, ...]:
+def join_chunks(parts: list[Array], observations: Sequence[Observation]) -> tuple[Array, ...]:
     """Returns chunks put together again, one array per observation."""
     out, start = [], 0
     for o in observations:
@@ -300,7 +300,7 @@ def seen_points(
     Args:
         layout: The parameter vector.
         state: Where the Jacobian is taken.
-        visits: Postures, loads, stations.
+        visits: ArmPostures, loads, stations.
         part: Which of them.
         rotations: Whether the Jacobian has the three rows of the rotation.
     """

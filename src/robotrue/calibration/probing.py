@@ -16,16 +16,16 @@ import numpy as np
 
 from robotrue.calibration.belief import (
     Belief,
-    conditioned,
-    widened,
+    add_variance,
     with_amplitude,
     with_nuisances,
 )
-from robotrue.calibration.drift_scales import Stack, stacked
+from robotrue.calibration.conditioning import condition_on_rows
+from robotrue.calibration.drift_scales import Stack, stack_rows
 from robotrue.calibration.estimate import free_groups
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel, require_belief
-from robotrue.calibration.new_rows import NUISANCE_SD, NewRows, whitened
+from robotrue.calibration.new_rows import NUISANCE_SD, NewRows
 from robotrue.calibration.parameters import Layout, State
 from robotrue.calibration.prior_belief import prior_belief
 from robotrue.calibration.priors import build_prior
@@ -34,18 +34,16 @@ from robotrue.calibration.probing_estimate import (
     ProbingSettings,
     model_of_estimate,
 )
-from robotrue.calibration.probing_outliers import agreeing_touches, surprise
-from robotrue.calibration.probing_scales import learned_scales, noise_factor
+from robotrue.calibration.probing_outliers import find_agreeing_touches, surprise
+from robotrue.calibration.probing_scales import learn_scales, noise_factor
 from robotrue.calibration.probing_start import check_held, start_frames, tips
 from robotrue.calibration.probing_summary import probing_summary
 from robotrue.calibration.touches import touch_rows
-from robotrue.calibration.update import centred, updated
+from robotrue.calibration.update import add_centres, update_model
 from robotrue.core.arrays import Array, BoolArray, frozen
 from robotrue.core.poses import inverse
-from robotrue.core.units import MM
 from robotrue.errors import (
     ConfigurationError,
-    ConvergenceError,
     ImplausibleDataError,
     ModelMismatchError,
     ObservabilityError,
@@ -110,11 +108,11 @@ def estimate_probing(
     _check_joints(touches, model.robot.dof)
     if measurements is not None and len(measurements):
         if model.calibrated:
-            model = updated(model, measurements, settings=settings.priors)
+            model = update_model(model, measurements, settings=settings.priors)
         else:
             lean = replace(settings.priors, lean_on_prior=True)
             model = fit(model.robot, measurements, method="ripple", settings=lean)
-    before = centred(before_touching(model, settings), touches.joints)
+    before = add_centres(before_touching(model, settings), touches.joints)
     in_base = tips(before, touches.joints, settings.payload)
     frames = start_frames(touches, in_base, settings.start, robust=settings.robust)
     rows = touch_rows(
@@ -123,7 +121,7 @@ def estimate_probing(
     prior = with_nuisances(before, np.full(rows.nuisances, NUISANCE_SD))
     stated = _sigma(prior, settings)
     after, rows, keep = _agreed(prior, rows, touches, settings)
-    stack = stacked(rows.pieces(after, keep))
+    stack = stack_rows(rows.pieces(after, keep))
     _check_plausible(surprise(stack, prior, _noise(prior)), touches)
     if settings.learn and len(stack.values) - rows.nuisances >= FEWEST_LEARNING:
         prior = _scaled(model, prior, stack, settings)
@@ -192,7 +190,7 @@ def before_touching(model: ErrorModel, settings: ProbingSettings) -> Belief:
         )
     variance = np.zeros(len(belief.mean))
     variance[tool][:3] = settings.tool_sigma**2
-    return widened(belief, variance)
+    return add_variance(belief, variance)
 
 
 def _unscaled(belief: Belief) -> Belief:
@@ -217,25 +215,10 @@ def _sigma(belief: Belief, settings: ProbingSettings) -> float:
     return float(np.sqrt(settings.touch_sigma**2 + belief.repeatability**2 + belief.white**2))
 
 
-def _settled(prior: Belief, rows: NewRows, keep: BoolArray) -> tuple[Belief, NewRows]:
-    """The posterior of the believed rows, linearised where it stands, and the rows moved there.
-
-    Raises:
-        ConvergenceError: The frames still move after many steps.
-    """
-    at, size = prior, np.inf
-    for _ in range(STEPS):
-        columns, values = whitened(rows.pieces(at), _noise(prior), keep.astype(np.float64))
-        at = conditioned(prior, columns, values)
-        step = at.mean[at.end :]
-        rows = rows.moved(step)
-        size = float(np.abs(step).max())
-        if size < STILL:
-            return at, rows
-    raise ConvergenceError(
-        f"the frames still move by {size / MM:.3g} mm (or mrad) after {STEPS} linearisations.",
-        hint="give start frames nearer to the parts, or touch more points.",
-    )
+def _condition(prior: Belief, rows: NewRows, keep: BoolArray) -> tuple[Belief, NewRows]:
+    """The posterior of the trusted rows, linearised where it stands, and the rows moved there."""
+    trusted = keep.astype(np.float64)
+    return condition_on_rows(prior, rows, _noise(prior), trusted, steps=STEPS, still=STILL)
 
 
 def _agreed(
@@ -246,10 +229,10 @@ def _agreed(
     at = prior
     if not settings.robust or not touches.full.all():
         # A surface must be seen from near before a touch on it can be called wrong.
-        at, rows = _settled(prior, rows, keep)
+        at, rows = _condition(prior, rows, keep)
     for _ in range(ROUNDS if settings.robust else 0):
         found = _believed(prior, at, rows, touches, settings)
-        at, rows = _settled(prior, rows, found)
+        at, rows = _condition(prior, rows, found)
         if (found == keep).all():
             break
         keep = found
@@ -261,13 +244,13 @@ def _found(
 ) -> BoolArray:
     """Which touches agree; with noise above the stated one where that is what the crowd says."""
     n = len(touches)
-    stack, noise = stacked(rows.pieces(at)), _noise(prior)
-    found = agreeing_touches(stack, prior, noise, n)
+    stack, noise = stack_rows(rows.pieces(at)), _noise(prior)
+    found = find_agreeing_touches(stack, prior, noise, n)
     if not settings.learn or (~found).sum() <= CROWD * n or 3 * n < FEWEST_LEARNING:
         return found
     stated = settings.touch_sigma**2 + prior.repeatability**2
     for factor in NOISIER:
-        wider = agreeing_touches(stack, prior, noise + (factor**2 - 1.0) * stated, n)
+        wider = find_agreeing_touches(stack, prior, noise + (factor**2 - 1.0) * stated, n)
         if (~wider).sum() <= FEW * n:
             return wider
     return found
@@ -324,7 +307,7 @@ def _scaled(model: ErrorModel, prior: Belief, stack: Stack, settings: ProbingSet
             free_groups=free_groups("elastic"),
             stiffness=settings.priors.stiffness,
         )
-        prior, factor = learned_scales(prior, stack, _noise(prior), physical)
+        prior, factor = learn_scales(prior, stack, _noise(prior), physical)
     else:
         factor = noise_factor(prior, stack, _noise(prior))
     more = (factor - 1.0) * _sigma(prior, settings) ** 2

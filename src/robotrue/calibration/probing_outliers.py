@@ -1,13 +1,9 @@
 """Which touches agree, judged by how well the others predict each, the arm's own error included.
 
-Touch i is compared with what all others say of it. With C the covariance of all numbers (arm and
-frames as believed, noise over weight), y their offsets and P = C^-1,
-
-    e_i = P_ii^-1 (P y)_i        cov e_i = P_ii^-1
-
-(Rasmussen and Williams 2006, "Gaussian Processes for Machine Learning", eq. 5.10-5.12). A bound
-then needs no guess of how much the arm may err: that is in C, larger for a nominal arm, smaller for
-a calibrated one and for touches of one neighbourhood.
+Touch i is compared with what all others say of it
+(:func:`robotrue.calibration.conditioning.left_out_lengths`). A bound then needs no guess of how
+much the arm may err: that is in the covariance of all numbers, larger for a nominal arm, smaller
+for a calibrated one and for touches of one neighbourhood.
 """
 
 from __future__ import annotations
@@ -17,6 +13,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.calibration.belief import Belief
+from robotrue.calibration.conditioning import left_out_lengths
 from robotrue.calibration.drift_scales import Stack
 from robotrue.calibration.robust import chi_point
 from robotrue.core.arrays import Array, BoolArray
@@ -43,7 +40,7 @@ def surprise(stack: Stack, belief: Belief, noise: Array) -> float:
     return float(np.sqrt(offset @ np.linalg.solve(total, offset) / freedom))
 
 
-def agreeing_touches(stack: Stack, belief: Belief, noise: Array, tested: int) -> BoolArray:
+def find_agreeing_touches(stack: Stack, belief: Belief, noise: Array, tested: int) -> BoolArray:
     """Returns which of the first ``tested`` rows agree.
 
     Args:
@@ -61,21 +58,14 @@ def agreeing_touches(stack: Stack, belief: Belief, noise: Array, tested: int) ->
     own = stack.known + np.diag(noise[0] * stack.white)
     rows = [np.flatnonzero(stack.row == i) for i in range(tested)]
     level = 1.0 - FALSE_ALARM / max(tested, 1)
+    bound = np.array([chi_point(level, len(mine)) for mine in rows])
 
     def lengths(weights: Array) -> Array:
         weight = np.ones(int(stack.row.max()) + 1)
         weight[:tested] = np.maximum(weights, FAINT)
         root = 1.0 / np.sqrt(weight[stack.row])
-        inverse = np.linalg.inv(shared + own * root[:, None] * root)
-        force = inverse @ offset
-        out = np.empty(tested)
-        for i, mine in enumerate(rows):
-            block = np.linalg.inv(inverse[np.ix_(mine, mine)])
-            off = block @ force[mine]
-            ours = own[np.ix_(mine, mine)]
-            spread = block - ours / weight[i] + ours
-            square = float(off @ np.linalg.solve(spread, off)) / belief.inflation
-            out[i] = np.sqrt(max(square, 0.0)) / chi_point(level, len(mine))
-        return out
+        noisier = own * root[:, None] * root
+        found = left_out_lengths(shared + noisier, offset, rows, own - noisier)
+        return np.asarray(found / np.sqrt(belief.inflation) / bound)
 
     return agreeing(lengths, tested, 1.0)

@@ -27,7 +27,7 @@ WORTH: Final = 8.0
 LEVEL: Final = 0.95
 
 
-def learned_scales(
+def learn_scales(
     belief: Belief, stack: Stack, noise: Array, physical: Prior
 ) -> tuple[Belief, float]:
     """Returns the prior of a nominal arm with scales as the touches ask, and their noise factor.

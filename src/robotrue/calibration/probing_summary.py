@@ -9,9 +9,9 @@ import numpy as np
 
 from robotrue.calibration.belief import Belief
 from robotrue.calibration.identifiability import SEEN, UNSEEN
-from robotrue.calibration.lineage import added, history, merged_document
+from robotrue.calibration.lineage import history, merged_document, record_step
 from robotrue.calibration.model import ErrorModel
-from robotrue.calibration.update import moved_summary
+from robotrue.calibration.update import renew_summary
 from robotrue.core.arrays import Array
 from robotrue.core.files import sha256
 from robotrue.measurement.probing_set import ProbingSet
@@ -50,7 +50,7 @@ def probing_summary(
     """
     screened = [i for i, label in enumerate(touches.labels) if label in outliers]
     step = {
-        **added("probing", parents, None, settings, ()),
+        **record_step("probing", parents, None, settings, ()),
         "rows": len(touches),
         "data_sha256": touches_hash(touches),
         "sources": [touches.source] if touches.source else [],
@@ -66,7 +66,7 @@ def probing_summary(
         origin = merged_document(parents, touches.provenance)
         summary = {**parents[0].training_summary(), "provenance": origin}
         summary["doubts"] = [*parents[0].training_summary().warnings, *doubts]
-        return moved_summary(summary, [*past, step], after)
+        return renew_summary(summary, [*past, step], after)
     return {
         "method": "probing",
         "rows": len(touches),

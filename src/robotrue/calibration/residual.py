@@ -17,7 +17,7 @@ import numpy as np
 
 from robotrue.calibration import rigid_flexible
 from robotrue.calibration.arm import LinearArm, linearise_arm, parts_of
-from robotrue.calibration.belief import Belief, compressed_root
+from robotrue.calibration.belief import Belief, compress_root
 from robotrue.calibration.evidence import spread
 from robotrue.calibration.model import Prediction, Query
 from robotrue.calibration.rigid_flexible import RigidFlexibleModel, reflector_of
@@ -246,7 +246,7 @@ def model_of(belief: Belief, summary: Mapping[str, Any]) -> LearnedModel:
     """Returns the error model of a belief without nuisances."""
     end = belief.end
     places = [place for _, place in belief.reflectors.values()]
-    whole = compressed_root(np.hstack([belief.root, *places]))
+    whole = compress_root(np.hstack([belief.root, *places]))
     root = whole[:, :end]
     roots = {k: whole[:, end + 3 * i : end + 3 * i + 3] for i, k in enumerate(belief.reflectors)}
     columns = np.flatnonzero((root != 0.0).any(axis=0))

@@ -18,11 +18,11 @@ from robotrue.calibration.archive import check_pose, robot_arrays, robot_documen
 from robotrue.calibration.arm import linearise_arm
 from robotrue.calibration.belief import Belief, standard_terms
 from robotrue.calibration.model import Prediction, Query
+from robotrue.calibration.stations import take_to_base
 from robotrue.calibration.tables import MeanTables, rigid_tables
 from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array, frozen
-from robotrue.core.poses import apply, inverse
 from robotrue.errors import ArchiveError, ModelMismatchError, ShapeError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel, parameter_slice
@@ -155,26 +155,7 @@ class RigidFlexibleModel:
         Raises:
             ModelMismatchError: A station the model has never seen.
         """
-        if measurements.frame == "base":
-            return measurements
-        unknown = sorted(set(measurements.station.tolist()) - set(self.T_tracker_base))
-        if unknown:
-            raise ModelMismatchError(
-                f"tracker station {unknown[0]} is not in the model, which knows "
-                f"{sorted(self.T_tracker_base)}.",
-                hint="calibrate with rows of that station, or register it first.",
-            )
-        T = inverse(np.stack([self.T_tracker_base[int(k)] for k in measurements.station]))
-        turn = T[:, :3, :3]
-        back = np.swapaxes(turn, 1, 2)
-        return replace(
-            measurements,
-            frame="base",
-            position=apply(T, measurements.position),
-            covariance=turn @ measurements.covariance @ back,
-            rotation=turn @ measurements.rotation,
-            rotation_covariance=turn @ measurements.rotation_covariance @ back,
-        )
+        return take_to_base(measurements, self.T_tracker_base)
 
     def at_reflector(self, number: int) -> RigidFlexibleModel:
         """Returns the model of a reflector: its place is the tool.

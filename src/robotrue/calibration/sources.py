@@ -15,8 +15,8 @@ from typing import Final
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
-from robotrue.calibration.belief import Belief, conditioned, widened, with_harmonics
-from robotrue.calibration.drift import RELATIONS, Relation, carried, drift_of, shape_variance
+from robotrue.calibration.belief import Belief, add_variance, condition, with_harmonics
+from robotrue.calibration.drift import RELATIONS, Relation, carry_over, drift_of, shape_variance
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.settings import FitSettings
 from robotrue.core.arrays import IntArray
@@ -82,7 +82,9 @@ def require_same_type(robot: RobotModel, other: RobotModel, name: str) -> None:
             )
 
 
-def carried_to(robot: RobotModel, belief: Belief, source: Source, settings: FitSettings) -> Belief:
+def carry_to_reflector(
+    robot: RobotModel, belief: Belief, source: Source, settings: FitSettings
+) -> Belief:
     """Returns the belief of a source with the target's reflector.
 
     Raises:
@@ -97,7 +99,7 @@ def carried_to(robot: RobotModel, belief: Belief, source: Source, settings: FitS
     mean[tool], root[:, tool] = 0.0, 0.0
     variance = np.zeros(len(mean))
     variance[tool.start : tool.start + 3] = settings.scales.tool**2
-    return widened(
+    return add_variance(
         replace(
             belief,
             robot=belief.robot.with_tool(robot.T_flange_tool),
@@ -108,7 +110,7 @@ def carried_to(robot: RobotModel, belief: Belief, source: Source, settings: FitS
     )
 
 
-def combined(beliefs: Sequence[Belief], relations: Sequence[Relation]) -> Belief:
+def combine_sources(beliefs: Sequence[Belief], relations: Sequence[Relation]) -> Belief:
     """Returns one belief about the leading source's arm, or about the type if all are units.
 
     Args:
@@ -125,9 +127,9 @@ def combined(beliefs: Sequence[Belief], relations: Sequence[Relation]) -> Belief
 
 def _spread(belief: Belief, relation: Relation) -> Belief:
     drift = drift_of(belief, relation)
-    keep, variance = carried(drift, np.exp(drift.log_scale))
+    keep, variance = carry_over(drift, np.exp(drift.log_scale))
     wide = replace(belief, mean=keep * belief.mean, root=belief.root * keep)
-    return widened(wide, variance)
+    return add_variance(wide, variance)
 
 
 def _joined(lead: Belief, other: Belief, relation: Relation, *, again: bool) -> Belief:
@@ -148,7 +150,7 @@ def _joined(lead: Belief, other: Belief, relation: Relation, *, again: bool) -> 
     rows = np.zeros((len(columns), len(lead.mean)))
     rows[:, columns] = solve_triangular(lower, np.eye(len(columns)), lower=True)
     values = solve_triangular(lower, spread.mean[columns], lower=True)
-    return conditioned(lead, rows, values)
+    return condition(lead, rows, values)
 
 
 def _with_waves(lead: Belief, other: Belief, count: int) -> Belief:
@@ -160,7 +162,7 @@ def _with_waves(lead: Belief, other: Belief, count: int) -> Belief:
     place = wider.place("ripple")
     variance = np.zeros(len(wider.mean))
     variance[place] = np.where(wider.ripple.order > before, waves[place], 0.0)
-    return widened(wider, variance)
+    return add_variance(wider, variance)
 
 
 def _shared(lead: Belief, other: Belief, relation: Relation) -> IntArray:

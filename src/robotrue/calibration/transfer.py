@@ -18,15 +18,16 @@ import numpy as np
 from scipy.special import fdtri
 
 from robotrue.calibration.belief import Belief, with_centres, with_nuisances
+from robotrue.calibration.conditioning import condition_on_rows, weigh_innovations
 from robotrue.calibration.drift import Drift, DriftScales, Relation, drift_of, prior_of
 from robotrue.calibration.drift_scales import (
     Problem,
-    learned_drift,
-    left_out,
+    learn_drift,
+    leave_rows_out,
     mean_slopes,
-    stacked,
+    stack_rows,
 )
-from robotrue.calibration.lineage import added, history, merged_document
+from robotrue.calibration.lineage import history, merged_document, record_step
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel, require_belief
 from robotrue.calibration.new_rows import NUISANCE_SD, NewRows, new_rows
@@ -34,14 +35,12 @@ from robotrue.calibration.parameters import State, station_as_base
 from robotrue.calibration.residual import LearnedModel, model_of
 from robotrue.calibration.robust import Loss, chi_point, robust_variance, weights
 from robotrue.calibration.settings import FitSettings
-from robotrue.calibration.sources import Source, carried_to, combined
+from robotrue.calibration.sources import Source, carry_to_reflector, combine_sources
 from robotrue.calibration.update import (
-    further_centres,
-    innovation_weights,
-    moved_summary,
+    choose_further_centres,
     points_only,
+    renew_summary,
     require_joints,
-    settled,
     without_nuisances,
 )
 from robotrue.core.arrays import Array, IntArray
@@ -114,10 +113,10 @@ def fit_transfer(
     models = [_model_of_source(robot, s, settings, method) for s in ordered]
     relation = ordered[0].relation
     beliefs = [
-        carried_to(robot, require_belief(m), s, settings)
+        carry_to_reflector(robot, require_belief(m), s, settings)
         for m, s in zip(models, ordered, strict=True)
     ]
-    lead = combined(beliefs, [s.relation for s in ordered])
+    lead = combine_sources(beliefs, [s.relation for s in ordered])
     if target is None or not len(target):
         drift = drift_of(lead, relation, scales)
         after, screened = prior_of(drift), np.zeros(0, dtype=np.int64)
@@ -166,21 +165,23 @@ def _landed(
     u = np.ones(rows.count)
     at = _prior(drift, rows)
     for step in range(ROUNDS):
-        stack = stacked(rows.pieces(at, chosen))
+        stack = stack_rows(rows.pieces(at, chosen))
         problem = Problem(drift, stack)
         u = _weights(drift, problem, stack.row, u, settings.solver.loss, first=step == 0)
         problem.weigh(u[stack.row])
         if learn:
-            drift = learned_drift(drift, problem)
+            drift = learn_drift(drift, problem)
         at = replace(at, mean=problem.mean(drift.log_scale))
         rows = rows.moved(at.mean[at.end :])
     if not chosen.all():
-        some, _ = settled(_prior(drift, rows), rows, _noise(drift), np.where(chosen, u, 0.0))
-        others = innovation_weights(
+        some, _ = condition_on_rows(
+            _prior(drift, rows), rows, _noise(drift), np.where(chosen, u, 0.0)
+        )
+        others = weigh_innovations(
             some, rows.pieces(some, ~chosen), _noise(drift), rows.count, settings.solver.loss
         )
         u = np.where(chosen, u, others)
-    at, rows = settled(_prior(drift, rows), rows, _noise(drift), u, start=at)
+    at, rows = condition_on_rows(_prior(drift, rows), rows, _noise(drift), u, start=at)
     if learn:
         at = _unsure(at, drift, problem)
     return _Landing(belief=at, rows=rows, drift=drift, weights=u)
@@ -196,7 +197,7 @@ def _weights(
     """
     out = u.copy()
     problem.weigh(u[row])
-    rows, lengths, sizes = left_out(drift, problem, row)
+    rows, lengths, sizes = leave_rows_out(drift, problem, row)
     unit = 1.0
     if first:
         unit = max(1.0, float(np.sqrt(robust_variance(lengths, int(sizes[0])))))
@@ -226,7 +227,7 @@ def _with_field(belief: Belief, joints: Array) -> tuple[Belief, int]:
     basis = belief.smooth.basis
     if not len(basis.centres):
         basis = replace(basis, scale=np.full(len(basis.scale), 1.0 / FIELD_LENGTH))
-    basis = further_centres(basis, joints)
+    basis = choose_further_centres(basis, joints)
     return with_centres(belief, basis), belief.place("smooth").stop
 
 
@@ -275,14 +276,14 @@ def _summary(
     """JSON values of the transfer; the leading source's summary below them."""
     data = [] if target is None else [target.provenance]
     lead = {**models[0].training_summary(), "provenance": merged_document(models, *data)}
-    step = added(
+    step = record_step(
         "transfer",
         models,
         target,
         {"relation": relation, "loss": settings.solver.loss},
         screened.tolist(),
     )
-    summary = moved_summary(lead, [*history(models[0]), step], belief)
+    summary = renew_summary(lead, [*history(models[0]), step], belief)
     rows = 0 if target is None else len(target)
     said = f"in source {sources[0].name!r}: "
     doubts = [

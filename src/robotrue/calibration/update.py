@@ -15,29 +15,27 @@ import numpy as np
 
 from robotrue.calibration.belief import (
     Belief,
-    conditioned,
-    widened,
+    add_variance,
     with_centres,
     with_nuisances,
 )
-from robotrue.calibration.lineage import added, history, merged_document
+from robotrue.calibration.conditioning import condition_on_rows, weigh_innovations
+from robotrue.calibration.lineage import history, merged_document, record_step
 from robotrue.calibration.model import ErrorModel, require_belief
-from robotrue.calibration.new_rows import NUISANCE_SD, NewRows, Piece, new_rows, whitened
+from robotrue.calibration.new_rows import NUISANCE_SD, NewRows, new_rows
 from robotrue.calibration.residual import LearnedModel, model_of
-from robotrue.calibration.robust import Loss, weights
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.terms.smooth import SmoothBasis, features
 from robotrue.core.arrays import Array
 from robotrue.errors import ModelMismatchError
 from robotrue.measurement.measurement_set import MeasurementSet
 
-LINEARISATIONS: Final = 3
 UNCARRIED: Final = 0.05
 """Share of the smooth residual's variance at a new pose from which it gets a centre."""
 MOST_CENTRES: Final = 100
 
 
-def updated(
+def update_model(
     model: ErrorModel, measurements: MeasurementSet, *, settings: FitSettings | None = None
 ) -> LearnedModel:
     """Returns the model with the measurements added; mean, covariance and lineage move.
@@ -61,20 +59,20 @@ def updated(
     belief = require_belief(model)
     if not len(measurements):
         return model_of(belief, model.training_summary().document)
-    belief = centred(belief, measurements.joints)
+    belief = add_centres(belief, measurements.joints)
     angular = model.training_summary().white_turn_sd
     if angular is None:
         measurements = points_only(measurements)
     rows = new_rows(belief, measurements, settings, fresh=False)
     prior = with_nuisances(belief, np.full(rows.nuisances, NUISANCE_SD))
     noise = np.array([belief.white**2, (angular or 0.0) ** 2])
-    u = innovation_weights(
+    u = weigh_innovations(
         prior, rows.pieces(prior), noise, rows.count, settings.solver.loss, belief.inflation
     )
-    after, rows = settled(prior, rows, noise, u)
+    after, rows = condition_on_rows(prior, rows, noise, u)
     origin = merged_document([model], measurements.provenance)
     summary = {**model.training_summary(), "provenance": origin}
-    step = added(
+    step = record_step(
         "update",
         [model],
         measurements,
@@ -82,7 +80,7 @@ def updated(
         np.flatnonzero(u == 0.0).tolist(),
     )
     return model_of(
-        without_nuisances(after, rows), moved_summary(summary, [*history(model), step], after)
+        without_nuisances(after, rows), renew_summary(summary, [*history(model), step], after)
     )
 
 
@@ -105,7 +103,7 @@ def require_joints(model: ErrorModel, measurements: MeasurementSet) -> None:
         )
 
 
-def centred(belief: Belief, joints: Array) -> Belief:
+def add_centres(belief: Belief, joints: Array) -> Belief:
     """Returns the belief with centres of its smooth residual at poses it does not carry yet."""
     smooth = belief.smooth
     if not smooth.size or smooth.amplitude <= 0.0:
@@ -114,13 +112,15 @@ def centred(belief: Belief, joints: Array) -> Belief:
     far = np.flatnonzero(left > UNCARRIED)
     if not len(far):
         return belief
-    wider = with_centres(belief, further_centres(smooth.basis, joints[far]))
+    wider = with_centres(belief, choose_further_centres(smooth.basis, joints[far]))
     variance = np.zeros(len(wider.mean))
     variance[belief.place("smooth").stop : wider.place("smooth").stop] = smooth.amplitude**2
-    return widened(wider, variance)
+    return add_variance(wider, variance)
 
 
-def further_centres(basis: SmoothBasis, joints: Array, *, most: int = MOST_CENTRES) -> SmoothBasis:
+def choose_further_centres(
+    basis: SmoothBasis, joints: Array, *, most: int = MOST_CENTRES
+) -> SmoothBasis:
     """Returns the basis with centres among some poses (n, dof) rad behind those it had.
 
     The next centre is always the pose carried worst.
@@ -133,48 +133,6 @@ def further_centres(basis: SmoothBasis, joints: Array, *, most: int = MOST_CENTR
         centre = features(joints[[worst]]) * basis.scale
         basis = SmoothBasis(centres=np.vstack([basis.centres, centre]), scale=basis.scale)
     return basis
-
-
-def innovation_weights(
-    belief: Belief,
-    pieces: list[Piece],
-    noise: Array,
-    count: int,
-    loss: Loss,
-    inflation: float = 1.0,
-) -> Array:
-    """Returns the robust weight (n,) of rows by how far they lie from what the belief predicts."""
-    out = np.ones(count)
-    for piece in pieces:
-        n, m, p = piece.columns.shape
-        half = (piece.columns.reshape(n * m, p) @ belief.root.T).reshape(n, m, -1)
-        spread = half @ np.swapaxes(half, 1, 2)
-        total = inflation * (spread + piece.covariance + (noise @ piece.white) * np.eye(m))
-        off = piece.values - piece.columns @ belief.mean
-        solved = np.linalg.solve(total, off[:, :, None])[:, :, 0]
-        length = np.sqrt(np.maximum((off * solved).sum(axis=1), 0.0))
-        out[piece.rows] = weights(length, m, loss)
-    return out
-
-
-def settled(
-    prior: Belief, rows: NewRows, noise: Array, u: Array, *, start: Belief | None = None
-) -> tuple[Belief, NewRows]:
-    """Returns the posterior of the rows, linearised at its own mean, and the rows moved there.
-
-    Args:
-        prior: With the nuisances of the rows at its end.
-        rows: The rows.
-        noise: (2,) white variance of lengths and angles.
-        u: (n,) robust weights.
-        start: Where the mean already is; one linearisation is then enough.
-    """
-    at = prior if start is None else start
-    for _ in range(LINEARISATIONS if start is None else 1):
-        columns, values = whitened(rows.pieces(at), noise, u)
-        at = conditioned(prior, columns, values)
-        rows = rows.moved(at.mean[at.end :])
-    return at, rows
 
 
 def without_nuisances(belief: Belief, rows: NewRows) -> Belief:
@@ -195,7 +153,7 @@ def without_nuisances(belief: Belief, rows: NewRows) -> Belief:
     )
 
 
-def moved_summary(
+def renew_summary(
     summary: dict[str, Any], lineage: list[dict[str, Any]], belief: Belief
 ) -> dict[str, Any]:
     """Returns the summary after a step: rows, parameters and lineage are new."""

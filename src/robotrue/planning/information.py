@@ -20,7 +20,8 @@ from typing import Annotated, Any, Final
 
 import numpy as np
 
-from robotrue.calibration.belief import Belief
+from robotrue.calibration.arm import linear_rows
+from robotrue.calibration.belief import Belief, standard_terms
 from robotrue.calibration.estimate import free_groups
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.observations import PositionObservation, observations_of
@@ -29,7 +30,7 @@ from robotrue.calibration.priors import build_prior
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.terms.compliance import StiffnessPrior
 from robotrue.calibration.terms.geometry import PriorScales
-from robotrue.calibration.terms.ripple import ripple_columns
+from robotrue.calibration.terms.ripple import harmonics
 from robotrue.cell.cell import Cell
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.columns import EMPTY, Column, Columns, Rows
@@ -169,9 +170,8 @@ class LinearModel(Columns):
         self, postures: Postures, robot: RobotModel
     ) -> Iterator[tuple[slice, Array, Array, Array]]:
         """Rows, Jacobian (n, 3, p), drive Jacobian, covariance of instrument and repeatability."""
-        dof = robot.dof
-        layout = Layout(dof=dof)
-        cycles = np.arange(1.0, len(self.unmodelled.ripple) + 1.0)
+        layout = Layout(dof=robot.dof)
+        terms = standard_terms(robot.dof, harmonics(len(self.unmodelled.ripple)))
         for start in range(0, len(postures), ROWS):
             part = slice(start, start + ROWS)
             mine = postures.take(part)
@@ -185,16 +185,9 @@ class LinearModel(Columns):
             if not isinstance(seen, PositionObservation):  # _imagined has points only
                 raise ModelMismatchError("planning is about points, not poses, of a reflector.")
             item = seen.linearise(layout, State(robot=robot))
-            drive = item.jacobian[:, :, parameter_slice(dof, "theta")] @ robot.joint_map
-            jacobian = np.concatenate(
-                [
-                    item.jacobian,
-                    ripple_columns(drive, mine.joints, cycles),
-                    drive * mine.approach[:, None, :],
-                ],
-                axis=2,
-            )
-            yield part, jacobian, drive, item.covariance
+            drive = item.jacobian[:, :, parameter_slice(robot.dof, "theta")] @ robot.joint_map
+            learned, _ = linear_rows(robot, seen.visits, item.jacobian, terms, None)
+            yield part, np.concatenate([item.jacobian, *learned], axis=2), drive, item.covariance
 
     def _rest(self, drive: Array) -> Array:
         """Covariance (n, 3, 3) m^2 of what the linear model leaves out."""

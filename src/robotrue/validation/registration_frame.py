@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.calibration.belief import Belief, widened
+from robotrue.calibration.belief import Belief, add_variance
 from robotrue.calibration.machined import tip_columns, unchanged_covariance
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.calibration.prior_belief import prior_belief
@@ -201,7 +201,7 @@ def arm_belief(arm: ErrorModel, settings: RegistrationSettings) -> Belief | None
             return None
         variance = np.zeros(len(belief.mean))
         variance[parameter_slice(belief.robot.dof, "tool")][:3] = (settings.tool_sigma or 0.0) ** 2
-        return widened(belief, variance)
+        return add_variance(belief, variance)
     robot = arm.robot
     if settings.T_flange_tool is not None:
         robot = robot.with_tool(settings.T_flange_tool)

@@ -1,1 +1,1 @@
-"""Physical errors of an arm, one file each, behind one protocol: :mod:`~.term`."""
+"""Physical errors of an arm, one file each, behind one protocol."""

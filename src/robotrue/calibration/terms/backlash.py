@@ -10,7 +10,7 @@ import numpy as np
 
 from robotrue.calibration.evidence import Group
 from robotrue.calibration.tables import MeanTables
-from robotrue.calibration.terms.term import Carry, Effect, Postures, Sensitivity, Term
+from robotrue.calibration.terms.term import ArmPostures, Carry, Effect, Sensitivity, Term
 from robotrue.core.arrays import Array
 from robotrue.errors import ArchiveError
 from robotrue.measurement.measurement_set import MeasurementSet
@@ -44,11 +44,11 @@ class Backlash(Term):
         """Of every parameter, per unit of approach."""
         return "rad"
 
-    def columns(self, robot: RobotModel, at: Postures, by: Sensitivity, values: Array) -> Array:
+    def columns(self, robot: RobotModel, at: ArmPostures, by: Sensitivity, values: Array) -> Array:
         """Returns d(observed)/d(backlash), shape (n, m, dof)."""
         return by.drive * at.approach[:, None, :]
 
-    def effect(self, robot: RobotModel, at: Postures, values: Array) -> Effect:
+    def effect(self, robot: RobotModel, at: ArmPostures, values: Array) -> Effect:
         """Returns the shift of the drives."""
         return Effect(drive_shift=values * at.approach)
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from robotrue.calibration.evidence import Group
 from robotrue.calibration.tables import MeanTables
-from robotrue.calibration.terms.term import Carry, Effect, Postures, Sensitivity, Term
+from robotrue.calibration.terms.term import ArmPostures, Carry, Effect, Sensitivity, Term
 from robotrue.core.arrays import Array, IntArray, frozen
 from robotrue.errors import ArchiveError
 from robotrue.measurement.measurement_set import MeasurementSet
@@ -173,11 +173,11 @@ class Ripple(Term):
         places = (2 * count * np.arange(self.dof)[:, None] + within).ravel()
         return Ripple(dof=self.dof, cycles=harmonics(count)), places
 
-    def columns(self, robot: RobotModel, at: Postures, by: Sensitivity, values: Array) -> Array:
+    def columns(self, robot: RobotModel, at: ArmPostures, by: Sensitivity, values: Array) -> Array:
         """Returns d(observed)/d(A, B), shape (n, m, k)."""
         return ripple_columns(by.drive, at.joints, self.cycles)
 
-    def effect(self, robot: RobotModel, at: Postures, values: Array) -> Effect:
+    def effect(self, robot: RobotModel, at: ArmPostures, values: Array) -> Effect:
         """Returns the shift of the drives."""
         return Effect(drive_shift=ripple_shift(at.joints, self.cycles, *self.amplitudes(values)))
 

@@ -24,7 +24,7 @@ from scipy.optimize import minimize
 
 from robotrue.calibration.evidence import Group
 from robotrue.calibration.tables import MeanTables
-from robotrue.calibration.terms.term import Carry, Effect, Postures, Sensitivity, Term
+from robotrue.calibration.terms.term import ArmPostures, Carry, Effect, Sensitivity, Term
 from robotrue.core.arrays import Array, IntArray, frozen
 from robotrue.errors import ArchiveError
 from robotrue.measurement.measurement_set import MeasurementSet
@@ -246,11 +246,11 @@ class SmoothResidual(Term):
         """
         return replace(self, basis=basis), np.arange(self.size)
 
-    def columns(self, robot: RobotModel, at: Postures, by: Sensitivity, values: Array) -> Array:
+    def columns(self, robot: RobotModel, at: ArmPostures, by: Sensitivity, values: Array) -> Array:
         """Returns d(observed)/d(weights), shape (n, m, k)."""
         return smooth_columns(by.shift, self.basis.columns(at.joints))
 
-    def effect(self, robot: RobotModel, at: Postures, values: Array) -> Effect:
+    def effect(self, robot: RobotModel, at: ArmPostures, values: Array) -> Effect:
         """Returns the shift of the tool point, and the variance no centre carries."""
         if not self.size:
             return Effect()
@@ -262,7 +262,7 @@ class SmoothResidual(Term):
             other_tool=self.amplitude**2,
         )
 
-    def uncarried_between(self, at: Postures, other: Postures) -> Array | None:
+    def uncarried_between(self, at: ArmPostures, other: ArmPostures) -> Array | None:
         """Returns the covariance (n, k) m^2 per axis of what no centre carries."""
         if not self.size:
             return None

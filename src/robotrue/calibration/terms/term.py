@@ -31,7 +31,7 @@ smooth residual, or unchanged."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Postures:
+class ArmPostures:
     """n postures, and the conditions that a term may depend on.
 
     Attributes:
@@ -110,8 +110,8 @@ class Effect:
 class Term(ABC):
     """One physical error: its parameters, columns, prior, needs and archive.
 
-    A new term is one file with a subclass and one call of :func:`registry.register`; see
-    CONTRIBUTING, "An error term".
+    A new term is one file with a subclass and one call of
+    :func:`~robotrue.calibration.terms.registry.register`; see CONTRIBUTING, "An error term".
     """
 
     __slots__ = ()
@@ -140,7 +140,7 @@ class Term(ABC):
         return len(self.parameters)
 
     @abstractmethod
-    def columns(self, robot: RobotModel, at: Postures, by: Sensitivity, values: Array) -> Array:
+    def columns(self, robot: RobotModel, at: ArmPostures, by: Sensitivity, values: Array) -> Array:
         """Returns d(observed)/d(parameters), shape (n, m, k).
 
         Args:
@@ -151,7 +151,7 @@ class Term(ABC):
         """
 
     @abstractmethod
-    def effect(self, robot: RobotModel, at: Postures, values: Array) -> Effect:
+    def effect(self, robot: RobotModel, at: ArmPostures, values: Array) -> Effect:
         """Returns what the term with parameters ``values`` (k,) does; arguments as above."""
 
     @abstractmethod
@@ -162,7 +162,7 @@ class Term(ABC):
             few: The rows are too few to say the scale of each group.
         """
 
-    def uncarried_between(self, at: Postures, other: Postures) -> Array | None:
+    def uncarried_between(self, at: ArmPostures, other: ArmPostures) -> Array | None:
         """Returns the covariance (n, k) m^2 per axis between postures of what is uncarried."""
         return None
 
