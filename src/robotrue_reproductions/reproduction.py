@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.errors import ConfigurationError
 
 Progress: TypeAlias = Callable[[str, int, int], None]
@@ -17,7 +18,7 @@ Progress: TypeAlias = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Figure:
+class Figure(Columns):
     """One printed number and what the simulated arms have in its place.
 
     Attributes:
@@ -34,11 +35,7 @@ class Figure:
     quantity: str
     unit: str
     paper: float | None
-    ours: Array
-
-    def __post_init__(self) -> None:
-        """Checks and freezes."""
-        object.__setattr__(self, "ours", frozen(self.ours, (None,), self.name))
+    ours: Annotated[Array, Column("n")]
 
     @property
     def median(self) -> float:

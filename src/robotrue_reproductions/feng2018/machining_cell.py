@@ -21,12 +21,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Final, Literal, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
 
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.core.arrays import Array, frozen
+from robotrue.core.columns import Column, Columns
 from robotrue.core.poses import apply, inverse, pose
 from robotrue.core.provenance import Provenance
 from robotrue.core.rotations import matrix_from_abc, matrix_from_rotation_vector
@@ -106,7 +107,7 @@ class CellSizes:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FengCell:
+class FengCell(Columns):
     """One frozen cell.
 
     Attributes:
@@ -119,12 +120,7 @@ class FengCell:
     seed: int
     sizes: CellSizes
     robot: VirtualRobot
-    T_base_part: Array
-
-    def __post_init__(self) -> None:
-        """Freezes the block's pose."""
-        place = frozen(self.T_base_part, (4, 4), "T_base_part")
-        object.__setattr__(self, "T_base_part", place)
+    T_base_part: Annotated[Array, Column("4 4")]
 
     @property
     def nominal(self) -> RobotModel:

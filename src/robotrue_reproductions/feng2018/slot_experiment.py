@@ -9,12 +9,13 @@ is simulated: one visit for every point, each with the arm's repeatability.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel
 from robotrue.core.arrays import Array, frozen
+from robotrue.core.columns import Column, Columns
 from robotrue.core.poses import apply, inverse, pose
 from robotrue.core.units import MM
 from robotrue.robot.model import RobotModel
@@ -42,7 +43,7 @@ CHECKED: Final = np.stack(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Side:
+class Side(Columns):
     """How one side is cut.
 
     Attributes:
@@ -56,12 +57,7 @@ class Side:
     cell: FengCell
     posture: Posture
     model: ErrorModel | RobotModel
-    T_base_part: Array
-
-    def __post_init__(self) -> None:
-        """Freezes the frame."""
-        place = frozen(self.T_base_part, (4, 4), "T_base_part")
-        object.__setattr__(self, "T_base_part", place)
+    T_base_part: Annotated[Array, Column("4 4")]
 
 
 def both_sides(
