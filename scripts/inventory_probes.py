@@ -172,6 +172,7 @@ def texts() -> Iterator[str]:
 
 def jobs() -> Iterator[str]:
     """Yields the kinds of jobs, and each parameter with its type and default."""
+    from robotrue.app.registry import job_operations
     from robotrue.cli.job_items import NAMED
     from robotrue.cli.kinds import KINDS
 
@@ -179,7 +180,32 @@ def jobs() -> Iterator[str]:
         module_name, name = address.split(":")
         yield kind
         yield from (f"{kind} {each}: text" for each in NAMED)
+        if kind in job_operations():
+            yield from (f"{kind} {each}" for each in _stated(job_operations()[kind]))
+            continue
         yield from (f"{kind} {each}" for each in _asked(importlib.import_module(module_name), name))
+
+
+def _stated(operation: Any) -> Iterator[str]:
+    """The parameters of a job that is made from a request."""
+    from robotrue.app.request import JOB, Item, Output, fields_of
+
+    types = {bool: "flag", int: "whole", float: "number"}
+    for field in fields_of(operation.request):
+        if not field.is_in(JOB):
+            continue
+        if isinstance(field.entry, Item):
+            form = "items" if field.many else "item_or_none" if field.optional else "item"
+            yield f"{field.name}: {form} {field.entry.noun}"
+        elif isinstance(field.entry, Output):
+            yield f"{field.name}: flag = False"
+        elif field.many:
+            yield f"{field.name}: texts"
+        else:
+            form = types.get(field.kind, "text")
+            yield f"{field.name}: {form}" + (
+                "_or_none" if field.default is None else f" = {field.default!r}"
+            )
 
 
 def _asked(module: Any, name: str) -> set[str]:

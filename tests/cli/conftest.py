@@ -57,7 +57,9 @@ def cli(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> C
 @pytest.fixture(scope="session")
 def shelf(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with cell.toml, cal.csv, test.csv, part.src and a calibrated model.rtm."""
-    from robotrue.cli.calibrate import run as calibrate
+    from robotrue.app.files_context import FilesContext
+    from robotrue.app.operations import calibrate
+    from robotrue.app.reporting import Silent
 
     folder = tmp_path_factory.mktemp("shelf")
     (folder / "cell.toml").write_text(shop.CELL, encoding="utf-8")
@@ -66,15 +68,13 @@ def shelf(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shop.write_csv(folder / "cal.csv", joints, shop.points(joints, noise_seed=2))
     joints = shop.postures(40, seed=3)
     shop.write_csv(folder / "test.csv", joints, shop.points(joints, noise_seed=4))
-    calibrate(
-        folder / "cell.toml",
-        [folder / "cal.csv"],
-        folder / "model.rtm",
+    request = calibrate.CalibrateRequest(
+        cell=folder / "cell.toml",
+        measurements=(folder / "cal.csv",),
+        output=folder / "model.rtm",
         method="elastic",
-        mapping=None,
-        report=None,
-        as_json=False,
     )
+    calibrate.run(request, FilesContext(Silent()))
     for path in folder.iterdir():
         path.chmod(0o444)
     return folder

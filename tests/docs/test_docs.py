@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import functools
 import re
+import subprocess
+import sys
 from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
@@ -151,3 +153,11 @@ def test_no_page_holds_a_path_of_somebody_s_machine() -> None:
     for page in PAGES:
         found = re.search(r"/(root|home|work|tmp)/", page.read_text(encoding="utf-8"))
         assert found is None, f"{page_id(page)}: {found}"
+
+
+def test_the_made_parts_of_the_reference_are_current() -> None:
+    found = subprocess.run(  # noqa: S603
+        [sys.executable, str(ROOT / "docs/make_reference.py"), "--check"],
+        capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+    assert found.returncode == 0, found.stderr

@@ -24,7 +24,7 @@ FEWEST_ROWS = 6
 """Rows that a set needs, unless an operation asks for less."""
 
 
-def measured(
+def read_together(
     cell: Cell,
     paths: Sequence[Path],
     mapping: Path | None,
@@ -43,10 +43,10 @@ def measured(
         ModelMismatchError: Another number of joints, or files in different frames.
     """
     sets = [read_rows(cell, path, mapping, reporter=reporter) for path in paths]
-    return joined(cell, sets, [str(path) for path in paths], reporter=reporter, minimum=minimum)
+    return join_rows(cell, sets, [str(path) for path in paths], reporter=reporter, minimum=minimum)
 
 
-def joined(
+def join_rows(
     cell: Cell,
     sets: Sequence[MeasurementSet],
     names: Sequence[str],

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from robotrue.app.outputs import CSV, KRL, MODEL, PAGE
-from robotrue.cli.app import CellFile, Json, ModelFile, app
+from robotrue.app.outputs import MODEL, PAGE
+from robotrue.cli.app import CellFile, Json, app
 
 
 @app.command()
@@ -26,99 +26,6 @@ def demo(
     from robotrue.cli.demo import run
 
     run(out=out, data=data, seed=seed, as_json=json)
-
-
-@app.command()
-def plan(
-    cell: CellFile,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", help="CSV of the poses to write.", callback=CSV)
-    ],
-    poses: Annotated[int, typer.Option("--poses", "-n", help="How many, at most.")] = 30,
-    region: Annotated[
-        str | None,
-        typer.Option(help="Where the arm will work: angle_deg=A..B,radius_mm=..,height_mm=.."),
-    ] = None,
-    program_targets: Annotated[
-        Path | None, typer.Option(help="Or the program whose targets it will work at.")
-    ] = None,
-    within: Annotated[
-        str | None, typer.Option(help="Where the reflector may be while measuring, like --region.")
-    ] = None,
-    model: Annotated[
-        Path | None, typer.Option(help="A calibration that the poses are to improve.")
-    ] = None,
-    payload: Annotated[
-        list[str] | None,
-        typer.Option(help="KG[,X,Y,Z]: a load that can be measured with; may be repeated."),
-    ] = None,
-    approach: Annotated[str, typer.Option(help="one-side or as-it-comes.")] = "one-side",
-    criterion: Annotated[
-        str, typer.Option(help="I: accuracy where the arm will work. D: parameters.")
-    ] = "I",
-    tolerance_um: Annotated[
-        float, typer.Option(help="Stop when the next pose would gain less than this.")
-    ] = 0.0,
-    candidates: Annotated[int, typer.Option(help="Postures to choose from.")] = 2000,
-    seed: Annotated[int, typer.Option(help="Seed of the candidates.")] = 1,
-    program: Annotated[
-        Path | None,
-        typer.Option(help="Also write a KRL program that measures them (.src).", callback=KRL),
-    ] = None,
-    trigger_output: Annotated[
-        int, typer.Option(help="Digital output that triggers the tracker.")
-    ] = 17,
-    report: Annotated[
-        Path | None, typer.Option(help="Also write a report page (HTML).", callback=PAGE)
-    ] = None,
-    json: Json = False,
-) -> None:
-    """Choose the poses that are worth measuring, and say what accuracy to expect."""
-    from robotrue.cli.plan import run
-
-    run(
-        cell,
-        output,
-        poses=poses,
-        criterion=criterion,
-        region=region,
-        within=within,
-        program_targets=program_targets,
-        model_path=model,
-        payloads=payload or [],
-        approach=approach,
-        candidates=candidates,
-        tolerance_um=tolerance_um,
-        seed=seed,
-        program=program,
-        trigger_output=trigger_output,
-        report=report,
-        as_json=json,
-    )
-
-
-@app.command()
-def calibrate(
-    cell: CellFile,
-    measurements: Annotated[list[Path], typer.Argument(metavar="MEAS...", help="Measurements.")],
-    output: Annotated[
-        Path, typer.Option("--output", "-o", help="Model file to write.", callback=MODEL)
-    ],
-    method: Annotated[
-        str, typer.Option(help="auto, or one of nominal, geometric, elastic, ripple, gp.")
-    ] = "auto",
-    mapping: Annotated[
-        Path | None, typer.Option(help="Column mapping (TOML) for files of another layout.")
-    ] = None,
-    report: Annotated[
-        Path | None, typer.Option(help="Also write a report page (HTML).", callback=PAGE)
-    ] = None,
-    json: Json = False,
-) -> None:
-    """Learn the robot's error from measured poses and write a model file."""
-    from robotrue.cli.calibrate import run
-
-    run(cell, measurements, output, method=method, mapping=mapping, report=report, as_json=json)
 
 
 @app.command()
@@ -161,36 +68,6 @@ def transfer(
         curve=curve,
         as_json=json,
     )
-
-
-@app.command()
-def validate(
-    model: ModelFile,
-    measurements: Annotated[list[Path], typer.Argument(metavar="MEAS...", help="Held-out poses.")],
-    mapping: Annotated[Path | None, typer.Option(help="Column mapping (TOML).")] = None,
-    report: Annotated[
-        Path | None, typer.Option(help="Also write a report page (HTML).", callback=PAGE)
-    ] = None,
-    json: Json = False,
-) -> None:
-    """Say how well a model predicts poses it has not seen."""
-    from robotrue.cli.validate import run
-
-    run(model, measurements, mapping=mapping, report=report, as_json=json)
-
-
-@app.command()
-def predict(
-    model: ModelFile,
-    queries: Annotated[Path, typer.Argument(metavar="QUERIES", help="CSV of joints, wrench.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="CSV to write.", callback=CSV)],
-    mapping: Annotated[Path | None, typer.Option(help="Column mapping (TOML).")] = None,
-    json: Json = False,
-) -> None:
-    """Predict the error (actual minus commanded) and its standard deviation."""
-    from robotrue.cli.predict import run
-
-    run(model, queries, output, mapping=mapping, as_json=json)
 
 
 @app.command(name="map")

@@ -22,8 +22,8 @@ def measured(
     *,
     minimum: int = measured_rows.FEWEST_ROWS,
 ) -> MeasurementSet:
-    """Returns all files as one set; see :func:`robotrue.app.measured_rows.measured`."""
-    return measured_rows.measured(cell, paths, mapping, reporter=TERMINAL, minimum=minimum)
+    """Returns all files as one set; see :func:`robotrue.app.measured_rows.read_together`."""
+    return measured_rows.read_together(cell, paths, mapping, reporter=TERMINAL, minimum=minimum)
 
 
 def joined(
@@ -33,8 +33,8 @@ def joined(
     *,
     minimum: int = measured_rows.FEWEST_ROWS,
 ) -> MeasurementSet:
-    """Returns sets as one; see :func:`robotrue.app.measured_rows.joined`."""
-    return measured_rows.joined(cell, sets, names, reporter=TERMINAL, minimum=minimum)
+    """Returns sets as one; see :func:`robotrue.app.measured_rows.join_rows`."""
+    return measured_rows.join_rows(cell, sets, names, reporter=TERMINAL, minimum=minimum)
 
 
 def parse_wrench(text: str) -> Array:

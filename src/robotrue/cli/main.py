@@ -1,6 +1,7 @@
-"""The ``robotrue`` command: signatures only; each command's work is in the file of its name.
+"""The ``robotrue`` command.
 
-Those about the arm, the part and programs stand in the ``*_commands`` files, the rest here.
+Commands of operations are made from their requests (``generate.py``); the signatures of the others
+are here and in the ``*_commands`` files, their work in the file of their name.
 
 Data go to stdout, everything else to stderr. Exit 0: done. Exit 1: understood, but refused or
 failed, with a message that says why (a file that is not there, too). Exit 2: the command line
@@ -14,7 +15,7 @@ import os
 import sys
 from copy import copy
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 
@@ -34,6 +35,7 @@ from robotrue.cli import (
     store_commands,
 )
 from robotrue.cli.app import Json, app
+from robotrue.cli.generate import name_of, register_operations, without_options
 from robotrue.errors import RobotrueError
 
 __all__ = [
@@ -103,6 +105,11 @@ def warm_up() -> None:
     run()
 
 
+ORDER: Final = ("demo", "plan", "calibrate", "transfer", "validate", "predict", "map")
+"""Commands in the order of the work, for the help; others follow as they are registered."""
+register_operations(app, ORDER)
+
+
 def run() -> None:
     """Runs the command line and exits with 0, 1 or 2."""
     if sys.stderr.isatty():
@@ -138,17 +145,17 @@ def _asked() -> typer.Typer:
     """The command that was asked for, without reading the options of the others; else all."""
     word = sys.argv[1] if len(sys.argv) > 1 else ""
     only = copy(app)
-    only.registered_commands = [
-        each
-        for each in app.registered_commands
-        if each.callback and word == (each.name or each.callback.__name__.replace("_", "-"))
-    ]
+    only.registered_commands = [each for each in app.registered_commands if word == name_of(each)]
     only.registered_groups = [
         each
         for each in app.registered_groups
         if each.typer_instance and word == each.typer_instance.info.name
     ]
-    return only if only.registered_commands or only.registered_groups else app
+    if only.registered_commands or only.registered_groups:
+        return only
+    only.registered_commands = [without_options(each) for each in app.registered_commands]
+    only.registered_groups = app.registered_groups
+    return only
 
 
 def _report(error: RobotrueError) -> None:

@@ -35,6 +35,7 @@ from robotrue.planning.information import (
     before_measuring,
 )
 from robotrue.planning.order import short_order, travel
+from robotrue.planning.plan_defaults import CANDIDATES, SEED
 from robotrue.robot.statics import Load
 
 Approach: TypeAlias = Literal["one side", "as it comes"]
@@ -68,7 +69,7 @@ class PlanSettings:
     """
 
     criterion: Criterion = "I"
-    candidates: int = 2000
+    candidates: int = CANDIDATES
     within: Region | None = None
     work: Region | None = None
     margin: float = 5.0 * DEG
@@ -77,7 +78,7 @@ class PlanSettings:
     step_back: float = 3.0 * DEG
     enough: float = 0.0
     loads: tuple[Load, ...] = ()
-    seed: int = 1
+    seed: int = SEED
     fit: FitSettings | None = None
     unmodelled: UnmodelledErrors = field(default_factory=UnmodelledErrors)
 

@@ -16,6 +16,7 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG
 from robotrue.errors import ConfigurationError
+from robotrue.program.measuring_defaults import TRIGGER_OUTPUT
 
 _LONGEST_NAME: Final = 24
 _HIGHEST_OUTPUT: Final = 4096
@@ -33,7 +34,7 @@ class Trigger:
         speed: Per cent of the axis speeds.
     """
 
-    output: int = 17
+    output: int = TRIGGER_OUTPUT
     pulse: float = 0.2
     settle: float = 2.0
     measure: float = 3.0

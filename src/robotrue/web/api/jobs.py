@@ -8,8 +8,9 @@ from datetime import datetime
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Query
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, ConfigDict, Field
 
+from robotrue.app.job_parameters import check_parameters, parameter_schemas
 from robotrue.errors import ConfigurationError
 from robotrue.store import jobs
 from robotrue.web.bench import House
@@ -18,13 +19,20 @@ from robotrue.web.problems import MissingError
 Id = Annotated[str, Path(max_length=40)]
 
 
-class Asked(BaseModel, extra="forbid"):
-    """A job that is wanted.
+def _with_kinds(schema: dict[str, Any]) -> None:
+    """Adds the parameters of each kind that is made from a request to the schema of a body."""
+    schema["properties"]["parameters"]["x-parameters-of-kind"] = parameter_schemas()
+
+
+class Asked(BaseModel):
+    """A job that is wanted; ``x-parameters-of-kind`` has the schema of the parameters of each kind.
 
     Attributes:
         kind: calibrate, validate, compensate or plan.
         parameters: Those of the kind; items by their ids.
     """
+
+    model_config = ConfigDict(extra="forbid", json_schema_extra=_with_kinds)
 
     kind: Annotated[str, Field(max_length=40)]
     parameters: dict[str, Any] = {}
@@ -57,6 +65,7 @@ def router(house: House) -> APIRouter:
             raise ConfigurationError(
                 f"a job of kind {asked.kind!r}, expected one of {', '.join(known)}."
             )
+        check_parameters(asked.kind, asked.parameters)
         id = await asyncio.to_thread(jobs.submit, workspace, asked.kind, asked.parameters)
         house.job_process.wake()
         return job_document(await asyncio.to_thread(jobs.status, workspace, id))

@@ -8,6 +8,8 @@ from typing import Any, Final
 
 from nicegui import ui
 
+from robotrue.app.operations.calibrate import CalibrateRequest
+from robotrue.app.request import FORM, fields_of
 from robotrue.report.words import Words
 from robotrue.store import items
 from robotrue.store.nouns import CELL, MEASUREMENT, MODEL
@@ -33,8 +35,8 @@ from robotrue.web.parts.job import JobCard, under_way
 from robotrue.web.parts.later import later
 from robotrue.web.parts.naming import heading, record_mark
 from robotrue.web.parts.reports import reports
+from robotrue.web.parts.request_form import RequestForm
 
-METHODS: Final = ("auto", "geometric", "elastic", "ripple", "gp")
 KNOWN: Final[Mapping[str, Tone]] = {
     "seen": "good", "weakly seen": "caution", "prior only": "bad",
 }  # fmt: skip
@@ -273,26 +275,23 @@ async def _new(bench: Bench) -> None:
     if not cells or not sets:
         html(f"<p>{escape(say('calibration.needs'))}</p>").classes("card")
         return
-    listed = "".join(f'<option value="{c.id}">{escape(c.name)}</option>' for c in cells)
-    methods = "".join(
-        f'<option value="{m}">{escape(say(f"calibration.method_{m}"))}</option>' for m in METHODS
+    form = RequestForm(
+        bench=bench,
+        request=CalibrateRequest,
+        group="calibration",
+        records={"cell": cells, "measurement": sets},
+        marks={"measurements": "pick-set", "method": "method"},
     )
-    picks = "".join(
-        f'<label><input type="checkbox" name="measurements[]" value="{each.id}" '
-        f'data-testid="pick-set">{escape(each.name)}'
-        f'<span class="note">{each.poses:,}</span></label>'
-        for each in sets
+    picks, *others = (
+        form.control(each)
+        for each in sorted(fields_of(CalibrateRequest), key=lambda each: not each.many)
+        if each.is_in(FORM)
     )
     html(
         f"<h2>{escape(say('calibration.new'))}</h2>"
         "<form onsubmit=\"return bench.jobForm('calibrate',this)\" data-testid='calibrate-form'>"
         f"<div class='columns'><div class='picks'>{picks}</div><div style='display:grid;gap:12px'>"
-        f"<label class='field'>{escape(say('preview.cell'))}"
-        f"<select name='cell'>{listed}</select></label>"
-        f"<label class='field'>{escape(say('calibration.method'))}"
-        f"<select name='method' data-testid='method'>{methods}</select></label>"
-        f"<label class='field'>{escape(say('calibration.name'))}"
-        "<input type='text' name='name' maxlength='200'></label>"
+        f"{''.join(others)}{form.name_field()}"
         f"<button class='act' data-testid='calibrate'>{escape(say('calibration.start'))}</button>"
         "</div></div></form>"
     ).classes("card")

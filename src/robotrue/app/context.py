@@ -1,0 +1,96 @@
+"""What an operation works with: who listens to it, its inputs opened, where its outputs go."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+from robotrue.app.request import Reference
+
+if TYPE_CHECKING:
+    from robotrue.cell.cell import Cell
+    from robotrue.measurement.measurement_set import MeasurementSet
+    from robotrue.store.model_file import ModelFile
+
+
+class Context(Protocol):
+    """Inputs and outputs of one run; references are paths, or items of a workspace."""
+
+    def step(self, text: str, done: int, of: int) -> None:
+        """Reports what is done next, how much is done, and of how much; may raise to cancel."""
+        ...
+
+    def note(self, text: str) -> None:
+        """Reports what deserves attention."""
+        ...
+
+    def inform(self, text: str) -> None:
+        """Reports plain information."""
+        ...
+
+    def name(self, reference: Reference) -> str:
+        """Returns what messages call an input."""
+        ...
+
+    def cell(self, reference: Reference) -> Cell:
+        """Returns a cell; its warnings are noted.
+
+        Raises:
+            ConfigurationError: It cannot be used.
+        """
+        ...
+
+    def model(self, reference: Reference) -> ModelFile:
+        """Returns a model with the cell it was measured in.
+
+        Raises:
+            ArchiveError: Not a model.
+        """
+        ...
+
+    def measurements(
+        self,
+        cell: Cell,
+        references: Sequence[Reference],
+        mapping: Path | None = None,
+        *,
+        minimum: int | None = None,
+    ) -> MeasurementSet:
+        """Returns measured poses as one set, checked for plausibility.
+
+        Args:
+            cell: They were measured in.
+            references: One or more.
+            mapping: Columns of files of another layout.
+            minimum: Rows that are needed; None: as many as a calibration.
+
+        Raises:
+            ImplausibleDataError: Numbers that cannot be this robot's.
+            ModelMismatchError: Another number of joints, or sets in different frames.
+        """
+        ...
+
+    def cell_file(self, reference: Reference) -> Path:
+        """Returns a cell.toml, the files it names beside it."""
+        ...
+
+    def model_file(self, reference: Reference) -> Path:
+        """Returns a model file."""
+        ...
+
+    def registration_file(self, reference: Reference) -> Path:
+        """Returns the registered cell.toml, its model beside it."""
+        ...
+
+    def program_files(self, references: Sequence[Reference]) -> tuple[Path, ...]:
+        """Returns the files of one job of the robot, the program first."""
+        ...
+
+    def output(self, path: Path) -> Path:
+        """Returns where an output is written."""
+        ...
+
+    def wrote(self, what: str, path: Path, remark: str = "") -> None:
+        """Reports a file that was written; ``remark`` follows its name, with its punctuation."""
+        ...

@@ -1,0 +1,56 @@
+"""An operation: its request, its work, its result."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeAlias, TypeVar
+
+from robotrue.app.context import Context
+from robotrue.app.presentation import Block
+from robotrue.app.request import Request
+from robotrue.core.provenance import Provenance
+
+if TYPE_CHECKING:
+    from robotrue.app.workspace_context import WorkspaceContext
+    from robotrue.store.workspace import Transaction
+
+
+class Result(Protocol):
+    """What every result says; it is marked as simulated by whoever shows it."""
+
+    @property
+    def provenance(self) -> Provenance | None:
+        """Where the data come from that it rests on; None if it rests on none."""
+        ...
+
+    def document(self) -> Mapping[str, Any]:
+        """Returns JSON values, units in the names."""
+        ...
+
+    def blocks(self) -> Iterable[Block]:
+        """Returns what is shown instead of the document."""
+        ...
+
+
+Q = TypeVar("Q", bound=Request)
+R = TypeVar("R", bound=Result)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Operation(Generic[Q, R]):
+    """One thing the product does.
+
+    Attributes:
+        request: Type of what is asked.
+        run: Does it; the same on files and in a workspace.
+        save: Writes its result into a workspace, with the transaction that ends the job, and
+            returns the job's result; None: no job does it.
+    """
+
+    request: type[Q]
+    run: Callable[[Q, Context], R]
+    save: Callable[[Q, R, Transaction, WorkspaceContext], Mapping[str, Any]] | None = None
+
+
+AnyOperation: TypeAlias = Operation[Any, Any]

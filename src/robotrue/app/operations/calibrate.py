@@ -1,0 +1,206 @@
+"""Learn the robot's error from measured poses and write a model file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+
+from robotrue.app.context import Context
+from robotrue.app.operation import Operation
+from robotrue.app.presentation import Block, Facts, Note
+from robotrue.app.request import InputFile, Item, Option, Output, Reference, Request
+from robotrue.core.provenance import Provenance
+
+if TYPE_CHECKING:
+    from robotrue.app.workspace_context import WorkspaceContext
+    from robotrue.calibration.model import ErrorModel
+    from robotrue.cell.cell import Cell
+    from robotrue.measurement.measurement_set import MeasurementSet
+    from robotrue.store.workspace import Transaction
+    from robotrue.validation.contest import Selection
+
+MODEL_FILE: Final = "model.rtm"
+PAGE: Final = "report.html"
+TITLE: Final = "Calibration, on its own poses"
+FIT_REMARK: Final = " (fit residuals; hold poses out and validate for the truth)"
+SHOWN_ROWS: Final = 10
+"""Screened rows that are named one by one."""
+
+
+class CalibrateRequest(Request):
+    """What to calibrate, from what, by which method."""
+
+    cell: Annotated[Reference, Item(noun="cell", argument="CELL", help="cell.toml")]
+    measurements: Annotated[
+        tuple[Reference, ...],
+        Item(noun="measurement", argument="MEAS...", help="Measurements."),
+    ]
+    output: Annotated[
+        Path,
+        Output(
+            names=("--output", "-o"),
+            what="a robotrue file",
+            suffixes=(".robotrue",),
+            saved_as=MODEL_FILE,
+            help="Model file to write.",
+        ),
+    ]
+    method: Annotated[
+        Literal["auto", "nominal", "geometric", "elastic", "ripple", "gp"],
+        Option(help="auto, or one of nominal, geometric, elastic, ripple, gp."),
+    ] = "auto"
+    mapping: Annotated[
+        Path | None, InputFile(help="Column mapping (TOML) for files of another layout.")
+    ] = None
+    report: Annotated[
+        Path | None,
+        Output(
+            what="a page",
+            suffixes=(".html", ".htm"),
+            saved_as=PAGE,
+            help="Also write a report page (HTML).",
+        ),
+    ] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Calibrated:
+    """A calibration.
+
+    Attributes:
+        model: The error model.
+        output: Its file.
+        page: Report page that was written, if one was asked for.
+        rows: Measured poses.
+        measured: Where the poses come from.
+        provenance: Of the model.
+    """
+
+    model: ErrorModel
+    output: Path
+    page: Path | None
+    rows: int
+    measured: Provenance
+    provenance: Provenance
+
+    def document(self) -> Mapping[str, Any]:
+        """Returns the training summary as JSON values."""
+        return {"model": str(self.output), **self.model.training_summary()}
+
+    def blocks(self) -> Iterable[Block]:
+        """Returns what was learned, and what was not."""
+        from robotrue.report.model_view import remarks, result_facts
+
+        summary = self.model.training_summary()
+        yield Facts(
+            title=f"calibration of {self.model.robot.name}", rows=tuple(result_facts(summary))
+        )
+        for line in remarks(summary):
+            yield Note(line)
+
+
+def run(request: CalibrateRequest, context: Context) -> Calibrated:
+    """Fits the model and writes it; validates it on its own poses if a page is asked for.
+
+    Raises:
+        ObservabilityError: Too few measurements for what is asked.
+    """
+    from robotrue.app.calibration_page import write_page
+    from robotrue.calibration.lineage import provenance_of
+    from robotrue.store.model_file import write_model
+    from robotrue.validation.validate import validate
+
+    cell = context.cell(request.cell)
+    rows = context.measurements(cell, request.measurements, request.mapping)
+    model, selection = _fit(request, cell, rows, context)
+    output = context.output(request.output)
+    write_model(output, model, cell)
+    context.wrote("model", output)
+    page = None
+    if request.report is not None:
+        page = context.output(request.report)
+        result = validate(model, rows, payload=cell.payload)
+        write_page(page, model, result, title=TITLE, measured=rows.provenance, selection=selection)
+        context.wrote("report", page, FIT_REMARK)
+    for line in _screened_lines(rows, model.training_summary().screened_rows):
+        context.inform(line)
+    return Calibrated(
+        model=model,
+        output=output,
+        page=page,
+        rows=len(rows),
+        measured=rows.provenance,
+        provenance=provenance_of(model),
+    )
+
+
+def _fit(
+    request: CalibrateRequest, cell: Cell, rows: MeasurementSet, context: Context
+) -> tuple[ErrorModel, Selection | None]:
+    """The model by a method's name; ``auto`` lets held-out poses choose."""
+    from robotrue.calibration.methods import fit
+    from robotrue.errors import ObservabilityError
+    from robotrue.planning.information import settings_of
+    from robotrue.validation.auto import fit_auto
+    from robotrue.validation.contest import selection_from_summary
+
+    robot, settings = cell.measured_robot, settings_of(cell)
+    try:
+        if request.method != "auto":
+            context.step(request.method, 0, 1)
+            return fit(robot, rows, method=request.method, settings=settings), None
+        model = fit_auto(robot, rows, settings, progress=context.step)
+    except ObservabilityError as cause:  # the fit knows rows, not where they come from
+        raise ObservabilityError(
+            cause.message,
+            source=", ".join(context.name(each) for each in request.measurements),
+            hint=cause.hint,
+        ) from cause
+    selection = selection_from_summary(model.training_summary().selection or {})
+    context.inform(f"method {selection.winner}: {selection.reason}")
+    return model, selection
+
+
+def _screened_lines(rows: MeasurementSet, screened: Sequence[int]) -> list[str]:
+    """Which lines of which files the fit left out, the first ten by number."""
+    lines = [
+        f"screened out: line {rows.source_row[row]} of "
+        f"{rows.group_names[rows.group[row]]}, too far off to be this robot"
+        for row in screened[:SHOWN_ROWS]
+    ]
+    if len(screened) > SHOWN_ROWS:
+        lines.append(f"screened out: {len(screened) - SHOWN_ROWS} more rows, all in --json")
+    return lines
+
+
+def save(
+    request: CalibrateRequest, result: Calibrated, into: Transaction, context: WorkspaceContext
+) -> Mapping[str, Any]:
+    """Leaves a model with its page, linked to the cell and the poses."""
+    from robotrue.app.workspace_context import ref_document
+    from robotrue.store import models
+    from robotrue.store.nouns import CELL, MEASUREMENT
+
+    cell = context.record(CELL, request.cell)
+    made = models.add(
+        into,
+        result.output,
+        name=context.naming.name or f"{cell.name}, {result.rows} poses",
+        note=context.naming.note,
+        data=[each.ref for each in context.records(MEASUREMENT, request.measurements)],
+        cell=cell.ref,
+        settings={"method": request.method},
+        reports=[] if result.page is None else [result.page],
+        job=context.work.job.id,
+    )
+    return {
+        "model": ref_document(made.ref),
+        "method": made.method,
+        "rows": result.rows,
+        "simulated": result.measured.simulated,
+    }
+
+
+OPERATION: Final = Operation(request=CalibrateRequest, run=run, save=save)

@@ -1,0 +1,290 @@
+"""Choose the poses that are worth measuring, and say what accuracy to expect."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+
+from pydantic import Field
+
+from robotrue.app.context import Context
+from robotrue.app.operation import Operation
+from robotrue.app.presentation import Block, Note, Table
+from robotrue.app.request import ALL, Item, Option, Output, Reference, Request
+from robotrue.core.provenance import Provenance, marked_document
+from robotrue.core.units import MM
+from robotrue.planning.plan_defaults import CANDIDATES, POSES, SEED
+from robotrue.program.measuring_defaults import TRIGGER_OUTPUT
+
+if TYPE_CHECKING:
+    from robotrue.app.workspace_context import WorkspaceContext
+    from robotrue.cell.cell import Cell
+    from robotrue.planning.pose_plan import PosePlan
+    from robotrue.robot.statics import Load
+    from robotrue.store.workspace import Transaction
+
+SHOWN: Final = (4, 6, 8, 10, 15, 20, 25, 30, 40, 50, 60, 80, 100)
+"""Numbers of poses in the printed table."""
+
+
+class PlanRequest(Request):
+    """Which poses to choose, for which work."""
+
+    cell: Annotated[Reference, Item(noun="cell", argument="CELL", help="cell.toml")]
+    output: Annotated[
+        Path,
+        Output(
+            names=("--output", "-o"),
+            what="a CSV table",
+            suffixes=(".csv",),
+            saved_as="poses.csv",
+            help="CSV of the poses to write.",
+        ),
+    ]
+    poses: Annotated[
+        int, Option(names=("--poses", "-n"), offered=(4, 500), help="How many, at most.")
+    ] = POSES
+    region: Annotated[
+        str | None,
+        Option(help="Where the arm will work: angle_deg=A..B,radius_mm=..,height_mm=.."),
+    ] = None
+    program: Annotated[
+        Reference | None,
+        Item(
+            noun="program",
+            names=("--program-targets",),
+            help="Or the program whose targets it will work at.",
+        ),
+    ] = None
+    within: Annotated[
+        str | None, Option(help="Where the reflector may be while measuring, like --region.")
+    ] = None
+    model: Annotated[
+        Reference | None,
+        Item(noun="model", help="A calibration that the poses are to improve."),
+    ] = None
+    payloads: Annotated[
+        tuple[str, ...],
+        Option(
+            names=("--payload",),
+            advanced=True,
+            example="50,0,0,120",
+            help="KG[,X,Y,Z]: a load that can be measured with; may be repeated.",
+        ),
+    ] = ()
+    approach: Annotated[
+        Literal["one-side", "as-it-comes"],
+        Option(advanced=True, help="one-side or as-it-comes."),
+    ] = "one-side"
+    criterion: Annotated[
+        Literal["I", "D"],
+        Option(advanced=True, help="I: accuracy where the arm will work. D: parameters."),
+    ] = "I"
+    tolerance_um: Annotated[
+        float,
+        Field(ge=0.0),
+        Option(
+            advanced=True,
+            offered=(0, 1000),
+            help="Stop when the next pose would gain less than this.",
+        ),
+    ] = 0.0
+    candidates: Annotated[
+        int, Option(advanced=True, offered=(10, 50_000), help="Postures to choose from.")
+    ] = CANDIDATES
+    seed: Annotated[
+        int, Option(advanced=True, offered=(0, 1_000_000), help="Seed of the candidates.")
+    ] = SEED
+    krl: Annotated[
+        Path | None,
+        Output(
+            names=("--program",),
+            what="a KRL program",
+            suffixes=(".src",),
+            only=True,
+            saved_as="measure.src",
+            shells=ALL,
+            advanced=True,
+            help="Also write a KRL program that measures them (.src).",
+        ),
+    ] = None
+    trigger_output: Annotated[
+        int,
+        Option(advanced=True, offered=(1, 8192), help="Digital output that triggers the tracker."),
+    ] = TRIGGER_OUTPUT
+    report: Annotated[
+        Path | None,
+        Output(
+            what="a page",
+            suffixes=(".html", ".htm"),
+            saved_as="report.html",
+            help="Also write a report page (HTML).",
+        ),
+    ] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Planned:
+    """Chosen poses.
+
+    Attributes:
+        plan: The poses and what to expect of them.
+        files: That were written: table, page, KRL program.
+        provenance: Of the model they start from; None without one.
+    """
+
+    plan: PosePlan
+    files: tuple[Path, ...]
+    provenance: Provenance
+
+    def document(self) -> Mapping[str, Any]:
+        """Returns JSON values: mm, deg."""
+        from robotrue.planning.plan_output import plan_document
+
+        return {"poses_csv": str(self.files[0]), **plan_document(self.plan)}
+
+    def blocks(self) -> Iterable[Block]:
+        """Returns the expected error against the number of poses."""
+        plan, expected = self.plan, self.plan.expected
+        shown = sorted({k for k in SHOWN if k < len(plan)} | {len(plan)})
+        yield Table(
+            title="expected mean error, mm, of an arm of this type "
+            f"(floor {expected.floor_mean / MM:.3f})",
+            columns=("poses", "planned", "random", "random, quartiles"),
+            rows=tuple(
+                (
+                    str(k),
+                    f"{expected.mean[k] / MM:.3f}",
+                    f"{expected.random_mean[k] / MM:.3f}",
+                    f"{expected.random_low[k] / MM:.3f} to {expected.random_high[k] / MM:.3f}",
+                )
+                for k in shown
+            ),
+        )
+        lost = ", ".join(f"{reason} {number}" for reason, number in plan.rejected)
+        yield Note(
+            f"{plan.candidates} candidates from {plan.drawn} postures{': ' + lost if lost else ''}"
+        )
+
+
+def run(request: PlanRequest, context: Context) -> Planned:
+    """Chooses the poses and writes them.
+
+    Raises:
+        ConfigurationError: An option that cannot be.
+        ReachError: Nothing can be measured, or the program is out of reach.
+        ModelMismatchError: A KRL program is wanted of a controller that is no KUKA.
+    """
+    from robotrue.app.plan_page import plan_page
+    from robotrue.app.registered import provenance_used
+    from robotrue.core.files import write_atomic
+    from robotrue.planning.plan_output import measuring_krl
+    from robotrue.planning.sheet import plan_sheet
+
+    model = None if request.model is None else context.model(request.model).model
+    cell = context.cell(request.cell)
+    plan = _chosen(request, context, cell, model)
+    origin = provenance_used(None, model)
+    krl = None if request.krl is None else context.output(request.krl)
+    text = b"" if krl is None else measuring_krl(cell, plan, krl.stem, request.trigger_output)
+    files = [context.output(request.output)]
+    write_atomic(files[0], plan_sheet(plan))
+    plural = "" if len(plan) == 1 else "s"
+    context.wrote(f"{len(plan)} pose{plural}", files[0], ": fill in what the tracker reads")
+    if request.report is not None:
+        files.append(context.output(request.report))
+        write_atomic(files[-1], plan_page(cell, plan, origin).encode())
+        context.wrote("report", files[-1])
+    if krl is not None:
+        files.append(krl)
+        write_atomic(krl, text)
+        context.wrote("program", krl)
+    for line in plan.notes:
+        context.note(line)
+    if plan.stopped:
+        gain = f"the next pose would gain less than {request.tolerance_um:g} um"
+        context.inform(f"stopped at {len(plan)}: {gain}")
+    return Planned(plan=plan, files=tuple(files), provenance=origin)
+
+
+def _chosen(request: PlanRequest, context: Context, cell: Cell, model: Any) -> PosePlan:
+    """The poses, chosen by what the request says."""
+    from robotrue.core.units import UM
+    from robotrue.errors import ConfigurationError
+    from robotrue.planning.pose_plan import PlanSettings, plan_poses
+    from robotrue.planning.program_postures import program_postures
+    from robotrue.planning.region_text import parse_region
+
+    if request.region is not None and request.program is not None:
+        raise ConfigurationError(
+            "--region and --program-targets both say where the arm will work.",
+            hint="leave one of them out.",
+        )
+    within, region = request.within, request.region
+    settings = PlanSettings(
+        criterion=request.criterion,
+        candidates=request.candidates,
+        within=None if within is None else parse_region("--within", within),
+        work=None if region is None else parse_region("--region", region),
+        approach="one side" if request.approach == "one-side" else "as it comes",
+        enough=request.tolerance_um * UM,
+        loads=tuple(_payload(text) for text in request.payloads),
+        seed=request.seed,
+    )
+    work, tool = None, None
+    if request.program is not None:
+        files = context.program_files((request.program,))
+        work, tool = program_postures(cell, files[0]), cell.robot.T_flange_tool
+    context.step("drawing postures", 0, 1)
+    return plan_poses(
+        cell,
+        request.poses,
+        settings=settings,
+        model=model,
+        work=work,
+        T_flange_tool=tool,
+        progress=context.step,
+    )
+
+
+def _payload(text: str) -> Load:
+    """Returns a load state from ``KG`` or ``KG,X,Y,Z`` (mm in the flange frame)."""
+    import numpy as np
+
+    from robotrue.errors import ConfigurationError
+    from robotrue.robot.statics import Load
+
+    try:
+        numbers = np.array([float(part) for part in text.split(",")])
+    except ValueError:
+        numbers = np.empty(0)
+    if numbers.size not in (1, 4) or not np.isfinite(numbers).all() or numbers[0] < 0.0:
+        raise ConfigurationError(
+            f"payload {text!r}, expected KG or KG,X,Y,Z with the centre of mass in mm.",
+            hint="--payload 50,0,0,120",
+        )
+    centre = np.zeros(3) if numbers.size == 1 else numbers[1:] * MM
+    return Load(mass=numbers[:1], com=centre[None])
+
+
+def save(
+    request: PlanRequest, result: Planned, into: Transaction, context: WorkspaceContext
+) -> Mapping[str, Any]:
+    """Leaves a document ``plan`` with its files, linked to what it was made for."""
+    from robotrue.planning.plan_output import plan_document
+    from robotrue.store.nouns import CELL, MODEL, PROGRAM
+    from robotrue.store.records import Link
+
+    cell = context.record(CELL, request.cell)
+    links = [Link(role="cell", to=cell.ref)]
+    if request.model is not None:
+        links.append(Link(role="model", to=context.record(MODEL, request.model).ref))
+    if request.program is not None:
+        links.append(Link(role="before", to=context.record(PROGRAM, request.program).ref))
+    detail = marked_document(plan_document(result.plan), result.provenance)
+    return context.leave_document(into, "plan", cell.name, result.files, links, detail)
+
+
+OPERATION: Final = Operation(request=PlanRequest, run=run, save=save)

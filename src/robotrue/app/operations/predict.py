@@ -1,0 +1,139 @@
+"""Predict the error (actual minus commanded) and its standard deviation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+from robotrue.app.context import Context
+from robotrue.app.operation import Operation
+from robotrue.app.presentation import Block, Note
+from robotrue.app.request import InputFile, Item, Output, Reference, Request
+from robotrue.core.provenance import Provenance
+
+if TYPE_CHECKING:
+    from robotrue.measurement.queries import QueryTable
+    from robotrue.robot.statics import Load
+    from robotrue.store.model_file import ModelFile
+
+
+class PredictRequest(Request):
+    """Which errors to predict."""
+
+    model: Annotated[
+        Reference, Item(noun="model", argument="MODEL", help="Model file of `calibrate`.")
+    ]
+    queries: Annotated[Path, InputFile(argument="QUERIES", help="CSV of joints, wrench.")]
+    output: Annotated[
+        Path,
+        Output(
+            names=("--output", "-o"), what="a CSV table", suffixes=(".csv",), help="CSV to write."
+        ),
+    ]
+    mapping: Annotated[Path | None, InputFile(help="Column mapping (TOML).")] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Predictions:
+    """Predicted errors in short.
+
+    Attributes:
+        n: Predictions.
+        mean_mm: Mean length of the predicted error.
+        max_mm: Largest length of the predicted error.
+        mean_sigma_mm: Mean standard deviation along an axis.
+        output: CSV that was written.
+        provenance: Of the model.
+    """
+
+    n: int
+    mean_mm: float
+    max_mm: float
+    mean_sigma_mm: float
+    output: Path
+    provenance: Provenance | None
+
+    def document(self) -> Mapping[str, Any]:
+        """Returns JSON values."""
+        return {
+            "n": self.n,
+            "mean_mm": self.mean_mm,
+            "max_mm": self.max_mm,
+            "mean_sigma_mm": self.mean_sigma_mm,
+            "output": str(self.output),
+        }
+
+    def blocks(self) -> Iterable[Block]:
+        """Returns one line."""
+        plural = "" if self.n == 1 else "s"
+        yield Note(
+            f"{self.n} prediction{plural}, mean error {self.mean_mm:.3f} mm, "
+            f"written to {self.output}"
+        )
+
+
+def run(request: PredictRequest, context: Context) -> Predictions:
+    """Writes ``ex_mm, ey_mm, ez_mm, sx_mm, sy_mm, sz_mm`` (base axes), one row per query.
+
+    Raises:
+        ModelMismatchError: Another number of joints than the model's.
+    """
+    import numpy as np
+
+    from robotrue.calibration.lineage import provenance_of
+    from robotrue.calibration.model import Query
+    from robotrue.core.files import write_atomic
+    from robotrue.core.provenance import mark_line
+    from robotrue.core.units import MM
+    from robotrue.errors import ModelMismatchError
+    from robotrue.measurement.formats.mapping_file import read_mapping
+    from robotrue.measurement.queries import read_queries
+
+    stored = context.model(request.model)
+    layout = None if request.mapping is None else read_mapping(request.mapping)
+    queries = read_queries(request.queries, mapping=layout)
+    if queries.joints.shape[1] != stored.model.robot.dof:
+        raise ModelMismatchError(
+            f"{queries.joints.shape[1]} joint columns, {stored.model.robot.name} has "
+            f"{stored.model.robot.dof} joints.",
+            source=request.queries,
+            hint="one column j1_deg, j2_deg, ... per joint.",
+        )
+    prediction = stored.model.predict(
+        Query(joints=queries.joints, load=_load(stored, queries), approach=queries.approach)
+    )
+    sigma = np.sqrt(np.diagonal(prediction.covariance, axis1=1, axis2=2))
+    origin, output = provenance_of(stored.model), context.output(request.output)
+    lines = ["ex_mm,ey_mm,ez_mm,sx_mm,sy_mm,sz_mm"]
+    rows = np.hstack([prediction.error, sigma]) / MM
+    lines += [",".join(f"{value:.6f}" for value in row) for row in rows]
+    write_atomic(output, (mark_line(origin) + "\n".join(lines) + "\n").encode())
+    size = np.linalg.norm(prediction.error, axis=1) / MM
+    return Predictions(
+        n=len(queries),
+        mean_mm=float(size.mean()),
+        max_mm=float(size.max()),
+        mean_sigma_mm=float((sigma / MM).mean()),
+        output=output,
+        provenance=origin,
+    )
+
+
+def _load(stored: ModelFile, queries: QueryTable) -> Load:
+    """The load of each query: its own mass where it states one, else the payload of the cell."""
+    import numpy as np
+
+    from robotrue.robot.statics import Load
+
+    n, payload = len(queries), stored.cell.payload
+    stated = np.isfinite(queries.payload_mass)
+    return Load(
+        mass=np.where(stated, queries.payload_mass, payload.mass[0]),
+        com=np.broadcast_to(payload.com[0], (n, 3)),
+        wrench=queries.wrench,
+    )
+
+
+OPERATION: Final = Operation(request=PredictRequest, run=run)

@@ -1,0 +1,137 @@
+"""Say how well a model predicts poses it has not seen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+from robotrue.app.context import Context
+from robotrue.app.operation import Operation
+from robotrue.app.presentation import Block, Note, Table
+from robotrue.app.request import InputFile, Item, Output, Reference, Request
+from robotrue.core.provenance import Provenance, marked_document, merge
+from robotrue.core.units import MM
+
+if TYPE_CHECKING:
+    from robotrue.app.workspace_context import WorkspaceContext
+    from robotrue.store.workspace import Transaction
+    from robotrue.validation.metrics import ErrorStatistics
+    from robotrue.validation.report import ValidationReport
+
+PAGE: Final = "report.html"
+TITLE: Final = "Held-out validation"
+STEPS: Final = 3
+
+
+class ValidateRequest(Request):
+    """Which model to check, on which poses."""
+
+    model: Annotated[
+        Reference, Item(noun="model", argument="MODEL", help="Model file of `calibrate`.")
+    ]
+    measurements: Annotated[
+        tuple[Reference, ...],
+        Item(noun="measurement", argument="MEAS...", help="Held-out poses."),
+    ]
+    mapping: Annotated[Path | None, InputFile(help="Column mapping (TOML).")] = None
+    report: Annotated[
+        Path | None,
+        Output(
+            what="a page",
+            suffixes=(".html", ".htm"),
+            saved_as=PAGE,
+            help="Also write a report page (HTML).",
+        ),
+    ] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Validated:
+    """Error statistics of a model on poses it has not seen.
+
+    Attributes:
+        report: The numbers.
+        poses: Rows.
+        page: Report page that was written, if one was asked for.
+        provenance: Of the model and the poses.
+    """
+
+    report: ValidationReport
+    poses: int
+    page: Path | None
+    provenance: Provenance
+
+    def document(self) -> Mapping[str, Any]:
+        """Returns JSON values."""
+        return self.report.to_json()
+
+    def blocks(self) -> Iterable[Block]:
+        """Returns the statistics before and after, and the coverage."""
+        before, aligned, after = (
+            self.report.before, self.report.before_aligned, self.report.after,
+        )  # fmt: skip
+        yield Table(
+            title=f"{self.poses} pose{'' if self.poses == 1 else 's'}, {self.report.robot}",
+            columns=("", "mean mm", "p95 mm", "max mm", "std mm"),
+            rows=(
+                _row("before", before),
+                *([] if aligned is None else [_row("base and tool corrected", aligned)]),
+                _row("after", after),
+            ),
+        )
+        coverage = self.report.coverage
+        yield Note(
+            f"{100 * coverage.share:.1f} % of the points lie in their stated 95 % region"
+            f" (95 % interval {100 * coverage.low:.1f} to {100 * coverage.high:.1f} %)"
+        )
+
+
+def _row(name: str, statistics: ErrorStatistics) -> tuple[str, ...]:
+    values = (statistics.mean, statistics.p95, statistics.max, statistics.std)
+    return (name, *(f"{value / MM:.3f}" for value in values))
+
+
+def run(request: ValidateRequest, context: Context) -> Validated:
+    """Predicts the poses and compares; writes the report page if one is asked for."""
+    from robotrue.app.calibration_page import write_page
+    from robotrue.calibration.lineage import provenance_of
+    from robotrue.report.model_view import harmless_remark
+    from robotrue.validation.validate import validate
+
+    context.step("reading", 0, STEPS)
+    stored = context.model(request.model)
+    rows = context.measurements(stored.cell, request.measurements, request.mapping)
+    context.step("predicting", 1, STEPS)
+    result = validate(stored.model, rows, payload=stored.cell.payload)
+    for warning in result.doubts:
+        context.note(warning)
+    for line in harmless_remark(stored.model.training_summary()):
+        context.inform(line)
+    page = None
+    if request.report is not None:
+        context.step("writing the report", 2, STEPS)
+        page = context.output(request.report)
+        write_page(page, stored.model, result, title=TITLE, measured=rows.provenance)
+        context.wrote("report", page)
+    origin = merge([provenance_of(stored.model), rows.provenance])
+    return Validated(report=result, poses=len(rows), page=page, provenance=origin)
+
+
+def save(
+    request: ValidateRequest, result: Validated, into: Transaction, context: WorkspaceContext
+) -> Mapping[str, Any]:
+    """Leaves a document ``validation`` with its page, linked to the model and the poses."""
+    from robotrue.store.nouns import MEASUREMENT, MODEL
+    from robotrue.store.records import Link
+
+    model = context.record(MODEL, request.model)
+    data = context.records(MEASUREMENT, request.measurements)
+    links = [Link(role="model", to=model.ref), *(Link(role="data", to=each.ref) for each in data)]
+    detail = marked_document(result.document(), result.provenance)
+    files = [] if result.page is None else [result.page]
+    return context.leave_document(into, "validation", model.name, files, links, detail)
+
+
+OPERATION: Final = Operation(request=ValidateRequest, run=run, save=save)

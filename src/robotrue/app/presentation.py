@@ -1,0 +1,41 @@
+"""What a result shows: facts, tables and notes, as values that every shell sets in its own way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Facts:
+    """Names and values under a title."""
+
+    title: str
+    rows: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table:
+    """A table under a title.
+
+    Attributes:
+        title: Above it.
+        columns: Headings; all empty leaves them out.
+        rows: One text per column.
+        words: The columns after the first hold words and not numbers.
+    """
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    words: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """One line beside the numbers."""
+
+    text: str
+
+
+Block: TypeAlias = Facts | Table | Note

@@ -1,0 +1,82 @@
+"""The operations there are: the files of ``operations``, known by name and first line.
+
+Listing them imports none, so that ``robotrue --help`` answers at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from robotrue.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from robotrue.app.operation import AnyOperation
+
+FOLDER: Final = Path(__file__).with_name("operations")
+PACKAGE: Final = "robotrue.app.operations"
+GROUPS: Final = frozenset(
+    {"drill", "dynamics", "export", "jobs", "record", "report", "sense", "simulate", "workspace"}
+)
+"""Commands of commands; the file of ``report calibration`` is ``report_calibration.py``."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Listing:
+    """An operation that is not imported yet.
+
+    Attributes:
+        name: Of its file; also of its kind of job.
+        help: First line of its file.
+    """
+
+    name: str
+    help: str
+
+    @property
+    def group(self) -> str:
+        """The command it is below; empty for most."""
+        group, _, rest = self.name.partition("_")
+        return group if rest and group in GROUPS else ""
+
+    @property
+    def command(self) -> str:
+        """Its name on the command line, without the group."""
+        return self.name.removeprefix(f"{self.group}_" if self.group else "").replace("_", "-")
+
+
+@cache
+def listings() -> tuple[Listing, ...]:
+    """Returns all operations by name."""
+    files = sorted(path for path in FOLDER.glob("*.py") if path.stem != "__init__")
+    return tuple(Listing(name=path.stem, help=_first_line(path)) for path in files)
+
+
+def _first_line(path: Path) -> str:
+    with path.open(encoding="utf-8") as lines:
+        return lines.readline().strip().strip('"')
+
+
+@cache
+def operation_of(name: str) -> AnyOperation:
+    """Returns an operation, imported.
+
+    Raises:
+        ConfigurationError: There is none of that name.
+    """
+    if name not in {each.name for each in listings()}:
+        known = ", ".join(each.name for each in listings())
+        raise ConfigurationError(f"no operation is {name!r}; there are {known}.")
+    operation: AnyOperation = import_module(f"{PACKAGE}.{name}").OPERATION
+    return operation
+
+
+@cache
+def job_operations() -> Mapping[str, AnyOperation]:
+    """Returns the operations that jobs can do, by name."""
+    loaded = {each.name: operation_of(each.name) for each in listings()}
+    return {name: each for name, each in loaded.items() if each.save is not None}

@@ -1,0 +1,200 @@
+"""Requests: what is asked of an operation; each field has default, limits and one line of help.
+
+A field is a value, an input or an output, which its annotation says::
+
+    cell: Annotated[Reference, Item(noun="cell", argument="CELL", help="cell.toml")]
+    poses: Annotated[int, Option(names=("--poses", "-n"), help="How many, at most.")] = 30
+    output: Annotated[Path, Output(what="a CSV table", suffixes=(".csv",), help="CSV to write.")]
+
+Commands, jobs, HTTP bodies, forms and the reference are made from these fields.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from types import UnionType
+from typing import Annotated, Any, Final, Literal, TypeAlias, Union, get_args, get_origin
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict
+from pydantic.fields import FieldInfo
+
+from robotrue.errors import ConfigurationError
+
+CLI: Final = "cli"
+JOB: Final = "job"
+FORM: Final = "form"
+ALL: Final = frozenset({CLI, JOB, FORM})
+ON_COMMAND_LINE: Final = frozenset({CLI})
+IN_JOBS: Final = frozenset({JOB, FORM})
+
+
+class ItemVersion(BaseModel):
+    """An item of a workspace.
+
+    Attributes:
+        id: Its id, the beginning of it, or its name.
+        version: None is the latest when the operation begins.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+    id: str
+    version: int | None = None
+
+
+def _item_of_text(value: Any) -> Any:
+    return ItemVersion(id=value) if isinstance(value, str) else value
+
+
+Reference: TypeAlias = Annotated[Path | ItemVersion, BeforeValidator(_item_of_text)]
+"""An input: a path on the command line, an item in a workspace."""
+
+
+class Request(BaseModel):
+    """What is asked of one operation; its fields are described in the module's docstring."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Option:
+    """A value, and how the shells present it.
+
+    Attributes:
+        help: One line.
+        argument: Placeholder of a positional argument of the command; empty for an option.
+        names: Of the option, as ``("--poses", "-n")``; empty: made of the field's name.
+        metavar: Placeholder of the option's value, where it is not the type.
+        paired: A flag that has a ``--no-...`` beside it.
+        advanced: Forms show it behind "more".
+        offered: Least and largest number that forms offer; the limits of the type go further.
+        example: Of a text, for forms.
+        shells: Which of command line, jobs and forms have it.
+    """
+
+    help: str
+    argument: str = ""
+    names: tuple[str, ...] = ()
+    metavar: str | None = None
+    paired: bool = False
+    advanced: bool = False
+    offered: tuple[float, float] | None = None
+    example: str = ""
+    shells: frozenset[str] = ALL
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Item(Option):
+    """A reference to a cell, a model, measurements, a program, a registration or a document.
+
+    Attributes:
+        noun: What it refers to, as ``robotrue workspace list`` spells it.
+    """
+
+    noun: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InputFile(Option):
+    """A file that is read and that no workspace has items of."""
+
+    shells: frozenset[str] = ON_COMMAND_LINE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Output(Option):
+    """A file to write.
+
+    On the command line its value is the path. A job writes it under ``saved_as``: always, or, where
+    the field is of the shell ``job``, if the parameter of that name is true.
+
+    Attributes:
+        what: Is written, with its article.
+        suffixes: In lower case, the usual one first.
+        only: No other suffix will do, unknown ones neither.
+        folder: A folder that exists will do, too.
+        saved_as: File name in a job; empty: not written there.
+    """
+
+    what: str = ""
+    suffixes: tuple[str, ...] = ()
+    only: bool = False
+    folder: bool = False
+    saved_as: str = ""
+    shells: frozenset[str] = ON_COMMAND_LINE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RequestField:
+    """One field of a request.
+
+    Attributes:
+        name: Of the field; also of the parameter of a job.
+        kind: Type of one value, ``None`` and ``tuple`` taken off.
+        many: Whether it is a tuple of values.
+        optional: Whether it may be None.
+        required: Whether it has no default.
+        default: Its default.
+        entry: How it is presented.
+        info: Its description in pydantic, limits included.
+    """
+
+    name: str
+    kind: Any
+    many: bool
+    optional: bool
+    required: bool
+    default: Any
+    entry: Option
+    info: FieldInfo
+
+    @property
+    def choices(self) -> tuple[str, ...]:
+        """What it may say; empty for anything."""
+        return get_args(self.kind) if get_origin(self.kind) is Literal else ()
+
+    @property
+    def option(self) -> str:
+        """What it is called on the command line."""
+        if self.entry.argument:
+            return self.entry.argument
+        return next(iter(self.entry.names), f"--{self.name.replace('_', '-')}")
+
+    def is_in(self, shell: str) -> bool:
+        """Returns whether a shell has it."""
+        return shell in self.entry.shells
+
+
+@cache
+def fields_of(request: type[Request]) -> tuple[RequestField, ...]:
+    """Returns the fields of a request in their order.
+
+    Raises:
+        ConfigurationError: A field without :class:`Option` in its annotation.
+    """
+    return tuple(_field(request, name, info) for name, info in request.model_fields.items())
+
+
+def _field(request: type[Request], name: str, info: FieldInfo) -> RequestField:
+    entry = next((each for each in info.metadata if isinstance(each, Option)), None)
+    if entry is None:
+        raise ConfigurationError(f"{request.__name__}.{name} has no Option in its annotation.")
+    kind, optional, many = info.annotation, False, False
+    if get_origin(kind) in (Union, UnionType) and type(None) in get_args(kind):
+        (kind, *more) = [each for each in get_args(kind) if each is not type(None)]
+        kind, optional = kind if not more else info.annotation, True
+    if get_origin(kind) is tuple:
+        kind, many = get_args(kind)[0], True
+    required = info.is_required()
+    return RequestField(
+        name=name,
+        kind=kind,
+        many=many,
+        optional=optional,
+        required=required,
+        default=None if required else info.get_default(),
+        entry=entry,
+        info=info,
+    )

@@ -1,0 +1,192 @@
+"""Operations on items of a workspace: inputs by id, outputs in the job's own folder."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+from robotrue.app.job_naming import Naming
+from robotrue.app.measured_rows import FEWEST_ROWS, join_rows
+from robotrue.app.reporting import Message
+from robotrue.app.request import ItemVersion, Reference
+from robotrue.cell.cell import Cell
+from robotrue.cell.config import read_cell
+from robotrue.errors import ConfigurationError
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.store import cells, documents, items, measurements, models, programs
+from robotrue.store.jobs_work import Work
+from robotrue.store.layout import laid_out
+from robotrue.store.model_file import ModelFile
+from robotrue.store.nouns import CELL, MEASUREMENT, MODEL, PROGRAM, REGISTRATION, Noun
+from robotrue.store.provenance import provenance_of_record
+from robotrue.store.records import CellRecord, Link, Record, Ref
+from robotrue.store.registrations import CELL_FILE
+from robotrue.store.workspace import Transaction
+
+R = TypeVar("R", bound=Record)
+
+
+class WorkspaceContext:
+    """The :class:`robotrue.app.context.Context` of a job.
+
+    Attributes:
+        work: The job, its workspace and its folder.
+        naming: Name and note of what it leaves.
+    """
+
+    def __init__(self, work: Work, naming: Naming) -> None:
+        self.work, self.naming = work, naming
+        self._records: dict[tuple[str, ItemVersion], Record] = {}
+
+    def step(self, text: str, done: int, of: int) -> None:
+        """Notes how far the job is; raises when it was cancelled."""
+        self.work.step(text, done, of)
+
+    def report(self, message: Message) -> None:
+        """Keeps one line with the job.
+
+        Where the server keeps its files is nobody's business, and gone when the job is over.
+        """
+        self.work.remark(message.text.replace(f"{self.work.folder}/", ""))
+
+    def note(self, text: str) -> None:
+        """Keeps what deserves attention."""
+        self.report(Message(text, label="note"))
+
+    def inform(self, text: str) -> None:
+        """Keeps plain information."""
+        self.report(Message(text))
+
+    def wrote(self, what: str, path: Path, remark: str = "") -> None:
+        """Keeps the remark; the file becomes a part of an item, which says so itself."""
+        if remark:
+            self.inform(f"{what} written to {path.name}{remark}")
+
+    def record(self, noun: Noun[R], reference: Reference) -> R:
+        """Returns the record that is meant, the same each time: its version does not change.
+
+        Raises:
+            ConfigurationError: It is not in the workspace, or deleted.
+        """
+        if not isinstance(reference, ItemVersion):
+            raise ConfigurationError(f"{reference} is a file, expected the id of a {noun.name}.")
+        key = (noun.name, reference)
+        if key not in self._records:
+            _, id = items.resolve(self.work.workspace, reference.id, noun.name)
+            record = items.get(self.work.workspace, noun, id, version=reference.version)
+            if record.deleted:
+                raise ConfigurationError(
+                    f"{noun.name} {record.name!r} is deleted.",
+                    hint=f"robotrue workspace undo {id[:8]}",
+                )
+            self._records[key] = record
+        found: Any = self._records[key]
+        return found  # type: ignore[no-any-return]
+
+    def records(self, noun: Noun[R], references: Sequence[Reference]) -> list[R]:
+        """Returns the records that are meant."""
+        return [self.record(noun, each) for each in references]
+
+    def name(self, reference: Reference) -> str:
+        """Returns the name of an item that was opened, else what was stated."""
+        opened = [r for (_, each), r in self._records.items() if each == reference]
+        stated = reference.id if isinstance(reference, ItemVersion) else str(reference)
+        return opened[0].name if opened else stated
+
+    def cell(self, reference: Reference) -> Cell:
+        """Returns a cell of the workspace; its warnings become remarks."""
+        cell = read_cell(self.cell_file(reference))
+        for warning in cell.doubts:
+            self.note(warning)
+        return cell
+
+    def model(self, reference: Reference) -> ModelFile:
+        """Returns a model of the workspace."""
+        return models.model_of(self.work.workspace, self.record(MODEL, reference))
+
+    def measurements(
+        self,
+        cell: Cell,
+        references: Sequence[Reference],
+        mapping: Path | None = None,
+        *,
+        minimum: int | None = None,
+    ) -> MeasurementSet:
+        """Returns measurement sets as one; they were mapped when they were imported."""
+        records = self.records(MEASUREMENT, references)
+        rows = [measurements.rows_of(self.work.workspace, each) for each in records]
+        least = FEWEST_ROWS if minimum is None else minimum
+        return join_rows(cell, rows, [each.name for each in records], reporter=self, minimum=least)
+
+    def cell_file(self, reference: Reference) -> Path:
+        """Returns where a cell.toml lies for this job, with the files it names."""
+        record: CellRecord = self.record(CELL, reference)
+        return cells.laid(self.work.workspace, record, self.folder("cell"))
+
+    def model_file(self, reference: Reference) -> Path:
+        """Returns where a model file lies for this job."""
+        record = self.record(MODEL, reference)
+        return models.laid(self.work.workspace, record, self.work.folder)
+
+    def registration_file(self, reference: Reference) -> Path:
+        """Returns where a registered cell.toml lies for this job, with its model."""
+        record = self.record(REGISTRATION, reference)
+        return laid_out(self.work.workspace, record, self.work.folder, CELL_FILE)[0]
+
+    def program_files(self, references: Sequence[Reference]) -> tuple[Path, ...]:
+        """Returns where the files of a program lie for this job.
+
+        Raises:
+            ConfigurationError: Several programs, or none.
+        """
+        if len(references) != 1:
+            raise ConfigurationError(f"{len(references)} programs, expected one.")
+        record = self.record(PROGRAM, references[0])
+        return programs.laid(self.work.workspace, record, self.folder("before"))
+
+    def folder(self, name: str) -> Path:
+        """Returns a folder of this job."""
+        folder = self.work.folder / name
+        folder.mkdir(exist_ok=True)
+        return folder
+
+    def output(self, path: Path) -> Path:
+        """Returns where an output is written: the folder of this job."""
+        return self.work.folder / path
+
+    def leave_document(
+        self,
+        into: Transaction,
+        kind: str,
+        about: str,
+        files: Sequence[Path],
+        links: Sequence[Link],
+        detail: Mapping[str, Any],
+    ) -> dict[str, Any]:
+        """Adds a document with its files; returns the result of the job.
+
+        Args:
+            into: The transaction that ends the job.
+            kind: Of the document.
+            about: Name of what it is about, for its own.
+            files: Tables, programs, pages.
+            links: What it rests on.
+            detail: Its numbers, JSON values.
+        """
+        made: Record = documents.add(
+            into,
+            kind,
+            name=self.naming.name or f"{kind} of {about}",
+            note=self.naming.note,
+            files=list(files),
+            about=list(links),
+            detail={**detail, "job": self.work.job.id},
+        )
+        simulated = provenance_of_record(made).simulated
+        return {"document": ref_document(made.ref), "simulated": simulated}
+
+
+def ref_document(ref: Ref) -> dict[str, Any]:
+    """Returns a version of an item as JSON values."""
+    return {"id": ref.id, "version": ref.version}

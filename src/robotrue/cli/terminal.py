@@ -1,0 +1,72 @@
+"""The terminal as a shell of operations: messages, a progress bar, results."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+
+from robotrue.app.operation import AnyOperation, Result
+from robotrue.app.presentation import Block, Facts, Table
+from robotrue.app.reporting import Message
+from robotrue.app.request import Request
+from robotrue.cli.console import emit_facts, emit_json, emit_table, progress, say, say_mark
+from robotrue.core.progress import Progress
+from robotrue.core.provenance import Provenance
+
+
+class TerminalReporter:
+    """Messages go to stderr; the bar appears with the first step."""
+
+    def __init__(self, stack: ExitStack) -> None:
+        self._stack = stack
+        self._step: Progress | None = None
+
+    def report(self, message: Message) -> None:
+        """Writes one line."""
+        say(str(message))
+
+    def step(self, text: str, done: int, of: int) -> None:
+        """Moves the bar."""
+        if self._step is None:
+            self._step = self._stack.enter_context(progress())
+        self._step(text, done, of)
+
+
+@contextmanager
+def terminal_reporter() -> Iterator[TerminalReporter]:
+    """Yields a reporter whose bar is gone afterwards."""
+    with ExitStack() as stack:
+        yield TerminalReporter(stack)
+
+
+def run_operation(operation: AnyOperation, request: Request, *, as_json: bool) -> None:
+    """Runs an operation on files and shows its result.
+
+    Raises:
+        RobotrueError: What the operation raises.
+    """
+    from robotrue.app.files_context import FilesContext, check_outputs
+
+    check_outputs(request)
+    with terminal_reporter() as reporter:
+        result = operation.run(request, FilesContext(reporter))
+    show_result(result, as_json=as_json)
+
+
+def show_result(result: Result, *, as_json: bool) -> None:
+    """Writes a result to stdout, marked if it rests on simulated data."""
+    say_mark(result.provenance)
+    if as_json:
+        emit_json(result.document(), result.provenance)
+        return
+    for block in result.blocks():
+        _show(block, result.provenance)
+
+
+def _show(block: Block, provenance: Provenance | None) -> None:
+    if isinstance(block, Facts):
+        emit_facts(block.title, block.rows, provenance)
+    elif isinstance(block, Table):
+        emit_table(block.title, block.columns, block.rows, words=block.words, provenance=provenance)
+    else:
+        say(block.text)

@@ -1,0 +1,54 @@
+"""Where a program works: the postures of its targets, to plan poses for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from robotrue.cell.cell import Cell
+from robotrue.cell.frame_table import frame_table
+from robotrue.core.arrays import Array
+from robotrue.core.poses import pose
+from robotrue.errors import ReachError
+from robotrue.planning.information import Postures
+from robotrue.program.formats import read_job
+from robotrue.program.program import Program, Reason
+from robotrue.robot.inverse import inverse_batch
+
+MOST_TARGETS: Final = 2000
+"""Targets of a program that are used, evenly over the file."""
+
+
+def program_postures(cell: Cell, path: Path) -> Postures:
+    """Returns the postures a program works in: its own targets, with its frames and tools.
+
+    Raises:
+        ReachError: The arm reaches none of them.
+    """
+    programs = read_job(path, frame_table(cell))
+    joints = np.concatenate([_joints_of(cell, program) for program in programs])
+    if not len(joints):
+        raise ReachError(
+            "no target of this program gives a posture of the arm.",
+            source=path,
+            hint="check its work frame and tool.",
+        )
+    return Postures(joints=joints, load=cell.payload)
+
+
+def _joints_of(cell: Cell, program: Program) -> Array:
+    usable = np.flatnonzero((program.reason == Reason.NONE) & np.isfinite(program.position[:, 0]))
+    some = usable[np.unique(np.linspace(0, max(len(usable) - 1, 0), MOST_TARGETS).astype(int))][
+        : len(usable)
+    ]
+    reached = [np.empty((0, cell.robot.dof))]
+    for tool in np.unique(program.tool[some]):
+        with_tool = some[program.tool[some] == tool]
+        targets = program.T_base_frame[program.frame[with_tool]] @ pose(
+            program.rotation[with_tool], program.position[with_tool]
+        )
+        joints = inverse_batch(cell.robot.with_tool(program.T_flange_tool[tool]), targets)
+        reached.append(joints[np.isfinite(joints).all(axis=1)])
+    return np.concatenate(reached)
