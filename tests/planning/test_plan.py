@@ -247,13 +247,13 @@ def test_the_next_pose_while_measuring() -> None:
     taken: list[int] = []
     for k in range(8):
         free = ~np.isin(np.arange(80), taken)
-        found = next_visit(model, pool.subset(np.array(taken, dtype=int)), pool, work, allowed=free)
+        found = next_visit(model, pool.take(np.array(taken, dtype=int)), pool, work, allowed=free)
         assert found is not None
         assert found.index == whole.chosen[k]
         assert found.mean_now == pytest.approx(promised[k], rel=1e-6)
         assert found.mean_then == pytest.approx(promised[k + 1], rel=1e-6)
         taken.append(found.index)
-    after = pool.subset(np.array(taken))
+    after = pool.take(np.array(taken))
     assert next_visit(model, after, pool, work, enough=1e-3) is None
     last = next_visit(model, after, pool, work)
     assert last is not None
