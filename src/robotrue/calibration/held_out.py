@@ -15,18 +15,16 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from scipy.special import fdtri
 
 from robotrue.calibration.design import Design
 from robotrue.calibration.evidence import Sums, Weights, learn, spread
-from robotrue.calibration.robust import chi_point
+from robotrue.calibration.robust import LEVEL, chi_point, student_factor
 from robotrue.core.arrays import Array
 
 BLOCKS: Final = 5
 """As in validation: a contiguous fifth is held out at a time."""
 STEPS: Final = 6
 """Of learning without a block, from the scales of all rows."""
-LEVEL: Final = 0.95
 PRIOR_ROWS: Final = 60
 """Rows at which the factor of the blocks and that of Student's law count alike: with 60 rows the
 95 % point rests on three of them."""
@@ -132,17 +130,8 @@ def temper_factor(found: HeldOut, freedom: float) -> HeldOut:
     blocks = float(np.log(found.inflation))
     if rows < MANY:
         blocks = max(blocks, 0.0)
-    law = float(np.log(student_factor(freedom)))
+    law = float(np.log(student_factor(max(freedom, LEAST_FREEDOM))))
     return replace(found, inflation=float(np.exp(share * blocks + (1.0 - share) * law)))
-
-
-def student_factor(freedom: float) -> float:
-    """Returns the factor on a covariance of three numbers whose scale rests on ``freedom`` numbers.
-
-    The 95 % region of Student's law over that of the Gaussian: 3 F(3, freedom) / chi^2(3); at
-    least one, and one for many.
-    """
-    return float(3.0 * fdtri(3.0, max(freedom, LEAST_FREEDOM), LEVEL) / chi_point(LEVEL, 3) ** 2)
 
 
 def _covering(found: HeldOut) -> HeldOut:

@@ -91,16 +91,18 @@ class Identifiability:
     @property
     def classes(self) -> dict[str, str]:
         """Each parameter: ``"seen"``, ``"weakly seen"`` or ``"prior only"``."""
-        seen, unseen = (1.0 + SEEN) ** -0.5, (1.0 + UNSEEN) ** -0.5
-        return {
-            name: "seen" if ratio < seen else "weakly seen" if ratio < unseen else "prior only"
-            for name, ratio in zip(self.names, self.sd_ratio, strict=True)
-        }
+        return dict(zip(self.names, map(visibility, self.sd_ratio.tolist()), strict=True))
 
     @property
     def harmful(self) -> tuple[Direction, ...]:
         """Unseen directions that predictions do depend on."""
         return tuple(d for d in self.unseen if not d.harmless)
+
+
+def visibility(sd_ratio: float) -> str:
+    """Returns ``seen``, ``weakly seen`` or ``prior only`` of a posterior over a prior sd."""
+    seen, unseen = (1.0 + SEEN) ** -0.5, (1.0 + UNSEEN) ** -0.5
+    return "seen" if sd_ratio < seen else "weakly seen" if sd_ratio < unseen else "prior only"
 
 
 def analyse(

@@ -8,13 +8,12 @@ from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import fdtri
 
 from robotrue.calibration.belief import Belief
 from robotrue.calibration.drift_scales import Stack
 from robotrue.calibration.evidence import COMMON_HOLD, Group, Weights, learn, sums_of
 from robotrue.calibration.priors import LEARNED, Prior
-from robotrue.calibration.robust import chi_point
+from robotrue.calibration.robust import student_factor
 from robotrue.core.arrays import Array
 
 BANDS: Final = (1, 4, 9, 17, 33)
@@ -24,7 +23,6 @@ HOLD: Final = 0.5
 STEPS: Final = 40
 WORTH: Final = 8.0
 """Weights that the default scales are worth: with 4, regions after 12 touches hold too much."""
-LEVEL: Final = 0.95
 
 
 def learn_scales(
@@ -83,15 +81,11 @@ def learn_scales(
 def few_factor(told: float, worth: float = WORTH) -> float:
     """Returns the factor on a covariance whose scale was told by some weights.
 
-    It takes a 95 % region in space from a Gaussian's to that of a multivariate t: 3 F(3, nu) over
-    chi^2 (Gelman and others 2013, "Bayesian Data Analysis", section 3.2, for the scale of a
-    Gaussian), nu the weights the touches determine and what the default is worth.
-
     Args:
         told: Number of weights of learned groups that the touches determine.
         worth: Weights that the default scales are worth.
     """
-    return float(3.0 * fdtri(3, told + worth, LEVEL) / chi_point(LEVEL, 3) ** 2)
+    return student_factor(told + worth)
 
 
 def noise_factor(belief: Belief, stack: Stack, noise: Array) -> float:

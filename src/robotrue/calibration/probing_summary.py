@@ -8,11 +8,10 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.calibration.belief import Belief
-from robotrue.calibration.identifiability import SEEN, UNSEEN
+from robotrue.calibration.identifiability import visibility
 from robotrue.calibration.lineage import history, merged_document, record_step
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.update import renew_summary
-from robotrue.core.arrays import Array
 from robotrue.core.files import sha256
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.robot.model import parameter_names
@@ -96,22 +95,14 @@ def probing_summary(
 def _parameters(before: Belief, after: Belief) -> dict[str, dict[str, Any]]:
     size = len(after.errors)
     sd = np.sqrt(after.inflation * after.variance[:size])
-    prior = np.sqrt(before.inflation * before.variance[:size])
-    kinds = _classes(sd, prior)
+    known = np.sqrt(before.inflation * before.variance[:size])
+    kinds = [
+        visibility(float(now / prior)) if prior > 0.0 else "fixed"
+        for now, prior in zip(sd, known, strict=True)
+    ]
     return {
         name: {"value": float(value), "sd": float(spread), "class": kind}
         for name, value, spread, kind in zip(
             parameter_names(after.robot.dof), after.errors, sd, kinds, strict=True
         )
     }
-
-
-def _classes(sd: Array, prior: Array) -> list[str]:
-    ratio = np.where(prior > 0.0, sd / np.where(prior > 0.0, prior, 1.0), np.nan)
-    seen, unseen = (1.0 + SEEN) ** -0.5, (1.0 + UNSEEN) ** -0.5
-    words = np.where(
-        np.isnan(ratio),
-        "fixed",
-        np.where(ratio < seen, "seen", np.where(ratio < unseen, "weakly seen", "prior only")),
-    )
-    return [str(word) for word in words]

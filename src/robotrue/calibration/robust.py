@@ -15,7 +15,7 @@ from functools import cache
 from typing import Final, Literal, TypeAlias
 
 import numpy as np
-from scipy.special import gammaincinv
+from scipy.special import fdtri, gammaincinv
 
 from robotrue.core.arrays import Array
 
@@ -23,6 +23,7 @@ Loss: TypeAlias = Literal["huber", "gaussian"]
 LOSSES: Final = ("huber", "gaussian")
 BEND: Final = 0.99
 CUT: Final = 0.999999
+LEVEL: Final = 0.95
 
 
 def weights(length: Array, size: int, loss: Loss) -> Array:
@@ -38,6 +39,15 @@ def weights(length: Array, size: int, loss: Loss) -> Array:
 def chi_point(probability: float, size: int) -> float:
     """Returns the length that a Gaussian of ``size`` whitened numbers stays below."""
     return float(np.sqrt(2.0 * gammaincinv(size / 2.0, probability)))
+
+
+def student_factor(freedom: float) -> float:
+    """Returns the factor on a covariance of three numbers whose scale rests on ``freedom`` numbers.
+
+    The 95 % region of Student's law over that of the Gaussian: 3 F(3, freedom) / chi^2(3), one for
+    many numbers (Gelman and others 2013, "Bayesian Data Analysis", section 3.2).
+    """
+    return float(3.0 * fdtri(3.0, freedom, LEVEL) / chi_point(LEVEL, 3) ** 2)
 
 
 def robust_variance(length: Array, size: int) -> float:

@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
-from scipy.special import fdtri
 
 from robotrue.calibration.belief import Belief, with_centres, with_nuisances
 from robotrue.calibration.conditioning import condition_on_rows, weigh_innovations
@@ -33,7 +32,7 @@ from robotrue.calibration.model import ErrorModel, require_belief
 from robotrue.calibration.new_rows import NUISANCE_SD, NewRows, new_rows
 from robotrue.calibration.parameters import State, station_as_base
 from robotrue.calibration.residual import LearnedModel, model_of
-from robotrue.calibration.robust import Loss, chi_point, robust_variance, weights
+from robotrue.calibration.robust import Loss, robust_variance, student_factor, weights
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.sources import Source, carry_to_reflector, combine_sources
 from robotrue.calibration.update import (
@@ -57,7 +56,6 @@ FIELD_LENGTH: Final = 1.5
 """In units of sin q and cos q: length of a smooth residual the sources do not have."""
 DEFAULTS_WORTH: Final[Mapping[Relation, int]] = {"region": 12, "campaign": 4, "unit": 4}
 """Rows the default scales are worth; in one campaign the source's held-out blocks speak too."""
-LEVEL: Final = 0.95
 SEED: Final = 21
 
 
@@ -245,8 +243,7 @@ def student(rows: int, relation: Relation) -> float:
     Gaussian 95 % region of a point hold what Hotelling's does with ``rows + DEFAULTS_WORTH``
     degrees of freedom: rows of one campaign err together, so a row counts as one.
     """
-    freedom = rows + DEFAULTS_WORTH[relation]
-    return float(3.0 * fdtri(3, freedom, LEVEL) / chi_point(LEVEL, 3) ** 2)
+    return student_factor(rows + DEFAULTS_WORTH[relation])
 
 
 def _with_gauge(belief: Belief, rows: NewRows, relation: Relation) -> Belief:
