@@ -14,7 +14,6 @@ from validation_fakes import FakeModel, measured
 from robotrue.errors import ShapeError
 from robotrue.report.calibration_report import calibration_content
 from robotrue.report.content import (
-    Column,
     ErrorDistribution,
     ErrorMap,
     Fact,
@@ -23,6 +22,7 @@ from robotrue.report.content import (
     ReportContent,
     Section,
     Table,
+    TableColumn,
     Tile,
     TiltPlot,
     Verdict,
@@ -242,7 +242,7 @@ def test_an_empty_page_is_still_a_page():
             sections=(
                 Section(
                     title="s",
-                    blocks=(Table(title="x", columns=(Column(title="c"),), rows=((None,),)),),
+                    blocks=(Table(title="x", columns=(TableColumn(title="c"),), rows=((None,),)),),
                 ),
             ),
         )
@@ -251,15 +251,15 @@ def test_an_empty_page_is_still_a_page():
 
 
 def test_wrong_shapes_are_refused():
-    with pytest.raises(ShapeError, match="lengths differ"):
+    with pytest.raises(ShapeError, match=r"after has shape .*, expected"):
         PointErrors(before=np.zeros(3), after=np.zeros(4))
     with pytest.raises(ShapeError, match="row 0 has 2 cells, expected 1"):
-        Table(title="x", columns=(Column(title="c"),), rows=((1, 2),))
+        Table(title="x", columns=(TableColumn(title="c"),), rows=((1, 2),))
     with pytest.raises(ShapeError, match="plane"):
         ErrorMap(
             position=np.zeros((2, 3)), before=np.zeros((2, 3)), after=np.zeros((2, 3)), plane="zx"
         )
-    with pytest.raises(ShapeError, match="3 angles for 4 deviations"):
+    with pytest.raises(ShapeError, match=r"before has shape \(4, 2\), expected \(3, 2\)"):
         HoleContour(radius=0.1, angle=np.zeros(3), before=np.zeros((4, 2)), after=np.zeros((4, 2)))
 
 

@@ -9,13 +9,13 @@ from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM
 from robotrue.planning.pose_plan import PosePlan
 from robotrue.report.content import (
-    Column,
     Fact,
     PoseCurves,
     PoseSeries,
     ReportContent,
     Section,
     Table,
+    TableColumn,
     Tile,
     Verdict,
 )
@@ -49,17 +49,20 @@ def plan_page(cell: Cell, plan: PosePlan, origin: Provenance) -> str:
     )
     rejected = Table(
         title="Why postures were left out",
-        columns=(Column(title="reason"), Column(title="postures", digits=0)),
+        columns=(TableColumn(title="reason"), TableColumn(title="postures", digits=0)),
         rows=(*plan.rejected, ("kept as candidates", plan.candidates), ("drawn", plan.drawn)),
     )
     poses = Table(
         title="The poses, in the order of measuring",
         columns=(
-            Column(title="pose"),
-            *(Column(title=f"j{i + 1}", unit="deg", digits=2) for i in range(plan.joints.shape[1])),
-            *(Column(title=axis, unit="mm", digits=1) for axis in "xyz"),
-            Column(title="load"),
-            Column(title="worth, place"),
+            TableColumn(title="pose"),
+            *(
+                TableColumn(title=f"j{i + 1}", unit="deg", digits=2)
+                for i in range(plan.joints.shape[1])
+            ),
+            *(TableColumn(title=axis, unit="mm", digits=1) for axis in "xyz"),
+            TableColumn(title="load"),
+            TableColumn(title="worth, place"),
         ),
         rows=tuple(
             (

@@ -34,12 +34,12 @@ from robotrue.planning.information import settings_of
 from robotrue.program.formats import read_program, write_program
 from robotrue.report.calibration_report import calibration_content
 from robotrue.report.content import (
-    Column,
     Fact,
     PointErrors,
     ReportContent,
     Section,
     Table,
+    TableColumn,
     Tile,
     Verdict,
 )
@@ -284,12 +284,12 @@ def _held_out_table(held_out: list[HeldOut]) -> Table:
     return Table(
         title="UR10, measured: poses the fit never saw",
         columns=(
-            Column(title="set"),
-            Column(title="held out"),
-            Column(title="n"),
-            Column(title="before, base and tool fitted", unit="mm"),
-            *(Column(title=t, unit="mm") for t in ("mean", "95 %", "max")),
-            Column(title="in stated 95 % region", unit="%", digits=1),
+            TableColumn(title="set"),
+            TableColumn(title="held out"),
+            TableColumn(title="n"),
+            TableColumn(title="before, base and tool fitted", unit="mm"),
+            *(TableColumn(title=t, unit="mm") for t in ("mean", "95 %", "max")),
+            TableColumn(title="in stated 95 % region", unit="%", digits=1),
         ),
         rows=tuple(rows),
         caption=(
@@ -304,8 +304,8 @@ def _path_table(path: PathCheck) -> Table:
     return Table(
         title="A circle of 200 mm, PREDICTED: nobody re-measured it",
         columns=(
-            Column(title=""),
-            *(Column(title=t, unit="mm") for t in ("mean", "95 %", "max")),
+            TableColumn(title=""),
+            *(TableColumn(title=t, unit="mm") for t in ("mean", "95 %", "max")),
         ),
         rows=(
             ("before", *(float(before[k]) for k in ("mean_mm", "p95_mm", "max_mm"))),

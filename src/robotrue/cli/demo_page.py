@@ -12,13 +12,13 @@ from robotrue.core.arrays import Array
 from robotrue.core.units import MM
 from robotrue.report.calibration_report import calibration_content
 from robotrue.report.content import (
-    Column,
     Fact,
     HoleContour,
     PointErrors,
     ReportContent,
     Section,
     Table,
+    TableColumn,
     Tile,
     Verdict,
 )
@@ -26,7 +26,7 @@ from robotrue.simulation.flange_hole import FlangeHole
 from robotrue.validation.hole_contour import HoleResult
 from robotrue.validation.report import ValidationReport
 
-_STATS: Final = tuple(Column(title=t, unit="mm") for t in ("mean", "max", "std. dev."))
+_STATS: Final = tuple(TableColumn(title=t, unit="mm") for t in ("mean", "max", "std. dev."))
 PAPER: Final = "Deng et al. 2022, measured"
 OURS: Final = "robotrue, SIMULATED"
 
@@ -37,7 +37,7 @@ def demo_tables(report: ValidationReport, runs: HoleRuns) -> tuple[Table, Table,
     return (
         Table(
             title="As Table 8: held-out poses",
-            columns=(Column(title=""), Column(title="source"), *_STATS),
+            columns=(TableColumn(title=""), TableColumn(title="source"), *_STATS),
             rows=(
                 ("before", PAPER, 1.499, 2.626, 0.542),
                 ("after, Tr-GPR with 206 poses, re-measured", PAPER, 0.182, 0.454, 0.086),
@@ -49,7 +49,7 @@ def demo_tables(report: ValidationReport, runs: HoleRuns) -> tuple[Table, Table,
         ),
         Table(
             title="As Table 9: dry run, 39 targets on the hole's path",
-            columns=(Column(title=""), Column(title="source"), *_STATS),
+            columns=(TableColumn(title=""), TableColumn(title="source"), *_STATS),
             rows=(
                 ("before", PAPER, 1.459, 1.892, 0.277),
                 ("after", PAPER, 0.205, 0.393, 0.106),
@@ -62,12 +62,12 @@ def demo_tables(report: ValidationReport, runs: HoleRuns) -> tuple[Table, Table,
         Table(
             title="As Table 11: milled hole, position of its axis and contour",
             columns=(
-                Column(title=""),
-                Column(title="source"),
-                Column(title="x", unit="mm"),
-                Column(title="y", unit="mm"),
-                Column(title="position", unit="mm"),
-                *(Column(title=t, unit="mm") for t in ("contour", "max", "sd")),
+                TableColumn(title=""),
+                TableColumn(title="source"),
+                TableColumn(title="x", unit="mm"),
+                TableColumn(title="y", unit="mm"),
+                TableColumn(title="position", unit="mm"),
+                *(TableColumn(title=t, unit="mm") for t in ("contour", "max", "sd")),
             ),
             rows=(
                 ("after", PAPER, 0.144, 0.298, 0.331, 0.269, 0.461, 0.071),

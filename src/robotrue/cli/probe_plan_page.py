@@ -9,13 +9,13 @@ from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM
 from robotrue.planning.probing import ProbePlan, ProbingTask
 from robotrue.report.content import (
-    Column,
     Fact,
     PoseCurves,
     PoseSeries,
     ReportContent,
     Section,
     Table,
+    TableColumn,
     Tile,
     Verdict,
 )
@@ -125,12 +125,12 @@ def _groups(plan: ProbePlan, task: ProbingTask) -> Table:
     return Table(
         title="Machined groups",
         columns=(
-            Column(title="group"),
-            Column(title="points", digits=0),
-            Column(title="rms, one sigma", unit="mm"),
-            Column(title="worst, 95 % within", unit="mm"),
-            Column(title="at best", unit="mm"),
-            Column(title="covered"),
+            TableColumn(title="group"),
+            TableColumn(title="points", digits=0),
+            TableColumn(title="rms, one sigma", unit="mm"),
+            TableColumn(title="worst, 95 % within", unit="mm"),
+            TableColumn(title="at best", unit="mm"),
+            TableColumn(title="covered"),
         ),
         rows=tuple(
             (
@@ -152,10 +152,10 @@ def _touches(plan: ProbePlan) -> Table:
     return Table(
         title="The touches, in the order of their worth",
         columns=(
-            Column(title="touch"),
-            Column(title="feature"),
-            *(Column(title=axis, unit="mm", digits=1) for axis in "xyz"),
-            *(Column(title=f"j{i + 1}", unit="deg", digits=2) for i in range(dof)),
+            TableColumn(title="touch"),
+            TableColumn(title="feature"),
+            *(TableColumn(title=axis, unit="mm", digits=1) for axis in "xyz"),
+            *(TableColumn(title=f"j{i + 1}", unit="deg", digits=2) for i in range(dof)),
         ),
         rows=tuple(
             (

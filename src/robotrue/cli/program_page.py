@@ -8,11 +8,11 @@ from typing import Any
 
 from robotrue.cell.cell import Cell
 from robotrue.report.content import (
-    Column,
     Fact,
     ReportContent,
     Section,
     Table,
+    TableColumn,
     Tile,
     Verdict,
 )
@@ -31,7 +31,11 @@ def program_page(cell: Cell, document: Mapping[str, Any]) -> str:
     if words:
         table = Table(
             title="Statements whose meaning is not known",
-            columns=(Column(title="file"), Column(title="line"), Column(title="statement")),
+            columns=(
+                TableColumn(title="file"),
+                TableColumn(title="line"),
+                TableColumn(title="statement"),
+            ),
             rows=tuple(words),
             caption="They stand in the program as comments and move nothing.",
         )
@@ -68,15 +72,15 @@ def _sides(sides: list[Mapping[str, Any]]) -> Table:
     return Table(
         title="Sides in the order they are cut",
         columns=(
-            Column(title="side"),
-            Column(title="part frame"),
-            Column(title="points", digits=0),
-            Column(title="cut", unit="mm", digits=0),
-            Column(title="time", unit="s", digits=0),
-            Column(title="spin from", unit="deg", digits=1),
-            Column(title="spin to", unit="deg", digits=1),
-            Column(title="to a joint limit", unit="deg", digits=1),
-            Column(title="wrist", unit="deg", digits=1),
+            TableColumn(title="side"),
+            TableColumn(title="part frame"),
+            TableColumn(title="points", digits=0),
+            TableColumn(title="cut", unit="mm", digits=0),
+            TableColumn(title="time", unit="s", digits=0),
+            TableColumn(title="spin from", unit="deg", digits=1),
+            TableColumn(title="spin to", unit="deg", digits=1),
+            TableColumn(title="to a joint limit", unit="deg", digits=1),
+            TableColumn(title="wrist", unit="deg", digits=1),
         ),
         rows=tuple(
             (

@@ -14,7 +14,6 @@ from robotrue.core.units import DEG, MM
 from robotrue.report.budget_plot import BudgetPlot, budget_svg
 from robotrue.report.content import (
     Block,
-    Column,
     CoveragePlot,
     ErrorDistribution,
     ErrorMap,
@@ -23,6 +22,7 @@ from robotrue.report.content import (
     PointErrors,
     PoseCurves,
     Table,
+    TableColumn,
 )
 from robotrue.report.map_figure import slices_svg
 from robotrue.report.part_map import PartMap, part_map_svg
@@ -116,7 +116,7 @@ def _table_rows(table: Table) -> dict[str, Any]:
     return {"rows": rows, "highlight": table.highlight}
 
 
-def _column_name(column: Column) -> str:
+def _column_name(column: TableColumn) -> str:
     return f"{column.key or column.title} {column.unit}".strip().replace(" ", "_")
 
 

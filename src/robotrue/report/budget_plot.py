@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from html import escape
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 from matplotlib.axes import Axes
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.core.units import UM
 from robotrue.errors import ShapeError
 from robotrue.report.figure import AFTER, INK, MUTED, inline_svg
@@ -20,7 +21,7 @@ ROW: Final = 0.42
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BudgetPlot:
+class BudgetPlot(Columns):
     """Plot of the contributions to a combined uncertainty.
 
     Attributes:
@@ -32,16 +33,15 @@ class BudgetPlot:
         caption: One sentence.
     """
 
-    names: tuple[str, ...]
-    value: Array
+    names: Annotated[tuple[str, ...], Column("n")]
+    value: Annotated[Array, Column("n", unit="m")]
     combined: float
     combined_name: str
     title: str
     caption: str = ""
 
-    def __post_init__(self) -> None:
-        """Checks shapes and freezes."""
-        object.__setattr__(self, "value", frozen(self.value, (len(self.names),), "value"))
+    def _check_rules(self) -> None:
+        """Checks that there is a contribution."""
         if not self.names:
             raise ShapeError("budget plot: no contribution.")
 

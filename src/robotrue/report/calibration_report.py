@@ -11,7 +11,6 @@ import numpy as np
 from robotrue.core.units import DEG, MM
 from robotrue.report.content import (
     Cell,
-    Column,
     CoveragePlot,
     ErrorDistribution,
     ErrorMap,
@@ -21,6 +20,7 @@ from robotrue.report.content import (
     ReportContent,
     Section,
     Table,
+    TableColumn,
     Tile,
     Tone,
     Verdict,
@@ -128,9 +128,11 @@ def _tile(t: Words, key: str, value: float, before: float, note: str = "") -> Ti
     )
 
 
-def column(t: Words, name: str, unit: str = "", digits: int = 3, **values: object) -> Column:
+def column(t: Words, name: str, unit: str = "", digits: int = 3, **values: object) -> TableColumn:
     """Returns a column of a catalog text: its heading in the language, its JSON name in English."""
-    return Column(title=t(name, **values), unit=unit, digits=digits, key=ENGLISH(name, **values))
+    return TableColumn(
+        title=t(name, **values), unit=unit, digits=digits, key=ENGLISH(name, **values)
+    )
 
 
 def fact(t: Words, key: str, value: str, **values: object) -> Fact:
@@ -189,7 +191,7 @@ def statistics_table(
     return Table(
         title=title,
         columns=(
-            Column(title=""),
+            TableColumn(title=""),
             column(words, "n"),
             *(column(words, name, _MM) for name in names),
         ),
@@ -206,7 +208,7 @@ def per_axis_table(
     title: str, rows: Sequence[tuple[str, ErrorStatistics]], *, words: Words = ENGLISH
 ) -> Table:
     """Returns a table of signed mean, standard deviation and largest value per base axis in mm."""
-    columns = [Column(title="")]
+    columns = [TableColumn(title="")]
     for quantity in ("mean_axis", "sd_axis", "max_axis"):
         columns += [column(words, quantity, _MM, axis=axis) for axis in "xyz"]
     return Table(
@@ -231,7 +233,7 @@ def _angles_table(before: AxisAngles, after: AxisAngles | None, t: Words) -> Tab
     return Table(
         title=t("cal.angles"),
         columns=(
-            Column(title=""),
+            TableColumn(title=""),
             column(t, "n"),
             *(column(t, name, "deg") for name in ("mean", "p95", "max")),
         ),
@@ -277,7 +279,7 @@ def _places(report: ValidationReport, t: Words) -> Section:
     planes: tuple[Plane, ...] = ("yz", "xz", "xy")
     plane = planes[int(np.argmin(spread))]
     dof = len(report.worst[0].joints)
-    joints = tuple(Column(title=f"J{i + 1}", unit="deg", digits=2) for i in range(dof))
+    joints = tuple(TableColumn(title=f"J{i + 1}", unit="deg", digits=2) for i in range(dof))
     return Section(
         title=t("cal.places"),
         blocks=(
@@ -352,14 +354,14 @@ def contest_section(
             Table(
                 title=heading,
                 columns=(
-                    Column(title="method"),
-                    Column(title="mean", unit=_MM),
-                    *(Column(title=kind, unit=_MM) for kind in kinds),
-                    Column(title="max", unit=_MM),
-                    Column(title="in 95 % region", unit="%", digits=1),
-                    Column(title="gain", unit=_MM, digits=4),
-                    Column(title="noise", unit=_MM, digits=4),
-                    Column(title="result"),
+                    TableColumn(title="method"),
+                    TableColumn(title="mean", unit=_MM),
+                    *(TableColumn(title=kind, unit=_MM) for kind in kinds),
+                    TableColumn(title="max", unit=_MM),
+                    TableColumn(title="in 95 % region", unit="%", digits=1),
+                    TableColumn(title="gain", unit=_MM, digits=4),
+                    TableColumn(title="noise", unit=_MM, digits=4),
+                    TableColumn(title="result"),
                 ),
                 rows=tuple(rows),
                 caption=f"Rule: {selection.rule}.",

@@ -17,7 +17,16 @@ from robotrue.report.calibration_report import (
     statistics_table,
     versions,
 )
-from robotrue.report.content import Cell, Column, Fact, ReportContent, Section, Table, Tile, Verdict
+from robotrue.report.content import (
+    Cell,
+    Fact,
+    ReportContent,
+    Section,
+    Table,
+    TableColumn,
+    Tile,
+    Verdict,
+)
 from robotrue.report.uncertainty_map import UncertaintyMap
 from robotrue.report.words import ENGLISH, Lang, Words
 from robotrue.validation.budget import Budget
@@ -269,17 +278,18 @@ def _repeats(facts: CertificateFacts, t: Words) -> Section:
             )
         )
     joints = tuple(
-        Column(title=f"J{i + 1}", unit="deg", digits=2) for i in range(len(facts.repeats[0].joints))
+        TableColumn(title=f"J{i + 1}", unit="deg", digits=2)
+        for i in range(len(facts.repeats[0].joints))
     )
     axes = tuple(
-        Column(title=f"AP_{a}" if standard else a, key=f"mean_{a}", unit=_MM) for a in "xyz"
+        TableColumn(title=f"AP_{a}" if standard else a, key=f"mean_{a}", unit=_MM) for a in "xyz"
     )
     table = Table(
         title=t("iso.table"),
         columns=(
             column(t, "pose"),
             column(t, "n"),
-            *(Column(title=a, unit=_MM, key=k) for a, k in zip(names, keys, strict=True)),
+            *(TableColumn(title=a, unit=_MM, key=k) for a, k in zip(names, keys, strict=True)),
             *axes,
             column(t, "iso.compensated", _MM),
             *joints,

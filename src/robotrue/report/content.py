@@ -19,11 +19,12 @@ Arrays are SI like everywhere; tiles and tables hold numbers in the unit they na
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Final, Literal, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
 
 import numpy as np
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import EMPTY, Column, Columns
 from robotrue.errors import ShapeError
 from robotrue.report.budget_plot import BudgetPlot
 from robotrue.report.part_map import PartMap
@@ -81,7 +82,7 @@ class Tile:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Column:
+class TableColumn:
     """One table column.
 
     Attributes:
@@ -110,7 +111,7 @@ class Table:
     """
 
     title: str
-    columns: tuple[Column, ...]
+    columns: tuple[TableColumn, ...]
     rows: tuple[tuple[Cell, ...], ...]
     caption: str = ""
     highlight: int | None = None
@@ -126,7 +127,7 @@ class Table:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PointErrors:
+class PointErrors(Columns):
     """Plot of the error length at each point, before and after, in row order.
 
     Attributes:
@@ -138,20 +139,20 @@ class PointErrors:
         limit: A tolerance in m to draw as a line, None for none.
     """
 
-    before: Array
-    after: Array
+    before: Annotated[Array, Column("n", unit="m")]
+    after: Annotated[Array, Column("n", unit="m")]
     title: str = "Error at every point"
     caption: str = ""
     axis_label: str = "point"
     limit: float | None = None
 
-    def __post_init__(self) -> None:
-        """Checks shapes and freezes."""
-        _freeze_all(self, ("before", "after"), (None,))
+    def _check_rules(self) -> None:
+        """Checks that there is a point."""
+        _require_points(self, len(self.before))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ErrorDistribution:
+class ErrorDistribution(Columns):
     """Plot of the histogram and the cumulative share of error lengths, before and after.
 
     Attributes:
@@ -161,18 +162,18 @@ class ErrorDistribution:
         caption: One sentence.
     """
 
-    before: Array
-    after: Array
+    before: Annotated[Array, Column("n", unit="m")]
+    after: Annotated[Array, Column("n", unit="m")]
     title: str = "How the errors are distributed"
     caption: str = ""
 
-    def __post_init__(self) -> None:
-        """Checks shapes and freezes."""
-        _freeze_all(self, ("before", "after"), (None,))
+    def _check_rules(self) -> None:
+        """Checks that there is a point."""
+        _require_points(self, len(self.before))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ErrorMap:
+class ErrorMap(Columns):
     """Plot of error arrows at their places, before and after side by side.
 
     Attributes:
@@ -186,24 +187,24 @@ class ErrorMap:
         caption: One sentence.
     """
 
-    position: Array
-    before: Array
-    after: Array
+    position: Annotated[Array, Column("n 3", unit="m")]
+    before: Annotated[Array, Column("n 3", unit="m")]
+    after: Annotated[Array, Column("n 3", unit="m")]
     plane: Plane = "xy"
     magnification: float = 100.0
     frame: str = "base"
     title: str = "Where the errors point"
     caption: str = ""
 
-    def __post_init__(self) -> None:
-        """Checks shapes and freezes."""
-        _freeze_all(self, ("position", "before", "after"), (None, 3))
+    def _check_rules(self) -> None:
+        """Checks the plane, and that there is a point."""
+        _require_points(self, len(self.position))
         if self.plane not in PLANES:
             raise ShapeError(f"plane {self.plane!r}, expected one of {PLANES}.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CoveragePlot:
+class CoveragePlot(Columns):
     """Plot of stated against observed probability: is the uncertainty honest?
 
     Attributes:
@@ -215,20 +216,20 @@ class CoveragePlot:
         caption: One sentence.
     """
 
-    stated: Array
-    observed: Array
-    low: Array
-    high: Array
+    stated: Annotated[Array, Column("k")]
+    observed: Annotated[Array, Column("k")]
+    low: Annotated[Array, Column("k")]
+    high: Annotated[Array, Column("k")]
     title: str = "Is the stated uncertainty honest?"
     caption: str = ""
 
-    def __post_init__(self) -> None:
-        """Checks shapes and freezes."""
-        _freeze_all(self, ("stated", "observed", "low", "high"), (None,))
+    def _check_rules(self) -> None:
+        """Checks that there is a point."""
+        _require_points(self, len(self.stated))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HoleContour:
+class HoleContour(Columns):
     """Plot of a circular contour, deviations magnified, before and after.
 
     Attributes:
@@ -243,26 +244,23 @@ class HoleContour:
     """
 
     radius: float
-    angle: Array
-    before: Array
-    after: Array
+    angle: Annotated[Array, Column("n", unit="rad")]
+    before: Annotated[Array, Column("n 2", unit="m")]
+    after: Annotated[Array, Column("n 2", unit="m")]
     magnification: float = 20.0
     limit: float | None = None
     title: str = "Contour of the hole"
     caption: str = ""
 
-    def __post_init__(self) -> None:
-        """Checks shapes and freezes."""
-        _freeze_all(self, ("angle",), (None,))
-        _freeze_all(self, ("before", "after"), (None, 2))
-        if len(self.angle) != len(self.before):
-            raise ShapeError(f"{len(self.angle)} angles for {len(self.before)} deviations.")
+    def _check_rules(self) -> None:
+        """Checks the radius, and that there is a point."""
+        _require_points(self, len(self.angle))
         if not (np.isfinite(self.radius) and self.radius > 0.0):
             raise ShapeError(f"radius {self.radius} m, expected a positive length.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PoseSeries:
+class PoseSeries(Columns):
     """One curve against the number of poses.
 
     Attributes:
@@ -277,22 +275,18 @@ class PoseSeries:
     """
 
     label: str
-    count: Array
-    median: Array
-    low: Array = field(default_factory=lambda: np.empty(0))
-    high: Array = field(default_factory=lambda: np.empty(0))
-    coverage: Array = field(default_factory=lambda: np.empty(0))
+    count: Annotated[Array, Column("k")]
+    median: Annotated[Array, Column("k", unit="m", nan=True)]
+    low: Annotated[Array, Column("_", unit="m", nan=True)] = EMPTY
+    high: Annotated[Array, Column("_", unit="m", nan=True)] = EMPTY
+    coverage: Annotated[Array, Column("_", nan=True)] = EMPTY
     role: Literal["ours", "peer", "published"] = "peer"
 
-    def __post_init__(self) -> None:
-        """Checks shapes and freezes."""
+    def _check_rules(self) -> None:
+        """Checks that bands and coverage are empty or have a value for each count."""
         k = len(self.count)
-        for name in ("count", "median", "low", "high", "coverage"):
-            value = np.asarray(getattr(self, name), dtype=np.float64)
-            may_miss = name in ("low", "high", "coverage") and not value.size
-            shape = (0,) if may_miss else (k,)
-            object.__setattr__(self, name, frozen(value, shape, name, allow_nan=True))
-        if not k or len(self.low) != len(self.high):
+        sizes = [len(self.low), len(self.high), len(self.coverage)]
+        if not k or sizes[0] != sizes[1] or not set(sizes) <= {0, k}:
             raise ShapeError(f"series {self.label!r}: no points, or half a band.")
 
 
@@ -321,7 +315,7 @@ class PoseCurves:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MapSlices:
+class MapSlices(Columns):
     """Plot of quantities over slices of a region: one row a quantity, one column a slice.
 
     Attributes:
@@ -337,28 +331,21 @@ class MapSlices:
         caption: One sentence.
     """
 
-    quantities: tuple[str, ...]
-    slices: tuple[str, ...]
-    values: Array
-    signed: tuple[bool, ...]
-    across: Array
-    up: Array
+    quantities: Annotated[tuple[str, ...], Column("rows")]
+    slices: Annotated[tuple[str, ...], Column("columns")]
+    values: Annotated[Array, Column("rows columns k l", unit="m", nan=True)]
+    signed: Annotated[tuple[bool, ...], Column("rows")]
+    across: Annotated[Array, Column("l")]
+    up: Annotated[Array, Column("k")]
     across_label: str
     up_label: str
     title: str = "Predicted error over the region"
     caption: str = ""
 
-    def __post_init__(self) -> None:
-        """Checks shapes and freezes."""
-        rows, columns = len(self.quantities), len(self.slices)
-        across, up = frozen(self.across, (None,), "across"), frozen(self.up, (None,), "up")
-        shape = (rows, columns, len(up), len(across))
-        object.__setattr__(self, "across", across)
-        object.__setattr__(self, "up", up)
-        values = frozen(self.values, shape, "values", allow_nan=True)
-        object.__setattr__(self, "values", values)
-        if len(self.signed) != rows or not np.isfinite(values).any():
-            raise ShapeError("map slices: one sign per quantity and a finite value are needed.")
+    def _check_rules(self) -> None:
+        """Checks that there is something to draw."""
+        if not np.isfinite(self.values).any():
+            raise ShapeError("map slices: no finite value.")
 
 
 Block: TypeAlias = (
@@ -438,12 +425,6 @@ class ReportContent:
     lang: Lang = "en"
 
 
-def _freeze_all(owner: object, names: tuple[str, ...], shape: tuple[int | None, ...]) -> None:
-    """Freezes the named arrays and checks that they are equally long."""
-    for name in names:
-        object.__setattr__(owner, name, frozen(getattr(owner, name), shape, name))
-    lengths = {name: len(getattr(owner, name)) for name in names}
-    if len(set(lengths.values())) > 1:
-        raise ShapeError(f"{type(owner).__name__}: lengths differ: {lengths}.")
-    if not all(lengths.values()):
+def _require_points(owner: object, count: int) -> None:
+    if not count:
         raise ShapeError(f"{type(owner).__name__}: no points.")

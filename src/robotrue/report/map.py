@@ -9,12 +9,12 @@ from robotrue.core.regions import CylinderRegion
 from robotrue.core.units import DEG, MM
 from robotrue.report.content import (
     Cell,
-    Column,
     Fact,
     MapSlices,
     ReportContent,
     Section,
     Table,
+    TableColumn,
     Tile,
     Verdict,
 )
@@ -156,11 +156,11 @@ def _sectors(found: WorkspaceMap, alike: tuple[SectorSimilarity, ...]) -> Sectio
         Table(
             title="Sectors",
             columns=(
-                Column(title="sector"),
-                Column(title="poses"),
-                *(Column(title=t, unit="mm") for t in ("mean", "max", "mean x", "mean y")),
-                Column(title="mean z", unit="mm"),
-                Column(title="stays, 95 %", unit="mm"),
+                TableColumn(title="sector"),
+                TableColumn(title="poses"),
+                *(TableColumn(title=t, unit="mm") for t in ("mean", "max", "mean x", "mean y")),
+                TableColumn(title="mean z", unit="mm"),
+                TableColumn(title="stays, 95 %", unit="mm"),
             ),
             rows=tuple(rows),
         )
@@ -177,10 +177,10 @@ def _similarities(names: tuple[str, ...], alike: tuple[SectorSimilarity, ...]) -
     return Table(
         title="Similarity of the errors at corresponding points",
         columns=(
-            Column(title="sector"),
-            Column(title="and sector"),
-            Column(title="points"),
-            *(Column(title=t, digits=4) for t in ("vectors", "x", "y", "z", "length")),
+            TableColumn(title="sector"),
+            TableColumn(title="and sector"),
+            TableColumn(title="points"),
+            *(TableColumn(title=t, digits=4) for t in ("vectors", "x", "y", "z", "length")),
         ),
         rows=tuple(
             (

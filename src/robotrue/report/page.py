@@ -9,11 +9,11 @@ from robotrue.report.blocks import draw_block
 from robotrue.report.content import (
     Block,
     Cell,
-    Column,
     Fact,
     ReportContent,
     Section,
     Table,
+    TableColumn,
     Tile,
     Verdict,
 )
@@ -117,12 +117,12 @@ def is_words(table: Table, index: int) -> bool:
     return any(isinstance(row[index], str) for row in table.rows)
 
 
-def _heading(column: Column, words: bool) -> str:
+def _heading(column: TableColumn, words: bool) -> str:
     unit = f' <span class="unit">{escape(column.unit)}</span>' if column.unit else ""
     return f"<th{_WORDS if words else ''}>{escape(column.title)}{unit}</th>"
 
 
-def cell_text(value: Cell, column: Column) -> str:
+def cell_text(value: Cell, column: TableColumn) -> str:
     """Returns a cell as it is printed, not escaped."""
     if value is None:
         return "–"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from html import escape
-from typing import Final
+from typing import Annotated, Final
 
 import matplotlib as mpl
 import numpy as np
@@ -13,7 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.core.units import MM
 from robotrue.errors import ShapeError
 from robotrue.report.figure import BAD, INK, MUTED, inline_svg, png
@@ -27,13 +28,13 @@ ROOM: Final = 0.06
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PartMap:
+class PartMap(Columns):
     """Plot of machined points over the part, coloured by what they will be known to.
 
     Attributes:
         groups: Name of each panel.
-        group: (m,) panel of each point.
         point: (m, 3) m in part.
+        group: (m,) panel of each point.
         radius: (m,) m that holds a point's error with 95 %.
         touch: (n, 3) m in part, touched points.
         touch_group: (n,) panel each is drawn on; -1: on none.
@@ -43,31 +44,22 @@ class PartMap:
     """
 
     groups: tuple[str, ...]
-    group: Array
-    point: Array
-    radius: Array
-    touch: Array
-    touch_group: Array
+    point: Annotated[Array, Column("m 3", unit="m")]
+    group: Annotated[Array, Column("m")]
+    radius: Annotated[Array, Column("m", unit="m")]
+    touch: Annotated[Array, Column("t 3", unit="m")]
+    touch_group: Annotated[Array, Column("t")]
     uncovered: tuple[str, ...] = ()
     title: str = "How well each machined point will be known"
     caption: str = ""
 
-    def __post_init__(self) -> None:
-        """Checks shapes and freezes.
+    def _check_rules(self) -> None:
+        """Checks that there is a point, and the radii.
 
         Raises:
-            ShapeError: Columns that do not belong together, or no point.
+            ShapeError: No point, or a radius of 0 or less.
         """
-        m = len(self.point)
-        for name, shape in (
-            ("group", (m,)),
-            ("point", (m, 3)),
-            ("radius", (m,)),
-            ("touch", (len(self.touch), 3)),
-            ("touch_group", (len(self.touch),)),
-        ):
-            object.__setattr__(self, name, frozen(getattr(self, name), shape, name))
-        if not m or not (self.radius > 0.0).all():
+        if not len(self.point) or not (self.radius > 0.0).all():
             raise ShapeError("part map: one point or more, with radii above 0, are needed.")
 
 

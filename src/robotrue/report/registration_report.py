@@ -12,7 +12,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.report.calibration_report import column, fact, versions
-from robotrue.report.content import Column, Fact, ReportContent, Section, Table, Tile, Verdict
+from robotrue.report.content import Fact, ReportContent, Section, Table, TableColumn, Tile, Verdict
 from robotrue.report.words import ENGLISH, Lang, Words
 from robotrue.validation.budget import COVERAGE_FACTOR, carried
 
@@ -110,8 +110,8 @@ def _frames(part: PartTable, t: Words) -> Section:
         title=t("reg.table"),
         columns=(
             column(t, "reg.part"),
-            *(Column(title=a, unit=_MM) for a in ("X", "Y", "Z")),
-            *(Column(title=a, unit="deg", digits=4) for a in ("A", "B", "C")),
+            *(TableColumn(title=a, unit=_MM) for a in ("X", "Y", "Z")),
+            *(TableColumn(title=a, unit="deg", digits=4) for a in ("A", "B", "C")),
             column(t, "reg.touches"),
             column(t, "reg.outliers"),
             column(t, "reg.rms", _MM),
@@ -138,8 +138,8 @@ def _uncertainty(part: PartTable, t: Words) -> Section:
         title=t("reg.sd"),
         columns=(
             column(t, "reg.part"),
-            *(Column(title=f"u({a})", unit=_MM, digits=4) for a in "xyz"),
-            *(Column(title=f"u(r{a})", unit="deg", digits=5) for a in "xyz"),
+            *(TableColumn(title=f"u({a})", unit=_MM, digits=4) for a in "xyz"),
+            *(TableColumn(title=f"u(r{a})", unit="deg", digits=5) for a in "xyz"),
         ),
         rows=tuple(
             (
@@ -156,7 +156,7 @@ def _uncertainty(part: PartTable, t: Words) -> Section:
         columns=(
             column(t, "reg.lever", _MM, 0),
             *(
-                Column(title=f"{frame.name}: {t('reg.U')}", key=f"{frame.name} U", unit=_MM)
+                TableColumn(title=f"{frame.name}: {t('reg.U')}", key=f"{frame.name} U", unit=_MM)
                 for frame in part.frames
             ),
         ),

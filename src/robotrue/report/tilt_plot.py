@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from html import escape
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 from matplotlib.axes import Axes
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.core.units import DEG
 from robotrue.report.figure import AFTER, BEFORE, CAUTION, MUTED, inline_svg
 from robotrue.report.words import ENGLISH, Words
@@ -19,7 +20,7 @@ SMALLEST: Final = 1e-4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TiltPlot:
+class TiltPlot(Columns):
     """Plot of residual tilt before and after correction.
 
     Attributes:
@@ -32,19 +33,13 @@ class TiltPlot:
         caption: One sentence.
     """
 
-    before: Array
-    after: Array
-    force: Array
-    tilt: Array
+    before: Annotated[Array, Column("n 2", unit="rad")]
+    after: Annotated[Array, Column("n 2", unit="rad")]
+    force: Annotated[Array, Column("n", unit="N")]
+    tilt: Annotated[Array, Column("n", unit="rad")]
     limit: float | None = None
     title: str = "Tilt left after one move"
     caption: str = ""
-
-    def __post_init__(self) -> None:
-        """Checks shapes and freezes."""
-        n = len(self.force)
-        for name, shape in (("before", (n, 2)), ("after", (n, 2)), ("force", (n,)), ("tilt", (n,))):
-            object.__setattr__(self, name, frozen(getattr(self, name), shape, name))
 
 
 def tilt_svg(plot: TiltPlot, key: str, words: Words = ENGLISH) -> str:

@@ -10,12 +10,12 @@ from robotrue.core.units import MM
 from robotrue.report.calibration_report import contest_section
 from robotrue.report.content import (
     Cell,
-    Column,
     Fact,
     PoseCurves,
     ReportContent,
     Section,
     Table,
+    TableColumn,
     Tile,
     Tone,
 )
@@ -139,8 +139,8 @@ def _curve_section(curve: LearningCurve, winner: str) -> Section:
     table = Table(
         title="Mean error, median [quartiles], mm",
         columns=(
-            Column(title="candidate"),
-            *(Column(title=f"{n} target poses") for n in curve.counts),
+            TableColumn(title="candidate"),
+            *(TableColumn(title=f"{n} target poses") for n in curve.counts),
         ),
         rows=tuple(rows),
         caption=" ".join(curve.failures),

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from html import escape
-from typing import Final
+from typing import Annotated, Final
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.core.units import MM
 from robotrue.errors import ShapeError
 from robotrue.report.figure import INK, MUTED, inline_svg
@@ -23,7 +24,7 @@ LEAST_SPAN: Final = 1.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class UncertaintyMap:
+class UncertaintyMap(Columns):
     """Plot of places seen from above and from the side, coloured by the radius of 95 %.
 
     Attributes:
@@ -33,17 +34,14 @@ class UncertaintyMap:
         caption: One sentence.
     """
 
-    position: Array
-    radius: Array
+    position: Annotated[Array, Column("n 3", unit="m")]
+    radius: Annotated[Array, Column("n", unit="m")]
     title: str
     caption: str = ""
 
-    def __post_init__(self) -> None:
-        """Checks shapes and freezes."""
-        n = len(self.radius)
-        object.__setattr__(self, "position", frozen(self.position, (n, 3), "position"))
-        object.__setattr__(self, "radius", frozen(self.radius, (n,), "radius"))
-        if not n:
+    def _check_rules(self) -> None:
+        """Checks that there is a point."""
+        if not len(self.radius):
             raise ShapeError("uncertainty map: no points.")
 
 

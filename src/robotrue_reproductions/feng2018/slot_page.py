@@ -6,13 +6,13 @@ import numpy as np
 
 from robotrue.core.units import MM
 from robotrue.report.content import (
-    Column,
     ErrorMap,
     Fact,
     PointErrors,
     ReportContent,
     Section,
     Table,
+    TableColumn,
     Tile,
     Verdict,
 )
@@ -102,12 +102,12 @@ def _ways(trial: SlotTrial) -> Table:
     return Table(
         title="Every way on the same cell and the same touches",
         columns=(
-            Column(title="way"),
-            Column(title="step", unit="mm"),
-            Column(title="sd of four", unit="mm"),
-            Column(title="rms, first", unit="mm"),
-            Column(title="rms, second", unit="mm"),
-            Column(title="sculpture", unit="mm"),
+            TableColumn(title="way"),
+            TableColumn(title="step", unit="mm"),
+            TableColumn(title="sd of four", unit="mm"),
+            TableColumn(title="rms, first", unit="mm"),
+            TableColumn(title="rms, second", unit="mm"),
+            TableColumn(title="sculpture", unit="mm"),
         ),
         rows=tuple(
             (
@@ -128,10 +128,10 @@ def _datums(trial: SlotTrial) -> Table:
     return Table(
         title="A datum that was not used for the frame, touched again",
         columns=(
-            Column(title="block"),
-            Column(title="datum"),
-            Column(title="off by", unit="mm"),
-            Column(title="the check says"),
+            TableColumn(title="block"),
+            TableColumn(title="datum"),
+            TableColumn(title="off by", unit="mm"),
+            TableColumn(title="the check says"),
         ),
         rows=tuple(
             (where, name, float(off / MM), check.verdict)
