@@ -25,7 +25,7 @@ from scipy import signal
 
 from robotrue.core.arrays import Array
 from robotrue.core.units import UM
-from robotrue.dynamics.oscillators import Oscillators, joined
+from robotrue.dynamics.oscillators import Oscillators, join_oscillators
 from robotrue.dynamics.pose_modes import pose_modes
 from robotrue.dynamics.streaming import ModalFilter
 from robotrue.simulation.milling_arm import milling_arm, pass_joints
@@ -55,7 +55,9 @@ def cpu(work: Callable[[], object], count: int) -> float:
 
 def modes() -> Oscillators:
     arm = milling_arm(1)
-    return joined([pose_modes(arm.arm, pass_joints(np.array([0.25]))[0]).oscillators(), arm.tool])
+    return join_oscillators(
+        [pose_modes(arm.arm, pass_joints(np.array([0.25]))[0]).oscillators(), arm.tool]
+    )
 
 
 def sections(own: Oscillators, method: str) -> list[tuple[Array, Array]]:
@@ -157,13 +159,13 @@ def refresh() -> None:
     arm = milling_arm(1)
     joints = pass_joints(np.array([0.25, 0.2505]))
     before = pose_modes(arm.arm, joints[0])
-    stream = ModalFilter(joined([before.oscillators(), arm.tool]), RATE)
+    stream = ModalFilter(join_oscillators([before.oscillators(), arm.tool]), RATE)
     carry = np.eye(len(stream.oscillators))
 
     def change() -> None:
         after = pose_modes(arm.arm, joints[1])
         carry[:6, :6] = after.carry(before)
-        stream.change(joined([after.oscillators(), arm.tool]), carry)
+        stream.change(join_oscillators([after.oscillators(), arm.tool]), carry)
 
     alone = cpu(lambda: pose_modes(arm.arm, joints[1]), 500)
     whole = cpu(change, 300)

@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array
-from robotrue.dynamics.oscillators import joined
+from robotrue.dynamics.oscillators import join_oscillators
 from robotrue.dynamics.pose_modes import pose_modes
 from robotrue.dynamics.streaming import ModalFilter
 from robotrue.online.blocks import ForceBlock, JointBlock
@@ -34,7 +34,7 @@ RUNS: Final = 3
 def models() -> SensingModels:
     arm = milling_arm(1)
     home = pass_joints(np.array([0.25]))[0]
-    own = joined([pose_modes(arm.arm, home).oscillators(), arm.tool])
+    own = join_oscillators([pose_modes(arm.arm, home).oscillators(), arm.tool])
     known = 1.0 / arm.arm.stiffness
     return SensingModels(
         robot=milling_robot(),

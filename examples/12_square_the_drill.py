@@ -16,11 +16,11 @@ from robotrue.core.units import DEG, MM, UM
 from robotrue.drilling.adjust import adjustment
 from robotrue.drilling.campaign import Campaign
 from robotrue.drilling.campaign_plan import planned_campaign
-from robotrue.drilling.evaluate import evaluated
-from robotrue.drilling.foot_model import fit_model, seen
+from robotrue.drilling.evaluate import evaluate_test
+from robotrue.drilling.foot_model import estimate_tilt, fit_model
 from robotrue.drilling.head import Head
 from robotrue.drilling.model_archive import read_model, write_model
-from robotrue.drilling.production import frozen, record_of, recorded
+from robotrue.drilling.production import frozen, record_of, update_model
 from robotrue.report.drilling_report import drilling_content
 from robotrue.report.page import report_html
 from robotrue.simulation.drilling_machine import clamp, drilling_machine, random_campaign
@@ -42,7 +42,7 @@ def main(out: Path) -> None:
     test = random_campaign(machine, 100, random, held_out=True)
     write_model(out / "drill.robotrue", frozen(model, test, "test", allowed=0.1 * DEG))
     model = read_model(out / "drill.robotrue")
-    result = evaluated(model, test)
+    result = evaluate_test(model, test)
     content = drilling_content(model, test, result, digest="test", limit=0.1 * DEG, simulated=True)
     (out / "12_square_the_drill.html").write_text(report_html(content))
     shift = np.array([50.0, -50.0, 25.0]) * UM
@@ -53,9 +53,9 @@ def main(out: Path) -> None:
             one = holes.clamps.rows(np.array([i]))
             off = holes.tilt[i] - adjustment(model, one, np.zeros(2)).move.axes
             left.append(np.hypot(*off) / DEG)
-            found, measured = seen(model, one), off + random.normal(0.0, GAUGE, 2)
+            found, measured = estimate_tilt(model, one), off + random.normal(0.0, GAUGE, 2)
             record = record_of(str(len(left)), found, measured, "hole gauge")
-            step = recorded(model, found, record, reference=GAUGE)
+            step = update_model(model, found, record, reference=GAUGE)
             model = step.model
             if step.alarm:
                 print(f"ALARM: {step.said}")

@@ -144,7 +144,7 @@ def is_participle(node: Function) -> bool:
     ):
         return False
     words = node.name.strip("_").split("_")
-    return _participle(words[0]) and (len(words) == 1 or words[1] in _ATTACHED)
+    return _participle(words[0]) and (len(words) == 1 or set(words[1:]) <= _ATTACHED)
 
 
 def _participle(word: str) -> bool:

@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 from robotrue.core.units import DEG, MM
-from robotrue.drilling.foot_model import fit_model, seen
+from robotrue.drilling.foot_model import estimate_tilt, fit_model
 from robotrue.drilling.head import Head
 from robotrue.drilling.journal import Journal
 from robotrue.drilling.model_archive import read_model, write_model
-from robotrue.drilling.production import record_of, recorded
+from robotrue.drilling.production import record_of, update_model
 from robotrue.errors import FormatError
 from robotrue.simulation.drilling_machine import DrillingMachine, drilling_machine, random_campaign
 from robotrue.simulation.drilling_online import DrillingRun, DrillingTally, run
@@ -142,9 +142,9 @@ def test_kill_9_between_journal_and_model_loses_no_reference(
         moved = kept.state.references[0].moved
         assert list(kept.state.waiting) == ["H2"]
     left = np.array([0.01, 0.02]) * DEG
-    found = seen(before, moved.clamps)
+    found = estimate_tilt(before, moved.clamps)
     record = record_of("H1", found, left, "mandrel plane", moved=moved.tilt)
-    expected = recorded(before, found, record, reference=0.002 * DEG).model
+    expected = update_model(before, found, record, reference=0.002 * DEG).model
     assert np.abs(expected.refinement.coefficients).max() > 1e-6
     np.testing.assert_allclose(
         got.refinement.coefficients, expected.refinement.coefficients, rtol=1e-9

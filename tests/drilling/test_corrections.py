@@ -9,9 +9,9 @@ import pytest
 
 from robotrue.core.units import DEG
 from robotrue.drilling.campaign import Campaign, reading_errors
-from robotrue.drilling.choose import all_tried, chosen, held_out_blocks
+from robotrue.drilling.choose import all_tried, choose_kind, held_out_blocks
 from robotrue.drilling.correction import fit_correction, residual_tilt
-from robotrue.drilling.evaluate import evaluated
+from robotrue.drilling.evaluate import evaluate_test
 from robotrue.drilling.foot_model import fit_model
 from robotrue.drilling.head import Head
 from robotrue.drilling.physics import fit_physics, log_evidence
@@ -91,13 +91,13 @@ def test_regions_hold_what_they_say() -> None:
     for seed in range(20, 26):
         machine, campaign, test = campaigns(seed, 60, nonlinear=True, friction=True)
         model, _ = fit_model(machine.foot, Head(p_pivot_tip=np.zeros(3)), campaign, kind="physics")
-        shares.append(evaluated(model, test).covered)
+        shares.append(evaluate_test(model, test).covered)
     assert 0.90 < np.mean(shares) <= 0.99
 
 
 def test_the_simplest_correction_wins_where_nothing_more_is_to_be_learned() -> None:
     machine, campaign, _ = campaigns(5, 60)
-    assert chosen(all_tried(machine.foot, campaign)) == "interactions"
+    assert choose_kind(all_tried(machine.foot, campaign)) == "interactions"
 
 
 def test_blocks_hold_out_whole_forces_and_whole_directions() -> None:

@@ -13,7 +13,7 @@ from robotrue.core.units import DEG, MM
 from robotrue.drilling.adjust import adjustment
 from robotrue.drilling.campaign import Campaign
 from robotrue.drilling.clamp_watch import ClampSettings
-from robotrue.drilling.foot_model import NormalModel, fit_model, seen
+from robotrue.drilling.foot_model import NormalModel, estimate_tilt, fit_model
 from robotrue.drilling.head import Head
 from robotrue.drilling.hole_session import HoleAnswer, HoleSession, MovedHole
 from robotrue.drilling.journal import Journal, answer_document, step_document
@@ -124,7 +124,12 @@ def test_a_journal_of_another_model_is_refused(work: Work, tmp_path: Path) -> No
     model, holes = work
     models = drill_holes(model, holes, tmp_path / "j.jsonl")
     other = replace(model, head=model.head, refinement=models[5].refinement)
-    assert np.abs(seen(other, holes.clamps).tilt - seen(model, holes.clamps).tilt).max() > 1e-7
+    assert (
+        np.abs(
+            estimate_tilt(other, holes.clamps).tilt - estimate_tilt(model, holes.clamps).tilt
+        ).max()
+        > 1e-7
+    )
     with pytest.raises(ModelMismatchError, match=r"j\.jsonl: .*moved hole H0 by "):
         replayed(other, tmp_path / "j.jsonl")
     with pytest.raises(ModelMismatchError, match=r"was at version 2 after hole H0, version 1 "):

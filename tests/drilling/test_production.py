@@ -15,11 +15,11 @@ from robotrue.drilling.campaign_checks import check_campaign
 from robotrue.drilling.campaign_csv import read_campaign, write_campaign
 from robotrue.drilling.foot import Foot
 from robotrue.drilling.foot_file import read_foot
-from robotrue.drilling.foot_model import NormalModel, fit_model, seen
+from robotrue.drilling.foot_model import NormalModel, estimate_tilt, fit_model
 from robotrue.drilling.head import Head
 from robotrue.drilling.model_archive import read_model, write_model
-from robotrue.drilling.monitor import watch, watched
-from robotrue.drilling.production import frozen, record_of, recorded
+from robotrue.drilling.monitor import update_watch, watch
+from robotrue.drilling.production import frozen, record_of, update_model
 from robotrue.drilling.refinement import Remaining
 from robotrue.errors import (
     ArchiveError,
@@ -54,7 +54,7 @@ def test_a_model_comes_back_from_its_file(job: Job, tmp_path: Path) -> None:
         model, _ = fit_model(model.foot, HEAD, campaign, kind=kind)
         write_model(tmp_path / "m.robotrue", model)
         back = read_model(tmp_path / "m.robotrue")
-        ours, theirs = seen(model, test.clamps), seen(back, test.clamps)
+        ours, theirs = estimate_tilt(model, test.clamps), estimate_tilt(back, test.clamps)
         np.testing.assert_array_equal(ours.tilt, theirs.tilt)
         np.testing.assert_array_equal(ours.covariance, theirs.covariance)
         assert back.kind == kind
@@ -225,12 +225,12 @@ def run_holes(
     random = np.random.default_rng(seed)
     left, alarms = np.empty(len(holes)), []
     for i in range(len(holes)):
-        found = seen(model, holes.clamps.rows(np.array([i])))
+        found = estimate_tilt(model, holes.clamps.rows(np.array([i])))
         off = holes.tilt[i] - found.tilt[0]
         left[i] = np.hypot(*off) / DEG
         gauge = 0.005 * DEG
         record = record_of(str(i), found, off + random.normal(0.0, gauge, 2), "hole gauge")
-        step = recorded(model, found, record, reference=gauge)
+        step = update_model(model, found, record, reference=gauge)
         model = step.model
         if step.alarm:
             alarms.append(i)
@@ -248,7 +248,7 @@ def test_a_shifted_zero_is_seen_and_learned(job: Job) -> None:
     assert not alarms
     assert model.frozen is not None
     assert model.refinement.records == 0
-    kept = seen(model, after.clamps).tilt
+    kept = estimate_tilt(model, after.clamps).tilt
     model, left, alarms = run_holes(shifted, model, after, 2)
     assert alarms
     assert alarms[0] < 15
@@ -269,8 +269,8 @@ def test_plain_noise_raises_hardly_an_alarm_and_one_outlier_none() -> None:
     random = np.random.default_rng(3)
     state, alarms = watch(2), 0
     for score in random.normal(size=(4000, 2)):
-        state = watched(state, score)
+        state = update_watch(state, score)
         if state.alarm:
             alarms, state = alarms + 1, watch(2)
     assert alarms <= 4
-    assert not watched(watch(2), np.array([50.0, 0.0])).alarm
+    assert not update_watch(watch(2), np.array([50.0, 0.0])).alarm

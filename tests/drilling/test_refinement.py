@@ -15,8 +15,8 @@ from robotrue.drilling.adjust import adjustment
 from robotrue.drilling.campaign import Campaign
 from robotrue.drilling.campaign_csv import write_campaign
 from robotrue.drilling.clamp_watch import ClampSettings
-from robotrue.drilling.evaluate import evaluated
-from robotrue.drilling.foot_model import NormalModel, fit_model, seen
+from robotrue.drilling.evaluate import evaluate_test
+from robotrue.drilling.foot_model import NormalModel, estimate_tilt, fit_model
 from robotrue.drilling.head import Head
 from robotrue.drilling.hole_session import HoleAnswer, HoleSession
 from robotrue.drilling.journal import Journal, answer_document
@@ -42,7 +42,9 @@ def shifted_job(seed: int, count: int) -> tuple[NormalModel, Campaign, Campaign]
 def write_holes(path: Path, model: NormalModel, holes: Campaign, *, sign: float = 1.0) -> None:
     """All moved by the model; a gauge measures what is left."""
     random, clamps = np.random.default_rng(len(holes)), holes.clamps
-    left = holes.tilt - seen(model, clamps).tilt + random.normal(0.0, GAUGE, holes.tilt.shape)
+    left = (
+        holes.tilt - estimate_tilt(model, clamps).tilt + random.normal(0.0, GAUGE, holes.tilt.shape)
+    )
     names = ["left_a_deg", "left_b_deg", "d1_mm", "d2_mm", "d3_mm", "force_N", "z_mm"]
     columns = (sign * left / DEG, clamps.readings / MM, clamps.force, clamps.height / MM)
     path.write_text(csv_text([names, *np.column_stack(columns).tolist()]))
@@ -67,7 +69,7 @@ def refined_by(
 
 def mean_left(model: NormalModel, test: Campaign) -> float:
     """Mean tilt left in deg."""
-    return evaluated(model, test).ours.mean / DEG
+    return evaluate_test(model, test).ours.mean / DEG
 
 
 @pytest.fixture
@@ -152,7 +154,7 @@ def test_late_references_count_for_the_model_that_moved_the_hole(
             model, settings=ClampSettings(), reference=GAUGE, waiting=journal.state.waiting
         )
     random = np.random.default_rng(5)
-    left = holes.tilt - seen(model, holes.clamps).tilt + random.normal(0.0, GAUGE, (60, 2))
+    left = holes.tilt - estimate_tilt(model, holes.clamps).tilt + random.normal(0.0, GAUGE, (60, 2))
     for i in range(len(holes)):
         session.remained(f"H{i}", left[i], "hole gauge")
     assert session.model.refinement.records == 60

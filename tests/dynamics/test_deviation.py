@@ -24,7 +24,7 @@ from robotrue.dynamics.interpolation import response_curve
 from robotrue.dynamics.paper_components import components_of
 from robotrue.dynamics.paper_regression import fit_paper
 from robotrue.dynamics.static_row import row_of, static_row
-from robotrue.dynamics.windows import concatenated
+from robotrue.dynamics.windows import concatenate_windows
 from robotrue.errors import (
     ArchiveError,
     ConfigurationError,
@@ -208,7 +208,7 @@ def test_bad_windows_are_refused():
     stuck = windows.force.copy()
     stuck[:, 2] = 4.0
     refused(ImplausibleDataError, "fz_mean_N does not vary: 4 in all 20", force=stuck)
-    twice = concatenated([windows, windows.subset(np.arange(3))])
+    twice = concatenate_windows([windows, windows.subset(np.arange(3))])
     with pytest.raises(ImplausibleDataError, match="window 21 is window 1 again; 3 of 23"):
         fit_deviation(twice, arm)
     refused(ImplausibleDataError, "counts", force=windows.force * 1e4)

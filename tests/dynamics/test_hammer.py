@@ -9,7 +9,7 @@ from frf_cases import modal
 from robotrue.dynamics.checks import check_response
 from robotrue.dynamics.formats.hammer_csv import read_hammer_csv
 from robotrue.dynamics.hammer import (
-    combined,
+    combine_axes,
     evaluate_hits,
     evaluate_together,
     without_window,
@@ -62,7 +62,7 @@ def off(frf, truth):
 
 
 def test_clean_hits_give_the_response_back():
-    frf = combined([evaluate_hits(hits(axis=a), duration=3.9) for a in "xy"])
+    frf = combine_axes([evaluate_hits(hits(axis=a), duration=3.9) for a in "xy"])
     assert off(frf, LIGHT) < 2e-3
     assert frf.measured_as == "accelerance"
     assert frf.valid[0] == 4.0
@@ -74,7 +74,7 @@ def test_averaging_brings_the_noise_down():
     part = []
     for count in (2, 12):
         records = [hits(axis=a, count=count, noise=0.05) for a in "xy"]
-        part.append(off(combined(evaluate_together(records, duration=3.9, window=1.0)), LIGHT))
+        part.append(off(combine_axes(evaluate_together(records, duration=3.9, window=1.0)), LIGHT))
     assert part[1] < 0.6 * part[0]
 
 
@@ -96,7 +96,7 @@ def test_double_hits_are_left_out():
     good, bad = find_hits(record)
     assert len(good) == 3
     assert [why for _, why in bad] == ["double hit", "double hit"]
-    frf = combined([evaluate_hits(record, duration=3.9), evaluate_hits(hits(axis="y"),
+    frf = combine_axes([evaluate_hits(record, duration=3.9), evaluate_hits(hits(axis="y"),
                                                                        duration=3.9)])  # fmt: skip
     assert off(frf, LIGHT) < 2e-3
     with pytest.raises(ImplausibleDataError, match=r"no whole hit: .*double hit"):
@@ -118,7 +118,7 @@ def test_exponential_window_is_taken_off_again():
     """Segments too short for 9 Hz and 4 %: with the window, then without what it added."""
     results = [evaluate_hits(hits(axis=a, every=1.5), duration=1.4, window=0.05) for a in "xy"]
     assert results[0].added_damping == pytest.approx(np.log(20.0) / 1.4, rel=1e-2)
-    model = fit_modes(combined(results))
+    model = fit_modes(combine_axes(results))
     corrected = without_window(model, results[0].added_damping)
     for hz, damping in ((9.0, 0.04), (31.0, 0.03), (120.0, 0.03)):
         k = int(np.argmin(np.abs(model.frequency - hz)))
@@ -143,7 +143,7 @@ def test_records_of_other_lengths_are_brought_to_one():
     results = evaluate_together(records)
     assert results[0].duration == results[1].duration < 2.1
     assert results[0].added_damping == results[1].added_damping > 1.0
-    combined(evaluate_together([hits(), hits(axis="y", every=3.5)]))
+    combine_axes(evaluate_together([hits(), hits(axis="y", every=3.5)]))
 
 
 @pytest.mark.parametrize(
@@ -165,15 +165,15 @@ def test_sensors_refused(change, said):
 def test_a_flipped_sensor_is_found_by_physics():
     record = hits()
     with pytest.raises(ImplausibleDataError, match="Im is positive"):
-        combined([evaluate_hits(replace(record, motion=-record.motion))])
+        combine_axes([evaluate_hits(replace(record, motion=-record.motion))])
 
 
 def test_records_that_do_not_belong_together():
     one = evaluate_hits(hits(), duration=3.9)
     with pytest.raises(ModelMismatchError, match="xx is measured twice"):
-        combined([one, one])
+        combine_axes([one, one])
     with pytest.raises(ModelMismatchError, match="another sensor, spectrum or window"):
-        combined([one, evaluate_hits(hits(axis="y"), duration=2.0)])
+        combine_axes([one, evaluate_hits(hits(axis="y"), duration=2.0)])
     with pytest.raises(ShapeError, match="window of 2"):
         evaluate_hits(hits(), window=2.0)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from robotrue.dynamics.oscillators import Oscillators, joined, real_modes
+from robotrue.dynamics.oscillators import Oscillators, join_oscillators, real_modes
 from robotrue.dynamics.streaming import ModalFilter, displacement
 from robotrue.errors import ModelMismatchError, ShapeError
 
@@ -126,7 +126,7 @@ def test_unchanged_modes_change_nothing():
 def test_parts_in_series_add_up():
     force = np.random.default_rng(9).normal(size=(200, 3))
     a, b = some_modes(10, 6), some_modes(11, 7)
-    both = displacement(joined([a, b]), force, RATE)
+    both = displacement(join_oscillators([a, b]), force, RATE)
     np.testing.assert_allclose(
         both, displacement(a, force, RATE) + displacement(b, force, RATE), rtol=1e-9, atol=1e-20
     )

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from robotrue.dynamics.oscillators import joined
+from robotrue.dynamics.oscillators import join_oscillators
 from robotrue.dynamics.pose_modes import pose_modes
 from robotrue.online.blocks import ForceBlock, JointBlock
 from robotrue.online.sensing_models import JointCompliance, MeasuredResponse, SensingModels
@@ -23,7 +23,7 @@ def compliance(sd=0.1):
 
 
 def response(frame="base", **changes):
-    own = joined([pose_modes(ARM.arm, HOME).oscillators(), ARM.tool])
+    own = join_oscillators([pose_modes(ARM.arm, HOME).oscillators(), ARM.tool])
     return MeasuredResponse(oscillators=own, joints=HOME, frame=frame, **changes)
 
 

@@ -13,11 +13,11 @@ from test_sensing import estimated, same
 
 from robotrue.core.units import UM
 from robotrue.dynamics.deviation import WindowTrust, fit_deviation
-from robotrue.dynamics.oscillators import joined
+from robotrue.dynamics.oscillators import join_oscillators
 from robotrue.dynamics.pose_modes import pose_modes
 from robotrue.dynamics.static_row import static_row
 from robotrue.dynamics.streaming import ModalFilter
-from robotrue.dynamics.windows import WindowSet, concatenated, peaks_per_turn
+from robotrue.dynamics.windows import WindowSet, concatenate_windows, peaks_per_turn
 from robotrue.online.blocks import ForceBlock, JointBlock
 from robotrue.online.estimates import Doubt
 from robotrue.online.sensing import Sensing
@@ -38,7 +38,7 @@ ARM, TOOLS = milling_arm(6), tooling(6)
 STATED = arm_of(ARM)
 ROBOT = STATED.robot
 HOME = pass_joints(np.array([0.25]))[0]
-OWN = joined([pose_modes(ARM.arm, HOME).oscillators(), ARM.tool])
+OWN = join_oscillators([pose_modes(ARM.arm, HOME).oscillators(), ARM.tool])
 ROWS = 5200
 """Samples of a window, a quarter of a second: fifteen turns and six tenths of one."""
 SECONDS = 7.2
@@ -50,7 +50,7 @@ def truth(force, joints):
     mean = force.mean(axis=0)
     _, jacobian = ARM.arm.mass_and_jacobian(joints)
     modes = pose_modes(ARM.soften(jacobian[:3].T @ mean), joints)
-    stream = ModalFilter(joined([modes.oscillators(), ARM.tool]), RATE)
+    stream = ModalFilter(join_oscillators([modes.oscillators(), ARM.tool]), RATE)
     stream.settle(mean)
     return stream.push(force)[:, 1]
 
@@ -84,7 +84,7 @@ def learned():
         rows.append(
             window(read, stream.push(read)[:, 1], joints, peaks_per_turn(seen, TURN).mean())
         )
-    return fit_deviation(concatenated(rows), STATED, row=static_row(-OWN.static[1]))
+    return fit_deviation(concatenate_windows(rows), STATED, row=static_row(-OWN.static[1]))
 
 
 def models(*, with_learned=True):

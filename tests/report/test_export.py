@@ -21,7 +21,7 @@ from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.report.export_controller import export_controller
 from robotrue.report.export_dh import export_dh
-from robotrue.report.export_losses import calibrated, mean_position, without
+from robotrue.report.export_losses import mean_position, prepare_export, without
 from robotrue.report.export_urdf import export_urdf
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel, parameter_slice
@@ -85,7 +85,7 @@ def chain(text: str, tmp_path: Path) -> SimpleNamespace:
 @pytest.mark.parametrize("name", ["KUKA KR160 R1570", "UR10", "Yaskawa GP225"])
 def test_the_urdf_in_another_program_is_the_calibrated_rigid_arm(name, tmp_path):
     """1000 random poses, 1e-9 mm, pinocchio against ours."""
-    found = calibrated(model(name), PAYLOAD)
+    found = prepare_export(model(name), PAYLOAD)
     made = export_urdf(found, lossy=("gear", "compliance"))
     errors = model(name).errors.copy()
     for group in ("gear", "compliance"):
@@ -100,7 +100,7 @@ def test_the_urdf_in_another_program_is_the_calibrated_rigid_arm(name, tmp_path)
 def test_urdf_and_side_file_together_are_the_whole_mean(tmp_path):
     """Whoever reads both has what the model says, to a nanometre."""
     one = model()
-    found = calibrated(one, PAYLOAD)
+    found = prepare_export(one, PAYLOAD)
     made = export_urdf(found, lossy=("gear", "compliance"))
     side = json.loads(made.side)
     arm = chain(made.urdf, tmp_path)
@@ -115,7 +115,7 @@ def test_urdf_and_side_file_together_are_the_whole_mean(tmp_path):
 
 
 def test_a_lossy_export_is_refused_until_every_part_is_named():
-    found = calibrated(learned(), PAYLOAD)
+    found = prepare_export(learned(), PAYLOAD)
     assert found.held == ("geometry", "gear", "compliance", "ripple", "backlash")
     with pytest.raises(ConfigurationError, match=r"cannot say gear \(0\.\d+ mm at most\)"):
         export_urdf(found)
@@ -131,7 +131,7 @@ def test_a_lossy_export_is_refused_until_every_part_is_named():
 
 
 def test_what_is_lost_is_as_large_as_the_file_says():
-    found = calibrated(model(), PAYLOAD)
+    found = prepare_export(model(), PAYLOAD)
     made = export_urdf(found, lossy=("gear", "compliance"))
     off = found.position - forward(made.robot, found.joints)[:, :3, 3]
     largest = np.linalg.norm(off, axis=1).max() / MM
@@ -142,7 +142,9 @@ def test_what_is_lost_is_as_large_as_the_file_says():
 
 
 def test_nothing_lost_nothing_asked():
-    found = calibrated(model(only=("theta", "d", "a", "alpha", "beta", "base", "tool")), PAYLOAD)
+    found = prepare_export(
+        model(only=("theta", "d", "a", "alpha", "beta", "base", "tool")), PAYLOAD
+    )
     made = export_urdf(found)
     assert "Nothing of the model is left out." in made.urdf
     assert made.total.largest < 1e-12
@@ -150,13 +152,13 @@ def test_nothing_lost_nothing_asked():
 
 def test_the_means_tables_are_the_model():
     for one in (model(), learned()):
-        found = calibrated(one, PAYLOAD)
+        found = prepare_export(one, PAYLOAD)
         told = mean_position(without(found.tables, ("backlash",)), found.joints, PAYLOAD)
         assert told == pytest.approx(found.position, abs=1e-12)
 
 
 def test_the_dh_table_read_back_is_the_arm():
-    found = calibrated(model(), PAYLOAD)
+    found = prepare_export(model(), PAYLOAD)
     made = export_dh(found)
     lines = [line for line in made.text.splitlines() if not line.startswith("#")]
     rows = list(csv.DictReader(io.StringIO("\n".join(lines))))
@@ -191,11 +193,11 @@ def test_the_dh_table_read_back_is_the_arm():
 
 def test_the_controller_sheet_takes_what_zeros_tool_and_base_can():
     """An arm with nothing else wrong is taken whole; another is taken better than not at all."""
-    simple = calibrated(model(only=("theta", "base", "tool")), PAYLOAD)
+    simple = prepare_export(model(only=("theta", "base", "tool")), PAYLOAD)
     made = export_controller(simple)
     assert made.total.largest < 1e-9
     assert made.before.largest > 1e-4
-    whole = export_controller(calibrated(model(), PAYLOAD), lossy=ALL)
+    whole = export_controller(prepare_export(model(), PAYLOAD), lossy=ALL)
     assert whole.total.rms < 0.7 * whole.before.rms
     assert [x.name for x in whole.lost] == ["geometry", "gear", "compliance"]
     assert f"{whole.total.rms / MM:.4f} mm rms" in whole.text()
@@ -207,7 +209,7 @@ def test_the_zeros_are_in_the_controllers_sense():
     one = model(only=("none",))
     errors = one.errors.copy()
     errors[parameter_slice(6, "theta").start + 1] = 1e-3
-    made = export_controller(calibrated(replace(one, errors=errors), PAYLOAD))
+    made = export_controller(prepare_export(replace(one, errors=errors), PAYLOAD))
     zeros = made.document["joint_zero_offset_deg"]
     assert zeros["A2"] == pytest.approx(-1e-3 / DEG, abs=1e-6)
     assert zeros["A3"] == pytest.approx(0.0, abs=1e-6)
@@ -215,4 +217,4 @@ def test_the_zeros_are_in_the_controllers_sense():
 
 def test_a_model_without_a_range_is_refused():
     with pytest.raises(ModelMismatchError, match="no parameters"):
-        calibrated(replace(model(), summary={}))
+        prepare_export(replace(model(), summary={}))

@@ -30,7 +30,7 @@ from robotrue.report.content import (
 from robotrue.report.figure import inline_svg
 from robotrue.report.json import report_json
 from robotrue.report.page import report_html
-from robotrue.report.plots import thinned
+from robotrue.report.plots import thin_rows
 from robotrue.validation.selection import select
 from robotrue.validation.validate import validate
 
@@ -265,7 +265,7 @@ def test_wrong_shapes_are_refused():
 
 def test_thinning_keeps_the_worst_points():
     values = np.random.default_rng(0).uniform(size=5000)
-    shown = thinned(values, 300)
+    shown = thin_rows(values, 300)
     assert len(shown) <= 300
     assert set(np.argsort(-values)[:30]) <= set(shown)
 

@@ -17,7 +17,7 @@ from robotrue.drilling.campaign_checks import check_campaign
 from robotrue.drilling.campaign_csv import read_campaign
 from robotrue.drilling.choose import Trial
 from robotrue.drilling.correction import Kind
-from robotrue.drilling.evaluate import Residuals, TiltEvaluation, evaluated
+from robotrue.drilling.evaluate import Residuals, TiltEvaluation, evaluate_test
 from robotrue.drilling.foot_file import FootSetup, read_foot
 from robotrue.drilling.foot_model import NormalModel, fit_model
 from robotrue.drilling.head import Head
@@ -61,7 +61,7 @@ def run_evaluate(model_path: Path, test: Path, *, foot: Path | None, as_json: bo
     model = read_model(model_path)
     data, _ = read_campaign(test, setup_of(model, model_path, foot), model.head.order)
     check_campaign(model.foot, data)
-    result = evaluated(model, data)
+    result = evaluate_test(model, data)
     origin = merge([model.provenance, data.provenance])
     say_mark(origin)
     if as_json:
@@ -214,7 +214,7 @@ def run_report(
     model = read_model(model_path)
     data, digest = read_campaign(test, setup_of(model, model_path, foot), model.head.order)
     check_campaign(model.foot, data)
-    result = evaluated(model, data)
+    result = evaluate_test(model, data)
     content = drilling_content(
         model, data, result, digest=digest, limit=limit_deg * DEG, simulated=simulated, lang=speech
     )

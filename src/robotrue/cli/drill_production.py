@@ -18,12 +18,12 @@ from robotrue.drilling.campaign_csv import (
     write_sheet,
 )
 from robotrue.drilling.campaign_plan import By, planned_campaign
-from robotrue.drilling.correction import corrected
+from robotrue.drilling.correction import correct_readings
 from robotrue.drilling.evaluate import Residuals
 from robotrue.drilling.foot_file import read_foot
 from robotrue.drilling.foot_model import NormalModel, with_refinement
 from robotrue.drilling.model_archive import read_model, write_model
-from robotrue.drilling.production import frozen, record_of, recorded
+from robotrue.drilling.production import frozen, record_of, update_model
 from robotrue.errors import ConfigurationError
 
 
@@ -118,12 +118,12 @@ def _refined(
     """The model after holes that it moved all of, and the alarms of its watch."""
     model = before
     alarms: list[dict[str, Any]] = []
-    plain = corrected(before.foot, before.head.order, before.correction, holes.clamps)
+    plain = correct_readings(before.foot, before.head.order, before.correction, holes.clamps)
     moved = with_refinement(before, plain).tilt
     for i, name in enumerate(holes.hole):
         found = with_refinement(model, plain.row(i))
         record = record_of(name, found, holes.left[i], truth, holes.provenance, moved=moved[i])
-        step = recorded(model, found, record, reference=reference)
+        step = update_model(model, found, record, reference=reference)
         model = step.model
         if step.alarm:
             alarms.append({"hole": name, "shift_deg": (step.shift / DEG).tolist()})

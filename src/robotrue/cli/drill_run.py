@@ -23,7 +23,7 @@ from robotrue.core.provenance import Provenance, marked
 from robotrue.core.units import DEG
 from robotrue.drilling.clamp_watch import ClampSettings
 from robotrue.drilling.foot_file import FootSetup
-from robotrue.drilling.foot_signals import SIMULATED, foot_sample, is_reference, left_by
+from robotrue.drilling.foot_signals import SIMULATED, foot_sample, is_reference, read_reference_tilt
 from robotrue.drilling.hole_session import HoleAnswer, HoleSession
 from robotrue.drilling.journal import Journal, answer_document, step_document
 from robotrue.drilling.journal_replay import replay_references
@@ -190,7 +190,7 @@ class Desk:
         hole = sample.texts.get("hole", "")
         truth = sample.texts.get("truth", self._truth)
         try:
-            left = left_by(sample.values)
+            left = read_reference_tilt(sample.values)
             step = self._session.remained(hole, left, truth)
         except RobotrueError as cause:
             return self._unread(cause, hole=hole)

@@ -21,7 +21,7 @@ from robotrue.dynamics.formats.frf_csv import write_frf_csv
 from robotrue.dynamics.formats.hammer_csv import read_hammer_csv
 from robotrue.dynamics.formats.registry import read_frf
 from robotrue.dynamics.frf import FrequencyResponse, trusted_lines, with_static
-from robotrue.dynamics.hammer import HammerResult, combined, evaluate_together, without_window
+from robotrue.dynamics.hammer import HammerResult, combine_axes, evaluate_together, without_window
 from robotrue.dynamics.interpolation import rebuild_error, response_curve
 from robotrue.dynamics.modal import ModalModel
 from robotrue.dynamics.modal_fit import fit_modes
@@ -53,7 +53,7 @@ def run(
     else:
         records = [read_hammer_csv(path) for path in files]
         tests = evaluate_together(records, duration=duration, window=window)
-        frf = combined(tests)
+        frf = combine_axes(tests)
     frf = with_static(frf, parse_static(static))
     frf, fitted, remarks = _with_modes(frf, max((t.added_damping for t in tests), default=0.0))
     if report is not None:

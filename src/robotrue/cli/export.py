@@ -12,7 +12,7 @@ from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
 from robotrue.report.export_controller import export_controller
 from robotrue.report.export_dh import export_dh
-from robotrue.report.export_losses import Calibrated, Loss, calibrated
+from robotrue.report.export_losses import Calibrated, Loss, prepare_export
 from robotrue.report.export_urdf import export_urdf
 from robotrue.store.model_file import read_model
 
@@ -27,7 +27,7 @@ def run(model_path: Path, output: Path, *, kind: str, lossy: str, at: str, as_js
     stored = read_model(model_path)
     named = tuple(part.strip() for part in lossy.split(",") if part.strip())
     tool = None if at == "target" else stored.cell.robot.T_flange_tool
-    found = calibrated(stored.model, stored.cell.payload, T_flange_tool=tool)
+    found = prepare_export(stored.model, stored.cell.payload, T_flange_tool=tool)
     files, total = _made(kind, found, output, named)
     for path, text in files.items():
         check_output(path, [model_path])

@@ -30,7 +30,13 @@ from robotrue.program.formats.toolpaths import read_toolpath
 from robotrue.program.identity import ProgramIdentity, read_identity
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 from robotrue.program.toolpath import Toolpath, cut_length
-from robotrue.report.model_view import drive_errors, identified, remarks, result_facts, stiffness
+from robotrue.report.model_view import (
+    drive_errors,
+    list_geometric_errors,
+    remarks,
+    result_facts,
+    stiffness,
+)
 from robotrue.robot.forward import forward
 from robotrue.store.model_file import ModelFile, read_model
 
@@ -82,7 +88,7 @@ def model_document(stored: ModelFile) -> dict[str, Any]:
         "schema": stored.archive.schema,
         "robot": stored.model.robot.name,
         **stored.model.training_summary(),
-        "identified": identified(stored.model),
+        "identified": list_geometric_errors(stored.model),
         "stiffness": stiffness(stored.model),
         "drives": drive_errors(stored.model),
         "cell": {
@@ -117,7 +123,7 @@ def show_model(path: Path, stored: ModelFile) -> None:
 
 def _show_errors(model: ErrorModel) -> None:
     """The tables of what was identified; a kind of error the model does not have has none."""
-    errors = identified(model)
+    errors = list_geometric_errors(model)
     if errors:
         emit_table(
             "identified errors, actual minus nominal",

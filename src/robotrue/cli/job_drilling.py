@@ -14,7 +14,7 @@ from robotrue.core.json_values import json_values
 from robotrue.core.units import DEG
 from robotrue.drilling.campaign_checks import check_campaign
 from robotrue.drilling.campaign_csv import read_campaign
-from robotrue.drilling.evaluate import evaluated
+from robotrue.drilling.evaluate import evaluate_test
 from robotrue.drilling.foot_file import read_foot
 from robotrue.drilling.foot_model import fit_model
 from robotrue.drilling.head import Head
@@ -84,7 +84,7 @@ def drill_report(work: Work) -> Publish:
                 hint="another campaign, with tilts and forces in between.",
             )
         check_campaign(model.foot, data)
-        result = evaluated(model, data)
+        result = evaluate_test(model, data)
         content = drilling_content(
             model, data, result, digest=digest, limit=limit * DEG, lang=speech
         )

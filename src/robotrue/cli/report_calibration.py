@@ -28,7 +28,7 @@ from robotrue.report.certificate import (
     certificate_content,
     check_regions,
 )
-from robotrue.report.model_view import identified, stiffness
+from robotrue.report.model_view import list_geometric_errors, stiffness
 from robotrue.report.words import Lang, Words, language
 from robotrue.robot.statics import Load
 from robotrue.store.model_file import read_model
@@ -227,7 +227,7 @@ def _unloaded(cell: Cell) -> Load:
 def _parameters(model: ErrorModel) -> tuple[Parameter, ...]:
     rows = [
         Parameter(name=name, value=p["value"], sd=p["sd"], unit=p["unit"], known=p["known"])
-        for name, p in identified(model).items()
+        for name, p in list_geometric_errors(model).items()
     ]
     rows += [
         Parameter(

@@ -11,7 +11,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign import Clamps
 from robotrue.drilling.correction import CorrectedReadings
-from robotrue.drilling.foot_model import NormalModel, seen
+from robotrue.drilling.foot_model import NormalModel, estimate_tilt
 from robotrue.drilling.head import HeadMove, normal_from_tilt, squaring_move
 from robotrue.errors import ImplausibleDataError
 
@@ -52,7 +52,7 @@ def adjustment(model: NormalModel, clamps: Clamps, axes: Array) -> HoleAdjustmen
     """
     _refuse_readings(model, clamps)
     _refuse_force(model, clamps)
-    found = seen(model, clamps)
+    found = estimate_tilt(model, clamps)
     _refuse_plane(model, found)
     move = squaring_move(model.head, axes, normal_from_tilt(model.head.order, found.tilt[0]))
     return HoleAdjustment(

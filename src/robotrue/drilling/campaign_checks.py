@@ -82,8 +82,8 @@ def _check_slopes(campaign: Campaign, measured: Array, expected: Array) -> None:
 
 
 def _check_order(campaign: Campaign, measured: Array, expected: Array) -> None:
-    stated = _left(measured, expected)
-    if _left(-measured, expected) < BETTER * stated:
+    stated = _offset_free_rms(measured, expected)
+    if _offset_free_rms(-measured, expected) < BETTER * stated:
         raise ImplausibleDataError(
             "the readings fall where they should grow.",
             source=campaign.source or None,
@@ -93,8 +93,10 @@ def _check_order(campaign: Campaign, measured: Array, expected: Array) -> None:
     sensors = measured.shape[1]
     if sensors > SHUFFLED:
         return
-    best = min(permutations(range(sensors)), key=lambda p: _left(measured[:, list(p)], expected))
-    if _left(measured[:, list(best)], expected) < BETTER * stated:
+    best = min(
+        permutations(range(sensors)), key=lambda p: _offset_free_rms(measured[:, list(p)], expected)
+    )
+    if _offset_free_rms(measured[:, list(best)], expected) < BETTER * stated:
         said = ", ".join(f"column {p + 1} is sensor {k + 1}" for k, p in enumerate(best) if p != k)
         raise ImplausibleDataError(
             f"the readings fit the tilts when {said}: sensors are exchanged, or their angles run "
@@ -104,7 +106,7 @@ def _check_order(campaign: Campaign, measured: Array, expected: Array) -> None:
         )
 
 
-def _left(measured: Array, expected: Array) -> float:
+def _offset_free_rms(measured: Array, expected: Array) -> float:
     """Root mean square (m) of what is left once every sensor's own offset is taken out."""
     off = measured - expected
     return float(np.sqrt(np.mean((off - off.mean(axis=0)) ** 2)))

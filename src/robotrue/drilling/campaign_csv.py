@@ -154,7 +154,7 @@ def write_sheet(path: str | Path, plan: CampaignPlan, sensors: int) -> None:
     write_atomic(path, csv_text(rows).encode())
 
 
-def zeroed(values: Array, setup: FootSetup, *, counts: bool) -> Array:
+def subtract_zeros(values: Array, setup: FootSetup, *, counts: bool) -> Array:
     """Returns raw readings (n, k), mm or counts, as readings less their zero in m.
 
     Raises:
@@ -213,7 +213,7 @@ def _readings(sheet: Sheet, setup: FootSetup, beside: tuple[str, ...]) -> Array:
     values = _columns(sheet, forms[form])
     if form == "d{}_mm":
         return values * MM
-    return zeroed(values, setup, counts=form == "raw{}_counts")
+    return subtract_zeros(values, setup, counts=form == "raw{}_counts")
 
 
 def _columns(sheet: Sheet, names: tuple[str, ...]) -> Array:

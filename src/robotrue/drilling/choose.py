@@ -10,7 +10,13 @@ import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.drilling.campaign import Campaign
-from robotrue.drilling.correction import KINDS, Kind, corrected, fit_correction, residual_tilt
+from robotrue.drilling.correction import (
+    KINDS,
+    Kind,
+    correct_readings,
+    fit_correction,
+    residual_tilt,
+)
 from robotrue.drilling.foot import Foot
 from robotrue.drilling.terms import conditions
 from robotrue.errors import ObservabilityError
@@ -70,7 +76,7 @@ def held_out_blocks(foot: Foot, campaign: Campaign) -> tuple[list[BoolArray], li
     return forces, [sector == k for k in np.unique(sector)]
 
 
-def tried(kind: Kind, foot: Foot, campaign: Campaign) -> Trial:
+def cross_validate(kind: Kind, foot: Foot, campaign: Campaign) -> Trial:
     """Returns how a correction does on every block when it is learned from the others."""
     forces, sectors = held_out_blocks(foot, campaign)
     left, distance = [], []
@@ -83,7 +89,7 @@ def tried(kind: Kind, foot: Foot, campaign: Campaign) -> Trial:
         held = campaign.rows(np.flatnonzero(block))
         left.append(residual_tilt(foot, learned, held))
         if k >= len(forces):
-            found = corrected(foot, campaign.order, learned, held.clamps)
+            found = correct_readings(foot, campaign.order, learned, held.clamps)
             distance.append(squared_distance(found.tilt - held.tilt, found.covariance))
     return Trial(kind=kind, residual=np.concatenate(left), distance=np.concatenate(distance))
 
@@ -95,7 +101,7 @@ def squared_distance(off: Array, covariance: Array) -> Array:
     return out
 
 
-def chosen(trials: tuple[Trial, ...]) -> Kind:
+def choose_kind(trials: tuple[Trial, ...]) -> Kind:
     """Returns the simplest correction that no richer one beats by more than chance.
 
     From the simplest on, a richer one takes the place of the one held when its mean is lower by
@@ -131,5 +137,5 @@ def all_tried(
     trials = []
     for k, kind in enumerate(KINDS):
         step(kind, k, len(KINDS))
-        trials.append(tried(kind, foot, campaign))
+        trials.append(cross_validate(kind, foot, campaign))
     return tuple(trials)

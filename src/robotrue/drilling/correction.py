@@ -82,7 +82,7 @@ class CorrectedReadings:
         )
 
 
-def corrected(
+def correct_readings(
     foot: Foot, order: AxisOrder, correction: ReadingCorrection, clamps: Clamps
 ) -> CorrectedReadings:
     """Returns the tilt the corrected readings show, with its covariance.

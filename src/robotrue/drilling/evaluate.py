@@ -10,7 +10,7 @@ from robotrue.core.arrays import Array
 from robotrue.drilling.campaign import Campaign, tilt_seen
 from robotrue.drilling.choose import squared_distance
 from robotrue.drilling.correction import residual_tilt
-from robotrue.drilling.foot_model import NormalModel, seen
+from robotrue.drilling.foot_model import NormalModel, estimate_tilt
 from robotrue.drilling.head import normal_from_tilt, tilt_between
 from robotrue.errors import ConfigurationError
 
@@ -50,7 +50,7 @@ class TiltEvaluation:
     covered: float
 
 
-def evaluated(model: NormalModel, test: Campaign) -> TiltEvaluation:
+def evaluate_test(model: NormalModel, test: Campaign) -> TiltEvaluation:
     """Returns what one move leaves on clamps the model was not learned from.
 
     Raises:
@@ -62,7 +62,7 @@ def evaluated(model: NormalModel, test: Campaign) -> TiltEvaluation:
         raise ConfigurationError(
             f"the test's tilts are in order {test.order}, the head's is {model.head.order}."
         )
-    found = seen(model, test.clamps)
+    found = estimate_tilt(model, test.clamps)
     left = tilt_between(normal_from_tilt(model.head.order, found.tilt), test.normal)
     before = residual_tilt(model.foot, None, test)
     raw = tilt_seen(model.foot, model.head.order, test.clamps.readings)

@@ -12,12 +12,12 @@ from robotrue.core.columns import Column, Columns
 from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.core.units import DEG
 from robotrue.drilling.campaign import Campaign, Clamps
-from robotrue.drilling.choose import Step, Trial, all_tried, chosen, tried
+from robotrue.drilling.choose import Step, Trial, all_tried, choose_kind, cross_validate
 from robotrue.drilling.correction import (
     CorrectedReadings,
     Kind,
     ReadingCorrection,
-    corrected,
+    correct_readings,
     fit_correction,
 )
 from robotrue.drilling.foot import Foot
@@ -107,13 +107,15 @@ class NormalModel:
     provenance: Provenance = MEASURED
 
 
-def seen(model: NormalModel, clamps: Clamps) -> CorrectedReadings:
+def estimate_tilt(model: NormalModel, clamps: Clamps) -> CorrectedReadings:
     """Returns the tilt every clamp stands for, refined, with its uncertainty.
 
     Raises:
         ShapeError: Not one reading per sensor.
     """
-    return with_refinement(model, corrected(model.foot, model.head.order, model.correction, clamps))
+    return with_refinement(
+        model, correct_readings(model.foot, model.head.order, model.correction, clamps)
+    )
 
 
 def with_refinement(model: NormalModel, found: CorrectedReadings) -> CorrectedReadings:
@@ -155,9 +157,11 @@ def fit_model(
             f"the campaign's tilts are in order {campaign.order}, the head's is {head.order}."
         )
     trials = (
-        all_tried(foot, campaign, step=step) if kind is None else (tried(kind, foot, campaign),)
+        all_tried(foot, campaign, step=step)
+        if kind is None
+        else (cross_validate(kind, foot, campaign),)
     )
-    best = chosen(trials)
+    best = choose_kind(trials)
     trial = next(trial for trial in trials if trial.kind == best)
     clamps = campaign.clamps
     c = conditions(foot, campaign.order, clamps)

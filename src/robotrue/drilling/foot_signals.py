@@ -14,7 +14,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
-from robotrue.drilling.campaign_csv import LEFT, STEEPEST, zeroed
+from robotrue.drilling.campaign_csv import LEFT, STEEPEST, subtract_zeros
 from robotrue.drilling.clamp_watch import FootSample
 from robotrue.drilling.foot_file import FootSetup
 from robotrue.errors import FormatError, ImplausibleDataError
@@ -52,27 +52,29 @@ def foot_sample(
             hint=f"one of {', '.join(form.format(1) + ', ...' for form in _FORMS)}.",
         )
     form = forms[0]
-    raw = _taken(values, tuple(form.format(k) for k in sensors))
-    force, height = _taken(values, ("force_N", "z_mm"))
-    axes = _taken(values, ("A_deg", "B_deg")) * DEG if head else np.zeros(2)
+    raw = _select_values(values, tuple(form.format(k) for k in sensors))
+    force, height = _select_values(values, ("force_N", "z_mm"))
+    axes = _select_values(values, ("A_deg", "B_deg")) * DEG if head else np.zeros(2)
     counts = form == "raw{}_counts"
     return FootSample(
         time=time,
-        readings=raw * MM if form == "d{}_mm" else zeroed(raw[None], setup, counts=counts)[0],
+        readings=raw * MM
+        if form == "d{}_mm"
+        else subtract_zeros(raw[None], setup, counts=counts)[0],
         force=float(force),
         height=float(height * MM),
         axes=axes,
     )
 
 
-def left_by(values: Mapping[str, float]) -> Array:
+def read_reference_tilt(values: Mapping[str, float]) -> Array:
     """Returns the tilt (2,) rad that a reference found after a move.
 
     Raises:
         FormatError: One of the two is missing.
         ImplausibleDataError: Tilts that are not left by any move.
     """
-    left = _taken(values, LEFT)
+    left = _select_values(values, LEFT)
     if np.abs(left).max() > STEEPEST:
         raise ImplausibleDataError(
             f"a reference of {left[0]:g}, {left[1]:g} deg, up to {STEEPEST:g} deg is possible."
@@ -80,7 +82,7 @@ def left_by(values: Mapping[str, float]) -> Array:
     return left * DEG
 
 
-def _taken(values: Mapping[str, float], names: tuple[str, ...]) -> Array:
+def _select_values(values: Mapping[str, float], names: tuple[str, ...]) -> Array:
     missing = [name for name in names if name not in values]
     if missing:
         raise FormatError(

@@ -12,8 +12,8 @@ from robotrue.core.provenance import MEASURED, Provenance, merge
 from robotrue.drilling.adjust import HoleAdjustment, adjustment
 from robotrue.drilling.campaign import Clamps
 from robotrue.drilling.clamp_watch import ClampSettings, ClampWatch, FootSample, Seen
-from robotrue.drilling.foot_model import NormalModel, seen
-from robotrue.drilling.production import RecordUpdate, record_of, recorded
+from robotrue.drilling.foot_model import NormalModel, estimate_tilt
+from robotrue.drilling.production import RecordUpdate, record_of, update_model
 from robotrue.errors import ConfigurationError, RobotrueError
 
 SIMULATED: Final = Provenance(simulated=True, instrument="drilling head")
@@ -165,9 +165,9 @@ class HoleSession:
                 f"a reference for hole {hole!r}, which was not moved for here.",
                 hint="the name of the hole as it was answered with a move; each reference once.",
             )
-        found = seen(self.model, drilled.clamps)
+        found = estimate_tilt(self.model, drilled.clamps)
         record = record_of(hole, found, left, truth, self._machine, moved=drilled.tilt)
-        step = recorded(self.model, found, record, reference=self._reference)
+        step = update_model(self.model, found, record, reference=self._reference)
         self.model = step.model
         del self._waiting[hole]
         return step

@@ -223,7 +223,7 @@ class Journal:
                 if entry["kind"] == "answer":
                     answered += 1
                     if entry["status"] == "move":
-                        waiting[entry["hole"]] = _moved(entry)
+                        waiting[entry["hole"]] = _read_move(entry)
                 elif (moved := waiting.pop(entry["hole"], None)) is not None:
                     references.append(_booked_reference(entry, moved))
                 version = int(entry["version"])
@@ -241,7 +241,7 @@ class Journal:
         )
 
 
-def _moved(entry: Mapping[str, Any]) -> MovedHole:
+def _read_move(entry: Mapping[str, Any]) -> MovedHole:
     clamps = Clamps(
         readings=np.array([entry["d_mm"]], dtype=np.float64) * MM,
         force=np.array([entry["force_N"]], dtype=np.float64),

@@ -14,10 +14,10 @@ import numpy as np
 
 from robotrue.core.provenance import MEASURED
 from robotrue.core.units import DEG
-from robotrue.drilling.foot_model import NormalModel, seen
+from robotrue.drilling.foot_model import NormalModel, estimate_tilt
 from robotrue.drilling.hole_session import SIMULATED
 from robotrue.drilling.journal import BookedReference
-from robotrue.drilling.production import record_of, recorded
+from robotrue.drilling.production import record_of, update_model
 from robotrue.errors import ModelMismatchError
 
 SAME_TILT: Final = 1e-6 * DEG
@@ -46,7 +46,7 @@ def replay_references(
     for reference in references:
         if reference.position <= (model.version, model.monitor.records):
             continue
-        solution = seen(model, reference.moved.clamps)
+        solution = estimate_tilt(model, reference.moved.clamps)
         # Only a hole that this very version moved can show whether it is this model.
         if reference.moved.version == model.version:
             off = np.abs(solution.tilt[0] - reference.moved.tilt).max()
@@ -63,7 +63,7 @@ def replay_references(
             moved=reference.moved.tilt,
         )
         sigma = reference_sigma if reference.sigma is None else reference.sigma
-        step = recorded(model, solution, record, reference=sigma)
+        step = update_model(model, solution, record, reference=sigma)
         if not reference.is_booked_as(step.model.version, step.model.monitor.records):
             raise _mismatch(
                 f"was at version {reference.version} after hole {reference.hole}, version "

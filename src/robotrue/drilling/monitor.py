@@ -73,7 +73,7 @@ def watch(channels: int, *, allowance: float = ALLOWANCE, limit: float = LIMIT) 
     return Watch(sums=zero, since=zero, spread=np.ones(channels), allowance=allowance, limit=limit)
 
 
-def watched(state: Watch, score: Array) -> Watch:
+def update_watch(state: Watch, score: Array) -> Watch:
     """Returns the watch after one more record.
 
     Args:

@@ -20,9 +20,9 @@ from robotrue.drilling.physics_prior import (
     SPREAD,
     WIDTHS,
     bounds,
+    fix_values,
     friction_by_rest,
     groups,
-    held,
     start,
 )
 from robotrue.drilling.terms import Conditions
@@ -65,7 +65,7 @@ class PhysicsCorrection:
 
         The sensors share the variance, for they share causes and hyper-parameters.
         """
-        solved = _solved(self.theta, self.causes, self.errors)
+        solved = _solve_readings(self.theta, self.causes, self.errors)
         across = _signal(self.theta, c, self.causes)
         spread = solved.whitened(across.T)
         own = _own(self.theta, c)
@@ -94,7 +94,7 @@ def fit_physics(
         ObservabilityError: Clamps too alike for the scatter of the readings.
     """
     mean = start(reading_sigma, rest_alone=rest_alone)
-    fixed = held(rest_alone=rest_alone)
+    fixed = fix_values(rest_alone=rest_alone)
     free = np.isnan(fixed)
 
     def log_posterior(theta: Array) -> tuple[float, Array]:
@@ -103,7 +103,7 @@ def fit_physics(
         return value - 0.5 * float(off @ off), gradient - off / SPREAD
 
     def left_out(theta: Array) -> tuple[Array, Array]:
-        return _solved(theta, causes, errors).left_out()
+        return _solve_readings(theta, causes, errors).left_out()
 
     limits = bounds(mean)
     theta = best(log_posterior, mean, limits, fixed, 0, np.random.RandomState(0))
@@ -144,7 +144,7 @@ def prior_covariance(theta: Array, c: Conditions) -> Array:
     return _signal(theta, c, c)
 
 
-def _solved(theta: Array, causes: Conditions, errors: Array) -> Solved:
+def _solve_readings(theta: Array, causes: Conditions, errors: Array) -> Solved:
     covariance = _signal(theta, causes, causes) + np.exp(2.0 * theta[-1]) * np.eye(len(errors))
     return solve(covariance, errors, np.empty((len(errors), 0)))
 

@@ -97,7 +97,7 @@ def start(reading_sigma: float, *, rest_alone: bool) -> Array:
     return np.concatenate([WIDTHS, rest, [FADING, 0.0, 0.0, np.log(reading_sigma)]])
 
 
-def held(*, rest_alone: bool) -> Array:
+def fix_values(*, rest_alone: bool) -> Array:
     """Returns theta (17,): the values that are not learned, NaN where they are."""
     out = np.full(len(SPREAD), np.nan)
     if rest_alone:

@@ -11,10 +11,10 @@ from robotrue.core.provenance import MEASURED, Provenance, merge
 from robotrue.core.units import DEG
 from robotrue.drilling.campaign import Campaign
 from robotrue.drilling.correction import CorrectedReadings
-from robotrue.drilling.evaluate import evaluated
+from robotrue.drilling.evaluate import evaluate_test
 from robotrue.drilling.foot_model import Frozen, NormalModel
-from robotrue.drilling.monitor import Watch, watch, watched
-from robotrue.drilling.refinement import Remaining, loosened, refined
+from robotrue.drilling.monitor import Watch, update_watch, watch
+from robotrue.drilling.refinement import Remaining, forget_constants, update_refinement
 from robotrue.errors import ConfigurationError
 
 
@@ -37,7 +37,7 @@ class RecordUpdate:
     said: str
 
 
-def recorded(
+def update_model(
     model: NormalModel, found: CorrectedReadings, record: Remaining, *, reference: float
 ) -> RecordUpdate:
     """Returns the model after what one hole left.
@@ -54,12 +54,12 @@ def recorded(
     model = replace(model, provenance=merge([model.provenance, record.provenance]))
     deviation = np.sqrt(np.diagonal(found.covariance[0]) + reference**2)
     score = record.tilt / deviation
-    state = watched(model.monitor, score)
+    state = update_watch(model.monitor, score)
     shift = state.shift * deviation
     if state.alarm:
-        return _alarmed(model, state, score, shift, record, reference)
+        return _restart_after_alarm(model, state, score, shift, record, reference)
     if model.frozen is None:
-        refinement = refined(model.refinement, record, reference=reference)
+        refinement = update_refinement(model.refinement, record, reference=reference)
         model = replace(model, refinement=refinement, version=model.version + 1)
     return RecordUpdate(
         model=replace(model, monitor=state),
@@ -70,7 +70,7 @@ def recorded(
     )
 
 
-def _alarmed(
+def _restart_after_alarm(
     model: NormalModel,
     state: Watch,
     score: Array,
@@ -83,7 +83,9 @@ def _alarmed(
     fresh = replace(watch(2), spread=state.spread, allowance=state.allowance, limit=state.limit)
     changed = replace(
         model,
-        refinement=refined(loosened(model.refinement), record, reference=reference),
+        refinement=update_refinement(
+            forget_constants(model.refinement), record, reference=reference
+        ),
         monitor=fresh,
         version=model.version + 1,
         frozen=None,
@@ -122,9 +124,9 @@ def frozen(
             source=test.source or None,
             hint="clamp some twenty times more, with tilts and forces in between.",
         )
-    result = evaluated(model, test)
+    result = evaluate_test(model, test)
     if before is not None:
-        _refuse_worse(result.ours.mean, evaluated(before, test).ours.mean, test)
+        _refuse_worse(result.ours.mean, evaluate_test(before, test).ours.mean, test)
     if result.ours.p95 > allowed:
         raise ConfigurationError(
             f"95 % of the holes are within {result.ours.p95 / DEG:.4f} deg, {allowed / DEG:g} deg "

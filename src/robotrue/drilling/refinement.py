@@ -129,7 +129,7 @@ def refinement(sigma: float, *, forgetting: float = FORGETTING) -> Refinement:
     return Refinement(covariance=np.diag(START**2), sigma=sigma, forgetting=forgetting)
 
 
-def refined(state: Refinement, record: Remaining, *, reference: float) -> Refinement:
+def update_refinement(state: Refinement, record: Remaining, *, reference: float) -> Refinement:
     """Returns the state after one more record, the Bayesian update of its coefficients.
 
     Args:
@@ -151,7 +151,7 @@ def refined(state: Refinement, record: Remaining, *, reference: float) -> Refine
     )
 
 
-def loosened(state: Refinement) -> Refinement:
+def forget_constants(state: Refinement) -> Refinement:
     """Returns the state with its constants unknown again: after an alarm of a shifted zero."""
     covariance = np.array(state.covariance)
     covariance[0, 0] += (SHIFT / state.sigma) ** 2

@@ -84,7 +84,7 @@ def squaring_joints(
     start, known = actual_pose(model, q, load)
     turn = seat @ _shortest(n) @ seat.T
     goal = pose(start[:3, :3] @ turn, start[:3, 3])
-    found = _solved(model, q, goal, load)
+    found = _solve_pose(model, q, goal, load)
     _require_near(model, q, found)
     nominal = forward(model.robot.nominal(), found[None])[0]
     angle = float(tilt_between(np.array([0.0, 0.0, 1.0]), n))
@@ -110,7 +110,7 @@ def _shortest(normal: Array) -> Array:
     return matrix_from_rotation_vector(axis / sine * np.arctan2(sine, normal[2]))
 
 
-def _solved(model: ErrorModel, joints: Array, goal: Array, load: Load) -> Array:
+def _solve_pose(model: ErrorModel, joints: Array, goal: Array, load: Load) -> Array:
     """(n,) rad: Newton on the actual pose with the nominal Jacobian."""
     robot, q = model.robot.nominal(), np.array(joints)
     scale = np.repeat([1.0 / robot.reach, 1.0], 3)

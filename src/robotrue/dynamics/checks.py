@@ -101,7 +101,7 @@ def reciprocity(frf: FrequencyResponse) -> dict[str, float]:
     found = {}
     for pair in frf.pairs:
         if pair[0] < pair[1] and pair[::-1] in frf.pairs:
-            band = in_band(frf) & _trusted(frf, pair) & _trusted(frf, pair[::-1])
+            band = in_band(frf) & _select_coherent(frf, pair) & _select_coherent(frf, pair[::-1])
             if not band.any():
                 continue
             one, two = (frf.pair(p[0], p[1])[band] for p in (pair, pair[::-1]))
@@ -148,7 +148,7 @@ def incoherent_share(frf: FrequencyResponse) -> float:
     direct = [pair for pair in frf.pairs if pair[0] == pair[1]]
     if frf.coherence is None or not direct:
         return 0.0
-    good = np.all([_trusted(frf, pair) for pair in direct], axis=0)
+    good = np.all([_select_coherent(frf, pair) for pair in direct], axis=0)
     return float(1.0 - good[in_band(frf)].mean())
 
 
@@ -164,7 +164,7 @@ def diverges_below(frequency: Array, direct: ComplexArray) -> bool:
     return True
 
 
-def _trusted(frf: FrequencyResponse, pair: str) -> BoolArray:
+def _select_coherent(frf: FrequencyResponse, pair: str) -> BoolArray:
     """Lines (m,) of good coherence; all where it was not measured."""
     if frf.coherence is None:
         return np.ones(len(frf.frequency), dtype=np.bool_)
@@ -317,7 +317,7 @@ def _grid(frequency: Array) -> IntArray:
 
 def _check_cross_signs(frf: FrequencyResponse) -> None:
     for pair, difference in reciprocity(frf).items():
-        band = in_band(frf) & _trusted(frf, pair) & _trusted(frf, pair[::-1])
+        band = in_band(frf) & _select_coherent(frf, pair) & _select_coherent(frf, pair[::-1])
         one, two = (frf.pair(p[0], p[1])[band] for p in (pair, pair[::-1]))
         size = np.sqrt((np.abs(one) ** 2 + np.abs(two) ** 2).mean() / 2.0)
         flipped = float(np.sqrt((np.abs(one + two) ** 2).mean()) / size)

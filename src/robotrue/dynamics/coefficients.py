@@ -128,7 +128,9 @@ def check_axes_agree(measured: Array, expected: Array, source: str) -> None:
     Raises:
         ImplausibleDataError: Another way fits three times better.
     """
-    ways = {_named(way): float(np.linalg.norm(_turned(measured, way) - expected)) for way in _WAYS}
+    ways = {
+        _named(way): float(np.linalg.norm(_rotate_force(measured, way) - expected)) for way in _WAYS
+    }
     as_is = ways.pop(_named(_WAYS[0]))
     best = min(ways, key=lambda name: ways[name])
     if 3.0 * ways[best] < as_is and as_is > 0.5 * float(np.linalg.norm(expected)):
@@ -193,7 +195,7 @@ def _check_axes(tests: Sequence[CuttingTest]) -> None:
         )
     if _plausible(slope):
         return
-    fitting = [_named(way) for way in _WAYS[1:] if _plausible(_turned(slope, way))]
+    fitting = [_named(way) for way in _WAYS[1:] if _plausible(_rotate_force(slope, way))]
     raise ImplausibleDataError(
         f"slopes of the mean force of slots are {slope[0] * 1e-3:.4g} N/mm along the feed and "
         f"{slope[1] * 1e-3:.4g} to its left; on the tool they are below and above zero, the "
@@ -207,7 +209,7 @@ _WAYS: Final = tuple(itertools.product((False, True), (1.0, -1.0), (1.0, -1.0)))
 """Swapped, sign of x, sign of y; the first leaves all as it is."""
 
 
-def _turned(force: Array, way: tuple[bool, float, float]) -> Array:
+def _rotate_force(force: Array, way: tuple[bool, float, float]) -> Array:
     swapped, x, y = way
     first, second = (force[1], force[0]) if swapped else (force[0], force[1])
     return np.array([x * first, y * second, force[2]])

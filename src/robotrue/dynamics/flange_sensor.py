@@ -134,7 +134,7 @@ def identify_held_tool(R_base_sensor: Array, readings: Array) -> HeldTool:
             f"{WORST_CONDITION:g}.",
             hint="turn the wrist by 90 deg to both sides about two axes.",
         )
-    found, force_noise, cov = _solved(design, wrench[:, :3].ravel())
+    found, force_noise, cov = _solve_least_squares(design, wrench[:, :3].ravel())
     weight, offset = found[:3], found[3:]
     mass = float(np.linalg.norm(weight)) / STANDARD_GRAVITY
     mass_sd = float(np.sqrt(weight @ cov[:3, :3] @ weight) / np.linalg.norm(weight))
@@ -160,7 +160,9 @@ def identify_held_tool(R_base_sensor: Array, readings: Array) -> HeldTool:
         )
     pull = turned @ weight
     lever = np.concatenate([-skew(pull), np.tile(np.eye(3), (n, 1, 1))], axis=2)
-    placed, moment_noise, moment_cov = _solved(lever.reshape(3 * n, 6), wrench[:, 3:].ravel())
+    placed, moment_noise, moment_cov = _solve_least_squares(
+        lever.reshape(3 * n, 6), wrench[:, 3:].ravel()
+    )
     # The weight is not known exactly either: what it is off by, the centre is off by.
     moved = (skew(placed[:3]) @ turned).reshape(3 * n, 3)
     follows = np.linalg.lstsq(lever.reshape(3 * n, 6), moved, rcond=None)[0]
@@ -264,7 +266,7 @@ def inertia_left(tool: HeldTool, frequency: float, amplitude: float) -> float:
     return float(tool.mass * amplitude * (2.0 * np.pi * frequency) ** 2)
 
 
-def _solved(design: Array, values: Array) -> tuple[Array, float, Array]:
+def _solve_least_squares(design: Array, values: Array) -> tuple[Array, float, Array]:
     """Least squares: unknowns, noise of a value, covariance of the unknowns."""
     found = np.linalg.lstsq(design, values, rcond=None)[0]
     residual = values - design @ found

@@ -75,7 +75,7 @@ def check_force(
     force = record.force
     remarks = []
     if not force.any():
-        raise _refused(
+        raise _build_refusal(
             record, 0, line_of, "all forces are zero: nobody was connected.", "the cable"
         )
     for axis, values in zip(AXES, force.T, strict=True):
@@ -86,17 +86,17 @@ def check_force(
         top = float(values[row])
         if abs(top) > MOST:
             what = f"f{axis} reaches {top:.4g} N, expected at most {MOST:g}."
-            raise _refused(record, row, line_of, what, "the unit: counts, mN or mV are not N")
+            raise _build_refusal(record, row, line_of, what, "the unit: counts, mN or mV are not N")
         if abs(top) > _COUNTS and (values == np.rint(values)).all():
             what = f"f{axis} holds whole numbers up to {top:g}: counts of a converter, not newtons."
-            raise _refused(record, row, line_of, what, "the sensor's counts per newton")
+            raise _build_refusal(record, row, line_of, what, "the sensor's counts per newton")
         if len(values) > _DISTINCT and np.ptp(values) == 0.0:
             what = f"f{axis} is {top:g} N on every sample: a sensor that is not connected."
-            raise _refused(record, 0, line_of, what, "cable and charge amplifier")
-        clipped = _clipped(values)
+            raise _build_refusal(record, 0, line_of, what, "cable and charge amplifier")
+        clipped = _find_clipping(values)
         if clipped is not None:
             what = f"f{axis} stays at exactly {values[clipped]:g} N, its extreme, again and again: "
-            raise _refused(
+            raise _build_refusal(
                 record, clipped, line_of, what + "the sensor is saturated.", "a larger range"
             )
     whole = force[:, force.any(axis=0)]
@@ -105,7 +105,7 @@ def check_force(
     return tuple(remarks)
 
 
-def stopped(record: ForceRecord) -> tuple[str, ...]:
+def find_stuck_channels(record: ForceRecord) -> tuple[str, ...]:
     """Returns where a channel that went up and down stands still at a force, one sentence each.
 
     A channel that stands at zero says nothing: the tool is in the air. One that only rises to a
@@ -132,7 +132,7 @@ def stopped(record: ForceRecord) -> tuple[str, ...]:
     return tuple(said)
 
 
-def _clipped(values: Array) -> int | None:
+def _find_clipping(values: Array) -> int | None:
     """First sample of two or more flat tops, or None.
 
     Zero is no top: between the teeth there is no force. Neither is the plateau of a signal of a
@@ -149,7 +149,7 @@ def _clipped(values: Array) -> int | None:
     return None
 
 
-def _refused(
+def _build_refusal(
     record: ForceRecord, row: int, line_of: Callable[[int], int] | None, what: str, check: str
 ) -> ImplausibleDataError:
     return ImplausibleDataError(

@@ -33,7 +33,7 @@ class AxisPairCurves:
     coherence: Mapping[str, Array] = field(default_factory=dict)
 
 
-def assembled(
+def assemble_response(
     frequency: Array,
     pairs: AxisPairCurves,
     *,

@@ -21,7 +21,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.provenance import merge
 from robotrue.dynamics.checks import BLIND_BELOW, coherent_band
 from robotrue.dynamics.frf import FORMS, ComplexArray, FrequencyResponse
-from robotrue.dynamics.frf_build import AxisPairCurves, assembled
+from robotrue.dynamics.frf_build import AxisPairCurves, assemble_response
 from robotrue.dynamics.hits import SECOND, HammerRecord, check_sensors, find_hits
 from robotrue.dynamics.modal import ModalModel
 from robotrue.errors import ImplausibleDataError, ModelMismatchError, ObservabilityError, ShapeError
@@ -99,7 +99,7 @@ def evaluate_hits(
             hint="hit once, let it ring, hit again; record two seconds after the last.",
         )
     forces, motions = _segments(record, whole, count)
-    rung = _left_at_end(motions, record)
+    rung = _compare_last_quarter(motions, record)
     end = window if window is not None else (1.0 if rung < _DECAYED else _WINDOW)
     if not 0.0 < end <= 1.0:
         raise ShapeError(f"window of {end:g} at its end, expected above 0 and at most 1.")
@@ -150,7 +150,7 @@ def evaluate_together(
     ]
 
 
-def combined(results: Sequence[HammerResult]) -> FrequencyResponse:
+def combine_axes(results: Sequence[HammerResult]) -> FrequencyResponse:
     """Returns one response of hits along one, two or three axes.
 
     Raises:
@@ -182,7 +182,7 @@ def combined(results: Sequence[HammerResult]) -> FrequencyResponse:
         )
     pairs = AxisPairCurves(form=first.record.form, response=response, coherence=coherence)
     names = ", ".join(r.record.source for r in results)
-    return assembled(
+    return assemble_response(
         first.frequency[1:],
         _without_rest(pairs),
         source=names,
@@ -255,7 +255,7 @@ def _segments(record: HammerRecord, hits: list[int], count: int) -> tuple[Array,
     return forces, np.array(motions)
 
 
-def _left_at_end(motions: Array, record: HammerRecord) -> float:
+def _compare_last_quarter(motions: Array, record: HammerRecord) -> float:
     """Rms displacement of the last quarter of the segments over that of the first.
 
     Of the displacement: in an acceleration the slow modes, which ring longest, are hardly seen.

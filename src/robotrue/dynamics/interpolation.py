@@ -89,7 +89,7 @@ class ResponseCurve:
     def _between(self, frequency: Array) -> ComplexArray:
         if self.modes is not None:
             return self.modes.response(frequency)
-        lines, values = _known(self.frf)
+        lines, values = _select_band(self.frf)
         return np.asarray(CubicSpline(lines, values, axis=0)(frequency), dtype=np.complex128)
 
 
@@ -119,7 +119,7 @@ def held_out_error(frf: FrequencyResponse) -> float:
     Raises:
         ObservabilityError: Fewer than eight lines in the band.
     """
-    lines, values = _known(frf)
+    lines, values = _select_band(frf)
     if len(lines) < 8:
         raise ObservabilityError(
             f"{len(lines)} lines between {frf.valid[0]:g} and {frf.valid[1]:g} Hz, eight are the "
@@ -146,7 +146,7 @@ def _relative(difference: ComplexArray, of: ComplexArray) -> float:
     return float(np.sqrt((np.abs(difference) ** 2).mean() / max((np.abs(of) ** 2).mean(), 1e-300)))
 
 
-def _known(frf: FrequencyResponse) -> tuple[Array, ComplexArray]:
+def _select_band(frf: FrequencyResponse) -> tuple[Array, ComplexArray]:
     """Lines of the band, with that at 0 Hz where it is a static deflection."""
     band = np.array(in_band(frf))
     if frf.static is not None and frf.frequency[0] == 0.0 and frf.valid[0] == 0.0:

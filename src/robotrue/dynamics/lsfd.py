@@ -75,13 +75,13 @@ def fit_residues(curves: Curves, poles: ComplexArray, *, lower: bool) -> Residue
     at_rest = None if curves.static is None else _at_rest(poles, lower)
     found, misfit = [], []
     for c in range(curves.values.shape[1]):
-        a, b = _weighted(curves, c, design, at_rest)
+        a, b = _weight_rows(curves, c, design, at_rest)
         scale = np.linalg.norm(a, axis=0)
         scale[scale == 0.0] = 1.0
         x = np.linalg.lstsq(a / scale, b, rcond=None)[0] / scale
         found.append(x)
         misfit.append(a @ x - b)
-    return _sorted(np.array(found).T, np.array(misfit).T, len(poles), lower)
+    return _sort_residues(np.array(found).T, np.array(misfit).T, len(poles), lower)
 
 
 def residues_and_slopes(
@@ -104,7 +104,7 @@ def residues_and_slopes(
     one, two = 1.0 / (s - poles) ** 2, 1.0 / (s - poles.conj()) ** 2
     found, misfit, slopes = [], [], []
     for c in range(curves.values.shape[1]):
-        a, b = _weighted(curves, c, design, at_rest)
+        a, b = _weight_rows(curves, c, design, at_rest)
         scale = np.linalg.norm(a, axis=0)
         q, upper = np.linalg.qr(a / scale)
         x = np.linalg.lstsq(upper, q.T @ b, rcond=None)[0] / scale
@@ -117,11 +117,13 @@ def residues_and_slopes(
         found.append(x)
         misfit.append(a @ x - b)
         slopes.append(slope - q @ (q.T @ slope))
-    whole = _sorted(np.array(found).T, np.array(misfit).T, len(poles), lower)
+    whole = _sort_residues(np.array(found).T, np.array(misfit).T, len(poles), lower)
     return whole, np.stack(slopes, axis=1)
 
 
-def _weighted(curves: Curves, c: int, design: Array, at_rest: Array | None) -> tuple[Array, Array]:
+def _weight_rows(
+    curves: Curves, c: int, design: Array, at_rest: Array | None
+) -> tuple[Array, Array]:
     """Weighted rows and right-hand side of one pair, real parts first, at rest last."""
     weight = _doubled(curves.weight[:, c])
     a = design * weight[:, None]
@@ -136,7 +138,7 @@ def _doubled(values: Array) -> Array:
     return np.concatenate([values, values])
 
 
-def _sorted(x: Array, misfit: Array, k: int, lower: bool) -> Residues:
+def _sort_residues(x: Array, misfit: Array, k: int, lower: bool) -> Residues:
     return Residues(
         residues=x[:k] + 1j * x[k : 2 * k],
         upper=x[2 * k],

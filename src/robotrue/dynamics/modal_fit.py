@@ -94,9 +94,9 @@ def fit_modal(frf: FrequencyResponse, *, lower: bool | None = None) -> ModalFit:
             hint="a cleaner or finer spectrum; without modes the lines themselves are used.",
         )
     allowed = curves.static is None and lower is not False
-    poles = _needed(curves, poles, allowed)
-    poles = _with_beyond(curves, _polished(curves, poles, allowed), allowed)
-    poles = _split(curves, _needed(curves, poles, allowed), allowed, frf.present)
+    poles = _select_poles(curves, poles, allowed)
+    poles = _with_beyond(curves, _polish_poles(curves, poles, allowed), allowed)
+    poles = _split(curves, _select_poles(curves, poles, allowed), allowed, frf.present)
     found = fit_residues(curves, poles, lower=allowed)
     if allowed and lower is None:
         without = fit_residues(curves, poles, lower=False)
@@ -142,7 +142,7 @@ def measured_curves(frf: FrequencyResponse) -> Curves:
     )
 
 
-def _needed(curves: Curves, poles: ComplexArray, lower: bool) -> ComplexArray:
+def _select_poles(curves: Curves, poles: ComplexArray, lower: bool) -> ComplexArray:
     """Poles without which the lines are described worse, by Schwarz's criterion."""
     sample = curves.rows(_lines(curves.frequency, poles))
     best = _criterion(fit_residues(sample, poles, lower=lower), len(poles))
@@ -158,7 +158,7 @@ def _needed(curves: Curves, poles: ComplexArray, lower: bool) -> ComplexArray:
     return poles
 
 
-def _polished(curves: Curves, poles: ComplexArray, lower: bool) -> ComplexArray:
+def _polish_poles(curves: Curves, poles: ComplexArray, lower: bool) -> ComplexArray:
     """Poles of least squares on all pairs, residues solved at every step."""
     sample = curves.rows(_lines(curves.frequency, poles))
     k = len(poles)
@@ -200,7 +200,7 @@ def _with_beyond(curves: Curves, poles: ComplexArray, lower: bool) -> ComplexArr
             break
         for place in _BEYOND:
             start = np.append(poles, place * end * (1j - _BEYOND_DAMPING))
-            more = _polished(curves, start, lower)
+            more = _polish_poles(curves, start, lower)
             found = _mean(fit_residues(curves, more, lower=lower))
             if found < least:
                 least, chosen = found, more
@@ -225,7 +225,7 @@ def _split(curves: Curves, poles: ComplexArray, lower: bool, present: BoolArray)
         k = int(np.argmin(np.abs(poles - p)))
         apart = 0.3j * -poles[k].real
         two = np.append(np.delete(poles, k), [poles[k] - apart, poles[k] + apart])
-        two = _polished(curves, two, lower)
+        two = _polish_poles(curves, two, lower)
         sample = curves.rows(_lines(curves.frequency, two))
         before = _criterion(fit_residues(sample, poles, lower=lower), len(poles))
         if _criterion(fit_residues(sample, two, lower=lower), len(two)) < before:

@@ -69,7 +69,7 @@ class Oscillators(Columns):
         return np.asarray(one + two + self.residual)
 
 
-def joined(parts: list[Oscillators]) -> Oscillators:
+def join_oscillators(parts: list[Oscillators]) -> Oscillators:
     """Returns the receptances of several structures in series, added up: robot, spindle, tool."""
     return Oscillators(
         poles=np.concatenate([p.poles for p in parts]),

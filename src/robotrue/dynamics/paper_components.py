@@ -90,11 +90,11 @@ def components_of(columns: Array, *, share: float = SHARE) -> Components:
         deviation=deviation,
         eigenvalues=np.maximum(value, 0.0),
         loadings=vector,
-        count=kept(value, share),
+        count=count_components(value, share),
     )
 
 
-def kept(eigenvalues: Array, share: float = SHARE) -> int:
+def count_components(eigenvalues: Array, share: float = SHARE) -> int:
     """Returns how many of the eigenvalues, from the largest, carry a share of their sum."""
     carried = np.cumsum(eigenvalues) / np.sum(eigenvalues)
     return int(np.searchsorted(carried, share - 1e-12) + 1)

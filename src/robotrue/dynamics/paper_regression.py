@@ -74,17 +74,17 @@ def fit_paper(windows: WindowSet, *, share: float = SHARE) -> PaperModel:
     centre = float(windows.deviation.mean())
     scale = float(windows.deviation.std()) or 1.0
     values = (windows.deviation - centre) / scale
-    chosen = _chosen(scores, values)
+    chosen = _choose_settings(scores, values)
     return PaperModel(
         components=components,
-        regression=_fitted(chosen, scores, values),
+        regression=_fit_regression(chosen, scores, values),
         centre=centre,
         scale=scale,
         chosen=chosen,
     )
 
 
-def _chosen(scores: Array, values: Array) -> tuple[float, float, float]:
+def _choose_settings(scores: Array, values: Array) -> tuple[float, float, float]:
     """C, gamma, epsilon of least squared error over shuffled folds inside the training windows."""
     fold = np.random.default_rng(0).permutation(len(values)) % FOLDS
     best, least = (PENALTY[0], GAMMA[0], TUBE[0]), np.inf
@@ -95,14 +95,14 @@ def _chosen(scores: Array, values: Array) -> tuple[float, float, float]:
                 miss = 0.0
                 for k in range(FOLDS):
                     held = fold == k
-                    model = _fitted(trial, scores[~held], values[~held])
+                    model = _fit_regression(trial, scores[~held], values[~held])
                     miss += float(((model.predict(scores[held]) - values[held]) ** 2).sum())
                 if miss < least:
                     best, least = trial, miss
     return best
 
 
-def _fitted(chosen: tuple[float, float, float], scores: Array, values: Array) -> Any:
+def _fit_regression(chosen: tuple[float, float, float], scores: Array, values: Array) -> Any:
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.svm import SVR
 

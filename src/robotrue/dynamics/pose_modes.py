@@ -99,15 +99,15 @@ def _bodies_of(arm: FlexibleArm) -> tuple[Array, Array, Array]:
         total = mass[-1] + arm.payload_mass
         together = (mass[-1] * centre[-1] + arm.payload_mass * arm.payload_com) / total
         inertia[-1] += arm.payload_inertia
-        inertia[-1] += _moved(mass[-1], centre[-1] - together)
-        inertia[-1] += _moved(arm.payload_mass, arm.payload_com - together)
+        inertia[-1] += _shift_inertia(mass[-1], centre[-1] - together)
+        inertia[-1] += _shift_inertia(arm.payload_mass, arm.payload_com - together)
         mass[-1], centre[-1] = total, together
     inertia = rotation @ inertia @ np.swapaxes(rotation, 1, 2)
     centre = np.einsum("nij,nj->ni", rotation, centre) + frames[:, :3, 3]
     return np.column_stack([centre, np.ones(robot.dof)]), mass, np.ascontiguousarray(inertia)
 
 
-def _moved(mass: float, away: Array) -> Array:
+def _shift_inertia(mass: float, away: Array) -> Array:
     """Returns the inertia (3, 3) kg m^2 of a mass about a point ``away`` (3,) m from it."""
     return np.asarray(mass * (away @ away * np.eye(3) - np.outer(away, away)))
 

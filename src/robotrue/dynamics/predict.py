@@ -17,7 +17,7 @@ import scipy.fft
 from robotrue.core.arrays import Array
 from robotrue.core.units import UM
 from robotrue.dynamics.checks import in_band, response_remarks
-from robotrue.dynamics.force import ForceRecord, stopped
+from robotrue.dynamics.force import ForceRecord, find_stuck_channels
 from robotrue.dynamics.frf import AXES, ComplexArray, FrequencyResponse
 from robotrue.dynamics.interpolation import COARSE, ResponseCurve
 from robotrue.errors import ConfigurationError, ModelMismatchError
@@ -101,9 +101,9 @@ def predict_error(
     _check_rate(curve, record)
     n = len(record)
     error = _in_all_axes(
-        _filtered(curve, force, record.rate, n + round(padding * record.rate)), frf
+        _apply_response(curve, force, record.rate, n + round(padding * record.rate)), frf
     )
-    circular = _in_all_axes(_filtered(curve, force, record.rate, n, exact=True), frf)
+    circular = _in_all_axes(_apply_response(curve, force, record.rate, n, exact=True), frf)
     static = _in_all_axes((curve.at_rest @ force.mean(axis=0))[None], frf)[0]
     return DeflectionPrediction(
         record=record,
@@ -156,7 +156,7 @@ def out_of_band(curve: ResponseCurve, record: ForceRecord) -> float:
     return float(spectrum[above].sum() / max(spectrum.sum(), 1e-300))
 
 
-def _filtered(
+def _apply_response(
     curve: ResponseCurve, force: Array, rate: float, length: int, *, exact: bool = False
 ) -> Array:
     """F^-1[G F] (length, r) m of a force (n, e) N followed by zeros up to ``length`` or more."""
@@ -181,7 +181,7 @@ def _invalid(curve: ResponseCurve, record: ForceRecord, error: Array) -> tuple[s
         for axis in curve.frf.excitation_axes
         if not record.force[:, AXES.index(axis)].any()
     ]
-    said += stopped(record)
+    said += find_stuck_channels(record)
     above = out_of_band(curve, record)
     if above > _MOST_ABOVE:
         said.append(

@@ -69,7 +69,7 @@ class WindowSet(Columns):
         return self.take(which)
 
 
-def concatenated(parts: Sequence[WindowSet]) -> WindowSet:
+def concatenate_windows(parts: Sequence[WindowSet]) -> WindowSet:
     """Returns several sets as one.
 
     Raises:

@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array
-from robotrue.dynamics.oscillators import Oscillators, joined
+from robotrue.dynamics.oscillators import Oscillators, join_oscillators
 from robotrue.dynamics.pose_modes import PoseModes, pose_modes
 from robotrue.dynamics.streaming import ModalFilter
 from robotrue.errors import ModelMismatchError
@@ -182,7 +182,7 @@ class Sensing:
             response = self.models.response
             if isinstance(response, PoseResponse) and self._state["started"][0]:
                 self._modes = _modes(response, self._state["joints_of_modes"][0])
-                self._filter.change(joined([self._modes.oscillators(), response.tool]))
+                self._filter.change(join_oscillators([self._modes.oscillators(), response.tool]))
             self._filter.resume(state["filter"])
 
     def _filter_rows(self, count: int, why: int, at: int) -> None:
@@ -196,7 +196,9 @@ class Sensing:
         response = self.models.response
         if isinstance(response, PoseResponse):
             modes = _modes(response, self._state["joints_of_modes"][0])
-            self._filter.change(joined([modes.oscillators(), response.tool]), self._carry(modes))
+            self._filter.change(
+                join_oscillators([modes.oscillators(), response.tool]), self._carry(modes)
+            )
             self._modes = modes
         if why == kernels.SETTLE:
             self._filter.settle(self._force[at])
@@ -236,7 +238,7 @@ def _start(models: SensingModels) -> Oscillators | None:
     response = models.response
     if isinstance(response, PoseResponse):
         middle = models.robot.limits.mean(axis=1)
-        return joined([_modes(response, middle).oscillators(), response.tool])
+        return join_oscillators([_modes(response, middle).oscillators(), response.tool])
     return None if response is None else response.oscillators
 
 

@@ -22,7 +22,7 @@ from robotrue.core.columns import Column, Columns
 from robotrue.core.units import DEG
 from robotrue.dynamics.deviation import DeviationModel
 from robotrue.dynamics.flange_sensor import HeldTool
-from robotrue.dynamics.oscillators import Oscillators, joined
+from robotrue.dynamics.oscillators import Oscillators, join_oscillators
 from robotrue.dynamics.pose_modes import FlexibleArm, pose_modes
 from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.robot.forward import drive_jacobian, walk
@@ -105,7 +105,7 @@ class PoseResponse:
 
     def at(self, joints: Array) -> Oscillators:
         """Returns the response at a pose (n,) rad, base axes."""
-        return joined([pose_modes(self.arm, joints).oscillators(), self.tool])
+        return join_oscillators([pose_modes(self.arm, joints).oscillators(), self.tool])
 
 
 Response: TypeAlias = MeasuredResponse | PoseResponse

@@ -113,7 +113,7 @@ def certificate_content(
     subtitle = t("cert.subtitle", method=facts.method)
     limits = (*facts.unseen, *_not_in_budget(facts, t))
     if facts.check is None:
-        body = _unchecked(facts, title, subtitle, t)
+        body = _build_unchecked(facts, title, subtitle, t)
     else:
         body = calibration_content(
             facts.check,
@@ -180,7 +180,7 @@ def _rows(mask: BoolArray) -> IntArray:
     return np.asarray(np.flatnonzero(mask), dtype=np.int64)
 
 
-def _unchecked(facts: CertificateFacts, title: str, subtitle: str, t: Words) -> ReportContent:
+def _build_unchecked(facts: CertificateFacts, title: str, subtitle: str, t: Words) -> ReportContent:
     """The body where nobody measured held-out poses: it says so first."""
     tiles: tuple[Tile, ...] = ()
     if facts.held_out is not None:

@@ -30,9 +30,9 @@ from robotrue.errors import ConvergenceError
 from robotrue.report.export_losses import (
     Calibrated,
     Loss,
-    left_over,
     loss_document,
     losses,
+    measure_loss,
     require_named,
 )
 from robotrue.robot.forward import forward, parameter_jacobian, walk
@@ -103,7 +103,7 @@ def export_controller(found: Calibrated, *, lossy: Sequence[str] = ()) -> Contro
     """Returns the sheet.
 
     Args:
-        found: From :func:`robotrue.report.export_losses.calibrated`.
+        found: From :func:`robotrue.report.export_losses.prepare_export`.
         lossy: Parts the sheet may leave out.
 
     Raises:
@@ -112,9 +112,9 @@ def export_controller(found: Calibrated, *, lossy: Sequence[str] = ()) -> Contro
     """
     require_named(found, CANNOT, lossy)
     nominal = found.tables.robot.nominal()
-    robot = fitted(found)
+    robot = fit_controller(found)
     lost = losses(found, found.held)
-    before, total = left_over(found, nominal), left_over(found, robot)
+    before, total = measure_loss(found, nominal), measure_loss(found, robot)
     return ControllerExport(
         robot=robot,
         before=before,
@@ -124,7 +124,7 @@ def export_controller(found: Calibrated, *, lossy: Sequence[str] = ()) -> Contro
     )
 
 
-def fitted(found: Calibrated) -> RobotModel:
+def fit_controller(found: Calibrated) -> RobotModel:
     """Returns the rigid arm whose zeros, base and tool come nearest to the model.
 
     Raises:

@@ -16,9 +16,9 @@ from robotrue.errors import ConfigurationError
 from robotrue.report.export_losses import (
     Calibrated,
     Loss,
-    left_over,
     loss_sentences,
     losses,
+    measure_loss,
     part_left_over,
     require_named,
 )
@@ -53,7 +53,7 @@ def export_dh(found: Calibrated, *, lossy: Sequence[str] = ()) -> DhExport:
     """Returns the table.
 
     Args:
-        found: From :func:`robotrue.report.export_losses.calibrated`.
+        found: From :func:`robotrue.report.export_losses.prepare_export`.
         lossy: Parts the table may leave out.
 
     Raises:
@@ -68,7 +68,7 @@ def export_dh(found: Calibrated, *, lossy: Sequence[str] = ()) -> DhExport:
         )
     lost = losses(found, [name for name in found.held if name in CANNOT])
     total = part_left_over(found, CANNOT)
-    as_rigid = left_over(found, rigid(robot))
+    as_rigid = measure_loss(found, rigid(robot))
     head = mark_line(found.provenance)
     head += "".join(map(csv_remark, _remarks(robot, found, lost, total, as_rigid)))
     text = head + csv_text([COLUMNS, *_rows(robot)])

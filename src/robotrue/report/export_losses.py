@@ -77,7 +77,7 @@ class Calibrated:
         return tuple(name for name in export_parts() if _holds(self.tables, name))
 
 
-def calibrated(
+def prepare_export(
     model: ErrorModel, load: Load = NO_LOAD, *, T_flange_tool: Array | None = None
 ) -> Calibrated:
     """Returns a model ready for export.
@@ -156,7 +156,7 @@ def losses(found: Calibrated, names: Sequence[str]) -> tuple[Loss, ...]:
     return tuple(out)
 
 
-def left_over(found: Calibrated, robot: RobotModel, joints: Array | None = None) -> Loss:
+def measure_loss(found: Calibrated, robot: RobotModel, joints: Array | None = None) -> Loss:
     """Returns what a rigid robot, as another program will compute it, misses of the model.
 
     Args:

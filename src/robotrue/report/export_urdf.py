@@ -15,10 +15,10 @@ from robotrue.errors import ConfigurationError
 from robotrue.report.export_losses import (
     Calibrated,
     Loss,
-    left_over,
     loss_document,
     loss_sentences,
     losses,
+    measure_loss,
     require_named,
 )
 from robotrue.robot.model import RobotModel, parameter_slice
@@ -51,7 +51,7 @@ def export_urdf(found: Calibrated, *, lossy: Sequence[str] = ()) -> UrdfExport:
     The side-file holds all that was left out, so that who reads both has the whole mean.
 
     Args:
-        found: From :func:`robotrue.report.export_losses.calibrated`.
+        found: From :func:`robotrue.report.export_losses.prepare_export`.
         lossy: Parts the URDF may leave out.
 
     Raises:
@@ -60,7 +60,7 @@ def export_urdf(found: Calibrated, *, lossy: Sequence[str] = ()) -> UrdfExport:
     require_named(found, CANNOT, lossy)
     robot = rigid(found.tables.robot)
     lost = losses(found, [name for name in found.held if name in CANNOT])
-    total = left_over(found, robot)
+    total = measure_loss(found, robot)
     head, _, rest = to_urdf(robot).partition("\n")
     said = [
         marked("Calibrated by robotrue", found.provenance)

@@ -16,14 +16,14 @@ SHOP: Final = {"m": ("mm", MM), "rad": ("deg", DEG), "1": ("ppm", 1e-6)}
 MDEG: Final = 1e-3 * DEG
 
 
-def identified(model: ErrorModel) -> dict[str, dict[str, Any]]:
+def list_geometric_errors(model: ErrorModel) -> dict[str, dict[str, Any]]:
     """Returns value, standard deviation, unit and class of every geometric error.
 
     Lengths in mm, angles in deg, gear ratios in 1e-6. ``known`` is ``seen``, ``weakly seen`` or
     ``prior only``; parameters the method does not estimate are left out.
     """
     out = {}
-    for name, row in _estimated(model).items():
+    for name, row in _read_estimates(model).items():
         unit, size = SHOP.get(_si_unit(name), ("", 1.0))
         if unit:
             out[name] = {
@@ -42,7 +42,7 @@ def stiffness(model: ErrorModel) -> dict[str, dict[str, Any]]:
     says nothing where sd(c) is not well below c.
     """
     out: dict[str, dict[str, Any]] = {}
-    for name, row in _estimated(model).items():
+    for name, row in _read_estimates(model).items():
         if not name.startswith("compliance"):
             continue
         value, sd = row["value"], row["sd"]
@@ -122,7 +122,7 @@ def harmless_remark(summary: TrainingSummary) -> list[str]:
     ]
 
 
-def _estimated(model: ErrorModel) -> dict[str, dict[str, Any]]:
+def _read_estimates(model: ErrorModel) -> dict[str, dict[str, Any]]:
     """The parameters of the summary, or, of a model that keeps no table there, its mean and sd."""
     stated = model.training_summary().parameters
     if stated is not None:

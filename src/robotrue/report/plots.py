@@ -28,7 +28,7 @@ MOST_ARROWS = 350
 
 def point_errors_svg(plot: PointErrors, key: str, words: Words = ENGLISH) -> str:
     """Returns the error length at each point, before and after, as SVG."""
-    shown = thinned(plot.after, MOST_POINTS)
+    shown = thin_rows(plot.after, MOST_POINTS)
 
     def draw(axes: list[Axes]) -> None:
         (ax,) = axes
@@ -114,7 +114,7 @@ def map_svg(plot: ErrorMap, key: str, words: Words = ENGLISH) -> str:
     """Returns error arrows at their places, before and after, as SVG."""
     first, second = ("xyz".index(name) for name in plot.plane)
     longest = np.linalg.norm(plot.after, axis=1)
-    shown = thinned(longest, MOST_ARROWS)
+    shown = thin_rows(longest, MOST_ARROWS)
     place = plot.position[shown][:, (first, second)]
 
     def draw(axes: list[Axes]) -> None:
@@ -217,7 +217,7 @@ def _closed_path(ax: Axes, tip: Array, angle: Array, colour: str) -> None:
     ax.plot(ordered[:, 0], ordered[:, 1], "o-", color=colour, linewidth=1.6, markersize=3.5)
 
 
-def thinned(values: Array, most: int) -> npt.NDArray[np.int64]:
+def thin_rows(values: Array, most: int) -> npt.NDArray[np.int64]:
     """Returns at most ``most`` row indices: evenly spaced, and always the largest values."""
     n = len(values)
     if n <= most:

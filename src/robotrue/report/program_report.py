@@ -65,7 +65,7 @@ def program_content(
         ConfigurationError: A tolerance that is not above zero.
     """
     t = Words(lang=lang)
-    joined = _joined(found, strict=strict)
+    joined = _join_targets(found, strict=strict)
     states = conformity(joined.after, joined.bound, tolerance)
     not_proven = int((states != Conformity.CONFORMS).sum())
     go = all_conform(states)
@@ -125,7 +125,7 @@ def _apart(joined: _Targets, t: Words) -> str:
     return "" if not joined.axis_targets else t("prog.apart", n=joined.axis_targets)
 
 
-def _joined(found: Sequence[tuple[str, Difference]], *, strict: bool) -> _Targets:
+def _join_targets(found: Sequence[tuple[str, Difference]], *, strict: bool) -> _Targets:
     for name, one in found:
         if len(one.change) and not one.has_errors:
             raise ModelMismatchError(

@@ -11,10 +11,10 @@ from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, UM
 from robotrue.drilling.campaign import Campaign
 from robotrue.drilling.correction import fit_correction, residual_tilt
-from robotrue.drilling.evaluate import evaluated
-from robotrue.drilling.foot_model import NormalModel, fit_model, seen
+from robotrue.drilling.evaluate import evaluate_test
+from robotrue.drilling.foot_model import NormalModel, estimate_tilt, fit_model
 from robotrue.drilling.head import Head
-from robotrue.drilling.production import record_of, recorded
+from robotrue.drilling.production import record_of, update_model
 from robotrue.errors import ObservabilityError
 from robotrue.simulation.drilling_machine import (
     drilling_machine,
@@ -68,7 +68,7 @@ def one_move(
             continue
         left[kind] = residual_tilt(machine.foot, correction, test)
     model, _ = fit_model(machine.foot, HEAD, campaign)
-    result = evaluated(model, test)
+    result = evaluate_test(model, test)
     left["ours"] = np.hypot(*result.left.T)
     return OneMove(left=left, kind=model.kind, covered=result.covered)
 
@@ -99,7 +99,9 @@ def production(seed: int) -> Drift:
     holes = [
         random_campaign(each, SHIFTED_AT, random, held_out=True) for each in (machine, shifted)
     ]
-    stale = np.concatenate([np.hypot(*(h.tilt - seen(model, h.clamps).tilt).T) for h in holes])
+    stale = np.concatenate(
+        [np.hypot(*(h.tilt - estimate_tilt(model, h.clamps).tilt).T) for h in holes]
+    )
     left, alarms = [], []
     for k, each in enumerate(holes):
         model, part, found = _drilled(model, each, random)
@@ -119,12 +121,12 @@ def _drilled(
 ) -> tuple[NormalModel, Array, list[int]]:
     left, alarms = np.empty(len(holes)), []
     for i in range(len(holes)):
-        found = seen(model, holes.clamps.rows(np.array([i])))
+        found = estimate_tilt(model, holes.clamps.rows(np.array([i])))
         off = holes.tilt[i] - found.tilt[0]
         left[i] = np.hypot(*off)
         measured = off + random.normal(0.0, GAUGE, 2)
         record = record_of(str(i + 1), found, measured, "hole gauge")
-        step = recorded(model, found, record, reference=GAUGE)
+        step = update_model(model, found, record, reference=GAUGE)
         model = step.model
         if step.alarm:
             alarms.append(i)

@@ -24,10 +24,10 @@ from robotrue.core.arrays import Array, IntArray
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, UM
 from robotrue.dynamics.frf import ComplexArray
-from robotrue.dynamics.oscillators import joined
+from robotrue.dynamics.oscillators import join_oscillators
 from robotrue.dynamics.pose_modes import PoseModes, pose_modes
 from robotrue.dynamics.streaming import ModalFilter
-from robotrue.dynamics.windows import WindowSet, concatenated, peaks_per_turn
+from robotrue.dynamics.windows import WindowSet, concatenate_windows, peaks_per_turn
 from robotrue.simulation.milling_arm import (
     FEED,
     SHIFTS,
@@ -104,7 +104,7 @@ def milling_experiment(seed: int, passes: Sequence[int] = range(len(SHIFTS))) ->
         seed=seed,
         arm=arm,
         tools=tools,
-        windows=concatenated([windows for windows, _, _ in parts]),
+        windows=concatenate_windows([windows for windows, _, _ in parts]),
         static=np.concatenate([static for _, static, _ in parts]),
         along=np.concatenate([along for _, _, along in parts]),
         hammer_frequency=frequency,
@@ -178,7 +178,7 @@ def _displacement(
         for i, (a, b) in enumerate(pairwise(cuts.tolist())):
             mean = force[a:b].mean(axis=0)
             modes = _modes(arm, joints[REFRESHES * k + i], mean)
-            both = joined([modes.oscillators(), arm.tool])
+            both = join_oscillators([modes.oscillators(), arm.tool])
             if stream is None or before is None:
                 stream = ModalFilter(both, RATE)
                 stream.settle(mean)
@@ -208,7 +208,7 @@ def _hammered(arm: MillingArm, seed: int) -> tuple[Array, ComplexArray]:
     edges = window_edges()
     modes = pose_modes(arm.arm, pass_joints(np.array([0.5 * edges[-1]]))[0])
     frequency = np.arange(BLIND, HAMMER_TOP + HAMMER_STEP, HAMMER_STEP)
-    true = joined([modes.oscillators(), arm.tool]).response(frequency)[:, 1]
+    true = join_oscillators([modes.oscillators(), arm.tool]).response(frequency)[:, 1]
     noise = rng.standard_normal((2, *true.shape))
     return frequency, np.asarray(true * (1.0 + HAMMER_NOISE * (noise[0] + 1j * noise[1])))
 

@@ -17,7 +17,7 @@ from robotrue.core.units import DEG, MM, UM
 from robotrue.dynamics.deviation import fit_deviation
 from robotrue.dynamics.deviation_physics import CompliantArm
 from robotrue.dynamics.deviation_validation import METHODS, folds, scores
-from robotrue.dynamics.paper_components import kept
+from robotrue.dynamics.paper_components import count_components
 from robotrue.dynamics.paper_regression import fit_paper
 from robotrue.dynamics.static_row import StaticRow, static_row
 from robotrue.robot.forward import forward
@@ -124,7 +124,7 @@ def printed_figures() -> list[Figure]:
     pooled = float(np.sqrt((70 * TRAIN_RMSE**2 + 23 * TEST_RMSE**2) / 93))
     rows = [
         ("sum of eigenvalues", "1", 8.0, float(EIGENVALUES.sum())),
-        ("components that carry 95 %", "1", 4.0, float(kept(EIGENVALUES))),
+        ("components that carry 95 %", "1", 4.0, float(count_components(EIGENVALUES))),
         ("first contribution, of its eigenvalue", "%", 68.10, 100.0 * EIGENVALUES[0] / 8.0),
         ("printed poses off a straight line", "mm", None, _off_line(points) / MM),
         ("way of the ten rows", "mm", None, float(np.linalg.norm(points[-1] - points[0])) / MM),

@@ -7,7 +7,7 @@ force; the text K = 4, RMSE 2.53 (70 windows) and 3.75 (23).
 import numpy as np
 
 from robotrue.core.units import DEG
-from robotrue.dynamics.paper_components import components_of, kept
+from robotrue.dynamics.paper_components import components_of, count_components
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import inverse_path
 from robotrue.simulation.milling_arm import milling_robot, pass_joints, window_edges
@@ -39,7 +39,7 @@ def test_loadings_alone_give_the_eigenvalues():
 
 
 def test_rule_of_95_percent_keeps_four():
-    assert kept(EIGENVALUES) == 4
+    assert count_components(EIGENVALUES) == 4
     assert CONTRIBUTIONS[:3].sum() < 95.0 < CONTRIBUTIONS.sum()
 
 

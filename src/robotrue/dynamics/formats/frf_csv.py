@@ -20,7 +20,7 @@ from robotrue.core.provenance import mark_line
 from robotrue.core.units import MM, UM
 from robotrue.dynamics.formats.column_table import ColumnTable, read_column_table, table_bytes
 from robotrue.dynamics.frf import AXES, ComplexArray, FrequencyResponse
-from robotrue.dynamics.frf_build import AxisPairCurves, assembled
+from robotrue.dynamics.frf_build import AxisPairCurves, assemble_response
 from robotrue.errors import FormatError
 
 UNITS: Final = {
@@ -67,7 +67,7 @@ def read_frf_csv(path: str | Path) -> FrequencyResponse:
         pair: np.asarray(scale * (table.column(re_) + 1j * table.column(im)), dtype=np.complex128)
         for pair, (re_, im) in parts.items()
     }
-    return assembled(
+    return assemble_response(
         frequency,
         AxisPairCurves(form=form, response=pairs, coherence=coherence),
         source=str(path),

@@ -21,7 +21,7 @@ from robotrue.dynamics.clock import even_rate
 from robotrue.dynamics.force import ForceRecord, check_force
 from robotrue.dynamics.formats.frf_csv import UNITS
 from robotrue.dynamics.frf import AXES, ComplexArray, FrequencyResponse
-from robotrue.dynamics.frf_build import AxisPairCurves, assembled
+from robotrue.dynamics.frf_build import AxisPairCurves, assemble_response
 from robotrue.errors import FormatError
 
 _CURVE: Final = re.compile(r"G(?:([xyz])([xyz]))?_(\w+)")
@@ -74,7 +74,7 @@ def read_frf_mat(path: str | Path) -> FrequencyResponse:
             hint="save f_Hz and Gxx_m_per_N.",
         )
     pairs = AxisPairCurves(form=UNITS[units.pop()][0], response=response, coherence=coherence)
-    return assembled(frequency, pairs, source=str(path), provenance=read_provenance(path))
+    return assemble_response(frequency, pairs, source=str(path), provenance=read_provenance(path))
 
 
 def read_force_mat(path: str | Path) -> tuple[ForceRecord, tuple[str, ...]]:

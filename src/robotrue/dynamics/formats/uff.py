@@ -20,7 +20,7 @@ from robotrue.core.files import read_bytes, write_atomic
 from robotrue.core.provenance import mark_line, merge, provenance_of_lines, read_provenance
 from robotrue.core.units import MM, STANDARD_GRAVITY, UM
 from robotrue.dynamics.frf import AXES, ComplexArray, FrequencyResponse
-from robotrue.dynamics.frf_build import AxisPairCurves, assembled
+from robotrue.dynamics.frf_build import AxisPairCurves, assemble_response
 from robotrue.errors import FormatError, MissingExtraError
 
 _FORM: Final = {8: "receptance", 11: "mobility", 12: "accelerance"}
@@ -98,7 +98,7 @@ def read_uff(path: str | Path) -> FrequencyResponse:
     pairs = AxisPairCurves(form=forms.pop(), response=response, coherence=coherence)
     stated = provenance_of_lines(f"# {one.get('id5', '')}" for one in sets)
     origin = merge([read_provenance(path), stated])
-    return assembled(frequency, pairs, source=str(path), provenance=origin)
+    return assemble_response(frequency, pairs, source=str(path), provenance=origin)
 
 
 def write_uff(path: str | Path, frf: FrequencyResponse) -> None:

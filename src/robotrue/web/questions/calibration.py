@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from robotrue.calibration.model import ErrorModel
-from robotrue.report.model_view import drive_errors, identified, stiffness
+from robotrue.report.model_view import drive_errors, list_geometric_errors, stiffness
 from robotrue.store import items, measurements, models
 from robotrue.store.nouns import MEASUREMENT, MODEL
 from robotrue.store.workspace import Workspace
@@ -42,7 +42,7 @@ def shown(folder: str, model_id: str, version: int) -> bytes:
                 for unseen in summary.unseen
                 if not unseen.harmless
             ],
-            "parameters": identified(model),
+            "parameters": list_geometric_errors(model),
             "stiffness": _stiffness(model),
             "drives": drive_errors(model),
             "contest": _contest(model),
