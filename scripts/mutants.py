@@ -29,9 +29,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Final
 
-import hypothesis  # noqa: F401 - imported once, for all runs of tests
-import numba  # noqa: F401
-import pandas  # noqa: F401
+import numba  # noqa: F401 - imported once, for all runs of tests
 import pytest
 import scipy.optimize
 import scipy.stats  # noqa: F401
@@ -42,7 +40,7 @@ from cosmic_ray.plugins import get_operator, operator_names
 HOME: Final = Path(__file__).resolve().parents[1]
 PARTS: Final = ("src", "tests", "docs", "examples", "benchmarks", "scripts")
 SKIPPED: Final = ("NoOp", "BitOr", "RemoveDecorator", "ExceptionReplacer")
-"""Types are written with |; without its decorator hardly a module of ours can be imported."""
+"""Types are written with |; decorators (slots, frozen) are left alone: they change no result."""
 FOLDERS: Final = ("properties", "contracts", "cli", "truths", "online", "web", "simulation")
 """Of tests, after the folder of a room itself; the quick ones first."""
 NEAREST: Final = 5
@@ -64,14 +62,14 @@ class Mutant:
 
 def find_mutations(code: str) -> list[tuple[int, str, int]]:
     """Returns line, operator and occurrence of each change that fits."""
-    tree, found = get_ast(code), []
+    tree, lines, found = get_ast(code), code.split("\n"), []
     for name in operator_names():
         operator = get_operator(name)
         if operator.arguments() or any(word in name for word in SKIPPED):
             continue
         spots = (spot for node in ast_nodes(tree) for spot in operator().mutation_positions(node))
         found += [(start[0], name, k) for k, (start, _) in enumerate(spots)]
-    return found
+    return [mutation for mutation in found if not lines[mutation[0] - 1].lstrip().startswith("@")]
 
 
 def draw_mutants(

@@ -204,6 +204,19 @@ def test_short_lines_are_bounded_not_looked_at():
     assert found.size[found.bounded].max() < 0.1 * UM
 
 
+def test_long_lines_are_looked_at_however_many_there_are():
+    """Fails when a bound above what matters stands for the deviation itself."""
+    n = 4400
+    across = np.where(np.arange(n) % 2 == 0, -0.03, 0.03)
+    offsets = np.stack([across, np.linspace(-0.02, 0.02, n), np.zeros(n)], axis=1)
+    job = job_of(at(offsets))
+    found = job_deviation(job)
+    assert not found.bounded.any()
+    looked = measured(job, np.arange(n - 1), np.ones(n - 1, int), steps=2)
+    assert (found.size >= looked.size - 1e-13).all()
+    assert (found.size < 2.0 * looked.size).all()
+
+
 def test_a_model_with_backlash_is_looked_at_everywhere():
     n = 5000
     offsets = np.stack([np.linspace(-0.05, 0.05, n), np.zeros(n), np.zeros(n)], axis=1)

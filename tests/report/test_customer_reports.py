@@ -158,6 +158,19 @@ def test_the_json_twin_tells_whether_it_was_changed(facts):
     assert content_sha256(other) != content_sha256(content)
 
 
+def test_quarters_of_a_check_are_named_by_their_sides():
+    """Fails when rows stand under the name of another quarter: y 0.0 to 0.9 m, z 0.0 to 2.9 m."""
+    k = np.arange(60)
+    position = np.stack([0.0 * k, (k % 10) / 10.0, (k // 2) / 10.0], axis=1)
+    found = dict(check_regions(position, np.zeros(60, dtype=np.int64), ("one",)))
+    assert list(found) == ["y low, z low", "y low, z high", "y high, z low", "y high, z high"]
+    assert sorted(np.concatenate(list(found.values()))) == list(range(60))
+    for name, rows in found.items():
+        y, z = (part.split()[1] == "high" for part in name.split(", "))
+        assert ((position[rows, 1] > 0.45) == y).all()
+        assert ((position[rows, 2] > 1.45) == z).all()
+
+
 def test_several_facts_of_one_name_are_all_in_the_json():
     content = ReportContent(
         title="t", verdict=Verdict(text="v"), simulated=False,
