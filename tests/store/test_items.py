@@ -61,6 +61,18 @@ def a_document(workspace: Workspace, name: str, **more: object) -> str:
     return documents.add(workspace, "plan", name=name, **more).id  # type: ignore[arg-type]
 
 
+def test_what_is_stored_can_be_read_by_all_and_written_by_nobody(
+    workspace: Workspace, tmp_path: Path
+) -> None:
+    (tmp_path / "notes.txt").write_text("measured twice")
+    record = items.get(
+        workspace, DOCUMENT, a_document(workspace, "Notes", files=[tmp_path / "notes.txt"])
+    )
+    stored = workspace.path_of(record.files("file")[0].sha256)
+    assert stored.read_text() == "measured twice"
+    assert stored.stat().st_mode & 0o777 == 0o444
+
+
 def test_measurements_come_back_bit_for_bit(workspace: Workspace, tmp_path: Path) -> None:
     raw = tmp_path / "grid.csv"
     raw.write_bytes(b"1,2,3\n")
