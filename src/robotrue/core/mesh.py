@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.core.columns import Column, Columns
 from robotrue.core.units import MM
 from robotrue.errors import FormatError, ImplausibleDataError, MissingExtraError, ShapeError
 
@@ -18,7 +19,7 @@ _SLIVER: Final = 1e-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TriangleMesh:
+class TriangleMesh(Columns):
     """A part as triangles, counter-clockwise seen from outside. Part frame, metres.
 
     Attributes:
@@ -27,21 +28,20 @@ class TriangleMesh:
         normals: (f, 3) outward, from the order of the vertices.
     """
 
-    vertices: Array
-    faces: IntArray
+    vertices: Annotated[Array, Column("_ 3", unit="m")]
+    faces: Annotated[IntArray, Column("_ 3")]
     normals: Array = field(init=False)
     _tree: cKDTree = field(init=False, repr=False, compare=False)
     _reach: float = field(init=False, repr=False, compare=False)
 
-    def __post_init__(self) -> None:
+    def _check_rules(self) -> None:
         """Checks the triangles.
 
         Raises:
-            ShapeError: No triangles, wrong shapes, or indices out of range.
+            ShapeError: No triangles, or indices out of range.
             ImplausibleDataError: Triangles without area.
         """
-        vertices: Array = frozen(self.vertices, (None, 3), "vertices")
-        faces: IntArray = frozen(self.faces, (None, 3), "faces", dtype=np.int64)
+        vertices, faces = self.vertices, self.faces
         if not len(faces) or faces.min() < 0 or faces.max() >= len(vertices):
             raise ShapeError(f"{len(faces)} triangles over {len(vertices)} vertices.")
         corners = vertices[faces]
@@ -57,11 +57,8 @@ class TriangleMesh:
             )
         middle = corners.mean(axis=1)
         reach = float(np.linalg.norm(corners - middle[:, None], axis=2).max())
-        object.__setattr__(self, "vertices", vertices)
-        object.__setattr__(self, "faces", faces)
-        object.__setattr__(
-            self, "normals", frozen(across / area[:, None], (len(faces), 3), "normals")
-        )
+        normals = frozen(across / area[:, None], (len(faces), 3), "normals")
+        object.__setattr__(self, "normals", normals)
         object.__setattr__(self, "_tree", cKDTree(middle))
         object.__setattr__(self, "_reach", reach)
 

@@ -17,7 +17,7 @@ from typing import Annotated, Final, Literal, TypeAlias
 
 import numpy as np
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
 from robotrue.core.columns import Column, Columns
 from robotrue.core.units import DEG
 from robotrue.dynamics.deviation import DeviationModel
@@ -135,7 +135,7 @@ class LearnedPart:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SensingModels:
+class SensingModels(Columns):
     """Everything :class:`robotrue.online.sensing.Sensing` knows before the first sample.
 
     Attributes:
@@ -154,18 +154,16 @@ class SensingModels:
     compliance: JointCompliance | None = None
     response: Response | None = None
     held: HeldTool | None = None
-    T_flange_sensor: Array = field(default_factory=lambda: np.eye(4))
+    T_flange_sensor: Annotated[Array, Column("4 4")] = field(default_factory=lambda: np.eye(4))
     learned: LearnedPart | None = None
 
-    def __post_init__(self) -> None:
-        """Freezes and checks that the parts belong together.
+    def _check_rules(self) -> None:
+        """Checks that the parts belong together.
 
         Raises:
             ConfigurationError: Neither compliance nor response; a rate that is not above zero.
             ModelMismatchError: Parts of different arms, or of different units.
         """
-        frozen_pose = frozen(self.T_flange_sensor, (4, 4), "T_flange_sensor")
-        object.__setattr__(self, "T_flange_sensor", frozen_pose)
         object.__setattr__(self, "robot", self.robot.nominal())
         if not (np.isfinite(self.rate) and self.rate > 0.0):
             raise ConfigurationError(f"{self.rate:g} force samples per second, expected above 0.")

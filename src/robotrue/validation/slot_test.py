@@ -12,12 +12,13 @@ Source of the test: Feng, Liang, Xi 2018, J. Xiamen Univ. Nat. Sci. 57(5), secti
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias
+from typing import Annotated, Any, Final, Literal, TypeAlias
 
 import numpy as np
 from scipy.stats import f, t
 
 from robotrue.core.arrays import Array, frozen
+from robotrue.core.columns import Column, Columns
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, ImplausibleDataError, ShapeError
 
@@ -30,7 +31,7 @@ MOST_STEP: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SlotTest:
+class SlotTest(Columns):
     """Steps measured between the halves of slots cut from two sides.
 
     Attributes:
@@ -43,27 +44,28 @@ class SlotTest:
         frames: ``"shared"``: one clamping, one frame.
     """
 
-    step: Array
-    names: tuple[str, ...]
-    across: Array
-    R_part_first: Array
-    R_part_second: Array
+    step: Annotated[Array, Column("k _", unit="m", nan=True)]
+    names: Annotated[tuple[str, ...], Column("k")]
+    across: Annotated[Array, Column("3")]
+    R_part_first: Annotated[Array, Column("3 3")]
+    R_part_second: Annotated[Array, Column("3 3")]
     frames: Frames = "shared"
 
-    def __post_init__(self) -> None:
-        """Checks shapes and sizes.
+    def _known_sizes(self) -> dict[Any, int]:
+        return {"k": len(self.names)}
+
+    def _check_rules(self) -> None:
+        """Checks readings and sizes, makes the direction unit.
 
         Raises:
-            ShapeError: Arrays that do not fit each other, or a slot without a single reading.
+            ShapeError: A slot without a single reading, or a direction of length zero.
             ImplausibleDataError: A step above 100 mm.
             ConfigurationError: ``frames`` is neither word.
         """
-        k = len(self.names)
-        step = frozen(self.step, (k, None), "step", allow_nan=True)
-        empty = [n for n, row in zip(self.names, step, strict=True) if np.isnan(row).all()]
-        if empty or not k:
+        empty = [n for n, row in zip(self.names, self.step, strict=True) if np.isnan(row).all()]
+        if empty or not self.names:
             raise ShapeError(f"slots without a reading: {', '.join(empty) or 'all'}.")
-        largest = float(np.nanmax(np.abs(step)))
+        largest = float(np.nanmax(np.abs(self.step)))
         if largest > MOST_STEP:
             raise ImplausibleDataError(
                 f"a step of {largest / MM:g} mm, allowed up to {MOST_STEP / MM:g} mm.",
@@ -73,14 +75,10 @@ class SlotTest:
             raise ConfigurationError(
                 f"frames is {self.frames!r}, expected 'shared' or 'one per side'."
             )
-        across = np.asarray(self.across, dtype=np.float64)
-        length = float(np.linalg.norm(across))
+        length = float(np.linalg.norm(self.across))
         if not length > 0.0:
             raise ShapeError("across has no direction.")
-        object.__setattr__(self, "step", step)
-        object.__setattr__(self, "across", frozen(across / length, (3,), "across"))
-        for name in ("R_part_first", "R_part_second"):
-            object.__setattr__(self, name, frozen(getattr(self, name), (3, 3), name))
+        self._set_column("across", self.across / length)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
