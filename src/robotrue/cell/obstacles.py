@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Annotated, TypeAlias
 
 import numpy as np
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.errors import ConfigurationError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Box:
+class Box(Columns):
     """A box along the base axes.
 
     Attributes:
@@ -22,27 +23,24 @@ class Box:
     """
 
     name: str
-    low: Array
-    high: Array
+    low: Annotated[Array, Column("3", unit="m")]
+    high: Annotated[Array, Column("3", unit="m")]
 
-    def __post_init__(self) -> None:
+    def _check_rules(self) -> None:
         """Checks the corners.
 
         Raises:
             ConfigurationError: The box has no volume.
         """
-        low, high = frozen(self.low, (3,), "low"), frozen(self.high, (3,), "high")
-        if not (low < high).all():
+        if not (self.low < self.high).all():
             raise ConfigurationError(
                 f"obstacle {self.name!r}: the box has no volume.",
                 hint="two opposite corners that differ in x, y and z.",
             )
-        object.__setattr__(self, "low", low)
-        object.__setattr__(self, "high", high)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sphere:
+class Sphere(Columns):
     """A ball.
 
     Attributes:
@@ -52,16 +50,15 @@ class Sphere:
     """
 
     name: str
-    centre: Array
+    centre: Annotated[Array, Column("3", unit="m")]
     radius: float
 
-    def __post_init__(self) -> None:
+    def _check_rules(self) -> None:
         """Checks the radius.
 
         Raises:
             ConfigurationError: It is not positive.
         """
-        object.__setattr__(self, "centre", frozen(self.centre, (3,), "centre"))
         if not self.radius > 0.0:
             raise ConfigurationError(
                 f"obstacle {self.name!r}: radius {self.radius * 1e3:g} mm, expected above 0."
@@ -69,7 +66,7 @@ class Sphere:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HalfSpace:
+class HalfSpace(Columns):
     """Everything on one side of a plane: a floor, a wall.
 
     Attributes:
@@ -79,23 +76,21 @@ class HalfSpace:
     """
 
     name: str
-    point: Array
-    normal: Array
+    point: Annotated[Array, Column("3", unit="m")]
+    normal: Annotated[Array, Column("3")]
 
-    def __post_init__(self) -> None:
+    def _check_rules(self) -> None:
         """Normalises.
 
         Raises:
             ConfigurationError: The normal is zero.
         """
-        normal = np.asarray(self.normal, dtype=np.float64)
-        length = float(np.linalg.norm(normal))
+        length = float(np.linalg.norm(self.normal))
         if not length > 0.0:
             raise ConfigurationError(
                 f"obstacle {self.name!r}: the normal is zero.", hint="[0, 0, 1] for a floor."
             )
-        object.__setattr__(self, "point", frozen(self.point, (3,), "point"))
-        object.__setattr__(self, "normal", frozen(normal / length, (3,), "normal"))
+        self._set_column("normal", self.normal / length)
 
 
 Obstacle: TypeAlias = Box | Sphere | HalfSpace

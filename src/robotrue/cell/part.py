@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.core.identity import ModelIdentity
 from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.core.rotations import abc_from_matrix
@@ -14,7 +15,7 @@ from robotrue.errors import ConfigurationError, ShapeError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PartFrame:
+class PartFrame(Columns):
     """One part, or one side of it, where touching found it.
 
     Attributes:
@@ -29,17 +30,12 @@ class PartFrame:
     """
 
     name: str
-    T_base_part: Array
-    covariance: Array
+    T_base_part: Annotated[Array, Column("4 4", unit="m")]
+    covariance: Annotated[Array, Column("6 6")]
     touches: int
     outliers: tuple[str, ...] = ()
     rms: float
     verdict: str
-
-    def __post_init__(self) -> None:
-        """Freezes the arrays."""
-        object.__setattr__(self, "T_base_part", frozen(self.T_base_part, (4, 4), "T_base_part"))
-        object.__setattr__(self, "covariance", frozen(self.covariance, (6, 6), "covariance"))
 
     def document(self) -> dict[str, Any]:
         """Returns what a reader wants to know of it, as JSON values: mm and deg."""

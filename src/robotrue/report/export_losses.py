@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -16,7 +16,8 @@ from robotrue.calibration.lineage import model_hash, provenance_of
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.calibration.tables import MeanTables
 from robotrue.calibration.terms.registry import export_parts
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, ModelMismatchError
@@ -42,7 +43,7 @@ class Loss:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Calibrated:
+class Calibrated(Columns):
     """A model as something to export.
 
     Attributes:
@@ -58,18 +59,11 @@ class Calibrated:
 
     tables: MeanTables
     digest: str
-    joints: Array
-    position: Array
-    turn: Array
+    joints: Annotated[Array, Column("n dof", unit="rad")]
+    position: Annotated[Array, Column("n 3", unit="m")]
+    turn: Annotated[Array, Column("n 3", unit="rad", nan=True)]
     load: Load
     provenance: Provenance
-
-    def __post_init__(self) -> None:
-        """Freezes the arrays."""
-        object.__setattr__(self, "joints", frozen(self.joints, (None, None), "joints"))
-        shape = (len(self.joints), 3)
-        object.__setattr__(self, "position", frozen(self.position, shape, "position"))
-        object.__setattr__(self, "turn", frozen(self.turn, shape, "turn", allow_nan=True))
 
     @property
     def held(self) -> tuple[str, ...]:

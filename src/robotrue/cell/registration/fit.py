@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from robotrue.core.arrays import Array, BoolArray, frozen
+from robotrue.core.arrays import Array, BoolArray
+from robotrue.core.columns import Column, Columns
 from robotrue.core.poses import apply, pose
 from robotrue.core.rotations import matrix_from_rotation_vector, skew
 from robotrue.errors import ShapeError
@@ -47,7 +49,7 @@ class Noise:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Registration:
+class Registration(Columns):
     """A part's frame in the robot base, found from touches.
 
     Attributes:
@@ -65,23 +67,14 @@ class Registration:
     """
 
     method: str
-    T_base_part: Array
-    covariance: Array
-    names: tuple[str, ...]
-    residuals: Array
+    T_base_part: Annotated[Array, Column("4 4", unit="m")]
+    covariance: Annotated[Array, Column("6 6")]
+    names: Annotated[tuple[str, ...], Column("n")]
+    residuals: Annotated[Array, Column("n 3", unit="m")]
     outliers: tuple[str, ...] = ()
     sigma: float
     sigma_source: str
     degrees_of_freedom: int
-
-    def __post_init__(self) -> None:
-        """Freezes the arrays."""
-        for name, shape in (
-            ("T_base_part", (4, 4)),
-            ("covariance", (6, 6)),
-            ("residuals", (len(self.names), 3)),
-        ):
-            object.__setattr__(self, name, frozen(getattr(self, name), shape, name))
 
     @property
     def distances(self) -> Array:

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
 from robotrue.cell.registration.fit import Registration, displace_frame, name_touches
-from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.core.arrays import Array, IntArray
+from robotrue.core.columns import Column, Columns
 from robotrue.core.observable import check_motions
 from robotrue.core.poses import apply, inverse
 from robotrue.core.surfaces import Surface
@@ -27,7 +28,7 @@ _GAIN: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SurfaceTouches:
+class SurfaceTouches(Columns):
     """Probe centres and the surfaces they touched.
 
     Attributes:
@@ -39,19 +40,18 @@ class SurfaceTouches:
     """
 
     surfaces: tuple[Surface, ...]
-    touched: IntArray
-    centre: Array
+    touched: Annotated[IntArray, Column("n")]
+    centre: Annotated[Array, Column("n 3", unit="m")]
     radius: float = 0.0
     names: tuple[str, ...] = ()
 
-    def __post_init__(self) -> None:
-        """Checks shapes and indices.
+    def _check_rules(self) -> None:
+        """Checks indices, radius and names.
 
         Raises:
-            ShapeError: Wrong shapes, names or indices, or a negative radius.
+            ShapeError: Wrong names or indices, or a negative radius.
         """
-        centre = frozen(self.centre, (None, 3), "centre")
-        touched = frozen(self.touched, (len(centre),), "touched", dtype=np.int64)
+        touched = self.touched
         if len(touched) and not 0 <= touched.min() <= touched.max() < len(self.surfaces):
             raise ShapeError(
                 f"touched names surfaces {touched.min()} to {touched.max()}, there are "
@@ -59,9 +59,8 @@ class SurfaceTouches:
             )
         if not 0.0 <= self.radius < np.inf:
             raise ShapeError(f"probe radius is {self.radius:g} m, expected 0 or more.")
-        object.__setattr__(self, "centre", centre)
-        object.__setattr__(self, "touched", touched)
-        object.__setattr__(self, "names", name_touches(self.names or None, len(centre)))
+        names = name_touches(self.names or None, len(self.centre))
+        object.__setattr__(self, "names", names)
 
 
 def on_mesh(

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.core.units import MM
 from robotrue.errors import FormatError
 from robotrue.measurement.formats.sheet import Sheet, column_key, finite_number, read_sheet
@@ -29,7 +31,7 @@ class TouchColumns:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TouchedPoints:
+class TouchedPoints(Columns):
     """Single touches, in the order of the file.
 
     Attributes:
@@ -37,13 +39,8 @@ class TouchedPoints:
         position: (n, 3) m.
     """
 
-    names: tuple[str, ...]
-    position: Array
-
-    def __post_init__(self) -> None:
-        """Freezes the array."""
-        shape = (len(self.names), 3)
-        object.__setattr__(self, "position", frozen(self.position, shape, "position"))
+    names: Annotated[tuple[str, ...], Column("n")]
+    position: Annotated[Array, Column("n 3", unit="m")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
