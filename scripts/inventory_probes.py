@@ -195,7 +195,13 @@ def _stated(operation: Any) -> Iterator[str]:
         if not field.is_in(JOB):
             continue
         if isinstance(field.entry, Item):
-            form = "items" if field.many else "item_or_none" if field.optional else "item"
+            form = (
+                "items"
+                if field.many or field.entry.listed
+                else "item_or_none"
+                if field.optional
+                else "item"
+            )
             yield f"{field.name}: {form} {field.entry.noun}"
         elif isinstance(field.entry, Output):
             yield f"{field.name}: flag = False"

@@ -74,6 +74,8 @@ def _parameter(field: RequestField) -> tuple[Any, Any]:
         kind, default = bool, False
     elif isinstance(field.entry, Item):
         kind = ItemParameter
+        if field.entry.listed:
+            kind |= Annotated[list[ItemParameter], Field(min_length=1, max_length=1)]
     limits = [each for each in field.info.metadata if not isinstance(each, Option)]
     for limit in limits:
         kind = Annotated[kind, limit]
@@ -103,6 +105,8 @@ def stated_parameters(operation: AnyOperation, parameters: Mapping[str, Any]) ->
     for name, value in given.items():
         if name in fields and fields[name].many and not isinstance(value, list):
             given[name] = [value]
+        elif name in fields and isinstance(value, list) and _is_listed(fields[name]):
+            given[name] = _only(fields[name], value)
     try:
         model = parameters_model(request).model_validate(given)
     except ValidationError as error:
@@ -122,6 +126,24 @@ def stated_parameters(operation: AnyOperation, parameters: Mapping[str, Any]) ->
         )
     except ValidationError as error:
         raise _refusal(error, request, fields) from None
+
+
+def _is_listed(field: RequestField) -> bool:
+    return isinstance(field.entry, Item) and field.entry.listed
+
+
+def _only(field: RequestField, values: list[Any]) -> Any:
+    """The one item of a list.
+
+    Raises:
+        ConfigurationError: None, or several.
+    """
+    if len(values) != 1:
+        raise ConfigurationError(
+            f"{len(values)} items in parameter {field.name!r}, expected one.",
+            hint=f"a job for each {getattr(field.entry, 'noun', 'item')}.",
+        )
+    return values[0]
 
 
 def _refusal(

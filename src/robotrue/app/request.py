@@ -91,9 +91,11 @@ class Item(Option):
 
     Attributes:
         noun: What it refers to, as ``robotrue workspace list`` spells it.
+        listed: Jobs may state it as a list of one.
     """
 
     noun: str
+    listed: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

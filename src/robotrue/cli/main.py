@@ -21,7 +21,6 @@ import typer
 
 from robotrue.cli import (
     arm_commands,
-    drift_commands,
     drill_commands,
     dynamics_commands,
     export_commands,
@@ -41,7 +40,6 @@ from robotrue.errors import RobotrueError
 __all__ = [
     "app",
     "arm_commands",
-    "drift_commands",
     "drill_commands",
     "dynamics_commands",
     "export_commands",
@@ -105,7 +103,17 @@ def warm_up() -> None:
     run()
 
 
-ORDER: Final = ("demo", "plan", "calibrate", "transfer", "validate", "predict", "map")
+ORDER: Final = (
+    "demo",
+    "plan",
+    "calibrate",
+    "transfer",
+    "validate",
+    "predict",
+    "map",
+    "drift",
+    "drift-plan",
+)
 """Commands in the order of the work, for the help; others follow as they are registered."""
 register_operations(app, ORDER)
 

@@ -35,13 +35,11 @@ from robotrue.errors import ConfigurationError, ObservabilityError, ShapeError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import POSE_TERMS, parameter_slice
 from robotrue.robot.statics import Load
+from robotrue.validation.drift_defaults import FEWEST, LEVEL
 from robotrue.validation.evaluation import Evaluation, evaluate, row_loads
 
 Verdict: TypeAlias = Literal["keep", "update", "recalibrate", "measure again"]
 Kind: TypeAlias = Literal["base", "tool", "joint", "reading"]
-LEVEL: Final = 0.01
-FEWEST: Final = 4
-"""Poses; with fewer a moved base explains anything."""
 SEEN_LENGTH: Final = 1e-4
 SEEN_ANGLE: Final = 1e-4
 """m and rad: a cause is tried if the poses know it to this standard deviation."""

@@ -13,6 +13,7 @@ from robotrue.errors import ConfigurationError
 from robotrue.store import items
 from robotrue.store.nouns import DOCUMENT, DRIFT_CHECK, MEASUREMENT, MODEL
 from robotrue.store.records import DriftCheckRecord, ModelRecord, Query, Record
+from robotrue.validation.drift_defaults import FEWEST, POSES
 from robotrue.web.bench import Bench, Page
 from robotrue.web.pages.drift_result import TONES, probability, result, verdict_word
 from robotrue.web.parts.drop import DropZone
@@ -22,7 +23,6 @@ from robotrue.web.parts.frame import html
 from robotrue.web.parts.icons import icon
 from robotrue.web.parts.job import JobCard, under_way
 
-POSES: Final = 7
 JOBS: Final = {
     "drift_plan": ("choosing", "/drift?model={model}&plan={id}", "document"),
     "drift": ("checking", "/drift?id={id}", "check"),
@@ -98,7 +98,7 @@ async def _poses(bench: Bench, model: ModelRecord) -> None:
         "onsubmit=\"return bench.jobForm('drift_plan',this)\">"
         f"<input type='hidden' name='model' value='{model.id}'>"
         f"<label class='field'>{escape(say('drift.poses'))}<input type='number' name='poses' "
-        f"value='{POSES}' min='4' max='20' required style='width:110px'></label>"
+        f"value='{POSES}' min='{FEWEST}' max='20' required style='width:110px'></label>"
         f"<button class='act{' quiet' if found else ''}' data-testid='drift-choose'>"
         f"{escape(say('drift.choose'))}</button></form>"
     ).classes("card")

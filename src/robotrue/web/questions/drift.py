@@ -8,7 +8,7 @@ from pathlib import Path
 from robotrue.store import items, measurements, models
 from robotrue.store.nouns import MODEL
 from robotrue.store.workspace import Workspace
-from robotrue.validation.drift_check import FEWEST
+from robotrue.validation.drift_defaults import FEWEST
 from robotrue.web.api.documents import record_document
 from robotrue.web.questions.intake import read_sets
 from robotrue.web.questions.packing import answer

@@ -1,0 +1,244 @@
+"""Say whether the robot still is the one that was calibrated: keep, update or recalibrate."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+from robotrue.app.context import Context
+from robotrue.app.operation import Operation
+from robotrue.app.presentation import Block, Facts, Note, Table
+from robotrue.app.request import InputFile, Item, Option, Reference, Request
+from robotrue.core.provenance import Provenance, marked_document, merge
+from robotrue.core.units import DEG, MM
+from robotrue.validation.drift_defaults import FEWEST, LEVEL
+
+if TYPE_CHECKING:
+    from robotrue.app.workspace_context import WorkspaceContext
+    from robotrue.store.workspace import Transaction
+    from robotrue.validation.drift_check import Cause, DriftCheck
+
+VERDICTS: Final = {
+    "keep": "nothing has changed beyond chance: keep the model",
+    "update": "one cause explains what has changed: update the model by transfer with these poses",
+    "recalibrate": "the robot has changed, and no single cause explains it: calibrate again",
+    "measure again": "one reading explains it: measure that pose again before anything else",
+}
+MOST_CAUSES: Final = 6
+
+
+class DriftRequest(Request):
+    """Which model to check with which poses."""
+
+    model: Annotated[
+        Reference, Item(noun="model", argument="MODEL", help="Model file of `calibrate`.")
+    ]
+    measurements: Annotated[
+        Reference,
+        Item(
+            noun="measurement",
+            argument="POSES",
+            listed=True,
+            help="5 to 10 poses measured again.",
+        ),
+    ]
+    level: Annotated[
+        float,
+        Option(advanced=True, help="Share of checks that may call an unchanged robot changed."),
+    ] = LEVEL
+    mapping: Annotated[Path | None, InputFile(help="Column mapping (TOML).")] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriftChecked:
+    """A drift check.
+
+    Attributes:
+        check: Its numbers and verdict.
+        robot: Name of the robot.
+        poses: Rows.
+        advice: What to type next; empty for nothing.
+        provenance: Of the model and the poses.
+    """
+
+    check: DriftCheck
+    robot: str
+    poses: int
+    advice: str
+    provenance: Provenance
+
+    def document(self) -> Mapping[str, Any]:
+        """Returns JSON values; lengths in mm, angles in deg."""
+        return _document(self.check)
+
+    def blocks(self) -> Iterable[Block]:
+        """Returns the verdict and the causes."""
+        check = self.check
+        facts = [
+            ("verdict", check.verdict),
+            ("that is", VERDICTS[check.verdict]),
+            (
+                "chi-square",
+                f"{check.chi2:.1f} for {check.degrees} numbers, chance of more {check.p:.2g}",
+            ),
+            ("residual rms", f"{_rms(check) / MM:.4f} mm"),
+            ("level", f"false alarm in {100 * check.level:g} % of checks or fewer"),
+        ]
+        if check.not_seen:
+            facts.append(("not seen by these poses", ", ".join(check.not_seen)))
+        yield Facts(title=f"drift check of {self.robot}", rows=tuple(facts))
+        if check.changed:
+            yield Table(
+                title="causes, most likely first",
+                columns=("cause", "shift", "chance", "chance of the rest", ""),
+                rows=tuple(
+                    (
+                        _place(cause, check),
+                        _shift(cause),
+                        f"{cause.p:.2g}",
+                        f"{cause.p_left:.2g}",
+                        "explains it" if cause.explains else "",
+                    )
+                    for cause in check.causes[:MOST_CAUSES]
+                ),
+                words=True,
+            )
+        if self.advice:
+            yield Note(self.advice)
+
+
+def run(request: DriftRequest, context: Context) -> DriftChecked:
+    """Checks the poses against the model; the verdict is a result, never an error.
+
+    Raises:
+        ObservabilityError: Too few poses.
+    """
+    from robotrue.calibration.lineage import provenance_of
+    from robotrue.validation.drift_check import drift_check
+
+    context.step("reading", 0, 3)
+    stored = context.model(request.model)
+    rows = context.measurements(
+        stored.cell, [request.measurements], request.mapping, minimum=FEWEST
+    )
+    context.step("predicting", 1, 3)
+    check = drift_check(stored.model, rows, payload=stored.cell.payload, level=request.level)
+    poses, model = context.name(request.measurements), context.name(request.model)
+    return DriftChecked(
+        check=check,
+        robot=stored.model.robot.name,
+        poses=len(rows),
+        advice=f"try: robotrue transfer CELL {poses} --source old={model},campaign -o MODEL_NEW"
+        if check.verdict == "update" and isinstance(request.model, Path)
+        else "",
+        provenance=merge([provenance_of(stored.model), rows.provenance]),
+    )
+
+
+def save(
+    request: DriftRequest, result: DriftChecked, into: Transaction, context: WorkspaceContext
+) -> Mapping[str, Any]:
+    """Leaves a drift check, linked to the model and the poses."""
+    from robotrue.app.workspace_context import ref_document
+    from robotrue.store import drift_checks
+    from robotrue.store.nouns import MEASUREMENT, MODEL
+
+    model = context.record(MODEL, request.model)
+    data = context.record(MEASUREMENT, request.measurements)
+    document = marked_document(result.document(), result.provenance)
+    made = drift_checks.add(
+        into,
+        name=context.naming.name or f"{model.name}: {data.name}",
+        note=context.naming.note,
+        model=model.ref,
+        data=data.ref,
+        poses=result.poses,
+        statistic=result.check.chi2,
+        p_value=result.check.p,
+        verdict=result.check.verdict,
+        detail={**document, "job": context.work.job.id},
+    )
+    return {
+        "check": ref_document(made.ref),
+        "verdict": result.check.verdict,
+        "simulated": result.provenance.simulated,
+    }
+
+
+def _document(check: DriftCheck) -> dict[str, Any]:
+    """The check as JSON values; lengths in mm, angles in deg."""
+    return {
+        "verdict": check.verdict,
+        "meaning": VERDICTS[check.verdict],
+        "chi2": check.chi2,
+        "degrees_of_freedom": check.degrees,
+        "p": check.p,
+        "level": check.level,
+        "residual_rms_mm": _rms(check) / MM,
+        "causes": [
+            {
+                "name": c.name,
+                "explains": c.explains,
+                "p": c.p,
+                "p_left": c.p_left,
+                "chi2_gain": c.gain,
+                "shift": {
+                    _named(term): float(v) / _size(term)
+                    for term, v in zip(c.terms, c.shift, strict=True)
+                },
+                "sd": {
+                    _named(term): float(v) / _size(term)
+                    for term, v in zip(c.terms, c.sd, strict=True)
+                },
+            }
+            for c in check.causes
+        ],
+        "not_seen": list(check.not_seen),
+        "poses": [
+            {
+                "line": int(line),
+                "residual_mm": (residual / MM).tolist(),
+                "sigmas": float(sigmas),
+            }
+            for line, residual, sigmas in zip(
+                check.source_row, check.residual, check.sigmas, strict=True
+            )
+        ],
+    }
+
+
+def _rms(check: DriftCheck) -> float:
+    import numpy as np
+
+    return float(np.sqrt(np.mean(np.sum(check.residual**2, axis=1))))
+
+
+def _place(cause: Cause, check: DriftCheck) -> str:
+    if cause.kind != "reading":
+        return cause.name
+    row = int(cause.name.removeprefix("reading ")) - 1
+    return f"reading of line {int(check.source_row[row])}"
+
+
+def _shift(cause: Cause) -> str:
+    return ", ".join(
+        f"{term} {v / _size(term):+.4f}({s / _size(term):.4f}) {_unit(term)}"
+        for term, v, s in zip(cause.terms, cause.shift, cause.sd, strict=True)
+    )
+
+
+def _unit(term: str) -> str:
+    return "mm" if term in ("x", "y", "z") else "deg"
+
+
+def _size(term: str) -> float:
+    return MM if _unit(term) == "mm" else DEG
+
+
+def _named(term: str) -> str:
+    return f"{term}_{_unit(term)}"
+
+
+OPERATION: Final = Operation(request=DriftRequest, run=run, save=save)
