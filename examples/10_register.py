@@ -7,12 +7,11 @@ from pathlib import Path
 
 import matplotlib
 
-from robotrue.calibration.nominal import NominalModel
-
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
+from robotrue.calibration.nominal import NominalModel
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, pose
 from robotrue.core.units import MM
@@ -44,8 +43,7 @@ def session(cell: virtual.FengCell, path: Path) -> ProbingSet:
 
 def cut(cell: virtual.FengCell, found: RegisteredPart) -> Array:
     """Errors (40,) mm of points cut from both sides, run by the model the frame belongs to."""
-    rng, T = np.random.default_rng(9), found.frames[0].registration.T_base_part
-    errors = []
+    rng, T, errors = np.random.default_rng(9), found.frames[0].registration.T_base_part, []
     for side in BOTH:
         points = virtual.touch_points(side, 20, rng)
         poses = pose(np.broadcast_to(virtual.attitude(side), (20, 3, 3)), apply(T, points))
@@ -59,11 +57,9 @@ def main(out: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
     cell, told = virtual.feng_cell(seed=5), RegistrationSettings(tolerance=0.3 * MM)
     touches = session(cell, out / "points.csv")
-    stated, done = [], []
+    arm, stated, done = NominalModel(robot=cell.nominal), [], []
     for n in COUNTS:
-        found = register(
-            NominalModel(robot=cell.nominal), touches.subset(np.arange(n)), settings=told
-        )
+        found = register(arm, touches.subset(np.arange(n)), settings=told)
         stated.append(found.frames[0].region.max() / MM)
         done.append(cut(cell, found))
         print(f"{n} touches, {found.route}: {stated[-1]:.2f} mm with 95 %, {found.verdict}")
