@@ -34,6 +34,7 @@ from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.statics import deflected
+from robotrue.validation.validate import validate
 
 USUAL = 303.15
 """K, at which programs run."""
@@ -172,6 +173,11 @@ def test_predictions_at_other_temperatures_are_better_and_honest(model: LearnedM
     assert mean < 0.5 * coverage(blind, 11)[0]
     assert 0.9 < cover <= 1.0
     assert blind.belief().place(WarmDrives.name) == slice(*[len(blind.belief().mean)] * 2)
+
+
+def test_validation_takes_the_temperature_of_each_row(model: LearnedModel) -> None:
+    check = measured(300, 11)
+    assert validate(model, check).after.mean == pytest.approx(coverage(model, 11)[0], rel=1e-9)
 
 
 def test_new_poses_and_another_campaign_move_it_too(model: LearnedModel) -> None:

@@ -69,7 +69,7 @@ def error(term: Term, values: Array) -> Array:
 def test_columns_are_the_derivative_of_the_error(term: Term) -> None:
     values = values_of(term) + (0.3 if not term.linear else 0.0)
     at = linearise_arm(ROBOT, JOINTS, NO_LOAD, terms=(term,), values=values, approach=APPROACH)
-    columns = at.columns[:, :3, len(ROBOT.errors) :]
+    columns = at.columns[:, :, len(ROBOT.errors) :]
     assert columns.shape == (12, 3, term.size) == (12, 3, len(term.parameters))
     for k, step in enumerate(STEP * np.eye(term.size)):
         slope = (error(term, values + step) - error(term, values - step)) / (2.0 * STEP)

@@ -28,7 +28,7 @@ class LinearArm:
     Attributes:
         error: (n, 3) m, actual minus commanded tool point, base axes.
         turn: (n, 3) rad, left rotation vector of the same.
-        columns: (n, 6, p) derivative of error and turn by the coefficients.
+        columns: (n, 3, p) derivative of the error by the coefficients.
         uncarried: (n,) m^2 per axis of variance that no coefficient carries.
     """
 
@@ -83,7 +83,7 @@ def linearise_arm(
         if T_flange_tool is not None:
             uncarried = uncarried + effect.other_tool
     state = walk(actual, joints, shift)
-    jacobian = parameter_jacobian(actual, state, joints, at.torque)
+    jacobian = parameter_jacobian(actual, state, joints, at.torque)[:, :3]
     by = sensitivity_of(actual, jacobian)
     learned = [term.columns(actual, at, by, part) for term, part in parts_of(terms, values)]
     columns = np.concatenate([jacobian, *learned], axis=2)

@@ -334,6 +334,7 @@ def _pieces(
                 joints=joints,
                 torque=drive_torque(robot, joints, rows_of(query.load, mine)),
                 approach=approach[mine],
+                temperature=query.temperature[mine],
                 target=np.zeros(count, dtype=np.int64),
                 station=station[mine],
             ),

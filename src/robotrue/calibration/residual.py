@@ -173,7 +173,7 @@ class LearnedModel:
             approach=rows.approach,
             temperature=rows.temperature,
         )
-        return at, at.columns[:, :3, self.columns.astype(np.int64)]
+        return at, at.columns[:, :, self.columns.astype(np.int64)]
 
     def mean_tables(self, load: Load = NO_LOAD) -> MeanTables | None:
         """Returns the mean as flat tables, or None if a term has no such form.

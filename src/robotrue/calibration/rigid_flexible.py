@@ -124,8 +124,8 @@ class RigidFlexibleModel:
                 self.actual, joints[part], rows_of(query.load, part), query.T_flange_tool
             )
             error[part], turn[part] = at.error, at.turn
-            jacobian = at.columns[:, :3]
-            covariance[part] = jacobian @ self.covariance @ np.swapaxes(jacobian, 1, 2)
+            turned = np.swapaxes(at.columns, 1, 2)
+            covariance[part] = at.columns @ self.covariance @ turned
         noise = (self.repeatability**2 + self.white**2) * np.eye(3)
         return Prediction(error=error, rotation_error=turn, covariance=covariance + noise)
 
@@ -141,7 +141,7 @@ class RigidFlexibleModel:
         if joints.ndim != 2 or joints.shape[1] != self.robot.dof:
             raise ShapeError(f"joints has shape {joints.shape}, expected (any, {self.robot.dof}).")
         at = linearise_arm(self.actual, joints, query.load, query.T_flange_tool)
-        rows = at.columns[:, :3].reshape(3 * len(joints), -1)
+        rows = at.columns.reshape(3 * len(joints), -1)
         white = (self.repeatability**2 + self.white**2) * np.eye(len(rows))
         return np.asarray(rows @ self.covariance @ rows.T + white)
 

@@ -201,6 +201,7 @@ def force_sensitivity(model: ErrorModel, query: Query) -> float:
                 joints=query.joints,
                 load=load,
                 approach=query.approach,
+                temperature=query.temperature,
                 T_flange_tool=query.T_flange_tool,
             )
         ).error

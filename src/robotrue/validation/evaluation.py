@@ -74,6 +74,7 @@ def evaluate(
                 joints=measured.joints[rows],
                 load=Load(mass=load.mass[rows], com=load.com[rows], wrench=load.wrench[rows]),
                 approach=measured.approach[rows],
+                temperature=measured.temperature[rows],
             )
         )
         error[rows], turn[rows] = prediction.error, prediction.rotation_error
