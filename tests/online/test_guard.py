@@ -83,7 +83,7 @@ def test_whatever_comes_the_robot_stays_within_limit_and_rate(mode, script):
         nonlocal told
         guard.book(taken=told)
         if not told:
-            guard.missed(1, now)
+            guard.count_late(1, now)
         answer = guard.next(now)
         moved = turned = 0.0
         if answer is not None and not lost:
@@ -164,7 +164,7 @@ def test_too_much_is_cut_along_itself():
         (lambda guard, now: None, "behind the answer"),
         (lambda guard, now: guard.doubt("outside the model"), "outside the model"),
         (lambda guard, now: guard.fault("NaN"), "NaN"),
-        (lambda guard, now: guard.missed(2, now), "2 late answers within 1 s"),
+        (lambda guard, now: guard.count_late(2, now), "2 late answers within 1 s"),
         (lambda guard, now: guard.want(_wanted((0.0, 0.0, 0.0)), now + 1.0), "ahead of the answer"),
         (lambda guard, now: guard.want(_wanted((0.0, 0.0, 0.0)), math.nan), "without a time"),
         (lambda guard, now: guard.next(now - 1.0), "clock went back"),
@@ -190,11 +190,11 @@ def test_the_watchdog_bites_and_goes_to_zero_without_a_jump(mode, harm, why):
 def test_one_late_answer_is_forgiven():
     guard, controller = CorrectionGuard(LIMITS, ABSOLUTE), Controller(ABSOLUTE)
     now = _run(guard, controller, 0.0, 100, _wanted((0.4 * MM, 0.0, 0.0)))
-    guard.missed(1, now)
+    guard.count_late(1, now)
     assert guard.active
-    guard.missed(1, now + 2.0)
+    guard.count_late(1, now + 2.0)
     assert guard.active
-    guard.missed(1, now + 2.5)
+    guard.count_late(1, now + 2.5)
     assert not guard.active
 
 
@@ -230,7 +230,7 @@ def test_nothing_bites_before_something_is_wanted():
     guard.next(0.0)
     guard.doubt("settling")
     guard.fault("the first packet")
-    guard.missed(5, 0.0)
+    guard.count_late(5, 0.0)
     assert guard.active
     assert guard.trips == 0
 
@@ -238,7 +238,7 @@ def test_nothing_bites_before_something_is_wanted():
 def test_a_controller_that_begins_anew_holds_nothing():
     guard, controller = CorrectionGuard(LIMITS, ABSOLUTE), Controller(ABSOLUTE)
     now = _run(guard, controller, 0.0, 100, _wanted((0.4 * MM, 0.0, 0.0)))
-    guard.restarted()
+    guard.note_restart()
     assert guard.at_rest
     assert (guard.next(now).shift == 0.0).all()
 
@@ -247,7 +247,7 @@ def test_a_controller_that_begins_anew_holds_nothing():
 def test_a_controller_that_may_have_begun_anew_is_not_moved(mode):
     guard, controller = CorrectionGuard(LIMITS, mode), Controller(mode)
     now = _run(guard, controller, 0.0, 100, _wanted((0.4 * MM, 0.0, 0.0)))
-    guard.restarted(certain=False)
+    guard.note_restart(certain=False)
     assert "still hold 0.400 mm; no more corrections" in guard.why
     for k in range(200):
         guard.want(_wanted((0.1 * MM, 0.0, 0.0)), now + k * CYCLE)
@@ -260,7 +260,7 @@ def test_a_controller_that_may_have_begun_anew_is_not_moved(mode):
     again = CorrectionGuard(LIMITS, mode)
     again.resume(guard.state(), "killed")
     assert again.frozen
-    guard.restarted()
+    guard.note_restart()
     assert guard.at_rest
     assert guard.state().farthest == 0.0
 

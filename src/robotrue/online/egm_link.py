@@ -142,7 +142,7 @@ class EgmSource(RobotLink[JointSample]):
                 self._answer(self._corrector, sender, host_time)
             missed = max(0, self._watch.lost - before.lost) + bool(flags & Flag.LATE)
             if missed:
-                self._corrector.missed(missed, host_time)
+                self._corrector.count_late(missed, host_time)
         if flags:
             sample = joint_sample(robot, host_time, flags)
         self._keep(sample, sample.sequence, host_time, sample.flags)
@@ -167,11 +167,11 @@ class EgmSource(RobotLink[JointSample]):
         if guidance is not GuidanceState.RUNNING:
             if not flags & _STALE:
                 self._guided = False
-                self._corrector.restarted(certain=same)
+                self._corrector.note_restart(certain=same)
         elif silent and same and self._watch.total - before.total <= _UNSEEN:
             self._corrector.fault("the controller was not heard for a while")
         elif silent or flags & Flag.CLOCK_JUMP or self._watch.total - before.total > _UNSEEN:
-            self._corrector.restarted(certain=False)
+            self._corrector.note_restart(certain=False)
 
     def _answer(self, corrector: Corrector, sender: Address, host_time: float) -> None:
         # asked for now: the message may have waited, and estimates have come since

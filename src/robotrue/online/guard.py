@@ -175,7 +175,7 @@ class CorrectionGuard:
                 self._wanted = (shift, turn, host_time)
 
     def doubt(self, why: str) -> None:
-        """Takes note that the estimate is invalid."""
+        """Reports that the estimate is invalid."""
         self.fault(why)
 
     def next(self, host_time: float) -> Correction | None:
@@ -247,8 +247,8 @@ class CorrectionGuard:
         )
         self._widen(math.hypot(*moved), math.hypot(*turned))
 
-    def untold(self, answers: int) -> None:
-        """Takes note of answers that the guard before this one gave without saying so."""
+    def add_unreported(self, answers: int) -> None:
+        """Counts answers that the guard before this one gave and did not report."""
         if self.mode is CorrectionMode.RELATIVE and answers > 0:
             limits = self.limits
             with self._lock:
@@ -288,7 +288,7 @@ class CorrectionGuard:
         wanted = self._wanted
         return 0.0 if wanted is None or not self.active else max(0.0, host_time - wanted[2])
 
-    def missed(self, answers: int, host_time: float) -> None:
+    def count_late(self, answers: int, host_time: float) -> None:
         """Counts answers that were not taken in time; too many within a while are a fault."""
         with self._lock:
             self._late.extend([host_time] * min(answers, _HISTORY))
@@ -301,7 +301,7 @@ class CorrectionGuard:
         with self._lock:
             self._trip(why)
 
-    def restarted(self, *, certain: bool = True) -> None:
+    def note_restart(self, *, certain: bool = True) -> None:
         """Trips the watchdog, since the controller has begun anew, or may have.
 
         Args:

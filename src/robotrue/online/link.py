@@ -79,20 +79,20 @@ class Corrector(Protocol):
     def book(self, *, taken: bool) -> None:
         """Takes note, before the next answer, whether the one before was taken for certain."""
 
-    def untold(self, answers: int) -> None:
-        """Takes note of answers that a link which has ended gave at last, without a record."""
+    def add_unreported(self, answers: int) -> None:
+        """Counts answers that an ended link gave last and did not record."""
 
     def age(self, host_time: float) -> float:
         """Returns s since the measurement that the correction rests on; 0 where there is none."""
 
-    def missed(self, answers: int, host_time: float) -> None:
+    def count_late(self, answers: int, host_time: float) -> None:
         """Counts answers that came too late to be taken, or were never made."""
 
     def fault(self, why: str) -> None:
         """Takes note of what makes corrections unsafe: a packet with NaN, a clock that jumped."""
 
-    def restarted(self, *, certain: bool = True) -> None:
-        """Takes note that the controller begins anew and holds no correction, or may do so."""
+    def note_restart(self, *, certain: bool = True) -> None:
+        """Reports that the controller restarts and holds no correction, or may do so."""
 
     def release(self) -> None:
         """Goes to zero for good: the link is about to be closed."""

@@ -86,7 +86,7 @@ class RsiBooking:
             if resumed and 0 <= untold < SILENCE:
                 self._first = 0
                 self._corrector.book(taken=False)
-                self._corrector.untold(untold)
+                self._corrector.add_unreported(untold)
                 self._corrector.fault("the controller was without answers for a while")
                 return True
             if not resumed and (rise in (cycles - 1, cycles) or late == cycles - 1):
@@ -95,7 +95,7 @@ class RsiBooking:
                 self._first -= self._first > 0
                 self._corrector.book(taken=passed and rise == cycles - 1 and not self._first)
                 if rise:
-                    self._corrector.missed(max(rise, 1), host_time)
+                    self._corrector.count_late(max(rise, 1), host_time)
                 if silent:
                     self._corrector.fault("the controller was not heard for a while")
                 return True
@@ -110,8 +110,8 @@ class RsiBooking:
             self._first = SILENCE if certain else self._first
             if resumed and not certain:
                 # the process before may have moved the robot after it last said where it is
-                self._corrector.untold(SILENCE)
-            self._corrector.restarted(certain=certain)
+                self._corrector.add_unreported(SILENCE)
+            self._corrector.note_restart(certain=certain)
             self._corrector.book(taken=False)
         return True
 
