@@ -33,7 +33,7 @@ from robotrue.cell.cell import Cell
 from robotrue.core.units import MM
 from robotrue.errors import RobotrueError
 from robotrue.measurement.measurement_set import MeasurementSet
-from robotrue.planning.criteria import exchanged, greedy
+from robotrue.planning.criteria import exchange_poses, greedy
 from robotrue.planning.expectation import work_of
 from robotrue.planning.information import Postures, before_measuring
 from robotrue.planning.pose_plan import PlanSettings, PosePlan, plan_poses
@@ -161,7 +161,7 @@ def speed(base: Ground) -> None:
     rows = model.rows(Postures(joints=base.pool, load=base.cell.payload))
     weight = work_of(model, base.work).weight
     begin = time.process_time()
-    exchanged(rows, weight, greedy(rows, weight, 30).chosen, criterion="I")
+    exchange_poses(rows, weight, greedy(rows, weight, 30).chosen, criterion="I")
     seconds = time.process_time() - begin
     print(
         f"RESULT | choosing 30 of {len(rows)} candidates, {rows.shape[2]} columns, CPU s | - "

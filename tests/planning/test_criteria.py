@@ -12,7 +12,7 @@ from robotrue.errors import ConfigurationError
 from robotrue.planning.criteria import (
     Criterion,
     covariance_after,
-    exchanged,
+    exchange_poses,
     follow,
     greedy,
     next_pose,
@@ -70,7 +70,7 @@ def test_an_exchange_is_never_worse_than_its_start(criterion: Criterion, seed: i
     rows, weight = information(seed=seed)
     start = np.random.default_rng(seed).choice(len(rows), 6, replace=False)
     before = figure(rows, weight, start.tolist(), criterion)
-    found = exchanged(rows, weight, start, criterion=criterion, sweeps=3)
+    found = exchange_poses(rows, weight, start, criterion=criterion, sweeps=3)
     after = figure(rows, weight, found.chosen.tolist(), criterion)
     assert after < before
     assert len(set(found.chosen.tolist())) == 6
@@ -87,7 +87,7 @@ def test_exchange_reaches_the_best_of_all_pairs() -> None:
             for pair in combinations(range(len(rows)), 2)
         )
         starts = [
-            exchanged(
+            exchange_poses(
                 rows, weight, np.array([k, (k + 5) % 14]), criterion=criterion, sweeps=5
             ).chosen
             for k in range(14)

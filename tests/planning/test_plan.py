@@ -19,7 +19,7 @@ from robotrue.measurement.queries import read_queries
 from robotrue.planning import candidates
 from robotrue.planning.arm_scene import scene_of
 from robotrue.planning.criteria import greedy
-from robotrue.planning.expectation import expected, work_of
+from robotrue.planning.expectation import predict_accuracy, work_of
 from robotrue.planning.information import Postures, before_measuring, settings_of
 from robotrue.planning.next_visit import next_visit
 from robotrue.planning.order import short_order, travel
@@ -243,7 +243,7 @@ def test_the_next_pose_while_measuring() -> None:
     pool = Postures(joints=postures(80, 3), load=PAYLOAD)
     work = work_of(model, Postures(joints=postures(30, 4), load=PAYLOAD))
     whole = greedy(model.rows(pool), work.weight, 8)
-    promised = expected(work, model.rows(pool), whole.chosen, seed=1).mean
+    promised = predict_accuracy(work, model.rows(pool), whole.chosen, seed=1).mean
     taken: list[int] = []
     for k in range(8):
         free = ~np.isin(np.arange(80), taken)

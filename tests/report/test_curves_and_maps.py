@@ -27,8 +27,8 @@ from robotrue.report.map_figure import slices_png
 from robotrue.report.page import report_html
 from robotrue.report.transfer_curve import pose_curves_png
 from robotrue.report.transfer_report import transfer_content
-from robotrue.validation.error_map import error_map, sector_similarities, uncalibrated
-from robotrue.validation.guard import guarded, verdict_from_summary
+from robotrue.validation.error_map import build_prior_model, error_map, sector_similarities
+from robotrue.validation.guard import select_guarded, verdict_from_summary
 from robotrue.validation.learning_curve import learning_curve
 
 
@@ -124,7 +124,7 @@ def test_nothing_to_draw_is_refused():
 
 def test_page_of_a_transfer_says_who_is_used_and_what_it_takes():
     target = measured(40, error=bend)
-    model = guarded({"transfer": knows}, {"target-only": needs_rows}, target)
+    model = select_guarded({"transfer": knows}, {"target-only": needs_rows}, target)
     verdict, selection = verdict_from_summary(model.training_summary())
     curve = learning_curve({"transfer": knows, "target-only": needs_rows}, target, repeats=3)
     content = transfer_content(
@@ -136,7 +136,7 @@ def test_page_of_a_transfer_says_who_is_used_and_what_it_takes():
     assert "Who is believed about the target" in page
     assert "target-only, 0 target poses: no target row to fit." in page
     assert "floor" not in page
-    unchecked = guarded({"transfer": knows}, {}, None)
+    unchecked = select_guarded({"transfer": knows}, {}, None)
     verdict, selection = verdict_from_summary(unchecked.training_summary())
     content = transfer_content(
         verdict, selection, None, title="Transfer", subtitle="", simulated=True
@@ -149,7 +149,7 @@ def test_page_of_a_map_counts_what_cannot_be_taken():
     cube = CubeRegion(x=(0.6, 1.9), y=(-0.4, 0.4), z=(0.4, 1.0))
     down = np.array([0.0, np.pi, 0.0])
     found = error_map(
-        uncalibrated(arm(), FitSettings()),
+        build_prior_model(arm(), FitSettings()),
         cube,
         (5, 2, 3),
         tool_abc=down,

@@ -13,8 +13,8 @@ from robotrue.robot.model import parameter_slice
 from robotrue.robot.presets import preset
 from robotrue.robot.statics import Load, deflected
 from robotrue.validation.budget import (
-    carried,
     force_sensitivity,
+    propagate_covariance,
     stated_line,
     tracker_lines,
     uncertainty_budget,
@@ -73,7 +73,9 @@ def test_a_registration_carried_to_a_point_is_that_of_many_draws():
     lever = np.array([[0.5, -0.3, 0.8]])
     draw = root @ RNG.standard_normal((6, 200_000))
     moved = draw[:3].T + np.cross(draw[3:].T, lever[0])
-    assert carried(covariance, lever)[0] == pytest.approx(np.cov(moved.T), rel=0.03, abs=1e-12)
+    assert propagate_covariance(covariance, lever)[0] == pytest.approx(
+        np.cov(moved.T), rel=0.03, abs=1e-12
+    )
 
 
 def test_registration_and_force_enter_as_squares():

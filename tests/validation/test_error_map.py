@@ -14,10 +14,10 @@ from robotrue.robot.forward import forward
 from robotrue.robot.model import parameter_slice
 from robotrue.robot.presets import preset
 from robotrue.validation.error_map import (
+    build_prior_model,
     error_map,
     radius_95,
     sector_similarities,
-    uncalibrated,
 )
 
 TOOL = np.array([0.0, 150.0, 0.0]) * DEG
@@ -88,7 +88,7 @@ def test_an_arm_without_a_closed_inverse_is_mapped_too():
     cube = CubeRegion(x=(0.4, 0.7), y=(-0.4, 0.4), z=(0.2, 0.5))
     down = np.array([0.0, 180.0, 0.0]) * DEG
     found = error_map(
-        uncalibrated(robot, FitSettings()), cube, (2, 4, 2), tool_abc=down, attitude="fixed"
+        build_prior_model(robot, FitSettings()), cube, (2, 4, 2), tool_abc=down, attitude="fixed"
     )
     assert found.reachable.all()
     nominal = forward(robot, found.joints)[:, :3, 3]

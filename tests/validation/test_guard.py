@@ -11,7 +11,7 @@ from validation_fakes import FakeModel, arm, measured
 
 from robotrue.errors import ObservabilityError, ShapeError
 from robotrue.robot.forward import forward
-from robotrue.validation.guard import guarded, verdict_from_summary
+from robotrue.validation.guard import select_guarded, verdict_from_summary
 from robotrue.validation.learning_curve import learning_curve
 from robotrue.validation.selection import select
 
@@ -52,7 +52,7 @@ def test_a_richer_method_with_the_same_predictions_falls_back():
 
 def test_a_good_source_is_used_and_the_gain_over_the_target_alone_is_stated():
     target = measured(12, error=bend)
-    model = guarded({"transfer": believes(bend)}, ALONE, target)
+    model = select_guarded({"transfer": believes(bend)}, ALONE, target)
     verdict, contest = verdict_from_summary(model.training_summary())
     assert (verdict.winner, verdict.against, verdict.checked) == ("transfer", "target-only", True)
     assert verdict.gain > verdict.noise > 0.0
@@ -66,7 +66,7 @@ def test_a_good_source_is_used_and_the_gain_over_the_target_alone_is_stated():
 def test_a_source_that_lies_is_not_used_and_the_message_says_so(n):
     target = measured(n, error=bend)
     wrong = believes(lambda joints: 2e-3 + bend(joints))
-    model = guarded({"transfer": wrong, "source-only": wrong}, ALONE, target)
+    model = select_guarded({"transfer": wrong, "source-only": wrong}, ALONE, target)
     verdict, _ = verdict_from_summary(model.training_summary())
     assert verdict.winner == "target-only"
     assert verdict.doubts[0].startswith("the sources make it worse: transfer has 3.")
@@ -79,7 +79,9 @@ def test_a_source_that_lies_is_not_used_and_the_message_says_so(n):
 def test_never_worse_than_the_target_alone_by_more_than_the_error_bar(size, seed):
     target = measured(15, error=bend, seed=seed)
     off = believes(lambda joints: size + bend(joints))
-    model = guarded({"transfer": off, "pooled": believes(lambda j: 0 * j[:, :3])}, ALONE, target)
+    model = select_guarded(
+        {"transfer": off, "pooled": believes(lambda j: 0 * j[:, :3])}, ALONE, target
+    )
     verdict, contest = verdict_from_summary(model.training_summary())
     scores = {score.name: score.mean for score in contest.table}
     if verdict.winner != "target-only":
@@ -92,30 +94,32 @@ def test_never_worse_than_the_target_alone_by_more_than_the_error_bar(size, seed
 @pytest.mark.parametrize(("rows", "said"), [(0, "no target pose was measured"), (2, "only 2")])
 def test_without_target_poses_nothing_is_checked_and_that_is_said(rows, said):
     target = measured(rows, error=bend) if rows else None
-    model = guarded({"broken": unfit, "transfer": believes(bend)}, ALONE, target)
+    model = select_guarded({"broken": unfit, "transfer": believes(bend)}, ALONE, target)
     verdict, contest = verdict_from_summary(model.training_summary())
     assert (verdict.winner, verdict.checked, contest) == ("transfer", False, None)
     assert verdict.doubts[0].startswith(said)
     assert "nothing was checked" in verdict.doubts[0]
     with pytest.raises(ObservabilityError, match="no candidate could be fitted; broken: too few"):
-        guarded({"broken": unfit}, {}, None)
+        select_guarded({"broken": unfit}, {}, None)
 
 
 def test_a_transfer_that_cannot_be_fitted_is_named():
     target = measured(12, error=bend)
-    model = guarded({"transfer": unfit, "source-only": believes(bend)}, ALONE, target)
+    model = select_guarded({"transfer": unfit, "source-only": believes(bend)}, ALONE, target)
     verdict, _ = verdict_from_summary(model.training_summary())
     assert verdict.winner == "source-only"
     assert verdict.doubts == (
         "transfer could not be fitted, source-only is used: too few poses for this method.",
     )
-    model = guarded({"transfer": believes(bend)}, {"target-only": unfit}, target)
+    model = select_guarded({"transfer": believes(bend)}, {"target-only": unfit}, target)
     verdict, _ = verdict_from_summary(model.training_summary())
     assert verdict.doubts[0].startswith("the target poses alone could not be fitted")
 
 
 def test_a_stated_uncertainty_that_is_too_small_is_said():
-    model = guarded({"transfer": believes(bend, sigma=5e-6)}, ALONE, measured(20, error=bend))
+    model = select_guarded(
+        {"transfer": believes(bend, sigma=5e-6)}, ALONE, measured(20, error=bend)
+    )
     (doubt,) = verdict_from_summary(model.training_summary())[0].doubts
     assert doubt.startswith("the stated 95 % regions hold 0 % of the held-out target poses")
     assert "too small" in doubt
@@ -126,7 +130,7 @@ def test_target_points_all_at_one_place_are_said():
     joints = rows.joints[:1] + 1e-2 * rows.joints
     position = forward(arm(), joints)[:, :3, 3] + bend(joints)
     near = replace(rows, joints=joints, position=position)
-    model = guarded({"transfer": believes(bend)}, ALONE, near, reach=1.6)
+    model = select_guarded({"transfer": believes(bend)}, ALONE, near, reach=1.6)
     (doubt,) = verdict_from_summary(model.training_summary())[0].doubts
     assert "of one place: the contest says nothing about the rest of the region" in doubt
 

@@ -13,10 +13,10 @@ from robotrue.core.units import MM
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.validation.next_touch import (
     TouchBelief,
-    believed,
     expected_readings,
     judged_reading,
     machined_radius,
+    update_belief,
 )
 from robotrue.validation.part_registration import register
 from robotrue.validation.registration_settings import RegistrationSettings
@@ -43,7 +43,7 @@ def touched(seed: int, count: int = 4) -> tuple[virtual.FengCell, ProbingSet]:
 
 def after(cell: virtual.FengCell, touches: ProbingSet, n: int) -> TouchBelief:
     made = touches.subset(np.arange(n)) if n else None
-    return believed(
+    return update_belief(
         NominalModel(robot=cell.nominal),
         made,
         ROUGH,
@@ -83,7 +83,7 @@ def test_the_place_is_that_of_registering_once_touches_decide_it() -> None:
         position=apply(T, point) + 1e-4 * rng.normal(size=(8, 3)),
     )
     robot = virtual.feng_cell(seed=0).nominal
-    known = believed(
+    known = update_belief(
         NominalModel(robot=robot), touches, ROUGH, settings=SETTINGS, rough_sigma=1.0, joints=False
     )
     found = register(NominalModel(robot=robot), touches, settings=SETTINGS)
@@ -104,7 +104,7 @@ def test_surfaces_are_judged_along_their_normal_and_with_the_ball() -> None:
     )
     robot = virtual.feng_cell(seed=0).nominal
     rough = {0: pose(np.eye(3), np.array([0.004, -0.003, 0.002]))}
-    known = believed(
+    known = update_belief(
         NominalModel(robot=robot),
         touches.subset(np.arange(11)),
         rough,
@@ -163,7 +163,7 @@ def test_what_is_wrong_with_positions_is_named() -> None:
         position=apply(virtual.T_BASE_DRAWN, point) + 1e-4 * rng.normal(size=(8, 3)),
     )
     robot = virtual.feng_cell(seed=0).nominal
-    known = believed(
+    known = update_belief(
         NominalModel(robot=robot),
         touches.subset(np.arange(6)),
         ROUGH,

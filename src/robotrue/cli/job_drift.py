@@ -24,7 +24,7 @@ from robotrue.store.provenance import provenance_of_record
 from robotrue.store.records import MeasurementRecord, ModelRecord
 from robotrue.store.workspace import Transaction
 from robotrue.validation.drift_defaults import FEWEST
-from robotrue.validation.guarded_transfer import contestants, judged
+from robotrue.validation.guarded_transfer import contestants, select_transfer
 
 
 def transfer(work: Work) -> Publish:
@@ -40,7 +40,7 @@ def transfer(work: Work) -> Publish:
         robot, settings = cell.measured_robot, settings_of(cell)
         old = Source(model=held.model, relation="campaign", name=record.name)
         found = contestants(robot, rows, [old], settings)
-        model = judged(found, robot, rows, settings, progress=work.step)
+        model = select_transfer(found, robot, rows, settings, progress=work.step)
     path = work.folder / "model.rtm"
     write_model(path, model, cell)
     for line in remarks(model.training_summary()):

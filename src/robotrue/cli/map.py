@@ -28,9 +28,9 @@ from robotrue.validation.error_map import (
     Attitude,
     SectorSimilarity,
     WorkspaceMap,
+    build_prior_model,
     error_map,
     sector_similarities,
-    uncalibrated,
 )
 
 SUFFIXES: Final = (".png", ".csv", ".html", ".htm")
@@ -115,7 +115,7 @@ def _model(path: Path) -> tuple[ErrorModel, Cell]:
         return stored.model, stored.cell
     cell = read_cell(path)
     say("note: a cell and no model: stated stiffness and prior scales, nothing measured")
-    return uncalibrated(cell.measured_robot, settings_of(cell)), cell
+    return build_prior_model(cell.measured_robot, settings_of(cell)), cell
 
 
 def _region(kind: str, ranges: dict[str, str | None]) -> Region:

@@ -36,7 +36,7 @@ from robotrue.report.model_view import remarks, result_facts
 from robotrue.store.model_file import ZIP, read_model, write_model
 from robotrue.validation.contest import Selection
 from robotrue.validation.guard import GuardVerdict, verdict_from_summary
-from robotrue.validation.guarded_transfer import Contestants, contestants, judged
+from robotrue.validation.guarded_transfer import Contestants, contestants, select_transfer
 from robotrue.validation.learning_curve import LearningCurve, learning_curve
 
 REPEATS = 5
@@ -72,7 +72,7 @@ def run(
             hint="measure target poses, or give a source of this robot.",
         )
     with progress() as step:
-        model = judged(found, robot, target, settings, progress=step)
+        model = select_transfer(found, robot, target, settings, progress=step)
     drawn = _curve(found, target, cell) if curve else None
     write_model(output, model, cell)
     say(f"model written to {output}")

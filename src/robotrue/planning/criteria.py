@@ -153,7 +153,7 @@ def greedy(
     )
 
 
-def exchanged(
+def exchange_poses(
     rows: Array,
     weight: Array,
     start: IntArray,
@@ -206,7 +206,7 @@ def exchanged(
 
 
 def passes(n: int) -> int:
-    """Returns how often :func:`exchanged` goes over n poses at most."""
+    """Returns how often :func:`exchange_poses` goes over n poses at most."""
     return max(1, EXCHANGES // max(n, 1))
 
 

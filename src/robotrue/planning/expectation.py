@@ -93,7 +93,7 @@ def mean_error(work: WorkErrorPrior, covariance: Array) -> float:
     return float(mean_length(learned + work.rest + work.instrument).mean())
 
 
-def expected(
+def predict_accuracy(
     work: WorkErrorPrior,
     rows: Array,
     order: IntArray,

@@ -54,7 +54,7 @@ def facing(
     middle = point[mine].mean(axis=0)
     nearest = int(np.argmin(np.where(mine, np.linalg.norm(point - middle, axis=1), np.inf)))
     for direction in (*([-outward[first]] if alike[first] else []), DOWN):
-        joints = _reached(robot, point[nearest], direction, tip_axis)
+        joints = _reach_direction(robot, point[nearest], direction, tip_axis)
         if joints is not None:
             return Machining(
                 group=("part",), point=features.point[[nearest]], joints=joints[None],
@@ -68,12 +68,16 @@ def facing(
     )
 
 
-def _reached(robot: RobotModel, point: Array, direction: Array, tip_axis: Array) -> Array | None:
+def _reach_direction(
+    robot: RobotModel, point: Array, direction: Array, tip_axis: Array
+) -> Array | None:
     """Joints (dof,) with the tool axis along a direction, in the middle of their limits."""
     low, high = robot.limits[:, 0] + MARGIN, robot.limits[:, 1] - MARGIN
     middle = np.where(np.isfinite(low + high), 0.5 * (low + high), 0.0)
     turns = matrix_from_rotation_vector(SPINS[:, None] * direction)
-    wanted = pose(turns @ _turned(tip_axis, direction), np.broadcast_to(point, (len(turns), 3)))
+    wanted = pose(
+        turns @ _rotate_onto(tip_axis, direction), np.broadcast_to(point, (len(turns), 3))
+    )
     if opw_geometry(robot) is not None:
         joints = inverse_batch(robot, wanted, near=middle)
     else:
@@ -87,7 +91,7 @@ def _reached(robot: RobotModel, point: Array, direction: Array, tip_axis: Array)
     return np.asarray(joints[int(np.argmin(away))])
 
 
-def _turned(axis: Array, to: Array) -> Array:
+def _rotate_onto(axis: Array, to: Array) -> Array:
     """The smallest rotation (3, 3) that takes one unit vector to another."""
     about = np.cross(axis, to)
     sine, cosine = float(np.linalg.norm(about)), float(axis @ to)

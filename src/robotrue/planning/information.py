@@ -177,7 +177,7 @@ class LinearModel(Columns):
             mine = postures.take(part)
             (seen,) = observations_of(
                 robot,
-                _imagined(self.cell, robot, mine),
+                _build_ideal_set(self.cell, robot, mine),
                 self.settings.payload,
                 repeatability=self.settings.repeatability_sd,
                 rotation_sd=self.settings.rotation_sd,
@@ -318,7 +318,7 @@ def _root_of(covariance: Array) -> Array:
     return np.asarray(scale[:, None] * vectors[:, alive] * np.sqrt(values[alive]))
 
 
-def _imagined(cell: Cell, robot: RobotModel, postures: Postures) -> MeasurementSet:
+def _build_ideal_set(cell: Cell, robot: RobotModel, postures: Postures) -> MeasurementSet:
     """The set that measuring an error-free arm would give, in base."""
     position = forward(robot.nominal(), postures.joints)[:, :3, 3]
     n, load = len(postures), postures.load

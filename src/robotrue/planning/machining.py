@@ -24,7 +24,7 @@ from robotrue.errors import ConfigurationError, ReachError
 from robotrue.planning.arm_scene import Scene
 from robotrue.planning.lifts import Side, box_around, require_one_clamping, with_lifts
 from robotrue.planning.tool_axis import Posed, resolve_spin
-from robotrue.planning.transit import blocked, scene_without_reflector, transit
+from robotrue.planning.transit import find_collisions, scene_without_reflector, transit
 from robotrue.program.formats.krl_machining import SideMoves, Speeds, machining_program
 from robotrue.program.toolpath import Toolpath
 from robotrue.robot.configuration import controller_axes
@@ -120,7 +120,7 @@ def plan_machining(
     require_one_clamping(sides, box)
     scene = scene_without_reflector(cell)
     homes = _homes(robot, scene, box, sides[0].T_base_part, settings)
-    posed = [_posed(robot, side, box, settings, homes[0]) for side in sides]
+    posed = [_pose_side(robot, side, box, settings, homes[0]) for side in sides]
     moves = _moves(scene, box, posed, homes)
     shape = branch_of(robot, homes[0])
     notes = [note for each in posed for note in _doubts(each, shape)]
@@ -152,7 +152,7 @@ def job_program(
     return machining_program(name, robot.T_flange_tool, sides, axes[-1], speeds, remarks=remarks)
 
 
-def _posed(
+def _pose_side(
     robot: RobotModel, side: Side, box: Box, settings: MachiningSettings, home: Array
 ) -> Posed:
     """The side with its lifts; a lift out of reach is not blamed on the point under it."""
@@ -193,7 +193,11 @@ def _homes(
     for axes in np.atleast_2d(settings.home) if np.size(settings.home) else HOMES:
         home = axes if robot.controller is None else robot.controller.to_model(axes)
         beyond = (home < robot.limits[:, 0]) | (home > robot.limits[:, 1])
-        hits = [k for k, hit in blocked(scene, box, T_base_part, home[None]).items() if hit.any()]
+        hits = [
+            k
+            for k, hit in find_collisions(scene, box, T_base_part, home[None]).items()
+            if hit.any()
+        ]
         if not beyond.any() and not hits:
             good.append(np.asarray(home))
             continue
@@ -232,7 +236,7 @@ def _near_misses(scene: Scene, box: Box, posed: Posed) -> list[str]:
     """Sentences on obstacles that arm or tool come near to while cutting."""
     count = len(posed.joints)
     rows = np.unique(np.linspace(0, count - 1, min(count, LOOKED_AT)).astype(np.int64))
-    hits = blocked(scene, box, posed.T_base_part, posed.joints[rows])
+    hits = find_collisions(scene, box, posed.T_base_part, posed.joints[rows])
     hits.pop("collision with the part")  # cutting is meant to touch it
     return [
         f"{posed.path.place(int(rows[int(np.argmax(hit))]))}: {reason} while cutting."

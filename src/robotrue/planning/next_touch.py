@@ -9,7 +9,7 @@ import numpy as np
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.planning.criteria import next_pose
-from robotrue.planning.probing import LinearTask, ProbingTask, known_after, linear_task
+from robotrue.planning.probing import LinearTask, ProbingTask, condition_covariance, linear_task
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +42,9 @@ def next_touch(
         ConfigurationError: No candidate is left.
     """
     count = len(task.candidates)
-    both = task if touched is None else replace(task, candidates=_joined(task.candidates, touched))
+    both = (
+        task if touched is None else replace(task, candidates=_join_sets(task.candidates, touched))
+    )
     linear = linear_task(both)
     rows, done = linear.rows[:count], linear.rows[count:]
     index, _ = next_pose(
@@ -50,17 +52,17 @@ def next_touch(
     )
     return NextTouch(
         index=index,
-        now=_left(linear, done),
-        then=_left(linear, np.concatenate([done, rows[[index]]])),
+        now=_weigh_remaining(linear, done),
+        then=_weigh_remaining(linear, np.concatenate([done, rows[[index]]])),
     )
 
 
-def _left(linear: LinearTask, rows: Array) -> float:
-    covariance = linear.covariance(known_after(rows))
+def _weigh_remaining(linear: LinearTask, rows: Array) -> float:
+    covariance = linear.covariance(condition_covariance(rows))
     return float(np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean()))
 
 
-def _joined(first: ProbingSet, second: ProbingSet) -> ProbingSet:
+def _join_sets(first: ProbingSet, second: ProbingSet) -> ProbingSet:
     return ProbingSet(
         names=first.names + second.names,
         point=np.concatenate([first.point, second.point]),

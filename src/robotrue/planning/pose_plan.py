@@ -19,12 +19,12 @@ from robotrue.core.units import DEG
 from robotrue.errors import ConfigurationError, ReachError
 from robotrue.planning.arm_scene import Scene, scene_of
 from robotrue.planning.candidates import draw_candidates, nothing_left, reachable_in, usable
-from robotrue.planning.criteria import CRITERIA, Choice, Criterion, exchanged, greedy, passes
+from robotrue.planning.criteria import CRITERIA, Choice, Criterion, exchange_poses, greedy, passes
 from robotrue.planning.expectation import (
     RANDOM,
     ExpectedAccuracy,
     WorkErrorPrior,
-    expected,
+    predict_accuracy,
     work_of,
 )
 from robotrue.planning.information import (
@@ -198,11 +198,11 @@ def plan_poses(
         )
     rows = np.concatenate([known.rows(_visits(joints, load, settings)) for load in loads])
     wanted = work_of(known, _where(known, joints, settings, work, loads[0]), T_flange_tool)
-    choice, stopped = _chosen(rows, wanted, n, settings, meter)
+    choice, stopped = _choose_poses(rows, wanted, n, settings, meter)
     posture, load = choice.chosen % len(joints), choice.chosen // len(joints)
     order = _visiting_order(joints[posture], load, len(loads))
     taken = joints[posture]
-    pre, approach = _entered(taken[order], settings)
+    pre, approach = _plan_entries(taken[order], settings)
     return PosePlan(
         joints=taken[order],
         pre=pre,
@@ -212,7 +212,7 @@ def plan_poses(
         loads=loads,
         position=scene.tubes(taken[order])[1],
         rank=order,
-        expected=expected(
+        expected=predict_accuracy(
             wanted, rows, choice.chosen, seed=settings.seed, told=meter.phase("comparing plans", 4)
         ),
         criterion=settings.criterion,
@@ -305,13 +305,13 @@ class _Meter:
         return lambda step: self.at(text, part, weight * step)
 
 
-def _chosen(
+def _choose_poses(
     rows: Array, work: WorkErrorPrior, n: int, settings: PlanSettings, meter: _Meter
 ) -> tuple[Choice, bool]:
     """Greedy, then exchanged, then sorted so that each pose is the best after those before."""
     weight, text = work.weight, "choosing poses"
     first = greedy(rows, weight, n, criterion=settings.criterion, told=meter.phase(text, 1))
-    better = exchanged(
+    better = exchange_poses(
         rows, weight, first.chosen, criterion=settings.criterion,
         told=meter.phase("exchanging poses", 2, 2),
     )  # fmt: skip
@@ -342,7 +342,7 @@ def _visiting_order(joints: Array, load: IntArray, count: int) -> IntArray:
     return np.concatenate(parts)
 
 
-def _entered(joints: Array, settings: PlanSettings) -> tuple[Array, Array]:
+def _plan_entries(joints: Array, settings: PlanSettings) -> tuple[Array, Array]:
     """Pre-positions, and the sign of each joint's last motion into each pose."""
     if settings.approach == "one side":
         return joints - settings.step_back, np.ones_like(joints)

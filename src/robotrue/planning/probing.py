@@ -22,7 +22,7 @@ from robotrue.core.arrays import Array, IntArray
 from robotrue.core.columns import Column, Columns
 from robotrue.errors import ConfigurationError, ObservabilityError, ShapeError
 from robotrue.measurement.probing_set import NO_SURFACE, ProbingSet
-from robotrue.planning.criteria import exchanged, greedy
+from robotrue.planning.criteria import exchange_poses, greedy
 from robotrue.robot.statics import NO_LOAD, Load
 
 Goal: TypeAlias = Literal["mean", "worst"]
@@ -315,19 +315,19 @@ def plan_touches(
             hint="fewer touches, or more features.",
         )
     linear = linear_task(task)
-    chosen = _planned(linear, spread_touches(task.candidates, n), goal)
-    mean, worst, known = followed(linear, chosen)
+    chosen = _choose_greedily(linear, spread_touches(task.candidates, n), goal)
+    mean, worst, known = trace_order(linear, chosen)
     while (kept := _enough(mean if goal == "mean" else worst, tolerance)) < len(chosen):
         # Chosen anew: as many touches can be better ones.
-        fewer = _planned(linear, spread_touches(task.candidates, kept), goal)
-        trial = followed(linear, fewer)
+        fewer = _choose_greedily(linear, spread_touches(task.candidates, kept), goal)
+        trial = trace_order(linear, fewer)
         if trial[goal == "worst"][-1] > tolerance:
             chosen = chosen[:kept]
-            mean, worst, known = followed(linear, chosen)
+            mean, worst, known = trace_order(linear, chosen)
             break
         chosen, (mean, worst, known) = fewer, trial
     _require_frames(linear, chosen, tuple(sorted(task.T_base_part)))
-    spread, _, _ = followed(linear, spread_touches(task.candidates, len(chosen)))
+    spread, _, _ = trace_order(linear, spread_touches(task.candidates, len(chosen)))
     return ProbePlan(
         touches=task.candidates.subset(chosen),
         row=chosen,
@@ -341,7 +341,7 @@ def plan_touches(
     )
 
 
-def _planned(linear: LinearTask, spread: IntArray, goal: Goal) -> IntArray:
+def _choose_greedily(linear: LinearTask, spread: IntArray, goal: Goal) -> IntArray:
     """Rows of as many candidates as spread ones; each adds most to those before it."""
     weight = np.ones(len(linear.columns))
     found, left = np.empty(0, dtype=np.int64), np.inf
@@ -349,21 +349,21 @@ def _planned(linear: LinearTask, spread: IntArray, goal: Goal) -> IntArray:
         directions = linear.weight(weight)
         starts = [greedy(linear.rows, directions, len(spread)).chosen, spread]
         trials = [spread] + [
-            exchanged(linear.rows, directions, start, criterion="I").chosen for start in starts
+            exchange_poses(linear.rows, directions, start, criterion="I").chosen for start in starts
         ]
         squares = [
-            np.trace(linear.covariance(known_after(linear.rows[trial])), axis1=1, axis2=2)
+            np.trace(linear.covariance(condition_covariance(linear.rows[trial])), axis1=1, axis2=2)
             for trial in trials
         ]
         best = int(np.argmin([weight @ square for square in squares]))
         better, square = trials[best], squares[best]
         if goal == "mean" or square.max() < left:
-            found, left = _ordered(linear.rows, directions, better), float(square.max())
+            found, left = _sort_by_benefit(linear.rows, directions, better), float(square.max())
         weight = weight * (square / square.mean()) ** POWER
     return found
 
 
-def _ordered(rows: Array, weight: Array, chosen: IntArray) -> IntArray:
+def _sort_by_benefit(rows: Array, weight: Array, chosen: IntArray) -> IntArray:
     """The same touches by worth: the one that is missed least goes to the end, and so on.
 
     Better at its start than choosing forwards: alone, no two touches say much, three do.
@@ -371,7 +371,7 @@ def _ordered(rows: Array, weight: Array, chosen: IntArray) -> IntArray:
     kept, last = list(chosen), []
     while len(kept) > 1:
         mine = rows[kept]
-        known = known_after(mine)
+        known = condition_covariance(mine)
         ahead = mine @ known
         inner = np.eye(3) - ahead @ np.swapaxes(mine, 1, 2)
         missed = np.linalg.solve(inner, ahead @ weight @ np.swapaxes(ahead, 1, 2))
@@ -379,20 +379,20 @@ def _ordered(rows: Array, weight: Array, chosen: IntArray) -> IntArray:
     return np.array(kept + last[::-1], dtype=np.int64)
 
 
-def followed(linear: LinearTask, order: IntArray) -> tuple[Array, Array, Array]:
+def trace_order(linear: LinearTask, order: IntArray) -> tuple[Array, Array, Array]:
     """Returns rms and worst standard uncertainty (n + 1,) m along an order, and the last P."""
     known = np.eye(linear.rows.shape[2])
     mean, worst = [], []
     for k in [-1, *order.tolist()]:
         if k >= 0:
-            known = _told(known, linear.rows[k])
+            known = _condition_on(known, linear.rows[k])
         square = np.trace(linear.covariance(known), axis1=1, axis2=2)
         mean.append(np.sqrt(square.mean()))
         worst.append(np.sqrt(square.max()))
     return np.array(mean), np.array(worst), known
 
 
-def _told(known: Array, rows: Array) -> Array:
+def _condition_on(known: Array, rows: Array) -> Array:
     ahead = known @ rows.T
     inner = np.eye(len(rows)) + rows @ ahead
     after = known - ahead @ np.linalg.solve(inner, ahead.T)
@@ -450,7 +450,7 @@ def _cover(
     task: ProbingTask, linear: LinearTask, chosen: IntArray, known: Array
 ) -> tuple[GroupCover, ...]:
     now = np.trace(linear.covariance(known), axis1=1, axis2=2)
-    all_told = known_after(linear.rows)
+    all_told = condition_covariance(linear.rows)
     best = np.trace(linear.covariance(all_told), axis1=1, axis2=2)
     own = linear.at_touches[chosen]
     spread = np.einsum("nik,kl,nil->n", own, known, own) + 3.0 * linear.touch_visit[chosen]
@@ -477,7 +477,7 @@ def _cover(
     return tuple(out)
 
 
-def known_after(rows: Array) -> Array:
+def condition_covariance(rows: Array) -> Array:
     """Returns P (k, k) after all of the rows (n, m, k), by their information."""
     flat = rows.reshape(-1, rows.shape[2])
     return np.asarray(np.linalg.inv(np.eye(rows.shape[2]) + flat.T @ flat))

@@ -124,24 +124,24 @@ def touch_candidates(
     counts: dict[str, int] = {}
     good = np.ones(n * a, dtype=bool)
     towards = attitude @ limits.tip_axis
-    open_side = _reached_from(outward, towards, limits.steepest)[feature, chosen]
-    good &= _left(counts, "the tool comes from the wrong side", good, ~open_side)
+    open_side = _can_reach(outward, towards, limits.steepest)[feature, chosen]
+    good &= _drop_bad(counts, "the tool comes from the wrong side", good, ~open_side)
     joints = np.full((n * a, robot.dof), np.nan)
     mine = np.flatnonzero(good)
     wanted = pose(attitude[chosen[mine]], point[feature[mine]])
     joints[mine] = _joints(robot, wanted, near[chosen[mine]])
     out = np.asarray(np.isnan(joints).any(axis=1))
-    good &= _left(counts, "out of reach", good, out)
+    good &= _drop_bad(counts, "out of reach", good, out)
     low, high = robot.limits[:, 0] + limits.margin, robot.limits[:, 1] - limits.margin
     beyond = np.asarray(((joints < low) | (joints > high)).any(axis=1))
-    good &= _left(counts, "joint limits", good, beyond)
+    good &= _drop_bad(counts, "joint limits", good, beyond)
     if scene is not None and good.any():
         standing = np.flatnonzero(good)
         for reason, hit in collisions(scene, joints[standing]).items():
             if not reason.endswith(TRACKER):
                 bad = np.zeros_like(good)
                 bad[standing] = hit
-                good &= _left(counts, reason, good, bad)
+                good &= _drop_bad(counts, reason, good, bad)
     rejected = tuple((reason, count) for reason, count in counts.items() if count)
     if not good.any():
         why = ", ".join(f"{reason} {count}" for reason, count in rejected)
@@ -242,7 +242,7 @@ def _outward(features: Features, place: Array) -> Array:
     return np.asarray((place[:, :3, :3] @ direction[:, :, None])[:, :, 0])
 
 
-def _reached_from(outward: Array, towards: Array, steepest: float) -> BoolArray:
+def _can_reach(outward: Array, towards: Array, steepest: float) -> BoolArray:
     """(n, a) whether the tool comes from the side a feature is open to."""
     anywhere: BoolArray = np.isnan(outward[:, 0])
     against = -np.nan_to_num(outward) @ towards.T
@@ -257,7 +257,7 @@ def _joints(robot: RobotModel, wanted: Array, near: Array) -> Array:
     return np.where(found.converged[:, None], found.joints, np.nan)
 
 
-def _left(counts: dict[str, int], reason: str, good: BoolArray, bad: BoolArray) -> BoolArray:
+def _drop_bad(counts: dict[str, int], reason: str, good: BoolArray, bad: BoolArray) -> BoolArray:
     """Which are not bad; those that were still good are counted under the reason."""
     counts[reason] = counts.get(reason, 0) + int((good & bad).sum())
     return ~bad

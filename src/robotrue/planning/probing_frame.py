@@ -183,8 +183,8 @@ def plan_frame_touches(
             f"are {candidates} candidates.",
             hint="more touches, or more features.",
         )
-    chosen = _planned(frames, task, n, goal)
-    mean, worst = _followed(frames, chosen)
+    chosen = _choose_touches(frames, task, n, goal)
+    mean, worst = _trace_order(frames, chosen)
     kept = _enough(mean if goal == "mean" else worst, tolerance)
     chosen, mean, worst = chosen[:kept], mean[: kept + 1], worst[: kept + 1]
     return ProbePlan(
@@ -193,22 +193,22 @@ def plan_frame_touches(
         goal=goal,
         mean=mean,
         worst=worst,
-        spread_mean=_followed(frames, spread_touches(task.candidates, kept))[0],
+        spread_mean=_trace_order(frames, spread_touches(task.candidates, kept))[0],
         covariance=frames.covariance(chosen),
         groups=_cover(frames, task, chosen, goal),
         stopped=kept < n,
     )
 
 
-def _planned(frames: FrameTask, task: ProbingTask, n: int, goal: Goal) -> IntArray:
+def _choose_touches(frames: FrameTask, task: ProbingTask, n: int, goal: Goal) -> IntArray:
     weight = np.ones(len(frames.visit))
     found, left = np.empty(0, dtype=np.int64), np.inf
     start = _seeds(frames, task)
     for _ in range(1 if goal == "mean" else REWEIGHTED):
-        chosen = _exchanged(frames, _grown(frames, start, n, weight), weight)
+        chosen = _exchange_touches(frames, _grow_plan(frames, start, n, weight), weight)
         square = np.trace(frames.covariance(chosen), axis1=1, axis2=2)
         if goal == "mean" or square.max() < left:
-            found, left = _ordered(frames, chosen, weight), float(square.max())
+            found, left = _sort_by_benefit(frames, chosen, weight), float(square.max())
         weight = weight * (square / square.mean()) ** POWER
     return found
 
@@ -236,7 +236,7 @@ def _seeds(frames: FrameTask, task: ProbingTask) -> IntArray:
     return np.array(out, dtype=np.int64)
 
 
-def _grown(frames: FrameTask, start: IntArray, n: int, weight: Array) -> IntArray:
+def _grow_plan(frames: FrameTask, start: IntArray, n: int, weight: Array) -> IntArray:
     chosen = list(start)
     while len(chosen) < n:
         costs = frames.costs(np.array(chosen), weight)
@@ -245,7 +245,7 @@ def _grown(frames: FrameTask, start: IntArray, n: int, weight: Array) -> IntArra
     return np.array(chosen[:n], dtype=np.int64)
 
 
-def _exchanged(frames: FrameTask, chosen: IntArray, weight: Array) -> IntArray:
+def _exchange_touches(frames: FrameTask, chosen: IntArray, weight: Array) -> IntArray:
     """Single touches exchanged as long as the sum of squares falls and every frame stands."""
     now = chosen.copy()
     for _ in range(SWEEPS):
@@ -265,7 +265,7 @@ def _exchanged(frames: FrameTask, chosen: IntArray, weight: Array) -> IntArray:
     return now
 
 
-def _ordered(frames: FrameTask, chosen: IntArray, weight: Array) -> IntArray:
+def _sort_by_benefit(frames: FrameTask, chosen: IntArray, weight: Array) -> IntArray:
     """The same touches by worth: what is missed least goes to the end."""
     kept, last = chosen.copy(), []
     while len(kept) > LEAST:
@@ -299,7 +299,7 @@ def _stands(frames: FrameTask, chosen: IntArray) -> bool:
     return True
 
 
-def _followed(frames: FrameTask, order: IntArray) -> tuple[Array, Array]:
+def _trace_order(frames: FrameTask, order: IntArray) -> tuple[Array, Array]:
     """Rms and worst standard uncertainty (n + 1,) m along an order; NaN without a frame."""
     mean, worst = [], []
     for k in range(len(order) + 1):
@@ -345,7 +345,7 @@ def _cover(
             turn=frames.turn[mine],
         )
         count = max(len(chosen), LEAST * len(np.unique(alone.work_part)))
-        best = alone.covariance(_planned(alone, task, count, goal))
+        best = alone.covariance(_choose_touches(alone, task, count, goal))
         least = float(np.sqrt(np.trace(best, axis1=1, axis2=2).mean()))
         cure = f"a frame of its own, from {count} touches, would leave {least * 1e3:.2f} mm"
         if least > FACTOR * at_touches:

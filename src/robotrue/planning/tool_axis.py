@@ -116,7 +116,7 @@ def resolve_spin(
         if way.branch < 0:
             raise _no_way(robot, geometry, T_base_part, path, dense, stations, way, settings)
         try:
-            return _posed(robot, geometry, T_base_part, path, dense, stations, way, settings)
+            return _pose_targets(robot, geometry, T_base_part, path, dense, stations, way, settings)
         except ReachError as error:  # a narrow place between two stations
             fault, spacing = error, 0.5 * spacing
     raise fault or ReachError("no way was found.", source=path.source)
@@ -162,7 +162,7 @@ def _all_joints(
     return np.moveaxis(found.reshape(m, k, BRANCHES, 6), 2, 1)
 
 
-def _posed(
+def _pose_targets(
     robot: RobotModel,
     geometry: OpwGeometry,
     T_base_part: Array,

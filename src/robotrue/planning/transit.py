@@ -48,7 +48,9 @@ def scene_without_reflector(cell: Cell) -> Scene:
     return scene_of(bare, clearance=CLEARANCE)
 
 
-def blocked(scene: Scene, box: Box, T_base_part: Array, joints: Array) -> dict[str, BoolArray]:
+def find_collisions(
+    scene: Scene, box: Box, T_base_part: Array, joints: Array
+) -> dict[str, BoolArray]:
     """Returns, per reason, which postures (n, 6) rad run into something.
 
     Args:
@@ -85,11 +87,11 @@ def transit(
     Raises:
         ReachError: None of them is clear.
     """
-    near, far = (_drawn(start, end, shape) for shape in (home[1:3], _drawn_shape(scene)))
+    near, far = (_draw_in(start, end, shape) for shape in (home[1:3], _drawn_shape(scene)))
     fault = ""
     for between in ([], near, far, [home], [near[0], home, near[1]], [far[0], home, far[1]]):
-        way = _sampled(np.array([start, *between, end]))
-        hits = blocked(scene, box, T_base_part, way)
+        way = _sample_moves(np.array([start, *between, end]))
+        hits = find_collisions(scene, box, T_base_part, way)
         found = [reason for reason, hit in hits.items() if hit.any()]
         if not found:
             moved = [q for q in between if not (np.array_equal(q, start) or np.array_equal(q, end))]
@@ -101,7 +103,7 @@ def transit(
     )
 
 
-def _drawn(start: Array, end: Array, shape: Array) -> list[Array]:
+def _draw_in(start: Array, end: Array, shape: Array) -> list[Array]:
     """Both postures with the shoulder and elbow of another."""
     return [np.concatenate([q[:1], shape, q[3:]]) for q in (start, end)]
 
@@ -112,7 +114,7 @@ def _drawn_shape(scene: Scene) -> Array:
     return (axes if controller is None else controller.to_model(axes))[1:3]
 
 
-def _sampled(postures: Array) -> Array:
+def _sample_moves(postures: Array) -> Array:
     """Postures along joint moves, at most 2 deg apart."""
     out = [postures[:1]]
     for start, end in pairwise(postures):

@@ -14,7 +14,7 @@ from robotrue.core.units import DEG, MM
 from robotrue.report.calibration_report import column, fact, versions
 from robotrue.report.content import Fact, ReportContent, Section, Table, TableColumn, Tile, Verdict
 from robotrue.report.words import ENGLISH, Lang, Words
-from robotrue.validation.budget import COVERAGE_FACTOR, carried
+from robotrue.validation.budget import COVERAGE_FACTOR, propagate_covariance
 
 LEVERS: Final = (0.0, 0.1, 0.25, 0.5, 1.0, 2.0)
 """m from the part's origin."""
@@ -172,7 +172,8 @@ def _uncertainty(part: PartTable, t: Words) -> Section:
 def _at(frame: PartFrame, lever: float) -> float:
     """Standard uncertainty along the worst axis, for the worst direction of a lever, m."""
     return max(
-        _worst_axis(part) for part in carried(frame.covariance, lever * _directions(DIRECTIONS))
+        _worst_axis(part)
+        for part in propagate_covariance(frame.covariance, lever * _directions(DIRECTIONS))
     )
 
 

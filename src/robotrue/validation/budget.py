@@ -134,7 +134,7 @@ def uncertainty_budget(
     other = 0.0
     if T_base_part is not None and part_covariance is not None:
         at = forward(model.robot.nominal(), query.joints)[:, :3, 3]
-        spread = carried(part_covariance, at - T_base_part[:3, 3])
+        spread = propagate_covariance(part_covariance, at - T_base_part[:3, 3])
         u = _per_axis(spread)
         lines.append(_normal("registration", u, "A"))
         other += u**2
@@ -209,7 +209,7 @@ def force_sensitivity(model: ErrorModel, query: Query) -> float:
     return float(np.sqrt(size / 3.0)) / PROBE_FORCE
 
 
-def carried(covariance: Array, lever: Array) -> Array:
+def propagate_covariance(covariance: Array, lever: Array) -> Array:
     """Returns the covariance (n, 3, 3) m^2 of points at levers (n, 3) m from a frame's origin.
 
     Args:

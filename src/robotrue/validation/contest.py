@@ -182,7 +182,7 @@ def decide(
     for name, result in held.items():
         gain, noise = float("nan"), float("nan")
         if isinstance(result, Failure):
-            table.append(_failed(name, result))
+            table.append(_score_failure(name, result))
             trail.append(
                 f"{name} " + ("did not converge" if result.unsettled else "could not be fitted")
             )
@@ -194,7 +194,7 @@ def decide(
             twin = _twin(result, held)
             if twin is not None:
                 trail.append(f"{name} falls back to {twin}: the same predictions")
-                table.append(_scored(name, result, folds, fold_of_row, gain, noise))
+                table.append(_score_candidate(name, result, folds, fold_of_row, gain, noise))
                 continue
             gain, noise = paired_gain(best.error - result.error, fold_of_row)
             wins = gain > (0.0 if winner == BASELINE else noise)
@@ -205,7 +205,7 @@ def decide(
             )
             if wins:
                 winner, best = name, result
-        table.append(_scored(name, result, folds, fold_of_row, gain, noise))
+        table.append(_score_candidate(name, result, folds, fold_of_row, gain, noise))
     if winner is None:
         first = next(iter(held.items()))
         raise ObservabilityError(
@@ -251,7 +251,7 @@ def paired_gain(difference: Array, fold_of_row: IntArray) -> tuple[float, float]
     return float(means.mean()), float(stdtrit(count - 1, 0.95)) * float(error)
 
 
-def _scored(
+def _score_candidate(
     name: str,
     result: CandidateResults,
     folds: Sequence[Split],
@@ -277,7 +277,7 @@ def _scored(
     )
 
 
-def _failed(name: str, why: Failure) -> CandidateScore:
+def _score_failure(name: str, why: Failure) -> CandidateScore:
     nan = float("nan")
     return CandidateScore(
         name=name,

@@ -109,7 +109,7 @@ def check_datums(
     square = np.einsum("ni,nij,nj->n", deviation, np.linalg.inv(total), deviation)
     probability = chi2.sf(square, 3)
     resolution = float(np.sqrt(chi2.ppf(0.95, 3) * np.linalg.eigvalsh(total)[:, -1].max()))
-    verdict, reason = _judged(deviation, probability, resolution, tolerance, labels)
+    verdict, reason = _check_deviation(deviation, probability, resolution, tolerance, labels)
     return DatumCheck(
         names=labels,
         deviation=frozen(deviation, (len(part), 3), "deviation"),
@@ -122,7 +122,7 @@ def check_datums(
     )
 
 
-def _judged(
+def _check_deviation(
     deviation: Array,
     probability: Array,
     resolution: float,

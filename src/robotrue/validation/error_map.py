@@ -211,20 +211,20 @@ def sector_similarities(found: WorkspaceMap) -> tuple[SectorSimilarity, ...]:
     Similar errors in base axes are what a transfer between sectors of a fixed attitude can use;
     errors that turn with joint 1 look unlike here and are the same to a model of the arm.
     """
-    errors = [_ordered(found, k) for k in range(found.sectors)]
+    errors = [_sort_errors(found, k) for k in range(found.sectors)]
     return tuple(
-        _compared(errors[i], errors[k], i, k)
+        _compare_sectors(errors[i], errors[k], i, k)
         for i in range(found.sectors)
         for k in range(i + 1, found.sectors)
     )
 
 
-def _ordered(found: WorkspaceMap, sector: int) -> Array:
+def _sort_errors(found: WorkspaceMap, sector: int) -> Array:
     """Errors of a sector in the order of its own grid; rows are already in that order."""
     return np.asarray(found.error[found.sector == sector])
 
 
-def _compared(a: Array, b: Array, first: int, second: int) -> SectorSimilarity:
+def _compare_sectors(a: Array, b: Array, first: int, second: int) -> SectorSimilarity:
     both = np.isfinite(a).all(axis=1) & np.isfinite(b).all(axis=1)
     a, b = a[both], b[both]
     vector, axis, norm = np.nan, np.full(3, np.nan), np.nan
@@ -245,7 +245,7 @@ def _cosine(a: Array, b: Array) -> float:
     return float(a @ b) / size if size > 0.0 else float("nan")
 
 
-def uncalibrated(robot: RobotModel, settings: FitSettings) -> RigidFlexibleModel:
+def build_prior_model(robot: RobotModel, settings: FitSettings) -> RigidFlexibleModel:
     """Returns what is believed of an arm before any measurement: stated stiffness, prior scales.
 
     The mean is the deflection of the stated stiffness (nothing without one), the covariance that

@@ -80,7 +80,7 @@ class GuardVerdict:
         }
 
 
-def guarded(
+def select_guarded(
     transfers: Mapping[str, Candidate],
     alone: Mapping[str, Candidate],
     target: MeasurementSet | None,
@@ -111,7 +111,7 @@ def guarded(
     """
     rows = 0 if target is None else len(target)
     if target is None or rows < FEWEST_ROWS:
-        return _unchecked({**transfers, **alone}, target, tuple(doubts))
+        return _fit_unchecked({**transfers, **alone}, target, tuple(doubts))
     candidates = {**transfers, **alone}
     folds = random_folds(rows, folds=min(rows, MOST_FOLDS), seed=seed)
     trials = hold_out(candidates, target, splits=folds, payload=payload, progress=progress)
@@ -140,7 +140,7 @@ def verdict_from_summary(summary: TrainingSummary) -> tuple[GuardVerdict, Select
     return verdict, None if contest is None else selection_from_summary(contest)
 
 
-def _unchecked(
+def _fit_unchecked(
     candidates: Mapping[str, Candidate], target: MeasurementSet | None, doubts: tuple[str, ...]
 ) -> ErrorModel:
     """The first candidate that can be fitted, and the sentence that nothing was checked."""

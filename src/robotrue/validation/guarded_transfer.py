@@ -26,10 +26,10 @@ from robotrue.core.progress import Progress
 from robotrue.errors import ObservabilityError, RobotrueError
 from robotrue.measurement.measurement_set import MeasurementSet, concatenate
 from robotrue.robot.model import RobotModel
-from robotrue.validation.guard import Candidate, guarded
+from robotrue.validation.guard import Candidate, select_guarded
 from robotrue.validation.selection import with_summary
 from robotrue.validation.source_check import (
-    admitted,
+    admit_sources,
     check_rows,
     drift_doubts,
     fit_doubts,
@@ -86,10 +86,10 @@ def fit_guarded(
     """
     used = FitSettings() if settings is None else settings
     found = contestants(robot, target, sources, used, drift=drift, method=method)
-    return judged(found, robot, target, used, progress=progress)
+    return select_transfer(found, robot, target, used, progress=progress)
 
 
-def judged(
+def select_transfer(
     found: Contestants,
     robot: RobotModel,
     target: MeasurementSet | None,
@@ -102,7 +102,7 @@ def judged(
     Raises:
         ObservabilityError: Nothing could be fitted.
     """
-    model = guarded(
+    model = select_guarded(
         found.transfers,
         found.alone,
         target,
@@ -143,7 +143,7 @@ def contestants(
     """
     if target is not None and len(target):
         check_rows(robot, target)
-    kept, left_out = admitted(robot, sources)
+    kept, left_out = admit_sources(robot, sources)
     doubts, known = list(left_out), []
     for source in kept:
         try:

@@ -138,7 +138,7 @@ def learning_curve(
                 done += 1
                 rows = target.subset(order[:count]) if count else None
                 try:
-                    mean[c, k, r], inside[c, k, r] = _scored(fit(rows), held, payload)
+                    mean[c, k, r], inside[c, k, r] = _score_model(fit(rows), held, payload)
                 except RobotrueError as cause:
                     failures.setdefault(name, f"{name}, {count} target poses: {cause.message}")
     return LearningCurve(
@@ -152,7 +152,9 @@ def learning_curve(
     )
 
 
-def _scored(model: ErrorModel, held: MeasurementSet, payload: Load | None) -> tuple[float, float]:
+def _score_model(
+    model: ErrorModel, held: MeasurementSet, payload: Load | None
+) -> tuple[float, float]:
     seen = evaluate(model, held, payload=payload)
     error = float(np.linalg.norm(seen.after, axis=1).mean())
     return error, coverage(seen.after, seen.covariance).share

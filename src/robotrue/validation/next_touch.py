@@ -108,7 +108,7 @@ class CheckedTouch:
         return self.sigmas > GOOD
 
 
-def believed(
+def update_belief(
     arm: ErrorModel,
     touches: ProbingSet | None,
     rough: Mapping[int, Array],
@@ -143,8 +143,8 @@ def believed(
     at, arm_columns = start.mean, _arm_columns(start, touches)
     weights = 1.0 / _noise(start, touches)
     for _ in range(ROUNDS):
-        now = _replaced(start, T, at, start.covariance, len(touches))
-        rows, gap, weight = _observed(now, touches, in_base, arm_columns, weights)
+        now = _replace_belief(start, T, at, start.covariance, len(touches))
+        rows, gap, weight = _linearise_touches(now, touches, in_base, arm_columns, weights)
         prior = np.concatenate(
             [np.zeros(size), *(_step(T[part], rough[part]) for part in sorted(rough))]
         )
@@ -156,7 +156,7 @@ def believed(
             break
     at[size:] = 0.0
     covariance = np.linalg.inv(normal)
-    return _replaced(start, T, at, 0.5 * (covariance + covariance.T), len(touches))
+    return _replace_belief(start, T, at, 0.5 * (covariance + covariance.T), len(touches))
 
 
 def expected_readings(known: TouchBelief, touches: ProbingSet) -> ExpectedTouch:
@@ -213,7 +213,7 @@ def machined_radius(known: TouchBelief, places: ProbingSet) -> Array:
     return np.asarray(REGION * np.sqrt(np.linalg.eigvalsh(covariance)[:, -1]))
 
 
-def _replaced(
+def _replace_belief(
     of: TouchBelief, T: Mapping[int, Array], mean: Array, covariance: Array, touches: int
 ) -> TouchBelief:
     return TouchBelief(
@@ -273,7 +273,7 @@ def _visit(known: TouchBelief, belief: Belief, touches: ProbingSet) -> Array:
     return np.asarray(belief.inflation * rest)
 
 
-def _observed(
+def _linearise_touches(
     known: TouchBelief, touches: ProbingSet, in_base: Array, arm_columns: Array, weight: Array
 ) -> tuple[Array, Array, Array]:
     """Rows (m, k + 6 f), what they read (m,), and one over their variances (m,)."""

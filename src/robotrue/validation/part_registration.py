@@ -89,7 +89,7 @@ def register(
     for k, name in enumerate(parts):
         mine = touches.subset(touches.part == k)
         with naming(mine, name if several else ""):
-            checked.append(_checked(arm, name, mine, settings))
+            checked.append(_check_touches(arm, name, mine, settings))
     joint = settings.fit == "joint" or (
         settings.fit == "auto" and enough_for_joint(arm, touches, settings)
     )
@@ -131,7 +131,7 @@ def _check_rows(arm: ErrorModel, touches: ProbingSet, parts: Sequence[str]) -> N
         raise ShapeError(f"touches of parts {touches.parts}, names for {len(parts)}: {parts}.")
 
 
-def _checked(
+def _check_touches(
     arm: ErrorModel, name: str, touches: ProbingSet, settings: RegistrationSettings
 ) -> CheckedTouches:
     in_base = touches.position

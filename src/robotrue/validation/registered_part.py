@@ -124,7 +124,7 @@ class RegisteredPart:
         )
 
 
-def judged(
+def check_frame(
     name: str,
     registration: Registration,
     points: Array,
@@ -167,7 +167,7 @@ def judged(
     if len(near) > max(2, FEW_BEYOND * len(registration.names)):
         against.append(
             f"{len(near)} of {len(registration.names)} touches lie just beyond what good ones may "
-            f"({GAUSS_POINT * registration.sigma / MM:.3f} mm): {_listed(registration, near)}. "
+            f"({GAUSS_POINT * registration.sigma / MM:.3f} mm): {_list_names(registration, near)}. "
             "Touch or arm are worth less than stated."
         )
     elif registration.rms < TOO_GOOD * registration.sigma:
@@ -176,11 +176,15 @@ def judged(
             "planned or computed points in the place of touched ones?"
         )
     if registration.outliers:
-        open_.append(f"Not believed: {_listed(registration, registration.outliers)}; touch again.")
+        open_.append(
+            f"Not believed: {_list_names(registration, registration.outliers)}; touch again."
+        )
     else:
         stray = _stray(registration)
         if stray:
-            open_.append(f"Far off beside the others: {_listed(registration, stray)}; touch again.")
+            open_.append(
+                f"Far off beside the others: {_list_names(registration, stray)}; touch again."
+            )
     if tolerance is not None and found.region.max() > tolerance:
         worst = int(np.argmax(found.region))
         against.append(
@@ -218,7 +222,7 @@ def _stray(registration: Registration) -> tuple[str, ...]:
     )
 
 
-def _listed(registration: Registration, names: tuple[str, ...]) -> str:
+def _list_names(registration: Registration, names: tuple[str, ...]) -> str:
     far = dict(zip(registration.names, registration.distances, strict=True))
     return ", ".join(f"{name} ({far[name] / MM:.3f} mm)" for name in names)
 

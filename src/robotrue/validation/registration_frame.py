@@ -21,9 +21,9 @@ from robotrue.core.units import DEG, MM
 from robotrue.measurement.probing_set import NO_SURFACE, ProbingSet
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel, parameter_slice
-from robotrue.validation.registered_part import FoundFrame, judged
+from robotrue.validation.registered_part import FoundFrame, check_frame
 from robotrue.validation.registration_settings import TOOL, RegistrationSettings
-from robotrue.validation.touch_checks import check_exchanged, listed
+from robotrue.validation.touch_checks import check_exchanged, list_names
 
 NOMINAL_ROBOT: Final = 0.35 * MM
 """Error per axis of a nominal arm that is no rigid motion of the part: simulated, 0.3 to 0.5 mm."""
@@ -123,7 +123,7 @@ def frame_alone(
     machined = None
     if belief is not None:
         fit, machined = _with_arm(belief, fit, found, settings)
-    return judged(
+    return check_frame(
         found.name,
         fit,
         found.touches.point,
@@ -163,8 +163,8 @@ def other_poses(touches: ProbingSet, in_base: Array, fit: Registration) -> tuple
         for a in found
     )
     return (
-        f"The touches {listed(names)} fit the part as well turned by {turns}; only their nominal "
-        "points say which. Touch a feature that the other side does not have.",
+        f"The touches {list_names(names)} fit the part as well turned by {turns}; only their "
+        "nominal points say which. Touch a feature that the other side does not have.",
     )
 
 

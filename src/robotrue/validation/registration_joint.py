@@ -24,7 +24,7 @@ from robotrue.errors import ObservabilityError
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel
-from robotrue.validation.registered_part import FoundFrame, RegisteredPart, judged
+from robotrue.validation.registered_part import FoundFrame, RegisteredPart, check_frame
 from robotrue.validation.registration_frame import (
     GOOD,
     CheckedTouches,
@@ -34,7 +34,7 @@ from robotrue.validation.registration_frame import (
     tips,
 )
 from robotrue.validation.registration_settings import TOOL, RegistrationSettings
-from robotrue.validation.touch_checks import check_exchanged, listed
+from robotrue.validation.touch_checks import check_exchanged, list_names
 
 ENOUGH: Final = 27
 """Numbers (9 feature points) from which a nominal arm is learned with its frames. Machined rms of
@@ -76,15 +76,15 @@ def require_numbers(touches: ProbingSet) -> None:
     source = touches.source.split(" sha256:")[0] or None
     if not touches.has_joints:
         raise ObservabilityError(
-            f"touches {listed(touches.labels)} have no joints: arm and tool cannot be estimated "
-            "from points in base.",
+            f"touches {list_names(touches.labels)} have no joints: arm and tool cannot be "
+            "estimated from points in base.",
             source=source,
             hint="--fit frame, or give j1_deg, j2_deg, ... of every touch.",
         )
     have, need = numbers_of(touches), 6 * len(touches.parts) + 3 + SPARE
     if have < need:
         raise ObservabilityError(
-            f"touches {listed(touches.labels)} give {have} numbers; {len(touches.parts)} "
+            f"touches {list_names(touches.labels)} give {have} numbers; {len(touches.parts)} "
             f"frame{'s' if len(touches.parts) > 1 else ''} of 6, 3 of the tool and {SPARE} to "
             f"spare ask for {need}, and the arm for more.",
             source=source,
@@ -151,7 +151,7 @@ def joint_registration(
         touched_with=identity_of(arm),
         provenance=provenance_of(refined),
         refined=refined,
-        moved=_moved(arm, in_base, touches, settings),
+        moved=_measure_shift(arm, in_base, touches, settings),
         doubts=doubts,
     )
 
@@ -199,7 +199,7 @@ def _frame(
             f"The touches scatter by {estimate.sigma / MM:.3f} mm per axis, stated are "
             f"{stated / MM:.3f} mm: more than {LOUD:g} times.",
         )
-    return judged(
+    return check_frame(
         found.name,
         fit,
         found.touches.point,
@@ -243,7 +243,7 @@ def _tilt(robot: RobotModel, touches: ProbingSet) -> float:
     return float(np.arccos(np.clip(cosine, -1.0, 1.0)).max())
 
 
-def _moved(
+def _measure_shift(
     arm: ErrorModel, after: Array, touches: ProbingSet, settings: RegistrationSettings
 ) -> float:
     """Root mean square distance, m, by which the tip moved at the touches."""

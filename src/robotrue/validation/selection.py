@@ -143,7 +143,7 @@ def hold_out(
     folds = tuple(f for f in map(partial(_predictable, measurements), folds) if f is not None)
     if not folds:
         raise ShapeError("no split leaves rows of the reflectors that it holds out.")
-    parts = [(_spaced(f.train, MOST_TRAIN), _spaced(f.test, MOST_TEST)) for f in folds]
+    parts = [(_space_rows(f.train, MOST_TRAIN), _space_rows(f.test, MOST_TEST)) for f in folds]
     total = len(candidates) * len(folds)
     for index, (name, fit) in enumerate(candidates.items()):
         try:
@@ -202,7 +202,7 @@ def _predictable(measurements: MeasurementSet, split: Split) -> Split | None:
     return replace(split, test=split.test[seen]) if seen.any() else None
 
 
-def _spaced(rows: IntArray, most: int) -> IntArray:
+def _space_rows(rows: IntArray, most: int) -> IntArray:
     if len(rows) <= most:
         return rows
     return rows[np.linspace(0, len(rows) - 1, most).astype(np.int64)]

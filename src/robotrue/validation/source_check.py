@@ -44,7 +44,7 @@ DRIFTED: Final = 5.0
 """A learned drift scale this many times its default is named."""
 
 
-def admitted(
+def admit_sources(
     robot: RobotModel, sources: Sequence[Source]
 ) -> tuple[tuple[Source, ...], tuple[str, ...]]:
     """Returns the sources that can be this robot's, and why the others are left out."""
@@ -98,7 +98,7 @@ def fit_doubts(
 ) -> list[str]:
     """Returns what the fit of a source says against the source or the prior."""
     summary = model.training_summary()
-    found = _contaminated(name, summary, rows)
+    found = _find_contamination(name, summary, rows)
     held = summary.held_out_mean
     if rows.frame == "base" and held is not None and not found:
         aligned = aligned_rows(model, rows)
@@ -113,7 +113,7 @@ def fit_doubts(
     return found + prior_doubts(summary, settings)
 
 
-def _contaminated(name: str, summary: TrainingSummary, rows: MeasurementSet) -> list[str]:
+def _find_contamination(name: str, summary: TrainingSummary, rows: MeasurementSet) -> list[str]:
     screened = summary.screened_rows
     if len(screened) <= MANY_SCREENED * len(rows):
         return []

@@ -41,7 +41,7 @@ SWAPPED: Final = 8
 """Touches not believed among which exchanged names are looked for."""
 
 
-def listed(names: Sequence[str], most: int = 8) -> str:
+def list_names(names: Sequence[str], most: int = 8) -> str:
     """Returns names for a message, the first few of many."""
     return ", ".join(names[:most]) + (f", ... ({len(names)} in all)" if len(names) > most else "")
 
@@ -55,7 +55,7 @@ def naming(touches: ProbingSet, part: str = "") -> Iterator[None]:
         message = error.message
         words = set(re.findall(r"[^\s,;:()]+", message))
         if not words & {word for label in touches.labels for word in label.split()}:
-            message += f" Touches: {listed(touches.labels)}."
+            message += f" Touches: {list_names(touches.labels)}."
         if part:
             message = f"part {part!r}: {message}"
         raise type(error)(
@@ -84,7 +84,7 @@ def check_units(
     allowed = SCALE if touches.full.all() else ROUGH
     if abs(ratio - 1.0) <= allowed:
         return
-    who = listed(touches.labels)
+    who = list_names(touches.labels)
     if tips is not None and touches.has_joints:
         largest = float(np.abs(touches.joints).max()) / DEG
         turned = _ratio(touches, tips(touches.joints / DEG))
@@ -137,8 +137,8 @@ def check_pattern_of(touches: ProbingSet) -> None:
     numbers = 3 * int(touches.full.sum()) + int((~touches.full).sum())
     if numbers < 6:
         raise ObservabilityError(
-            f"touches {listed(touches.labels)} give {numbers} numbers, a frame needs 6: a feature "
-            "point gives 3, a touch with a normal 1.",
+            f"touches {list_names(touches.labels)} give {numbers} numbers, a frame needs 6: a "
+            "feature point gives 3, a touch with a normal 1.",
             source=_file(touches),
             hint="touch more points; 3 on the largest face, 2 on the next, 1 on the third.",
         )
@@ -192,14 +192,14 @@ def check_mirror(touches: ProbingSet, in_base: Array, *, sigma: float) -> tuple[
     depth = np.linalg.svd(point - point.mean(axis=0), compute_uv=False)[2]
     if depth < bound:
         return (
-            f"The points {listed(touches.labels)} lie in one plane: a mirrored part, or one upside "
-            "down, would fit as well. Touch a point off that plane.",
+            f"The points {list_names(touches.labels)} lie in one plane: a mirrored part, or one "
+            "upside down, would fit as well. Touch a point off that plane.",
         )
     here = _agree(point, base, bound)
     there = _agree(point * np.array([1.0, 1.0, -1.0]), base, bound)
     if here <= 0.5 * len(point) and there > max(here, 0.7 * len(point)):
         raise ImplausibleDataError(
-            f"the touched points {listed(touches.labels)} are the mirror image of the part: "
+            f"the touched points {list_names(touches.labels)} are the mirror image of the part: "
             f"{there} of {len(point)} fit with one axis of the part reversed, {here} as they are.",
             source=_file(touches),
             line=int(touches.lines[0]),
@@ -271,7 +271,7 @@ def check_on_mesh(touches: ProbingSet, mesh: TriangleMesh, *, tolerance: float) 
     if len(wrong):
         raise ImplausibleDataError(
             f"nominal points off the part by more than {tolerance / MM:.2f} mm: "
-            + listed([f"{touches.labels[i]} ({distance[i] / MM:+.2f} mm)" for i in wrong])
+            + list_names([f"{touches.labels[i]} ({distance[i] / MM:+.2f} mm)" for i in wrong])
             + ".",
             source=_file(touches),
             line=int(touches.lines[wrong[0]]),
@@ -283,7 +283,7 @@ def check_on_mesh(touches: ProbingSet, mesh: TriangleMesh, *, tolerance: float) 
     if len(inward):
         raise ImplausibleDataError(
             "normals that are not those of the part: "
-            + listed(
+            + list_names(
                 [
                     f"{touches.labels[i]} (off by {np.arccos(np.clip(along[i], -1, 1)) / DEG:.0f}"
                     " deg)"
@@ -300,7 +300,7 @@ def check_on_mesh(touches: ProbingSet, mesh: TriangleMesh, *, tolerance: float) 
         return ()
     return (
         "Feature points off the mesh (right for a ball or the middle of a hole): "
-        + listed([f"{touches.labels[i]} ({distance[i] / MM:+.2f} mm)" for i in far])
+        + list_names([f"{touches.labels[i]} ({distance[i] / MM:+.2f} mm)" for i in far])
         + ".",
     )
 

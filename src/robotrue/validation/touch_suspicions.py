@@ -71,7 +71,7 @@ def suspicions(
     ]
     found = [each for each in found if each.sigmas <= min(GOOD, 0.5 * judged.sigmas)]
     found.sort(key=lambda each: each.sigmas)
-    return (*_repeated(touch, before), *found[:3], *_ball(known, touch, judged, tip_axis))
+    return (*_find_repeats(touch, before), *found[:3], *_ball(known, touch, judged, tip_axis))
 
 
 def _elsewhere(known: TouchBelief, touch: ProbingSet, others: ProbingSet) -> list[Suspicion]:
@@ -112,7 +112,7 @@ def _other_units(known: TouchBelief, touch: ProbingSet) -> list[Suspicion]:
     return out
 
 
-def _repeated(touch: ProbingSet, before: ProbingSet | None) -> tuple[Suspicion, ...]:
+def _find_repeats(touch: ProbingSet, before: ProbingSet | None) -> tuple[Suspicion, ...]:
     if before is None:
         return ()
     read, earlier = (

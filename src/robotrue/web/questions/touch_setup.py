@@ -31,7 +31,7 @@ from robotrue.store.nouns import CELL, DOCUMENT, MODEL
 from robotrue.store.records import CellRecord, DocumentRecord, ModelRecord
 from robotrue.store.touchings import session_in
 from robotrue.store.workspace import Workspace
-from robotrue.validation.next_touch import TouchBelief, believed
+from robotrue.validation.next_touch import TouchBelief, update_belief
 from robotrue.validation.part_registration import register
 from robotrue.validation.registered_part import RegisteredPart
 from robotrue.validation.registration_settings import RegistrationSettings
@@ -236,7 +236,7 @@ def trusted(
 
 def belief_after(at: Opened, readings: Sequence[TouchReading]) -> TouchBelief:
     """Returns arm and frames as believed after readings."""
-    return believed(
+    return update_belief(
         at.arm,
         touches_of(at, readings),
         at.rough,
