@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
 from robotrue.cell.obstacles import Obstacle
 from robotrue.cell.part import PartTable
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import EMPTY, Column, Columns
 from robotrue.errors import ShapeError
 from robotrue.measurement.measurement_set import MeasurementFrame
 from robotrue.measurement.tracker import (
@@ -27,7 +28,7 @@ DEFAULT_TARGET_SIGMA: Final = 1e-2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Cell:
+class Cell(Columns):
     """A robot and its surroundings, SI. Everything but the robot has a default.
 
     Attributes:
@@ -71,20 +72,22 @@ class Cell:
     """
 
     robot: RobotModel
-    T_flange_target: Array = field(default_factory=lambda: np.empty(0))
+    T_flange_target: Annotated[Array, Column("4 4", unit="m")] = EMPTY
     target_sigma: float = DEFAULT_TARGET_SIGMA
     frame: MeasurementFrame = "base"
-    tracker_position: Array | None = None
-    tracker_place: Array | None = None
+    tracker_position: Annotated[Array | None, Column("3", unit="m")] = None
+    tracker_place: Annotated[Array | None, Column("3", unit="m")] = None
     tracker: TrackerSpecification = DEFAULT_SPECIFICATION
-    target_axis: Array | None = None
+    target_axis: Annotated[Array | None, Column("3")] = None
     acceptance: float = np.pi
-    link_radius: Array | None = None
+    link_radius: Annotated[Array | None, Column("dof", unit="m")] = None
     obstacles: tuple[Obstacle, ...] = ()
     repeatability: float = 6e-5
     payload: Load = NO_LOAD
-    T_base_frame: Array = field(default_factory=lambda: np.eye(4))
-    compliance_prior: Array = field(default_factory=lambda: np.empty(0))
+    T_base_frame: Annotated[Array, Column("4 4", unit="m", fill=np.eye)] = EMPTY
+    compliance_prior: Annotated[Array, Column("dof", unit="rad/(N m)", nan=True, fill=np.nan)] = (
+        EMPTY
+    )
     part: PartTable | None = None
     controller: FrameTable = field(default_factory=FrameTable)
     tables: frozenset[str] = frozenset()
@@ -94,45 +97,29 @@ class Cell:
     files: Mapping[str, bytes] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Checks shapes and fills the defaults that depend on other fields.
+        """Fills the defaults that depend on other fields, then checks shapes."""
+        if np.size(self.T_flange_target) == 0:
+            object.__setattr__(self, "T_flange_target", self.robot.T_flange_tool)
+        if self.tracker_position is None and self.frame == "tracker":
+            object.__setattr__(self, "tracker_position", np.zeros(3))
+        if self.tracker_place is None and self.frame == "base":
+            object.__setattr__(self, "tracker_place", self.tracker_position)
+        Columns.__post_init__(self)
+
+    def _known_sizes(self) -> dict[str, int]:
+        return {"dof": self.robot.dof}
+
+    def _check_rules(self) -> None:
+        """Normalises the direction of the reflector and checks the repeatability.
 
         Raises:
-            ShapeError: A wrong shape, or a repeatability below zero.
+            ShapeError: A direction of length zero, or a repeatability below zero.
         """
-        target = self.T_flange_target
-        if np.size(target) == 0:
-            target = self.robot.T_flange_tool
-        prior = self.compliance_prior
-        if np.size(prior) == 0:
-            prior = np.full(self.robot.dof, np.nan)
-        position = self.tracker_position
-        if position is None and self.frame == "tracker":
-            position = np.zeros(3)
-        if position is not None:
-            position = frozen(position, (3,), "tracker_position")
-        object.__setattr__(self, "tracker_position", position)
-        place = self.tracker_place
-        if place is None and self.frame == "base":
-            place = position
-        if place is not None:
-            place = frozen(place, (3,), "tracker_place")
-        object.__setattr__(self, "tracker_place", place)
         if self.target_axis is not None:
-            axis = np.asarray(self.target_axis, dtype=np.float64)
-            length = float(np.linalg.norm(axis))
+            length = float(np.linalg.norm(self.target_axis))
             if not length > 0.0:
                 raise ShapeError("target_axis is zero, expected a direction in the flange frame.")
-            object.__setattr__(self, "target_axis", frozen(axis / length, (3,), "target_axis"))
-        if self.link_radius is not None:
-            radius = frozen(self.link_radius, (self.robot.dof,), "link_radius")
-            object.__setattr__(self, "link_radius", radius)
-        object.__setattr__(self, "T_flange_target", frozen(target, (4, 4), "T_flange_target"))
-        object.__setattr__(self, "T_base_frame", frozen(self.T_base_frame, (4, 4), "T_base_frame"))
-        object.__setattr__(
-            self,
-            "compliance_prior",
-            frozen(prior, (self.robot.dof,), "compliance_prior", allow_nan=True),
-        )
+            self._set_column("target_axis", self.target_axis / length)
         if not 0.0 <= self.repeatability < np.inf:
             raise ShapeError(f"repeatability is {self.repeatability} m, expected 0 or more.")
 
