@@ -17,11 +17,7 @@ from typing import Final
 from house_measures import LONGEST_FILE, LONGEST_FUNCTION, MOST_OF_A_NAME, House, measure_house
 from house_tree import read_tree
 
-KNOWN_CIRCLES: Final[frozenset[tuple[str, ...]]] = frozenset(
-    {
-        ("robotrue.compensation.chunk", "robotrue.compensation.chunks"),
-    }
-)
+KNOWN_CIRCLES: Final[frozenset[tuple[str, ...]]] = frozenset()
 """Groups of modules that are allowed to import each other until they are mended."""
 PLACES: Final = (
     "circles", "double_classes", "frequent_files", "long_files", "long_functions", "participles",
@@ -60,11 +56,11 @@ def print_table(today: House, before: House | None) -> Iterator[str]:
         return f"{now:>9,}" if then is None else f"{then:>9,} -> {now:>9,}   {now - then:+,g}"
 
     rooms = sorted({*today.rooms, *(before.rooms if before else {})})
-    yield f"{'room':<14}{'files':>6}  lines"
+    yield f"{'room':<23}{'files':>6}  lines"
     for room in rooms:
         files, lines = today.rooms.get(room, (0, 0))
         then = before.rooms.get(room, (0, 0))[1] if before else None
-        yield f"{room or '(beside rooms)':<14}{files:>6}  {cell(lines, then)}"
+        yield f"{room or '(beside rooms)':<23}{files:>6}  {cell(lines, then)}"
     yield ""
     for name, value in ROWS:
         yield f"{name:<40}{cell(value(today), value(before) if before else None)}"

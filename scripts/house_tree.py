@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Final
 
 ROOT: Final = Path(__file__).resolve().parents[1]
-PACKAGE: Final = "src/robotrue"
+SOURCE: Final = "src"
+PACKAGE: Final = "src/robotrue/"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +43,12 @@ class SourceFile:
 
     @property
     def room(self) -> str:
-        """Returns the package below ``robotrue`` it belongs to, '' for those beside the rooms."""
+        """Returns the package below ``robotrue`` it belongs to, '' for files beside the rooms.
+
+        Files of another package than ``robotrue`` have the name of that package.
+        """
+        if not self.path.startswith(PACKAGE):
+            return self.module.split(".")[0]
         return self.module.split(".")[1] if self.path.count("/") > 2 else ""
 
     @property
@@ -57,7 +63,7 @@ class SourceFile:
 
 
 def read_tree(revision: str | None = None) -> list[SourceFile]:
-    """Returns the files of the package, sorted by path; of the working copy without a revision.
+    """Returns the files under ``src``, sorted by path; of the working copy without a revision.
 
     Raises:
         SystemExit: Git does not know the revision.
@@ -83,13 +89,13 @@ def statements(tree: ast.Module) -> Iterator[ast.stmt]:
 
 
 def _working_copy() -> Iterator[tuple[str, str]]:
-    for path in (ROOT / PACKAGE).rglob("*.py"):
+    for path in (ROOT / SOURCE).rglob("*.py"):
         yield path.relative_to(ROOT).as_posix(), path.read_text(encoding="utf-8")
 
 
 def _committed(revision: str) -> Iterator[tuple[str, str]]:
     done = subprocess.run(  # noqa: S603
-        ["git", "-C", str(ROOT), "archive", "--format=tar", revision, PACKAGE],  # noqa: S607
+        ["git", "-C", str(ROOT), "archive", "--format=tar", revision, SOURCE],  # noqa: S607
         capture_output=True,
         check=False,
     )
