@@ -143,7 +143,7 @@ def _solve(
     state.set("configuration", known[-1])
     parted = known[targets] == PARTED
     part.status[targets[parted]] = Status.UNCHANGED_CONFIGURATION
-    bump = np.empty(len(setup.arm.half_square))
+    bump = np.empty((2, len(setup.arm.half_square)))
     solve_targets(
         setup.arm, chunk, inversion_limits(settings), targets[~parted], bump, work, part
     )  # fmt: skip
@@ -267,6 +267,6 @@ def _error_at(
             if len(getattr(chunk, name)) > 1
         },
     )
-    bump = np.empty(len(setup.arm.half_square))
+    bump = np.empty((2, len(setup.arm.half_square)))
     predict_errors(setup.arm, there, np.arange(len(rows)), bump, work, error)
     return error

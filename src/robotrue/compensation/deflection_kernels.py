@@ -25,7 +25,7 @@ def locate(model: Any, arm: Any, reuse: float, bump: Array, w: Any) -> None:
         model: ``CalibratedArm``.
         arm: That of its arms which is meant.
         reuse: rad; the smooth residual is computed anew where a joint moved by more.
-        bump: (m,) work space.
+        bump: (2, m) work space.
         w: Of ``WORK_DTYPE``.
     """
     write_theta(arm, w)
@@ -52,7 +52,7 @@ def locate(model: Any, arm: Any, reuse: float, bump: Array, w: Any) -> None:
     for i in range(6):
         theta[i] += w.nominal.theta[i] + arm.offset[i]
     walk(arm.actual, w.actual)
-    if len(bump) > 0:
+    if bump.shape[1] > 0:
         moved = 0.0
         for i in range(6):
             moved = max(moved, abs(w.joints[i] - w.residual_at[i]))
@@ -79,21 +79,23 @@ def _write_drive_torque(arm: Any, w: Any) -> None:
 def _add_ripple(ripple: Array, w: Any) -> None:
     """Adds A_k sin(k q) + B_k cos(k q), k = 1, 2, ..., to ``shift``, by Clenshaw's recurrence.
 
-    Both sums of all drives are carried abreast: twelve numbers, as a row of ``ripple`` has them.
+    Both sums of a drive are carried in step, four harmonics at a time: their number is a multiple
+    of four (missing ones are rows of zeros).
     """
-    sums, before = w.sum, w.sum_before
     for i in range(6):
-        w.feature[i], w.feature[6 + i] = sine_and_cosine(w.joints[i])
-        w.twice_cosine[i] = w.twice_cosine[6 + i] = 2.0 * w.feature[6 + i]
-    for i in range(12):
-        sums[i] = before[i] = 0.0
-    for k in range(len(ripple) - 1, -1, -1):
-        for i in range(12):
-            now = (ripple[k, i] - before[i]) + w.twice_cosine[i] * sums[i]
-            before[i] = sums[i]
-            sums[i] = now
-    for i in range(6):
-        w.shift[i] += w.feature[i] * sums[i] + w.feature[6 + i] * sums[6 + i] - before[6 + i]
+        sine, cosine = sine_and_cosine(w.joints[i])
+        twice = 2.0 * cosine
+        a = b = c = d = 0.0
+        for k in range(len(ripple) - 1, 0, -4):
+            b = (ripple[k, i] - b) + twice * a
+            d = (ripple[k, 6 + i] - d) + twice * c
+            a = (ripple[k - 1, i] - a) + twice * b
+            c = (ripple[k - 1, 6 + i] - c) + twice * d
+            b = (ripple[k - 2, i] - b) + twice * a
+            d = (ripple[k - 2, 6 + i] - d) + twice * c
+            a = (ripple[k - 3, i] - a) + twice * b
+            c = (ripple[k - 3, 6 + i] - c) + twice * d
+        w.shift[i] += sine * a + cosine * c - d
 
 
 @compiled(EXACT)
@@ -113,33 +115,34 @@ def _write_residual(model: Any, arm: Any, bump: Array, w: Any) -> None:
         sine, cosine = sine_and_cosine(w.joints[i])
         w.feature[i] = sine * arm.feature_scale[i]
         w.feature[6 + i] = cosine * arm.feature_scale[6 + i]
-    _write_exponents(model.centres, model.half_square, w.feature, bump)
-    exponentials(bump)
-    _sum_bumps(model.weights, bump, w.residual)
+    _write_exponents(model.centres, model.half_square, w.feature, bump[0])
+    exponentials(bump[0], bump[1])
+    _sum_bumps(model.weights, bump[0], w.residual)
 
 
 @compiled(SUMS)
 def _write_exponents(centres: Array, half_square: Array, feature: Array, bump: Array) -> None:
-    """Writes -|s - C_m|^2 / 2 of all centres, four features at a time."""
+    """Writes -|s - C_m|^2 / 2 of all centres."""
     own = 0.0
     for k in range(12):
         own += feature[k] * feature[k]
+    f = feature
+    s0, s1, s2, s3, s4, s5 = f[0], f[1], f[2], f[3], f[4], f[5]
+    c0, c1, c2, c3, c4, c5 = f[6], f[7], f[8], f[9], f[10], f[11]
     for m in range(len(bump)):
-        bump[m] = -0.5 * own - half_square[m]
-    for k in range(0, 12, 4):
-        a, b, c, d = feature[k], feature[k + 1], feature[k + 2], feature[k + 3]
-        for m in range(len(bump)):
-            bump[m] += (
-                a * centres[k, m] + b * centres[k + 1, m] + c * centres[k + 2, m]
-                + d * centres[k + 3, m]
-            )  # fmt: skip
+        u = -0.5 * own - half_square[m]
+        u += s0 * centres[0, m] + s1 * centres[1, m] + s2 * centres[2, m] + s3 * centres[3, m]
+        u += s4 * centres[4, m] + s5 * centres[5, m] + c0 * centres[6, m] + c1 * centres[7, m]
+        u += c2 * centres[8, m] + c3 * centres[9, m] + c4 * centres[10, m] + c5 * centres[11, m]
+        bump[m] = u
 
 
 @compiled(SUMS)
 def _sum_bumps(weights: Array, bump: Array, residual: Array) -> None:
     """Writes the weighted sums (3,) of all bumps."""
-    for r in range(3):
-        total = 0.0
-        for m in range(len(bump)):
-            total += weights[r, m] * bump[m]
-        residual[r] = total
+    x = y = z = 0.0
+    for m in range(len(bump)):
+        x += weights[0, m] * bump[m]
+        y += weights[1, m] * bump[m]
+        z += weights[2, m] * bump[m]
+    residual[0], residual[1], residual[2] = x, y, z

@@ -46,7 +46,7 @@ def solve_targets(
         chunk: ``Chunk``; its targets are written where axes are given.
         limits: ``InversionLimits``.
         rows: (k,) the targets.
-        bump: (m,) work space, one number per centre of the smooth residual.
+        bump: (2, m) work space, two numbers per centre of the smooth residual.
         work: (1,) of ``WORK_DTYPE``.
         outcome: ``Outcome`` of the chunk, written.
     """

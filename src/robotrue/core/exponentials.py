@@ -20,16 +20,16 @@ MANTISSA_BITS: Final = 52
 
 
 @compiled(EXACT)
-def exponentials(values: Array) -> None:
+def exponentials(values: Array, spare: Array) -> None:
     """Replaces numbers up to 700 by their exponentials; relative error < 1e-14.
 
-    Powers of two are taken off in two parts; a Taylor series does the rest.
+    Powers of two are taken off in two parts; a Taylor series does the rest. The powers are the low
+    bits of what ``spare``, as long as ``values``, keeps: registers convert no floats to integers.
     """
-    bits = values.view(np.int64)
     for m in range(len(values)):
         x = values[m] if values[m] > LOWEST else LOWEST
-        shifted = x * LOG2E + ROUND
-        power = shifted - ROUND
+        spare[m] = x * LOG2E + ROUND
+        power = spare[m] - ROUND
         r = x - power * LN2_HIGH - power * LN2_LOW
         e = r * (1.0 / 39916800.0) + 1.0 / 3628800.0
         e = e * r + 1.0 / 362880.0
@@ -42,4 +42,6 @@ def exponentials(values: Array) -> None:
         e = e * r + 0.5
         e = e * r + 1.0
         values[m] = e * r + 1.0
-        bits[m] += np.int64(power) << MANTISSA_BITS  # times 2**power
+    bits, powers = values.view(np.int64), spare.view(np.int64)
+    for m in range(len(values)):
+        bits[m] += powers[m] << MANTISSA_BITS  # times 2**power

@@ -59,6 +59,13 @@ def sines(angle: Any, count: Any, out: Any) -> None:
         out[n], out[count + n] = sine_and_cosine(angle[n])
 
 
+@compiled(EXACT)
+def write_sines(angle: Any, sine: Any, cosine: Any) -> None:
+    """Writes sine and cosine of all angles; |error| < 2e-16."""
+    for n in range(len(angle)):
+        sine[n], cosine[n] = sine_and_cosine(angle[n])
+
+
 @compiled(EXACT, inline=True)
 def arc_tangent(y: Any, x: Any) -> Any:
     """Returns atan2(y, x) in rad; |error| < 5e-16. Two zeros give zero, what is not finite NaN.

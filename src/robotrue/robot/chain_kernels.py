@@ -11,7 +11,7 @@ from typing import Any
 
 from robotrue.core.arrays import Array
 from robotrue.core.compiled import EXACT, compiled
-from robotrue.core.sines import sine_and_cosine
+from robotrue.core.sines import write_sines
 from robotrue.robot.chain import ORIGIN, X, Y, Z
 
 SINGULAR_PIVOT = 1e-13
@@ -27,24 +27,22 @@ def walk(links: Any, chain: Any) -> None:
         chain: Record of :func:`robotrue.robot.chain.chain_dtype`.
     """
     frame, constant = chain.frame, links.constant
+    write_sines(chain.theta, chain.sine, chain.cosine)
+    for r in range(3):
+        for column in range(4):
+            frame[0, r, column] = constant[0, r, column]
     for i in range(len(chain.theta)):
-        chain.sine[i], chain.cosine[i] = sine_and_cosine(chain.theta[i])
-    for r in range(3):  # a row of the rotations and of the origins is independent of the others
-        x, y, z, p = constant[0, r, X], constant[0, r, Y], constant[0, r, Z], constant[0, r, ORIGIN]
-        for i in range(len(chain.theta)):
-            s, e = chain.sine[i], chain.cosine[i]
+        s, e, c = chain.sine[i], chain.cosine[i], constant[i + 1]
+        for r in range(3):  # the rows of the rotation are independent of each other
+            x, y, z = frame[i, r, X], frame[i, r, Y], frame[i, r, Z]
             x, y = e * x + s * y, e * y - s * x
-            frame[i, r, X], frame[i, r, Y], frame[i, r, Z], frame[i, r, ORIGIN] = x, y, z, p
-            k = i + 1
-            p += (
-                x * constant[k, X, ORIGIN] + y * constant[k, Y, ORIGIN] + z * constant[k, Z, ORIGIN]
+            frame[i, r, X], frame[i, r, Y] = x, y
+            frame[i + 1, r, X] = x * c[X, X] + y * c[Y, X] + z * c[Z, X]
+            frame[i + 1, r, Y] = x * c[X, Y] + y * c[Y, Y] + z * c[Z, Y]
+            frame[i + 1, r, Z] = x * c[X, Z] + y * c[Y, Z] + z * c[Z, Z]
+            frame[i + 1, r, ORIGIN] = (
+                x * c[X, ORIGIN] + y * c[Y, ORIGIN] + z * c[Z, ORIGIN] + frame[i, r, ORIGIN]
             )
-            x, y, z = (
-                x * constant[k, X, X] + y * constant[k, Y, X] + z * constant[k, Z, X],
-                x * constant[k, X, Y] + y * constant[k, Y, Y] + z * constant[k, Z, Y],
-                x * constant[k, X, Z] + y * constant[k, Y, Z] + z * constant[k, Z, Z],
-            )
-        frame[-1, r, X], frame[-1, r, Y], frame[-1, r, Z], frame[-1, r, ORIGIN] = x, y, z, p
 
 
 @compiled(EXACT)
@@ -117,17 +115,20 @@ def deviation(pose: Array, target: Array, error: Array) -> tuple[float, float]:
         target: (3, 4).
         error: Written.
     """
-    squared = trace = turned = 0.0
+    x = y = z = trace = 0.0
+    for column in range(3):
+        p0, p1, p2 = pose[0, column], pose[1, column], pose[2, column]
+        t0, t1, t2 = target[0, column], target[1, column], target[2, column]
+        x += t1 * p2 - t2 * p1
+        y += t2 * p0 - t0 * p2
+        z += t0 * p1 - t1 * p0
+        trace += p0 * t0 + p1 * t1 + p2 * t2
+    error[3], error[4], error[5] = 0.5 * x, 0.5 * y, 0.5 * z
+    squared = 0.0
     for r in range(3):
-        u, v = (r + 1) % 3, (r + 2) % 3
         error[r] = pose[r, ORIGIN] - target[r, ORIGIN]
         squared += error[r] * error[r]
-        twice = 0.0
-        for column in range(3):
-            twice += pose[v, column] * target[u, column] - pose[u, column] * target[v, column]
-            trace += pose[r, column] * target[r, column]
-        error[3 + r] = 0.5 * twice
-        turned += error[3 + r] * error[3 + r]
+    turned = 0.25 * (x * x + y * y + z * z)
     turn = math.sqrt(turned)
     if trace < 1.0:
         stretch = math.atan2(turn, 0.5 * (trace - 1.0)) / max(turn, 1e-6)
