@@ -15,7 +15,7 @@ from robotrue.cell.cell_text import cell_text
 from robotrue.cell.config import parse_cell
 from robotrue.compensation import CompensationSettings, Status, compensate
 from robotrue.compensation.guessed import other_configurations
-from robotrue.compensation.start_posture import start_joints
+from robotrue.compensation.stance import start_joints
 from robotrue.core.archive import Archive
 from robotrue.core.units import DEG, MM
 from robotrue.core.words import NO_WORD

@@ -38,8 +38,7 @@ from robotrue.compensation.compensate import compensate
 from robotrue.compensation.process_force import DescribedForce
 from robotrue.compensation.result import Compensation, unchanged
 from robotrue.compensation.settings import CompensationSettings
-from robotrue.compensation.stance import sentence
-from robotrue.compensation.start_posture import start_joints
+from robotrue.compensation.stance import sentence, start_joints
 from robotrue.compensation.steps import Steps, job_steps, joined
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.files import sha256, write_atomic

@@ -18,7 +18,7 @@ from robotrue.cli.console import emit_json, emit_table, say, say_mark
 from robotrue.cli.process_force import StatedForce, described, stated_forces
 from robotrue.compensation.difference import Change, Difference, difference
 from robotrue.compensation.process_force import DescribedForce
-from robotrue.compensation.start_posture import start_joints
+from robotrue.compensation.stance import start_joints
 from robotrue.core.arrays import Array
 from robotrue.core.csv_text import csv_text
 from robotrue.core.files import write_atomic

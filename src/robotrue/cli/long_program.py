@@ -11,9 +11,9 @@ from typing import Any, Final
 from robotrue.calibration.model import ErrorModel
 from robotrue.cli.console import remark, say
 from robotrue.cli.steps import StepRule
+from robotrue.compensation.result import Tally
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.steps import Steps
-from robotrue.compensation.tally import Tally
 from robotrue.core.progress import Progress, unheard
 from robotrue.errors import ConfigurationError, StepError
 from robotrue.program.program import FrameTable

@@ -10,7 +10,7 @@ from robotrue.cli.console import emit_json, say_mark
 from robotrue.cli.diff import differences
 from robotrue.cli.process_force import described
 from robotrue.cli.report_output import check_reports, file_fact, write_reports
-from robotrue.compensation.start_posture import start_joints
+from robotrue.compensation.stance import start_joints
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError

@@ -7,12 +7,13 @@ controller must be told. Arcs stay arcs and lines stay lines: targets move, none
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel
 from robotrue.compensation.arm_state import ArmState
 from robotrue.compensation.calibrated_arm import Outcome
-from robotrue.compensation.held_load import at_part
 from robotrue.compensation.plan import Plan, lay_out, new_words
 from robotrue.compensation.result import Compensation
 from robotrue.compensation.row_notes import RowNote, row_note
@@ -20,6 +21,7 @@ from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.setup import CompensationSetup, compensation_setup
 from robotrue.compensation.stance import first_stance
 from robotrue.compensation.status import Route, Status
+from robotrue.core.arrays import Array
 from robotrue.core.progress import Progress, unheard
 from robotrue.core.units import UM
 from robotrue.core.words import NO_WORD
@@ -57,7 +59,7 @@ def compensate(
     Fails when: the controller corrects absolute accuracy itself; the correction is then made twice.
     """
     settings = settings or CompensationSettings()
-    load = at_part(program, settings.load_for(len(program)))
+    load = load_about_part_origin(program, settings.load_for(len(program)))
     setup = compensation_setup(model, program.T_flange_tool, program.start, load, settings)
     return compensate_targets(setup, program, load, setup.start_state(), progress)
 
@@ -117,6 +119,26 @@ def compensate_targets(
         row_notes=notes,
         remarks=_remarks(program, rotation_known=rotation_known),
     )
+
+
+def load_about_part_origin(program: Program, load: Load) -> Load:
+    """Returns the load with the wrench on a part that the robot holds about the part's origin.
+
+    The wrench of such a target is what the tool does to the part, at the tool point; the frame the
+    robot moves is the part's, so that the moment about its origin is m + (p_tool - p_part) x f.
+
+    Args:
+        program: Targets; those that are not held keep their wrench.
+        load: One row, or one per target.
+    """
+    if not program.held.any() or not load.wrench.any():
+        return load
+    wrench = np.array(np.broadcast_to(load.wrench, (len(program), 6)))
+    rows = np.flatnonzero(program.held & np.isfinite(program.position).all(axis=1))
+    R_base_tool = program.T_base_frame[program.frame[rows], :3, :3]
+    lever: Array = -np.einsum("nij,nj->ni", R_base_tool, program.position[rows])
+    wrench[rows, 3:] += np.cross(lever, wrench[rows, :3])
+    return replace(load, wrench=wrench)
 
 
 def _replacement(

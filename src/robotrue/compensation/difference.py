@@ -15,7 +15,6 @@ import numpy as np
 
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.compensation.compensate import compensate
-from robotrue.compensation.newton import load_rows
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
 from robotrue.core.poses import inverse, pose
@@ -231,7 +230,7 @@ def _errors(
             q = _joints(robot.with_tool(tool), T[rows], joints[rows])
             able = np.isfinite(q).all(axis=1)
             mine = rows[able]
-            here = load_rows(load, mine)
+            here = load.take(mine)
             seen = model.predict(
                 Query(joints=q[able], approach=approach[mine], T_flange_tool=other, load=here)
             )

@@ -102,13 +102,13 @@ def lay_out(
     route[blocked] = Route.SKIP
     route[lost] = Route.PASS
     status[blocked] = Status.UNCHANGED_SOURCE
-    said = _by_words(robot, program, route, begun, words)
-    worded, chosen = said.rows, said.joints
+    chosen_by_words = _by_words(robot, program, route, begun, words)
+    worded, chosen = chosen_by_words.rows, chosen_by_words.joints
     route[worded] = Route.GIVEN
     known = np.where(np.isin(route, [Route.GIVEN, Route.PASS, Route.AXES]), 1, 0)
-    known[said.changed] = -1
+    known[chosen_by_words.changed] = -1
     if not len(settings.home):  # where the user chose, words that say nothing do not unchoose
-        known[said.astray] = -1
+        known[chosen_by_words.astray] = -1
     rows = np.concatenate([joints_known, worded])
     order = np.argsort(rows, kind="stable")
     return Plan(
@@ -118,8 +118,8 @@ def lay_out(
         joints=np.concatenate([joints, chosen])[order],
         worded=_with_words(robot, program, route, worded),
         known=known,
-        words=said.last,
-        notes=miscounted + said.notes,
+        words=chosen_by_words.last,
+        notes=miscounted + chosen_by_words.notes,
     )
 
 
@@ -190,7 +190,7 @@ def _tool_known(program: Program, rows: IntArray) -> BoolArray:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Said:
+class _WordChoice:
     """What configuration words say.
 
     Attributes:
@@ -212,7 +212,7 @@ class _Said:
 
 def _by_words(
     robot: RobotModel, program: Program, route: IntArray, under_way: bool, before: IntArray | None
-) -> _Said:
+) -> _WordChoice:
     """Returns the targets whose words choose the nominal joints, and those joints (k, 6) rad.
 
     Joint moves, and the first target when it is a straight one: straight moves keep the branch.
@@ -224,7 +224,7 @@ def _by_words(
     last = last if before is None else before[: len(last)]
     asked = np.asarray(route == Route.FREE)
     if maker == "" or (maker == "kuka" and not asked.any()):
-        return _Said(last=last)
+        return _WordChoice(last=last)
     spoken = (program.words != NO_WORD).any(axis=1)
     asked &= spoken
     begun = np.flatnonzero(route != Route.SKIP)
@@ -232,14 +232,14 @@ def _by_words(
         asked[begun[0]] |= bool(spoken[begun[0]] and route[begun[0]] == Route.LINEAR)
     rows = np.flatnonzero(asked)
     if not len(rows):
-        return _Said(last=last)
+        return _WordChoice(last=last)
     geometry = opw_geometry(robot) if robot.maker == maker else None
     told = np.concatenate([last[None], branch_words(maker, program.words[rows])])
     if geometry is None:
         other = np.asarray((told[1:] != told[:-1]).any(axis=1))
         first = np.asarray((told[:-1] == NO_WORD).all(axis=1))
         note = row_note(program, rows, _unused(robot, maker), rank=UNUSED)
-        return _Said(
+        return _WordChoice(
             astray=rows[other & first], changed=rows[other & ~first], last=told[-1], notes=(note,)
         )
     joints, reached, fits = _fitting(robot, program, rows, geometry)
@@ -253,7 +253,7 @@ def _by_words(
             "the nearest to the target before was taken."
         )
         notes = (row_note(program, astray, text, rank=ASTRAY),)
-    return _Said(
+    return _WordChoice(
         rows=rows[good], joints=joints[good], astray=astray, last=told[-1], notes=notes
     )  # fmt: skip
 
@@ -280,7 +280,7 @@ def _fitting(
 
 
 def _unused(robot: RobotModel, maker: Maker) -> str:
-    """What is said of words that nobody can read for this arm."""
+    """Returns the note on words that nobody can read for this arm."""
     if robot.maker != maker:
         stated = "not stated" if robot.maker == "generic" else f"{robot.maker!r}"
         return (

@@ -22,7 +22,7 @@ from robotrue.calibration.model import ErrorModel
 from robotrue.compensation.compensate import compensate
 from robotrue.compensation.redundancy_cost import across, bending, stiffness
 from robotrue.compensation.redundancy_path import DenseRun, Run, dense_run, runs_of
-from robotrue.compensation.redundancy_result import Respun, Standing
+from robotrue.compensation.redundancy_result import PostureQuality, SpinChoice
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
 from robotrue.core.poses import inverse as inverse_pose
@@ -76,7 +76,7 @@ def choose_spins(
     free: FreeSpinSettings,
     *,
     settings: CompensationSettings | None = None,
-) -> Respun:
+) -> SpinChoice:
     """Returns the program with the rotation about the tool axis chosen anew.
 
     Args:
@@ -139,14 +139,14 @@ def choose_spins(
         turn = matrix_from_rotation_vector(found.spin[skip:, None] * free.spin.cutter)
         rotation[free_rows] = program.rotation[free_rows] @ turn
     moved = np.asarray(np.abs(wrap(spin)) > 1e-12)
-    return Respun(
+    return SpinChoice(
         program=replace(
             program, rotation=rotation, words=_words(robot, program, moved, base.joints, after)
         ),
         spin=spin,
         turned=moved,
-        before=_standing(task, base.joints),
-        after=_standing(task, after),
+        before=_posture_quality(task, base.joints),
+        after=_posture_quality(task, after),
         runs=(len(runs), turned),
         notes=tuple(notes),
     )
@@ -299,7 +299,7 @@ def _room(robot: RobotModel, joints: Array) -> Array:
     )
 
 
-def _standing(task: _Task, joints: Array) -> Standing:
+def _posture_quality(task: _Task, joints: Array) -> PostureQuality:
     """How the arm stands at every target, tool by tool."""
     program, n = task.program, len(joints)
     moved = np.full((n, 3), np.nan)
@@ -309,7 +309,7 @@ def _standing(task: _Task, joints: Array) -> Standing:
         if 0 <= tool < len(program.T_flange_tool):
             robot = task.robot.with_tool(program.T_flange_tool[tool])
             moved[rows] = bending(robot, task.compliance, joints[rows], task.wrench[rows])
-    return Standing(
+    return PostureQuality(
         joints=frozen(joints, (n, 6), "joints", allow_nan=True),
         room=_room(task.robot, joints),
         wrist=np.arcsin(np.abs(np.sin(task.geometry.angles(joints)[:, 4]))),

@@ -16,7 +16,7 @@ from robotrue.program.program import Program
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Standing:
+class PostureQuality:
     """How the arm stands at n targets; NaN where that is not known.
 
     Attributes:
@@ -35,7 +35,7 @@ class Standing:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Respun:
+class SpinChoice:
     """A program with its free rotations chosen anew.
 
     Attributes:
@@ -51,8 +51,8 @@ class Respun:
     program: Program
     spin: Array
     turned: BoolArray
-    before: Standing
-    after: Standing
+    before: PostureQuality
+    after: PostureQuality
     runs: tuple[int, int]
     notes: tuple[str, ...]
 

@@ -20,12 +20,11 @@ import numpy as np
 
 from robotrue.calibration.model import ErrorModel
 from robotrue.compensation.arm_state import ArmState
-from robotrue.compensation.newton import load_rows
+from robotrue.compensation.result import Tally, sum_tallies
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.setup import compensation_setup
 from robotrue.compensation.stream_block import BlockTask, SolvedBlock, StreamJob, drive_through
 from robotrue.compensation.stream_workers import Here, Processes, Workers
-from robotrue.compensation.tally import Tally, sum_tallies
 from robotrue.core.archive import archive_bytes
 from robotrue.core.files import atomic_stream
 from robotrue.core.progress import Progress, unheard
@@ -228,7 +227,7 @@ def _task(
         data=_bytes(reading, block.piece, found.name),
         lead=None if exact else block.lead,
         lead_data=b"" if exact else _bytes(reading, block.lead, found.name),
-        load=load_rows(load, slice(block.first, block.first + block.targets)),
+        load=load.take(slice(block.first, block.first + block.targets)),
         state=state,
     )
 

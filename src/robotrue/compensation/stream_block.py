@@ -9,10 +9,10 @@ import numpy as np
 from robotrue.calibration.archive import open_model
 from robotrue.compensation.arm_state import ArmState
 from robotrue.compensation.compensate import compensate_targets
+from robotrue.compensation.result import Tally
 from robotrue.compensation.row_notes import row_note
 from robotrue.compensation.setup import CompensationSetup
 from robotrue.compensation.steps import steps_of
-from robotrue.compensation.tally import Tally
 from robotrue.core.archive import archive_from
 from robotrue.program.program import Reason
 from robotrue.program.stream import Judged, Piece, read_piece, write_piece

@@ -15,7 +15,7 @@ from robotrue.cell.cell_overlay import overlay_cell
 from robotrue.cell.config import read_cell
 from robotrue.cell.frame_table import frame_table
 from robotrue.compensation.difference import Difference, difference
-from robotrue.compensation.start_posture import start_joints
+from robotrue.compensation.stance import start_joints
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply
 from robotrue.core.units import MM
