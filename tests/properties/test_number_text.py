@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from robotrue.errors import ShapeError
@@ -88,7 +88,15 @@ def test_stretches_must_not_overlap() -> None:
         spliced(b"abcd", [3], [1], [])
 
 
+SIXTEEN_DIGITS = [
+    *(b"95142426273599.37", b"9474996.311614687", b"97873.74139710449"),
+    *(b"907554643.4292405", b"94483.34263716771", b"123456789012.345"),
+]
+"""One quotient of two whole numbers does not round the first five to their last bit."""
+
+
 @given(st.lists(tokens, min_size=6, max_size=6))
+@example(SIXTEEN_DIGITS)
 @settings(max_examples=150, deadline=None)
 def test_numbers_of_literals_are_read_to_the_last_bit(row: list[bytes]) -> None:
     data = b"x 7, [" + b" , ! 5\n".join(row) + b"]"
