@@ -22,9 +22,10 @@ from robotrue.errors import (
     ShapeError,
 )
 from robotrue.robot.forward import forward
-from robotrue.simulation.plans import Region, paper_domains, random_joints
+from robotrue.simulation.plans import Region, random_joints
 from robotrue.validation.validate import validate
 from robotrue_reproductions.deng2022 import scenarios
+from robotrue_reproductions.deng2022.sampling_plan import paper_domains
 
 
 @pytest.fixture(scope="module")
