@@ -61,7 +61,7 @@ def refusal(
         return ConfigurationError(f"{request.__name__}: {fault['msg']} ({name}).")
     value, kind = fault["input"], str(fault["type"])
     if kind == "literal_error":
-        words = name.replace("_", " ")
+        words = field.option if name_of is on_command_line else name.replace("_", " ")
         return ConfigurationError(
             f"{words} {value!r}, expected {_listed(field.choices)}.", hint=_example(field, name_of)
         )

@@ -1,0 +1,240 @@
+"""Map the predicted error and its 95 % bound over a region, sector against sector."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+
+from robotrue.app.context import Context
+from robotrue.app.operation import Operation
+from robotrue.app.presentation import Block, Note, Table
+from robotrue.app.request import Item, Option, Output, Reference, Request
+from robotrue.core.provenance import Provenance, mark_line, marked
+from robotrue.core.units import DEG, MM
+from robotrue.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from robotrue.calibration.model import ErrorModel
+    from robotrue.cell.cell import Cell
+    from robotrue.validation.error_map import SectorSimilarity, WorkspaceMap
+
+SUFFIXES: Final = (".png", ".csv", ".html", ".htm")
+
+
+class MapRequest(Request):
+    """Which errors to map, and where."""
+
+    model: Annotated[
+        Reference,
+        Item(noun="model", argument="MODEL|CELL", help="Model file; a cell.toml maps its priors."),
+    ]
+    output: Annotated[
+        Path,
+        Output(names=("--output", "-o"), help="Picture (.png), table (.csv) or page (.html)."),
+    ]
+    region: Annotated[
+        Literal["cylinder", "cube"], Option(help="cylinder (about joint 1) or cube.")
+    ] = "cylinder"
+    angle_deg: Annotated[str | None, Option(help="LOW,HIGH of a cylinder.")] = None
+    radius_mm: Annotated[str | None, Option(help="LOW,HIGH of a cylinder.")] = None
+    height_mm: Annotated[str | None, Option(help="LOW,HIGH of a cylinder.")] = None
+    x_mm: Annotated[str | None, Option(help="LOW,HIGH of a cube.")] = None
+    y_mm: Annotated[str | None, Option(help="LOW,HIGH of a cube.")] = None
+    z_mm: Annotated[str | None, Option(help="LOW,HIGH of a cube.")] = None
+    grid: Annotated[str, Option(help="Grid values along each coordinate.")] = "8,8,8"
+    sectors: Annotated[int, Option(help="Parts compared, along the angle or along y.")] = 4
+    attitude: Annotated[
+        Literal["turning", "fixed"],
+        Option(help="turning (with the angle about joint 1) or fixed (in base)."),
+    ] = "turning"
+    tool_abc_deg: Annotated[
+        str, Option(help="KUKA A,B,C of the point in base; for turning at angle 0.")
+    ] = "0,180,0"
+    posture_deg: Annotated[
+        str | None, Option(help="Model joints of the branch wanted; default: as trained.")
+    ] = None
+    at: Annotated[
+        Literal["target", "tool"], Option(help="target (the measured point) or tool.")
+    ] = "target"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mapped:
+    """Predicted errors over a region.
+
+    Attributes:
+        error_map: The numbers.
+        alike: Likeness of every two sectors.
+        robot: Name of the robot.
+        point: ``tool`` or ``target``.
+        title: Of picture and page.
+        output: File that was written.
+        provenance: Of the model.
+    """
+
+    error_map: WorkspaceMap
+    alike: tuple[SectorSimilarity, ...]
+    robot: str
+    point: str
+    title: str
+    output: Path
+    provenance: Provenance
+
+    def document(self) -> Mapping[str, Any]:
+        """Returns JSON values; mm, deg."""
+        from robotrue.report.map_document import map_document
+
+        numbers = map_document(self.error_map, self.alike)
+        return {"map": str(self.output), "robot": self.robot, "point": self.point, **numbers}
+
+    def blocks(self) -> Iterable[Block]:
+        """Returns the sectors, and how alike they are."""
+        from robotrue.report.map import ATTITUDES
+
+        yield Table(
+            title=f"{self.title}; {ATTITUDES[self.error_map.attitude]}",
+            columns=(
+                "sector", "poses", "mean mm", "max mm", "x mm", "y mm", "z mm", "stays 95 % mm",
+            ),
+            rows=tuple(_sector_rows(self.error_map)),
+        )  # fmt: skip
+        if self.alike:
+            yield Table(
+                title="similarity of the errors at corresponding points, 1 is alike",
+                columns=("sectors", "points", "vectors", "x", "y", "z", "length"),
+                rows=tuple(
+                    (
+                        f"{s.first + 1} and {s.second + 1}",
+                        str(s.points),
+                        *(f"{v:.4f}" if isfinite(v) else "-" for v in (s.vector, *s.axis, s.norm)),
+                    )
+                    for s in self.alike
+                ),
+            )
+        lost = int((~self.error_map.reachable).sum())
+        if lost:
+            poses = f"{lost} grid pose{'' if lost == 1 else 's'}"
+            yield Note(f"{poses} cannot be taken and {'is' if lost == 1 else 'are'} empty")
+
+
+def _sector_rows(error_map: WorkspaceMap) -> Iterable[tuple[str, ...]]:
+    from robotrue.report.map import sector_names
+
+    for k, name in enumerate(sector_names(error_map)):
+        here = (error_map.sector == k) & error_map.reachable
+        if not here.any():
+            yield (name, "0", *["-"] * 6)
+            continue
+        mean = error_map.error[here].mean(axis=0) / MM
+        length, bound = error_map.norm[here] / MM, error_map.bound[here] / MM
+        numbers = (length.mean(), length.max(), *mean, bound.mean())
+        yield (name, str(int(here.sum())), *(f"{value:.3f}" for value in numbers))
+
+
+def run(request: MapRequest, context: Context) -> Mapped:
+    """Maps the error and writes a picture, a table or a page.
+
+    Raises:
+        ConfigurationError: Ranges that are missing or no ranges, or another ending of the output.
+    """
+    from robotrue.app.map_options import parse_grid, parse_map_region, parse_numbers
+    from robotrue.calibration.lineage import provenance_of
+    from robotrue.validation.error_map import error_map, sector_similarities
+
+    path = context.model_file(request.model)
+    output = context.output(request.output)
+    if output.suffix.lower() not in SUFFIXES:
+        raise ConfigurationError(
+            f"cannot tell what to write from {output.name!r}.",
+            source=output,
+            hint=f"-o with one of the endings {', '.join(SUFFIXES[:3])}.",
+        )
+    ranges = {
+        name.rpartition("_")[0]: getattr(request, name)
+        for name in ("angle_deg", "radius_mm", "height_mm", "x_mm", "y_mm", "z_mm")
+    }
+    where, at_tool = parse_map_region(request.region, ranges), request.at == "tool"
+    model, cell = _model(path, context)
+    posture = request.posture_deg
+    mapped = error_map(
+        model,
+        where,
+        parse_grid(request.grid),
+        tool_abc=parse_numbers("--tool-abc-deg", request.tool_abc_deg, 3) * DEG,
+        attitude=request.attitude,
+        sectors=request.sectors,
+        near=None
+        if posture is None
+        else parse_numbers("--posture-deg", posture, model.robot.dof) * DEG,
+        load=cell.payload,
+        T_flange_tool=cell.robot.T_flange_tool if at_tool else None,
+    )
+    point = "the programs' tool point" if at_tool else "the measured point"
+    result = Mapped(
+        error_map=mapped,
+        alike=sector_similarities(mapped),
+        robot=model.robot.name,
+        point=request.at,
+        title=f"Predicted error of {model.robot.name} at {point}",
+        output=output,
+        provenance=provenance_of(model),
+    )
+    _write(result, model, path)
+    context.wrote("map", output)
+    for warning in model.training_summary().warnings:
+        context.inform(f"doubt: {warning}")
+    return result
+
+
+def _model(path: Path, context: Context) -> tuple[ErrorModel, Cell]:
+    """The model in a file, or what is assumed of a cell's arm before any measurement."""
+    from robotrue.core.files import read_bytes
+    from robotrue.planning.information import settings_of
+    from robotrue.store.model_file import ZIP, read_model
+    from robotrue.validation.error_map import build_prior_model
+
+    if read_bytes(path).startswith(ZIP):
+        stored = read_model(path)
+        return stored.model, stored.cell
+    from robotrue.cell.config import read_cell
+
+    cell = read_cell(path)
+    context.note("a cell and no model: stated stiffness and prior scales, nothing measured")
+    return build_prior_model(cell.measured_robot, settings_of(cell)), cell
+
+
+def _write(result: Mapped, model: ErrorModel, path: Path) -> None:
+    """Writes the picture, the table or the page."""
+    from robotrue.core.files import read_bytes, sha256, write_atomic
+    from robotrue.report.content import Fact
+    from robotrue.report.map import map_content, map_slices
+    from robotrue.report.map_document import map_table
+    from robotrue.report.page import report_html
+
+    suffix, error_map = result.output.suffix.lower(), result.error_map
+    if suffix == ".png":
+        from robotrue.report.map_figure import slices_png
+
+        title = marked(result.title, result.provenance)
+        data = slices_png(map_slices(error_map, title=title))
+    elif suffix == ".csv":
+        data = (mark_line(result.provenance) + map_table(error_map)).encode()
+    else:
+        summary = model.training_summary()
+        content = map_content(
+            error_map,
+            result.alike,
+            title=result.title,
+            subtitle=f"{path.name}, method {summary.method or 'unknown'}",
+            simulated=result.provenance.simulated,
+            doubts=summary.warnings,
+            provenance=(Fact(name=path.name, value=f"sha256:{sha256(read_bytes(path))}"),),
+        )
+        data = report_html(content).encode()
+    write_atomic(result.output, data)
+
+
+OPERATION: Final = Operation(request=MapRequest, run=run)
