@@ -77,7 +77,7 @@ def _with_measured_tool(program: Any, model: Any) -> Any:
     )
 
 
-@compiled(PLAIN, borrows=True)
+@compiled(PLAIN)
 def _reprinted(buf: Any, out: Any) -> Any:
     """Copies the bytes with every number parsed and formatted once; returns the size."""
     i, k, n = 0, 0, buf.size

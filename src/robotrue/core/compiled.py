@@ -31,15 +31,11 @@ COMPILING: Final = (
 """Logged once per process, level INFO, when a kernel is not found in the cache."""
 
 
-def compiled(
-    flags: frozenset[str], *, borrows: bool = False, inline: bool = False
-) -> Callable[[F], F]:
+def compiled(flags: frozenset[str], *, inline: bool = False) -> Callable[[F], F]:
     """Returns a decorator that compiles a function to machine code at its first call.
 
     Args:
         flags: Liberties with floating-point arithmetic, one of the sets above.
-        borrows: The function makes no array of its own; references to those it is given are then
-            not counted, which saves two locked instructions per array and call.
         inline: Its code is put into the functions that call it.
 
     The code is cached, see :func:`cached`.
@@ -51,7 +47,6 @@ def compiled(
             "nogil": True,
             "error_model": "numpy",
             "inline": "always" if inline else "never",
-            "_nrt": not borrows,
         }
         return cast(F, cached(njit(**options)(function)))
 

@@ -25,7 +25,7 @@ def matrices_from_abc(abc: Array, unit: float) -> Array:
     return out
 
 
-@compiled(EXACT, borrows=True)
+@compiled(EXACT)
 def _matrices(abc: Any, unit: Any, out: Any, angle: Any, trig: Any) -> None:
     for first in range(0, len(abc), _ABREAST):
         count = min(_ABREAST, len(abc) - first)
@@ -40,7 +40,7 @@ def _matrices(abc: Any, unit: Any, out: Any, angle: Any, trig: Any) -> None:
             _matrix(trig, n, out, first + n)
 
 
-@compiled(EXACT, borrows=True, inline=True)
+@compiled(EXACT, inline=True)
 def _matrix(trig: Any, n: Any, out: Any, i: Any) -> None:
     """Writes one matrix from the sines and cosines of A, B, C in column ``n``."""
     sa, sb, sc = trig[n], trig[_ABREAST + n], trig[2 * _ABREAST + n]
@@ -56,7 +56,7 @@ def _matrix(trig: Any, n: Any, out: Any, i: Any) -> None:
     out[i, 2, 2] = cb * cc
 
 
-@compiled(PLAIN, borrows=True, inline=True)
+@compiled(PLAIN, inline=True)
 def _wrap(angle: Any) -> Any:
     if -math.pi <= angle < math.pi:
         return angle
@@ -82,7 +82,7 @@ def renew_abc(rotation: Array, rows: IntArray, abc: Array, unit: float) -> None:
     _renew(rotation, rows, abc, unit, np.zeros(12 * _ABREAST))
 
 
-@compiled(EXACT, borrows=True)
+@compiled(EXACT)
 def _renew(rotation: Any, rows: Any, abc: Any, unit: Any, work: Any) -> None:
     for first in range(0, len(rows), _ABREAST):
         count = min(_ABREAST, len(rows) - first)
@@ -103,7 +103,7 @@ def _renew(rotation: Any, rows: Any, abc: Any, unit: Any, work: Any) -> None:
             abc[i, at], abc[i, at + 1], abc[i, at + 2] = a / unit, b / unit, c / unit
 
 
-@compiled(EXACT, borrows=True)
+@compiled(EXACT)
 def _hand_in(
     rotation: Any, rows: Any, first: Any, count: Any, abc: Any, unit: Any, work: Any
 ) -> None:
@@ -119,7 +119,7 @@ def _hand_in(
             work[(9 + j) * _ABREAST + n] = abc[i, abc.shape[1] - 3 + j] * unit
 
 
-@compiled(PLAIN, borrows=True, inline=True)
+@compiled(PLAIN, inline=True)
 def _locked(r: Any, b: Any, near_a: Any, near_c: Any) -> Any:
     """Returns A and C at the lock: R depends on A - sign * C alone, the turn is split evenly."""
     sign = 1.0 if b > 0 else -1.0
@@ -128,7 +128,7 @@ def _locked(r: Any, b: Any, near_a: Any, near_c: Any) -> Any:
     return near_a + split, near_c - sign * split
 
 
-@compiled(PLAIN, borrows=True, inline=True)
+@compiled(PLAIN, inline=True)
 def _nearest(a: Any, b: Any, c: Any, near_a: Any, near_b: Any, near_c: Any) -> Any:
     """Returns the triple or its other form, whichever is nearer, at the nearest turns."""
     a1, b1, c1 = _wrap(a - near_a), _wrap(b - near_b), _wrap(c - near_c)

@@ -51,7 +51,7 @@ def si_columns(values: Array, axis: BoolArray) -> tuple[Array, Array, Array]:
     return position, rotation, axes
 
 
-@compiled(PLAIN, borrows=True)
+@compiled(PLAIN)
 def _gather(
     token: Any,
     end: Any,

@@ -201,7 +201,7 @@ def _room(data: bytes) -> tuple[int, int, int]:
     return feeds + returns + 1, braces, braces + commas
 
 
-@compiled(PLAIN, borrows=True)
+@compiled(PLAIN)
 def _line_ends(buf: Any, i: Any) -> Any:
     """Returns (end of code, end of line) of the line that starts at ``i``."""
     n = buf.size
@@ -215,7 +215,7 @@ def _line_ends(buf: Any, i: Any) -> Any:
     return (j if code < 0 else code), j
 
 
-@compiled(PLAIN, borrows=True, inline=True)
+@compiled(PLAIN, inline=True)
 def _repeats(
     buf: Any,
     i: Any,
@@ -266,7 +266,7 @@ def _repeats(
     return j
 
 
-@compiled(PLAIN, borrows=True)
+@compiled(PLAIN)
 def _scan(
     buf: Any,
     i: Any,

@@ -11,7 +11,7 @@ from robotrue.core.compiled import PLAIN, compiled
 _POW10: Final = np.array([10.0**k for k in range(23)])
 
 
-@compiled(PLAIN, borrows=True)
+@compiled(PLAIN)
 def blank(buf: Any, i: Any, end: Any) -> Any:
     """Returns the first place from ``i`` that is not a blank or tab."""
     while i < end and (buf[i] == 32 or buf[i] == 9):
@@ -19,7 +19,7 @@ def blank(buf: Any, i: Any, end: Any) -> Any:
     return i
 
 
-@compiled(PLAIN, borrows=True)
+@compiled(PLAIN)
 def word(buf: Any, i: Any, end: Any) -> Any:
     """Returns (key, end) of the word at ``i``; key 0 if none, -1 if longer than ten letters."""
     key, j = 0, i
@@ -36,7 +36,7 @@ def word(buf: Any, i: Any, end: Any) -> Any:
     return key, j
 
 
-@compiled(PLAIN, borrows=True)
+@compiled(PLAIN)
 def find(keys: Any, key: Any) -> Any:
     """Returns the place of a key, -1 if it is not there."""
     for k in range(keys.size):
@@ -45,7 +45,7 @@ def find(keys: Any, key: Any) -> Any:
     return -1
 
 
-@compiled(PLAIN, borrows=True)
+@compiled(PLAIN)
 def read_number(buf: Any, i: Any, end: Any) -> Any:
     """Returns (value, end) of ``[+-]?digits[.digits][ E[+-]digits]`` at ``i``; end = i if none."""
     j, negative = i, False
@@ -95,7 +95,7 @@ def read_number(buf: Any, i: Any, end: Any) -> Any:
     return (-value if negative else value), j
 
 
-@compiled(PLAIN, borrows=True)
+@compiled(PLAIN)
 def _based(buf: Any, i: Any, end: Any) -> Any:
     """Returns (value, end) of ``'B0110'``, ``'B 110'`` or ``'H1F'`` at ``i``; else end = i."""
     if i + 3 >= end:
@@ -121,7 +121,7 @@ def _based(buf: Any, i: Any, end: Any) -> Any:
     return float(value), j + 1
 
 
-@compiled(PLAIN, borrows=True)
+@compiled(PLAIN)
 def _skip_value(buf: Any, i: Any, end: Any) -> Any:
     """Returns the ``,`` or ``}`` that ends an expression at ``i``, or ``end``."""
     depth = 0
@@ -137,7 +137,7 @@ def _skip_value(buf: Any, i: Any, end: Any) -> Any:
     return end
 
 
-@compiled(PLAIN, borrows=True)
+@compiled(PLAIN)
 def aggregate(
     buf: Any,
     i: Any,
@@ -203,7 +203,7 @@ def aggregate(
         j = after + 1
 
 
-@compiled(PLAIN, borrows=True, inline=True)
+@compiled(PLAIN, inline=True)
 def plain_number(buf: Any, i: Any) -> Any:
     """Returns (value, end) of ``-?digits[.digits]`` of at most 18 digits; end = i for all else.
 

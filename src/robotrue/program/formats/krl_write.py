@@ -200,7 +200,7 @@ def _new_values(
     return values, touched
 
 
-@compiled(PLAIN, borrows=True)
+@compiled(PLAIN)
 def _beyond(values: Any, touched: Any) -> Any:
     """Returns the first row with a touched value that cannot be written, -1 if there is none."""
     for row in range(len(values)):
@@ -272,7 +272,7 @@ def _gather(token: Any, tokens: Any, component: Any, value: Any, values: Any) ->
                 values[row, component[t] % 6] = value[t]
 
 
-@compiled(PLAIN, borrows=True, inline=True)
+@compiled(PLAIN, inline=True)
 def _style(buf: Any, start: Any, end: Any) -> Any:
     """Returns (decimals to write, has a plus, has no digit before the point)."""
     sign = buf[np.uint64(start)]
@@ -342,7 +342,7 @@ def _insert(out: Any, k: Any, component: Any, value: Any, decimals: Any) -> Any:
     return put_number(out, k + 2, value, decimals, False, False)
 
 
-@compiled(PLAIN, borrows=True)
+@compiled(PLAIN)
 def _splice(
     buf: Any,
     begin: Any,

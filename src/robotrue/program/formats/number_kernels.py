@@ -22,7 +22,7 @@ SLOW_DECIMALS: Final = 13
 """From here on a number is left to the slow way, which rounds exactly."""
 
 
-@compiled(PLAIN, borrows=True)
+@compiled(PLAIN)
 def put_whole(out: Any, k: Any, whole: Any) -> Any:
     """Writes a non-negative integer at ``k``; returns its end."""
     size = 1
@@ -32,7 +32,7 @@ def put_whole(out: Any, k: Any, whole: Any) -> Any:
     return k + size
 
 
-@compiled(PLAIN, borrows=True)
+@compiled(PLAIN)
 def _put_digits(out: Any, k: Any, rest: Any, size: Any) -> None:
     """Writes the last ``size`` digits of an unsigned integer from ``k`` on, two at a time."""
     end = k + size
@@ -45,7 +45,7 @@ def _put_digits(out: Any, k: Any, rest: Any, size: Any) -> None:
         out[k] = 48 + np.int64(rest % _TEN)
 
 
-@compiled(PLAIN, borrows=True, inline=True)
+@compiled(PLAIN, inline=True)
 def _four(value: Any) -> Any:
     """Returns the four digits of 0 to 9999 as bytes, the first one lowest."""
     high = (value * 5243) >> 19
@@ -54,7 +54,7 @@ def _four(value: Any) -> Any:
     return (a | (high - 10 * a) << 8 | c << 16 | (low - 10 * c) << 24) + 0x30303030
 
 
-@compiled(PLAIN, borrows=True, inline=True)
+@compiled(PLAIN, inline=True)
 def _put_four(out: Any, k: Any, digits: Any) -> None:
     out[np.uint64(k)] = digits & 255
     out[np.uint64(k + 1)] = digits >> 8 & 255
@@ -62,7 +62,7 @@ def _put_four(out: Any, k: Any, digits: Any) -> None:
     out[np.uint64(k + 3)] = digits >> 24 & 255
 
 
-@compiled(PLAIN, borrows=True, inline=True)
+@compiled(PLAIN, inline=True)
 def put_number(out: Any, k: Any, value: Any, decimals: Any, plus: Any, bare: Any) -> Any:
     """Writes ``value`` with ``decimals`` at ``k``; returns its end.
 
@@ -97,7 +97,7 @@ def put_number(out: Any, k: Any, value: Any, decimals: Any, plus: Any, bare: Any
     return k + decimals
 
 
-@compiled(PLAIN, borrows=True, inline=True)
+@compiled(PLAIN, inline=True)
 def copy_short(out: Any, k: Any, buf: Any, start: Any, end: Any) -> Any:
     """Copies ``buf[start:end]`` to ``k``, eight bytes at a time; returns its end.
 
@@ -118,7 +118,7 @@ def copy_short(out: Any, k: Any, buf: Any, start: Any, end: Any) -> Any:
     return k - (i - end)
 
 
-@compiled(PLAIN, borrows=True)
+@compiled(PLAIN)
 def copy_bytes(out: Any, k: Any, buf: Any, start: Any, end: Any) -> Any:
     """Copies ``buf[start:end]`` to ``k``; returns its end."""
     for i in range(start, end):
@@ -127,7 +127,7 @@ def copy_bytes(out: Any, k: Any, buf: Any, start: Any, end: Any) -> Any:
     return k
 
 
-@compiled(PLAIN, borrows=True)
+@compiled(PLAIN)
 def place(
     out: Any, k: Any, buf: Any, cursor: Any, start: Any, end: Any, text: Any, size: Any
 ) -> Any:
@@ -145,7 +145,7 @@ def place(
     return copy_bytes(out, k, text, 0, size)
 
 
-@compiled(PLAIN, borrows=True)
+@compiled(PLAIN)
 def is_plain(buf: Any, start: Any, end: Any) -> Any:
     """Returns whether a token is digits with at most one point and a sign, and not too long."""
     point = -1
@@ -211,7 +211,7 @@ def plain_tokens(buf: Any, start: Any, length: Any) -> Any:
     return out
 
 
-@compiled(PLAIN, borrows=True)
+@compiled(PLAIN)
 def literal_numbers(
     buf: Any,
     first: Any,
@@ -253,7 +253,7 @@ def literal_numbers(
                 value[row, column] = _exact(buf, begun, i)
 
 
-@compiled(PLAIN, borrows=True)
+@compiled(PLAIN)
 def _exact(buf: Any, start: Any, end: Any) -> Any:
     """Returns a number that one product or quotient rounds to the last bit, NaN for others."""
     whole, digits, decimals, power, mark = 0, 0, 0, 0, end
