@@ -250,6 +250,13 @@ def test_an_empty_page_is_still_a_page():
     assert "<td>–</td>" in page
 
 
+def test_one_held_out_pose_is_a_report():
+    one = validate(FakeModel(mean=wave), measured(1, error=wave))
+    document = json.loads(report_json(calibration_content(one, title="t", simulated=True)))
+    tables = [b for s in document["sections"] for b in s["blocks"] if b["kind"] == "table"]
+    assert any(len(t["rows"]) == 1 and len(str(t["rows"][0]).split("J")) == 7 for t in tables)
+
+
 def test_wrong_shapes_are_refused():
     with pytest.raises(ShapeError, match=r"after has shape .*, expected"):
         PointErrors(before=np.zeros(3), after=np.zeros(4))
