@@ -12,7 +12,7 @@ from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
 from robotrue.report.export_controller import export_controller
 from robotrue.report.export_dh import export_dh
-from robotrue.report.export_losses import Calibrated, Loss, prepare_export
+from robotrue.report.export_losses import ExportableModel, Loss, prepare_export
 from robotrue.report.export_urdf import export_urdf
 from robotrue.store.model_file import read_model
 
@@ -52,7 +52,7 @@ def run(model_path: Path, output: Path, *, kind: str, lossy: str, at: str, as_js
 
 def _made(
     kind: str,
-    found: Calibrated,
+    found: ExportableModel,
     output: Path,
     lossy: tuple[str, ...],
 ) -> tuple[dict[Path, str], Loss]:

@@ -129,9 +129,10 @@ def check_axes_agree(measured: Array, expected: Array, source: str) -> None:
         ImplausibleDataError: Another way fits three times better.
     """
     ways = {
-        _named(way): float(np.linalg.norm(_rotate_force(measured, way) - expected)) for way in _WAYS
+        _name_way(way): float(np.linalg.norm(_rotate_force(measured, way) - expected))
+        for way in _WAYS
     }
-    as_is = ways.pop(_named(_WAYS[0]))
+    as_is = ways.pop(_name_way(_WAYS[0]))
     best = min(ways, key=lambda name: ways[name])
     if 3.0 * ways[best] < as_is and as_is > 0.5 * float(np.linalg.norm(expected)):
         raise ImplausibleDataError(
@@ -195,7 +196,7 @@ def _check_axes(tests: Sequence[CuttingTest]) -> None:
         )
     if _plausible(slope):
         return
-    fitting = [_named(way) for way in _WAYS[1:] if _plausible(_rotate_force(slope, way))]
+    fitting = [_name_way(way) for way in _WAYS[1:] if _plausible(_rotate_force(slope, way))]
     raise ImplausibleDataError(
         f"slopes of the mean force of slots are {slope[0] * 1e-3:.4g} N/mm along the feed and "
         f"{slope[1] * 1e-3:.4g} to its left; on the tool they are below and above zero, the "
@@ -215,7 +216,7 @@ def _rotate_force(force: Array, way: tuple[bool, float, float]) -> Array:
     return np.array([x * first, y * second, force[2]])
 
 
-def _named(way: tuple[bool, float, float]) -> str:
+def _name_way(way: tuple[bool, float, float]) -> str:
     swapped, x, y = way
     flips = [axis for axis, sign in (("x", x), ("y", y)) if sign < 0.0]
     parts = (["x and y swapped"] if swapped else []) + (

@@ -110,7 +110,10 @@ def residues_and_slopes(
         x = np.linalg.lstsq(upper, q.T @ b, rcond=None)[0] / scale
         residue = x[: len(poles)] + 1j * x[len(poles) : 2 * len(poles)]
         change = one @ (residue * moves).T + two @ (residue * moves).conj().T
-        slope = np.vstack([change.real, change.imag]) * _doubled(curves.weight[:, c])[:, None]
+        slope = (
+            np.vstack([change.real, change.imag])
+            * _repeat_for_imaginary(curves.weight[:, c])[:, None]
+        )
         if at_rest is not None and curves.static_weight is not None:
             rest = 2.0 * (moves @ (residue / poles**2)).real * curves.static_weight[c]
             slope = np.vstack([slope, rest])
@@ -125,7 +128,7 @@ def _weight_rows(
     curves: Curves, c: int, design: Array, at_rest: Array | None
 ) -> tuple[Array, Array]:
     """Weighted rows and right-hand side of one pair, real parts first, at rest last."""
-    weight = _doubled(curves.weight[:, c])
+    weight = _repeat_for_imaginary(curves.weight[:, c])
     a = design * weight[:, None]
     b = np.concatenate([curves.values[:, c].real, curves.values[:, c].imag]) * weight
     if at_rest is not None and curves.static is not None and curves.static_weight is not None:
@@ -134,7 +137,7 @@ def _weight_rows(
     return a, b
 
 
-def _doubled(values: Array) -> Array:
+def _repeat_for_imaginary(values: Array) -> Array:
     return np.concatenate([values, values])
 
 

@@ -28,7 +28,7 @@ from robotrue.core.rotations import (
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConvergenceError
 from robotrue.report.export_losses import (
-    Calibrated,
+    ExportableModel,
     Loss,
     loss_document,
     losses,
@@ -99,7 +99,7 @@ class ControllerExport:
         return json.dumps(self.document, indent=1, allow_nan=False) + "\n"
 
 
-def export_controller(found: Calibrated, *, lossy: Sequence[str] = ()) -> ControllerExport:
+def export_controller(found: ExportableModel, *, lossy: Sequence[str] = ()) -> ControllerExport:
     """Returns the sheet.
 
     Args:
@@ -124,7 +124,7 @@ def export_controller(found: Calibrated, *, lossy: Sequence[str] = ()) -> Contro
     )
 
 
-def fit_controller(found: Calibrated) -> RobotModel:
+def fit_controller(found: ExportableModel) -> RobotModel:
     """Returns the rigid arm whose zeros, base and tool come nearest to the model.
 
     Raises:
@@ -160,7 +160,7 @@ def _free(dof: int) -> IntArray:
 
 
 def _document(
-    robot: RobotModel, found: Calibrated, lost: Sequence[Loss], before: Loss, total: Loss
+    robot: RobotModel, found: ExportableModel, lost: Sequence[Loss], before: Loss, total: Loss
 ) -> Mapping[str, Any]:
     sign = np.ones(robot.dof) if robot.controller is None else robot.controller.sign
     offset = sign * np.linalg.solve(robot.joint_map, robot.error("theta"))

@@ -14,7 +14,7 @@ from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.report.export_losses import (
-    Calibrated,
+    ExportableModel,
     Loss,
     loss_sentences,
     losses,
@@ -49,7 +49,7 @@ class DhExport:
     as_rigid: Loss
 
 
-def export_dh(found: Calibrated, *, lossy: Sequence[str] = ()) -> DhExport:
+def export_dh(found: ExportableModel, *, lossy: Sequence[str] = ()) -> DhExport:
     """Returns the table.
 
     Args:
@@ -76,7 +76,7 @@ def export_dh(found: Calibrated, *, lossy: Sequence[str] = ()) -> DhExport:
 
 
 def _remarks(
-    robot: RobotModel, found: Calibrated, lost: Sequence[Loss], total: Loss, as_rigid: Loss
+    robot: RobotModel, found: ExportableModel, lost: Sequence[Loss], total: Loss, as_rigid: Loss
 ) -> list[str]:
     link = {
         "dh": "standard DH: Rz(theta + q) Tz(d) Tx(a) Rx(alpha) Ry(beta)",

@@ -43,7 +43,7 @@ class Loss:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Calibrated(Columns):
+class ExportableModel(Columns):
     """A model as something to export.
 
     Attributes:
@@ -73,7 +73,7 @@ class Calibrated(Columns):
 
 def prepare_export(
     model: ErrorModel, load: Load = NO_LOAD, *, T_flange_tool: Array | None = None
-) -> Calibrated:
+) -> ExportableModel:
     """Returns a model ready for export.
 
     Args:
@@ -97,7 +97,7 @@ def prepare_export(
         nominal = nominal.with_tool(T_flange_tool)
         tables = replace(tables, robot=tables.robot.with_tool(T_flange_tool))
     seen = model.predict(Query(joints=places.joints, load=load, T_flange_tool=T_flange_tool))
-    return Calibrated(
+    return ExportableModel(
         tables=tables,
         digest=model_hash(model),
         joints=places.joints,
@@ -108,7 +108,7 @@ def prepare_export(
     )
 
 
-def require_named(found: Calibrated, cannot: Sequence[str], lossy: Sequence[str]) -> None:
+def require_named(found: ExportableModel, cannot: Sequence[str], lossy: Sequence[str]) -> None:
     """Passes if every part that would be lost was named.
 
     Args:
@@ -140,7 +140,7 @@ def require_named(found: Calibrated, cannot: Sequence[str], lossy: Sequence[str]
     )
 
 
-def losses(found: Calibrated, names: Sequence[str]) -> tuple[Loss, ...]:
+def losses(found: ExportableModel, names: Sequence[str]) -> tuple[Loss, ...]:
     """Returns the size of each named part, alone."""
     whole = mean_position(found.tables, found.joints, found.load)
     out = []
@@ -150,7 +150,7 @@ def losses(found: Calibrated, names: Sequence[str]) -> tuple[Loss, ...]:
     return tuple(out)
 
 
-def measure_loss(found: Calibrated, robot: RobotModel, joints: Array | None = None) -> Loss:
+def measure_loss(found: ExportableModel, robot: RobotModel, joints: Array | None = None) -> Loss:
     """Returns what a rigid robot, as another program will compute it, misses of the model.
 
     Args:
@@ -162,7 +162,7 @@ def measure_loss(found: Calibrated, robot: RobotModel, joints: Array | None = No
     return _loss("all", found.position - at)
 
 
-def part_left_over(found: Calibrated, names: Sequence[str]) -> Loss:
+def part_left_over(found: ExportableModel, names: Sequence[str]) -> Loss:
     """Returns what the model's own mean without some parts misses, all together."""
     rest = mean_position(without(found.tables, names), found.joints, found.load)
     return _loss("all", found.position - rest)

@@ -13,7 +13,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.provenance import marked
 from robotrue.errors import ConfigurationError
 from robotrue.report.export_losses import (
-    Calibrated,
+    ExportableModel,
     Loss,
     loss_document,
     loss_sentences,
@@ -45,7 +45,7 @@ class UrdfExport:
     total: Loss
 
 
-def export_urdf(found: Calibrated, *, lossy: Sequence[str] = ()) -> UrdfExport:
+def export_urdf(found: ExportableModel, *, lossy: Sequence[str] = ()) -> UrdfExport:
     """Returns the URDF and its side-file.
 
     The side-file holds all that was left out, so that who reads both has the whole mean.
@@ -95,7 +95,7 @@ def rigid(robot: RobotModel) -> RobotModel:
     return robot.with_errors(errors)
 
 
-def _side(found: Calibrated) -> dict[str, Any]:
+def _side(found: ExportableModel) -> dict[str, Any]:
     t, robot = found.tables, found.tables.robot
     return {
         "format": "robotrue-urdf-side-file",
