@@ -25,9 +25,9 @@ from robotrue.core.arrays import Array
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel, parameter_slice
 
+# How values carry over to another campaign or arm: with the correlation of drive errors, of the
+# smooth residual, or unchanged.
 Carry: TypeAlias = Literal["waves", "field", "same"]
-"""How values carry over to another campaign or arm: with the correlation of drive errors, of the
-smooth residual, or unchanged."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
