@@ -103,6 +103,23 @@ def test_the_same_model_gives_the_same_bytes(
     assert (tmp_path / "a.rtm").read_bytes() == (tmp_path / "b.rtm").read_bytes()
 
 
+def test_a_forged_cell_reads_no_file_of_this_computer(
+    tmp_path: Path, cell: Cell, model: RigidFlexibleModel
+) -> None:
+    robot = '[robot]\npreset = "KUKA KR160 R1570"\n[controller]\nfiles = ["$config.dat"]\n'
+    (tmp_path / "cell.toml").write_text(f"schema = 1\n{robot}")
+    (tmp_path / "$config.dat").write_text("DEFDAT $CONFIG\nENDDAT\n")
+    path = tmp_path / "m.rtm"
+    write_model(path, model, read_cell(tmp_path / "cell.toml"))
+    archive = read_archive(path)
+    stated = archive.document["cell"]
+    assert list(stated["files"]) == ["$config.dat"]
+    forged = {**stated, "files": {}, "source": str(tmp_path / "cell.toml")}
+    write_archive(path, replace(archive, document={**archive.document, "cell": forged}))
+    with pytest.raises(ArchiveError, match="did not come with it"):
+        read_model(path)
+
+
 def test_refusals(tmp_path: Path, cell: Cell, model: RigidFlexibleModel) -> None:
     path = tmp_path / "m.rtm"
     write_model(path, model, cell)

@@ -97,12 +97,19 @@ class _Source:
         """Returns the content of a file by the name that the cell.toml gives it.
 
         Raises:
+            ConfigurationError: It is not among the files that came with the text.
             FormatError: It cannot be read.
         """
-        if self._files is None or name not in self._files:
+        if self._files is None:
             self.read[name] = read_bytes(self.path.parent / name)
-        else:
+        elif name in self._files:
             self.read[name] = self._files[name]
+        else:  # never from the disk: the text may be of another computer, or forged
+            raise ConfigurationError(
+                f"the file {name!r} that the cell names did not come with it.",
+                source=self.path,
+                hint="make the model file anew from the cell.toml and the files it names.",
+            )
         return self.read[name]
 
 
