@@ -45,7 +45,7 @@ def serve(folder: str, port: int) -> None:
     from robotrue.web import server
     from robotrue.web.settings import ServeSettings
 
-    wanted = ServeSettings(workspace=Path(folder), port=port, kinds="kill_serve:KINDS")
+    wanted = ServeSettings(workspace=Path(folder), port=port, kinds=KINDS)
     server.serve(wanted, ready=lambda address: None)
 
 

@@ -163,8 +163,9 @@ class RecordWriter:
     def _run(self) -> None:
         try:
             while self._wait():
+                closing = self._closing  # a write refused before that is tried once more
                 if self._queue and not self._write_batch():
-                    if self._closing:
+                    if closing:
                         return
                     with self._change:
                         self._change.wait(_RETRY)
