@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
+from robotrue.app.reporting import Message
 from robotrue.app.request import Reference
 
 if TYPE_CHECKING:
@@ -94,3 +96,32 @@ class Context(Protocol):
     def wrote(self, what: str, path: Path, remark: str = "") -> None:
         """Reports a file that was written; ``remark`` follows its name, with its punctuation."""
         ...
+
+
+class OpenedInputs(ABC):
+    """What contexts share: messages by their label, and a cell from its file."""
+
+    @abstractmethod
+    def report(self, message: Message) -> None:
+        """Takes one line."""
+
+    @abstractmethod
+    def cell_file(self, reference: Reference) -> Path:
+        """Returns a cell.toml, the files it names beside it."""
+
+    def note(self, text: str) -> None:
+        """Reports what deserves attention."""
+        self.report(Message(text, label="note"))
+
+    def inform(self, text: str) -> None:
+        """Reports plain information."""
+        self.report(Message(text))
+
+    def cell(self, reference: Reference) -> Cell:
+        """Returns the cell of a cell.toml; its warnings are noted."""
+        from robotrue.cell.config import read_cell
+
+        cell = read_cell(self.cell_file(reference))
+        for warning in cell.doubts:
+            self.note(warning)
+        return cell

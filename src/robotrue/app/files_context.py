@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from robotrue.app.context import OpenedInputs
 from robotrue.app.outputs import check_output
 from robotrue.app.reporting import Message, Reporter
 from robotrue.app.request import InputFile, Item, Output, Reference, Request, fields_of
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from robotrue.store.model_file import ModelFile
 
 
-class FilesContext:
+class FilesContext(OpenedInputs):
     """The :class:`robotrue.app.context.Context` of the command line and of scripts.
 
     Attributes:
@@ -35,14 +36,6 @@ class FilesContext:
         """Reports one line."""
         self.reporter.report(message)
 
-    def note(self, text: str) -> None:
-        """Reports what deserves attention."""
-        self.report(Message(text, label="note"))
-
-    def inform(self, text: str) -> None:
-        """Reports plain information."""
-        self.report(Message(text))
-
     def wrote(self, what: str, path: Path, remark: str = "") -> None:
         """Reports a file that was written."""
         self.inform(f"{what} written to {path}{remark}")
@@ -50,15 +43,6 @@ class FilesContext:
     def name(self, reference: Reference) -> str:
         """Returns the path as it was given."""
         return str(reference)
-
-    def cell(self, reference: Reference) -> Cell:
-        """Returns the cell of a cell.toml; its warnings are noted."""
-        from robotrue.cell.config import read_cell
-
-        cell = read_cell(self.cell_file(reference))
-        for warning in cell.doubts:
-            self.note(warning)
-        return cell
 
     def model(self, reference: Reference) -> ModelFile:
         """Returns the content of a model file."""

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
+from robotrue.app.context import OpenedInputs
 from robotrue.app.job_naming import Naming
 from robotrue.app.measured_rows import FEWEST_ROWS, join_rows
 from robotrue.app.reporting import Message
 from robotrue.app.request import ItemVersion, Reference
 from robotrue.cell.cell import Cell
-from robotrue.cell.config import read_cell
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.store import cells, documents, items, measurements, models, programs
@@ -27,7 +27,7 @@ from robotrue.store.workspace import Transaction
 R = TypeVar("R", bound=Record)
 
 
-class WorkspaceContext:
+class WorkspaceContext(OpenedInputs):
     """The :class:`robotrue.app.context.Context` of a job.
 
     Attributes:
@@ -49,14 +49,6 @@ class WorkspaceContext:
         Where the server keeps its files is nobody's business, and gone when the job is over.
         """
         self.work.remark(message.text.replace(f"{self.work.folder}/", ""))
-
-    def note(self, text: str) -> None:
-        """Keeps what deserves attention."""
-        self.report(Message(text, label="note"))
-
-    def inform(self, text: str) -> None:
-        """Keeps plain information."""
-        self.report(Message(text))
 
     def wrote(self, what: str, path: Path, remark: str = "") -> None:
         """Keeps the remark; the file becomes a part of an item, which says so itself."""
@@ -93,13 +85,6 @@ class WorkspaceContext:
         opened = [r for (_, each), r in self._records.items() if each == reference]
         stated = reference.id if isinstance(reference, ItemVersion) else str(reference)
         return opened[0].name if opened else stated
-
-    def cell(self, reference: Reference) -> Cell:
-        """Returns a cell of the workspace; its warnings become remarks."""
-        cell = read_cell(self.cell_file(reference))
-        for warning in cell.doubts:
-            self.note(warning)
-        return cell
 
     def model(self, reference: Reference) -> ModelFile:
         """Returns a model of the workspace."""

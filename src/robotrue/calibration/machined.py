@@ -47,7 +47,7 @@ from robotrue.core.poses import inverse
 from robotrue.core.rotations import skew
 from robotrue.errors import ModelMismatchError, ShapeError
 from robotrue.robot.model import parameter_slice
-from robotrue.robot.statics import drive_torque, rows_of
+from robotrue.robot.statics import drive_torque
 
 ROWS: Final = 512
 """Postures linearised at a time; bounds the memory."""
@@ -332,7 +332,7 @@ def _pieces(
         tips = PositionObservation(
             visits=Visits(
                 joints=joints,
-                torque=drive_torque(robot, joints, rows_of(query.load, mine)),
+                torque=drive_torque(robot, joints, query.load.take(mine)),
                 approach=approach[mine],
                 temperature=query.temperature[mine],
                 target=np.zeros(count, dtype=np.int64),

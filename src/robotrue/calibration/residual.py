@@ -30,7 +30,7 @@ from robotrue.core.arrays import Array, frozen
 from robotrue.errors import ArchiveError, ShapeError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel, parameter_slice
-from robotrue.robot.statics import NO_LOAD, Load, rows_of
+from robotrue.robot.statics import NO_LOAD, Load
 
 KIND: Final = "error-model/learned"
 SCHEMA: Final = 1
@@ -114,7 +114,7 @@ class LearnedModel:
             part = slice(start, start + _ROWS)
             rows = Query(
                 joints=joints[part],
-                load=rows_of(query.load, part),
+                load=query.load.take(part),
                 approach=approach[part],
                 temperature=temperature[part],
                 T_flange_tool=query.T_flange_tool,

@@ -26,7 +26,7 @@ from robotrue.core.arrays import Array, frozen
 from robotrue.errors import ArchiveError, ModelMismatchError, ShapeError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel, parameter_slice
-from robotrue.robot.statics import NO_LOAD, Load, rows_of
+from robotrue.robot.statics import NO_LOAD, Load
 
 KIND: Final = "error-model/rigid-flexible"
 SCHEMA: Final = 1
@@ -121,7 +121,7 @@ class RigidFlexibleModel:
         for start in range(0, n, _ROWS):
             part = slice(start, start + _ROWS)
             at = linearise_arm(
-                self.actual, joints[part], rows_of(query.load, part), query.T_flange_tool
+                self.actual, joints[part], query.load.take(part), query.T_flange_tool
             )
             error[part], turn[part] = at.error, at.turn
             turned = np.swapaxes(at.columns, 1, 2)

@@ -45,17 +45,6 @@ class Load(Columns):
 NO_LOAD = Load()
 
 
-def rows_of(load: Load, part: slice) -> Load:
-    """Returns a run of rows of a load; columns of one row stay as they are."""
-    return Load(
-        **{
-            name: value if len(value) == 1 else value[part]
-            for name in ("mass", "com", "wrench")
-            for value in [getattr(load, name)]
-        }
-    )
-
-
 def drive_torque(robot: RobotModel, joints: Array, load: Load = NO_LOAD) -> Array:
     """Returns the load torque on each drive (n, dof) in N m: gravity, payload and wrench.
 
