@@ -19,15 +19,15 @@ import traceback
 import zipfile
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from robotrue.calibration.archive import open_model
+from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.deng2022.committee import single
 from robotrue.calibration.deng2022.joined import Expert, PoseModel
 from robotrue.calibration.deng2022.readings import Readings
-from robotrue.calibration.residual import LearnedModel
-from robotrue.calibration.rigid_flexible import RigidFlexibleModel
 from robotrue.calibration.terms.backlash import Backlash
 from robotrue.calibration.terms.ripple import Ripple
 from robotrue.calibration.terms.smooth import SmoothBasis, SmoothResidual
@@ -61,15 +61,15 @@ def samples() -> dict[str, bytes]:
     robot = preset("kuka-kr160")
     dof, size = robot.dof, len(robot.errors)
     root = 1e-4 * random.normal(size=(size, size))
-    rigid = RigidFlexibleModel(
+    rigid = CalibratedModel(
         robot=robot, errors=1e-4 * random.normal(size=size), covariance=root @ root.T,
         repeatability=2e-5, white=1e-5, T_tracker_base={0: np.eye(4)}, summary={"method": "x"},
     )  # fmt: skip
     ripple = Ripple(dof=dof, cycles=np.array([1.0, 2.0]))
     basis = SmoothBasis(centres=random.normal(size=(4, 2 * dof)), scale=np.ones(2 * dof))
     smooth = SmoothResidual(basis=basis, amplitude=1e-5)
-    learned = LearnedModel(
-        physics=rigid, terms=(ripple, Backlash(dof=dof), smooth),
+    learned = replace(
+        rigid, terms=(ripple, Backlash(dof=dof), smooth),
         values=1e-5 * random.normal(size=ripple.size + dof + smooth.size),
         columns=np.arange(8.0), root=1e-5 * random.normal(size=(5, 8)), inflation=1.1,
     )  # fmt: skip

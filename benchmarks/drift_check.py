@@ -17,9 +17,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel
-from robotrue.calibration.rigid_flexible import RigidFlexibleModel
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.tracker import point_covariance
 from robotrue.robot.model import parameter_slice
@@ -45,7 +45,7 @@ def postures(case: Scenario, n: int, rng: np.random.Generator) -> np.ndarray:
 
 
 def from_posterior(
-    case: Scenario, model: RigidFlexibleModel, n: int, rng: np.random.Generator, shift: np.ndarray
+    case: Scenario, model: CalibratedModel, n: int, rng: np.random.Generator, shift: np.ndarray
 ) -> MeasurementSet:
     """One check of an arm the model believes possible, changed by a shift of its parameters."""
     values, vectors = np.linalg.eigh(model.covariance)
@@ -70,7 +70,7 @@ def part_one(sets: int, poses: int) -> None:
     model = fit(
         case.cell.known.measured_robot, whole(case, CALIBRATION_POSES), settings=case.settings
     )
-    if not isinstance(model, RigidFlexibleModel):
+    if not isinstance(model, CalibratedModel):
         raise SystemExit("the elastic method gives a rigid-flexible model")
     changes = {"nothing": ("", 0, 0.0), "tool 0.1 mm": ("tool", 0, TOOL)}
     changes |= {f"joint {j + 1}, 1e-4 rad": ("theta", j, JOINT) for j in range(6)}

@@ -7,10 +7,10 @@ from functools import cache
 
 import numpy as np
 
+from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.probing import (
     ProbingSettings,
 )
-from robotrue.calibration.rigid_flexible import RigidFlexibleModel
 from robotrue.core.arrays import Array
 from robotrue.core.rotations import rotation_vector_from_matrix
 from robotrue.core.surfaces import Plane
@@ -38,12 +38,12 @@ FACE: dict[Posture, Plane] = {
 """The faces of the block as planes."""
 
 
-def known_arm(cell: FengCell) -> RigidFlexibleModel:
+def known_arm(cell: FengCell) -> CalibratedModel:
     """A model that knows the arm without any doubt."""
     actual = cell.robot.actual
     size = len(actual.errors)
     nominal = actual.nominal()
-    return RigidFlexibleModel(
+    return CalibratedModel(
         robot=nominal,
         errors=actual.errors,
         covariance=np.zeros((size, size)),

@@ -17,8 +17,8 @@ from robotrue.calibration.belief import (
     with_harmonics,
     with_nuisances,
 )
+from robotrue.calibration.calibrated_model import model_of
 from robotrue.calibration.model import require_belief
-from robotrue.calibration.residual import model_of
 from robotrue.calibration.terms.smooth import SmoothBasis
 from robotrue.errors import ConfigurationError
 

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from probing_cases import EXACT, FACE, SETTINGS, cell, frame_error, known_arm, of, touched
 
+from robotrue.calibration.archive import open_model
 from robotrue.calibration.belief import add_variance, with_amplitude, with_centres
+from robotrue.calibration.calibrated_model import CalibratedModel, model_of
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import Query
 from robotrue.calibration.nominal import NominalModel
@@ -20,8 +22,6 @@ from robotrue.calibration.probing import (
     model_of_estimate,
 )
 from robotrue.calibration.probing_scales import few_factor
-from robotrue.calibration.residual import LearnedModel, model_of
-from robotrue.calibration.residual import from_archive as model_from_archive
 from robotrue.calibration.terms.smooth import choose_centres
 from robotrue.calibration.touches import frame_displacement
 from robotrue.core.arrays import Array
@@ -128,7 +128,7 @@ def test_touches_alone_calibrate_the_arm() -> None:
         covered.append(frame_error(found.T_base_part[0], where.T_base_part) / sd)
         assert not found.outliers
         assert 0.6 < found.misfit < 1.4
-        assert isinstance(model, LearnedModel)
+        assert isinstance(model, CalibratedModel)
         assert model.training_summary()["method"] == "probing"
     assert np.median(better) < 0.25
     assert np.abs(covered).max() < 3.5
@@ -187,7 +187,7 @@ def test_a_smooth_residual_reaches_to_the_touches_and_is_kept() -> None:
     found = estimate_probing(model, touches, replace(SETTINGS, tool_sigma=0.0))
     assert found.belief.smooth.size > belief.smooth.size == 3 * 20
     refined = model_of_estimate(found)
-    again = model_from_archive(refined.to_archive())
+    again = open_model(refined.to_archive())
     query = Query(joints=touches.joints)
     np.testing.assert_array_equal(again.predict(query).error, refined.predict(query).error)
     other = replace(SETTINGS, T_flange_tool=model.robot.T_flange_tool, tool_sigma=0.3 * MM)

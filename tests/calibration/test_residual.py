@@ -9,6 +9,7 @@ import pytest
 from planted_arm import PAYLOAD, arm, planted, postures
 
 from robotrue.calibration.archive import open_model
+from robotrue.calibration.calibrated_model import LEARNED
 from robotrue.calibration.estimate import estimate, free_groups
 from robotrue.calibration.evidence import learn
 from robotrue.calibration.held_out import predict_held_out
@@ -21,7 +22,6 @@ from robotrue.calibration.learned import (
 )
 from robotrue.calibration.methods import FitSettings
 from robotrue.calibration.model import Query
-from robotrue.calibration.residual import KIND
 from robotrue.calibration.terms.smooth import SmoothBasis
 from robotrue.core.archive import write_archive
 from robotrue.errors import ArchiveError, ShapeError
@@ -97,7 +97,7 @@ def test_archive_round_trip_is_exact(model, query, tmp_path):
 
 def test_archive_of_another_kind_and_schema_is_refused(model):
     archive = model.to_archive()
-    assert archive.kind == KIND
+    assert archive.kind == LEARNED
     with pytest.raises(ArchiveError, match="schema 2"):
         open_model(replace(archive, schema=2))
     with pytest.raises(ArchiveError, match="incomplete"):

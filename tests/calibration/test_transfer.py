@@ -194,8 +194,8 @@ def test_other_units_tell_the_type(source):
         rows = visit(arms[-1], postures(robot, 50, rng), seed)
         given.append(Source(model=fit(robot, rows, settings=SETTINGS), relation="unit"))
     model = fit_transfer(robot, None, given, SETTINGS)
-    found = model.physics.errors[robot.dof * 2 + 2]
-    spread = np.sqrt(model.physics.covariance[robot.dof * 2 + 2, robot.dof * 2 + 2])
+    found = model.errors[robot.dof * 2 + 2]
+    spread = np.sqrt(model.covariance[robot.dof * 2 + 2, robot.dof * 2 + 2])
     assert abs(found - 1.5e-3) < 2.5 * spread
     assert spread > DEFAULTS["unit"].length  # the next arm is one more unit
 
@@ -220,8 +220,8 @@ def test_another_reflector_makes_its_place_unknown(source):
         arm().with_tool(tool), None, [Source(model=source, relation="campaign")], SETTINGS
     )
     place = parameter_slice(6, "tool")
-    assert not model.physics.errors[place].any()
-    spread = np.sqrt(np.diagonal(model.physics.covariance)[place][:3])
+    assert not model.errors[place].any()
+    spread = np.sqrt(np.diagonal(model.covariance)[place][:3])
     assert (spread >= SETTINGS.scales.tool).all()
 
 

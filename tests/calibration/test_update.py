@@ -13,8 +13,8 @@ from robotrue.calibration.estimator import SolverSettings
 from robotrue.calibration.lineage import model_hash
 from robotrue.calibration.methods import FitSettings, fit
 from robotrue.calibration.model import Query
-from robotrue.calibration.terms.smooth import SmoothBasis
-from robotrue.calibration.update import choose_further_centres, update_model
+from robotrue.calibration.terms.smooth import SmoothBasis, add_centres
+from robotrue.calibration.update import update_model
 from robotrue.core.archive import read_archive, write_archive
 from robotrue.core.poses import pose
 from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector_from_matrix
@@ -125,7 +125,7 @@ def test_another_number_of_joints_is_refused(parent):
 
 def test_further_centres_keep_those_there_were(rows):
     basis = SmoothBasis(centres=np.zeros((1, 12)), scale=np.full(12, 1.0))
-    more = choose_further_centres(basis, rows.joints, most=10)
+    more = add_centres(basis, rows.joints, most=10, enough=0.05)
     np.testing.assert_array_equal(more.centres[:1], basis.centres)
     assert len(more.centres) == 11
     np.testing.assert_allclose(

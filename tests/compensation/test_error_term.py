@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 
 from robotrue.calibration.archive import open_model
+from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.evidence import Group
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel, Query
-from robotrue.calibration.residual import LearnedModel
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.tables import MeanTables
 from robotrue.calibration.terms import registry
@@ -134,9 +134,9 @@ def arm() -> RobotModel:
 
 
 @pytest.fixture(scope="module")
-def model() -> LearnedModel:
+def model() -> CalibratedModel:
     found = fit(cases.kr160(), measured(120, 1), method="ripple", settings=FitSettings())
-    assert isinstance(found, LearnedModel)
+    assert isinstance(found, CalibratedModel)
     return found
 
 
@@ -160,14 +160,16 @@ def coverage(model: ErrorModel, seed: int) -> tuple[float, float]:
     )
 
 
-def test_planted_coefficients_are_recovered_within_their_uncertainty(model: LearnedModel) -> None:
+def test_planted_coefficients_are_recovered_within_their_uncertainty(
+    model: CalibratedModel,
+) -> None:
     value, sd = coefficients(model)
     assert (np.abs(value - PLANTED) < 3.5 * sd).all()
     assert (sd[:5] < 3e-6).all()  # the last joint has hardly a lever
     assert np.abs(value[:3] - PLANTED[:3]).max() < 2e-6
 
 
-def test_predictions_at_other_temperatures_are_better_and_honest(model: LearnedModel) -> None:
+def test_predictions_at_other_temperatures_are_better_and_honest(model: CalibratedModel) -> None:
     mean, cover = coverage(model, 11)
     blind = fit(cases.kr160(), measured(120, 1, stated=False), method="ripple")
     assert mean < 0.5 * coverage(blind, 11)[0]
@@ -175,12 +177,12 @@ def test_predictions_at_other_temperatures_are_better_and_honest(model: LearnedM
     assert blind.belief().place(WarmDrives.name) == slice(*[len(blind.belief().mean)] * 2)
 
 
-def test_validation_takes_the_temperature_of_each_row(model: LearnedModel) -> None:
+def test_validation_takes_the_temperature_of_each_row(model: CalibratedModel) -> None:
     check = measured(300, 11)
     assert validate(model, check).after.mean == pytest.approx(coverage(model, 11)[0], rel=1e-9)
 
 
-def test_new_poses_and_another_campaign_move_it_too(model: LearnedModel) -> None:
+def test_new_poses_and_another_campaign_move_it_too(model: CalibratedModel) -> None:
     more = update_model(model, measured(60, 21))
     assert (coefficients(more)[1] < coefficients(model)[1] + 1e-12).all()
     assert coverage(more, 11)[1] > 0.9
@@ -189,7 +191,7 @@ def test_new_poses_and_another_campaign_move_it_too(model: LearnedModel) -> None
     assert (np.abs(value - PLANTED) < 4.0 * sd).all()
 
 
-def test_archive_gives_the_term_back_and_needs_it_registered(model: LearnedModel) -> None:
+def test_archive_gives_the_term_back_and_needs_it_registered(model: CalibratedModel) -> None:
     archive = model.to_archive()
     again = open_model(archive)
     assert archive_bytes(again.to_archive()) == archive_bytes(archive)
@@ -203,7 +205,7 @@ def test_archive_gives_the_term_back_and_needs_it_registered(model: LearnedModel
         registry.register(WarmDrives)
 
 
-def test_a_program_is_compensated_by_the_ordinary_chain(model: LearnedModel) -> None:
+def test_a_program_is_compensated_by_the_ordinary_chain(model: CalibratedModel) -> None:
     joints = cases.path_joints(60)
     target = forward(model.robot, joints)
     program = cases.program_of(target)

@@ -10,7 +10,7 @@ import pytest
 from test_split import TOLERANCE, Case
 from test_stream import text
 
-from robotrue.calibration.rigid_flexible import RigidFlexibleModel
+from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.tables import rigid_tables
 from robotrue.compensation import CompensationSettings, Status, compensate
 from robotrue.compensation.split_deviation import job_moves, measured
@@ -69,7 +69,7 @@ def test_a_larger_turn_is_not_streamed(tmp_path):
     robot = cases.kr160()
     source, target = tmp_path / "part.src", tmp_path / "out.src"
     source.write_bytes(text(COUNT))
-    model = RigidFlexibleModel(
+    model = CalibratedModel(
         robot=robot,
         errors=turned(robot).errors,
         covariance=np.zeros((len(robot.errors), len(robot.errors))),

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from test_rapid_urscript_programs import rapid, urscript
 
-from robotrue.calibration.rigid_flexible import RigidFlexibleModel
+from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.compensation.compensate import compensate
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.stream import Streamed, compensate_stream, worker_count
@@ -156,7 +156,7 @@ def test_an_arm_followed_step_by_step_stays_in_one_process(source: Path) -> None
 def test_covariances_are_summed_up_too(source: Path) -> None:
     robot = cases.with_errors(cases.kr160(), 3)
     size = len(robot.errors)
-    model = RigidFlexibleModel(
+    model = CalibratedModel(
         robot=robot.nominal(), errors=robot.errors, covariance=np.eye(size) * 1e-9,
         repeatability=2e-5, white=1e-5,
     )  # fmt: skip

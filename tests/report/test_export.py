@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 
 from robotrue.calibration.belief import standard_terms
-from robotrue.calibration.residual import model_of
-from robotrue.calibration.rigid_flexible import RigidFlexibleModel
+from robotrue.calibration.calibrated_model import CalibratedModel, model_of
 from robotrue.calibration.terms.registry import export_parts
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
@@ -33,7 +32,7 @@ RANGE = np.array([[-1.0, -2.0, 0.7, -1.5, -1.2, -2.0], [1.0, -0.7, 2.0, 1.5, 1.2
 ALL = ",".join(tuple(export_parts())).split(",")
 
 
-def model(name: str = "KUKA KR160 R1570", *, only: tuple[str, ...] = ()) -> RigidFlexibleModel:
+def model(name: str = "KUKA KR160 R1570", *, only: tuple[str, ...] = ()) -> CalibratedModel:
     """A calibrated arm with errors of a few tenths of a millimetre in the groups asked for."""
     tool = pose_from_xyz_abc(np.array([0.06, 0.04, 0.25]), np.array([0.3, -0.2, 0.1]))
     robot = preset(name).with_tool(tool)
@@ -46,7 +45,7 @@ def model(name: str = "KUKA KR160 R1570", *, only: tuple[str, ...] = ()) -> Rigi
             errors[part] = sd * rng.standard_normal(part.stop - part.start)
     if not only or "compliance" in only:
         errors[parameter_slice(6, "compliance")] = [6e-7, 6e-7, 5e-7, 3e-6, 5e-6, 6e-6]
-    return RigidFlexibleModel(
+    return CalibratedModel(
         robot=robot, errors=errors, covariance=1e-10 * np.eye(len(errors)), repeatability=1e-5,
         white=0.0, summary={"joint_range_rad": RANGE.tolist()},
     )  # fmt: skip

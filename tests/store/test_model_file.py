@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robotrue.calibration.rigid_flexible import RigidFlexibleModel
+from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
 from robotrue.core.archive import read_archive, write_archive
@@ -41,10 +41,10 @@ def cell() -> Cell:
 
 
 @pytest.fixture
-def model(cell: Cell) -> RigidFlexibleModel:
+def model(cell: Cell) -> CalibratedModel:
     robot = cell.measured_robot
     errors = 1e-4 * np.random.default_rng(1).standard_normal(len(robot.errors))
-    return RigidFlexibleModel(
+    return CalibratedModel(
         robot=robot,
         errors=errors,
         covariance=1e-10 * np.eye(len(errors)),
@@ -55,7 +55,7 @@ def model(cell: Cell) -> RigidFlexibleModel:
     )
 
 
-def test_cell_and_model_come_back(tmp_path: Path, cell: Cell, model: RigidFlexibleModel) -> None:
+def test_cell_and_model_come_back(tmp_path: Path, cell: Cell, model: CalibratedModel) -> None:
     write_model(tmp_path / "m.rtm", model, cell)
     back = read_model(tmp_path / "m.rtm")
     np.testing.assert_array_equal(back.model.mean_tables().robot.errors, model.errors)
@@ -68,7 +68,7 @@ def test_cell_and_model_come_back(tmp_path: Path, cell: Cell, model: RigidFlexib
     assert back.cell.source == "cell.toml"  # no path of one machine travels with the model
 
 
-def test_the_cell_file_travels_with_the_model(tmp_path: Path, model: RigidFlexibleModel) -> None:
+def test_the_cell_file_travels_with_the_model(tmp_path: Path, model: CalibratedModel) -> None:
     frames = "//TOOL 3\n///NAME A\n0.000,0.000,200.000,0.00,0.00,0.00\n"
     text = (
         "# ours\nschema = 1\n[controller]\nfiles = ['saved/TOOL.CND']  # of Monday\n"
@@ -96,7 +96,7 @@ def test_the_cell_file_travels_with_the_model(tmp_path: Path, model: RigidFlexib
 
 
 def test_the_same_model_gives_the_same_bytes(
-    tmp_path: Path, cell: Cell, model: RigidFlexibleModel
+    tmp_path: Path, cell: Cell, model: CalibratedModel
 ) -> None:
     write_model(tmp_path / "a.rtm", model, cell)
     write_model(tmp_path / "b.rtm", read_model(tmp_path / "a.rtm").model, cell)
@@ -104,7 +104,7 @@ def test_the_same_model_gives_the_same_bytes(
 
 
 def test_a_forged_cell_reads_no_file_of_this_computer(
-    tmp_path: Path, cell: Cell, model: RigidFlexibleModel
+    tmp_path: Path, cell: Cell, model: CalibratedModel
 ) -> None:
     robot = '[robot]\npreset = "KUKA KR160 R1570"\n[controller]\nfiles = ["$config.dat"]\n'
     (tmp_path / "cell.toml").write_text(f"schema = 1\n{robot}")
@@ -120,7 +120,7 @@ def test_a_forged_cell_reads_no_file_of_this_computer(
         read_model(path)
 
 
-def test_refusals(tmp_path: Path, cell: Cell, model: RigidFlexibleModel) -> None:
+def test_refusals(tmp_path: Path, cell: Cell, model: CalibratedModel) -> None:
     path = tmp_path / "m.rtm"
     write_model(path, model, cell)
     whole = read_archive(path)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.model import Query
-from robotrue.calibration.rigid_flexible import RigidFlexibleModel
 from robotrue.errors import ConfigurationError, ShapeError
 from robotrue.measurement.tracker import DEFAULT_SPECIFICATION, point_covariance
 from robotrue.robot.model import parameter_slice
@@ -27,12 +27,12 @@ RNG = np.random.default_rng(5)
 JOINTS = RNG.uniform(-0.6, 0.6, (30, 6)) + np.array([0.0, -1.2, 1.4, 0.0, 0.5, 0.0])
 
 
-def model() -> RigidFlexibleModel:
+def model() -> CalibratedModel:
     errors = np.zeros(len(ROBOT.errors))
     errors[parameter_slice(6, "compliance")] = 5e-7
     sd = np.full(len(errors), 2e-5)
     sd[parameter_slice(6, "compliance")] = 1e-8
-    return RigidFlexibleModel(
+    return CalibratedModel(
         robot=ROBOT, errors=errors, covariance=np.diag(sd**2), repeatability=1.5e-5, white=8e-6,
         summary={"joint_range_rad": [JOINTS.min(axis=0).tolist(), JOINTS.max(axis=0).tolist()]},
     )  # fmt: skip

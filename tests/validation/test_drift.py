@@ -9,9 +9,9 @@ import pytest
 from scipy.stats import binom
 from validation_fakes import FakeModel
 
+from robotrue.calibration.calibrated_model import model_of
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import Query
-from robotrue.calibration.residual import model_of
 from robotrue.calibration.settings import RP_PER_SIGMA, FitSettings
 from robotrue.core.arrays import Array
 from robotrue.errors import ConfigurationError, ObservabilityError

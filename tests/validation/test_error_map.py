@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robotrue.calibration.rigid_flexible import RigidFlexibleModel
+from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.settings import FitSettings
 from robotrue.core.regions import CubeRegion, CylinderRegion
 from robotrue.core.units import DEG
@@ -25,14 +25,14 @@ POSTURE = np.array([0.0, 0.0, 0.0, 0.0, -60.0, 0.0]) * DEG
 CYLINDER = CylinderRegion(angle=(-40 * DEG, 40 * DEG), radius=(0.9, 1.8), height=(0.7, 1.3))
 
 
-def model_of(seed: int = 0, *, base: float = 0.0) -> RigidFlexibleModel:
+def model_of(seed: int = 0, *, base: float = 0.0) -> CalibratedModel:
     robot = preset("kr160")
     rng = np.random.default_rng(seed)
     errors = np.zeros_like(robot.errors)
     for group in ("theta", "d", "a", "alpha"):
         errors[parameter_slice(6, group)] = 3e-4 * rng.standard_normal(6)
     errors[parameter_slice(6, "base")] = base * rng.standard_normal(6)
-    return RigidFlexibleModel(
+    return CalibratedModel(
         robot=robot,
         errors=errors,
         covariance=1e-10 * np.eye(len(errors)),

@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 import pytest
 
+from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel
-from robotrue.calibration.rigid_flexible import RigidFlexibleModel
 from robotrue.core.arrays import Array
 from robotrue.core.poses import pose
 from robotrue.core.rotations import matrix_from_rotation_vector
@@ -84,9 +84,9 @@ def touches() -> ProbingSet:
     )
 
 
-def exact(robot: RobotModel) -> RigidFlexibleModel:
+def exact(robot: RobotModel) -> CalibratedModel:
     size = len(robot.errors)
-    return RigidFlexibleModel(
+    return CalibratedModel(
         robot=robot,
         errors=robot.errors,
         covariance=np.zeros((size, size)),

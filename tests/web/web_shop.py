@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import shop
 
-from robotrue.calibration.rigid_flexible import RigidFlexibleModel
+from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.cell.config import read_cell
 from robotrue.core.arrays import Array
 from robotrue.measurement.formats.registry import read_measurements
@@ -73,7 +73,7 @@ def fill(folder: Path, files: Path) -> Shop:
     arm = shop.actual()
     sd = np.full(len(arm.errors), 1e-6)
     sd[parameter_slice(6, "compliance")] = 1e-9
-    model = RigidFlexibleModel(
+    model = CalibratedModel(
         robot=cell.measured_robot,
         errors=arm.errors,
         covariance=np.diag(sd**2),

@@ -16,8 +16,8 @@ from robotrue.errors import ArchiveError
 from robotrue.robot.model import Configuration, RobotModel
 
 KINDS: Final[dict[str, str]] = {
-    "error-model/rigid-flexible": "robotrue.calibration.rigid_flexible:from_archive",
-    "error-model/learned": "robotrue.calibration.residual:from_archive",
+    "error-model/rigid-flexible": "robotrue.calibration.calibrated_archive:read_rigid_flexible",
+    "error-model/learned": "robotrue.calibration.calibrated_archive:read_learned",
     "error-model/nominal": "robotrue.calibration.nominal:from_archive",
     "error-model/deng2022": "robotrue.calibration.deng2022.joined:from_archive",
 }

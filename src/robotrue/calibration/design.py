@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
 
@@ -18,7 +18,8 @@ from robotrue.calibration.evidence import Group, Sums, sums_of
 from robotrue.calibration.observations import (
     CHANNELS,
     PoseObservation,
-    PositionObservation,
+    Visited,
+    chunks_of,
 )
 from robotrue.calibration.parameters import Layout, State, difference
 from robotrue.calibration.priors import LEARNED, Prior
@@ -30,8 +31,6 @@ from robotrue.core.arrays import Array, BoolArray, IntArray
 
 ROWS: Final = 512
 """Poses worked on at a time; bounds the memory."""
-
-Seen: TypeAlias = PositionObservation | PoseObservation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,7 +70,7 @@ class Design:
         few: The rows are too few to say the scale of each band of ripple.
     """
 
-    observations: tuple[Seen, ...]
+    observations: tuple[Visited, ...]
     layout: Layout
     prior: Prior
     state: State
@@ -118,15 +117,11 @@ class Design:
 
     def rows(self, chosen: BoolArray | None = None) -> Iterator[Rows]:
         """Yields the rows (of a mask over the measurement set, or all), some hundred at a time."""
-        for observation in self.observations:
-            mine = np.arange(len(observation.rows))
-            if chosen is not None:
-                mine = mine[chosen[observation.rows]]
-            for start in range(0, len(mine), ROWS):
-                yield self._rows(observation, mine[start : start + ROWS])
+        for observation, part in chunks_of(self.observations, chosen, ROWS):
+            yield self._rows(observation, part)
 
-    def _rows(self, observation: Seen, part: IntArray) -> Rows:
-        item = observation.linearise(self.layout, self.state, part)  # type: ignore[arg-type]
+    def _rows(self, observation: Visited, part: IntArray) -> Rows:
+        item = observation.linearise(self.layout, self.state, part)
         at = observation.visits.postures(part)
         learned, shift = linear_rows(self.state.robot, at, item.jacobian, self.terms, self.values)
         physical = item.jacobian[:, :, self.free]

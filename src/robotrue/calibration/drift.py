@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Final, Literal, TypeAlias
+from typing import Final, Literal, TypeAlias, get_args
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from robotrue.errors import ConfigurationError
 from robotrue.robot.model import parameter_slice
 
 Relation: TypeAlias = Literal["region", "campaign", "unit"]
-RELATIONS: Final = ("region", "campaign", "unit")
+RELATIONS: Final[tuple[Relation, ...]] = get_args(Relation)
 TRUST: Final = "trust"
 NOISE: Final = "noise"
 RIPPLE: Final = "ripple"
@@ -76,49 +76,23 @@ class DriftScales:
     field: float
 
 
+_BY_RELATION: Final[Mapping[str, tuple[float, float, float]]] = {  # in the order of RELATIONS
+    "base": (2e-6, 2e-4, 2e-2),
+    "base_rotation": (2e-6, 1e-4, 2e-2),
+    "tool": (1e-6, 2e-4, 1e-2),
+    "tool_rotation": (2e-6, 1e-3, 2e-2),
+    "theta": (2e-6, 2e-5, 1e-3),
+    "length": (2e-6, 2e-5, 5e-4),
+    "angle": (2e-6, 1e-5, 5e-4),
+    "gear": (1e-7, 1e-6, 2e-5),
+    "compliance": (1e-3, 0.02, 0.2),
+    "ripple": (0.0, 0.1, 10.0),
+    "smooth": (0.0, 0.3, 3.0),
+    "field": (3e-5, 3e-5, 5e-5),
+}
 DEFAULTS: Final[Mapping[Relation, DriftScales]] = {
-    "region": DriftScales(
-        base=2e-6,
-        base_rotation=2e-6,
-        tool=1e-6,
-        tool_rotation=2e-6,
-        theta=2e-6,
-        length=2e-6,
-        angle=2e-6,
-        gear=1e-7,
-        compliance=1e-3,
-        ripple=0.0,
-        smooth=0.0,
-        field=3e-5,
-    ),
-    "campaign": DriftScales(
-        base=2e-4,
-        base_rotation=1e-4,
-        tool=2e-4,
-        tool_rotation=1e-3,
-        theta=2e-5,
-        length=2e-5,
-        angle=1e-5,
-        gear=1e-6,
-        compliance=0.02,
-        ripple=0.1,
-        smooth=0.3,
-        field=3e-5,
-    ),
-    "unit": DriftScales(
-        base=2e-2,
-        base_rotation=2e-2,
-        tool=1e-2,
-        tool_rotation=2e-2,
-        theta=1e-3,
-        length=5e-4,
-        angle=5e-4,
-        gear=2e-5,
-        compliance=0.2,
-        ripple=10.0,
-        smooth=3.0,
-        field=5e-5,
-    ),
+    relation: DriftScales(**{name: scales[k] for name, scales in _BY_RELATION.items()})
+    for k, relation in enumerate(RELATIONS)
 }
 """Same campaign: half an hour of warming. Months: the stand, the reflector and the encoders
 referenced anew, 1 to 2 K (12 um per m and K). Another arm of the type: tolerances of manufacture,

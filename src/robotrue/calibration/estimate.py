@@ -14,8 +14,6 @@ from robotrue.calibration.priors import build_prior
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.start import start_state
 from robotrue.core.arrays import Array, IntArray
-from robotrue.core.files import sha256
-from robotrue.core.provenance import Provenance
 from robotrue.errors import ConfigurationError, ModelMismatchError, ObservabilityError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import PER_JOINT, RobotModel
@@ -52,11 +50,7 @@ class Estimate:
         verdict: What may be said.
         screened: (k,) rows of the measurement set with weight zero.
         residual: (n, 3) m, measured minus predicted, rows and frame of the measurement set.
-        rows: Number of rows.
-        data_sha256: Hash of joints and positions.
-        sources: Of the measurement set.
-        joint_range: (2, dof) rad, smallest and largest joint values of the data.
-        position_range: (2, 3) m, frame of the measurements.
+        measurements: The set.
     """
 
     posterior: Posterior
@@ -64,12 +58,7 @@ class Estimate:
     verdict: Verdict
     screened: IntArray
     residual: Array
-    rows: int
-    data_sha256: str
-    sources: tuple[str, ...]
-    provenance: Provenance
-    joint_range: Array
-    position_range: Array
+    measurements: MeasurementSet
 
     @property
     def rms(self) -> float:
@@ -167,14 +156,7 @@ def estimate(
         verdict=_verdict(seen, posterior, measurements.source_row[screened], len(measurements)),
         screened=screened,
         residual=residual,
-        rows=len(measurements),
-        data_sha256=sha256(measurements.joints.tobytes() + measurements.position.tobytes()),
-        sources=measurements.sources,
-        provenance=measurements.provenance,
-        joint_range=np.stack([measurements.joints.min(axis=0), measurements.joints.max(axis=0)]),
-        position_range=np.stack(
-            [measurements.position.min(axis=0), measurements.position.max(axis=0)]
-        ),
+        measurements=measurements,
     )
 
 

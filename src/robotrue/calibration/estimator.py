@@ -13,12 +13,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.linalg.lapack import dtrtri
 
+from robotrue.calibration.evidence import pulled_scale
 from robotrue.calibration.observations import (
     CHANNELS,
     Linearisation,
@@ -27,7 +28,7 @@ from robotrue.calibration.observations import (
     linearise_all,
 )
 from robotrue.calibration.parameters import Layout, State, difference, retract
-from robotrue.calibration.priors import PULL, Prior
+from robotrue.calibration.priors import Prior
 from robotrue.calibration.robust import LOSSES, Loss, consistency, robust_variance, weights
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.errors import ConfigurationError, ConvergenceError, ObservabilityError
@@ -409,9 +410,9 @@ def _instrument(data: Sequence[Linearisation], channel: int) -> float:
 def _learned(deviation: Array, solution: _Solution, base: Array, group: Array) -> Array:
     """Prior sd of each free parameter after one update of its group's common factor."""
     number = group.astype(np.int64) + 1  # 0 collects what is not learned
-    seen = np.bincount(number, 1.0 - np.diagonal(solution.scaled_covariance))
-    squares = np.bincount(number, (deviation / base) ** 2)
-    factor = np.sqrt((PULL + squares) / (PULL + seen))
+    seen: Any = np.bincount(number, 1.0 - np.diagonal(solution.scaled_covariance))
+    squares: Any = np.bincount(number, (deviation / base) ** 2)
+    factor = pulled_scale(squares, seen, 1.0)
     factor[0] = 1.0
     scaled: Array = base * factor[number]
     return scaled
@@ -419,7 +420,12 @@ def _learned(deviation: Array, solution: _Solution, base: Array, group: Array) -
 
 def _objective(data: Sequence[Linearisation], offset: Array, scales: _Scales) -> float:
     """Weighted misfit plus prior at fixed scales."""
-    total = float(((offset / scales.sd) ** 2).sum())
+    return _misfit(data, scales) + float(((offset / scales.sd) ** 2).sum())
+
+
+def _misfit(data: Sequence[Linearisation], scales: _Scales) -> float:
+    """Sum of the weighted whitened squares."""
+    total = 0.0
     for item, u in zip(data, scales.weights, strict=True):
         inverse, _ = _whitener(item, scales.noise)
         z = (inverse @ item.residual[:, :, None])[:, :, 0]
@@ -461,12 +467,9 @@ def _finish(
     information[where] = solution.information
     sd = prior.sd.copy()
     sd[free] = scales.sd
-    chi2, numbers = 0.0, 0
+    chi2, numbers = _misfit(data, scales), 0
     for item, u in zip(data, scales.weights, strict=True):
-        inverse, _ = _whitener(item, scales.noise)
-        z = (inverse @ item.residual[:, :, None])[:, :, 0]
-        chi2 += float(u @ (z**2).sum(axis=1))
-        numbers += int((u > 0.0).sum()) * z.shape[1]
+        numbers += int((u > 0.0).sum()) * item.residual.shape[1]
     offset = difference(layout, state, prior.centre)[free]
     evidence = -0.5 * (
         chi2

@@ -315,8 +315,7 @@ def _moved(at: Weights, channels: Sequence[Sums]) -> tuple[tuple[Group, ...], Ar
         if group.learned and group.hold:
             group = replace(group, sd=held[k])
         elif group.learned:
-            variance = (PULL * group.rest**2 + squares[k]) / (PULL + seen[k])
-            group = replace(group, sd=float(np.sqrt(variance)))
+            group = replace(group, sd=float(pulled_scale(squares[k], seen[k], group.rest)))
         groups.append(group)
     noise = np.empty(len(channels))
     spent = _spent(at, channels)
@@ -325,6 +324,17 @@ def _moved(at: Weights, channels: Sequence[Sums]) -> tuple[tuple[Group, ...], Ar
         free = max(s.count - spent[k], 0.05 * s.count)
         noise[k] = max(max(misfit, 1e-30) / free, s.least)
     return tuple(groups), noise
+
+
+def pulled_scale(squares: Array, seen: Array, rest: float) -> Array:
+    """Returns the next scale (g,) of groups: MacKay's fixed point, pulled to the scale at rest.
+
+    Args:
+        squares: (g,) sum of the squared weights over their relative sizes.
+        seen: (g,) number of weights the data determine.
+        rest: Scale at rest.
+    """
+    return np.asarray(np.sqrt((PULL * rest**2 + squares) / (PULL + seen)))
 
 
 def held_scales(groups: Sequence[Group], squares: Array, seen: Array) -> dict[int, float]:

@@ -98,6 +98,10 @@ class Identifiability:
         """Unseen directions that predictions do depend on."""
         return tuple(d for d in self.unseen if not d.harmless)
 
+    def document(self) -> list[dict[str, str | bool]]:
+        """Returns the unseen directions as JSON values."""
+        return [{"name": d.name, "cure": d.cure, "harmless": d.harmless} for d in self.unseen]
+
 
 def visibility(sd_ratio: float) -> str:
     """Returns ``seen``, ``weakly seen`` or ``prior only`` of a posterior over a prior sd."""

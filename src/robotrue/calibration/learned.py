@@ -16,6 +16,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.design import Design
 from robotrue.calibration.estimate import Estimate, estimate, free_groups
 from robotrue.calibration.estimator import NOISE_FLOOR
@@ -24,12 +25,9 @@ from robotrue.calibration.held_out import HeldOut, predict_held_out, temper_fact
 from robotrue.calibration.learned_assembly import LinearFit, assemble_model, day_shift
 from robotrue.calibration.observations import (
     CHANNELS,
-    PoseObservation,
-    PositionObservation,
     observations_of,
 )
 from robotrue.calibration.parameters import retract
-from robotrue.calibration.residual import LearnedModel
 from robotrue.calibration.robust import weights as robust_weights
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.terms.backlash import Backlash
@@ -100,7 +98,7 @@ def fit_learned(
     *,
     parts: LearnedParts,
     method: str,
-) -> LearnedModel:
+) -> CalibratedModel:
     """Returns the learned model of the measurements.
 
     Args:
@@ -121,7 +119,7 @@ def fit_learned(
         at = renew_linearisation(at, steps=steps)
     found = _examined(at, settings)
     notes: dict[str, Any] = {"smooth": "not tried"}
-    if parts.smooth and physical.rows >= FEWEST_SMOOTH:
+    if parts.smooth and len(measurements) >= FEWEST_SMOOTH:
         at, found, notes = _with_smooth(at, found, measurements, settings)
     found = temper_factor(found, _freedom(at))
     return assemble_model(physical, at, found, settings, {"method": method, **notes})
@@ -135,23 +133,20 @@ def first_design(
 ) -> Design:
     """Returns the design at the physical estimate, with every harmonic the rows can carry."""
     found = physical.posterior
-    observations = tuple(
-        o
-        for o in observations_of(
-            found.state.robot.nominal(),
-            measurements,
-            settings.payload,
-            repeatability=settings.repeatability_sd,
-            rotation_sd=settings.rotation_sd,
-        )
-        if isinstance(o, PositionObservation | PoseObservation)
+    nominal = found.state.robot.nominal()
+    observations = observations_of(
+        nominal,
+        measurements,
+        settings.payload,
+        repeatability=settings.repeatability_sd,
+        rotation_sd=settings.rotation_sd,
     )
     weights = np.zeros(len(measurements))
     for observation, u in zip(observations, found.weights, strict=True):
         weights[observation.rows] = np.maximum(u, LEAST_WEIGHT)
-    few = physical.rows < MANY_ROWS
-    nominal = found.state.robot.nominal()
-    count = highest_harmonic(physical.rows, few=few, most=parts.highest) if parts.ripple else 0
+    rows = len(measurements)
+    few = rows < MANY_ROWS
+    count = highest_harmonic(rows, few=few, most=parts.highest) if parts.ripple else 0
     further = [term.begin(nominal, measurements, few) for term in further_terms()]
     terms = (
         Ripple(dof=nominal.dof, cycles=harmonics(count)),

@@ -1,8 +1,8 @@
 """From the joint posterior of the linear model to the error model that is kept.
 
 Parameters return to the robot, ripple and smooth weights to their tables, and the root of the
-covariance to the columns of :class:`LearnedModel`. The base gets the shift between two days, which
-no row of one campaign can show.
+covariance to the columns of :class:`CalibratedModel`. The base gets the shift between two days,
+which no row of one campaign can show.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from robotrue.calibration.calibrated_model import CalibratedModel, reflector_of
 from robotrue.calibration.design import Design
 from robotrue.calibration.estimate import Estimate
 from robotrue.calibration.evidence import Sums, Weights
 from robotrue.calibration.held_out import HeldOut
+from robotrue.calibration.lineage import describe_rows
 from robotrue.calibration.parameters import retract, station_as_base, target_as_tool
-from robotrue.calibration.residual import LearnedModel
-from robotrue.calibration.rigid_flexible import RigidFlexibleModel, reflector_of
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.terms.ripple import Ripple, harmonics
 from robotrue.calibration.terms.smooth import SmoothResidual
@@ -47,7 +47,7 @@ def assemble_model(
     found: HeldOut,
     settings: FitSettings,
     notes: dict[str, Any],
-) -> LearnedModel:
+) -> CalibratedModel:
     """Returns the error model of a joint posterior.
 
     Args:
@@ -86,24 +86,19 @@ def assemble_model(
     covariance = arm.T @ arm
     roots = {k: np.pad(r, ((0, len(root) - len(r)), (0, 0))) for k, r in targets.items()}
     white = float(np.sqrt(max(_white(design, fit), 0.0)))
-    return LearnedModel(
-        physics=RigidFlexibleModel(
-            robot=state.robot.nominal(),
-            errors=state.robot.errors,
-            covariance=covariance,
-            repeatability=settings.repeatability_sd,
-            white=white,
-            T_tracker_base=state.T_tracker_base,
-            reflectors={
-                k: reflector_of(T, arm, roots[k]) for k, T in state.T_flange_target.items()
-            },
-        ),
+    return CalibratedModel(
+        robot=state.robot.nominal(),
+        errors=state.robot.errors,
+        covariance=covariance,
+        repeatability=settings.repeatability_sd,
+        white=white,
+        T_tracker_base=state.T_tracker_base,
+        reflectors={k: reflector_of(T, arm, roots[k]) for k, T in state.T_flange_target.items()},
         terms=terms,
         values=full[free:][kept],
         columns=columns.astype(np.float64),
         root=root,
         inflation=found.inflation,
-        reflector_roots=roots,
         summary={
             **_summary(physical, at, found, white, notes),
             "parameters": {
@@ -201,19 +196,11 @@ def _summary(
         )
     return {
         **notes,
-        "rows": physical.rows,
+        **describe_rows(physical.measurements),
         "screened_rows": [int(i) for i in screened],
-        "data_sha256": physical.data_sha256,
-        "sources": list(physical.sources),
-        "provenance": physical.provenance.to_document(),
-        "joint_range_rad": physical.joint_range.tolist(),
-        "position_range_m": physical.position_range.tolist(),
         "verdict": physical.verdict.status,
         "doubts": doubts,
-        "unseen": [
-            {"name": d.name, "cure": d.cure, "harmless": d.harmless}
-            for d in physical.identifiability.unseen
-        ],
+        "unseen": physical.identifiability.document(),
         "scales": {g.name: g.sd for g in fit.groups},
         "determined": dict(zip([g.name for g in fit.groups], fit.determined.tolist(), strict=True)),
         "white_sd_m": white,

@@ -22,6 +22,19 @@ def data_hash(measurements: MeasurementSet) -> str:
     return sha256(measurements.joints.tobytes() + measurements.position.tobytes())
 
 
+def describe_rows(measurements: MeasurementSet) -> dict[str, Any]:
+    """Returns how many rows a fit had, from where, and the ranges they cover; JSON values, SI."""
+    joints, position = measurements.joints, measurements.position
+    return {
+        "rows": len(measurements),
+        "data_sha256": data_hash(measurements),
+        "sources": list(measurements.sources),
+        "provenance": measurements.provenance.to_document(),
+        "joint_range_rad": [joints.min(axis=0).tolist(), joints.max(axis=0).tolist()],
+        "position_range_m": [position.min(axis=0).tolist(), position.max(axis=0).tolist()],
+    }
+
+
 def provenance_of(model: ErrorModel) -> Provenance:
     """Returns where everything a model was fitted to comes from.
 

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, Final, TypeAlias
 
 import numpy as np
 
+from robotrue.calibration.calibrated_model import CalibratedModel, Reflector
 from robotrue.calibration.estimate import Estimate, estimate, free_groups
 from robotrue.calibration.learned import LearnedParts, fit_learned
+from robotrue.calibration.lineage import describe_rows
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.parameters import station_as_base, target_as_tool
-from robotrue.calibration.residual import LearnedModel
-from robotrue.calibration.rigid_flexible import Reflector, RigidFlexibleModel
 from robotrue.calibration.settings import FitSettings
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.measurement_set import MeasurementSet
@@ -50,54 +51,9 @@ def fit(
     return METHODS[method](robot, measurements, FitSettings() if settings is None else settings)
 
 
-def fit_nominal(
-    robot: RobotModel, measurements: MeasurementSet, settings: FitSettings
-) -> RigidFlexibleModel:
-    """Returns the baseline: the controller's kinematics, only base and tool fitted."""
-    return fit_rigid_flexible(robot, measurements, settings, method="nominal")
-
-
-def fit_geometric(
-    robot: RobotModel, measurements: MeasurementSet, settings: FitSettings
-) -> RigidFlexibleModel:
-    """Returns base, tool and all geometric errors; no compliance."""
-    return fit_rigid_flexible(robot, measurements, settings, method="geometric")
-
-
-def fit_elastic(
-    robot: RobotModel, measurements: MeasurementSet, settings: FitSettings
-) -> RigidFlexibleModel:
-    """Returns geometry and joint compliance."""
-    return fit_rigid_flexible(robot, measurements, settings, method="elastic")
-
-
-def fit_ripple(
-    robot: RobotModel, measurements: MeasurementSet, settings: FitSettings
-) -> LearnedModel:
-    """Returns geometry, compliance, joint ripple and backlash; no smooth residual."""
-    return fit_learned(
-        robot, measurements, settings, parts=LearnedParts(smooth=False), method="ripple"
-    )
-
-
-def fit_gp(robot: RobotModel, measurements: MeasurementSet, settings: FitSettings) -> LearnedModel:
-    """Returns the full learned model: ripple, and the smooth residual where it earns its place."""
-    return fit_learned(robot, measurements, settings, parts=LearnedParts(), method="gp")
-
-
-METHODS: Final[dict[str, FitFunction]] = {
-    "nominal": fit_nominal,
-    "geometric": fit_geometric,
-    "elastic": fit_elastic,
-    "ripple": fit_ripple,
-    "gp": fit_gp,
-}
-"""Fit function of every method; richer methods add themselves here."""
-
-
 def fit_rigid_flexible(
     robot: RobotModel, measurements: MeasurementSet, settings: FitSettings, *, method: str
-) -> RigidFlexibleModel:
+) -> CalibratedModel:
     """Returns the rigid-flexible model of one of the three parameter sets.
 
     Raises:
@@ -106,7 +62,22 @@ def fit_rigid_flexible(
     return model_of(estimate(robot, measurements, settings, free_groups(method)), settings, method)
 
 
-def model_of(result: Estimate, settings: FitSettings, method: str) -> RigidFlexibleModel:
+METHODS: Final[dict[str, FitFunction]] = {
+    "nominal": partial(fit_rigid_flexible, method="nominal"),
+    "geometric": partial(fit_rigid_flexible, method="geometric"),
+    "elastic": partial(fit_rigid_flexible, method="elastic"),
+    "ripple": partial(fit_learned, parts=LearnedParts(smooth=False), method="ripple"),
+    "gp": partial(fit_learned, parts=LearnedParts(), method="gp"),
+}
+"""Fit function of every method; richer methods add themselves here.
+
+``nominal``: base and tool alone, the baseline. ``geometric``: all geometric errors too.
+``elastic``: joint compliance too. ``ripple``: joint ripple and backlash too. ``gp``: also the
+smooth residual, where it earns its place.
+"""
+
+
+def model_of(result: Estimate, settings: FitSettings, method: str) -> CalibratedModel:
     """Returns the error model of an estimate."""
     layout, state = result.posterior.layout, result.posterior.state
     carry = np.eye(layout.size)[: layout.robot_size]
@@ -119,7 +90,7 @@ def model_of(result: Estimate, settings: FitSettings, method: str) -> RigidFlexi
         seen = carry.copy()
         seen[parameter_slice(layout.dof, "tool")] = target_as_tool(layout, k, T)
         reflectors[k] = Reflector(T_flange_tool=T, covariance=seen @ covariance @ seen.T)
-    return RigidFlexibleModel(
+    return CalibratedModel(
         robot=state.robot.nominal(),
         errors=state.robot.errors,
         covariance=carry @ covariance @ carry.T,
@@ -137,17 +108,12 @@ def _summary(result: Estimate, method: str) -> dict[str, Any]:
     classes = seen.classes
     return {
         "method": method,
-        "rows": result.rows,
+        **describe_rows(result.measurements),
         "numbers": posterior.numbers,
         "screened_rows": [int(i) for i in result.screened],
-        "data_sha256": result.data_sha256,
-        "sources": list(result.sources),
-        "provenance": result.provenance.to_document(),
-        "joint_range_rad": result.joint_range.tolist(),
-        "position_range_m": result.position_range.tolist(),
         "verdict": result.verdict.status,
         "doubts": list(result.verdict.doubts),
-        "unseen": [{"name": d.name, "cure": d.cure, "harmless": d.harmless} for d in seen.unseen],
+        "unseen": seen.document(),
         "parameters": {
             name: {"value": float(value), "sd": float(sd), "class": classes.get(name, "fixed")}
             for name, value, sd in result.table()

@@ -11,17 +11,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 
 from robotrue.calibration.arm import linear_rows
 from robotrue.calibration.belief import Belief
 from robotrue.calibration.observations import (
-    Linearisation,
-    PoseObservation,
-    PositionObservation,
-    Visits,
+    Visited,
+    chunks_of,
     observations_of,
 )
 from robotrue.calibration.parameters import Layout, State, retract
@@ -36,24 +34,6 @@ NUISANCE_SD: Final = 0.1
 """m and rad, about a start in closed form: far looser than any data."""
 ROWS: Final = 256
 """Poses linearised at a time."""
-
-
-class Visited(Protocol):
-    """An observation of which every row has one posture: points, poses, touches."""
-
-    @property
-    def visits(self) -> Visits:
-        """Postures of the rows."""
-        ...
-
-    @property
-    def rows(self) -> IntArray:
-        """(n,) row of the set each entry came from."""
-        ...
-
-    def linearise(self, layout: Layout, state: State, part: slice = ...) -> Linearisation:
-        """Returns residual, Jacobian and covariance of the rows in ``part``."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,21 +95,16 @@ class NewRows:
             T_flange_target=self.T_flange_target,
         )
 
-    def pieces(self, belief: Belief, chosen: Array | BoolArray | None = None) -> list[Piece]:
+    def pieces(self, belief: Belief, chosen: BoolArray | None = None) -> list[Piece]:
         """Returns the rows (of a mask, or all), linearised at the belief's mean."""
         state = self._state(belief.actual)
-        out = []
-        for observation in self.observations:
-            mine = np.arange(len(observation.rows))
-            if chosen is not None:
-                mine = mine[chosen[observation.rows]]
-            for start in range(0, len(mine), ROWS):
-                part = mine[start : start + ROWS]
-                out.append(self._piece(belief, state, observation, part))
-        return out
+        return [
+            self._piece(belief, state, observation, part)
+            for observation, part in chunks_of(self.observations, chosen, ROWS)
+        ]
 
     def _piece(self, belief: Belief, state: State, observation: Visited, part: IntArray) -> Piece:
-        item = observation.linearise(self.layout, state, part)  # type: ignore[arg-type]
+        item = observation.linearise(self.layout, state, part)
         jacobian, size = item.jacobian, self.layout.robot_size
         visits = observation.visits.postures(part)
         learned, shift = linear_rows(state.robot, visits, jacobian, belief.terms, belief.values)
@@ -191,8 +166,7 @@ def new_rows(
             repeatability=belief.repeatability,
             rotation_sd=settings.rotation_sd,
         ):
-            if isinstance(o, PositionObservation | PoseObservation):
-                observations.append(replace(o, rows=rows[o.rows]))
+            observations.append(replace(o, rows=rows[o.rows]))
     return NewRows(
         robot=belief.robot,
         observations=tuple(observations),

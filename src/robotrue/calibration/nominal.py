@@ -7,10 +7,9 @@ from typing import Final
 
 from robotrue.calibration.archive import robot_arrays, robot_document, robot_from
 from robotrue.calibration.belief import Belief
+from robotrue.calibration.calibrated_model import model_of, unknown_reflector
 from robotrue.calibration.model import Prediction, Query
 from robotrue.calibration.prior_belief import prior_belief
-from robotrue.calibration.residual import model_of
-from robotrue.calibration.rigid_flexible import unknown_reflector
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.tables import MeanTables, rigid_tables
 from robotrue.calibration.training_summary import TrainingSummary

@@ -7,9 +7,9 @@ step solves ``jacobian @ step = residual``. Covariances hold the instrument and 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, Protocol
+from typing import Final, Protocol, TypeAlias
 
 import numpy as np
 
@@ -23,6 +23,8 @@ from robotrue.robot.forward import parameter_jacobian, walk
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.statics import Load, drive_torque
 
+Entries: TypeAlias = slice | IntArray
+"""Which entries of an observation."""
 IN_BASE: Final = -1
 """Station number of a row that is measured in the robot base."""
 CHANNELS: Final = 2
@@ -56,7 +58,7 @@ class Observation(Protocol):
         """(n,) row of the measurement set each entry came from."""
         ...
 
-    def linearise(self, layout: Layout, state: State, part: slice = ...) -> Linearisation:
+    def linearise(self, layout: Layout, state: State, part: Entries = ...) -> Linearisation:
         """Returns residual, Jacobian and covariance of the rows in ``part``."""
         ...
 
@@ -73,7 +75,7 @@ class Visits(ArmPostures):
     target: IntArray
     station: IntArray
 
-    def postures(self, part: slice | IntArray) -> ArmPostures:
+    def postures(self, part: Entries) -> ArmPostures:
         """Returns joints and conditions of some visits."""
         return ArmPostures(
             joints=self.joints[part],
@@ -81,6 +83,15 @@ class Visits(ArmPostures):
             approach=self.approach[part],
             temperature=self.temperature[part],
         )
+
+
+class Visited(Observation, Protocol):
+    """An observation of which every row has one posture: points, poses, touches."""
+
+    @property
+    def visits(self) -> Visits:
+        """Postures of the rows."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,7 +110,7 @@ class PositionObservation:
     covariance: Array
     rows: IntArray
 
-    def linearise(self, layout: Layout, state: State, part: slice = slice(None)) -> Linearisation:
+    def linearise(self, layout: Layout, state: State, part: Entries = slice(None)) -> Linearisation:
         """Returns the linearised rows; residual (n, 3) m."""
         point, _, jacobian = seen_points(layout, state, self.visits, part, rotations=False)
         return Linearisation(
@@ -128,7 +139,7 @@ class PoseObservation:
     covariance: Array
     rows: IntArray
 
-    def linearise(self, layout: Layout, state: State, part: slice = slice(None)) -> Linearisation:
+    def linearise(self, layout: Layout, state: State, part: Entries = slice(None)) -> Linearisation:
         """Returns the linearised rows; residual (n, 6): m, then rad (left rotation vector)."""
         point, rotation, jacobian = seen_points(layout, state, self.visits, part, rotations=True)
         angle = rotation_vector_from_matrix(self.rotation[part] @ np.swapaxes(rotation, 1, 2))
@@ -169,7 +180,7 @@ class DistanceObservation:
                 hint="coincident points carry no direction; leave such pairs out.",
             )
 
-    def linearise(self, layout: Layout, state: State, part: slice = slice(None)) -> Linearisation:
+    def linearise(self, layout: Layout, state: State, part: Entries = slice(None)) -> Linearisation:
         """Returns the linearised rows; residual (n, 1) m."""
         a, _, jacobian_a = seen_points(layout, state, self.first, part, rotations=False)
         b, _, jacobian_b = seen_points(layout, state, self.second, part, rotations=False)
@@ -192,6 +203,24 @@ def linearise_all(
         for o in observations
         for start in range(0, len(o.rows), CHUNK)
     )
+
+
+def chunks_of(
+    observations: Sequence[Visited], chosen: BoolArray | None, size: int
+) -> Iterator[tuple[Visited, IntArray]]:
+    """Yields the entries of each observation, at most ``size`` at a time.
+
+    Args:
+        observations: Of one measurement set.
+        chosen: Mask over the rows of the set; all if None.
+        size: Bounds the memory.
+    """
+    for observation in observations:
+        entries = np.arange(len(observation.rows))
+        if chosen is not None:
+            entries = entries[chosen[observation.rows]]
+        for start in range(0, len(entries), size):
+            yield observation, entries[start : start + size]
 
 
 def join_chunks(parts: list[Array], observations: Sequence[Observation]) -> tuple[Array, ...]:
@@ -223,7 +252,7 @@ def observations_of(
     *,
     repeatability: float,
     rotation_sd: float,
-) -> tuple[Observation, ...]:
+) -> tuple[PositionObservation | PoseObservation, ...]:
     """Returns the set as observations: rows with a full pose and rows with a point.
 
     Args:
@@ -241,7 +270,7 @@ def observations_of(
     )
     covariance = measurements.covariance + repeatability**2 * np.eye(3)
     posed = measurements.has_rotation
-    out: list[Observation] = []
+    out: list[PositionObservation | PoseObservation] = []
     for rows in (np.flatnonzero(~posed), np.flatnonzero(posed)):
         if not len(rows):
             continue
@@ -293,7 +322,7 @@ def _right_inverse(vector: Array) -> Array:
 
 
 def seen_points(
-    layout: Layout, state: State, visits: Visits, part: slice, *, rotations: bool
+    layout: Layout, state: State, visits: Visits, part: Entries, *, rotations: bool
 ) -> tuple[Array, Array, Array]:
     """Returns point (n, 3), rotation (n, 3, 3) and Jacobian (n, 3 or 6, P), in the station's frame.
 

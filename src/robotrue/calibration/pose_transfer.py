@@ -14,13 +14,12 @@ import numpy as np
 
 from robotrue.calibration.deng2022.committee import boosted
 from robotrue.calibration.deng2022.features import attitude_reference
-from robotrue.calibration.deng2022.joined import Expert, PoseModel
+from robotrue.calibration.deng2022.joined import PoseModel
 from robotrue.calibration.deng2022.readings import Readings
-from robotrue.calibration.deng2022.transfer_gpr import labelled, pose_summary
+from robotrue.calibration.deng2022.transfer_gpr import expert_of, labelled, pose_summary
 from robotrue.calibration.settings import FitSettings
 from robotrue.core.arrays import Array
 from robotrue.core.regions import CylinderRegion
-from robotrue.core.units import MM
 from robotrue.errors import ObservabilityError
 from robotrue.measurement.measurement_set import MeasurementSet, concatenate
 from robotrue.robot.model import RobotModel
@@ -67,12 +66,9 @@ def fit_boosted_poses(
         target_weight=np.ones(len(target)),
         output_weights=None,
     )
-    instrument = float(np.mean(np.trace(few.covariance, axis1=1, axis2=2)) / 3.0)
-    left = (committee.noise * MM) ** 2 - instrument
-    white = float(np.sqrt(max(left, settings.repeatability_sd**2)))
     return PoseModel(
         robot=robot,
-        experts=(Expert(region=_around(rows.position), committee=committee, white=white),),
+        experts=(expert_of(_around(rows.position), committee, few, settings),),
         reference=reference,
         outside=READINGS.outside,
         summary={

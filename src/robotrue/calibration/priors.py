@@ -1,8 +1,9 @@
 """What is believed before the data: Gaussian scales in physical units, learnable per group.
 
 The defaults are those of a production industrial arm. A scale that is learned moves to where the
-data put it (marginal likelihood), held by a weak pull of :data:`PULL` pseudo-parameters to the
-default, so that a group nobody can see keeps its physical scale.
+data put it (marginal likelihood), held by a weak pull to the default
+(:func:`robotrue.calibration.evidence.pulled_scale`), so that a group nobody can see keeps its
+physical scale.
 """
 
 from __future__ import annotations
@@ -18,8 +19,6 @@ from robotrue.calibration.terms.geometry import PER_JOINT_GROUPS, PriorScales
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.robot.model import parameter_slice
 
-PULL: Final = 0.5
-"""Weight of the default scale in a learned one, in parameters."""
 LEARNED: Final = (*PER_JOINT_GROUPS, "compliance")
 """Groups of the error vector with a scale that is learned, in the order of ``Prior.group``."""
 

@@ -39,7 +39,7 @@ from robotrue.calibration.probing_scales import learn_scales, noise_factor
 from robotrue.calibration.probing_start import check_held, start_frames, tips
 from robotrue.calibration.probing_summary import probing_summary
 from robotrue.calibration.touches import touch_rows
-from robotrue.calibration.update import add_centres, update_model
+from robotrue.calibration.update import carry_residual, update_model
 from robotrue.core.arrays import Array, BoolArray, frozen
 from robotrue.core.poses import inverse
 from robotrue.errors import (
@@ -112,7 +112,7 @@ def estimate_probing(
         else:
             lean = replace(settings.priors, lean_on_prior=True)
             model = fit(model.robot, measurements, method="ripple", settings=lean)
-    before = add_centres(before_touching(model, settings), touches.joints)
+    before = carry_residual(before_touching(model, settings), touches.joints)
     in_base = tips(before, touches.joints, settings.payload)
     frames = start_frames(touches, in_base, settings.start, robust=settings.robust)
     rows = touch_rows(

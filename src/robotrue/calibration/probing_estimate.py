@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from robotrue.calibration.belief import Belief
+from robotrue.calibration.calibrated_model import CalibratedModel, model_of
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.parameters import Layout
-from robotrue.calibration.residual import LearnedModel, model_of
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.touches import frame_displacement
 from robotrue.core.arrays import Array, BoolArray, frozen
@@ -149,7 +149,7 @@ class ProbingEstimate:
         return out
 
 
-def model_of_estimate(estimate: ProbingEstimate) -> LearnedModel:
+def model_of_estimate(estimate: ProbingEstimate) -> CalibratedModel:
     """Returns the arm as the estimate knows it, the frames left out, with its lineage."""
     end = estimate.belief.end
     arm = replace(

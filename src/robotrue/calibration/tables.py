@@ -10,15 +10,17 @@ with ``ripple_i(q_i) = sum_k A[i, k] sin(N_k q_i) + B[i, k] cos(N_k q_i)`` and
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.robot.model import RobotModel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MeanTables:
+class MeanTables(Columns):
     """Mean of a rigid-flexible model with joint ripple and a smooth residual.
 
     Attributes:
@@ -33,27 +35,16 @@ class MeanTables:
     """
 
     robot: RobotModel
-    harmonics: Array
-    ripple_sin: Array
-    ripple_cos: Array
-    backlash: Array
-    centres: Array
-    scale: Array
-    weights: Array
+    harmonics: Annotated[Array, Column("h")]
+    ripple_sin: Annotated[Array, Column("dof h", unit="rad")]
+    ripple_cos: Annotated[Array, Column("dof h", unit="rad")]
+    backlash: Annotated[Array, Column("dof", unit="rad")]
+    centres: Annotated[Array, Column("m features")]
+    scale: Annotated[Array, Column("features")]
+    weights: Annotated[Array, Column("m 3", unit="m")]
 
-    def __post_init__(self) -> None:
-        """Checks shapes and freezes."""
-        dof, h, m = self.robot.dof, len(self.harmonics), len(self.centres)
-        for name, shape in (
-            ("harmonics", (h,)),
-            ("ripple_sin", (dof, h)),
-            ("ripple_cos", (dof, h)),
-            ("backlash", (dof,)),
-            ("centres", (m, 2 * dof)),
-            ("scale", (2 * dof,)),
-            ("weights", (m, 3)),
-        ):
-            object.__setattr__(self, name, frozen(getattr(self, name), shape, name))
+    def _known_sizes(self) -> dict[str, int]:
+        return {"dof": self.robot.dof, "features": 2 * self.robot.dof}
 
 
 def rigid_tables(robot: RobotModel) -> MeanTables:

@@ -15,10 +15,12 @@ from typing import Final
 import numpy as np
 
 from robotrue.calibration.belief import Belief
-from robotrue.calibration.new_rows import NewRows, Visited
+from robotrue.calibration.new_rows import NewRows
 from robotrue.calibration.observations import (
+    Entries,
     Linearisation,
     PositionObservation,
+    Visited,
     Visits,
     seen_points,
 )
@@ -53,7 +55,7 @@ class SurfaceObservation:
     variance: Array
     rows: IntArray
 
-    def linearise(self, layout: Layout, state: State, part: slice = slice(None)) -> Linearisation:
+    def linearise(self, layout: Layout, state: State, part: Entries = slice(None)) -> Linearisation:
         """Returns the linearised rows; residual (n, 1) m: radius minus distance."""
         point, _, jacobian = seen_points(layout, state, self.visits, part, rotations=False)
         chosen = np.arange(len(self.rows))[part]
@@ -84,7 +86,7 @@ class PartDistanceObservation:
     distances: tuple[KnownDistance, ...]
     rows: IntArray
 
-    def linearise(self, layout: Layout, state: State, part: slice = slice(None)) -> Linearisation:
+    def linearise(self, layout: Layout, state: State, part: Entries = slice(None)) -> Linearisation:
         """Returns the linearised rows; residual (n, 1) m.
 
         Raises:

@@ -17,6 +17,7 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.calibration.belief import Belief, with_centres, with_nuisances
+from robotrue.calibration.calibrated_model import CalibratedModel, model_of
 from robotrue.calibration.conditioning import condition_on_rows, weigh_innovations
 from robotrue.calibration.drift import Drift, DriftScales, Relation, drift_of, prior_of
 from robotrue.calibration.drift_scales import (
@@ -31,12 +32,13 @@ from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel, require_belief
 from robotrue.calibration.new_rows import NUISANCE_SD, NewRows, new_rows
 from robotrue.calibration.parameters import State, station_as_base
-from robotrue.calibration.residual import LearnedModel, model_of
 from robotrue.calibration.robust import Loss, robust_variance, student_factor, weights
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.sources import Source, carry_to_reflector, combine_sources
+from robotrue.calibration.terms.smooth import add_centres
 from robotrue.calibration.update import (
-    choose_further_centres,
+    MOST_CENTRES,
+    UNCARRIED,
     points_only,
     renew_summary,
     require_joints,
@@ -85,7 +87,7 @@ def fit_transfer(
     scales: DriftScales | None = None,
     learn: bool = True,
     method: str = "gp",
-) -> LearnedModel:
+) -> CalibratedModel:
     """Returns the error model of the target: sources carried over, target rows added.
 
     Args:
@@ -225,7 +227,7 @@ def _with_field(belief: Belief, joints: Array) -> tuple[Belief, int]:
     basis = belief.smooth.basis
     if not len(basis.centres):
         basis = replace(basis, scale=np.full(len(basis.scale), 1.0 / FIELD_LENGTH))
-    basis = choose_further_centres(basis, joints)
+    basis = add_centres(basis, joints, most=MOST_CENTRES, enough=UNCARRIED)
     return with_centres(belief, basis), belief.place("smooth").stop
 
 

@@ -19,13 +19,13 @@ from robotrue.calibration.belief import (
     with_centres,
     with_nuisances,
 )
+from robotrue.calibration.calibrated_model import CalibratedModel, model_of
 from robotrue.calibration.conditioning import condition_on_rows, weigh_innovations
 from robotrue.calibration.lineage import history, merged_document, record_step
 from robotrue.calibration.model import ErrorModel, require_belief
 from robotrue.calibration.new_rows import NUISANCE_SD, NewRows, new_rows
-from robotrue.calibration.residual import LearnedModel, model_of
 from robotrue.calibration.settings import FitSettings
-from robotrue.calibration.terms.smooth import SmoothBasis, features
+from robotrue.calibration.terms.smooth import add_centres
 from robotrue.core.arrays import Array
 from robotrue.errors import ModelMismatchError
 from robotrue.measurement.measurement_set import MeasurementSet
@@ -37,7 +37,7 @@ MOST_CENTRES: Final = 100
 
 def update_model(
     model: ErrorModel, measurements: MeasurementSet, *, settings: FitSettings | None = None
-) -> LearnedModel:
+) -> CalibratedModel:
     """Returns the model with the measurements added; mean, covariance and lineage move.
 
     Args:
@@ -59,7 +59,7 @@ def update_model(
     belief = require_belief(model)
     if not len(measurements):
         return model_of(belief, model.training_summary().document)
-    belief = add_centres(belief, measurements.joints)
+    belief = carry_residual(belief, measurements.joints)
     angular = model.training_summary().white_turn_sd
     if angular is None:
         measurements = points_only(measurements)
@@ -103,7 +103,7 @@ def require_joints(model: ErrorModel, measurements: MeasurementSet) -> None:
         )
 
 
-def add_centres(belief: Belief, joints: Array) -> Belief:
+def carry_residual(belief: Belief, joints: Array) -> Belief:
     """Returns the belief with centres of its smooth residual at poses it does not carry yet."""
     smooth = belief.smooth
     if not smooth.size or smooth.amplitude <= 0.0:
@@ -112,27 +112,11 @@ def add_centres(belief: Belief, joints: Array) -> Belief:
     far = np.flatnonzero(left > UNCARRIED)
     if not len(far):
         return belief
-    wider = with_centres(belief, choose_further_centres(smooth.basis, joints[far]))
+    basis = add_centres(smooth.basis, joints[far], most=MOST_CENTRES, enough=UNCARRIED)
+    wider = with_centres(belief, basis)
     variance = np.zeros(len(wider.mean))
     variance[belief.place("smooth").stop : wider.place("smooth").stop] = smooth.amplitude**2
     return add_variance(wider, variance)
-
-
-def choose_further_centres(
-    basis: SmoothBasis, joints: Array, *, most: int = MOST_CENTRES
-) -> SmoothBasis:
-    """Returns the basis with centres among some poses (n, dof) rad behind those it had.
-
-    The next centre is always the pose carried worst.
-    """
-    for _ in range(most):
-        left = 1.0 - (basis.columns(joints) ** 2).sum(axis=1)
-        worst = int(np.argmax(left))
-        if left[worst] <= UNCARRIED:
-            break
-        centre = features(joints[[worst]]) * basis.scale
-        basis = SmoothBasis(centres=np.vstack([basis.centres, centre]), scale=basis.scale)
-    return basis
 
 
 def without_nuisances(belief: Belief, rows: NewRows) -> Belief:

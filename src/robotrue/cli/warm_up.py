@@ -10,7 +10,7 @@ import time
 
 import numpy as np
 
-from robotrue.calibration.rigid_flexible import RigidFlexibleModel
+from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.cli.console import say
 from robotrue.cli.sense import warmed
 from robotrue.compensation.compensate import compensate
@@ -36,7 +36,7 @@ def _compensated() -> None:
     """A small program of the virtual cell, read, compensated and written."""
     robot = deng2022(1, exact=True).robot.actual
     size = len(robot.errors)
-    model = RigidFlexibleModel(
+    model = CalibratedModel(
         robot=robot.nominal(),
         errors=robot.errors,
         covariance=np.zeros((size, size)),

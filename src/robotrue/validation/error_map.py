@@ -14,9 +14,9 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 import numpy as np
 from scipy.special import chdtri
 
+from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.deng2022.similarity import similarity
 from robotrue.calibration.model import ErrorModel, Query
-from robotrue.calibration.rigid_flexible import RigidFlexibleModel
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.terms.compliance import compliance_scale
 from robotrue.core.arrays import Array, BoolArray, IntArray
@@ -245,7 +245,7 @@ def _cosine(a: Array, b: Array) -> float:
     return float(a @ b) / size if size > 0.0 else float("nan")
 
 
-def build_prior_model(robot: RobotModel, settings: FitSettings) -> RigidFlexibleModel:
+def build_prior_model(robot: RobotModel, settings: FitSettings) -> CalibratedModel:
     """Returns what is believed of an arm before any measurement: stated stiffness, prior scales.
 
     The mean is the deflection of the stated stiffness (nothing without one), the covariance that
@@ -262,7 +262,7 @@ def build_prior_model(robot: RobotModel, settings: FitSettings) -> RigidFlexible
     else:
         errors[place] = 1.0 / settings.stiffness.stiffness
         sd[place] = settings.stiffness.relative_sd * errors[place]
-    return RigidFlexibleModel(
+    return CalibratedModel(
         robot=robot,
         errors=errors,
         covariance=np.diag(sd**2),

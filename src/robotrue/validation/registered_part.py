@@ -8,7 +8,7 @@ from typing import Annotated, Any, Final, Literal
 import numpy as np
 from scipy.stats import chi2
 
-from robotrue.calibration.residual import LearnedModel
+from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.cell.part import PartFrame, PartTable
 from robotrue.cell.registration.fit import Registration, point_covariance
 from robotrue.core.arrays import Array
@@ -99,7 +99,7 @@ class RegisteredPart:
     frames: tuple[FoundFrame, ...]
     identity: ModelIdentity
     touched_with: ModelIdentity
-    refined: LearnedModel | None = None
+    refined: CalibratedModel | None = None
     moved: float = 0.0
     doubts: tuple[str, ...] = ()
     provenance: Provenance = MEASURED

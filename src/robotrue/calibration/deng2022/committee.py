@@ -9,15 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
 
 from robotrue.calibration.deng2022.features import PRINTED_UNITS
 from robotrue.calibration.deng2022.readings import Readings
 from robotrue.calibration.learners.gaussian_process import GaussianProcess
-from robotrue.calibration.learners.tradaboost import TrAdaBoostR2, weighted_median
-from robotrue.core.arrays import Array, frozen
+from robotrue.calibration.learners.tradaboost import TrAdaBoostR2, combine_rounds, round_shares
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.core.units import MM
 
 _LEAST_WEIGHT: Final = 1e-12  # as the boosting gives its learners
@@ -25,7 +26,7 @@ _ARRAYS: Final = ("inputs", "errors", "weights", "betas", "length")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Committee:
+class Committee(Columns):
     """Gaussian processes on the same rows with the same kernel and different weights.
 
     Attributes:
@@ -42,29 +43,17 @@ class Committee:
         learners: The processes; they follow from all of the above, see :func:`restored`.
     """
 
-    inputs: Array
-    errors: Array
-    weights: Array
-    betas: Array
-    length: Array
+    inputs: Annotated[Array, Column("n 6", unit="mm, deg")]
+    errors: Annotated[Array, Column("n 3", unit="mm")]
+    weights: Annotated[Array, Column("rounds n")]
+    betas: Annotated[Array, Column("rounds")]
+    length: Annotated[Array, Column("6", unit="mm, deg")]
     amplitude: float
     noise: float
     kernel: str
     mean: str
     combination: str
     learners: tuple[GaussianProcess, ...]
-
-    def __post_init__(self) -> None:
-        """Checks shapes and freezes."""
-        n, rounds = len(self.inputs), len(self.betas)
-        for name, shape in (
-            ("inputs", (n, 6)),
-            ("errors", (n, 3)),
-            ("weights", (rounds, n)),
-            ("betas", (rounds,)),
-            ("length", (6,)),
-        ):
-            object.__setattr__(self, name, frozen(getattr(self, name), shape, name))
 
     def predict(self, features: Array) -> tuple[Array, Array]:
         """Returns the error (n, 3) m and its variance (n,) m^2 about the truth, noise left out.
@@ -78,13 +67,8 @@ class Committee:
         found = [g.predict(X, return_std=True, noisy=False) for g in self.learners]
         each = np.stack([mean for mean, _ in found])
         variance = np.stack([std.mean(axis=1) ** 2 for _, std in found])
-        confidence = np.log(1.0 / self.betas)
-        if self.combination == "literal":
-            scaled = self.betas[:, None, None] * each
-            combined = confidence.sum() * np.median(scaled, axis=0)
-        else:
-            combined = weighted_median(each, confidence)
-        share = confidence / confidence.sum()
+        combined = combine_rounds(each, self.betas, self.combination)
+        share = round_shares(self.betas)
         centre = np.tensordot(share, each, axes=1)
         apart = np.mean((each - centre) ** 2, axis=2)
         return combined * MM, np.tensordot(share, variance + apart, axes=1) * MM**2

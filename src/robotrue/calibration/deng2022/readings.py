@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final, Literal, TypeAlias, get_args
+from typing import Literal, TypeAlias, get_args, get_origin, get_type_hints
 
 from robotrue.errors import ConfigurationError
 
@@ -20,22 +20,6 @@ Kernel: TypeAlias = Literal["ard", "isotropic"]
 Mean: TypeAlias = Literal["constant", "zero"]
 Denominator: TypeAlias = Literal["squared", "literal"]
 Outside: TypeAlias = Literal["raise", "nearest"]
-
-_CHOICES: Final[dict[str, Any]] = {
-    "transform": TransformReading,
-    "attitude": AttitudeReading,
-    "inputs": AlignmentInputs,
-    "ridge": RidgeReading,
-    "shrink_to": ShrinkReading,
-    "alignment_weights": WeightReading,
-    "source_weights": SourceWeights,
-    "error_over": ErrorOver,
-    "combination": Combination,
-    "kernel": Kernel,
-    "mean": Mean,
-    "denominator": Denominator,
-    "outside": Outside,
-}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,10 +90,10 @@ class Readings:
 
     def __post_init__(self) -> None:
         """Refuses words and numbers that mean nothing."""
-        for name, choice in _CHOICES.items():
-            if getattr(self, name) not in get_args(choice):
+        for name, hint in get_type_hints(Readings).items():
+            if get_origin(hint) is Literal and getattr(self, name) not in get_args(hint):
                 raise ConfigurationError(
-                    f"{name} {getattr(self, name)!r}; readings are {list(get_args(choice))}."
+                    f"{name} {getattr(self, name)!r}; readings are {list(get_args(hint))}."
                 )
         if self.rounds < 1:
             raise ConfigurationError(f"{self.rounds} boosting rounds, expected 1 or more.")

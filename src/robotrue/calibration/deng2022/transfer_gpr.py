@@ -8,7 +8,7 @@ They are no entries of :data:`robotrue.calibration.methods.METHODS`: they need d
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -23,9 +23,10 @@ from robotrue.calibration.deng2022.domains import Domains, check_overlap, mapped
 from robotrue.calibration.deng2022.features import attitude_reference, pose_features
 from robotrue.calibration.deng2022.joined import Expert, PoseModel
 from robotrue.calibration.deng2022.readings import Readings
+from robotrue.calibration.lineage import describe_rows
 from robotrue.calibration.settings import FitSettings
-from robotrue.core.arrays import Array, frozen
-from robotrue.core.files import sha256
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.core.regions import CylinderRegion
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ModelMismatchError, ObservabilityError
@@ -37,7 +38,7 @@ _LEAST = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Labelled:
+class Labelled(Columns):
     """Poses and their errors: the paper's D = {x, y}.
 
     Attributes:
@@ -46,15 +47,9 @@ class Labelled:
         covariance: (n, 3, 3) m^2 of the measurement.
     """
 
-    features: Array
-    errors: Array
-    covariance: Array
-
-    def __post_init__(self) -> None:
-        """Checks and freezes."""
-        n = len(self.features)
-        for name, shape in (("features", (n, 6)), ("errors", (n, 3)), ("covariance", (n, 3, 3))):
-            object.__setattr__(self, name, frozen(getattr(self, name), shape, name))
+    features: Annotated[Array, Column("n 6", unit="m, rad")]
+    errors: Annotated[Array, Column("n 3", unit="m")]
+    covariance: Annotated[Array, Column("n 3 3", unit="m^2")]
 
 
 def labelled(robot: RobotModel, measurements: MeasurementSet, reference: Array) -> Labelled:
@@ -128,8 +123,8 @@ def fit_deng2022(
         output_weights=scale,
     )
     experts = (
-        _expert(domains.target, committee, few, settings),
-        _expert(domains.source, single(known.features, known.errors, chosen), known, settings),
+        expert_of(domains.target, committee, few, settings),
+        expert_of(domains.source, single(known.features, known.errors, chosen), known, settings),
     )
     return PoseModel(
         robot=robot,
@@ -173,7 +168,7 @@ def fit_pose_gpr(
     committee = single(rows.features, rows.errors, chosen)
     return PoseModel(
         robot=robot,
-        experts=(_expert(region, committee, rows, settings),),
+        experts=(expert_of(region, committee, rows, settings),),
         reference=reference,
         outside=chosen.outside,
         summary={**pose_summary(measurements, "pose-gpr"), "readings": asdict(chosen)},
@@ -209,10 +204,13 @@ def transfer_rows(
     return (np.concatenate(features), np.concatenate(errors)), tuple(alignments)
 
 
-def _expert(
+def expert_of(
     region: CylinderRegion, committee: Committee, rows: Labelled, settings: FitSettings
 ) -> Expert:
-    """The learned noise holds instrument, repeatability and what no pose explains."""
+    """Returns the expert of a region; its noise is the learned one without the instrument's.
+
+    That is repeatability and what no pose explains.
+    """
     instrument = float(np.mean(np.trace(rows.covariance, axis1=1, axis2=2)) / 3.0)
     left = (committee.noise * MM) ** 2 - instrument
     white = float(np.sqrt(max(left, settings.repeatability_sd**2)))
@@ -239,16 +237,8 @@ def pose_summary(
     """
     return {
         "method": method,
-        "rows": len(rows),
+        **describe_rows(rows),
         "screened_rows": [],
-        "data_sha256": sha256(rows.joints.tobytes() + rows.position.tobytes()),
-        "sources": list(rows.sources),
-        "provenance": rows.provenance.to_document(),
-        "joint_range_rad": [rows.joints.min(axis=0).tolist(), rows.joints.max(axis=0).tolist()],
-        "position_range_m": [
-            rows.position.min(axis=0).tolist(),
-            rows.position.max(axis=0).tolist(),
-        ],
         "verdict": "conditional",
         "doubts": [
             "A model of poses: it holds for the payload, the tool point and the arm configuration "

@@ -15,16 +15,9 @@ from typing import Any, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
-from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin
 from sklearn.utils import check_random_state
-from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
+from sklearn.utils.validation import check_is_fitted
 
-from robotrue.calibration.learners.checks import (
-    check_count,
-    check_words,
-    logarithm,
-    row_values,
-)
 from robotrue.calibration.learners.process import (
     Rows,
     evidence_of,
@@ -37,13 +30,12 @@ from robotrue.calibration.learners.process import (
     signal_covariance,
     solved_rows,
 )
-from robotrue.calibration.learners.search import best
-from robotrue.calibration.learners.trust import inflation
+from robotrue.calibration.learners.regressor import ProcessRegressor, logarithm, row_values
 from robotrue.core.arrays import Array
 from robotrue.errors import ConfigurationError, ShapeError
 
 
-class GaussianProcess(MultiOutputMixin, RegressorMixin, BaseEstimator):
+class GaussianProcess(ProcessRegressor):
     """Squared exponential process with white noise and a constant or zero mean.
 
     A hyper-parameter that is given is held; the others are learned by marginal likelihood. All are
@@ -133,19 +125,13 @@ class GaussianProcess(MultiOutputMixin, RegressorMixin, BaseEstimator):
             ObservabilityError: Rows that coincide and carry no noise.
             ValueError: What scikit-learn's own checks refuse: NaN, text, one row.
         """
-        inputs, values = validate_data(
-            self, X, y, multi_output=True, y_numeric=True, dtype=np.float64, ensure_min_samples=2
-        )
-        outputs = np.asarray(values, dtype=np.float64).reshape(len(inputs), -1)
-        weight = _check_sample_weight(sample_weight, inputs, dtype=np.float64)
+        inputs, outputs, weight = self._read_rows(X, y, sample_weight, least=2)
         variance = row_values(noise_variance, len(inputs), "noise_variance")
         if weight.min() < 0.0 or not weight.any():
             raise ShapeError(
                 f"sample_weight has minimum {weight.min():g} and sum {weight.sum():g}; "
                 "weights are zero or more, and some are more."
             )
-        self._check()
-        self._flat = np.ndim(values) == 1
         held = self._held(inputs.shape[1])
         random = check_random_state(self.random_state)
         groups = [outputs] if self.shared else [outputs[:, [j]] for j in range(outputs.shape[1])]
@@ -162,7 +148,12 @@ class GaussianProcess(MultiOutputMixin, RegressorMixin, BaseEstimator):
             )
             for group in groups
         ]
-        both = [self._searched(data, held, random) for data in self._rows]
+        both = [
+            self._search(
+                partial(log_posterior, data), partial(left_out, data), limits(data), held, random
+            )
+            for data in self._rows
+        ]
         self._theta, factors = [theta for theta, _ in both], np.array([f for _, f in both])
         self.inflation_ = float(factors[0]) if len(factors) == 1 else factors
         self._signals = [
@@ -188,45 +179,6 @@ class GaussianProcess(MultiOutputMixin, RegressorMixin, BaseEstimator):
         other._rows = [replace(data, weight=weight) for data in self._rows]
         other._learn()
         return other
-
-    def predict(
-        self,
-        X: npt.ArrayLike,
-        return_std: bool = False,
-        return_cov: bool = False,
-        noisy: bool = True,
-    ) -> Any:
-        """Returns the mean (m,) or (m, k), and on request how far to trust it.
-
-        Args:
-            X: (m, d).
-            return_std: Also the standard deviation, of the shape of the mean.
-            return_cov: Also the covariance between all rows, (m, m) or (m, m, k).
-            noisy: The deviation is that of a measurement, with the learned noise; False: of the
-                function.
-
-        Raises:
-            ConfigurationError: Both deviation and covariance asked for.
-        """
-        check_is_fitted(self)
-        if return_std and return_cov:
-            raise ConfigurationError("return_std and return_cov are one or the other.")
-        inputs = validate_data(self, X, reset=False, dtype=np.float64)
-        noise = np.atleast_1d(self.noise_) ** 2 * noisy
-        factor = np.atleast_1d(self.inflation_)
-        if return_cov:
-            mean = np.concatenate([p.mean(inputs) for p in self._posteriors], axis=1)
-            spread = [
-                f * (p.covariance(inputs) + s * np.eye(len(inputs)))
-                for p, s, f in zip(self._posteriors, noise, factor, strict=True)
-            ]
-            return self._shaped(mean), self._shaped(self._each(np.stack(spread, axis=-1)))
-        if not return_std:
-            return self._shaped(np.concatenate([p.mean(inputs) for p in self._posteriors], axis=1))
-        both = [p.mean_and_variance(inputs) for p in self._posteriors]
-        mean = np.concatenate([m for m, _ in both], axis=1)
-        variance = factor * (np.column_stack([v for _, v in both]) + noise)
-        return self._shaped(mean), self._shaped(self._each(np.sqrt(variance)))
 
     def left_out(self) -> tuple[Array, Array]:
         """Returns residual (n, k) and variance (n,) of every row predicted from all others.
@@ -263,17 +215,6 @@ class GaussianProcess(MultiOutputMixin, RegressorMixin, BaseEstimator):
                 f"{len(self._rows)} outputs with a theta each.", hint="shared=True, or one output."
             )
         return self._rows[0]
-
-    def _searched(
-        self, data: Rows, held: Array, random: np.random.RandomState
-    ) -> tuple[Array, float]:
-        """Returns the best theta of some rows, and the factor on their variances."""
-        posterior = partial(log_posterior, data)
-        start, bounds = limits(data)
-        theta = best(posterior, start, bounds, held, self.restarts, random)
-        if self.intervals == "plug-in":
-            return theta, 1.0
-        return theta, inflation(posterior, partial(left_out, data), theta, bounds, np.isnan(held))
 
     def _learn(self) -> None:
         """Sets everything learned from rows and theta."""
@@ -321,22 +262,6 @@ class GaussianProcess(MultiOutputMixin, RegressorMixin, BaseEstimator):
                 logarithm("noise", self.noise, 1, zero=True),
             ]
         )
-
-    def _check(self) -> None:
-        check_words(self, "kernel", ("ard", "isotropic"))
-        check_words(self, "mean", ("constant", "estimated", "zero"))
-        check_words(self, "denominator", ("squared", "literal"))
-        check_words(self, "weights", ("precision", "repeats"))
-        check_words(self, "prior", ("weak", "none"))
-        check_words(self, "intervals", ("marginal", "plug-in"))
-        check_count("restarts", self.restarts, 0)
-
-    def _each(self, values: Array) -> Array:
-        """Returns values (..., 1 or k) for each of the k outputs."""
-        return np.broadcast_to(values, (*values.shape[:-1], len(self.mean_))).copy()
-
-    def _shaped(self, values: Array) -> Array:
-        return values[..., 0] if self._flat else values
 
 
 def _residuals(data: Rows, solved: Any) -> Array:

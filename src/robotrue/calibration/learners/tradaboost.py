@@ -28,22 +28,18 @@ from typing import Any, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
-from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin, clone
-from sklearn.utils.validation import (
-    _check_sample_weight,
-    check_is_fitted,
-    validate_data,
-)
+from sklearn.base import clone
+from sklearn.utils.validation import check_is_fitted, validate_data
 
-from robotrue.calibration.learners.checks import check_count, check_words, source_rows
 from robotrue.calibration.learners.gaussian_process import GaussianProcess
+from robotrue.calibration.learners.regressor import Regressor
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.errors import ShapeError
 
 _LEAST_ERROR, _LEAST_WEIGHT = 1e-12, 1e-12
 
 
-class TrAdaBoostR2(MultiOutputMixin, RegressorMixin, BaseEstimator):
+class TrAdaBoostR2(Regressor):
     """Boosted regressor with one weight per row, for one or several outputs.
 
     Args:
@@ -107,24 +103,14 @@ class TrAdaBoostR2(MultiOutputMixin, RegressorMixin, BaseEstimator):
             ShapeError: Source and target of different shape.
             ValueError: What scikit-learn's own checks refuse.
         """
-        self._check()
-        inputs, values = validate_data(
-            self, X, y, multi_output=True, y_numeric=True, dtype=np.float64
-        )
-        self._flat = np.ndim(values) == 1
-        outputs = np.asarray(values, dtype=np.float64).reshape(len(inputs), -1)
-        weight = _check_sample_weight(sample_weight, inputs, dtype=np.float64)
-        if X_source is not None:
-            source, source_outputs = source_rows(
-                X_source, y_source, inputs.shape[1], outputs.shape[1]
+        inputs, outputs, weight = self._read_rows(X, y, sample_weight)
+        count = len(inputs)
+        source = self._read_source(X_source, y_source, source_weight, (inputs, outputs))
+        if source is not None:
+            inputs, outputs, weight = (
+                np.concatenate(both) for both in zip(source, (inputs, outputs, weight), strict=True)
             )
-            before = _check_sample_weight(source_weight, source, dtype=np.float64)
-            inputs = np.concatenate([source, inputs])
-            outputs = np.concatenate([source_outputs, outputs])
-            weight = np.concatenate([before, weight])
-        elif y_source is not None or source_weight is not None:
-            raise ShapeError("y_source or source_weight without X_source.")
-        target = np.arange(len(inputs)) >= len(inputs) - len(values)
+        target = np.arange(len(inputs)) >= len(inputs) - count
         used = weight > 0.0
         if weight.min() < 0.0 or not (used & target).any():
             raise ShapeError(
@@ -143,15 +129,10 @@ class TrAdaBoostR2(MultiOutputMixin, RegressorMixin, BaseEstimator):
         check_is_fitted(self)
         inputs = validate_data(self, X, reset=False, dtype=np.float64)
         each = self._each(inputs)
-        confidence = np.log(1.0 / self.betas_)
-        if self.combination == "literal":
-            scaled = self.betas_[:, None, None] * each
-            combined = confidence.sum() * np.median(scaled, axis=0)
-        else:
-            combined = weighted_median(each, confidence)
+        combined = combine_rounds(each, self.betas_, self.combination)
         if not return_std:
             return self._shaped(combined)
-        share = confidence / confidence.sum()
+        share = round_shares(self.betas_)
         own = np.array([e.predict(inputs, return_std=True)[1] for e in self.estimators_])
         own = own.reshape(each.shape)
         centre = np.tensordot(share, each, axes=1)
@@ -239,15 +220,19 @@ class TrAdaBoostR2(MultiOutputMixin, RegressorMixin, BaseEstimator):
             )
         return scale
 
-    def _check(self) -> None:
-        check_words(self, "source_weights", ("frozen", "literal", "pardoe", "decay"))
-        check_words(self, "error_over", ("target", "all"))
-        check_words(self, "combination", ("weighted-median", "literal"))
-        check_words(self, "hyper_parameters", ("first-round", "each-round"))
-        check_count("rounds", self.rounds, 1)
 
-    def _shaped(self, values: Array) -> Array:
-        return values[:, 0] if self._flat else values
+def combine_rounds(each: Array, betas: Array, combination: str) -> Array:
+    """Returns the combined prediction (m, k) of rounds (T, m, k) with betas (T,), eq. 25."""
+    confidence = np.log(1.0 / betas)
+    if combination == "literal":
+        return np.asarray(confidence.sum() * np.median(betas[:, None, None] * each, axis=0))
+    return weighted_median(each, confidence)
+
+
+def round_shares(betas: Array) -> Array:
+    """Returns the share (T,) of each round in the mixture of all: ln(1 / beta), sum one."""
+    confidence = np.log(1.0 / betas)
+    return np.asarray(confidence / confidence.sum())
 
 
 def weighted_median(values: Array, weights: Array) -> Array:

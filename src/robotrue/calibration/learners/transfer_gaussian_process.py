@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any, Literal, Self
+from typing import Literal, Self
 
 import numpy as np
 import numpy.typing as npt
-from sklearn.base import BaseEstimator, MultiOutputMixin, RegressorMixin
 from sklearn.utils import check_random_state
-from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
-from robotrue.calibration.learners.checks import check_words, logarithm, source_rows
 from robotrue.calibration.learners.gaussian_process import GaussianProcess
 from robotrue.calibration.learners.process import rows
-from robotrue.calibration.learners.search import best
+from robotrue.calibration.learners.regressor import ProcessRegressor, logarithm
 from robotrue.calibration.learners.transfer_process import (
     TransferRows,
     left_out,
@@ -24,15 +21,14 @@ from robotrue.calibration.learners.transfer_process import (
     posterior_of,
     start_and_bounds,
 )
-from robotrue.calibration.learners.trust import inflation
 from robotrue.core.arrays import Array
-from robotrue.errors import ConfigurationError, ShapeError
+from robotrue.errors import ShapeError
 
 _JUDGED = 3
 """Target rows below which nothing can be said against the source."""
 
 
-class TransferGaussianProcess(MultiOutputMixin, RegressorMixin, BaseEstimator):
+class TransferGaussianProcess(ProcessRegressor):
     """Process of the target = rho times the process of the source + a difference of its own.
 
     All outputs share the hyper-parameters and must have one unit. rho = 0 learns from target rows
@@ -128,93 +124,37 @@ class TransferGaussianProcess(MultiOutputMixin, RegressorMixin, BaseEstimator):
             ObservabilityError: Rows that coincide and carry no noise.
             ValueError: What scikit-learn's own checks refuse.
         """
-        self._check()
-        inputs, values = validate_data(
-            self,
-            X,
-            y,
-            multi_output=True,
-            y_numeric=True,
-            dtype=np.float64,
-            ensure_min_samples=2 if X_source is None else 1,
+        inputs, outputs, weight = self._read_rows(
+            X, y, sample_weight, least=2 if X_source is None else 1
         )
-        self._flat = np.ndim(values) == 1
-        outputs = np.asarray(values, dtype=np.float64).reshape(len(inputs), -1)
-        weight = _check_sample_weight(sample_weight, inputs, dtype=np.float64)
-        self._alone: GaussianProcess | None = None
         self.advantage_ = float("nan")
-        if X_source is None:
-            if y_source is not None or source_weight is not None:
-                raise ShapeError("y_source or source_weight without X_source.")
-            self._fit_alone(inputs, outputs, weight)
+        source = self._read_source(X_source, y_source, source_weight, (inputs, outputs))
+        if source is None:
+            self._use_target_alone(self._target_only().fit(inputs, outputs, sample_weight=weight))
             return self
-        source, source_outputs = source_rows(X_source, y_source, inputs.shape[1], outputs.shape[1])
-        before = _check_sample_weight(source_weight, source, dtype=np.float64)
-        self._fit_both(inputs, outputs, weight, source, source_outputs, before)
+        self._fit_both((inputs, outputs, weight), source)
         if self.fall_back and np.count_nonzero(weight) >= _JUDGED:
             self._compare(inputs, outputs, weight)
         return self
 
-    def predict(
-        self,
-        X: npt.ArrayLike,
-        return_std: bool = False,
-        return_cov: bool = False,
-        noisy: bool = True,
-    ) -> Any:
-        """Returns the target's mean (m,) or (m, k), and on request how far to trust it.
-
-        Args:
-            X: (m, d).
-            return_std: Also the standard deviation, of the shape of the mean.
-            return_cov: Also the covariance between all rows, (m, m) or (m, m, k).
-            noisy: The deviation is that of a measurement, with the learned noise; False: of the
-                function.
-
-        Raises:
-            ConfigurationError: Both deviation and covariance asked for.
-        """
-        check_is_fitted(self)
-        if return_std and return_cov:
-            raise ConfigurationError("return_std and return_cov are one or the other.")
-        inputs = validate_data(self, X, reset=False, dtype=np.float64)
-        if self._alone is not None:
-            found = self._alone.predict(inputs, return_std, return_cov, noisy)
-            if not (return_std or return_cov):
-                return self._shaped(found)
-            return tuple(self._shaped(part) for part in found)
-        white = self.noise_**2 if noisy else 0.0
-        if return_cov:
-            mean, spread = self._posterior.mean(inputs), self._posterior.covariance(inputs)
-            spread = self.inflation_ * (spread + white * np.eye(len(inputs)))
-            each = np.repeat(spread[:, :, None], mean.shape[1], axis=2)
-            return self._shaped(mean), self._shaped(each)
-        if not return_std:
-            return self._shaped(self._posterior.mean(inputs))
-        mean, variance = self._posterior.mean_and_variance(inputs)
-        deviation = np.sqrt(self.inflation_ * (variance + white))
-        return self._shaped(mean), self._shaped(np.repeat(deviation[:, None], mean.shape[1], 1))
-
     def _fit_both(
-        self,
-        inputs: Array,
-        outputs: Array,
-        weight: Array,
-        source: Array,
-        source_outputs: Array,
-        before: Array,
+        self, target: tuple[Array, Array, Array], source: tuple[Array, Array, Array]
     ) -> None:
-        together = np.concatenate([before, weight])
+        """Learns from inputs, outputs and weights of both domains."""
+        weight, before = target[2], source[2]
+        inputs, outputs, together = (
+            np.concatenate([s, t]) for s, t in zip(source, target, strict=True)
+        )
         if together.min() < 0.0 or not (weight.any() and before.any()):
             raise ShapeError(
                 f"weights are zero or more, and some of each domain are more; the least is "
                 f"{together.min():g}."
             )
-        target = np.arange(len(together)) >= len(before)
+        of_target = np.arange(len(together)) >= len(before)
         data = TransferRows(
             rows=rows(
-                np.concatenate([source, inputs]),
-                np.concatenate([source_outputs, outputs]),
+                inputs,
+                outputs,
                 together,
                 np.zeros(len(together)),
                 isotropic=self.kernel == "isotropic",
@@ -222,19 +162,17 @@ class TransferGaussianProcess(MultiOutputMixin, RegressorMixin, BaseEstimator):
                 repeats=False,
                 prior=self.prior == "weak",
             ),
-            target=target[together > 0.0],
+            target=of_target[together > 0.0],
             apart=self.mean == "per-domain",
         )
-        held = self._held(inputs.shape[1])
-        start, bounds = start_and_bounds(data)
-        objective = partial(log_posterior, data)
-        random = check_random_state(self.random_state)
-        theta = best(objective, start, bounds, held, self.restarts, random)
-        self.inflation_ = 1.0
-        if self.intervals == "marginal":
-            missed = partial(left_out, data)
-            self.inflation_ = inflation(objective, missed, theta, bounds, np.isnan(held))
-        self._posterior, self._target = posterior_of(data, theta), left_out(data, theta)
+        theta, self.inflation_ = self._search(
+            partial(log_posterior, data),
+            partial(left_out, data),
+            start_and_bounds(data),
+            self._held(inputs.shape[1]),
+            check_random_state(self.random_state),
+        )
+        self._posteriors, self._missed = [posterior_of(data, theta)], left_out(data, theta)
         learned = parts(theta, inputs.shape[1])
         self.used_source_ = True
         self.rho_, self.correlation_ = learned.rho, 0.0
@@ -245,24 +183,22 @@ class TransferGaussianProcess(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.noise_, self.source_noise_ = learned.target_noise, learned.source_noise
         self.log_marginal_likelihood_ = log_evidence(data, theta)[0]
 
-    def _fit_alone(self, inputs: Array, outputs: Array, weight: Array) -> None:
-        """Learns from target rows only."""
-        self._alone = self._target_only().fit(inputs, outputs, sample_weight=weight)
+    def _use_target_alone(self, alone: GaussianProcess) -> None:
+        """Takes over what was learned from target rows only."""
         self.used_source_ = False
         self.rho_ = self.correlation_ = self.difference_ = self.source_noise_ = float("nan")
+        self._posteriors = alone._posteriors
         for name in ("length_", "amplitude_", "noise_", "inflation_", "log_marginal_likelihood_"):
-            setattr(self, name, getattr(self._alone, name))
+            setattr(self, name, getattr(alone, name))
 
     def _compare(self, inputs: Array, outputs: Array, weight: Array) -> None:
         """Falls back when target rows are more probable without the source."""
         alone = self._target_only().fit(inputs, outputs, sample_weight=weight)
-        missed = alone.left_out()
-        factors = self.inflation_, float(alone.inflation_)
-        self.advantage_ = _log_probability(*self._target, factors[0]) - _log_probability(
-            *missed, factors[1]
+        self.advantage_ = _log_probability(*self._missed, self.inflation_) - _log_probability(
+            *alone.left_out(), float(alone.inflation_)
         )
         if self.advantage_ < 0.0:
-            self._fit_alone(inputs, outputs, weight)
+            self._use_target_alone(alone)
 
     def _target_only(self) -> GaussianProcess:
         return GaussianProcess(
@@ -290,15 +226,6 @@ class TransferGaussianProcess(MultiOutputMixin, RegressorMixin, BaseEstimator):
                 logarithm("source_noise", self.source_noise, 1, zero=True),
             ]
         )
-
-    def _check(self) -> None:
-        check_words(self, "kernel", ("ard", "isotropic"))
-        check_words(self, "mean", ("per-domain", "constant", "zero"))
-        check_words(self, "prior", ("weak", "none"))
-        check_words(self, "intervals", ("marginal", "plug-in"))
-
-    def _shaped(self, values: Array) -> Array:
-        return values[..., 0] if self._flat else values
 
 
 def _log_probability(residual: Array, variance: Array, factor: float) -> float:

@@ -166,18 +166,26 @@ def negative_evidence(log_scales: Array, x: Array, y: Array) -> tuple[float, Arr
 
 
 def choose_centres(joints: Array, length: Array, *, most: int, enough: float) -> SmoothBasis:
-    """Returns centres among the poses by pivoted Cholesky.
+    """Returns centres among the poses (n, dof) rad for lengths (2 dof,), as :func:`add_centres`."""
+    scale = 1.0 / np.asarray(length)
+    empty = SmoothBasis(centres=np.zeros((0, len(scale))), scale=scale)
+    return add_centres(empty, joints, most=most, enough=enough)
+
+
+def add_centres(basis: SmoothBasis, joints: Array, *, most: int, enough: float) -> SmoothBasis:
+    """Returns the basis with centres among some poses behind those it had, by pivoted Cholesky.
+
+    The next centre is always the pose carried worst.
 
     Args:
+        basis: Before.
         joints: (n, dof) rad.
-        length: (2 dof,).
-        most: Largest number of centres.
+        most: Largest number of further centres.
         enough: Share of a pose's prior variance that may stay uncarried everywhere.
     """
-    scale = 1.0 / np.asarray(length)
-    scaled = features(joints) * scale
-    left = np.ones(len(scaled))
-    rows: list[Array] = []
+    scaled = features(joints) * basis.scale
+    rows: list[Array] = list(basis.columns(joints).T)
+    left = np.maximum(1.0 - sum((row**2 for row in rows), np.zeros(len(scaled))), 0.0)
     chosen: list[int] = []
     while len(chosen) < min(most, len(scaled)):
         pivot = int(np.argmax(left))
@@ -191,7 +199,7 @@ def choose_centres(joints: Array, length: Array, *, most: int, enough: float) ->
         rows.append(row)
         chosen.append(pivot)
         left = np.maximum(left - row**2, 0.0)
-    return SmoothBasis(centres=scaled[chosen], scale=scale)
+    return SmoothBasis(centres=np.vstack([basis.centres, scaled[chosen]]), scale=basis.scale)
 
 
 def smooth_columns(shift: Array, columns: Array) -> Array:

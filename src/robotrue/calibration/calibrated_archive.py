@@ -1,0 +1,143 @@
+"""Archives of calibrated arms, back to models: of the error vector alone, or with further terms."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robotrue.calibration.archive import check_pose, robot_from
+from robotrue.calibration.calibrated_model import (
+    LEARNED,
+    RIGID_FLEXIBLE,
+    SCHEMA,
+    CalibratedModel,
+    Reflector,
+)
+from robotrue.calibration.terms.registry import STANDARD, term_of
+from robotrue.calibration.terms.term import Term
+from robotrue.core.archive import Archive, archive_reader
+from robotrue.core.arrays import Array
+from robotrue.errors import ArchiveError
+from robotrue.robot.model import RobotModel
+
+
+@archive_reader
+def read_rigid_flexible(archive: Archive) -> CalibratedModel:
+    """Returns the model in an archive of geometry and compliance.
+
+    Raises:
+        ArchiveError: Another kind, a newer schema, or parts that are missing or cannot be.
+    """
+    archive.expect(RIGID_FLEXIBLE, SCHEMA)
+    document = archive.document
+    stations = [int(k) for k in document["stations"]]
+    T_tracker_base = archive.array("T_tracker_base")
+    if T_tracker_base.ndim != 3:
+        raise ArchiveError(f"T_tracker_base has shape {T_tracker_base.shape}.")
+    check_pose(T_tracker_base, "T_tracker_base")
+    errors, covariance = archive.array("errors"), archive.array("covariance")
+    if not float(np.abs(errors).max(initial=0.0)) <= 10.0:
+        raise ArchiveError("errors are not those of an arm.")
+    _check_covariance(covariance)
+    repeatability, white = float(document["repeatability"]), float(document["white"])
+    if not (0.0 <= repeatability < 1.0 and 0.0 <= white < 1.0):
+        raise ArchiveError(f"repeatability {repeatability:g} m, white noise {white:g} m.")
+    return CalibratedModel(
+        robot=robot_from(archive),
+        errors=errors,
+        covariance=covariance,
+        repeatability=repeatability,
+        white=white,
+        T_tracker_base=dict(zip(stations, T_tracker_base, strict=True)),
+        reflectors={int(k): _reflector(archive, int(k)) for k in document.get("reflectors", ())},
+        summary=dict(document["summary"]),
+    )
+
+
+@archive_reader
+def read_learned(archive: Archive) -> CalibratedModel:
+    """Returns the model in an archive with further terms.
+
+    Raises:
+        ArchiveError: Another kind, a newer schema, or parts that are missing or cannot be.
+    """
+    archive.expect(LEARNED, SCHEMA)
+    document = archive.document
+    physics = read_rigid_flexible(
+        Archive(
+            kind=RIGID_FLEXIBLE,
+            schema=int(document["physics"]["schema"]),
+            document=document["physics"]["document"],
+            arrays={
+                name.removeprefix("physics/"): array
+                for name, array in archive.arrays.items()
+                if name.startswith("physics/")
+            },
+        )
+    )
+    inflation = float(document["inflation"])
+    if not 0.0 < inflation < 1e6:
+        raise ArchiveError("the factor on the covariance of the learned error is damaged.")
+    restored = _restored(archive, physics.robot)
+    values = np.concatenate([part for _, part in restored])
+    columns = archive.array("columns")
+    count = len(physics.errors) + len(values)
+    if not ((columns >= 0.0) & (columns < count) & (columns == np.round(columns))).all():
+        raise ArchiveError(f"columns of the learned error are whole numbers below {count}.")
+    return CalibratedModel(
+        robot=physics.robot,
+        errors=physics.errors,
+        covariance=physics.covariance,
+        repeatability=physics.repeatability,
+        white=physics.white,
+        T_tracker_base=physics.T_tracker_base,
+        reflectors={
+            k: Reflector(
+                T_flange_tool=reflector.T_flange_tool,
+                covariance=reflector.covariance,
+                root=archive.array(f"reflector{k}_root"),
+            )
+            for k, reflector in physics.reflectors.items()
+        },
+        summary=dict(document["summary"]),
+        terms=tuple(term for term, _ in restored),
+        values=values,
+        columns=columns,
+        root=archive.array("root"),
+        inflation=inflation,
+    )
+
+
+def _restored(archive: Archive, robot: RobotModel) -> list[tuple[Term, Array]]:
+    """The terms of an archive with their parameters, the standard ones first.
+
+    Raises:
+        ArchiveError: A term nobody registered, or a damaged one.
+    """
+    for name in archive.arrays:
+        archive.array(name)
+    restored: list[tuple[Term, Array]] = []
+    for name in STANDARD:
+        restored.append(term_of(name).restore(robot, archive.document, archive.arrays))
+    for name, document in archive.document.get("terms", {}).items():
+        start = f"terms/{name}/"
+        own = {k.removeprefix(start): a for k, a in archive.arrays.items() if k.startswith(start)}
+        restored.append(term_of(name).restore(robot, document, own))
+    return restored
+
+
+def _reflector(archive: Archive, number: int) -> Reflector:
+    T = archive.array(f"reflector{number}")
+    check_pose(T, f"reflector{number}")
+    covariance = archive.array(f"reflector{number}_covariance")
+    _check_covariance(covariance)
+    return Reflector(T_flange_tool=T, covariance=covariance)
+
+
+def _check_covariance(covariance: Array) -> None:
+    """Refuses what is no covariance of an arm's errors."""
+    variance = np.diagonal(covariance)
+    if not (variance >= 0.0).all() or not (variance <= 100.0).all():
+        raise ArchiveError("variances of the errors are not those of an arm.")
+    bound = np.sqrt(np.outer(variance, variance)) * (1.0 + 1e-6)
+    if not np.allclose(covariance, covariance.T, rtol=1e-6) or (np.abs(covariance) > bound).any():
+        raise ArchiveError("the covariance of the errors is none.")

@@ -1,0 +1,375 @@
+"""The error model of a calibrated arm: its error vector, further terms, and what is known of them.
+
+    error = chain(actual, q + wind-up + drive shifts) + tip shifts - chain(nominal, q)
+    covariance = factor (F S F' + uncarried I + (r^2 + w^2) I)
+
+S is the joint posterior of all coefficients, F the derivative of the error by them, r the
+repeatability, w the learned white noise; ``factor`` was set on held-out blocks of the training
+rows. A model without terms has geometry and compliance alone, and S is the covariance of those.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any, Final
+
+import numpy as np
+
+from robotrue.calibration.archive import robot_arrays, robot_document
+from robotrue.calibration.arm import LinearArm, linearise_arm, parts_of
+from robotrue.calibration.belief import Belief, compress_root, standard_terms
+from robotrue.calibration.evidence import spread
+from robotrue.calibration.model import Prediction, Query
+from robotrue.calibration.stations import take_to_base
+from robotrue.calibration.tables import MeanTables, rigid_tables
+from robotrue.calibration.terms.registry import STANDARD
+from robotrue.calibration.terms.term import Term
+from robotrue.calibration.training_summary import TrainingSummary
+from robotrue.core.archive import Archive
+from robotrue.core.arrays import Array
+from robotrue.core.columns import EMPTY, Column, Columns
+from robotrue.errors import ModelMismatchError, ShapeError
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.model import RobotModel, parameter_slice
+from robotrue.robot.statics import NO_LOAD, Load, rows_of
+
+RIGID_FLEXIBLE: Final = "error-model/rigid-flexible"
+LEARNED: Final = "error-model/learned"
+"""Kinds of archive: a covariance of the error vector, or a root over it and further terms."""
+SCHEMA: Final = 1
+"""Of both."""
+_ROWS: Final = 1024
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reflector:
+    """A further reflector on the flange, as identified beside the robot's own tool.
+
+    Attributes:
+        T_flange_tool: (4, 4) where it is.
+        covariance: (7 dof + 12, 7 dof + 12) of the robot errors, its place in that of the tool.
+        root: (p, 3) the model's root over its place, along its own axes, where the model has one.
+    """
+
+    T_flange_tool: Array
+    covariance: Array
+    root: Array | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CalibratedModel(Columns):
+    """One arm as identified: geometry, compliance, and any further terms learned with them.
+
+    Attributes:
+        robot: The nominal arm, with the tool that was measured.
+        errors: (7 dof + 12,) SI, identified.
+        covariance: (7 dof + 12, 7 dof + 12) of ``errors``.
+        repeatability: m, sd per axis of one visit.
+        white: m, sd per axis of the white noise learned beyond instrument and repeatability.
+        T_tracker_base: (4, 4) of every tracker set-up that was estimated.
+        reflectors: Further reflectors by number; 0 is the robot's own tool.
+        summary: JSON values for :meth:`training_summary`.
+        terms: Ripple, backlash, smooth residual, then others; none without a root.
+        values: (k,) their parameters, one term after the other, SI.
+        columns: (c,) which of [robot errors, parameters] the root is over.
+        root: (p, c) R; R'R is the posterior covariance of those. None: ``covariance`` is all.
+        inflation: Factor on the covariance from held-out blocks.
+    """
+
+    robot: RobotModel
+    errors: Annotated[Array, Column("e")]
+    covariance: Annotated[Array, Column("e e")]
+    repeatability: float
+    white: float
+    T_tracker_base: Mapping[int, Array] = field(default_factory=dict)
+    reflectors: Mapping[int, Reflector] = field(default_factory=dict)
+    summary: Mapping[str, Any] = field(default_factory=dict)
+    terms: tuple[Term, ...] = ()
+    values: Annotated[Array, Column("k")] = EMPTY
+    columns: Annotated[Array, Column("c")] = EMPTY
+    root: Annotated[Array | None, Column("p c")] = None
+    inflation: float = 1.0
+
+    def _known_sizes(self) -> dict[str, int]:
+        return {"e": len(self.robot.errors), "k": sum(term.size for term in self.terms)}
+
+    def _check_rules(self) -> None:
+        """Drops errors the robot may carry."""
+        object.__setattr__(self, "robot", self.robot.nominal())
+
+    @property
+    def calibrated(self) -> bool:
+        """True: it comes from measurements."""
+        return True
+
+    @property
+    def actual(self) -> RobotModel:
+        """The arm with its identified errors and the measured tool."""
+        return self.robot.with_errors(self.errors)
+
+    def belief(self) -> Belief:
+        """Returns the joint posterior; terms that were never learned are zero and certain."""
+        terms = self.terms or standard_terms(self.robot.dof)
+        mean = np.zeros(len(self.errors) + sum(term.size for term in terms))
+        mean[: len(self.errors) + len(self.values)] = np.concatenate([self.errors, self.values])
+        if self.root is None:
+            part, columns = _root_of(self.covariance), np.arange(len(self.errors))
+        else:
+            part, columns = self.root, self.columns.astype(np.int64)
+        root = np.zeros((len(part), len(mean)))
+        # A column may be named twice (a station that stands for the base): the last one speaks.
+        root[:, columns] = part
+        return Belief(
+            robot=self.robot,
+            terms=terms,
+            mean=mean,
+            root=root,
+            white=self.white,
+            repeatability=self.repeatability,
+            inflation=self.inflation,
+            T_tracker_base=self.T_tracker_base,
+        )
+
+    def predict(self, query: Query) -> Prediction:
+        """Returns mean and covariance of the error at every query row, base frame.
+
+        With another tool in the query the errors of the measured one, and their covariance, do not
+        apply; physics, ripple and backlash move with the chain. The smooth residual was learned at
+        the measured point: it is carried over, with its whole prior variance added.
+
+        Raises:
+            ShapeError: Joints or approach of another robot.
+        """
+        query = self._checked(query)
+        n = len(query.joints)
+        error, turn, covariance = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3, 3))
+        for start in range(0, n, _ROWS):
+            part = slice(start, start + _ROWS)
+            rows = Query(
+                joints=query.joints[part],
+                load=rows_of(query.load, part),
+                approach=query.approach[part],
+                temperature=query.temperature[part],
+                T_flange_tool=query.T_flange_tool,
+            )
+            at, columns = self._linear(rows)
+            error[part], turn[part] = at.error, at.turn
+            if self.root is None:
+                covariance[part] = columns @ self.covariance @ np.swapaxes(columns, 1, 2)
+            else:
+                covariance[part] = spread(self.root, columns)
+            covariance[part] += (at.uncarried + self._visit)[:, None, None] * np.eye(3)
+        return Prediction(error=error, rotation_error=turn, covariance=self.inflation * covariance)
+
+    def joint_covariance(self, query: Query) -> Array:
+        """Returns the covariance (3n, 3n) m^2 of the errors of all rows together.
+
+        Its diagonal blocks are those of :meth:`predict`; the others say what rows share.
+
+        Raises:
+            ShapeError: Joints or approach of another robot.
+        """
+        at, columns = self._linear(self._checked(query))
+        rows = columns.reshape(3 * len(columns), -1)
+        own = np.diag(np.repeat(at.uncarried + self._visit, 3))
+        if self.root is None:
+            shared = rows @ self.covariance @ rows.T
+        else:
+            half = rows @ self.root.T
+            shared = half @ half.T
+        return np.asarray(self.inflation * (shared + own))
+
+    @property
+    def _visit(self) -> float:
+        """Variance per axis of one visit, m^2."""
+        return self.white**2 + self.repeatability**2
+
+    def _checked(self, query: Query) -> Query:
+        """The query with joints, approach and temperature of one row each."""
+        joints = np.asarray(query.joints, dtype=np.float64)
+        if joints.ndim != 2 or joints.shape[1] != self.robot.dof:
+            raise ShapeError(f"joints has shape {joints.shape}, expected (any, {self.robot.dof}).")
+        approach = np.zeros_like(joints) if np.size(query.approach) == 0 else query.approach
+        if approach.shape != joints.shape:
+            raise ShapeError(f"approach has shape {approach.shape}, expected {joints.shape}.")
+        n = len(joints)
+        stated = np.asarray(query.temperature, dtype=np.float64)
+        temperature = np.full(n, np.nan) if stated.size == 0 else stated
+        if temperature.shape != (n,):
+            raise ShapeError(f"temperature has shape {temperature.shape}, expected ({n},).")
+        return replace(query, joints=joints, approach=approach, temperature=temperature)
+
+    def _linear(self, rows: Query) -> tuple[LinearArm, Array]:
+        """The arm, linearised, and d(error)/d(what the posterior is over)."""
+        at = linearise_arm(
+            self.actual,
+            rows.joints,
+            rows.load,
+            rows.T_flange_tool,
+            terms=self.terms,
+            values=self.values,
+            approach=rows.approach,
+            temperature=rows.temperature,
+        )
+        if self.root is None:
+            return at, at.columns
+        return at, at.columns[:, :, self.columns.astype(np.int64)]
+
+    def mean_tables(self, load: Load = NO_LOAD) -> MeanTables | None:
+        """Returns the mean as flat tables, or None if a term has no such form.
+
+        The load enters when they are evaluated.
+        """
+        tables: MeanTables | None = rigid_tables(self.actual)
+        for term, part in parts_of(self.terms, self.values):
+            tables = None if tables is None else term.in_tables(tables, part)
+        return tables
+
+    def in_base(self, measurements: MeasurementSet) -> MeasurementSet:
+        """Returns the set with positions, orientations and covariances in base.
+
+        Raises:
+            ModelMismatchError: A station the model has never seen.
+        """
+        return take_to_base(measurements, self.T_tracker_base)
+
+    def at_reflector(self, number: int) -> CalibratedModel:
+        """Returns the model of a reflector: its place is the tool.
+
+        Raises:
+            ModelMismatchError: A reflector the model has never seen.
+        """
+        if number == 0:
+            return self
+        if number not in self.reflectors:
+            raise unknown_reflector(number, self.reflectors)
+        reflector = self.reflectors[number]
+        tool = parameter_slice(self.robot.dof, "tool")
+        errors = self.errors.copy()
+        errors[tool] = 0.0
+        columns, root = self.columns, self.root
+        if root is not None and reflector.root is not None:
+            arm = (columns < tool.start) | (columns >= tool.stop)
+            columns = np.concatenate([columns[arm], tool.start + np.arange(3.0)])
+            root = np.hstack([root[:, arm], reflector.root])
+        return replace(
+            self,
+            robot=self.robot.with_tool(reflector.T_flange_tool),
+            errors=errors,
+            covariance=reflector.covariance,
+            columns=columns,
+            root=root,
+            reflectors={},
+        )
+
+    def training_summary(self) -> TrainingSummary:
+        """Returns method, data, row counts, verdict and warnings."""
+        return TrainingSummary(self.summary)
+
+    def to_archive(self) -> Archive:
+        """Returns everything needed to rebuild the model, bit for bit."""
+        document, arrays = self._archived_errors()
+        if self.root is None:
+            document["summary"] = dict(self.summary)
+            return Archive(kind=RIGID_FLEXIBLE, schema=SCHEMA, document=document, arrays=arrays)
+        document = {
+            "physics": {"schema": SCHEMA, "document": {**document, "summary": {}}},
+            "inflation": self.inflation,
+            "summary": dict(self.summary),
+        }
+        arrays = {f"physics/{name}": array for name, array in arrays.items()}
+        further: dict[str, Any] = {}
+        for term, part in parts_of(self.terms, self.values):
+            if term.name in STANDARD:
+                document |= term.document()
+                arrays |= term.arrays(part)
+            else:
+                further[term.name] = dict(term.document())
+                named = term.arrays(part).items()
+                arrays |= {f"terms/{term.name}/{name}": array for name, array in named}
+        if further:
+            document["terms"] = further
+        arrays |= {"columns": self.columns, "root": self.root}
+        for k, reflector in self.reflectors.items():
+            if reflector.root is not None:
+                arrays[f"reflector{k}_root"] = reflector.root
+        return Archive(kind=LEARNED, schema=SCHEMA, document=document, arrays=arrays)
+
+    def _archived_errors(self) -> tuple[dict[str, Any], dict[str, Array]]:
+        """Document and arrays of the error vector, its covariance, stations and reflectors."""
+        stations, reflectors = sorted(self.T_tracker_base), sorted(self.reflectors)
+        document = {
+            "robot": robot_document(self.robot),
+            "repeatability": self.repeatability,
+            "white": self.white,
+            "stations": stations,
+            **({"reflectors": reflectors} if reflectors else {}),
+        }
+        arrays = {
+            **robot_arrays(self.robot),
+            "errors": self.errors,
+            "covariance": self.covariance,
+            "T_tracker_base": np.array(
+                [self.T_tracker_base[k] for k in stations], dtype=np.float64
+            ).reshape(-1, 4, 4),
+            **{f"reflector{k}": self.reflectors[k].T_flange_tool for k in reflectors},
+            **{f"reflector{k}_covariance": self.reflectors[k].covariance for k in reflectors},
+        }
+        return document, arrays
+
+
+def model_of(belief: Belief, summary: Mapping[str, Any]) -> CalibratedModel:
+    """Returns the error model of a belief without nuisances."""
+    end = belief.end
+    places = [place for _, place in belief.reflectors.values()]
+    whole = compress_root(np.hstack([belief.root, *places]))
+    root = whole[:, :end]
+    columns = np.flatnonzero((root != 0.0).any(axis=0))
+    physical = root[:, : len(belief.errors)]
+    return CalibratedModel(
+        robot=belief.robot,
+        errors=belief.errors,
+        covariance=physical.T @ physical,
+        repeatability=belief.repeatability,
+        white=belief.white,
+        T_tracker_base=belief.T_tracker_base,
+        reflectors={
+            k: reflector_of(T, physical, whole[:, end + 3 * i : end + 3 * i + 3])
+            for i, (k, (T, _)) in enumerate(belief.reflectors.items())
+        },
+        summary=summary,
+        terms=belief.terms,
+        values=belief.values,
+        columns=columns.astype(np.float64),
+        root=root[:, columns],
+        inflation=belief.inflation,
+    )
+
+
+def reflector_of(T_flange_tool: Array, root: Array, place: Array) -> Reflector:
+    """Returns a further reflector from a root of the posterior.
+
+    Args:
+        T_flange_tool: (4, 4) where it is.
+        root: (p, 7 dof + 12) over the robot errors.
+        place: (p, 3) over the reflector's place, along its own axes.
+    """
+    full = root.copy()
+    full[:, -6:-3], full[:, -3:] = place, 0.0  # the tool errors are the last six
+    return Reflector(T_flange_tool=T_flange_tool, covariance=full.T @ full, root=place)
+
+
+def unknown_reflector(number: int, known: Iterable[int]) -> ModelMismatchError:
+    """Returns the error for rows of a reflector that a model does not know."""
+    return ModelMismatchError(
+        f"reflector {number} is not in the model, which knows {[0, *sorted(known)]}.",
+        hint="calibrate with rows of that reflector, or correct the column target.",
+    )
+
+
+def _root_of(covariance: Array) -> Array:
+    """R (p, e) with R'R the covariance, without directions that are certain."""
+    values, vectors = np.linalg.eigh(covariance)
+    seen = values > 1e-16 * values[-1]
+    return np.asarray(np.sqrt(values[seen])[:, None] * vectors[:, seen].T)
