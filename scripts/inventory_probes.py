@@ -333,8 +333,9 @@ def presets() -> Iterator[str]:
 
 def store() -> Iterator[str]:
     """Yields nouns of the workspace, and what exports say they cannot."""
+    from robotrue.app.exported_arm import ExportRequest
     from robotrue.app.outputs import FORMATS
-    from robotrue.cli.export import PLACES
+    from robotrue.app.request import fields_of
     from robotrue.report import export_controller, export_dh, export_urdf
     from robotrue.store.nouns import NOUNS
 
@@ -345,7 +346,8 @@ def store() -> Iterator[str]:
         ("urdf", export_urdf),
     ):
         yield from (f"export {name} without {part}" for part in module.CANNOT)
-    yield from (f"export at {each}" for each in PLACES)
+    (place,) = [each for each in fields_of(ExportRequest) if each.name == "at"]
+    yield from (f"export at {each}" for each in place.choices)
     yield from (f"output {suffix}" for suffix in FORMATS)
 
 

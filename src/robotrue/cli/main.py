@@ -23,7 +23,6 @@ from robotrue.cli import (
     arm_commands,
     drill_commands,
     dynamics_commands,
-    export_commands,
     part_commands,
     program_commands,
     record_commands,
@@ -42,7 +41,6 @@ __all__ = [
     "arm_commands",
     "drill_commands",
     "dynamics_commands",
-    "export_commands",
     "part_commands",
     "program_commands",
     "record_commands",
@@ -113,6 +111,9 @@ ORDER: Final = (
     "map",
     "drift",
     "drift-plan",
+    "export urdf",
+    "export dh",
+    "export controller",
 )
 """Commands in the order of the work, for the help; others follow as they are registered."""
 register_operations(app, ORDER)
@@ -161,9 +162,7 @@ def _asked() -> typer.Typer:
     ]
     if only.registered_commands or only.registered_groups:
         return only
-    only.registered_commands = [without_options(each) for each in app.registered_commands]
-    only.registered_groups = app.registered_groups
-    return only
+    return without_options(app)
 
 
 def _report(error: RobotrueError) -> None:

@@ -1,0 +1,121 @@
+"""Exports of the calibrated robot: what all of them are asked for, and what they say they miss."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal
+
+from robotrue.app.context import Context
+from robotrue.app.outputs import check_output
+from robotrue.app.presentation import Block
+from robotrue.app.request import Item, Option, Output, Reference, Request
+from robotrue.core.provenance import Provenance
+from robotrue.core.units import MM
+
+if TYPE_CHECKING:
+    from robotrue.report.export_losses import ExportableModel, Loss
+
+NAMES: Final = ("--output", "-o")
+HELP: Final = "File to write."
+
+
+class ExportRequest(Request):
+    """Which model to export, what may be lost, and for which point."""
+
+    form: ClassVar[Literal["urdf", "dh", "controller"]]
+
+    model: Annotated[
+        Reference, Item(noun="model", argument="MODEL", help="Model file of `calibrate`.")
+    ]
+    output: Annotated[Path, Output(names=NAMES, help=HELP)]
+    lossy: Annotated[
+        str,
+        Option(
+            help="Parts that may be left out: "
+            "geometry, gear, compliance, ripple, backlash, residual."
+        ),
+    ] = ""
+    at: Annotated[
+        Literal["target", "tool"],
+        Option(help="target (the measured point) or tool (of programs)."),
+    ] = "target"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportedArm:
+    """An export.
+
+    Attributes:
+        written: Its files.
+        held: Parts of the model that it holds.
+        loss: How far it misses the model.
+        provenance: Of the model.
+    """
+
+    written: tuple[Path, ...]
+    held: tuple[str, ...]
+    loss: Loss
+    provenance: Provenance
+
+    def document(self) -> Mapping[str, Any]:
+        """Returns JSON values."""
+        return {
+            "written": [str(path) for path in self.written],
+            "holds": list(self.held),
+            "misses_rms_mm": self.loss.rms / MM,
+            "misses_largest_mm": self.loss.largest / MM,
+        }
+
+    def blocks(self) -> Iterable[Block]:
+        """Returns nothing: what it misses is said when it is written."""
+        return ()
+
+
+def export_arm(request: ExportRequest, context: Context) -> ExportedArm:
+    """Writes the files of an export in the form that its request asks for.
+
+    Raises:
+        ConfigurationError: A part is lost that is not named, or a file would be written that is
+            read.
+    """
+    from robotrue.core.files import write_atomic
+    from robotrue.report.export_losses import prepare_export
+
+    stored = context.model(request.model)
+    tool = None if request.at == "target" else stored.cell.robot.T_flange_tool
+    found = prepare_export(stored.model, stored.cell.payload, T_flange_tool=tool)
+    files, loss = _files(request, found, context.output(request.output))
+    for path in files:
+        check_output(path, [context.model_file(request.model)])
+    for path, text in files.items():
+        write_atomic(path, text.encode("utf-8"))
+    context.inform(f"written: {', '.join(str(path) for path in files)}")
+    context.inform(
+        f"misses the model by {loss.rms / MM:.4f} mm rms, {loss.largest / MM:.4f} mm at most, "
+        "over poses spread over its training range"
+    )
+    return ExportedArm(
+        written=tuple(files), held=found.held, loss=loss, provenance=found.provenance
+    )
+
+
+def _files(
+    request: ExportRequest, found: ExportableModel, output: Path
+) -> tuple[dict[Path, str], Loss]:
+    """The text of each file, and what all of them miss of the model."""
+    from robotrue.report.export_controller import export_controller
+    from robotrue.report.export_dh import export_dh
+    from robotrue.report.export_urdf import export_urdf
+
+    lossy = tuple(part.strip() for part in request.lossy.split(",") if part.strip())
+    if request.form == "urdf":
+        both = export_urdf(found, lossy=lossy)
+        return {output: both.urdf, output.with_suffix(".compliance.json"): both.side}, both.total
+    if request.form == "dh":
+        table = export_dh(found, lossy=lossy)
+        return {output: table.text}, table.total
+    sheet = export_controller(found, lossy=lossy)
+    text = sheet.json() if output.suffix.lower() == ".json" else sheet.text()
+    return {output: text}, sheet.total
