@@ -198,9 +198,9 @@ def _stated(operation: Any) -> Iterator[str]:
             form = (
                 "items"
                 if field.many or field.entry.listed
-                else "item_or_none"
-                if field.optional
                 else "item"
+                if field.is_required(JOB)
+                else "item_or_none"
             )
             yield f"{field.name}: {form} {field.entry.noun}"
         elif isinstance(field.entry, Output):
@@ -289,7 +289,7 @@ def dynamics_formats() -> Iterator[str]:
 
 def reports() -> Iterator[str]:
     """Yields subjects, forms and languages of reports, and the languages of the workbench."""
-    from robotrue.cli.job_report import FORMS, SUBJECTS
+    from robotrue.app.operations.report import FORMS, SUBJECTS
     from robotrue.report.words import CATALOGS
 
     yield from (f"subject {each}" for each in SUBJECTS)

@@ -71,6 +71,12 @@ class Context(Protocol):
         """
         ...
 
+    def unchecked_rows(
+        self, cell: Cell, reference: Reference, mapping: Path | None = None
+    ) -> MeasurementSet:
+        """Returns one set of measured poses as it stands, in the cell's frame, not yet checked."""
+        ...
+
     def cell_file(self, reference: Reference) -> Path:
         """Returns a cell.toml, the files it names beside it."""
         ...

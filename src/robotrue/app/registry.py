@@ -24,7 +24,7 @@ GROUPS: Final[Mapping[str, str]] = {
     "dynamics": "",
     "export": "Write the calibrated robot for other programs; what they cannot take must be named.",
     "record": "",
-    "report": "",
+    "report": "Write a report to hand over: HTML, PDF and JSON, in English or Chinese.",
     "sense": "",
     "simulate": "",
     "workspace": "",

@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from robotrue.app.outputs import MODEL, PAGE
-from robotrue.cli.app import CellFile, Json, app
+from robotrue.cli.app import Json, app
 
 
 @app.command()
@@ -26,45 +25,3 @@ def demo(
     from robotrue.cli.demo import run
 
     run(out=out, data=data, seed=seed, as_json=json)
-
-
-@app.command()
-def transfer(
-    cell: CellFile,
-    source: Annotated[
-        list[str],
-        typer.Option(
-            "--source",
-            help="NAME=FILE[,region|campaign|unit]: measurements or a model; may be repeated.",
-        ),
-    ],
-    output: Annotated[
-        Path, typer.Option("--output", "-o", help="Model file to write.", callback=MODEL)
-    ],
-    targets: Annotated[
-        list[Path] | None, typer.Argument(metavar="[TARGET...]", help="Target measurements.")
-    ] = None,
-    mapping: Annotated[
-        Path | None, typer.Option(help="Column mapping (TOML) for files of another layout.")
-    ] = None,
-    report: Annotated[
-        Path | None, typer.Option(help="Also write a report page (HTML).", callback=PAGE)
-    ] = None,
-    curve: Annotated[
-        bool, typer.Option("--curve", help="Also accuracy against the number of target poses.")
-    ] = False,
-    json: Json = False,
-) -> None:
-    """Carry a calibration to a new region, date or arm with a few poses, under guard."""
-    from robotrue.cli.transfer import run
-
-    run(
-        cell,
-        targets or [],
-        source,
-        output,
-        mapping=mapping,
-        report=report,
-        curve=curve,
-        as_json=json,
-    )

@@ -74,14 +74,15 @@ def _stated(request: type[Request], values: Mapping[str, Any]) -> dict[str, Any]
 
 def _parameter(field: RequestField) -> Parameter:
     from robotrue.app.outputs import writes
-    from robotrue.app.request import Item, Output
+    from robotrue.app.request import CLI, Item, Output
 
     entry = field.entry
     is_path = isinstance(entry, Item | Output) or field.kind is Path
     kind: Any = Path if is_path else str if field.choices else field.kind
     if field.many:
         kind = list[kind]
-    if field.optional or (field.many and not field.required):
+    required = field.is_required(CLI)
+    if not required and (field.optional or field.many):
         kind = kind | None
     callback = None
     if isinstance(entry, Output) and entry.suffixes:
@@ -93,7 +94,7 @@ def _parameter(field: RequestField) -> Parameter:
         if field.kind is bool and not names and not entry.paired:
             names = (field.option,)
         presented = typer.Option(*names, metavar=entry.metavar, help=entry.help, callback=callback)
-    default = Parameter.empty if field.required else field.default or _blank(field)
+    default = Parameter.empty if required else field.default or _blank(field)
     return Parameter(
         field.name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, presented]
     )
@@ -114,8 +115,8 @@ def register_operations(app: typer.Typer, order: Sequence[str]) -> None:
     for name, text in GROUPS.items():
         if text:
             app.add_typer(make_group(name, text))
-    app.registered_groups.sort(key=lambda each: list(GROUPS).index(_group(each).info.name))
-    groups = {_group(each).info.name: _group(each) for each in app.registered_groups}
+    app.registered_groups.sort(key=lambda each: list(GROUPS).index(str(_group(each).info.name)))
+    groups = {str(_group(each).info.name): _group(each) for each in app.registered_groups}
     for listing in listings():
         if not listing.command:
             continue

@@ -1,72 +1,21 @@
-"""``robotrue report program``: GO or NO-GO of a compensated program."""
+"""What reports of programs and registrations say, made from their files."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
+from robotrue.app.force_options import read_force_options
+from robotrue.app.program_differences import differences
 from robotrue.app.registered import opened, provenance_used
-from robotrue.cli.console import emit_json, say_mark
-from robotrue.cli.diff import differences
-from robotrue.cli.process_force import described
-from robotrue.cli.report_output import check_reports, file_fact, write_reports
+from robotrue.cell.config import read_cell
 from robotrue.compensation.stance import start_joints
-from robotrue.core.provenance import Provenance
-from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
 from robotrue.report.calibration_report import fact
 from robotrue.report.content import ReportContent
 from robotrue.report.program_report import program_content
-from robotrue.report.words import Lang, Words, language
-
-
-def run(
-    before: Path,
-    after: Path,
-    model_path: Path,
-    outputs: Sequence[Path],
-    *,
-    tolerance_mm: float,
-    lang: str,
-    registered: Path | None,
-    wrench: str | None,
-    force: Path | None,
-    cutter: str | None,
-    start: str | None,
-    simulated: bool,
-    strict: bool,
-    as_json: bool,
-) -> None:
-    """Writes the report; exits like any command whatever the verdict: it is in the report."""
-    files = [p for p in (before, after, model_path, registered, force) if p is not None]
-    check_reports(outputs, files)
-    content = program_report(
-        before,
-        after,
-        model_path,
-        tolerance=tolerance_mm * MM,
-        lang=language(lang),
-        registered=registered,
-        wrench=wrench,
-        force=force,
-        cutter=cutter,
-        start=start,
-        simulated=simulated,
-        strict=strict,
-    )
-    origin = Provenance(simulated=content.simulated)
-    say_mark(origin)
-    written = write_reports(outputs, content)
-    if as_json:
-        emit_json(
-            {
-                "written": [str(path) for path in written],
-                "verdict": verdict_word(content),
-                "text": content.verdict.text,
-                "tolerance_mm": tolerance_mm,
-            },
-            origin,
-        )
+from robotrue.report.registration_report import registration_content
+from robotrue.report.report_files import file_fact
+from robotrue.report.words import Lang, Words
 
 
 def program_report(
@@ -112,7 +61,8 @@ def program_report(
             hint="--model MODEL, a file of `robotrue calibrate`.",
         )
     home = start_joints(cell.robot, cell.controller.start, start)
-    found = differences(before, after, cell, model, described(cell, wrench, force, cutter), home)
+    pushed = read_force_options(cell, wrench, force, cutter)
+    found = differences(before, after, cell, model, pushed, home)
     summary = model.training_summary()
     t = Words(lang=lang)
     return program_content(
@@ -147,3 +97,34 @@ def verdict_word(content: ReportContent) -> str:
 def files_of(job: Path) -> list[Path]:
     """Returns the files of a job: those of its folder, or the one it is."""
     return sorted(p for p in job.iterdir() if p.is_file()) if job.is_dir() else [job]
+
+
+def registration_report(
+    cell_path: Path, *, lang: Lang, simulated: bool, name: str | None = None
+) -> ReportContent:
+    """Returns the content of the report of a registered cell.
+
+    Args:
+        cell_path: What ``robotrue register`` wrote.
+        lang: Language of the report.
+        simulated: Whether the data are; also taken from the provenance of the part frame.
+        name: Of the registration in the report; None: that of the file.
+
+    Raises:
+        ConfigurationError: A cell without a part frame.
+    """
+    cell = read_cell(cell_path)
+    if cell.part is None:
+        raise ConfigurationError(
+            "the cell is not registered: it has no part frame.",
+            source=cell_path,
+            hint="robotrue register CELL|MODEL POINTS -o CELL_OUT.",
+        )
+    return registration_content(
+        cell.part,
+        name=name or cell_path.name,
+        robot=cell.robot.name,
+        simulated=simulated or cell.part.provenance.simulated,
+        provenance=[fact(Words(lang=lang), "fact.cell", file_fact(cell_path))],
+        lang=lang,
+    )
