@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
 
 from robotrue.app.context import Context
 from robotrue.app.outputs import check_output
-from robotrue.app.presentation import Block
 from robotrue.app.request import Item, Option, Output, Reference, Request
-from robotrue.core.provenance import Provenance
+from robotrue.app.written_files import WrittenFiles
 from robotrue.core.units import MM
 
 if TYPE_CHECKING:
@@ -43,37 +40,7 @@ class ExportRequest(Request):
     ] = "target"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ExportedArm:
-    """An export.
-
-    Attributes:
-        written: Its files.
-        held: Parts of the model that it holds.
-        loss: How far it misses the model.
-        provenance: Of the model.
-    """
-
-    written: tuple[Path, ...]
-    held: tuple[str, ...]
-    loss: Loss
-    provenance: Provenance
-
-    def document(self) -> Mapping[str, Any]:
-        """Returns JSON values."""
-        return {
-            "written": [str(path) for path in self.written],
-            "holds": list(self.held),
-            "misses_rms_mm": self.loss.rms / MM,
-            "misses_largest_mm": self.loss.largest / MM,
-        }
-
-    def blocks(self) -> Iterable[Block]:
-        """Returns nothing: what it misses is said when it is written."""
-        return ()
-
-
-def export_arm(request: ExportRequest, context: Context) -> ExportedArm:
+def export_arm(request: ExportRequest, context: Context) -> WrittenFiles:
     """Writes the files of an export in the form that its request asks for.
 
     Raises:
@@ -96,9 +63,12 @@ def export_arm(request: ExportRequest, context: Context) -> ExportedArm:
         f"misses the model by {loss.rms / MM:.4f} mm rms, {loss.largest / MM:.4f} mm at most, "
         "over poses spread over its training range"
     )
-    return ExportedArm(
-        written=tuple(files), held=found.held, loss=loss, provenance=found.provenance
-    )
+    numbers = {
+        "holds": list(found.held),
+        "misses_rms_mm": loss.rms / MM,
+        "misses_largest_mm": loss.largest / MM,
+    }
+    return WrittenFiles(written=tuple(files), numbers=numbers, provenance=found.provenance)
 
 
 def _files(

@@ -101,7 +101,9 @@ class FilesContext:
         """Returns the path of a registered cell.toml."""
         return _path(reference)
 
-    def program_files(self, references: Sequence[Reference]) -> tuple[Path, ...]:
+    def program_files(
+        self, references: Sequence[Reference], folder: str = "before"
+    ) -> tuple[Path, ...]:
         """Returns the paths of program files, or of the folder of a job."""
         return tuple(_path(each) for each in references)
 

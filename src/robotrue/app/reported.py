@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 from robotrue.app.context import Context
 from robotrue.app.outputs import check_output
-from robotrue.app.presentation import Block
 from robotrue.app.request import Option, Output, Request, input_paths
+from robotrue.app.written_files import WrittenFiles
 from robotrue.core.provenance import Provenance
 from robotrue.errors import ConfigurationError
 
@@ -32,26 +32,18 @@ Simulated: TypeAlias = Annotated[
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Reported:
-    """A report that was written.
+class ReportDraft:
+    """A report before it is written.
 
     Attributes:
-        written: Its files.
-        numbers: What it says, JSON values.
+        content: What it says.
+        numbers: Of it, for ``--json``.
         provenance: Of what it rests on.
     """
 
-    written: tuple[Path, ...]
+    content: ReportContent
     numbers: Mapping[str, Any]
     provenance: Provenance
-
-    def document(self) -> Mapping[str, Any]:
-        """Returns JSON values."""
-        return {"written": [str(path) for path in self.written], **self.numbers}
-
-    def blocks(self) -> Iterable[Block]:
-        """Returns nothing: a report is read in its own file."""
-        return ()
 
 
 def check_reports(outputs: Sequence[Path], sources: Sequence[Path]) -> None:
@@ -86,16 +78,20 @@ def check_report_request(request: Request, outputs: Sequence[Path], lang: str) -
     return language(lang)
 
 
-def report(
-    content: ReportContent,
-    outputs: Sequence[Path],
-    numbers: Mapping[str, Any],
-    provenance: Provenance,
-    context: Context,
-) -> Reported:
+def write_draft(draft: ReportDraft, outputs: Sequence[Path], context: Context) -> WrittenFiles:
     """Writes a report and says so."""
     from robotrue.report.report_files import write_reports
 
-    written = write_reports([context.output(path) for path in outputs], content)
+    written = write_reports([context.output(path) for path in outputs], draft.content)
     context.inform(f"report written to {', '.join(str(path) for path in written)}")
-    return Reported(written=tuple(written), numbers=numbers, provenance=provenance)
+    return WrittenFiles(written=tuple(written), numbers=draft.numbers, provenance=draft.provenance)
+
+
+def draft_verdict(content: ReportContent, **numbers: Any) -> ReportDraft:
+    """Returns the draft of a report whose verdict is GO or NO-GO."""
+    word = "GO" if content.verdict.tone == "good" else "NO-GO"
+    return ReportDraft(
+        content=content,
+        numbers={"verdict": word, "text": content.verdict.text, **numbers},
+        provenance=Provenance(simulated=content.simulated),
+    )

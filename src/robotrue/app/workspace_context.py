@@ -141,7 +141,9 @@ class WorkspaceContext:
         record = self.record(REGISTRATION, reference)
         return laid_out(self.work.workspace, record, self.work.folder, CELL_FILE)[0]
 
-    def program_files(self, references: Sequence[Reference]) -> tuple[Path, ...]:
+    def program_files(
+        self, references: Sequence[Reference], folder: str = "before"
+    ) -> tuple[Path, ...]:
         """Returns where the files of a program lie for this job.
 
         Raises:
@@ -150,7 +152,7 @@ class WorkspaceContext:
         if len(references) != 1:
             raise ConfigurationError(f"{len(references)} programs, expected one.")
         record = self.record(PROGRAM, references[0])
-        return programs.laid(self.work.workspace, record, self.folder("before"))
+        return programs.laid(self.work.workspace, record, self.folder(folder))
 
     def folder(self, name: str) -> Path:
         """Returns a folder of this job."""

@@ -11,10 +11,16 @@ from pydantic import Field
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
+from robotrue.app.operations.report_calibration import ReportCalibrationRequest, draft_certificate
+from robotrue.app.operations.report_program import ReportProgramRequest, draft_program
+from robotrue.app.operations.report_registration import (
+    ReportRegistrationRequest,
+    draft_registration,
+)
 from robotrue.app.presentation import Block, Note
-from robotrue.app.request import Item, Option, Reference, Request
-from robotrue.core.provenance import Provenance, merge
-from robotrue.core.units import MM
+from robotrue.app.reported import ReportDraft
+from robotrue.app.request import Item, ItemVersion, Option, Reference, Request
+from robotrue.core.provenance import Provenance
 from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -27,6 +33,12 @@ if TYPE_CHECKING:
 SUBJECTS: Final = ("program", "registration", "model")
 FORMS: Final = ("html", "pdf", "json")
 STEPS: Final = 4
+KEPT: Final[Mapping[str, Mapping[str, str]]] = {
+    "program": {"verdict": "verdict", "tolerance_mm": "tolerance_mm"},
+    "registration": {"verdict": "verdict"},
+    "model": {"uncertainty_mm": "expanded_uncertainty_mm"},
+}
+"""Numbers of a report that the list of reports shows, by their names there."""
 
 
 class ReportRequest(Request):
@@ -74,54 +86,42 @@ class ReportRequest(Request):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Draft:
-    """A report before it is written.
-
-    Attributes:
-        content: What it says.
-        about: What it is a report of.
-        links: What else it rests on.
-        numbers: For the list of reports, JSON values.
-    """
-
-    content: ReportContent
-    about: Record
-    links: tuple[Link, ...]
-    numbers: Mapping[str, Any]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class ItemReport:
     """The report of an item.
 
     Attributes:
-        draft: What it says, and of what.
+        content: What it says.
         subject: One of :data:`SUBJECTS`.
+        about: What it is a report of.
+        links: What else it rests on.
+        numbers: For the list of reports, JSON values.
         files: That were written.
         provenance: Of the item.
     """
 
-    draft: Draft
+    content: ReportContent
     subject: str
+    about: Record
+    links: tuple[Link, ...]
+    numbers: Mapping[str, Any]
     files: tuple[Path, ...]
     provenance: Provenance
 
     def document(self) -> Mapping[str, Any]:
         """Returns JSON values."""
-        content = self.draft.content
         return {
             "subject": self.subject,
-            "lang": content.lang,
-            "title": content.title,
-            "simulated": content.simulated,
-            "tone": content.verdict.tone,
-            "text": content.verdict.text,
-            **self.draft.numbers,
+            "lang": self.content.lang,
+            "title": self.content.title,
+            "simulated": self.content.simulated,
+            "tone": self.content.verdict.tone,
+            "text": self.content.verdict.text,
+            **self.numbers,
         }
 
     def blocks(self) -> Iterable[Block]:
         """Returns the warnings of the report."""
-        for warning in self.draft.content.doubts:
+        for warning in self.content.doubts:
             yield Note(warning)
 
 
@@ -133,16 +133,21 @@ def run(request: ReportRequest, context: Context) -> ItemReport:
     """
     from robotrue.app.workspace_context import require_workspace
     from robotrue.report.words import language
+    from robotrue.store.nouns import noun_of
 
-    make = {"program": _program, "registration": _registration, "model": _certificate}
+    drafts = {"program": _program, "registration": _registration, "model": _certificate}
     subject, lang, place = request.subject, language(request.lang), require_workspace(context)
+    about: Reference = getattr(request, subject)
     context.step("reading", 0, STEPS)
-    draft = make[subject](request, place, lang)
+    draft, links = drafts[subject](request, about, place, lang)
     return ItemReport(
-        draft=draft,
+        content=draft.content,
         subject=subject,
+        about=place.record(noun_of(subject), about),
+        links=tuple(links),
+        numbers={kept: draft.numbers[name] for kept, name in KEPT[subject].items()},
         files=tuple(_write(draft.content, request.forms or FORMS, subject, context)),
-        provenance=Provenance(simulated=draft.content.simulated),
+        provenance=draft.provenance,
     )
 
 
@@ -168,124 +173,80 @@ def _write(
     return [made[form] for form in FORMS if form in forms and form in made]
 
 
-def _certificate(request: ReportRequest, place: WorkspaceContext, lang: Lang) -> Draft:
-    from robotrue.report.certificate import certificate_content
-    from robotrue.report.certificate_facts import certificate_facts
+def _certificate(
+    request: ReportRequest, model: Reference, place: WorkspaceContext, lang: Lang
+) -> tuple[ReportDraft, list[Link]]:
     from robotrue.store.nouns import MEASUREMENT, MODEL
     from robotrue.store.records import Link
 
-    model = _stated(request.model)
-    record, held = place.record(MODEL, model), place.model(model)
-    rows = place.measurements(held.cell, request.measurements) if request.measurements else None
-    path = place.model_file(model)
-    place.step("judging", 1, STEPS)
-    facts = certificate_facts(
-        held.model,
-        held.cell,
-        rows,
-        simulated=_origin(place, record).simulated,
-        files=[("fact.model", path)],
-        lang=lang,
+    asked = ReportCalibrationRequest(
+        model=model,
+        test=request.measurements,
+        output=(),
+        tolerance_mm=request.tolerance_mm,
+        simulated=_is_simulated(place, [place.record(MODEL, model)]),
     )
-    tolerance = None if request.tolerance_mm is None else request.tolerance_mm * MM
-    return Draft(
-        content=certificate_content(facts, tolerance=tolerance, lang=lang),
-        about=record,
-        links=tuple(
-            Link(role="data", to=each.ref)
-            for each in place.records(MEASUREMENT, request.measurements)
-        ),
-        numbers={"uncertainty_mm": facts.budget.expanded / MM},
-    )
+    draft = draft_certificate(asked, place, lang)
+    data = place.records(MEASUREMENT, request.measurements)
+    return draft, [Link(role="data", to=each.ref) for each in data]
 
 
-def _program(request: ReportRequest, place: WorkspaceContext, lang: Lang) -> Draft:
-    from robotrue.app.report_contents import program_report, verdict_word
-    from robotrue.store import items, models
+def _program(
+    request: ReportRequest, program: Reference, place: WorkspaceContext, lang: Lang
+) -> tuple[ReportDraft, list[Link]]:
     from robotrue.store.nouns import MODEL, PROGRAM
     from robotrue.store.records import Link
 
-    workspace, record = place.work.workspace, place.record(PROGRAM, _stated(request.program))
+    record = place.record(PROGRAM, program)
     used, first = record.linked("model"), record.linked("before")
     if not used or not first:
         raise ConfigurationError(
             f"program {record.name!r} was not compensated with a model.",
             hint="compensate it first; the report compares both.",
         )
-    model = items.get(workspace, MODEL, used[0].id, version=used[0].version)
-    before = items.get(workspace, PROGRAM, first[0].id, version=first[0].version)
     if request.tolerance_mm is None:
         raise ConfigurationError(
             "tolerance_mm is not stated, expected above 0 mm.",
             hint='{"program": ..., "tolerance_mm": 0.2}',
         )
-    paths = [_laid(place, each, name) for each, name in ((before, "before"), (record, "after"))]
-    place.step("judging", 1, STEPS)
-    content = program_report(
-        paths[0],
-        paths[1],
-        models.laid(workspace, model, place.work.folder),
-        tolerance=request.tolerance_mm * MM,
-        lang=lang,
-        registered=_registered(place, record),
-        simulated=_origin(place, model).simulated,
+    model = _pinned(used[0])
+    asked = ReportProgramRequest(
+        before=_pinned(first[0]),
+        after=program,
+        model=model,
+        tolerance_mm=request.tolerance_mm,
+        output=(),
         strict=request.strict,
+        simulated=_is_simulated(place, [place.record(MODEL, model)]),
         **_force(place, record),
     )
-    return Draft(
-        content=content,
-        about=record,
-        links=(Link(role="model", to=model.ref), Link(role="before", to=before.ref)),
-        numbers={"verdict": verdict_word(content), "tolerance_mm": request.tolerance_mm},
-    )
+    draft = draft_program(asked, place, lang, _registered(place, record))
+    return draft, [Link(role="model", to=used[0]), Link(role="before", to=first[0])]
 
 
-def _registration(request: ReportRequest, place: WorkspaceContext, lang: Lang) -> Draft:
-    from robotrue.app.report_contents import registration_report, verdict_word
-    from robotrue.store import items
+def _registration(
+    request: ReportRequest, registration: Reference, place: WorkspaceContext, lang: Lang
+) -> tuple[ReportDraft, list[Link]]:
     from robotrue.store.nouns import MODEL, REGISTRATION
 
-    registration = _stated(request.registration)
-    record, path = place.record(REGISTRATION, registration), place.registration_file(registration)
-    used = [
-        items.get(place.work.workspace, MODEL, each.id, version=each.version)
-        for each in record.linked("model")
-    ]
-    place.step("judging", 1, STEPS)
-    simulated = any(_origin(place, each).simulated for each in used)
-    content = registration_report(path, lang=lang, simulated=simulated, name=record.name)
-    numbers = {"verdict": verdict_word(content)}
-    return Draft(content=content, about=record, links=(), numbers=numbers)
+    linked = place.record(REGISTRATION, registration).linked("model")
+    used = [place.record(MODEL, _pinned(each)) for each in linked]
+    asked = ReportRegistrationRequest(
+        cell=registration, output=(), simulated=_is_simulated(place, used)
+    )
+    return draft_registration(asked, place, lang), []
 
 
-def _stated(reference: Reference | None) -> Reference:
-    """The subject of a report, which is there when its report is made."""
-    if reference is None:
-        raise ConfigurationError("a report of nothing.")
-    return reference
-
-
-def _laid(place: WorkspaceContext, record: ProgramRecord, name: str) -> Path:
-    """The program where a command would find it: its file, or the first of a job of several."""
-    from robotrue.store import programs
-
-    return programs.laid(place.work.workspace, record, place.folder(name))[0]
+def _pinned(to: Ref) -> ItemVersion:
+    return ItemVersion(id=to.id, version=to.version)
 
 
 def _registered(place: WorkspaceContext, record: ProgramRecord) -> Path | None:
     """The cell whose frames a compensated program uses, where that is not the model's."""
-    from robotrue.store import cells, items
-    from robotrue.store.layout import laid_out
-    from robotrue.store.nouns import CELL, REGISTRATION
-    from robotrue.store.registrations import CELL_FILE
-
-    workspace = place.work.workspace
     for to in record.linked("registration"):
-        found = items.get(workspace, REGISTRATION, to.id, version=to.version)
-        return laid_out(workspace, found, place.work.folder, CELL_FILE)[0]
+        return place.registration_file(_pinned(to))
     for to in record.linked("cell"):
-        stored = items.get(workspace, CELL, to.id, version=to.version)
-        return cells.laid(workspace, stored, place.folder("cell"))
+        return place.cell_file(_pinned(to))
     return None
 
 
@@ -298,16 +259,13 @@ def _force(place: WorkspaceContext, record: ProgramRecord) -> dict[str, Any]:
     return {name: stated[name] for name in ("wrench", "cutter", "start") if stated.get(name)}
 
 
-def _origin(place: WorkspaceContext, model: ModelRecord) -> Provenance:
-    """Of the measurements a model was fitted to; models of today say it themselves, too."""
-    from robotrue.store import items
+def _is_simulated(place: WorkspaceContext, models: Iterable[ModelRecord]) -> bool:
+    """Whether any was fitted to simulated data; models of today say it themselves, too."""
     from robotrue.store.nouns import MEASUREMENT
     from robotrue.store.provenance import provenance_of_record
 
-    def data(to: Ref) -> Record:
-        return items.get(place.work.workspace, MEASUREMENT, to.id, version=to.version)
-
-    return merge(provenance_of_record(data(each)) for each in model.linked("data"))
+    data = [_pinned(each) for model in models for each in model.linked("data")]
+    return any(provenance_of_record(each).simulated for each in place.records(MEASUREMENT, data))
 
 
 def save(
@@ -316,10 +274,9 @@ def save(
     """Leaves a document ``report`` with its files, linked to what it is about and rests on."""
     from robotrue.store.records import Link
 
-    about = result.draft.about
-    links = [Link(role="about", to=about.ref), *result.draft.links]
+    links = [Link(role="about", to=result.about.ref), *result.links]
     return context.leave_document(
-        into, "report", about.name, result.files, links, result.document()
+        into, "report", result.about.name, result.files, links, result.document()
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 from pydantic import Field
 
@@ -13,13 +13,17 @@ from robotrue.app.operation import Operation
 from robotrue.app.reported import (
     Language,
     Outputs,
-    Reported,
+    ReportDraft,
     Simulated,
     check_report_request,
-    report,
+    write_draft,
 )
 from robotrue.app.request import InputFile, Item, Option, Reference, Request
+from robotrue.app.written_files import WrittenFiles
 from robotrue.core.units import MM
+
+if TYPE_CHECKING:
+    from robotrue.report.words import Lang
 
 
 class ReportCalibrationRequest(Request):
@@ -55,8 +59,16 @@ class ReportCalibrationRequest(Request):
     simulated: Simulated = False
 
 
-def run(request: ReportCalibrationRequest, context: Context) -> Reported:
-    """Writes the certificate.
+def run(request: ReportCalibrationRequest, context: Context) -> WrittenFiles:
+    """Writes the certificate."""
+    lang = check_report_request(request, request.output, request.lang)
+    return write_draft(draft_certificate(request, context, lang), request.output, context)
+
+
+def draft_certificate(
+    request: ReportCalibrationRequest, context: Context, lang: Lang
+) -> ReportDraft:
+    """Returns the certificate before it is written.
 
     Raises:
         ObservabilityError: No poses, and a model that keeps no joint range.
@@ -65,12 +77,11 @@ def run(request: ReportCalibrationRequest, context: Context) -> Reported:
     from robotrue.report.certificate import certificate_content
     from robotrue.report.certificate_facts import certificate_facts, origin_of
 
-    lang = check_report_request(request, request.output, request.lang)
-    model = context.model(request.model).model
-    path = context.model_file(request.model)
+    model, path = context.model(request.model).model, context.model_file(request.model)
     place = None if request.cell is None else context.registration_file(request.cell)
     cell, _ = opened(path, place)
     check = context.measurements(cell, request.test, request.mapping) if request.test else None
+    context.step("judging", 1, 4)
     tests = [each for each in request.test if isinstance(each, Path)]
     facts = certificate_facts(
         model,
@@ -83,17 +94,18 @@ def run(request: ReportCalibrationRequest, context: Context) -> Reported:
         lang=lang,
     )
     tolerance = None if request.tolerance_mm is None else request.tolerance_mm * MM
-    content = certificate_content(facts, tolerance=tolerance, lang=lang)
-    budget = facts.budget
-    numbers = {
-        "verdict": content.verdict.text,
-        "expanded_uncertainty_mm": budget.expanded / MM,
-        "expanded_uncertainty_worst_mm": budget.worst / MM,
-        "contributions_mm": {c.name: c.standard_uncertainty / MM for c in budget.contributions},
-        "check": None if facts.check is None else facts.check.to_json(),
-    }
-    origin = replace(origin_of(model, check), simulated=facts.simulated)
-    return report(content, request.output, numbers, origin, context)
+    content, budget = certificate_content(facts, tolerance=tolerance, lang=lang), facts.budget
+    return ReportDraft(
+        content=content,
+        numbers={
+            "verdict": content.verdict.text,
+            "expanded_uncertainty_mm": budget.expanded / MM,
+            "expanded_uncertainty_worst_mm": budget.worst / MM,
+            "contributions_mm": {c.name: c.standard_uncertainty / MM for c in budget.contributions},
+            "check": None if facts.check is None else facts.check.to_json(),
+        },
+        provenance=replace(origin_of(model, check), simulated=facts.simulated),
+    )
 
 
 OPERATION: Final = Operation(request=ReportCalibrationRequest, run=run)

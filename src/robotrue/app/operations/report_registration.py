@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Final
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.reported import (
     Language,
     Outputs,
-    Reported,
+    ReportDraft,
     Simulated,
     check_report_request,
-    report,
+    draft_verdict,
+    write_draft,
 )
 from robotrue.app.request import Item, Reference, Request
-from robotrue.core.provenance import Provenance
+from robotrue.app.written_files import WrittenFiles
+from robotrue.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from robotrue.report.words import Lang
 
 
 class ReportRegistrationRequest(Request):
@@ -30,20 +36,44 @@ class ReportRegistrationRequest(Request):
     simulated: Simulated = False
 
 
-def run(request: ReportRegistrationRequest, context: Context) -> Reported:
-    """Writes the report of a registered cell.
+def run(request: ReportRegistrationRequest, context: Context) -> WrittenFiles:
+    """Writes the report of a registered cell."""
+    lang = check_report_request(request, request.output, request.lang)
+    return write_draft(draft_registration(request, context, lang), request.output, context)
+
+
+def draft_registration(
+    request: ReportRegistrationRequest, context: Context, lang: Lang
+) -> ReportDraft:
+    """Returns the report before it is written.
 
     Raises:
         ConfigurationError: A cell without a part frame.
     """
-    from robotrue.app.report_contents import registration_report, verdict_word
+    from robotrue.cell.config import read_cell
+    from robotrue.report.calibration_report import fact
+    from robotrue.report.registration_report import registration_content
+    from robotrue.report.report_files import file_fact
+    from robotrue.report.words import Words
 
-    lang = check_report_request(request, request.output, request.lang)
     path = context.registration_file(request.cell)
-    content = registration_report(path, lang=lang, simulated=request.simulated)
-    numbers = {"verdict": verdict_word(content), "text": content.verdict.text}
-    origin = Provenance(simulated=content.simulated)
-    return report(content, request.output, numbers, origin, context)
+    context.step("judging", 1, 4)
+    cell = read_cell(path)
+    if cell.part is None:
+        raise ConfigurationError(
+            "the cell is not registered: it has no part frame.",
+            source=path,
+            hint="robotrue register CELL|MODEL POINTS -o CELL_OUT.",
+        )
+    content = registration_content(
+        cell.part,
+        name=path.name if isinstance(request.cell, Path) else context.name(request.cell),
+        robot=cell.robot.name,
+        simulated=request.simulated or cell.part.provenance.simulated,
+        provenance=[fact(Words(lang=lang), "fact.cell", file_fact(path))],
+        lang=lang,
+    )
+    return draft_verdict(content)
 
 
 OPERATION: Final = Operation(request=ReportRegistrationRequest, run=run)
