@@ -20,7 +20,6 @@ from typing import Annotated, Final
 import typer
 
 from robotrue.cli import (
-    arm_commands,
     drill_commands,
     dynamics_commands,
     part_commands,
@@ -37,7 +36,6 @@ from robotrue.errors import RobotrueError
 
 __all__ = [
     "app",
-    "arm_commands",
     "drill_commands",
     "dynamics_commands",
     "part_commands",
@@ -52,6 +50,23 @@ __all__ = [
 
 INTERRUPTED = 130
 """What the command line library makes of Ctrl-C."""
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder for everything the demo makes.")] = Path(
+        "demo-out"
+    ),
+    data: Annotated[
+        Path | None, typer.Option(help="Folder of measured data: the same job on a real UR10.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the virtual cell.")] = 1,
+    json: Json = False,
+) -> None:
+    """Measure, calibrate, validate, compensate and re-measure a virtual cell (or real data)."""
+    from robotrue.cli.demo import run
+
+    run(out=out, data=data, seed=seed, as_json=json)
 
 
 @app.command()

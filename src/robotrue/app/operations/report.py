@@ -58,7 +58,10 @@ class ReportRequest(Request):
     tolerance_mm: Annotated[
         float | None,
         Field(gt=0.0),
-        Option(help="Largest distance of a target or pose from where it should be."),
+        Option(
+            offered=(0.001, 1000.0),
+            help="Largest distance of a target or pose from where it should be.",
+        ),
     ] = None
     lang: Annotated[str, Option(help="en or zh.")] = "en"
     strict: Annotated[bool, Option(help="Axis targets count as targets that are not proven.")] = (
