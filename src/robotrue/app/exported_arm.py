@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
 
 from robotrue.app.context import Context
 from robotrue.app.outputs import check_output
-from robotrue.app.request import Item, Option, Output, Reference, Request
+from robotrue.app.request import Option, Output, Request
+from robotrue.app.request_fields import CalibratedModel
 from robotrue.app.written_files import WrittenFiles
 from robotrue.core.units import MM
 
@@ -23,9 +24,7 @@ class ExportRequest(Request):
 
     form: ClassVar[Literal["urdf", "dh", "controller"]]
 
-    model: Annotated[
-        Reference, Item(noun="model", argument="MODEL", help="Model file of `calibrate`.")
-    ]
+    model: CalibratedModel
     output: Annotated[Path, Output(names=NAMES, help=HELP)]
     lossy: Annotated[
         str,

@@ -18,7 +18,8 @@ from robotrue.app.reported import (
     check_report_request,
     write_draft,
 )
-from robotrue.app.request import InputFile, Item, Option, Reference, Request
+from robotrue.app.request import Item, Option, Reference, Request
+from robotrue.app.request_fields import CalibratedModel, Columns
 from robotrue.app.written_files import WrittenFiles
 from robotrue.core.units import MM
 
@@ -29,9 +30,7 @@ if TYPE_CHECKING:
 class ReportCalibrationRequest(Request):
     """Which model to certify, by which poses, with what else that counts in the budget."""
 
-    model: Annotated[
-        Reference, Item(noun="model", argument="MODEL", help="Model file of `calibrate`.")
-    ]
+    model: CalibratedModel
     test: Annotated[
         tuple[Reference, ...],
         Item(noun="measurement", argument="[TEST...]", help="Poses the calibration has not seen."),
@@ -55,7 +54,7 @@ class ReportCalibrationRequest(Request):
             help="Standard deviation of the process force, per axis, for the budget.",
         ),
     ] = 0.0
-    mapping: Annotated[Path | None, InputFile(help="Column mapping (TOML).")] = None
+    mapping: Columns = None
     simulated: Simulated = False
 
 

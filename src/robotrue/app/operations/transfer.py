@@ -15,13 +15,13 @@ from robotrue.app.presentation import Block, Facts, Note, Table
 from robotrue.app.request import (
     IN_JOBS,
     ON_COMMAND_LINE,
-    InputFile,
     Item,
     Option,
     Output,
     Reference,
     Request,
 )
+from robotrue.app.request_fields import ForeignColumns, ModelOutput
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, ModelMismatchError, ObservabilityError
@@ -62,16 +62,7 @@ class TransferRequest(Request):
             help="NAME=FILE[,region|campaign|unit]: measurements or a model; may be repeated.",
         ),
     ] = ()
-    output: Annotated[
-        Path,
-        Output(
-            names=("--output", "-o"),
-            what="a robotrue file",
-            suffixes=(".robotrue",),
-            saved_as="model.rtm",
-            help="Model file to write.",
-        ),
-    ]
+    output: ModelOutput
     measurements: Annotated[
         tuple[Reference, ...],
         Item(
@@ -85,9 +76,7 @@ class TransferRequest(Request):
         Reference | None,
         Item(noun="model", shells=IN_JOBS, needed_in=IN_JOBS, help="Model to bring up to date."),
     ] = None
-    mapping: Annotated[
-        Path | None, InputFile(help="Column mapping (TOML) for files of another layout.")
-    ] = None
+    mapping: ForeignColumns = None
     report: Annotated[
         Path | None,
         Output(what="a page", suffixes=(".html", ".htm"), help="Also write a report page (HTML)."),
