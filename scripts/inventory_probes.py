@@ -198,9 +198,9 @@ def _stated(operation: Any) -> Iterator[str]:
             form = (
                 "items"
                 if field.many or field.entry.listed
-                else "item_or_none"
-                if field.optional
                 else "item"
+                if field.is_required(JOB)
+                else "item_or_none"
             )
             yield f"{field.name}: {form} {field.entry.noun}"
         elif isinstance(field.entry, Output):
@@ -289,7 +289,7 @@ def dynamics_formats() -> Iterator[str]:
 
 def reports() -> Iterator[str]:
     """Yields subjects, forms and languages of reports, and the languages of the workbench."""
-    from robotrue.cli.job_report import FORMS, SUBJECTS
+    from robotrue.app.operations.report import FORMS, SUBJECTS
     from robotrue.report.words import CATALOGS
 
     yield from (f"subject {each}" for each in SUBJECTS)
@@ -333,8 +333,9 @@ def presets() -> Iterator[str]:
 
 def store() -> Iterator[str]:
     """Yields nouns of the workspace, and what exports say they cannot."""
+    from robotrue.app.exported_arm import ExportRequest
     from robotrue.app.outputs import FORMATS
-    from robotrue.cli.export import PLACES
+    from robotrue.app.request import fields_of
     from robotrue.report import export_controller, export_dh, export_urdf
     from robotrue.store.nouns import NOUNS
 
@@ -345,7 +346,8 @@ def store() -> Iterator[str]:
         ("urdf", export_urdf),
     ):
         yield from (f"export {name} without {part}" for part in module.CANNOT)
-    yield from (f"export at {each}" for each in PLACES)
+    (place,) = [each for each in fields_of(ExportRequest) if each.name == "at"]
+    yield from (f"export at {each}" for each in place.choices)
     yield from (f"output {suffix}" for suffix in FORMATS)
 
 

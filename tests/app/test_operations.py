@@ -71,11 +71,11 @@ def test_a_job_has_the_defaults_of_its_request(name: str) -> None:
     needed: dict[str, Any] = {
         field.name: ["x"] if field.many else "x"
         for field in fields_of(operation.request)
-        if field.required and isinstance(field.entry, Item)
+        if field.is_required(JOB) and isinstance(field.entry, Item)
     }
     request = stated_parameters(operation, needed).request
     for field in fields_of(operation.request):
-        if not field.required and not isinstance(field.entry, Output):
+        if not field.is_required(JOB) and not isinstance(field.entry, Output):
             assert getattr(request, field.name) == field.default
     schema = parameters_model(operation.request).model_json_schema()
     assert schema["additionalProperties"] is False

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pandas as pd
 import pytest
 import shop
 
-from robotrue.cli.transfer import parse_source
+from robotrue.app.transfer_sources import StatedSource, parse_source
 from robotrue.errors import ConfigurationError
 from robotrue.store.model_file import read_model
 
@@ -102,7 +103,7 @@ def test_curve_and_page(cli, few):
     ],
 )
 def test_a_source_is_name_file_relation(text, name, file, relation):
-    assert parse_source(text) == (name, type(parse_source(text)[1])(file), relation)
+    assert parse_source(text) == StatedSource(name=name, path=Path(file), relation=relation)
 
 
 @pytest.mark.parametrize(

@@ -73,6 +73,12 @@ class Context(Protocol):
         """
         ...
 
+    def unchecked_rows(
+        self, cell: Cell, reference: Reference, mapping: Path | None = None
+    ) -> MeasurementSet:
+        """Returns one set of measured poses as it stands, in the cell's frame, not yet checked."""
+        ...
+
     def cell_file(self, reference: Reference) -> Path:
         """Returns a cell.toml, the files it names beside it."""
         ...
@@ -85,8 +91,15 @@ class Context(Protocol):
         """Returns the registered cell.toml, its model beside it."""
         ...
 
-    def program_files(self, references: Sequence[Reference]) -> tuple[Path, ...]:
-        """Returns the files of one job of the robot, the program first."""
+    def program_files(
+        self, references: Sequence[Reference], folder: str = "before"
+    ) -> tuple[Path, ...]:
+        """Returns the files of one job of the robot, the program first.
+
+        Args:
+            references: The files, or the one program of a workspace.
+            folder: Where those of a workspace lie: another one for each program.
+        """
         ...
 
     def output(self, path: Path) -> Path:

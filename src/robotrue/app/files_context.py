@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from robotrue.app.context import OpenedInputs
 from robotrue.app.outputs import check_output
 from robotrue.app.reporting import Message, Reporter
-from robotrue.app.request import InputFile, Item, Output, Reference, Request, fields_of
+from robotrue.app.request import Output, Reference, Request, fields_of, input_paths, paths_in
 from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -65,6 +65,14 @@ class FilesContext(OpenedInputs):
         least = FEWEST_ROWS if minimum is None else minimum
         return read_together(cell, paths, mapping, reporter=self, minimum=least)
 
+    def unchecked_rows(
+        self, cell: Cell, reference: Reference, mapping: Path | None = None
+    ) -> MeasurementSet:
+        """Returns the rows of one measurement file as it stands."""
+        from robotrue.app.measured_rows import read_rows
+
+        return read_rows(cell, _path(reference), mapping, reporter=self)
+
     def cell_file(self, reference: Reference) -> Path:
         """Returns the path of a cell.toml."""
         return _path(reference)
@@ -77,7 +85,9 @@ class FilesContext(OpenedInputs):
         """Returns the path of a registered cell.toml."""
         return _path(reference)
 
-    def program_files(self, references: Sequence[Reference]) -> tuple[Path, ...]:
+    def program_files(
+        self, references: Sequence[Reference], folder: str = "before"
+    ) -> tuple[Path, ...]:
         """Returns the paths of program files, or of the folder of a job."""
         return tuple(_path(each) for each in references)
 
@@ -92,23 +102,11 @@ def check_outputs(request: Request) -> None:
     Raises:
         ConfigurationError: As :func:`robotrue.app.outputs.check_output`.
     """
-    fields = fields_of(type(request))
-    inputs = [
-        path
-        for field in fields
-        if isinstance(field.entry, Item | InputFile)
-        for path in _paths(getattr(request, field.name))
-    ]
-    for field in fields:
+    inputs = input_paths(request)
+    for field in fields_of(type(request)):
         if isinstance(field.entry, Output):
-            for path in _paths(getattr(request, field.name)):
+            for path in paths_in(getattr(request, field.name)):
                 check_output(path, inputs, folder=field.entry.folder)
-
-
-def _paths(value: Any) -> Iterator[Path]:
-    for each in value if isinstance(value, tuple) else (value,):
-        if isinstance(each, Path):
-            yield each
 
 
 def _path(reference: Reference) -> Path:

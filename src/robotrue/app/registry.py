@@ -19,10 +19,22 @@ if TYPE_CHECKING:
 
 FOLDER: Final = Path(__file__).with_name("operations")
 PACKAGE: Final = "robotrue.app.operations"
-GROUPS: Final = frozenset(
-    {"drill", "dynamics", "export", "jobs", "record", "report", "sense", "simulate", "workspace"}
-)
-"""Commands of commands; the file of ``report calibration`` is ``report_calibration.py``."""
+GROUPS: Final[Mapping[str, str]] = {
+    "drill": "",
+    "dynamics": "",
+    "export": "Write the calibrated robot for other programs; what they cannot take must be named.",
+    "record": "",
+    "report": "Write a report to hand over: HTML, PDF and JSON, in English or Chinese.",
+    "sense": "",
+    "simulate": "",
+    "workspace": "",
+    "jobs": "",
+}
+"""Commands of commands in their order, with their help; a ``*_commands`` file makes those without.
+
+The file of ``report calibration`` is ``report_calibration.py``. A file named as its group has no
+command: ``report.py`` is the kind of job.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,13 +52,13 @@ class Listing:
     @property
     def group(self) -> str:
         """The command it is below; empty for most."""
-        group, _, rest = self.name.partition("_")
-        return group if rest and group in GROUPS else ""
+        group = self.name.partition("_")[0]
+        return group if group in GROUPS else ""
 
     @property
     def command(self) -> str:
-        """Its name on the command line, without the group."""
-        return self.name.removeprefix(f"{self.group}_" if self.group else "").replace("_", "-")
+        """Its name on the command line, without the group; empty for a kind of job alone."""
+        return self.name.removeprefix(self.group).removeprefix("_").replace("_", "-")
 
 
 @cache

@@ -72,6 +72,7 @@ class Option:
         offered: Least and largest number that forms offer; the limits of the type go further.
         example: Of a text, for forms.
         shells: Which of command line, jobs and forms have it.
+        needed_in: Shells in which it has to be stated although it has a default.
     """
 
     help: str
@@ -83,6 +84,7 @@ class Option:
     offered: tuple[float, float] | None = None
     example: str = ""
     shells: frozenset[str] = ALL
+    needed_in: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -168,6 +170,10 @@ class RequestField:
         """Returns whether a shell has it."""
         return shell in self.entry.shells
 
+    def is_required(self, shell: str) -> bool:
+        """Returns whether it has to be stated in a shell."""
+        return self.required or shell in self.entry.needed_in
+
 
 @cache
 def fields_of(request: type[Request]) -> tuple[RequestField, ...]:
@@ -200,3 +206,20 @@ def _field(request: type[Request], name: str, info: FieldInfo) -> RequestField:
         entry=entry,
         info=info,
     )
+
+
+def input_paths(request: Request) -> list[Path]:
+    """Returns the files that a request reads, as they were stated."""
+    return [
+        path
+        for field in fields_of(type(request))
+        if isinstance(field.entry, Item | InputFile)
+        for path in paths_in(getattr(request, field.name))
+    ]
+
+
+def paths_in(value: Any) -> list[Path]:
+    """Returns the files among the values of a field."""
+    return [
+        each for each in (value if isinstance(value, tuple) else (value,)) if isinstance(each, Path)
+    ]

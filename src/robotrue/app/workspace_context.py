@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from robotrue.app.context import OpenedInputs
+from robotrue.app.context import Context, OpenedInputs
 from robotrue.app.job_naming import Naming
 from robotrue.app.measured_rows import FEWEST_ROWS, join_rows
 from robotrue.app.reporting import Message
@@ -99,10 +99,16 @@ class WorkspaceContext(OpenedInputs):
         minimum: int | None = None,
     ) -> MeasurementSet:
         """Returns measurement sets as one; they were mapped when they were imported."""
-        records = self.records(MEASUREMENT, references)
-        rows = [measurements.rows_of(self.work.workspace, each) for each in records]
+        rows = [self.unchecked_rows(cell, each) for each in references]
+        names = [each.name for each in self.records(MEASUREMENT, references)]
         least = FEWEST_ROWS if minimum is None else minimum
-        return join_rows(cell, rows, [each.name for each in records], reporter=self, minimum=least)
+        return join_rows(cell, rows, names, reporter=self, minimum=least)
+
+    def unchecked_rows(
+        self, cell: Cell, reference: Reference, mapping: Path | None = None
+    ) -> MeasurementSet:
+        """Returns the rows of one measurement set as it stands."""
+        return measurements.rows_of(self.work.workspace, self.record(MEASUREMENT, reference))
 
     def cell_file(self, reference: Reference) -> Path:
         """Returns where a cell.toml lies for this job, with the files it names."""
@@ -119,7 +125,9 @@ class WorkspaceContext(OpenedInputs):
         record = self.record(REGISTRATION, reference)
         return laid_out(self.work.workspace, record, self.work.folder, CELL_FILE)[0]
 
-    def program_files(self, references: Sequence[Reference]) -> tuple[Path, ...]:
+    def program_files(
+        self, references: Sequence[Reference], folder: str = "before"
+    ) -> tuple[Path, ...]:
         """Returns where the files of a program lie for this job.
 
         Raises:
@@ -128,7 +136,7 @@ class WorkspaceContext(OpenedInputs):
         if len(references) != 1:
             raise ConfigurationError(f"{len(references)} programs, expected one.")
         record = self.record(PROGRAM, references[0])
-        return programs.laid(self.work.workspace, record, self.folder("before"))
+        return programs.laid(self.work.workspace, record, self.folder(folder))
 
     def folder(self, name: str) -> Path:
         """Returns a folder of this job."""
@@ -170,6 +178,17 @@ class WorkspaceContext(OpenedInputs):
         )
         simulated = provenance_of_record(made).simulated
         return {"document": ref_document(made.ref), "simulated": simulated}
+
+
+def require_workspace(context: Context) -> WorkspaceContext:
+    """Returns the context of an operation that needs a workspace.
+
+    Raises:
+        ConfigurationError: It runs on files.
+    """
+    if not isinstance(context, WorkspaceContext):
+        raise ConfigurationError("items of a workspace are needed here, not files.")
+    return context
 
 
 def ref_document(ref: Ref) -> dict[str, Any]:

@@ -32,7 +32,7 @@ from robotrue.core.columns import EMPTY, Column, Columns
 from robotrue.errors import ModelMismatchError, ShapeError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel, parameter_slice
-from robotrue.robot.statics import NO_LOAD, Load, rows_of
+from robotrue.robot.statics import NO_LOAD, Load
 
 RIGID_FLEXIBLE: Final = "error-model/rigid-flexible"
 LEARNED: Final = "error-model/learned"
@@ -148,7 +148,7 @@ class CalibratedModel(Columns):
             part = slice(start, start + _ROWS)
             rows = Query(
                 joints=query.joints[part],
-                load=rows_of(query.load, part),
+                load=query.load.take(part),
                 approach=query.approach[part],
                 temperature=query.temperature[part],
                 T_flange_tool=query.T_flange_tool,

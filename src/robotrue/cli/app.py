@@ -21,7 +21,6 @@ app = typer.Typer(
 
 Json = Annotated[bool, typer.Option("--json", help="Machine-readable result on stdout.")]
 CellFile = Annotated[Path, typer.Argument(metavar="CELL", help="cell.toml")]
-ModelFile = Annotated[Path, typer.Argument(metavar="MODEL", help="Model file of `calibrate`.")]
 
 
 def _version(value: bool) -> None:

@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from robotrue.app.force_options import read_force_options
 from robotrue.app.job_outputs import job_outputs
 from robotrue.app.outputs import check_output
 from robotrue.app.registered import opened, provenance_used
@@ -18,13 +19,12 @@ from robotrue.calibration.identity import identity_of
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.nominal import NominalModel
 from robotrue.cell.cell import Cell
+from robotrue.cell.cutter_axis import cutter_axis
 from robotrue.cell.frame_table import frame_table
 from robotrue.cell.part import PartFrame
 from robotrue.cli.console import emit_json, remark, say, say_mark
-from robotrue.cli.cutter import cutter_axis
 from robotrue.cli.free_spin import require_free, sentences, spun
 from robotrue.cli.long_program import ALONE, Staff, compensated_in_blocks, outlined
-from robotrue.cli.process_force import StatedForce, described, stated_forces, useless
 from robotrue.cli.split import (
     NOT_SPLIT,
     Between,
@@ -39,6 +39,7 @@ from robotrue.compensation.process_force import DescribedForce
 from robotrue.compensation.result import Compensation, unchanged
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.stance import sentence, start_joints
+from robotrue.compensation.stated_force import StatedForce, note_rigid_model, state_forces
 from robotrue.compensation.steps import Steps, job_steps, joined
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.files import sha256, write_atomic
@@ -161,7 +162,7 @@ def compensated(request: Request, *, told: Progress = unheard) -> dict[str, Any]
     """
     ground = _ground(request)
     job = _job(request, ground)
-    forces = stated_forces(ground.stated, job.programs)
+    forces = state_forces(ground.stated, job.programs)
     rewritten, between, seen = _rewritten(request, ground, job, forces, told)
     steps = job_steps(seen) if seen else Steps()
     _require_steps(request, job, steps, [document for _, document in rewritten])
@@ -220,7 +221,7 @@ def _ground(request: Request) -> Ground:
         model=model,
         frame=frame,
         used=identity_of(model or NominalModel(robot=cell.robot)),
-        stated=described(cell, request.wrench, request.force, request.cutter),
+        stated=read_force_options(cell, request.wrench, request.force, request.cutter),
         table=frame_table(cell),
         home=start_joints(cell.robot, cell.controller.start, request.start),
     )
@@ -298,7 +299,7 @@ def _in_blocks(
     pushed = StatedForce(wrench=np.asarray(ground.stated))
     in_use = found.T_base_frame[found.judged[found.judged[:, 2] == Reason.NONE, 0]]
     beside = "moves between points beside it and its own are not looked at for steps."
-    notes = [*_frame_notes(in_use, ground.frame), *useless(pushed, ground.model)]
+    notes = [*_frame_notes(in_use, ground.frame), *note_rigid_model(pushed, ground.model)]
     for note in [*([beside] if any(len(p.path) for p in job.programs) else []), *notes]:
         remark(found.name, note)
     settings = _settings(request, ground, pushed)
@@ -320,7 +321,11 @@ def _whole(
     """Writes a program that was held whole."""
     data, document = made
     in_use = program.T_base_frame[program.frame[program.reason == Reason.NONE]]
-    notes = [*program.notes, *_frame_notes(in_use, ground.frame), *useless(force, ground.model)]
+    notes = [
+        *program.notes,
+        *_frame_notes(in_use, ground.frame),
+        *note_rigid_model(force, ground.model),
+    ]
     for note in notes:
         remark(program.name, note)
     write_atomic(target, data)

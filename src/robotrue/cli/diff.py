@@ -3,31 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
+from robotrue.app.force_options import read_force_options
 from robotrue.app.outputs import check_output
+from robotrue.app.program_differences import differences
 from robotrue.app.registered import opened, provenance_used
-from robotrue.calibration.model import ErrorModel
-from robotrue.cell.cell import Cell
-from robotrue.cell.frame_table import frame_table
 from robotrue.cli.console import emit_json, emit_table, say, say_mark
-from robotrue.cli.process_force import StatedForce, described, stated_forces
-from robotrue.compensation.difference import Change, Difference, difference
-from robotrue.compensation.process_force import DescribedForce
+from robotrue.compensation.difference import Change, Difference
 from robotrue.compensation.stance import start_joints
 from robotrue.core.arrays import Array
 from robotrue.core.csv_text import csv_text
 from robotrue.core.files import write_atomic
 from robotrue.core.provenance import Provenance, mark_line
 from robotrue.core.units import DEG, MM, UM
-from robotrue.errors import ConfigurationError, ModelMismatchError
-from robotrue.program.formats import read_job
-from robotrue.program.program import FrameTable
-from robotrue.robot.statics import Load
+from robotrue.errors import ConfigurationError
 from robotrue.validation.error_map import radius_95
 
 SHOWN: Final = 20
@@ -60,7 +53,7 @@ def run(
         raise ConfigurationError(
             "a process force without --model: errors are not predicted.", hint="--model MODEL"
         )
-    stated = np.empty(0) if cell is None else described(cell, wrench, force, cutter)
+    stated = np.empty(0) if cell is None else read_force_options(cell, wrench, force, cutter)
     home = np.empty(0) if cell is None else start_joints(cell.robot, cell.controller.start, start)
     found = differences(first, second, cell, model, stated, home)
     rows = [row for name, one in found for row in _rows(name, one)]
@@ -74,49 +67,6 @@ def run(
         return
     for name, one in found:
         _show(name, one, origin)
-
-
-def differences(
-    first: Path,
-    second: Path,
-    cell: Cell | None,
-    model: ErrorModel | None,
-    force: Array | DescribedForce,
-    home: Array,
-) -> list[tuple[str, Difference]]:
-    """Returns name and difference of each file of two jobs.
-
-    Args:
-        first: Program as CAM made it.
-        second: The same with other numbers.
-        cell: Frames, tools and payload; None to compare numbers alone.
-        model: For predicted errors; None without.
-        force: From :func:`robotrue.cli.process_force.described`.
-        home: (6,) rad, start posture; empty where none is stated.
-
-    Raises:
-        ModelMismatchError: Jobs of another number of files, or other programs.
-    """
-    frames = FrameTable() if cell is None else frame_table(cell)
-    jobs = read_job(first, frames), read_job(second, frames)
-    if len(jobs[0]) != len(jobs[1]):
-        raise ModelMismatchError(
-            f"{first.name} is a job of {len(jobs[0])} files, {second.name} of {len(jobs[1])}.",
-            source=second,
-            hint="put the companions of both programs beside them.",
-        )
-    if cell is None:
-        return [(a.name, difference(a, b)) for a, b in zip(*jobs, strict=True)]
-    forces = stated_forces(force, jobs[0])
-    return [
-        (a.name, difference(a, b, model=model, load=_load(cell.payload, pushed), home=home))
-        for a, b, pushed in zip(*jobs, forces, strict=True)
-    ]
-
-
-def _load(payload: Load, force: StatedForce) -> Load:
-    wrench = np.atleast_2d(force.wrench) if force.wrench.size else payload.wrench
-    return replace(payload, wrench=wrench)
 
 
 def _rows(name: str, found: Difference) -> list[dict[str, Any]]:

@@ -205,8 +205,9 @@ def run_report(
     as_json: bool,
 ) -> None:
     """Writes the report of a model on clamps with known tilts, and its JSON twin."""
-    from robotrue.cli.report_output import check_reports, write_reports
+    from robotrue.app.reported import check_reports
     from robotrue.report.drilling_report import drilling_content
+    from robotrue.report.report_files import write_reports
     from robotrue.report.words import language
 
     speech = language(lang)
@@ -221,6 +222,7 @@ def run_report(
     origin = replace(merge([model.provenance, data.provenance]), simulated=content.simulated)
     say_mark(origin)
     written = write_reports([output], content)
+    say(f"report written to {', '.join(str(path) for path in written)}")
     if as_json:
         twin = str(written[-1])
         emit_json({"output": str(output), "json": twin, **evaluation_document(result)}, origin)

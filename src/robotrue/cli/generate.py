@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from functools import cached_property
 from inspect import Parameter, Signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
-from typer.models import CommandInfo
+from typer.models import CommandInfo, TyperInfo
 
-from robotrue.app.registry import Listing, listings
+from robotrue.app.registry import GROUPS, Listing, listings
 from robotrue.cli.app import Json
+from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from robotrue.app.request import Request, RequestField
@@ -72,14 +74,15 @@ def _stated(request: type[Request], values: Mapping[str, Any]) -> dict[str, Any]
 
 def _parameter(field: RequestField) -> Parameter:
     from robotrue.app.outputs import writes
-    from robotrue.app.request import Item, Output
+    from robotrue.app.request import CLI, Item, Output
 
     entry = field.entry
     is_path = isinstance(entry, Item | Output) or field.kind is Path
     kind: Any = Path if is_path else str if field.choices else field.kind
     if field.many:
         kind = list[kind]
-    if field.optional or (field.many and not field.required):
+    required = field.is_required(CLI)
+    if not required and (field.optional or field.many):
         kind = kind | None
     callback = None
     if isinstance(entry, Output) and entry.suffixes:
@@ -91,7 +94,7 @@ def _parameter(field: RequestField) -> Parameter:
         if field.kind is bool and not names and not entry.paired:
             names = (field.option,)
         presented = typer.Option(*names, metavar=entry.metavar, help=entry.help, callback=callback)
-    default = Parameter.empty if field.required else field.default or _blank(field)
+    default = Parameter.empty if required else field.default or _blank(field)
     return Parameter(
         field.name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, presented]
     )
@@ -106,22 +109,50 @@ def register_operations(app: typer.Typer, order: Sequence[str]) -> None:
     """Adds the commands of all operations to the application and its groups.
 
     Args:
-        app: The application, with its groups and with the commands that are not made here.
-        order: Names of commands that stand first in its help.
+        app: The application, with the groups and commands that are not made here.
+        order: Names of commands that stand first in the help, with their group before them.
     """
-    groups = {
-        each.typer_instance.info.name: each.typer_instance
-        for each in app.registered_groups
-        if each.typer_instance is not None
-    }
+    for name, text in GROUPS.items():
+        if text:
+            app.add_typer(make_group(name, text))
+    app.registered_groups.sort(key=lambda each: list(GROUPS).index(str(_group(each).info.name)))
+    groups = {str(_group(each).info.name): _group(each) for each in app.registered_groups}
     for listing in listings():
+        if not listing.command:
+            continue
         target = groups[listing.group] if listing.group else app
         target.registered_commands.append(
             CommandInfo(name=listing.command, callback=GeneratedCommand(listing), help=listing.help)
         )
-    app.registered_commands.sort(
-        key=lambda each: order.index(name_of(each)) if name_of(each) in order else len(order)
+    for group, target in {"": app, **groups}.items():
+        _sort_commands(target, group, order)
+
+
+def make_group(name: str, text: str) -> typer.Typer:
+    """Returns a command of commands that has none yet."""
+    return typer.Typer(
+        name=name,
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+        help=text,
     )
+
+
+def _group(info: TyperInfo) -> typer.Typer:
+    """The commands of a group; all of ours have some."""
+    if info.typer_instance is None:
+        raise ConfigurationError(f"the group {info.name!r} of commands is empty.")
+    return info.typer_instance
+
+
+def _sort_commands(target: typer.Typer, group: str, order: Sequence[str]) -> None:
+    def place(command: CommandInfo) -> int:
+        name = f"{group} {name_of(command)}".strip()
+        return order.index(name) if name in order else len(order)
+
+    target.registered_commands.sort(key=place)
 
 
 def name_of(command: CommandInfo) -> str:
@@ -129,8 +160,17 @@ def name_of(command: CommandInfo) -> str:
     return command.name or getattr(command.callback, "__name__", "").replace("_", "-")
 
 
-def without_options(command: CommandInfo) -> CommandInfo:
-    """Returns a command for a list of commands: its operation is not imported."""
+def without_options(app: typer.Typer) -> typer.Typer:
+    """Returns an application for a list of its commands: no operation is imported."""
+    listed = copy(app)
+    listed.registered_commands = [_without_options(each) for each in app.registered_commands]
+    listed.registered_groups = [copy(each) for each in app.registered_groups]
+    for each in listed.registered_groups:
+        each.typer_instance = without_options(_group(each))
+    return listed
+
+
+def _without_options(command: CommandInfo) -> CommandInfo:
     if not isinstance(command.callback, GeneratedCommand):
         return command
 

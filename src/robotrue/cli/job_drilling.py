@@ -9,7 +9,6 @@ import numpy as np
 
 from robotrue.cli.drill import AUTO, evaluation_document, kind_of, setup_of, terms_of
 from robotrue.cli.job_items import asked_of, heard, leave_document
-from robotrue.cli.report_output import write_reports
 from robotrue.core.json_values import json_values
 from robotrue.core.units import DEG
 from robotrue.drilling.campaign_checks import check_campaign
@@ -23,6 +22,7 @@ from robotrue.drilling.model_archive import read_model, write_model
 from robotrue.drilling.model_document import model_document
 from robotrue.errors import ConfigurationError
 from robotrue.report.drilling_report import drilling_content
+from robotrue.report.report_files import write_reports
 from robotrue.report.words import language
 from robotrue.store.jobs_work import Publish, Work
 from robotrue.store.layout import laid_out
@@ -89,6 +89,7 @@ def drill_report(work: Work) -> Publish:
             model, data, result, digest=digest, limit=limit * DEG, lang=speech
         )
         made = write_reports([work.folder / "report.html"], content)
+        work.remark(f"report written to {', '.join(path.name for path in made)}")
     detail = {
         **evaluation_document(result),
         "limit_deg": limit,

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from robotrue.cell.cell import Cell
-from robotrue.cell.config import read_cell
 from robotrue.cli.console import stderr
-from robotrue.cli.inputs import joined
 from robotrue.cli.job_parameters import Parameters
-from robotrue.measurement.measurement_set import MeasurementSet
-from robotrue.store import cells, documents, measurements
+from robotrue.store import cells, documents
 from robotrue.store.jobs_work import Publish, Work
 from robotrue.store.provenance import provenance_of_record
-from robotrue.store.records import CellRecord, Link, MeasurementRecord, Record, Ref
+from robotrue.store.records import CellRecord, Link, Record, Ref
 from robotrue.store.workspace import Transaction
 
 NAMED: Final = ("name", "note")
@@ -33,22 +29,6 @@ def cell_file(work: Work, record: CellRecord) -> Path:
     folder = work.folder / "cell"
     folder.mkdir()
     return cells.laid(work.workspace, record, folder)
-
-
-def cell_of(work: Work, record: CellRecord) -> Cell:
-    """Returns a cell of the workspace; its doubts become remarks."""
-    cell = read_cell(cell_file(work, record))
-    for doubt in cell.doubts:
-        work.remark(doubt)
-    return cell
-
-
-def rows_of(
-    work: Work, cell: Cell, sets: Sequence[MeasurementRecord], *, minimum: int = 6
-) -> MeasurementSet:
-    """Returns measurement sets of the workspace as one, checked for plausibility."""
-    rows = [measurements.rows_of(work.workspace, each) for each in sets]
-    return joined(cell, rows, [each.name for each in sets], minimum=minimum)
 
 
 @contextlib.contextmanager

@@ -31,10 +31,6 @@ class Parameters:
             )
         self._workspace, self._stated = workspace, stated
 
-    def stated(self, name: str) -> bool:
-        """Returns whether anything is stated."""
-        return self._stated.get(name) is not None
-
     def text(self, name: str, default: str) -> str:
         """Returns a text."""
         value = self._stated.get(name, default)
@@ -57,25 +53,11 @@ class Parameters:
         """Returns a number, None where nothing is stated."""
         return None if self._stated.get(name) is None else self.number(name, 0.0)
 
-    def whole(self, name: str, default: int) -> int:
-        """Returns a whole number."""
-        value = self._stated.get(name, default)
-        if isinstance(value, bool) or not isinstance(value, int):
-            raise _wrong(name, value, "a whole number")
-        return value
-
     def flag(self, name: str, default: bool) -> bool:
         """Returns true or false."""
         value = self._stated.get(name, default)
         if not isinstance(value, bool):
             raise _wrong(name, value, "true or false")
-        return value
-
-    def texts(self, name: str) -> list[str]:
-        """Returns a list of texts, empty where nothing is stated."""
-        value = self._stated.get(name, [])
-        if not isinstance(value, list) or not all(isinstance(each, str) for each in value):
-            raise _wrong(name, value, "a list of texts")
         return value
 
     def item(self, noun: Noun[R], name: str) -> R:
@@ -96,18 +78,6 @@ class Parameters:
         """Returns the item that is meant, None where none is stated."""
         value = self._stated.get(name)
         return None if value is None else self._meant(noun, name, value)
-
-    def items(self, noun: Noun[R], name: str) -> list[R]:
-        """Returns the items that are meant, one or more.
-
-        Raises:
-            ConfigurationError: None, or one that is not in the workspace, or deleted.
-        """
-        value = self._stated.get(name, [])
-        listed = value if isinstance(value, list) else [value]
-        if not listed:
-            raise _wrong(name, value, f"one {noun.name} or more")
-        return [self._meant(noun, name, each) for each in listed]
 
     def _meant(self, noun: Noun[R], name: str, value: Any) -> R:
         version = None

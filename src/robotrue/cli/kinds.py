@@ -12,7 +12,5 @@ KINDS: Final[Mapping[str, str]] = {
     "compensate": "robotrue.cli.job_kinds:compensate",
     "drill_fit": "robotrue.cli.job_drilling:drill_fit",
     "drill_report": "robotrue.cli.job_drilling:drill_report",
-    "report": "robotrue.cli.job_report:report",
-    "transfer": "robotrue.cli.job_drift:transfer",
 }
 """``module:function`` by name."""

@@ -20,14 +20,11 @@ from typing import Annotated, Final
 import typer
 
 from robotrue.cli import (
-    arm_commands,
     drill_commands,
     dynamics_commands,
-    export_commands,
     part_commands,
     program_commands,
     record_commands,
-    report_commands,
     sense_commands,
     serve_commands,
     simulate_commands,
@@ -39,14 +36,11 @@ from robotrue.errors import RobotrueError
 
 __all__ = [
     "app",
-    "arm_commands",
     "drill_commands",
     "dynamics_commands",
-    "export_commands",
     "part_commands",
     "program_commands",
     "record_commands",
-    "report_commands",
     "run",
     "sense_commands",
     "serve_commands",
@@ -56,6 +50,23 @@ __all__ = [
 
 INTERRUPTED = 130
 """What the command line library makes of Ctrl-C."""
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder for everything the demo makes.")] = Path(
+        "demo-out"
+    ),
+    data: Annotated[
+        Path | None, typer.Option(help="Folder of measured data: the same job on a real UR10.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the virtual cell.")] = 1,
+    json: Json = False,
+) -> None:
+    """Measure, calibrate, validate, compensate and re-measure a virtual cell (or real data)."""
+    from robotrue.cli.demo import run
+
+    run(out=out, data=data, seed=seed, as_json=json)
 
 
 @app.command()
@@ -113,6 +124,9 @@ ORDER: Final = (
     "map",
     "drift",
     "drift-plan",
+    "export urdf",
+    "export dh",
+    "export controller",
 )
 """Commands in the order of the work, for the help; others follow as they are registered."""
 register_operations(app, ORDER)
@@ -161,9 +175,7 @@ def _asked() -> typer.Typer:
     ]
     if only.registered_commands or only.registered_groups:
         return only
-    only.registered_commands = [without_options(each) for each in app.registered_commands]
-    only.registered_groups = app.registered_groups
-    return only
+    return without_options(app)
 
 
 def _report(error: RobotrueError) -> None:

@@ -15,10 +15,10 @@ from robotrue.calibration.identity import identity_of
 from robotrue.calibration.nominal import NominalModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
+from robotrue.cell.cutter_axis import cutter_axis
 from robotrue.cell.part import PartFrame
 from robotrue.cli.compensate import Request, compensated
 from robotrue.cli.console import count, emit_json, emit_table, say, say_mark
-from robotrue.cli.cutter import cutter_axis
 from robotrue.cli.steps import StepRule
 from robotrue.core.arrays import Array
 from robotrue.core.files import read_bytes, sha256, write_atomic

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Facts, Note
-from robotrue.app.request import InputFile, Item, Option, Output, Reference, Request
+from robotrue.app.request import Item, Option, Reference, Request
+from robotrue.app.request_fields import ForeignColumns, ModelOutput, SavedPage
 from robotrue.core.provenance import Provenance
 
 if TYPE_CHECKING:
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
     from robotrue.store.workspace import Transaction
     from robotrue.validation.contest import Selection
 
-MODEL_FILE: Final = "model.rtm"
-PAGE: Final = "report.html"
 TITLE: Final = "Calibration, on its own poses"
 FIT_REMARK: Final = " (fit residuals; hold poses out and validate for the truth)"
 SHOWN_ROWS: Final = 10
@@ -37,32 +36,13 @@ class CalibrateRequest(Request):
         tuple[Reference, ...],
         Item(noun="measurement", argument="MEAS...", help="Measurements."),
     ]
-    output: Annotated[
-        Path,
-        Output(
-            names=("--output", "-o"),
-            what="a robotrue file",
-            suffixes=(".robotrue",),
-            saved_as=MODEL_FILE,
-            help="Model file to write.",
-        ),
-    ]
+    output: ModelOutput
     method: Annotated[
         Literal["auto", "nominal", "geometric", "elastic", "ripple", "gp"],
         Option(help="auto, or one of nominal, geometric, elastic, ripple, gp."),
     ] = "auto"
-    mapping: Annotated[
-        Path | None, InputFile(help="Column mapping (TOML) for files of another layout.")
-    ] = None
-    report: Annotated[
-        Path | None,
-        Output(
-            what="a page",
-            suffixes=(".html", ".htm"),
-            saved_as=PAGE,
-            help="Also write a report page (HTML).",
-        ),
-    ] = None
+    mapping: ForeignColumns = None
+    report: SavedPage = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

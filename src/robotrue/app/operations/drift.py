@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Facts, Note, Table
-from robotrue.app.request import InputFile, Item, Option, Reference, Request
+from robotrue.app.request import Item, Option, Reference, Request
+from robotrue.app.request_fields import CalibratedModel, Columns
 from robotrue.core.provenance import Provenance, marked_document, merge
 from robotrue.core.units import DEG, MM
 from robotrue.validation.drift_defaults import FEWEST, LEVEL
@@ -32,9 +33,7 @@ MOST_CAUSES: Final = 6
 class DriftRequest(Request):
     """Which model to check with which poses."""
 
-    model: Annotated[
-        Reference, Item(noun="model", argument="MODEL", help="Model file of `calibrate`.")
-    ]
+    model: CalibratedModel
     measurements: Annotated[
         Reference,
         Item(
@@ -48,7 +47,7 @@ class DriftRequest(Request):
         float,
         Option(advanced=True, help="Share of checks that may call an unchanged robot changed."),
     ] = LEVEL
-    mapping: Annotated[Path | None, InputFile(help="Column mapping (TOML).")] = None
+    mapping: Columns = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Table
-from robotrue.app.request import Item, Option, Output, Reference, Request
+from robotrue.app.request import Option, Output, Request
+from robotrue.app.request_fields import CalibratedModel
 from robotrue.core.provenance import Provenance, marked_document
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
@@ -25,9 +26,7 @@ if TYPE_CHECKING:
 class DriftPlanRequest(Request):
     """For which model to choose poses."""
 
-    model: Annotated[
-        Reference, Item(noun="model", argument="MODEL", help="Model file of `calibrate`.")
-    ]
+    model: CalibratedModel
     output: Annotated[
         Path,
         Output(

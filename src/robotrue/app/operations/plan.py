@@ -13,6 +13,7 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Note, Table
 from robotrue.app.request import ALL, Item, Option, Output, Reference, Request
+from robotrue.app.request_fields import SavedPage
 from robotrue.core.provenance import Provenance, marked_document
 from robotrue.core.units import MM
 from robotrue.planning.plan_defaults import CANDIDATES, POSES, SEED
@@ -114,15 +115,7 @@ class PlanRequest(Request):
         int,
         Option(advanced=True, offered=(1, 8192), help="Digital output that triggers the tracker."),
     ] = TRIGGER_OUTPUT
-    report: Annotated[
-        Path | None,
-        Output(
-            what="a page",
-            suffixes=(".html", ".htm"),
-            saved_as="report.html",
-            help="Also write a report page (HTML).",
-        ),
-    ] = None
+    report: SavedPage = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Note
-from robotrue.app.request import InputFile, Item, Output, Reference, Request
+from robotrue.app.request import InputFile, Output, Request
+from robotrue.app.request_fields import CalibratedModel, Columns
 from robotrue.core.provenance import Provenance
 
 if TYPE_CHECKING:
@@ -22,9 +23,7 @@ if TYPE_CHECKING:
 class PredictRequest(Request):
     """Which errors to predict."""
 
-    model: Annotated[
-        Reference, Item(noun="model", argument="MODEL", help="Model file of `calibrate`.")
-    ]
+    model: CalibratedModel
     queries: Annotated[Path, InputFile(argument="QUERIES", help="CSV of joints, wrench.")]
     output: Annotated[
         Path,
@@ -32,7 +31,7 @@ class PredictRequest(Request):
             names=("--output", "-o"), what="a CSV table", suffixes=(".csv",), help="CSV to write."
         ),
     ]
-    mapping: Annotated[Path | None, InputFile(help="Column mapping (TOML).")] = None
+    mapping: Columns = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Note, Table
-from robotrue.app.request import InputFile, Item, Output, Reference, Request
+from robotrue.app.request import Item, Reference, Request
+from robotrue.app.request_fields import CalibratedModel, Columns, SavedPage
 from robotrue.core.provenance import Provenance, marked_document, merge
 from robotrue.core.units import MM
 
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from robotrue.validation.metrics import ErrorStatistics
     from robotrue.validation.report import ValidationReport
 
-PAGE: Final = "report.html"
 TITLE: Final = "Held-out validation"
 STEPS: Final = 3
 
@@ -28,23 +28,13 @@ STEPS: Final = 3
 class ValidateRequest(Request):
     """Which model to check, on which poses."""
 
-    model: Annotated[
-        Reference, Item(noun="model", argument="MODEL", help="Model file of `calibrate`.")
-    ]
+    model: CalibratedModel
     measurements: Annotated[
         tuple[Reference, ...],
         Item(noun="measurement", argument="MEAS...", help="Held-out poses."),
     ]
-    mapping: Annotated[Path | None, InputFile(help="Column mapping (TOML).")] = None
-    report: Annotated[
-        Path | None,
-        Output(
-            what="a page",
-            suffixes=(".html", ".htm"),
-            saved_as=PAGE,
-            help="Also write a report page (HTML).",
-        ),
-    ] = None
+    mapping: Columns = None
+    report: SavedPage = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -34,7 +34,7 @@ from robotrue.web.parts.interval import interval
 from robotrue.web.parts.job import JobCard, under_way
 from robotrue.web.parts.later import later
 from robotrue.web.parts.naming import heading, record_mark
-from robotrue.web.parts.reports import reports
+from robotrue.web.parts.reports import report_form, reports
 from robotrue.web.parts.request_form import RequestForm
 
 KNOWN: Final[Mapping[str, Tone]] = {
@@ -250,20 +250,11 @@ def _joints(bench: Bench, found: dict[str, Any]) -> str:
 
 async def _certificate(bench: Bench, model: ModelRecord) -> None:
     """The certificate of a model; poses it has not seen make it worth more."""
-    say, workspace = bench.say, bench.house.workspace
+    workspace = bench.house.workspace
     used = {each.id for each in model.linked("data")}
     found = (await bench.ask(items.listed, workspace, MEASUREMENT, Query(limit=50))).items
-    options = f'<option value="">{escape(say("reports.checked_on_none"))}</option>' + "".join(
-        f'<option value="{each.id}">{escape(each.name)} · {each.poses:,}</option>'
-        for each in found
-        if each.id not in used
-    )
-    fields = (
-        f"<label class='field'>{escape(say('reports.checked_on'))}"
-        f"<select name='measurements' data-testid='report-set'>{options}</select></label>"
-        f"<label class='field'>{escape(say('programs.tolerance'))}<input type='number' min='0.001' "
-        "step='any' name='tolerance_mm' style='width:130px'></label>"
-    )
+    unseen = [each for each in found if each.id not in used]
+    fields = report_form(bench, "measurements", "tolerance_mm", sets=unseen)
     await reports(bench, model, "model", page=f"/calibration?model={model.id}", fields=fields)
 
 

@@ -9,11 +9,12 @@ from typing import Final
 from nicegui import ui
 
 from robotrue import __version__
+from robotrue.app.operations.drift import DriftRequest
+from robotrue.app.operations.drift_plan import DriftPlanRequest
 from robotrue.errors import ConfigurationError
 from robotrue.store import items
 from robotrue.store.nouns import DOCUMENT, DRIFT_CHECK, MEASUREMENT, MODEL
 from robotrue.store.records import DriftCheckRecord, ModelRecord, Query, Record
-from robotrue.validation.drift_defaults import FEWEST, POSES
 from robotrue.web.bench import Bench, Page
 from robotrue.web.pages.drift_result import TONES, probability, result, verdict_word
 from robotrue.web.parts.drop import DropZone
@@ -22,11 +23,14 @@ from robotrue.web.parts.faults import not_found
 from robotrue.web.parts.frame import html
 from robotrue.web.parts.icons import icon
 from robotrue.web.parts.job import JobCard, under_way
+from robotrue.web.parts.request_form import RequestForm
 
 JOBS: Final = {
     "drift_plan": ("choosing", "/drift?model={model}&plan={id}", "document"),
     "drift": ("checking", "/drift?id={id}", "check"),
 }
+MODEL_FIELD: Final = frozenset({"model"})
+"""Chosen for the whole page."""
 
 
 async def _build(bench: Bench) -> None:
@@ -91,14 +95,14 @@ async def _poses(bench: Bench, model: ModelRecord) -> None:
     asked = Query(where={"kind": "drift-plan"}, linked=("model", model.id), limit=5)
     found = (await bench.ask(items.listed, bench.house.workspace, DOCUMENT, asked)).items
     sheets = "".join(_sheet(bench, each) for each in found[:1])
+    form = RequestForm(bench=bench, request=DriftPlanRequest, group="drift", without=MODEL_FIELD)
     html(
         f"<h2>{escape(say('drift.poses_title'))}</h2>"
         f"<p class='note'>{escape(say('drift.poses_text'))}</p>{sheets}"
         "<form class='row-form' data-testid='drift-plan-form' "
         "onsubmit=\"return bench.jobForm('drift_plan',this)\">"
         f"<input type='hidden' name='model' value='{model.id}'>"
-        f"<label class='field'>{escape(say('drift.poses'))}<input type='number' name='poses' "
-        f"value='{POSES}' min='{FEWEST}' max='20' required style='width:110px'></label>"
+        f"{form.fields(advanced=False)}"
         f"<button class='act{' quiet' if found else ''}' data-testid='drift-choose'>"
         f"{escape(say('drift.choose'))}</button></form>"
     ).classes("card")
@@ -139,14 +143,18 @@ async def _measured(bench: Bench, model: ModelRecord) -> None:
     ).items
     if not sets:
         return
-    options = "".join(
-        f'<option value="{each.id}">{escape(each.name)} · {each.poses:,}</option>' for each in sets
+    form = RequestForm(
+        bench=bench,
+        request=DriftRequest,
+        group="drift",
+        records={"measurement": sets},
+        marks={"measurements": "drift-set"},
+        without=MODEL_FIELD,
     )
     html(
         f"<form class='row-form' onsubmit=\"return bench.jobForm('drift',this)\">"
         f"<input type='hidden' name='model' value='{model.id}'>"
-        f"<label class='field' style='flex:1'>{escape(say('drift.or_set'))}"
-        f"<select name='measurements' data-testid='drift-set'>{options}</select></label>"
+        f"{form.fields(advanced=False)}"
         f"<button class='act quiet' data-testid='drift-check'>{escape(say('drift.check'))}</button>"
         "</form>"
     )

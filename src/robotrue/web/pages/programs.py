@@ -32,7 +32,7 @@ from robotrue.web.parts.icons import icon
 from robotrue.web.parts.job import JobCard, under_way
 from robotrue.web.parts.later import later
 from robotrue.web.parts.naming import heading, record_mark
-from robotrue.web.parts.reports import reports
+from robotrue.web.parts.reports import report_form, reports
 from robotrue.web.parts.scene import SceneView
 
 TOLERANCE_MM: Final = 0.5
@@ -287,11 +287,7 @@ def _length(bench: Bench, value: float | None) -> str:
 def _report_fields(bench: Bench) -> str:
     """The report is judged by the tolerance and the rule that stand on the page."""
     strict = "<input type='checkbox' name='strict' checked hidden>" if _strict(bench) else ""
-    return (
-        f"<label class='field'>{escape(bench.say('programs.tolerance'))}<input type='number' "
-        f"min='0.001' step='any' required name='tolerance_mm' value='{_tolerance(bench):g}' "
-        f"style='width:130px'></label>{strict}"
-    )
+    return report_form(bench, "tolerance_mm", tolerance_mm=_tolerance(bench)) + strict
 
 
 def _downloads(bench: Bench, record: ProgramRecord) -> str:

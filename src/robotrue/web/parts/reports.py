@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from html import escape
 from typing import Final
 
+from robotrue.app.operations.report import ReportRequest
+from robotrue.app.request import fields_of
 from robotrue.store import items
 from robotrue.store.nouns import DOCUMENT
 from robotrue.store.records import Attachment, DocumentRecord, Query, Record
@@ -14,6 +17,7 @@ from robotrue.web.parts.elements import Tone, table, tag, when
 from robotrue.web.parts.frame import html
 from robotrue.web.parts.icons import icon
 from robotrue.web.parts.job import JobCard, under_way
+from robotrue.web.parts.request_form import RequestForm
 
 KIND: Final = "report"
 TONES: Final[dict[str, Tone]] = {
@@ -54,6 +58,26 @@ async def reports(bench: Bench, about: Record, subject: str, *, page: str, field
         f"<button class='act' data-testid='report-make'>{escape(say('reports.make'))}</button>"
         "</form>"
     ).classes("card").props('data-testid="reports"')
+
+
+def report_form(bench: Bench, *names: str, sets: Sequence[Record] = (), **values: float) -> str:
+    """Returns the HTML of fields of the form.
+
+    Args:
+        bench: Who looks.
+        names: Of the fields.
+        sets: Measurements to choose from.
+        values: What stands in a field at first.
+    """
+    form = RequestForm(
+        bench=bench,
+        request=ReportRequest,
+        group="reports",
+        records={"measurement": sets},
+        marks={"measurements": "report-set"},
+        values=values,
+    )
+    return "".join(form.control(each) for each in fields_of(ReportRequest) if each.name in names)
 
 
 def _listed(bench: Bench, found: tuple[DocumentRecord, ...]) -> str:

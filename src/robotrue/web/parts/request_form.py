@@ -9,10 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
+from typing import Any
 
 from annotated_types import Ge, Le
 
-from robotrue.app.request import FORM, Item, Output, Request, RequestField, fields_of
+from robotrue.app.request import FORM, JOB, Item, Output, Request, RequestField, fields_of
 from robotrue.store.records import Record
 from robotrue.web.bench import Bench
 
@@ -30,14 +31,16 @@ class RequestForm:
         records: Items to choose from, by noun.
         marks: ``data-testid`` of fields, by field; ``name`` for the name of the result.
         without: Fields that the page builds itself.
+        values: What stands in a field at first in place of its default; it cannot be emptied.
     """
 
     bench: Bench
     request: type[Request]
     group: str
-    records: Mapping[str, Sequence[Record]]
+    records: Mapping[str, Sequence[Record]] = field(default_factory=dict)
     marks: Mapping[str, str] = field(default_factory=dict)
     without: frozenset[str] = frozenset()
+    values: Mapping[str, Any] = field(default_factory=dict)
 
     def fields(self, *, advanced: bool) -> str:
         """Returns the HTML of the fields in sight, or of those behind "more"."""
@@ -79,14 +82,17 @@ class RequestForm:
 
     def _items(self, each: RequestField, entry: Item) -> str:
         records = self.records.get(entry.noun, ())
-        if each.many:
+        if each.many and each.is_required(JOB):
             return "".join(
                 f'<label><input type="checkbox" name="{each.name}[]" value="{record.id}"'
                 f"{self._mark(each.name)}>{escape(record.name)}{_size(record)}</label>"
                 for record in records
             )
-        listed = "".join(f'<option value="{r.id}">{escape(r.name)}</option>' for r in records)
-        if each.optional:
+        listed = "".join(
+            f'<option value="{r.id}">{escape(r.name)}{_size(r, " · {:,}")}</option>'
+            for r in records
+        )
+        if each.optional or each.many:
             none = escape(self._text(f"{each.name}_none"))
             listed = f'<option value="">{none}</option>{listed}'
         control = f'<select name="{each.name}"{self._mark(each.name)}>{listed}</select>'
@@ -102,11 +108,13 @@ class RequestForm:
 
     def _number(self, each: RequestField) -> str:
         low, high = each.entry.offered or _limits(each)
-        value = "" if each.default is None else f"{each.default:g}"
+        stated = self.values.get(each.name, each.default)
+        value = "" if stated is None else f"{stated:g}"
         ends = (("min", low), ("max", high))
         bounds = "".join(f' {name}="{end:g}"' for name, end in ends if end is not None)
         step = "1" if each.kind is int else "any"
-        needed = "" if each.entry.advanced or each.optional else " required"
+        free = each.optional and each.name not in self.values
+        needed = "" if each.entry.advanced or free else " required"
         return (
             f'<input type="number" name="{each.name}" value="{value}"{bounds} step="{step}"'
             f"{needed}{self._mark(each.name)}>"
@@ -125,9 +133,9 @@ class RequestForm:
         return f" data-testid='{self.marks[name]}'" if name in self.marks else ""
 
 
-def _size(record: Record) -> str:
+def _size(record: Record, form: str = '<span class="note">{:,}</span>') -> str:
     poses = getattr(record, "poses", None)
-    return "" if poses is None else f'<span class="note">{poses:,}</span>'
+    return "" if poses is None else form.format(poses)
 
 
 def _limits(each: RequestField) -> tuple[float | None, float | None]:

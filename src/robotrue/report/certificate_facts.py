@@ -1,37 +1,30 @@
-"""``robotrue report calibration``: the certificate of a model."""
+"""What the certificate of a model is made of."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from robotrue.app.registered import opened
 from robotrue.calibration.lineage import history, provenance_of
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.cell.cell import Cell, tracker_covariance
-from robotrue.cli.console import emit_json, say_mark
-from robotrue.cli.inputs import measured
-from robotrue.cli.report_output import check_reports, file_fact, write_reports
 from robotrue.core.arrays import Array
 from robotrue.core.provenance import Provenance, merge
-from robotrue.core.units import MM
-from robotrue.errors import ConfigurationError, ObservabilityError
+from robotrue.errors import ObservabilityError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.tracker import DEFAULT_RANGE
 from robotrue.report.calibration_report import fact
 from robotrue.report.certificate import (
     CertificateFacts,
     Parameter,
-    certificate_content,
     check_regions,
 )
 from robotrue.report.model_view import list_geometric_errors, stiffness
-from robotrue.report.words import Lang, Words, language
+from robotrue.report.report_files import file_fact
+from robotrue.report.words import Lang, Words
 from robotrue.robot.statics import Load
-from robotrue.store.model_file import read_model
 from robotrue.validation.budget import (
     Budget,
     Contribution,
@@ -44,62 +37,6 @@ from robotrue.validation.known_places import KnownPlaces, known_places
 from robotrue.validation.metrics import ErrorStatistics, error_statistics
 from robotrue.validation.repeats import repeated_poses
 from robotrue.validation.validate import validate
-
-
-def run(
-    model_path: Path,
-    tests: Sequence[Path],
-    outputs: Sequence[Path],
-    *,
-    lang: str,
-    tolerance_mm: float | None,
-    registered: Path | None,
-    part: str | None,
-    force_sigma_N: float,
-    mapping: Path | None,
-    simulated: bool,
-    as_json: bool,
-) -> None:
-    """Writes the certificate; prints what was written."""
-    sources = [model_path, *tests, *(p for p in (registered, mapping) if p is not None)]
-    check_reports(outputs, sources)
-    speech = language(lang)
-    if tolerance_mm is not None and not 0.0 < tolerance_mm < np.inf:
-        raise ConfigurationError(f"tolerance {tolerance_mm} mm, expected above 0.")
-    if not 0.0 <= force_sigma_N < np.inf:
-        raise ConfigurationError(f"force sigma {force_sigma_N} N, expected 0 or more.")
-    model = read_model(model_path).model
-    cell, _ = opened(model_path, registered)
-    check = measured(cell, tests, mapping) if tests else None
-    facts = certificate_facts(
-        model,
-        cell,
-        check,
-        part=part,
-        force_sigma=force_sigma_N,
-        simulated=simulated,
-        files=[*(("fact.model", p) for p in (model_path,)), *(("fact.test", p) for p in tests)],
-        lang=speech,
-    )
-    tolerance = None if tolerance_mm is None else tolerance_mm * MM
-    content = certificate_content(facts, tolerance=tolerance, lang=speech)
-    origin = replace(_origin(model, check), simulated=facts.simulated)
-    say_mark(origin)
-    written = write_reports(outputs, content)
-    if as_json:
-        emit_json(
-            {
-                "written": [str(path) for path in written],
-                "verdict": content.verdict.text,
-                "expanded_uncertainty_mm": facts.budget.expanded / MM,
-                "expanded_uncertainty_worst_mm": facts.budget.worst / MM,
-                "contributions_mm": {
-                    c.name: c.standard_uncertainty / MM for c in facts.budget.contributions
-                },
-                "check": None if facts.check is None else facts.check.to_json(),
-            },
-            origin,
-        )
 
 
 def certificate_facts(
@@ -141,7 +78,7 @@ def certificate_facts(
     return CertificateFacts(
         robot=model.robot.name,
         method=summary.method or "-",
-        simulated=simulated or _origin(model, check).simulated,
+        simulated=simulated or origin_of(model, check).simulated,
         budget=_budget(model, cell, check, seen, places, part, force_sigma),
         places=places,
         check=None if check is None else validate(model, check, payload=cell.payload),
@@ -165,7 +102,8 @@ def certificate_facts(
     )
 
 
-def _origin(model: ErrorModel, check: MeasurementSet | None) -> Provenance:
+def origin_of(model: ErrorModel, check: MeasurementSet | None) -> Provenance:
+    """Returns where a model and the poses that check it come from."""
     return merge([provenance_of(model), *([] if check is None else [check.provenance])])
 
 

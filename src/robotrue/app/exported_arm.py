@@ -1,0 +1,90 @@
+"""Exports of the calibrated robot: what all of them are asked for, and what they say they miss."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
+
+from robotrue.app.context import Context
+from robotrue.app.outputs import check_output
+from robotrue.app.request import Option, Output, Request
+from robotrue.app.request_fields import CalibratedModel
+from robotrue.app.written_files import WrittenFiles
+from robotrue.core.units import MM
+
+if TYPE_CHECKING:
+    from robotrue.report.export_losses import ExportableModel, Loss
+
+NAMES: Final = ("--output", "-o")
+HELP: Final = "File to write."
+
+
+class ExportRequest(Request):
+    """Which model to export, what may be lost, and for which point."""
+
+    form: ClassVar[Literal["urdf", "dh", "controller"]]
+
+    model: CalibratedModel
+    output: Annotated[Path, Output(names=NAMES, help=HELP)]
+    lossy: Annotated[
+        str,
+        Option(
+            help="Parts that may be left out: "
+            "geometry, gear, compliance, ripple, backlash, residual."
+        ),
+    ] = ""
+    at: Annotated[
+        Literal["target", "tool"],
+        Option(help="target (the measured point) or tool (of programs)."),
+    ] = "target"
+
+
+def export_arm(request: ExportRequest, context: Context) -> WrittenFiles:
+    """Writes the files of an export in the form that its request asks for.
+
+    Raises:
+        ConfigurationError: A part is lost that is not named, or a file would be written that is
+            read.
+    """
+    from robotrue.core.files import write_atomic
+    from robotrue.report.export_losses import prepare_export
+
+    stored = context.model(request.model)
+    tool = None if request.at == "target" else stored.cell.robot.T_flange_tool
+    found = prepare_export(stored.model, stored.cell.payload, T_flange_tool=tool)
+    files, loss = _files(request, found, context.output(request.output))
+    for path in files:
+        check_output(path, [context.model_file(request.model)])
+    for path, text in files.items():
+        write_atomic(path, text.encode("utf-8"))
+    context.inform(f"written: {', '.join(str(path) for path in files)}")
+    context.inform(
+        f"misses the model by {loss.rms / MM:.4f} mm rms, {loss.largest / MM:.4f} mm at most, "
+        "over poses spread over its training range"
+    )
+    numbers = {
+        "holds": list(found.held),
+        "misses_rms_mm": loss.rms / MM,
+        "misses_largest_mm": loss.largest / MM,
+    }
+    return WrittenFiles(written=tuple(files), numbers=numbers, provenance=found.provenance)
+
+
+def _files(
+    request: ExportRequest, found: ExportableModel, output: Path
+) -> tuple[dict[Path, str], Loss]:
+    """The text of each file, and what all of them miss of the model."""
+    from robotrue.report.export_controller import export_controller
+    from robotrue.report.export_dh import export_dh
+    from robotrue.report.export_urdf import export_urdf
+
+    lossy = tuple(part.strip() for part in request.lossy.split(",") if part.strip())
+    if request.form == "urdf":
+        both = export_urdf(found, lossy=lossy)
+        return {output: both.urdf, output.with_suffix(".compliance.json"): both.side}, both.total
+    if request.form == "dh":
+        table = export_dh(found, lossy=lossy)
+        return {output: table.text}, table.total
+    sheet = export_controller(found, lossy=lossy)
+    text = sheet.json() if output.suffix.lower() == ".json" else sheet.text()
+    return {output: text}, sheet.total

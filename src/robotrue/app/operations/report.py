@@ -1,0 +1,286 @@
+"""Write the report of a program, a registration or a model of a workspace."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+
+from pydantic import Field
+
+from robotrue.app.context import Context
+from robotrue.app.operation import Operation
+from robotrue.app.operations.report_calibration import ReportCalibrationRequest, draft_certificate
+from robotrue.app.operations.report_program import ReportProgramRequest, draft_program
+from robotrue.app.operations.report_registration import (
+    ReportRegistrationRequest,
+    draft_registration,
+)
+from robotrue.app.presentation import Block, Note
+from robotrue.app.reported import ReportDraft
+from robotrue.app.request import Item, ItemVersion, Option, Reference, Request
+from robotrue.core.provenance import Provenance
+from robotrue.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from robotrue.app.workspace_context import WorkspaceContext
+    from robotrue.report.content import ReportContent
+    from robotrue.report.words import Lang
+    from robotrue.store.records import Link, ModelRecord, ProgramRecord, Record, Ref
+    from robotrue.store.workspace import Transaction
+
+SUBJECTS: Final = ("program", "registration", "model")
+FORMS: Final = ("html", "pdf", "json")
+STEPS: Final = 4
+KEPT: Final[Mapping[str, Mapping[str, str]]] = {
+    "program": {"verdict": "verdict", "tolerance_mm": "tolerance_mm"},
+    "registration": {"verdict": "verdict"},
+    "model": {"uncertainty_mm": "expanded_uncertainty_mm"},
+}
+"""Numbers of a report that the list of reports shows, by their names there."""
+
+
+class ReportRequest(Request):
+    """What to report: the first that is stated of program, registration and model."""
+
+    program: Annotated[
+        Reference | None, Item(noun="program", help="Compensated program to judge.")
+    ] = None
+    registration: Annotated[
+        Reference | None, Item(noun="registration", help="Registration to report.")
+    ] = None
+    model: Annotated[Reference | None, Item(noun="model", help="Model to certify.")] = None
+    measurements: Annotated[
+        tuple[Reference, ...],
+        Item(noun="measurement", help="Poses the calibration has not seen."),
+    ] = ()
+    tolerance_mm: Annotated[
+        float | None,
+        Field(gt=0.0),
+        Option(
+            offered=(0.001, 1000.0),
+            help="Largest distance of a target or pose from where it should be.",
+        ),
+    ] = None
+    lang: Annotated[str, Option(help="en or zh.")] = "en"
+    strict: Annotated[bool, Option(help="Axis targets count as targets that are not proven.")] = (
+        False
+    )
+    forms: Annotated[
+        tuple[Literal["html", "pdf", "json"], ...],
+        Option(help="html, pdf, json; default: all that this machine can write."),
+    ] = ()
+
+    @property
+    def subject(self) -> str:
+        """Which of the subjects it is about.
+
+        Raises:
+            ConfigurationError: None.
+        """
+        for name in SUBJECTS:
+            if getattr(self, name) is not None:
+                return name
+        raise ConfigurationError(
+            "a report of nothing, expected a program, a registration or a model.",
+            hint='{"model": ..., "lang": "en"}',
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ItemReport:
+    """The report of an item.
+
+    Attributes:
+        content: What it says.
+        subject: One of :data:`SUBJECTS`.
+        about: What it is a report of.
+        links: What else it rests on.
+        numbers: For the list of reports, JSON values.
+        files: That were written.
+        provenance: Of the item.
+    """
+
+    content: ReportContent
+    subject: str
+    about: Record
+    links: tuple[Link, ...]
+    numbers: Mapping[str, Any]
+    files: tuple[Path, ...]
+    provenance: Provenance
+
+    def document(self) -> Mapping[str, Any]:
+        """Returns JSON values."""
+        return {
+            "subject": self.subject,
+            "lang": self.content.lang,
+            "title": self.content.title,
+            "simulated": self.content.simulated,
+            "tone": self.content.verdict.tone,
+            "text": self.content.verdict.text,
+            **self.numbers,
+        }
+
+    def blocks(self) -> Iterable[Block]:
+        """Returns the warnings of the report."""
+        for warning in self.content.doubts:
+            yield Note(warning)
+
+
+def run(request: ReportRequest, context: Context) -> ItemReport:
+    """Writes the report in the forms asked for.
+
+    Raises:
+        ConfigurationError: Nothing to report, no such language, or no workspace.
+    """
+    from robotrue.app.workspace_context import require_workspace
+    from robotrue.report.words import language
+    from robotrue.store.nouns import noun_of
+
+    drafts = {"program": _program, "registration": _registration, "model": _certificate}
+    subject, lang, place = request.subject, language(request.lang), require_workspace(context)
+    about: Reference = getattr(request, subject)
+    context.step("reading", 0, STEPS)
+    draft, links = drafts[subject](request, about, place, lang)
+    return ItemReport(
+        content=draft.content,
+        subject=subject,
+        about=place.record(noun_of(subject), about),
+        links=tuple(links),
+        numbers={kept: draft.numbers[name] for kept, name in KEPT[subject].items()},
+        files=tuple(_write(draft.content, request.forms or FORMS, subject, context)),
+        provenance=draft.provenance,
+    )
+
+
+def _write(
+    content: ReportContent, forms: Sequence[str], subject: str, context: Context
+) -> list[Path]:
+    """The files asked for; a PDF that cannot be set on this machine is left out and said so."""
+    from robotrue.errors import MissingExtraError
+    from robotrue.report.report_files import write_reports
+
+    context.step("setting pages", 2, STEPS)
+    name = f"{'certificate' if subject == 'model' else subject}_{content.lang}"
+    written = write_reports([context.output(Path(f"{name}.html"))], content)
+    if "pdf" in forms:
+        context.step("setting pages", 3, STEPS)
+        try:
+            written += write_reports([context.output(Path(f"{name}.pdf"))], content)
+        except (MissingExtraError, ConfigurationError) as cause:
+            if tuple(forms) != FORMS:  # asked for by name
+                raise
+            context.inform(f"no PDF: {cause}")
+    made = {path.suffix.removeprefix("."): path for path in written}
+    return [made[form] for form in FORMS if form in forms and form in made]
+
+
+def _certificate(
+    request: ReportRequest, model: Reference, place: WorkspaceContext, lang: Lang
+) -> tuple[ReportDraft, list[Link]]:
+    from robotrue.store.nouns import MEASUREMENT, MODEL
+    from robotrue.store.records import Link
+
+    asked = ReportCalibrationRequest(
+        model=model,
+        test=request.measurements,
+        output=(),
+        tolerance_mm=request.tolerance_mm,
+        simulated=_is_simulated(place, [place.record(MODEL, model)]),
+    )
+    draft = draft_certificate(asked, place, lang)
+    data = place.records(MEASUREMENT, request.measurements)
+    return draft, [Link(role="data", to=each.ref) for each in data]
+
+
+def _program(
+    request: ReportRequest, program: Reference, place: WorkspaceContext, lang: Lang
+) -> tuple[ReportDraft, list[Link]]:
+    from robotrue.store.nouns import MODEL, PROGRAM
+    from robotrue.store.records import Link
+
+    record = place.record(PROGRAM, program)
+    used, first = record.linked("model"), record.linked("before")
+    if not used or not first:
+        raise ConfigurationError(
+            f"program {record.name!r} was not compensated with a model.",
+            hint="compensate it first; the report compares both.",
+        )
+    if request.tolerance_mm is None:
+        raise ConfigurationError(
+            "tolerance_mm is not stated, expected above 0 mm.",
+            hint='{"program": ..., "tolerance_mm": 0.2}',
+        )
+    model = _pinned(used[0])
+    asked = ReportProgramRequest(
+        before=_pinned(first[0]),
+        after=program,
+        model=model,
+        tolerance_mm=request.tolerance_mm,
+        output=(),
+        strict=request.strict,
+        simulated=_is_simulated(place, [place.record(MODEL, model)]),
+        **_force(place, record),
+    )
+    draft = draft_program(asked, place, lang, _registered(place, record))
+    return draft, [Link(role="model", to=used[0]), Link(role="before", to=first[0])]
+
+
+def _registration(
+    request: ReportRequest, registration: Reference, place: WorkspaceContext, lang: Lang
+) -> tuple[ReportDraft, list[Link]]:
+    from robotrue.store.nouns import MODEL, REGISTRATION
+
+    linked = place.record(REGISTRATION, registration).linked("model")
+    used = [place.record(MODEL, _pinned(each)) for each in linked]
+    asked = ReportRegistrationRequest(
+        cell=registration, output=(), simulated=_is_simulated(place, used)
+    )
+    return draft_registration(asked, place, lang), []
+
+
+def _pinned(to: Ref) -> ItemVersion:
+    return ItemVersion(id=to.id, version=to.version)
+
+
+def _registered(place: WorkspaceContext, record: ProgramRecord) -> Path | None:
+    """The cell whose frames a compensated program uses, where that is not the model's."""
+    for to in record.linked("registration"):
+        return place.registration_file(_pinned(to))
+    for to in record.linked("cell"):
+        return place.cell_file(_pinned(to))
+    return None
+
+
+def _force(place: WorkspaceContext, record: ProgramRecord) -> dict[str, Any]:
+    """The process force the program was compensated for, as it was stated."""
+    from robotrue.store import jobs
+
+    job = str(record.detail.get("job", ""))
+    stated = jobs.status(place.work.workspace, job).parameters if job else {}
+    return {name: stated[name] for name in ("wrench", "cutter", "start") if stated.get(name)}
+
+
+def _is_simulated(place: WorkspaceContext, models: Iterable[ModelRecord]) -> bool:
+    """Whether any was fitted to simulated data; models of today say it themselves, too."""
+    from robotrue.store.nouns import MEASUREMENT
+    from robotrue.store.provenance import provenance_of_record
+
+    data = [_pinned(each) for model in models for each in model.linked("data")]
+    return any(provenance_of_record(each).simulated for each in place.records(MEASUREMENT, data))
+
+
+def save(
+    request: ReportRequest, result: ItemReport, into: Transaction, context: WorkspaceContext
+) -> Mapping[str, Any]:
+    """Leaves a document ``report`` with its files, linked to what it is about and rests on."""
+    from robotrue.store.records import Link
+
+    links = [Link(role="about", to=result.about.ref), *result.links]
+    return context.leave_document(
+        into, "report", result.about.name, result.files, links, result.document()
+    )
+
+
+OPERATION: Final = Operation(request=ReportRequest, run=run, save=save)

@@ -1,0 +1,110 @@
+"""Write the calibration certificate of a model, best with poses it has not seen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+from pydantic import Field
+
+from robotrue.app.context import Context
+from robotrue.app.operation import Operation
+from robotrue.app.reported import (
+    Language,
+    Outputs,
+    ReportDraft,
+    Simulated,
+    check_report_request,
+    write_draft,
+)
+from robotrue.app.request import Item, Option, Reference, Request
+from robotrue.app.request_fields import CalibratedModel, Columns
+from robotrue.app.written_files import WrittenFiles
+from robotrue.core.units import MM
+
+if TYPE_CHECKING:
+    from robotrue.report.words import Lang
+
+
+class ReportCalibrationRequest(Request):
+    """Which model to certify, by which poses, with what else that counts in the budget."""
+
+    model: CalibratedModel
+    test: Annotated[
+        tuple[Reference, ...],
+        Item(noun="measurement", argument="[TEST...]", help="Poses the calibration has not seen."),
+    ] = ()
+    output: Outputs
+    lang: Language = "en"
+    tolerance_mm: Annotated[
+        float | None,
+        Field(gt=0.0),
+        Option(help="Say whether 95 % of the held-out poses keep it."),
+    ] = None
+    cell: Annotated[
+        Reference | None, Item(noun="registration", help="Registered cell whose part counts.")
+    ] = None
+    part: Annotated[str | None, Option(help="Part frame of --cell.")] = None
+    force_sigma_N: Annotated[
+        float,
+        Field(ge=0.0),
+        Option(
+            names=("--force-sigma-n",),
+            help="Standard deviation of the process force, per axis, for the budget.",
+        ),
+    ] = 0.0
+    mapping: Columns = None
+    simulated: Simulated = False
+
+
+def run(request: ReportCalibrationRequest, context: Context) -> WrittenFiles:
+    """Writes the certificate."""
+    lang = check_report_request(request, request.output, request.lang)
+    return write_draft(draft_certificate(request, context, lang), request.output, context)
+
+
+def draft_certificate(
+    request: ReportCalibrationRequest, context: Context, lang: Lang
+) -> ReportDraft:
+    """Returns the certificate before it is written.
+
+    Raises:
+        ObservabilityError: No poses, and a model that keeps no joint range.
+    """
+    from robotrue.app.registered import opened
+    from robotrue.report.certificate import certificate_content
+    from robotrue.report.certificate_facts import certificate_facts, origin_of
+
+    model, path = context.model(request.model).model, context.model_file(request.model)
+    place = None if request.cell is None else context.registration_file(request.cell)
+    cell, _ = opened(path, place)
+    check = context.measurements(cell, request.test, request.mapping) if request.test else None
+    context.step("judging", 1, 4)
+    tests = [each for each in request.test if isinstance(each, Path)]
+    facts = certificate_facts(
+        model,
+        cell,
+        check,
+        part=request.part,
+        force_sigma=request.force_sigma_N,
+        simulated=request.simulated,
+        files=[("fact.model", path), *(("fact.test", each) for each in tests)],
+        lang=lang,
+    )
+    tolerance = None if request.tolerance_mm is None else request.tolerance_mm * MM
+    content, budget = certificate_content(facts, tolerance=tolerance, lang=lang), facts.budget
+    return ReportDraft(
+        content=content,
+        numbers={
+            "verdict": content.verdict.text,
+            "expanded_uncertainty_mm": budget.expanded / MM,
+            "expanded_uncertainty_worst_mm": budget.worst / MM,
+            "contributions_mm": {c.name: c.standard_uncertainty / MM for c in budget.contributions},
+            "check": None if facts.check is None else facts.check.to_json(),
+        },
+        provenance=replace(origin_of(model, check), simulated=facts.simulated),
+    )
+
+
+OPERATION: Final = Operation(request=ReportCalibrationRequest, run=run)

@@ -1,0 +1,97 @@
+"""Report commands: the options all of them have, and what they say they wrote."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+
+from robotrue.app.context import Context
+from robotrue.app.outputs import check_output
+from robotrue.app.request import Option, Output, Request, input_paths
+from robotrue.app.written_files import WrittenFiles
+from robotrue.core.provenance import Provenance
+from robotrue.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from robotrue.report.content import ReportContent
+    from robotrue.report.words import Lang
+
+Outputs: TypeAlias = Annotated[
+    tuple[Path, ...],
+    Output(
+        names=("--output", "-o"),
+        help=".html, .pdf or .json; may be repeated. JSON is always written, too.",
+    ),
+]
+Language: TypeAlias = Annotated[str, Option(names=("--lang",), help="en or zh.")]
+Simulated: TypeAlias = Annotated[
+    bool, Option(help="Say in the report that the data are simulated.")
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportDraft:
+    """A report before it is written.
+
+    Attributes:
+        content: What it says.
+        numbers: Of it, for ``--json``.
+        provenance: Of what it rests on.
+    """
+
+    content: ReportContent
+    numbers: Mapping[str, Any]
+    provenance: Provenance
+
+
+def check_reports(outputs: Sequence[Path], sources: Sequence[Path]) -> None:
+    """Refuses, before any work is done, outputs that cannot be.
+
+    Raises:
+        ConfigurationError: Another ending than ``.html``, ``.pdf``, ``.json``, or a file or folder
+            :func:`check_output` refuses.
+    """
+    from robotrue.report.report_files import SUFFIXES, json_twin
+
+    for output in outputs:
+        if output.suffix.lower() not in SUFFIXES:
+            raise ConfigurationError(
+                f"a report is {', '.join(SUFFIXES)}, not {output.suffix or 'without an ending'!r}.",
+                source=output,
+                hint=f"-o {output.with_suffix('.html').name}",
+            )
+        check_output(output, sources)
+        check_output(json_twin(output), sources)
+
+
+def check_report_request(request: Request, outputs: Sequence[Path], lang: str) -> Lang:
+    """Refuses, before any work is done, what cannot be; returns the language of the report.
+
+    Raises:
+        ConfigurationError: As :func:`check_reports`, or no such language.
+    """
+    from robotrue.report.words import language
+
+    check_reports(outputs, input_paths(request))
+    return language(lang)
+
+
+def write_draft(draft: ReportDraft, outputs: Sequence[Path], context: Context) -> WrittenFiles:
+    """Writes a report and says so."""
+    from robotrue.report.report_files import write_reports
+
+    written = write_reports([context.output(path) for path in outputs], draft.content)
+    context.inform(f"report written to {', '.join(str(path) for path in written)}")
+    return WrittenFiles(written=tuple(written), numbers=draft.numbers, provenance=draft.provenance)
+
+
+def draft_verdict(content: ReportContent, **numbers: Any) -> ReportDraft:
+    """Returns the draft of a report whose verdict is GO or NO-GO."""
+    word = "GO" if content.verdict.tone == "good" else "NO-GO"
+    return ReportDraft(
+        content=content,
+        numbers={"verdict": word, "text": content.verdict.text, **numbers},
+        provenance=Provenance(simulated=content.simulated),
+    )

@@ -1,0 +1,38 @@
+"""Fields that several requests have, word for word."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Final, TypeAlias
+
+from robotrue.app.request import InputFile, Item, Output, Reference
+
+PAGE_FILE: Final = "report.html"
+MODEL_FILE: Final = "model.rtm"
+CalibratedModel: TypeAlias = Annotated[
+    Reference, Item(noun="model", argument="MODEL", help="Model file of `calibrate`.")
+]
+ModelOutput: TypeAlias = Annotated[
+    Path,
+    Output(
+        names=("--output", "-o"),
+        what="a robotrue file",
+        suffixes=(".robotrue",),
+        saved_as=MODEL_FILE,
+        help="Model file to write.",
+    ),
+]
+SavedPage: TypeAlias = Annotated[
+    Path | None,
+    Output(
+        what="a page",
+        suffixes=(".html", ".htm"),
+        saved_as=PAGE_FILE,
+        help="Also write a report page (HTML).",
+    ),
+]
+"""A page that jobs always write."""
+Columns: TypeAlias = Annotated[Path | None, InputFile(help="Column mapping (TOML).")]
+ForeignColumns: TypeAlias = Annotated[
+    Path | None, InputFile(help="Column mapping (TOML) for files of another layout.")
+]
