@@ -92,10 +92,14 @@ class Item(Option):
     Attributes:
         noun: What it refers to, as ``robotrue workspace list`` spells it.
         listed: Jobs may state it as a list of one.
+        single: Jobs state one, or a list of one, where the command line takes several.
+        demanded: The command line does not do without it, where jobs do.
     """
 
     noun: str
     listed: bool = False
+    single: bool = False
+    demanded: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -151,6 +155,16 @@ class RequestField:
     default: Any
     entry: Option
     info: FieldInfo
+
+    @property
+    def many_in_jobs(self) -> bool:
+        """Whether jobs state it as a list of values."""
+        return self.many and not (isinstance(self.entry, Item) and self.entry.single)
+
+    @property
+    def demanded(self) -> bool:
+        """Whether the command line does not do without it."""
+        return self.required or (isinstance(self.entry, Item) and self.entry.demanded)
 
     @property
     def choices(self) -> tuple[str, ...]:

@@ -10,7 +10,6 @@ import numpy as np
 
 from robotrue.app.outputs import CSV, CUTTING, check_output
 from robotrue.cli.console import emit_facts, emit_json, emit_table, say, say_mark
-from robotrue.cli.cutting_data import coefficient_keys, cutting_data
 from robotrue.core.arrays import Array
 from robotrue.core.files import write_atomic
 from robotrue.core.provenance import Provenance, mark_line, read_provenance
@@ -23,6 +22,7 @@ from robotrue.dynamics.coefficients import (
     identify_coefficients,
 )
 from robotrue.dynamics.cutter import Cutter, CutterEngagement, CuttingCoefficients
+from robotrue.dynamics.cutting_data import coefficient_keys, cutting_data
 from robotrue.dynamics.force import ForceRecord
 from robotrue.dynamics.formats.column_table import read_column_table, table_bytes
 from robotrue.dynamics.formats.force_csv import write_force_csv

@@ -79,7 +79,7 @@ def _parameter(field: RequestField) -> Parameter:
     kind: Any = Path if is_path else str if field.choices else field.kind
     if field.many:
         kind = list[kind]
-    if field.optional or (field.many and not field.required):
+    if not field.demanded and (field.optional or field.many):
         kind = kind | None
     callback = None
     if isinstance(entry, Output) and entry.suffixes:
@@ -91,7 +91,7 @@ def _parameter(field: RequestField) -> Parameter:
         if field.kind is bool and not names and not entry.paired:
             names = (field.option,)
         presented = typer.Option(*names, metavar=entry.metavar, help=entry.help, callback=callback)
-    default = Parameter.empty if field.required else field.default or _blank(field)
+    default = Parameter.empty if field.demanded else field.default or _blank(field)
     return Parameter(
         field.name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, presented]
     )

@@ -28,16 +28,11 @@ def asked_of(work: Work, *known: str) -> Parameters:
     return Parameters(work.workspace, work.parameters, (*known, *NAMED))
 
 
-def cell_file(work: Work, record: CellRecord) -> Path:
-    """Returns where a cell.toml of the workspace lies for this job, with the files it names."""
-    folder = work.folder / "cell"
-    folder.mkdir()
-    return cells.laid(work.workspace, record, folder)
-
-
 def cell_of(work: Work, record: CellRecord) -> Cell:
     """Returns a cell of the workspace; its doubts become remarks."""
-    cell = read_cell(cell_file(work, record))
+    folder = work.folder / "cell"
+    folder.mkdir()
+    cell = read_cell(cells.laid(work.workspace, record, folder))
     for doubt in cell.doubts:
         work.remark(doubt)
     return cell

@@ -42,10 +42,6 @@ class Parameters:
             raise _wrong(name, value, "text")
         return value
 
-    def text_or_none(self, name: str) -> str | None:
-        """Returns a text, None where nothing is stated."""
-        return None if self._stated.get(name) is None else self.text(name, "")
-
     def number(self, name: str, default: float) -> float:
         """Returns a number."""
         value = self._stated.get(name, default)
@@ -56,13 +52,6 @@ class Parameters:
     def number_or_none(self, name: str) -> float | None:
         """Returns a number, None where nothing is stated."""
         return None if self._stated.get(name) is None else self.number(name, 0.0)
-
-    def whole(self, name: str, default: int) -> int:
-        """Returns a whole number."""
-        value = self._stated.get(name, default)
-        if isinstance(value, bool) or not isinstance(value, int):
-            raise _wrong(name, value, "a whole number")
-        return value
 
     def flag(self, name: str, default: bool) -> bool:
         """Returns true or false."""

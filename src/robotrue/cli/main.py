@@ -25,7 +25,6 @@ from robotrue.cli import (
     dynamics_commands,
     export_commands,
     part_commands,
-    program_commands,
     record_commands,
     report_commands,
     sense_commands,
@@ -44,7 +43,6 @@ __all__ = [
     "dynamics_commands",
     "export_commands",
     "part_commands",
-    "program_commands",
     "record_commands",
     "report_commands",
     "run",
@@ -113,6 +111,14 @@ ORDER: Final = (
     "map",
     "drift",
     "drift-plan",
+    "probe-plan",
+    "register",
+    "slot-test",
+    "program",
+    "compensate",
+    "diff",
+    "serve",
+    "inspect",
 )
 """Commands in the order of the work, for the help; others follow as they are registered."""
 register_operations(app, ORDER)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from robotrue.app.force_options import read_force_options
 from robotrue.app.registered import opened, provenance_used
 from robotrue.cli.console import emit_json, say_mark
-from robotrue.cli.diff import differences
-from robotrue.cli.process_force import described
 from robotrue.cli.report_output import check_reports, file_fact, write_reports
+from robotrue.compensation.job_difference import compare_jobs
 from robotrue.compensation.stance import start_joints
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
@@ -112,7 +112,8 @@ def program_report(
             hint="--model MODEL, a file of `robotrue calibrate`.",
         )
     home = start_joints(cell.robot, cell.controller.start, start)
-    found = differences(before, after, cell, model, described(cell, wrench, force, cutter), home)
+    stated = read_force_options(cell, wrench, force, cutter)
+    found = compare_jobs([before], [after], cell, model, stated, home)
     summary = model.training_summary()
     t = Words(lang=lang)
     return program_content(

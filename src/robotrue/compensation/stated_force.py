@@ -1,20 +1,15 @@
-"""The process force a command is given: for all targets alike, or from a file."""
+"""The process force on the programs of a job: one wrench for all targets, or as described."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel
-from robotrue.cell.cell import Cell
-from robotrue.cli.cutter import cutter_axis
-from robotrue.cli.inputs import parse_wrench
 from robotrue.compensation.process_force import DescribedForce, Use, require_one_file
-from robotrue.compensation.process_force_file import read_force
 from robotrue.core.arrays import Array
 from robotrue.errors import ConfigurationError
 from robotrue.program.cut_path import CutPath, cut_path
@@ -56,7 +51,7 @@ class StatedForce:
         ]
 
 
-def useless(force: StatedForce, model: ErrorModel | None) -> list[str]:
+def note_rigid_model(force: StatedForce, model: ErrorModel | None) -> list[str]:
     """Returns a note if a force was stated and the model does not bend under any."""
     if not force.wrench.any() or (model is not None and not _rigid(model)):
         return []
@@ -76,29 +71,7 @@ def _newtons(size: tuple[float, float]) -> str:
     return high if low == high else f"{low} to {high}"
 
 
-def described(
-    cell: Cell, wrench: str | None, force: Path | None, cutter: str | None
-) -> Array | DescribedForce:
-    """Returns the force of the options: one wrench (6,), empty for none, or a description.
-
-    Raises:
-        ConfigurationError: Both are given, or one cannot be read.
-        FormatError: A file that cannot be read.
-    """
-    if force is None:
-        return parse_wrench(wrench) if wrench else np.empty(0)
-    if wrench:
-        raise ConfigurationError(
-            "--wrench and --force are both given.",
-            hint='a [[force]] with axes = "base" holds everywhere no other does.',
-        )
-    found = read_force(force, milling=milling_wrench)
-    if any(part.axes == "path" for part in found.parts):
-        found = replace(found, cutter=cutter_axis(cell, cutter))
-    return found
-
-
-def stated_forces(force: Array | DescribedForce, job: Sequence[Program]) -> list[StatedForce]:
+def state_forces(force: Array | DescribedForce, job: Sequence[Program]) -> list[StatedForce]:
     """Returns the force on every program of a job.
 
     Raises:
@@ -125,16 +98,3 @@ def stated_forces(force: Array | DescribedForce, job: Sequence[Program]) -> list
             hint="joint moves and rapids carry no force.",
         )
     return [StatedForce(wrench=wrench, uses=uses) for wrench, uses in found]
-
-
-def milling_wrench(stated: Mapping[str, Any]) -> Array:
-    """Returns the mean force of milling (6,) N in path axes, from the keys of ``milling``.
-
-    Raises:
-        ConfigurationError: A missing or unknown key, or a cut that cannot be.
-    """
-    from robotrue.cli.cutting_data import cutting_data
-    from robotrue.dynamics.milling_force import mean_force
-
-    cutter, cut, coefficients = cutting_data(stated, where="milling")
-    return np.concatenate([mean_force(cutter, cut, coefficients), np.zeros(3)])
