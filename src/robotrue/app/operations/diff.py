@@ -152,13 +152,11 @@ def _errors(found: Difference) -> tuple[Array, Array, Array]:
 
     from robotrue.validation.error_map import radius_95
 
-    bound = np.full(len(found.change), np.nan)
     if not found.has_errors:
-        return bound, bound, bound
-    known = np.isfinite(found.covariance).all(axis=(1, 2))
-    bound[known] = radius_95(found.covariance[known])
+        unknown = np.full(len(found.change), np.nan)
+        return unknown, unknown, unknown
     before, after = (np.linalg.norm(e, axis=1) for e in (found.error_before, found.error_after))
-    return before, after, bound
+    return before, after, radius_95(found.covariance)
 
 
 def _table(name: str, found: Difference) -> Table:

@@ -229,13 +229,10 @@ def _cell_and_settings(request: ProgramRequest, context: Context) -> tuple[Cell,
 
 
 def _home(text: str) -> Array:
-    import numpy as np
+    from robotrue.core.number_list import parse_number_list
 
-    try:
-        values = np.array([float(part) for part in text.split(",")])
-    except ValueError:
-        values = np.empty(0)
-    if values.size != 6 or not np.isfinite(values).all():
+    values = parse_number_list(text)
+    if values.size != 6:
         raise ConfigurationError(
             f"--home-deg {text!r}, expected six angles A1..A6 in deg.",
             hint="--home-deg 0,-90,90,0,0,0",

@@ -233,11 +233,8 @@ def _position(program: Program) -> Array:
 
 def _lengths(one: Difference) -> tuple[Array, Array, Array]:
     """Length (n,) m of the error before and after, and the radius that holds 95 % about it."""
-    bound = np.full(len(one.change), np.nan)
-    spread = np.isfinite(one.covariance).all(axis=(1, 2))
-    bound[spread] = radius_95(one.covariance[spread])
     before, after = (np.linalg.norm(e, axis=1) for e in (one.error_before, one.error_after))
-    return before, after, bound
+    return before, after, radius_95(one.covariance)
 
 
 def _statistics(lengths: Array) -> dict[str, float]:
