@@ -62,9 +62,10 @@ def _usage(field: RequestField) -> str:
 
 
 def _row(field: RequestField) -> str:
-    spelled = ", ".join(f"`{name}`" for name in _spelled(field))
+    spelled = ", ".join(f"`{name}`" for name in _spelled(field)).replace("|", "\\|")
     default = "needed" if field.is_required(CLI) else _default(field, "`{}`") or NO_VALUE
-    meaning = field.entry.help.removesuffix(".").replace("|", "\\|")
+    help = field.entry.help.replace("|", "\\|")
+    meaning = help if help.endswith("...") else help.removesuffix(".")
     return f"| {spelled} | {meaning} | {default} |"
 
 

@@ -197,7 +197,7 @@ def _stated(operation: Any) -> Iterator[str]:
         if isinstance(field.entry, Item):
             form = (
                 "items"
-                if field.many or field.entry.listed
+                if field.many_in_jobs or field.entry.listed
                 else "item"
                 if field.is_required(JOB)
                 else "item_or_none"

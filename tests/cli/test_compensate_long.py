@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from robotrue.cli import long_program
+from robotrue.compensation import long_program
 from robotrue.program.stream import outline
 
 

@@ -106,6 +106,10 @@ class Context(Protocol):
         """Returns where an output is written."""
         ...
 
+    def program_output(self, path: Path) -> Path:
+        """Returns the file or the folder that the files of a program are written to."""
+        ...
+
     def wrote(self, what: str, path: Path, remark: str = "") -> None:
         """Reports a file that was written; ``remark`` follows its name, with its punctuation."""
         ...

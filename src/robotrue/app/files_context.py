@@ -95,6 +95,10 @@ class FilesContext(OpenedInputs):
         """Returns the path as it was given."""
         return path
 
+    def program_output(self, path: Path) -> Path:
+        """Returns the path as it was given."""
+        return path
+
 
 def check_outputs(request: Request) -> None:
     """Refuses, before any work is done, outputs that cannot be or that are inputs.

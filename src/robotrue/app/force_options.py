@@ -14,6 +14,7 @@ from robotrue.cell.cutter_axis import cutter_axis
 from robotrue.compensation.process_force import DescribedForce
 from robotrue.compensation.process_force_file import read_force
 from robotrue.core.arrays import Array
+from robotrue.core.number_list import parse_number_list
 from robotrue.dynamics.cutting_data import cutting_data
 from robotrue.dynamics.milling_force import mean_force
 from robotrue.errors import ConfigurationError
@@ -47,11 +48,8 @@ def parse_wrench(text: str) -> Array:
     Raises:
         ConfigurationError: Not three or six numbers.
     """
-    try:
-        numbers = np.array([float(part) for part in text.split(",")])
-    except ValueError:
-        numbers = np.empty(0)
-    if numbers.size not in (3, 6) or not np.isfinite(numbers).all():
+    numbers = parse_number_list(text)
+    if numbers.size not in (3, 6):
         raise ConfigurationError(
             f"wrench {text!r}, expected 3 or 6 numbers in N and N m.", hint="--wrench 120,-40,-60"
         )

@@ -75,12 +75,12 @@ def _parameter(field: RequestField) -> tuple[Any, Any]:
         kind, default = bool, False
     elif isinstance(field.entry, Item):
         kind = ItemParameter
-        if field.entry.listed:
+        if _is_listed(field):
             kind |= Annotated[list[ItemParameter], Field(min_length=1, max_length=1)]
     limits = [each for each in field.info.metadata if not isinstance(each, Option)]
     for limit in limits:
         kind = Annotated[kind, limit]
-    if field.many:
+    if field.many_in_jobs:
         kind = Annotated[list[kind], Field(min_length=1)] if required else list[kind]
         default = ... if required else list(field.default or ())
     if field.optional and not required:
@@ -104,7 +104,7 @@ def stated_parameters(operation: AnyOperation, parameters: Mapping[str, Any]) ->
         )
     given = {name: value for name, value in parameters.items() if value is not None}
     for name, value in given.items():
-        if name in fields and fields[name].many and not isinstance(value, list):
+        if name in fields and fields[name].many_in_jobs and not isinstance(value, list):
             given[name] = [value]
         elif name in fields and isinstance(value, list) and _is_listed(fields[name]):
             given[name] = _only(fields[name], value)
@@ -119,7 +119,8 @@ def stated_parameters(operation: AnyOperation, parameters: Mapping[str, Any]) ->
                 values[name] = Path(field.entry.saved_as)
         elif field.is_in(JOB):
             value = getattr(model, name)
-            values[name] = tuple(value) if isinstance(value, list) else value
+            listed = value if isinstance(value, list) else [value]
+            values[name] = tuple(listed) if field.many else value
     try:
         return Stated(
             request=request.model_validate(values),
@@ -130,7 +131,7 @@ def stated_parameters(operation: AnyOperation, parameters: Mapping[str, Any]) ->
 
 
 def _is_listed(field: RequestField) -> bool:
-    return isinstance(field.entry, Item) and field.entry.listed
+    return isinstance(field.entry, Item) and (field.entry.listed or field.entry.single)
 
 
 def _only(field: RequestField, values: list[Any]) -> Any:
@@ -162,7 +163,7 @@ def _refusal(
                     f"the parameter {name!r} is missing: which {entry.noun}?",
                     hint="robotrue workspace list shows what there is.",
                 )
-            many = fields[name].many
+            many = fields[name].many_in_jobs
             expected = f"one {entry.noun} or more" if many else f"the id of a {entry.noun}"
             return ConfigurationError(
                 f"parameter {name!r} is {fault['input']!r}, expected {expected}."

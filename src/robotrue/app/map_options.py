@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-import numpy as np
-
 from robotrue.core.arrays import Array
+from robotrue.core.number_list import parse_number_list
 from robotrue.core.regions import CubeRegion, CylinderRegion, Region
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
@@ -77,11 +76,8 @@ def parse_numbers(option: str, text: str, wanted: int) -> Array:
     Raises:
         ConfigurationError: Another count, or not finite.
     """
-    try:
-        values = np.array([float(part) for part in text.split(",")])
-    except ValueError:
-        values = np.empty(0)
-    if values.size != wanted or not np.isfinite(values).all():
+    values = parse_number_list(text)
+    if values.size != wanted:
         raise ConfigurationError(
             f"{option} {text!r}, expected {wanted} numbers with commas between.",
             hint=f"{option} " + ",".join(["0"] * wanted),

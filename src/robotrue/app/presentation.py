@@ -38,4 +38,11 @@ class Note:
     text: str
 
 
-Block: TypeAlias = Facts | Table | Note
+@dataclass(frozen=True, slots=True)
+class Text:
+    """Lines to paste elsewhere, as they stand."""
+
+    text: str
+
+
+Block: TypeAlias = Facts | Table | Note | Text

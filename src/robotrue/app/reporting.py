@@ -28,9 +28,9 @@ def note(text: str) -> Message:
     return Message(text, label="note")
 
 
-def file_note(name: str, text: str) -> Message:
-    """Returns a note about a file; a text that begins with the file and its line keeps it."""
-    return note(text if text.startswith(f"{name}:") else f"{name}: {text}")
+def place_in_file(name: str, text: str) -> str:
+    """Returns a text about a file with its name before it; one that begins so keeps its line."""
+    return text if text.startswith(f"{name}:") else f"{name}: {text}"
 
 
 class Reporter(Protocol):

@@ -94,10 +94,12 @@ class Item(Option):
     Attributes:
         noun: What it refers to, as ``robotrue workspace list`` spells it.
         listed: Jobs may state it as a list of one.
+        single: Jobs state one, or a list of one, where the command line takes several.
     """
 
     noun: str
     listed: bool = False
+    single: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,6 +155,11 @@ class RequestField:
     default: Any
     entry: Option
     info: FieldInfo
+
+    @property
+    def many_in_jobs(self) -> bool:
+        """Whether jobs state it as a list of values."""
+        return self.many and not (isinstance(self.entry, Item) and self.entry.single)
 
     @property
     def choices(self) -> tuple[str, ...]:

@@ -80,6 +80,10 @@ class WorkspaceContext(OpenedInputs):
         """Returns the records that are meant."""
         return [self.record(noun, each) for each in references]
 
+    def ref(self, noun: Noun[R], reference: Reference | None) -> Ref | None:
+        """Returns the version of an item that is meant; None where none is."""
+        return None if reference is None else self.record(noun, reference).ref
+
     def name(self, reference: Reference) -> str:
         """Returns the name of an item that was opened, else what was stated."""
         opened = [r for (_, each), r in self._records.items() if each == reference]
@@ -147,6 +151,10 @@ class WorkspaceContext(OpenedInputs):
     def output(self, path: Path) -> Path:
         """Returns where an output is written: the folder of this job."""
         return self.work.folder / path
+
+    def program_output(self, path: Path) -> Path:
+        """Returns where the files of a program are written: a folder of this job."""
+        return self.folder(path.name)
 
     def leave_document(
         self,

@@ -55,11 +55,6 @@ def say_mark(provenance: Provenance | None) -> None:
         say(text)
 
 
-def remark(name: str, text: str) -> None:
-    """Writes a note about a file to stderr; one that begins with the file's line keeps it."""
-    say(f"note: {text}" if text.startswith(f"{name}:") else f"note: {name}: {text}")
-
-
 def emit_json(document: Mapping[str, Any], provenance: Provenance | None = None) -> None:
     """Writes one JSON document to stdout; numbers that are not finite become null.
 

@@ -38,10 +38,6 @@ class Parameters:
             raise _wrong(name, value, "text")
         return value
 
-    def text_or_none(self, name: str) -> str | None:
-        """Returns a text, None where nothing is stated."""
-        return None if self._stated.get(name) is None else self.text(name, "")
-
     def number(self, name: str, default: float) -> float:
         """Returns a number."""
         value = self._stated.get(name, default)

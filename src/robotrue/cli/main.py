@@ -23,7 +23,6 @@ from robotrue.cli import (
     drill_commands,
     dynamics_commands,
     part_commands,
-    program_commands,
     record_commands,
     sense_commands,
     serve_commands,
@@ -39,7 +38,6 @@ __all__ = [
     "drill_commands",
     "dynamics_commands",
     "part_commands",
-    "program_commands",
     "record_commands",
     "run",
     "sense_commands",
@@ -127,6 +125,14 @@ ORDER: Final = (
     "export urdf",
     "export dh",
     "export controller",
+    "probe-plan",
+    "register",
+    "slot-test",
+    "program",
+    "compensate",
+    "diff",
+    "serve",
+    "inspect",
 )
 """Commands in the order of the work, for the help; others follow as they are registered."""
 register_operations(app, ORDER)

@@ -1,4 +1,4 @@
-"""Signatures of the commands about the part: what to touch, where it stands, two-sided slots."""
+"""Signatures of the commands about the part: what to touch, and two-sided slots."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from robotrue.app.outputs import CELL, CSV, MODEL, PAGE, PNG
+from robotrue.app.outputs import CSV, PAGE, PNG
 from robotrue.cli.app import Json, app
 
 
@@ -82,70 +82,6 @@ def probe_plan(
         picture=picture,
     )
     plan_touches(cell, part, machined, output, options, as_json=json)
-
-
-@app.command()
-def register(
-    cell: Annotated[
-        Path,
-        typer.Argument(metavar="CELL|MODEL", help="cell.toml (nominal arm) or model file."),
-    ],
-    points: Annotated[Path, typer.Argument(metavar="POINTS", help="CSV of the touches.")],
-    output: Annotated[
-        Path, typer.Option("--output", "-o", help="Registered cell to write.", callback=CELL)
-    ],
-    touch_sigma_mm: Annotated[
-        float, typer.Option(help="One standard deviation per axis of one touch.")
-    ] = 0.1,
-    robot_sigma_mm: Annotated[
-        float | None, typer.Option(help="Of the arm over the part; default: what its model says.")
-    ] = None,
-    tool_sigma_mm: Annotated[
-        float | None,
-        typer.Option(help="Of the tip in the flange; 0: unchanged since the model was made."),
-    ] = None,
-    tolerance_mm: Annotated[
-        float | None, typer.Option(help="What machined points must keep, for the verdict.")
-    ] = None,
-    probe_radius_mm: Annotated[float, typer.Option(help="Of the probe's ball.")] = 0.0,
-    fit: Annotated[
-        str, typer.Option(help="auto; frame: leave the arm as it is; joint: arm, tool and frame.")
-    ] = "auto",
-    mesh: Annotated[
-        Path | None, typer.Option(help="The part (STL): touches with a normal lie on it.")
-    ] = None,
-    mesh_unit: Annotated[str, typer.Option(help="mm, m or inch.")] = "mm",
-    model_out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Refined model, where touching moved the arm; default: beside the cell.",
-            callback=MODEL,
-        ),
-    ] = None,
-    frame_format: Annotated[
-        list[str] | None,
-        typer.Option(help="Also print the frame: krl, rapid, fanuc, yaskawa, ur, g54; repeatable."),
-    ] = None,
-    frame_number: Annotated[int, typer.Option(help="Of the controller's frame table.")] = 1,
-    json: Json = False,
-) -> None:
-    """Find where the part stands from touched points, and tie it to the model of the arm."""
-    from robotrue.cli.register import Options, run
-
-    options = Options(
-        touch_sigma_mm=touch_sigma_mm,
-        robot_sigma_mm=robot_sigma_mm,
-        tool_sigma_mm=tool_sigma_mm,
-        tolerance_mm=tolerance_mm,
-        probe_radius_mm=probe_radius_mm,
-        fit=fit,
-        mesh=mesh,
-        mesh_unit=mesh_unit,
-        model_out=model_out,
-        frame_format=tuple(frame_format or ()),
-        frame_number=frame_number,
-    )
-    run(cell, points, output, options, as_json=json)
 
 
 @app.command(name="slot-test")

@@ -16,6 +16,7 @@ from robotrue.cell.frame_table import frame_table
 from robotrue.cli.console import say
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.files import read_bytes
+from robotrue.core.number_list import parse_number_list
 from robotrue.core.poses import apply, inverse, pose, pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ModelMismatchError, ReachError
@@ -109,11 +110,8 @@ def parse_frame(text: str) -> Array:
     Raises:
         ConfigurationError: Not six finite numbers.
     """
-    try:
-        numbers = np.array([float(word) for word in text.split(",")])
-    except ValueError:
-        numbers = np.empty(0)
-    if numbers.size != 6 or not np.isfinite(numbers).all():
+    numbers = parse_number_list(text)
+    if numbers.size != 6:
         raise ConfigurationError(
             f"frame {text!r}, expected X,Y,Z,A,B,C in mm and deg.",
             hint="--frame 800,-100,400,0,0,0",

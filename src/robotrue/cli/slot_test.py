@@ -12,6 +12,7 @@ from robotrue.app.outputs import check_output
 from robotrue.cli.console import emit_facts, emit_json, emit_table, progress, say, say_mark
 from robotrue.core.arrays import Array
 from robotrue.core.files import write_atomic
+from robotrue.core.number_list import parse_number_list
 from robotrue.core.provenance import Provenance, read_provenance
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
@@ -81,11 +82,8 @@ def run_measured(
 
 
 def _three(name: str, text: str) -> Array:
-    try:
-        values = np.array([float(word) for word in text.split(",")])
-    except ValueError:
-        values = np.empty(0)
-    if values.shape != (3,) or not np.isfinite(values).all():
+    values = parse_number_list(text)
+    if values.shape != (3,):
         raise ConfigurationError(f"{name} {text!r}, expected three numbers like 1,0,0.")
     return values
 

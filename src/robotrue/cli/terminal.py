@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
 from robotrue.app.operation import AnyOperation, Result
-from robotrue.app.presentation import Block, Facts, Table
+from robotrue.app.presentation import Block, Facts, Table, Text
 from robotrue.app.reporting import Message
 from robotrue.app.request import Request
 from robotrue.cli.console import emit_facts, emit_json, emit_table, progress, say, say_mark
@@ -68,5 +69,7 @@ def _show(block: Block, provenance: Provenance | None) -> None:
         emit_facts(block.title, block.rows, provenance)
     elif isinstance(block, Table):
         emit_table(block.title, block.columns, block.rows, words=block.words, provenance=provenance)
+    elif isinstance(block, Text):
+        sys.stdout.write(f"{block.text}\n")
     else:
         say(block.text)

@@ -8,8 +8,9 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from robotrue.core.arrays import Array, frozen
-from robotrue.core.units import DEG
+from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
+from robotrue.program.compensation_defaults import MAX_SHIFT_MM
 from robotrue.robot.statics import NO_LOAD, Load
 
 ApproachRule: TypeAlias = Literal["path", "unknown"]
@@ -49,7 +50,7 @@ class CompensationSettings:
     axis_targets: bool = False
     approach: ApproachRule = "path"
     alike: float = 0.05e-3
-    max_shift: float = 10e-3
+    max_shift: float = MAX_SHIFT_MM * MM
     max_turn: float = 1.0 * DEG
     min_shift: float = 1e-9
     min_singular_value: float = 5e-3

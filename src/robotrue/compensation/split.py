@@ -15,13 +15,12 @@ from robotrue.core.poses import inverse, pose
 from robotrue.core.units import UM
 from robotrue.core.words import NO_WORD, WORDS
 from robotrue.errors import ConfigurationError
+from robotrue.program.compensation_defaults import SPLIT_LIMIT
 from robotrue.program.insertion import Insertion, Obstacle, job_rows
 from robotrue.program.program import Motion, Program, Replacement
 from robotrue.robot.opw import opw_geometry
 from robotrue.robot.words import configuration_words
 
-LIMIT: Final = 100_000
-"""Targets put into a job, if no other limit is given."""
 _TRIED: Final = 8
 """Parts from which on a deviation that does not fall is that of a step in the correction."""
 _ROUNDS: Final = 40
@@ -55,7 +54,7 @@ def plan_split(
     deviation: JobDeviation,
     tolerance: float,
     *,
-    limit: int = LIMIT,
+    limit: int = SPLIT_LIMIT,
 ) -> SplitPlan:
     """Returns the fewest equal parts of every move that keep it within a tolerance.
 

@@ -11,6 +11,7 @@ from robotrue.compensation.plan import Plan
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.status import Route
 from robotrue.core.arrays import Array, frozen
+from robotrue.core.number_list import parse_number_list
 from robotrue.core.units import DEG
 from robotrue.errors import ConfigurationError
 from robotrue.program.program import Program
@@ -124,11 +125,8 @@ def start_joints(robot: RobotModel, cell: Array, text: str | None = None) -> Arr
 
 
 def _read(text: str, count: int) -> Array:
-    try:
-        numbers = np.array([float(part) for part in text.split(",")])
-    except ValueError:
-        numbers = np.empty(0)
-    if numbers.size != count or not np.isfinite(numbers).all():
+    numbers = parse_number_list(text)
+    if numbers.size != count:
         raise ConfigurationError(
             f"start posture {text!r}, expected {count} numbers in deg, as the pendant shows the "
             "axes.",

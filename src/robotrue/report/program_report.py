@@ -137,9 +137,7 @@ def _join_targets(found: Sequence[tuple[str, Difference]], *, strict: bool) -> _
     shift = np.concatenate([one.shift for one in parts])
     axis = ~to_judge(np.concatenate([one.axis_target for one in parts]), strict=strict)
     covariance = np.concatenate([one.covariance for one in parts])[~axis]
-    bound = np.full(len(covariance), np.nan)
-    spread = np.isfinite(covariance).all(axis=(1, 2))
-    bound[spread] = radius_95(covariance[spread])
+    bound = radius_95(covariance)
     names = np.array([name for name, one in found for _ in range(len(one.change))])
     joined = _Targets(
         file=tuple(names[~axis].tolist()),

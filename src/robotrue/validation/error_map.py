@@ -88,9 +88,7 @@ class WorkspaceMap(Columns):
     @property
     def bound(self) -> Array:
         """(n,) m; see :func:`radius_95`: what a compensated pose keeps with 95 %."""
-        out = np.full(len(self.point), np.nan)
-        out[self.reachable] = radius_95(self.covariance[self.reachable])
-        return out
+        return radius_95(self.covariance)
 
     @property
     def sector(self) -> IntArray:
@@ -108,7 +106,7 @@ def radius_95(covariance: Array) -> Array:
 
     Two moments: the squared length is taken as g chi2(h) with g = tr(C^2) / tr(C) and
     h = tr(C)^2 / tr(C^2) (Satterthwaite 1946). Exact for a sphere and for a line, within 1 %
-    between.
+    between. NaN where C is not known.
     """
     first = np.trace(covariance, axis1=1, axis2=2)
     second = np.einsum("nij,nji->n", covariance, covariance)

@@ -246,14 +246,12 @@ def _payload(text: str) -> Load:
     """Returns a load state from ``KG`` or ``KG,X,Y,Z`` (mm in the flange frame)."""
     import numpy as np
 
+    from robotrue.core.number_list import parse_number_list
     from robotrue.errors import ConfigurationError
     from robotrue.robot.statics import Load
 
-    try:
-        numbers = np.array([float(part) for part in text.split(",")])
-    except ValueError:
-        numbers = np.empty(0)
-    if numbers.size not in (1, 4) or not np.isfinite(numbers).all() or numbers[0] < 0.0:
+    numbers = parse_number_list(text)
+    if numbers.size not in (1, 4) or numbers[0] < 0.0:
         raise ConfigurationError(
             f"payload {text!r}, expected KG or KG,X,Y,Z with the centre of mass in mm.",
             hint="--payload 50,0,0,120",

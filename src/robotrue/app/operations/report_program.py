@@ -80,8 +80,8 @@ def draft_program(
         ModelMismatchError: Programs that do not belong together, or no target to judge.
     """
     from robotrue.app.force_options import read_force_options
-    from robotrue.app.program_differences import differences
     from robotrue.app.registered import opened, provenance_used
+    from robotrue.compensation.job_difference import compare_jobs
     from robotrue.compensation.stance import start_joints
     from robotrue.report.calibration_report import fact
     from robotrue.report.program_report import program_content
@@ -109,7 +109,7 @@ def draft_program(
         *(("fact.force", each) for each in (request.force,) if each is not None),
     ]
     content = program_content(
-        differences(before, after, cell, model, pushed, home),
+        compare_jobs([before], [after], cell, model, pushed, home),
         robot=model.robot.name,
         before=before.name,
         after=after.name,

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from html import escape
 from typing import Any, Final
 
 from nicegui import ui
 
+from robotrue.app.operations.compensate import CompensateRequest
+from robotrue.app.request import fields_of
 from robotrue.errors import ConfigurationError
 from robotrue.store import items
 from robotrue.store.nouns import PROGRAM
@@ -33,6 +34,7 @@ from robotrue.web.parts.job import JobCard, under_way
 from robotrue.web.parts.later import later
 from robotrue.web.parts.naming import heading, record_mark
 from robotrue.web.parts.reports import report_form, reports
+from robotrue.web.parts.request_form import RequestForm
 from robotrue.web.parts.scene import SceneView
 
 TOLERANCE_MM: Final = 0.5
@@ -104,16 +106,7 @@ async def _one(bench: Bench, record: ProgramRecord) -> None:
     )
     acts += _downloads(bench, record)
     if not after and not record.deleted and model is not None:
-        parameters = escape(json.dumps({"program": record.id, "model": model.id}), quote=True)
-        acts += (
-            f'<button class="act" data-testid="compensate" data-parameters="{parameters}" '
-            "onclick=\"bench.job('compensate',{...JSON.parse(this.dataset.parameters),"
-            'allow_steps:this.nextElementSibling.firstElementChild.checked},this)">'
-            f"{escape(say('programs.compensate'))}</button>"
-            '<label class="note" style="display:inline-flex;gap:8px;align-items:center">'
-            '<input type="checkbox" data-testid="allow-steps">'
-            f"{escape(say('programs.allow_steps'))}</label>"
-        )
+        acts += _compensate_form(bench, record.id, model.id)
     stage = say("programs.stage_after" if after else "programs.stage_before")
     gone = tag(say("history.action_deleted"), "caution") if record.deleted else ""
     html(
@@ -140,6 +133,24 @@ async def _one(bench: Bench, record: ProgramRecord) -> None:
     if after and record.linked("model"):
         page = f"/programs?id={record.id}&tolerance_mm={_tolerance(bench):g}"
         await reports(bench, record, "program", page=page, fields=_report_fields(bench))
+
+
+def _compensate_form(bench: Bench, program: str, model: str) -> str:
+    form = RequestForm(
+        bench=bench,
+        request=CompensateRequest,
+        group="programs",
+        records={},
+        marks={"allow_steps": "allow-steps"},
+    )
+    (box,) = [form.control(each) for each in fields_of(form.request) if each.name == "allow_steps"]
+    return (
+        "<form style='display:contents' onsubmit=\"return bench.jobForm('compensate',this)\">"
+        f'<input type="hidden" name="program" value="{program}">'
+        f'<input type="hidden" name="model" value="{model}">'
+        f'<button class="act" data-testid="compensate">{escape(bench.say("programs.compensate"))}'
+        f"</button>{box}</form>"
+    )
 
 
 def _left(bench: Bench, record: ProgramRecord) -> str:

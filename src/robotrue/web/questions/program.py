@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from robotrue.app.force_options import parse_wrench
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.cell_overlay import overlay_cell
@@ -157,10 +158,7 @@ def _cell(workspace: Workspace, record: ProgramRecord, scratch: Path) -> Cell | 
 
 def _load(payload: Load, stated: Any) -> Load:
     """The payload, with the process force the program was compensated for."""
-    if not stated:
-        return payload
-    force = [float(part) for part in str(stated).split(",")]
-    return replace(payload, wrench=np.array([force + [0.0] * (6 - len(force))]))
+    return replace(payload, wrench=parse_wrench(str(stated))[None]) if stated else payload
 
 
 def _document(
@@ -235,11 +233,8 @@ def _position(program: Program) -> Array:
 
 def _lengths(one: Difference) -> tuple[Array, Array, Array]:
     """Length (n,) m of the error before and after, and the radius that holds 95 % about it."""
-    bound = np.full(len(one.change), np.nan)
-    spread = np.isfinite(one.covariance).all(axis=(1, 2))
-    bound[spread] = radius_95(one.covariance[spread])
     before, after = (np.linalg.norm(e, axis=1) for e in (one.error_before, one.error_after))
-    return before, after, bound
+    return before, after, radius_95(one.covariance)
 
 
 def _statistics(lengths: Array) -> dict[str, float]:

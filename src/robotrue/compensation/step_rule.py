@@ -1,18 +1,14 @@
-"""``robotrue compensate --max-step``: whether a mixed program may be written."""
+"""Whether a program with steps in its path may be written, and what is said of them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from robotrue.cli.console import say
 from robotrue.compensation.steps import Step, Steps
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, StepError
-
-MAX_STEP_MM = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,7 +20,7 @@ class StepRule:
         allow: Write the program all the same.
     """
 
-    max_mm: float = MAX_STEP_MM
+    max_mm: float
     allow: bool = False
 
     def __post_init__(self) -> None:
@@ -60,16 +56,20 @@ class StepRule:
         return {**steps.document(), "limit_mm": self.max_mm, "allowed": self.allow}
 
 
-def say_steps(found: Mapping[str, Any], steps: Steps) -> None:
-    """Says on stderr how much of the path is compensated, and the steps in it."""
-    if steps.length > 0.0 and steps.corrected < steps.length:
-        share = 100.0 * steps.corrected / steps.length
-        say(
-            f"{found['compensated_path_mm']:.1f} of {found['path_mm']:.1f} mm of the path "
-            f"({share:.1f} %) lie between compensated targets"
-        )
-    if steps.worst is not None:
-        say(f"note: {_counted(steps)}; {_which(steps.worst)}.")
+def path_sentence(steps: Steps) -> str:
+    """Returns how much of the path is compensated; empty if all of it, or if there is none."""
+    if not 0.0 <= steps.corrected < steps.length:
+        return ""
+    share = 100.0 * steps.corrected / steps.length
+    return (
+        f"{steps.corrected / MM:.1f} of {steps.length / MM:.1f} mm of the path "
+        f"({share:.1f} %) lie between compensated targets"
+    )
+
+
+def steps_sentence(steps: Steps) -> str:
+    """Returns how many steps there are and which is the largest; empty without any."""
+    return "" if steps.worst is None else f"{_counted(steps)}; {_which(steps.worst)}."
 
 
 def _counted(steps: Steps) -> str:

@@ -1,20 +1,18 @@
-"""``robotrue compensate --deviation`` and ``--split``: what happens between the targets."""
+"""What happens between the targets of a compensated job: how far moves bow, and splits."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel
-from robotrue.cli.console import say
 from robotrue.compensation.compensate import compensate
 from robotrue.compensation.result import Compensation
 from robotrue.compensation.settings import CompensationSettings
-from robotrue.compensation.split import LIMIT, SplitPlan, plan_split
+from robotrue.compensation.split import SplitPlan, plan_split
 from robotrue.compensation.split_apply import Reread, compensate_split, split_job
 from robotrue.compensation.split_deviation import (
     RESOLUTION,
@@ -28,9 +26,9 @@ from robotrue.compensation.status import Status
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError
-from robotrue.program.formats import inserter, read_job, write_program
+from robotrue.program.formats import inserter
 from robotrue.program.insertion import Obstacle
-from robotrue.program.program import FrameTable, Program
+from robotrue.program.program import Program
 
 _WORST: Final = 10
 """Moves the report names."""
@@ -47,11 +45,12 @@ class SplitOptions:
         deviation: Report the deviation.
     """
 
-    tolerance_um: float | None = None
-    limit: int = LIMIT
-    deviation: bool = False
+    tolerance_um: float | None
+    limit: int
+    deviation: bool
 
-    def __bool__(self) -> bool:
+    @property
+    def asked(self) -> bool:
         """Whether anything was asked."""
         return self.deviation or self.tolerance_um is not None
 
@@ -59,10 +58,6 @@ class SplitOptions:
     def named(self) -> str:
         """The option, for messages."""
         return "--deviation" if self.tolerance_um is None else "--split"
-
-
-NOT_SPLIT = SplitOptions()
-"""Nothing was asked."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,28 +69,16 @@ class Between:
         results: Compensation of each.
         document: JSON values.
         sentences: For the user.
+        left_whole: What deserves attention: moves that are left whole.
+        worst: The moves that are furthest off, as lines of a table.
     """
 
     programs: tuple[Program, ...]
     results: tuple[Compensation, ...]
     document: dict[str, Any]
     sentences: tuple[str, ...]
-
-    def written(self, forces: Sequence[Any]) -> list[tuple[bytes, Mapping[str, Any]]]:
-        """Returns the bytes of every program and its counts, with what pushes it if anything."""
-        return [
-            (
-                write_program(program, result.replacement),
-                {**result.summary(), **({"force": force} if force else {})},
-            )
-            for program, result, force in zip(self.programs, self.results, forces, strict=True)
-        ]
-
-    def told(self) -> dict[str, Any]:
-        """Returns the document after the user was told."""
-        for sentence in self.sentences:
-            say(sentence)
-        return self.document
+    left_whole: tuple[str, ...] = ()
+    worst: tuple[str, ...] = ()
 
 
 def require_no_spin(options: SplitOptions, free_spin: bool) -> None:
@@ -112,16 +95,7 @@ def require_no_spin(options: SplitOptions, free_spin: bool) -> None:
         )
 
 
-def rereader(paths: Sequence[Path], frames: FrameTable) -> Reread:
-    """Returns what reads a job again, with other bytes for some of its files."""
-
-    def read(instead: Mapping[str, bytes]) -> tuple[Program, ...]:
-        return read_job(paths, frames, instead=instead)
-
-    return read
-
-
-def looked_between(
+def look_between(
     model: ErrorModel | None,
     job: Sequence[Program],
     settings: Sequence[CompensationSettings],
@@ -148,12 +122,12 @@ def looked_between(
     document = _document(whole, deviation)
     if tolerance is None:
         document["worst"] = _worst(whole, deviation, None)
-        sentences = [*_said(whole, deviation), *_table(document["worst"])]
         return Between(
             programs=tuple(job),
             results=tuple(results),
             document=document,
-            sentences=tuple(sentences),
+            sentences=(_kept_sentence(whole, deviation),),
+            worst=_table(document["worst"]),
         )
     plan = plan_split(whole, job, deviation, tolerance, limit=options.limit)
     programs = tuple(job)
@@ -172,11 +146,13 @@ def looked_between(
         after = job_moves(model, programs, split.moves, results, used)
         reached = job_deviation(after, tolerance=tolerance)
     document["split_um"] = _sizes(reached.size)
-    sentences = [*_said(whole, deviation), *_split_said(document)]
-    if options.deviation:
-        sentences += _table(document["worst"])
     return Between(
-        programs=programs, results=tuple(results), document=document, sentences=tuple(sentences)
+        programs=programs,
+        results=tuple(results),
+        document=document,
+        sentences=(_kept_sentence(whole, deviation), *_split_sentence(document)),
+        left_whole=tuple(map(_left_sentence, document["left_whole"])),
+        worst=_table(document["worst"]) if options.deviation else (),
     )
 
 
@@ -268,42 +244,43 @@ def _left(job: JobMoves, deviation: JobDeviation, plan: SplitPlan) -> list[dict[
     return out
 
 
-def _said(job: JobMoves, deviation: JobDeviation) -> list[str]:
+def _kept_sentence(job: JobMoves, deviation: JobDeviation) -> str:
     known = np.flatnonzero(np.isfinite(deviation.size))
     if not len(known):
-        return ["between the targets: no line or arc whose two ends are compensated"]
+        return "between the targets: no line or arc whose two ends are compensated"
     worst = int(known[np.argmax(deviation.size[known])])
     arcs = int(job.moves.circular[known].sum())
     kind = "arc" if job.moves.via[worst] >= 0 else "line"
     size = deviation.size[known] / UM
-    return [
+    return (
         f"between the targets of {len(known) - arcs} lines and {arcs} arcs, kept whole: "
         f"{size.mean():.2f} um mean, {size.max():.2f} um max off the compensated path "
         f"(the {kind} to line {job.moves.line[worst]})"
-    ]
+    )
 
 
-def _split_said(document: dict[str, Any]) -> list[str]:
-    out = [f"no move is split: all are within {document['tolerance_um']:g} um"]
+def _split_sentence(document: dict[str, Any]) -> list[str]:
     if document["split_moves"]:
-        out = [
+        return [
             f"{document['split_moves']} moves split, {document['inserted_targets']} targets put "
             f"in; then {document['split_um']['max']:.2f} um max"
         ]
-    elif document["left_whole"]:
-        out = ["no move is split"]
-    for left in document["left_whole"]:
-        lines = ", ".join(map(str, left["lines"]))
-        more = f", ... ({left['moves']} in all)" if left["moves"] > len(left["lines"]) else ""
-        size = "" if left["kept_um"] is None else f" ({left['kept_um']:.2f} um)"
-        several = "s" if left["moves"] > 1 else ""
-        out.append(f"note: line{several} {lines}{more}: left whole{size}: {left['reason']}.")
-    return out
+    if document["left_whole"]:
+        return ["no move is split"]
+    return [f"no move is split: all are within {document['tolerance_um']:g} um"]
 
 
-def _table(worst: Sequence[dict[str, Any]]) -> list[str]:
+def _left_sentence(left: dict[str, Any]) -> str:
+    lines = ", ".join(map(str, left["lines"]))
+    more = f", ... ({left['moves']} in all)" if left["moves"] > len(left["lines"]) else ""
+    size = "" if left["kept_um"] is None else f" ({left['kept_um']:.2f} um)"
+    several = "s" if left["moves"] > 1 else ""
+    return f"line{several} {lines}{more}: left whole{size}: {left['reason']}."
+
+
+def _table(worst: Sequence[dict[str, Any]]) -> tuple[str, ...]:
     if not worst:
-        return []
+        return ()
     out = ["      line  kind   length_mm   kept_um  parts  split_um"]
     for each in worst:
         split = "-" if each["split_um"] is None else f"{each['split_um']:.2f}"
@@ -311,4 +288,4 @@ def _table(worst: Sequence[dict[str, Any]]) -> list[str]:
             f"{each['line']:10d}  {each['kind']:4s}  {each['length_mm']:10.3f}  "
             f"{each['kept_um']:8.2f}  {each['parts']:5d}  {split:>8s}"
         )
-    return out
+    return tuple(out)

@@ -1,23 +1,22 @@
-"""What ``robotrue register`` answers: JSON values, tables, frames to paste."""
+"""What a registration answers: JSON values, tables, frames to paste."""
 
 from __future__ import annotations
 
-import sys
+from collections.abc import Iterable, Sequence
 from typing import Any, Final
 
 import numpy as np
 
-from robotrue.cli.console import emit_facts, emit_table, say
+from robotrue.app.presentation import Block, Facts, Note, Table, Text
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
-from robotrue.program.controller_frames import ControllerFrame
 from robotrue.validation.registered_part import FoundFrame, RegisteredPart
 
 SHOWN: Final = 40
 """Touches in the printed table."""
 
 
-def document(found: RegisteredPart) -> dict[str, Any]:
+def registration_document(found: RegisteredPart) -> dict[str, Any]:
     """Returns JSON values: those of the first part at the top, all parts under ``parts``."""
     parts = [_part_document(frame) for frame in found.frames]
     several = len(parts) > 1
@@ -76,19 +75,15 @@ def _part_document(frame: FoundFrame) -> dict[str, Any]:
     }
 
 
-def frame_document(name: str, frame: ControllerFrame) -> dict[str, str]:
-    """Returns a frame in a controller's words as JSON values."""
-    return {"part": name, "system": frame.system, "order": frame.order, "text": frame.text}
-
-
-def show(found: RegisteredPart, frames: list[tuple[str, ControllerFrame]]) -> None:
-    """Prints each frame, its touches, what is against it, and the lines for controllers."""
+def registration_blocks(found: RegisteredPart, controller_lines: Sequence[str]) -> Iterable[Block]:
+    """Returns each frame, its touches, what is against it, and the lines for controllers."""
     for frame in found.frames:
         fit, T = frame.registration, frame.registration.T_base_part
         sd = np.sqrt(np.diag(fit.covariance))
-        emit_facts(
-            f"{frame.name} in base, with {found.identity}",
-            [
+        touches = list(zip(fit.names, fit.distances, frame.region, fit.believed, strict=True))
+        yield Facts(
+            title=f"{frame.name} in base, with {found.identity}",
+            rows=(
                 ("x, y, z", _three(T[:3, 3] / MM, "mm")),
                 ("A, B, C", _three(abc_from_matrix(T[:3, :3]) / DEG, "deg")),
                 ("one sigma", f"{_three(sd[:3] / MM, 'mm')}; {_three(sd[3:] / DEG, 'deg')}"),
@@ -96,38 +91,26 @@ def show(found: RegisteredPart, frames: list[tuple[str, ControllerFrame]]) -> No
                 ("residual rms", f"{fit.rms / MM:.4f} mm"),
                 (f"{_share(frame)}, 95 %", f"{frame.region.max() / MM:.3f} mm or better"),
                 ("verdict", frame.verdict),
-            ],
-            found.provenance,
+            ),
         )
-        emit_table(
-            "touches",
-            ("", "residual mm", f"{_share(frame)}, 95 % mm", ""),
-            [
+        yield Table(
+            title="touches",
+            columns=("", "residual mm", f"{_share(frame)}, 95 % mm", ""),
+            rows=tuple(
                 (name, f"{far / MM:.4f}", f"{reach / MM:.3f}", "" if good else "not believed")
-                for name, far, reach, good in list(
-                    zip(fit.names, fit.distances, frame.region, fit.believed, strict=True)
-                )[:SHOWN]
-            ],
-            provenance=found.provenance,
+                for name, far, reach, good in touches[:SHOWN]
+            ),
         )
         about = f"{frame.name}: " if len(found.frames) > 1 else ""
-        for reason in frame.reasons:
-            say(f"no-go: {about}{reason}")
-        for doubt in frame.doubts:
-            say(f"note: {about}{doubt}")
-    for doubt in found.doubts:
-        say(f"note: {doubt}")
-    for _, controller in frames:
-        _paste(controller)
+        yield from (Note(f"no-go: {about}{reason}") for reason in frame.reasons)
+        yield from (Note(f"note: {about}{doubt}") for doubt in frame.doubts)
+    yield from (Note(f"note: {doubt}") for doubt in found.doubts)
+    yield from map(Text, controller_lines)
 
 
 def _share(frame: FoundFrame) -> str:
     """What the region at a touch is about: without joints the arm's share is not known."""
     return "machined there" if frame.with_arm else "frame there"
-
-
-def _paste(frame: ControllerFrame) -> None:
-    sys.stdout.write(frame.text + "\n")
 
 
 def _three(values: Any, unit: str) -> str:

@@ -1,4 +1,4 @@
-"""``robotrue compensate --free-spin``: the free rotation about the tool axis, and what it won."""
+"""A program compensated with the free rotation about its tool axis chosen, and what it won."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _SHOWN = (
 )
 
 
-def require_free(model: ErrorModel | None, force: Array | DescribedForce) -> None:
+def require_free_spin(model: ErrorModel | None, force: Array | DescribedForce) -> None:
     """Checks that there is a model to ask, and that the force does not turn with the tool frame.
 
     Raises:
@@ -45,7 +45,7 @@ def require_free(model: ErrorModel | None, force: Array | DescribedForce) -> Non
             )
 
 
-def spun(
+def compensate_with_spins(
     model: ErrorModel, program: Program, settings: CompensationSettings, cutter: Array
 ) -> tuple[Compensation, dict[str, Any]]:
     """Returns the compensation of a program with its spins chosen anew, and what they won.
@@ -59,10 +59,8 @@ def spun(
     return result, {**found.summary(), "notes": list(found.notes)}
 
 
-def sentences(won: Mapping[str, Any] | None) -> list[str]:
-    """Returns what was won, one sentence each; none if nothing was chosen."""
-    if won is None:
-        return []
+def spin_sentences(won: Mapping[str, Any]) -> list[str]:
+    """Returns what was won, one sentence each."""
     out = [
         f"tool axis: {won['targets_turned']} targets turned in {won['runs_turned']} of "
         f"{won['runs']} runs, at most by {won['largest_spin_deg']:.1f} deg"
@@ -74,4 +72,4 @@ def sentences(won: Mapping[str, Any] | None) -> list[str]:
                 f"predicted {what}: {old['mean']:.3g} {unit} mean, {old['worst']:.3g} worst before;"
                 f" {new['mean']:.3g} mean, {new['worst']:.3g} worst after"
             )
-    return [*out, *(f"note: {note}" for note in won["notes"])]
+    return out

@@ -1,0 +1,198 @@
+"""What a compensation rests on: model, cell, part frame, force, and the programs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from robotrue.app.context import Context
+from robotrue.app.force_options import read_force_options
+from robotrue.app.job_outputs import job_outputs
+from robotrue.app.registered import opened, provenance_used
+from robotrue.app.reporting import place_in_file
+from robotrue.calibration.identity import identity_of
+from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.nominal import NominalModel
+from robotrue.cell.cell import Cell
+from robotrue.cell.frame_table import frame_table
+from robotrue.cell.part import PartFrame
+from robotrue.compensation.between_targets import SplitOptions
+from robotrue.compensation.long_program import outline_long
+from robotrue.compensation.process_force import DescribedForce
+from robotrue.compensation.stance import start_joints
+from robotrue.compensation.step_rule import StepRule
+from robotrue.core.arrays import Array
+from robotrue.core.files import sha256
+from robotrue.core.identity import ModelIdentity
+from robotrue.core.provenance import Provenance
+from robotrue.errors import ConfigurationError
+from robotrue.program.formats import read_job
+from robotrue.program.identity import require_compensable
+from robotrue.program.program import FrameTable, Program
+from robotrue.program.stream import Outline
+from robotrue.robot.statics import NO_LOAD
+
+if TYPE_CHECKING:
+    from robotrue.app.operations.compensate import CompensateRequest
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ground:
+    """What a request rests on: its files opened, its frame chosen, its rules checked.
+
+    Attributes:
+        programs: Files of one program, or its folder.
+        output: File or folder to write.
+        cell: Whose frames, tool and payload hold.
+        model: Error of the arm; None changes nothing.
+        frame: Part frame the program runs in.
+        used: The model, for identity files.
+        provenance: Of the model and the part frame.
+        force: (6,) N, N m for all targets, empty for none; or a description.
+        table: What programs name but do not hold.
+        home: (6,) rad before the first target; empty where none is stated.
+        steps: What steps are allowed.
+        split: What is asked between the targets.
+    """
+
+    programs: tuple[Path, ...]
+    output: Path
+    cell: Cell
+    model: ErrorModel | None
+    frame: PartFrame | None
+    used: ModelIdentity
+    provenance: Provenance
+    force: Array | DescribedForce
+    table: FrameTable
+    home: Array
+    steps: StepRule
+    split: SplitOptions
+
+    @property
+    def folder(self) -> Path:
+        """Where the programs lie."""
+        return self.programs[0] if self.programs[0].is_dir() else self.programs[0].parent
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProgramFiles:
+    """The programs held whole, the one that goes in blocks, and where each is written."""
+
+    programs: tuple[Program, ...]
+    long: Outline | None
+    outputs: tuple[Path, ...]
+    long_output: Path | None
+
+
+def open_ground(request: CompensateRequest, context: Context) -> Ground:
+    """Returns what a request names, opened.
+
+    Raises:
+        ConfigurationError: A limit that is none, a part without a registered cell.
+    """
+    if not request.max_shift_mm > 0.0:
+        raise ConfigurationError(
+            f"--max-shift-mm is {request.max_shift_mm:g} mm, expected above 0.",
+            hint="--max-shift-mm 10",
+        )
+    steps = StepRule(max_mm=request.max_step_mm, allow=request.allow_steps)
+    ground, registered = _ground_files(request, context)
+    cell, model = opened(ground, registered)
+    frame = None if cell.part is None else cell.part.frame(request.part)
+    if frame is not None:
+        cell = replace(cell, T_base_frame=frame.T_base_part)
+    elif request.part is not None:
+        raise ConfigurationError(
+            f"--part {request.part!r}, but the cell is not registered.",
+            source=registered or ground,
+            hint="robotrue register CELL|MODEL POINTS -o CELL_OUT.",
+        )
+    return Ground(
+        programs=context.program_files(request.program),
+        output=context.program_output(request.output),
+        cell=cell,
+        model=model,
+        frame=frame,
+        used=identity_of(model or NominalModel(robot=cell.robot)),
+        provenance=provenance_used(cell, model),
+        force=read_force_options(cell, request.wrench, request.force, request.cutter),
+        table=frame_table(cell),
+        home=start_joints(cell.robot, cell.controller.start, request.start),
+        steps=steps,
+        split=SplitOptions(
+            tolerance_um=request.split_um, limit=request.split_limit, deviation=request.deviation
+        ),
+    )
+
+
+def _ground_files(request: CompensateRequest, context: Context) -> tuple[Path, Path | None]:
+    """The model or cell, and the cell whose frames are wanted beside it.
+
+    Raises:
+        ConfigurationError: None is stated, or three.
+    """
+    stated = {
+        context.model_file: request.model,
+        context.cell_file: request.cell,
+        context.registration_file: request.registration,
+    }
+    paths = [find(each) for find, each in stated.items() if each is not None]
+    if not 0 < len(paths) < 3:
+        raise ConfigurationError(
+            f"{len(paths)} of model, cell and registration are stated, expected one, or a model "
+            "with one of the others.",
+            hint='{"program": ..., "model": ...}',
+        )
+    return paths[0], paths[1] if len(paths) > 1 else None
+
+
+def _why_whole(request: CompensateRequest, ground: Ground) -> str:
+    """What asks for the whole program at once; empty if nothing does."""
+    model = ground.model
+    asks = {
+        "--force": request.force is not None,
+        "--free-spin": request.free_spin,
+        ground.split.named: ground.split.asked,
+        "no model": model is None,
+        "a model without flat tables": model is not None and model.mean_tables(NO_LOAD) is None,
+    }
+    return ", ".join(what for what, asked in asks.items() if asked)
+
+
+def read_programs(request: CompensateRequest, ground: Ground, context: Context) -> ProgramFiles:
+    """Returns the programs of a request, a long one in outline, and where each is written.
+
+    Raises:
+        FormatError: A file that cannot be read.
+        ModelMismatchError: A program that is compensated already, or belongs to another model.
+    """
+    given, long = ground.programs, None
+    if len(given) == 1 and not given[0].is_dir():
+        long = outline_long(
+            given[0],
+            ground.table,
+            several=request.dask is not None or request.workers not in (None, 1),
+            why_whole=_why_whole(request, ground),
+            note=lambda text: context.note(place_in_file(given[0].name, text)),
+        )
+    programs = read_job(given, ground.table) if long is None else long.companions
+    files = [(program.name, sha256(program.data)) for program in programs]
+    if long is not None:
+        files.insert(long.place, (long.name, long.sha256))
+    language = programs[0].dialect if long is None else long.dialect
+    names = [name for name, _ in files]
+    outputs = job_outputs(names, ground.folder, ground.output, language)
+    known = [
+        require_compensable(ground.folder / name, digest, ground.used, copies=outputs[0].parent)
+        for name, digest in files
+    ]
+    if ground.model is not None and not any(known):
+        context.inform(
+            f"{', '.join(names[:3])}: no identity file beside; taken as not compensated before. "
+            "A copy of a compensated program would be corrected twice."
+        )
+    long_output = None if long is None else outputs.pop(long.place)
+    return ProgramFiles(
+        programs=tuple(programs), long=long, outputs=tuple(outputs), long_output=long_output
+    )

@@ -1,0 +1,287 @@
+"""Make a robot program of CAM tool paths, in the frame where the part was found."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+from robotrue.app.context import Context
+from robotrue.app.operation import Operation
+from robotrue.app.operations import compensate
+from robotrue.app.presentation import Block, Table
+from robotrue.app.request import InputFile, Item, Option, Output, Reference, Request
+from robotrue.core.provenance import Provenance, marked_document, merge
+from robotrue.core.units import DEG, MM
+from robotrue.errors import ConfigurationError, ModelMismatchError
+from robotrue.program.compensation_defaults import MAX_SHIFT_MM, MAX_STEP_MM
+
+if TYPE_CHECKING:
+    from robotrue.cell.cell import Cell
+    from robotrue.cell.part import PartFrame
+    from robotrue.core.arrays import Array
+    from robotrue.planning.machining import MachiningSettings
+    from robotrue.program.identity import ProgramIdentity
+
+HEAD: Final = "written by robotrue; drive it once slowly, without the spindle"
+
+
+class ProgramRequest(Request):
+    """Which tool paths to make a program of, and how the arm is to drive it."""
+
+    cell: Annotated[
+        Reference, Item(noun="cell", argument="CELL", help="cell.toml, best one `register` wrote.")
+    ]
+    toolpaths: Annotated[
+        tuple[Path, ...],
+        InputFile(argument="TOOLPATH...", help="APT/CL data or CSV, one per side."),
+    ]
+    output: Annotated[
+        Path,
+        Output(
+            names=("--output", "-o"),
+            what="a KRL program",
+            suffixes=(".src",),
+            only=True,
+            help="KRL program (.src) to write.",
+        ),
+    ]
+    model: Annotated[
+        Reference | None, Item(noun="model", help="Also compensate the program with this model.")
+    ] = None
+    part: Annotated[
+        tuple[str, ...],
+        Option(help="Part frame, for all sides or one for each; default: of the same name."),
+    ] = ()
+    mesh: Annotated[
+        Path | None, InputFile(help="Part (STL): keep only points inside its largest contour.")
+    ] = None
+    margin_mm: Annotated[float, Option(help="How far outside the contour points are kept.")] = 0.0
+    cutter: Annotated[
+        str | None,
+        Option(help="Axis of [tool] from spindle to tip: x, y, z, -x, -y, -z; default z."),
+    ] = None
+    lift_mm: Annotated[
+        float, Option(help="Height over part and paths before and after each side.")
+    ] = 100.0
+    home_deg: Annotated[str | None, Option(help="A1,..,A6 where the job begins and ends.")] = None
+    rapid_mm_per_s: Annotated[float, Option(help="Speed of rapid points.")] = 200.0
+    feed_mm_per_min: Annotated[
+        float | None, Option(help="Feed of points that cut before any is stated.")
+    ] = None
+    blend_mm: Annotated[float, Option(help="$APO.CDIS; 0 stops at every point.")] = 0.2
+    max_shift_mm: Annotated[
+        float, Option(help="With --model: leave a target alone that would move further.")
+    ] = MAX_SHIFT_MM
+    max_step_mm: Annotated[float, compensate.MAX_STEP] = MAX_STEP_MM
+    allow_steps: Annotated[bool, compensate.ALLOW_STEPS] = False
+    report: Annotated[
+        Path | None,
+        Output(what="a page", suffixes=(".html", ".htm"), help="Also write a report page (HTML)."),
+    ] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MadeProgram:
+    """A program made of tool paths.
+
+    Attributes:
+        counts: Targets, sides and what compensation made of them, JSON values; mm, deg, s.
+        provenance: Of the part frame and the model.
+    """
+
+    counts: Mapping[str, Any]
+    provenance: Provenance
+
+    def document(self) -> Mapping[str, Any]:
+        """Returns JSON values."""
+        return self.counts
+
+    def blocks(self) -> Iterable[Block]:
+        """Returns what each side asks of the arm."""
+        yield Table(
+            title=f"program {Path(self.counts['output']).name}",
+            columns=(
+                "side",
+                "points",
+                "cut, mm",
+                "time, s",
+                "spin, deg",
+                "to a limit, deg",
+                "wrist, deg",
+            ),
+            rows=tuple(
+                (
+                    side["name"],
+                    str(side["points"]),
+                    f"{side['cut_mm']:.0f}",
+                    f"{side['duration_s']:.0f}",
+                    f"{side['spin_deg'][0]:.0f} to {side['spin_deg'][1]:.0f}",
+                    f"{side['limit_margin_deg']:.1f}",
+                    f"{side['wrist_angle_deg']:.1f}",
+                )
+                for side in self.counts["sides"]
+            ),
+        )
+
+
+def run(request: ProgramRequest, context: Context) -> MadeProgram:
+    """Writes the program and says what each side asks of the arm.
+
+    Raises:
+        ConfigurationError: A name, a limit or a part frame that cannot be.
+        ModelMismatchError: Not a KUKA arm, or a model of another arm.
+        ReachError: A point out of reach, or no clear way between sides.
+    """
+    from robotrue.app.program_page import program_page
+    from robotrue.app.registered import provenance_of_file, provenance_used
+    from robotrue.app.toolpath_sides import (
+        choose_frames,
+        identity_of_frame,
+        note_frames,
+        read_side,
+        sides_document,
+    )
+    from robotrue.core.files import write_atomic
+    from robotrue.core.mesh import read_mesh
+    from robotrue.planning.machining import job_program, plan_machining
+    from robotrue.program.formats.krl_machining import Speeds
+    from robotrue.program.identity import identity_path, write_identity
+
+    output, paths = context.output(request.output), request.toolpaths
+    cell, settings = _cell_and_settings(request, context)
+    speeds = Speeds(
+        rapid=request.rapid_mm_per_s * MM,
+        feed=float("nan")
+        if request.feed_mm_per_min is None
+        else request.feed_mm_per_min * MM / 60.0,
+        blend=request.blend_mm * MM,
+    )
+    mesh = None if request.mesh is None else read_mesh(request.mesh)
+    frames = choose_frames(cell, paths, request.part)
+    sides = [
+        read_side(cell, path, frame, mesh, request.margin_mm * MM)
+        for path, frame in zip(paths, frames, strict=True)
+    ]
+    job = plan_machining(cell, sides, settings, mesh=mesh)
+    data = job_program(job, cell.robot, output.stem, speeds, remarks=(HEAD,))
+    notes = [*note_frames(cell, frames), *(n for s in sides for n in s.path.notes), *job.notes]
+    identity = identity_of_frame(cell, frames[0], paths[0])
+    origin = provenance_used(cell, None)
+    document: dict[str, Any] = {"output": str(output), **sides_document(job, frames, speeds)}
+    if request.model is None:
+        write_atomic(output, data)
+        if identity is not None:
+            write_identity(output, data, identity)
+        beside = None if identity is None else str(identity_path(output))
+        document |= {"identity": beside, "compensation": None}
+    else:
+        made = _compensate(request, context, cell, frames[0], data, identity)
+        document |= {"identity": made.get("identity"), "compensation": made}
+        origin = merge([origin, provenance_of_file(context.model_file(request.model))])
+    document["notes"] = notes
+    if request.report is not None:
+        page = context.output(request.report)
+        write_atomic(page, program_page(cell, marked_document(document, origin)).encode())
+        context.wrote("report", page)
+    for note in notes:
+        context.note(note)
+    count = f"{len(sides)} side{'' if len(sides) == 1 else 's'}"
+    context.wrote(f"{count}, {document['targets']} targets", output)
+    return MadeProgram(counts=document, provenance=origin)
+
+
+def _cell_and_settings(request: ProgramRequest, context: Context) -> tuple[Cell, MachiningSettings]:
+    """The cell, and how the sides are to be driven.
+
+    Raises:
+        ConfigurationError: A name that KRL does not take, a limit or a home that is none.
+        ModelMismatchError: Not a KUKA arm.
+    """
+    import numpy as np
+
+    from robotrue.cell.config import read_cell
+    from robotrue.cell.cutter_axis import cutter_axis
+    from robotrue.compensation.step_rule import StepRule
+    from robotrue.planning.machining import MachiningSettings
+    from robotrue.program.formats.krl_machining import require_name
+    from robotrue.robot.spin import SpinSettings
+
+    StepRule(max_mm=request.max_step_mm, allow=request.allow_steps)
+    require_name(request.output.stem)
+    if not request.margin_mm >= 0.0:
+        raise ConfigurationError(f"--margin-mm is {request.margin_mm:g} mm, expected 0 or more.")
+    path = context.cell_file(request.cell)
+    cell = read_cell(path)
+    if cell.robot.maker != "kuka":
+        raise ModelMismatchError(
+            f"{cell.robot.name} is of maker {cell.robot.maker!r}; programs are written in KRL, for "
+            "KUKA controllers.",
+            source=path,
+        )
+    settings = MachiningSettings(
+        spin=SpinSettings(cutter=cutter_axis(cell, request.cutter)),
+        lift=request.lift_mm * MM,
+        home=np.empty(0) if request.home_deg is None else _home(request.home_deg),
+    )
+    return cell, settings
+
+
+def _home(text: str) -> Array:
+    from robotrue.core.number_list import parse_number_list
+
+    values = parse_number_list(text)
+    if values.size != 6:
+        raise ConfigurationError(
+            f"--home-deg {text!r}, expected six angles A1..A6 in deg.",
+            hint="--home-deg 0,-90,90,0,0,0",
+        )
+    return values * DEG
+
+
+def _compensate(
+    request: ProgramRequest,
+    context: Context,
+    cell: Cell,
+    frame: PartFrame | None,
+    data: bytes,
+    identity: ProgramIdentity | None,
+) -> dict[str, Any]:
+    """Compensates the program as ``robotrue compensate`` would, from a file of its own."""
+    import tempfile
+
+    from robotrue.calibration.identity import identity_of
+    from robotrue.calibration.nominal import NominalModel
+    from robotrue.core.files import write_atomic
+    from robotrue.program.identity import write_identity
+    from robotrue.store.model_file import read_model
+
+    path = context.model_file(request.model) if request.model is not None else Path()
+    stored = read_model(path).cell.robot
+    if identity_of(NominalModel(robot=stored)) != identity_of(NominalModel(robot=cell.robot)):
+        raise ModelMismatchError(
+            f"{cell.robot.name} of the cell and {stored.name} of the model are not the same arm.",
+            source=path,
+            hint="register and calibrate with one cell file.",
+        )
+    with tempfile.TemporaryDirectory() as folder:
+        plain = Path(folder) / request.output.name
+        write_atomic(plain, data)
+        if identity is not None:
+            write_identity(plain, data, identity)
+        asked = compensate.CompensateRequest(
+            model=request.model,
+            program=(plain,),
+            output=request.output,
+            cell=None if cell.part is None else request.cell,
+            part=None if frame is None else frame.name,
+            max_shift_mm=request.max_shift_mm,
+            max_step_mm=request.max_step_mm,
+            allow_steps=request.allow_steps,
+        )
+        made = compensate.run(asked, context)
+    return marked_document(made.document(), made.provenance)
+
+
+OPERATION: Final = Operation(request=ProgramRequest, run=run)

@@ -1,0 +1,239 @@
+"""Find where the part stands from touched points, and tie it to the model of the arm."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+
+from robotrue.app.context import Context
+from robotrue.app.operation import Operation
+from robotrue.app.presentation import Block
+from robotrue.app.request import InputFile, Item, Option, Output, Reference, Request
+from robotrue.core.provenance import Provenance
+from robotrue.core.units import MM
+from robotrue.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from robotrue.cell.cell import Cell
+    from robotrue.core.mesh import TriangleMesh
+    from robotrue.program.controller_frames import ControllerFrame
+    from robotrue.validation.registered_part import RegisteredPart
+    from robotrue.validation.registration_settings import RegistrationSettings
+
+UNITS: Final = {"mm": MM, "m": 1.0, "inch": 25.4 * MM}
+
+
+class RegisterRequest(Request):
+    """Which touches to find the part from, and how sure they are."""
+
+    cell: Annotated[
+        Reference,
+        Item(noun="cell", argument="CELL|MODEL", help="cell.toml (nominal arm) or model file."),
+    ]
+    points: Annotated[Path, InputFile(argument="POINTS", help="CSV of the touches.")]
+    output: Annotated[
+        Path,
+        Output(
+            names=("--output", "-o"),
+            what="a cell",
+            suffixes=(".toml",),
+            help="Registered cell to write.",
+        ),
+    ]
+    touch_sigma_mm: Annotated[
+        float, Option(help="One standard deviation per axis of one touch.")
+    ] = 0.1
+    robot_sigma_mm: Annotated[
+        float | None, Option(help="Of the arm over the part; default: what its model says.")
+    ] = None
+    tool_sigma_mm: Annotated[
+        float | None,
+        Option(help="Of the tip in the flange; 0: unchanged since the model was made."),
+    ] = None
+    tolerance_mm: Annotated[
+        float | None, Option(help="What machined points must keep, for the verdict.")
+    ] = None
+    probe_radius_mm: Annotated[float, Option(help="Of the probe's ball.")] = 0.0
+    fit: Annotated[
+        Literal["auto", "frame", "joint"],
+        Option(help="auto; frame: leave the arm as it is; joint: arm, tool and frame."),
+    ] = "auto"
+    mesh: Annotated[
+        Path | None, InputFile(help="The part (STL): touches with a normal lie on it.")
+    ] = None
+    mesh_unit: Annotated[str, Option(help="mm, m or inch.")] = "mm"
+    model_out: Annotated[
+        Path | None,
+        Output(
+            what="a robotrue file",
+            suffixes=(".robotrue",),
+            help="Refined model, where touching moved the arm; default: beside the cell.",
+        ),
+    ] = None
+    frame_format: Annotated[
+        tuple[str, ...],
+        Option(help="Also print the frame: krl, rapid, fanuc, yaskawa, ur, g54; repeatable."),
+    ] = ()
+    frame_number: Annotated[int, Option(help="Of the controller's frame table.")] = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Registered:
+    """A part that was found in its cell.
+
+    Attributes:
+        found: Its frames, and the model they belong to.
+        frames: The same in the words of controllers, with the name of the part.
+        output: Registered cell that was written.
+        refined_model: Model that was written, where touching moved the arm.
+        provenance: Of the touches and the model.
+    """
+
+    found: RegisteredPart
+    frames: tuple[tuple[str, ControllerFrame], ...]
+    output: Path
+    refined_model: Path | None
+    provenance: Provenance
+
+    def document(self) -> Mapping[str, Any]:
+        """Returns JSON values; mm, deg."""
+        from robotrue.app.registration_view import registration_document
+
+        return {
+            "cell": str(self.output),
+            "refined_model": None if self.refined_model is None else str(self.refined_model),
+            **registration_document(self.found),
+            "frames": [
+                {"part": name, "system": frame.system, "order": frame.order, "text": frame.text}
+                for name, frame in self.frames
+            ],
+        }
+
+    def blocks(self) -> Iterable[Block]:
+        """Returns each frame, its touches, what is against it, and the lines for controllers."""
+        from robotrue.app.registration_view import registration_blocks
+
+        return registration_blocks(self.found, [frame.text for _, frame in self.frames])
+
+
+def run(request: RegisterRequest, context: Context) -> Registered:
+    """Registers, and writes the cell and, where touching refined the arm, its model.
+
+    Raises:
+        ConfigurationError: A unit, a format of frames or a radius that cannot be.
+        ObservabilityError: Touches that do not fix the part.
+    """
+    from dataclasses import replace
+
+    import numpy as np
+
+    from robotrue.app.outputs import check_output
+    from robotrue.app.registered import opened
+    from robotrue.app.registered_cell_file import model_file_of, registered_cell, relative_name
+    from robotrue.calibration.nominal import NominalModel
+    from robotrue.core.files import write_atomic
+    from robotrue.measurement.formats.points import read_points
+    from robotrue.program.controller_frames import controller_frame
+    from robotrue.store.model_file import write_model
+    from robotrue.validation.part_registration import register
+
+    output, source = context.output(request.output), context.cell_file(request.cell)
+    refined_path = request.model_out or output.with_name(f"{output.stem}_model.robotrue")
+    inputs = [p for p in (source, request.points, request.mesh) if p is not None]
+    check_output(refined_path, inputs)
+    for form in request.frame_format:
+        controller_frame(np.eye(4), form, number=request.frame_number)  # refuses before any work
+    if not 0.0 <= request.probe_radius_mm < 100.0:
+        raise ConfigurationError(
+            f"--probe-radius-mm is {request.probe_radius_mm:g} mm, expected 0 to 100 mm.",
+            hint="--probe-radius-mm 3",
+        )
+    cell, model = opened(source)
+    file = read_points(request.points)
+    found = register(
+        NominalModel(robot=cell.robot) if model is None else model,
+        replace(file.touches, radius=request.probe_radius_mm * MM),
+        parts=file.parts,
+        settings=_settings(cell, request),
+    )
+    frames = _frames(found, request)
+    refined = None if found.refined is None else refined_path
+    used = refined or model_file_of(cell, source)
+    table = found.table(
+        model_file="" if used is None else relative_name(used, output),
+        points_file=request.points.name,
+        points_sha256=file.digest,
+    )
+    data = registered_cell(cell, source, table, output)
+    if found.refined is not None:
+        write_model(refined_path, found.refined, cell)
+        context.inform(
+            f"touching moved the arm by {found.moved / MM:.3f} mm rms at the touches: refined "
+            f"model written to {refined_path}; the frames belong to it"
+        )
+    write_atomic(output, data)
+    context.wrote("registered cell", output)
+    return Registered(
+        found=found,
+        frames=frames,
+        output=output,
+        refined_model=refined,
+        provenance=found.provenance,
+    )
+
+
+def _settings(cell: Cell, request: RegisterRequest) -> RegistrationSettings:
+    from robotrue.planning.information import settings_of
+    from robotrue.validation.registration_settings import RegistrationSettings
+
+    robot, tool, tolerance = (
+        None if size is None else size * MM
+        for size in (request.robot_sigma_mm, request.tool_sigma_mm, request.tolerance_mm)
+    )
+    return RegistrationSettings(
+        touch=request.touch_sigma_mm * MM,
+        robot=robot,
+        tool_sigma=tool,
+        tolerance=tolerance,
+        fit=request.fit,
+        T_flange_tool=cell.robot.T_flange_tool,
+        mesh=_mesh(request),
+        arm=settings_of(cell),
+    )
+
+
+def _mesh(request: RegisterRequest) -> TriangleMesh | None:
+    from robotrue.core.mesh import read_mesh
+
+    if request.mesh_unit not in UNITS:
+        raise ConfigurationError(
+            f"--mesh-unit {request.mesh_unit!r}, expected {', '.join(UNITS)}.",
+            hint="--mesh-unit mm",
+        )
+    return None if request.mesh is None else read_mesh(request.mesh, unit=UNITS[request.mesh_unit])
+
+
+def _frames(
+    found: RegisteredPart, request: RegisterRequest
+) -> tuple[tuple[str, ControllerFrame], ...]:
+    """The frames as the controllers write them that are asked for."""
+    from robotrue.program.controller_frames import controller_frame
+
+    return tuple(
+        (
+            frame.name,
+            controller_frame(
+                frame.registration.T_base_part,
+                form,
+                name=frame.name,
+                number=request.frame_number + k,
+            ),
+        )
+        for form in request.frame_format
+        for k, frame in enumerate(found.frames)
+    )
+
+
+OPERATION: Final = Operation(request=RegisterRequest, run=run)

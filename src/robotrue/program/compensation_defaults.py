@@ -1,0 +1,12 @@
+"""How far compensation may alter a program, without the libraries that do it."""
+
+from __future__ import annotations
+
+from typing import Final
+
+MAX_SHIFT_MM: Final = 10.0
+"""Largest correction of a target."""
+MAX_STEP_MM: Final = 0.1
+"""Largest step between a target left alone and its compensated neighbours."""
+SPLIT_LIMIT: Final = 100_000
+"""Targets put between those of a program, at most."""
