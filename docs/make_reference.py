@@ -55,15 +55,15 @@ def _spelled(field: RequestField) -> list[str]:
 def _usage(field: RequestField) -> str:
     name = _spelled(field)[0]
     if field.entry.argument or field.kind is bool:
-        return name if field.required or field.entry.argument else f"[{name}]"
+        return name if field.is_required(CLI) or field.entry.argument else f"[{name}]"
     value = field.entry.metavar or field.option.lstrip("-").replace("-", "_").upper()
     used = f"{name} {value}"
-    return used if field.required else f"[{used}]{' ...' if field.many else ''}"
+    return used if field.is_required(CLI) else f"[{used}]{' ...' if field.many else ''}"
 
 
 def _row(field: RequestField) -> str:
     spelled = ", ".join(f"`{name}`" for name in _spelled(field))
-    default = "needed" if field.required else _default(field, "`{}`") or NO_VALUE
+    default = "needed" if field.is_required(CLI) else _default(field, "`{}`") or NO_VALUE
     meaning = field.entry.help.removesuffix(".").replace("|", "\\|")
     return f"| {spelled} | {meaning} | {default} |"
 

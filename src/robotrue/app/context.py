@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
+from robotrue.app.reporting import Message
 from robotrue.app.request import Reference
 
 if TYPE_CHECKING:
@@ -19,6 +20,10 @@ class Context(Protocol):
 
     def step(self, text: str, done: int, of: int) -> None:
         """Reports what is done next, how much is done, and of how much; may raise to cancel."""
+        ...
+
+    def report(self, message: Message) -> None:
+        """Reports one line."""
         ...
 
     def note(self, text: str) -> None:
@@ -85,6 +90,14 @@ class Context(Protocol):
 
     def program_files(self, references: Sequence[Reference]) -> tuple[Path, ...]:
         """Returns the files of one job of the robot, the program first."""
+        ...
+
+    def document_files(self, reference: Reference, kind: str) -> tuple[Path, ...]:
+        """Returns the files of a document, as those of a campaign with its foot.
+
+        Raises:
+            ConfigurationError: A document of another kind.
+        """
         ...
 
     def output(self, path: Path) -> Path:

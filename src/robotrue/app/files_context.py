@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from robotrue.app.outputs import check_output
 from robotrue.app.reporting import Message, Reporter
-from robotrue.app.request import InputFile, Item, Output, Reference, Request, fields_of
+from robotrue.app.request import Output, Reference, Request, fields_of, input_paths, paths_in
 from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -97,6 +97,10 @@ class FilesContext:
         """Returns the paths of program files, or of the folder of a job."""
         return tuple(_path(each) for each in references)
 
+    def document_files(self, reference: Reference, kind: str) -> tuple[Path, ...]:
+        """Returns the path of the one file; its reader says if it is of another kind."""
+        return (_path(reference),)
+
     def output(self, path: Path) -> Path:
         """Returns the path as it was given."""
         return path
@@ -108,23 +112,11 @@ def check_outputs(request: Request) -> None:
     Raises:
         ConfigurationError: As :func:`robotrue.app.outputs.check_output`.
     """
-    fields = fields_of(type(request))
-    inputs = [
-        path
-        for field in fields
-        if isinstance(field.entry, Item | InputFile)
-        for path in _paths(getattr(request, field.name))
-    ]
-    for field in fields:
+    for field in fields_of(type(request)):
         if isinstance(field.entry, Output):
-            for path in _paths(getattr(request, field.name)):
-                check_output(path, inputs, folder=field.entry.folder)
-
-
-def _paths(value: Any) -> Iterator[Path]:
-    for each in value if isinstance(value, tuple) else (value,):
-        if isinstance(each, Path):
-            yield each
+            read = input_paths(request, besides=field.entry.renews)
+            for path in paths_in(getattr(request, field.name)):
+                check_output(path, read, folder=field.entry.folder)
 
 
 def _path(reference: Reference) -> Path:

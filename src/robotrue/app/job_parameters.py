@@ -69,7 +69,8 @@ def parameters_model(request: type[Request]) -> type[Naming]:
 
 def _parameter(field: RequestField) -> tuple[Any, Any]:
     kind: Any = field.kind
-    default = ... if field.required else field.default
+    required = field.is_required(JOB)
+    default = ... if required else field.default
     if isinstance(field.entry, Output):
         kind, default = bool, False
     elif isinstance(field.entry, Item):
@@ -80,9 +81,9 @@ def _parameter(field: RequestField) -> tuple[Any, Any]:
     for limit in limits:
         kind = Annotated[kind, limit]
     if field.many:
-        kind = Annotated[list[kind], Field(min_length=1)] if field.required else list[kind]
-        default = ... if field.required else list(field.default or ())
-    if field.optional:
+        kind = Annotated[list[kind], Field(min_length=1)] if required else list[kind]
+        default = ... if required else list(field.default or ())
+    if field.optional and not required:
         kind = kind | None
     return Annotated[kind, Field(description=field.entry.help)], default
 

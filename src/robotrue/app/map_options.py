@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-import numpy as np
-
-from robotrue.core.arrays import Array
+from robotrue.app.number_options import parse_numbers
 from robotrue.core.regions import CubeRegion, CylinderRegion, Region
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
@@ -69,21 +67,3 @@ def parse_grid(text: str) -> tuple[int, int, int]:
         )
     first, second, third = (int(v) for v in values)
     return first, second, third
-
-
-def parse_numbers(option: str, text: str, wanted: int) -> Array:
-    """Returns numbers with commas between.
-
-    Raises:
-        ConfigurationError: Another count, or not finite.
-    """
-    try:
-        values = np.array([float(part) for part in text.split(",")])
-    except ValueError:
-        values = np.empty(0)
-    if values.size != wanted or not np.isfinite(values).all():
-        raise ConfigurationError(
-            f"{option} {text!r}, expected {wanted} numbers with commas between.",
-            hint=f"{option} " + ",".join(["0"] * wanted),
-        )
-    return values

@@ -72,6 +72,7 @@ class Option:
         offered: Least and largest number that forms offer; the limits of the type go further.
         example: Of a text, for forms.
         shells: Which of command line, jobs and forms have it.
+        needed_in: Shells in which it has to be stated although it has a default.
     """
 
     help: str
@@ -83,6 +84,7 @@ class Option:
     offered: tuple[float, float] | None = None
     example: str = ""
     shells: frozenset[str] = ALL
+    needed_in: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,6 +119,7 @@ class Output(Option):
         suffixes: In lower case, the usual one first.
         only: No other suffix will do, unknown ones neither.
         folder: A folder that exists will do, too.
+        renews: Name of the input that it may be written over.
         saved_as: File name in a job; empty: not written there.
     """
 
@@ -124,6 +127,7 @@ class Output(Option):
     suffixes: tuple[str, ...] = ()
     only: bool = False
     folder: bool = False
+    renews: str = ""
     saved_as: str = ""
     shells: frozenset[str] = ON_COMMAND_LINE
 
@@ -168,6 +172,10 @@ class RequestField:
         """Returns whether a shell has it."""
         return shell in self.entry.shells
 
+    def is_required(self, shell: str) -> bool:
+        """Returns whether it has to be stated in a shell."""
+        return self.required or shell in self.entry.needed_in
+
 
 @cache
 def fields_of(request: type[Request]) -> tuple[RequestField, ...]:
@@ -200,3 +208,19 @@ def _field(request: type[Request], name: str, info: FieldInfo) -> RequestField:
         entry=entry,
         info=info,
     )
+
+
+def input_paths(request: Request, besides: str = "") -> list[Path]:
+    """Returns the files that a request reads, as they were stated, those of one field left out."""
+    return [
+        path
+        for field in fields_of(type(request))
+        if isinstance(field.entry, Item | InputFile) and field.name != besides
+        for path in paths_in(getattr(request, field.name))
+    ]
+
+
+def paths_in(value: Any) -> list[Path]:
+    """Returns the files among the values of a field."""
+    values = value if isinstance(value, tuple) else (value,)
+    return [each for each in values if isinstance(each, Path)]

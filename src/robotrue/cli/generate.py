@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from functools import cached_property
 from inspect import Parameter, Signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
-from typer.models import CommandInfo
+from typer.models import CommandInfo, TyperInfo
 
-from robotrue.app.registry import Listing, listings
+from robotrue.app.registry import GROUPS, Listing, listings
 from robotrue.cli.app import Json
 
 if TYPE_CHECKING:
@@ -72,14 +73,15 @@ def _stated(request: type[Request], values: Mapping[str, Any]) -> dict[str, Any]
 
 def _parameter(field: RequestField) -> Parameter:
     from robotrue.app.outputs import writes
-    from robotrue.app.request import Item, Output
+    from robotrue.app.request import CLI, Item, Output
 
     entry = field.entry
     is_path = isinstance(entry, Item | Output) or field.kind is Path
     kind: Any = Path if is_path else str if field.choices else field.kind
     if field.many:
         kind = list[kind]
-    if field.optional or (field.many and not field.required):
+    required = field.is_required(CLI)
+    if not required and (field.optional or field.many):
         kind = kind | None
     callback = None
     if isinstance(entry, Output) and entry.suffixes:
@@ -91,7 +93,7 @@ def _parameter(field: RequestField) -> Parameter:
         if field.kind is bool and not names and not entry.paired:
             names = (field.option,)
         presented = typer.Option(*names, metavar=entry.metavar, help=entry.help, callback=callback)
-    default = Parameter.empty if field.required else field.default or _blank(field)
+    default = Parameter.empty if required else field.default or _blank(field)
     return Parameter(
         field.name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, presented]
     )
@@ -107,10 +109,10 @@ def register_operations(app: typer.Typer, order: Sequence[str]) -> None:
 
     Args:
         app: The application, with its groups and with the commands that are not made here.
-        order: Names of commands that stand first in its help.
+        order: Names of commands in the order of the help, with their group; others follow.
     """
     groups = {
-        each.typer_instance.info.name: each.typer_instance
+        _group_name(each): each.typer_instance
         for each in app.registered_groups
         if each.typer_instance is not None
     }
@@ -119,9 +121,22 @@ def register_operations(app: typer.Typer, order: Sequence[str]) -> None:
         target.registered_commands.append(
             CommandInfo(name=listing.command, callback=GeneratedCommand(listing), help=listing.help)
         )
-    app.registered_commands.sort(
-        key=lambda each: order.index(name_of(each)) if name_of(each) in order else len(order)
-    )
+    _sort(app, "", order)
+    for name, group in groups.items():
+        _sort(group, f"{name} ", order)
+    app.registered_groups.sort(key=lambda each: GROUPS.index(_group_name(each)))
+
+
+def _sort(app: typer.Typer, group: str, order: Sequence[str]) -> None:
+    def place(command: CommandInfo) -> int:
+        words = f"{group}{name_of(command)}"
+        return order.index(words) if words in order else len(order)
+
+    app.registered_commands.sort(key=place)
+
+
+def _group_name(group: TyperInfo) -> str:
+    return "" if group.typer_instance is None else str(group.typer_instance.info.name)
 
 
 def name_of(command: CommandInfo) -> str:
@@ -138,3 +153,13 @@ def without_options(command: CommandInfo) -> CommandInfo:
         """Is never called: the list shows the name and the help."""
 
     return CommandInfo(name=command.name, callback=listed, help=command.help)
+
+
+def without_operations(group: TyperInfo) -> TyperInfo:
+    """Returns a group for a list of commands: none of its operations is imported."""
+    listed = copy(group)
+    if group.typer_instance is not None:
+        listed.typer_instance = copy(group.typer_instance)
+        commands = group.typer_instance.registered_commands
+        listed.typer_instance.registered_commands = [without_options(each) for each in commands]
+    return listed

@@ -10,8 +10,6 @@ from robotrue.app.job_kinds import job_kinds
 KINDS: Final[Mapping[str, str]] = {
     **job_kinds(),
     "compensate": "robotrue.cli.job_kinds:compensate",
-    "drill_fit": "robotrue.cli.job_drilling:drill_fit",
-    "drill_report": "robotrue.cli.job_drilling:drill_report",
     "report": "robotrue.cli.job_report:report",
     "transfer": "robotrue.cli.job_drift:transfer",
 }

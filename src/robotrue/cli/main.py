@@ -21,9 +21,8 @@ import typer
 
 from robotrue.cli import (
     arm_commands,
-    drill_commands,
-    dynamics_commands,
     export_commands,
+    groups,
     part_commands,
     program_commands,
     record_commands,
@@ -34,15 +33,19 @@ from robotrue.cli import (
     store_commands,
 )
 from robotrue.cli.app import Json, app
-from robotrue.cli.generate import name_of, register_operations, without_options
+from robotrue.cli.generate import (
+    name_of,
+    register_operations,
+    without_operations,
+    without_options,
+)
 from robotrue.errors import RobotrueError
 
 __all__ = [
     "app",
     "arm_commands",
-    "drill_commands",
-    "dynamics_commands",
     "export_commands",
+    "groups",
     "part_commands",
     "program_commands",
     "record_commands",
@@ -113,6 +116,19 @@ ORDER: Final = (
     "map",
     "drift",
     "drift-plan",
+    "drill fit",
+    "drill evaluate",
+    "drill adjust",
+    "drill plan",
+    "drill refine",
+    "drill report",
+    "drill run",
+    "dynamics predict",
+    "dynamics frf",
+    "dynamics force",
+    "dynamics fit",
+    "dynamics validate",
+    "dynamics sensor",
 )
 """Commands in the order of the work, for the help; others follow as they are registered."""
 register_operations(app, ORDER)
@@ -162,7 +178,7 @@ def _asked() -> typer.Typer:
     if only.registered_commands or only.registered_groups:
         return only
     only.registered_commands = [without_options(each) for each in app.registered_commands]
-    only.registered_groups = app.registered_groups
+    only.registered_groups = [without_operations(each) for each in app.registered_groups]
     return only
 
 

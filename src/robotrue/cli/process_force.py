@@ -133,7 +133,7 @@ def milling_wrench(stated: Mapping[str, Any]) -> Array:
     Raises:
         ConfigurationError: A missing or unknown key, or a cut that cannot be.
     """
-    from robotrue.cli.cutting_data import cutting_data
+    from robotrue.dynamics.cutting_data import cutting_data
     from robotrue.dynamics.milling_force import mean_force
 
     cutter, cut, coefficients = cutting_data(stated, where="milling")

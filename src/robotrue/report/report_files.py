@@ -1,0 +1,48 @@
+"""Reports written in the form their file name asks for, with their JSON twin beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from robotrue.core.files import read_bytes, sha256, write_atomic
+from robotrue.report.content import ReportContent
+
+SUFFIXES: Final = (".html", ".pdf", ".json")
+
+
+def write_reports(outputs: Sequence[Path], content: ReportContent) -> list[Path]:
+    """Writes the report to every output, and its JSON twin beside each; returns what was written.
+
+    Raises:
+        MissingExtraError: A PDF is asked for and typst is not installed.
+        ConfigurationError: A PDF in Chinese, and no font for it.
+        FormatError: A file cannot be written.
+    """
+    from robotrue.report.json import report_json
+    from robotrue.report.page import report_html
+
+    made = {}
+    for output in outputs:
+        kind = output.suffix.lower()
+        if kind == ".html":
+            made[output] = report_html(content).encode("utf-8")
+        elif kind == ".pdf":
+            from robotrue.report.pdf import report_pdf
+
+            made[output] = report_pdf(content)
+        made[json_twin(output)] = report_json(content).encode("utf-8")
+    for path, data in made.items():
+        write_atomic(path, data)
+    return list(made)
+
+
+def json_twin(output: Path) -> Path:
+    """Returns where the JSON twin of a report is written."""
+    return output.with_suffix(".json")
+
+
+def file_fact(path: Path) -> str:
+    """Returns a file's name and SHA-256, as provenance prints them."""
+    return f"{path.name} sha256:{sha256(read_bytes(path))}"
