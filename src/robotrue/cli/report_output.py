@@ -7,9 +7,11 @@ from pathlib import Path
 
 from robotrue.app.reported import check_reports as check_reports
 from robotrue.cli.console import say
+from robotrue.report import report_files
 from robotrue.report.content import ReportContent
 from robotrue.report.report_files import file_fact as file_fact
-from robotrue.report.report_files import write_reports as put_reports
+
+put_reports = report_files.write_reports
 
 
 def write_reports(outputs: Sequence[Path], content: ReportContent) -> list[Path]:
