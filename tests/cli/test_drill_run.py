@@ -39,9 +39,9 @@ def model(machine: DrillingMachine, tmp_path: Path) -> Path:
 
 
 KILLED_BEFORE_THE_MODEL = """
-import os, signal, robotrue.cli.drill_run
+import os, signal, robotrue.app.drilling_desk
 def killed(*_): os.kill(os.getpid(), signal.SIGKILL)
-robotrue.cli.drill_run.write_model = killed
+robotrue.app.drilling_desk.write_model = killed
 """
 
 

@@ -9,7 +9,7 @@ import sys
 def test_services_start_without_scikit_learn() -> None:
     """Fails when a service beside a machine imports it again: it takes longer than all the rest."""
     code = (
-        "import robotrue.cli.drill_run, robotrue.cli.sense, robotrue.cli.simulate\n"
+        "import robotrue.app.drilling_service, robotrue.cli.sense, robotrue.cli.simulate\n"
         "import sys; print([name for name in ('sklearn', 'pandas') if name in sys.modules])\n"
         "from robotrue.calibration.learners import __all__ as names\n"
         "import robotrue.calibration.learners as learners\n"

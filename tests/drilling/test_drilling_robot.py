@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from known_arms import HOME, TURNED, known_arm
 
-from robotrue.cli.drill_robot import DrillingRobot, followed, with_robot
+from robotrue.app.drilling_robot import DrillingRobot, followed, with_robot
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.adjust import HoleAdjustment

@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robotrue.cli.drill_production import run_refine
+from robotrue.app.files_context import FilesContext
+from robotrue.app.operations.drill_refine import DrillRefineRequest, run
+from robotrue.app.reporting import Silent
 from robotrue.core.csv_text import csv_text
 from robotrue.core.units import DEG, MM, UM
 from robotrue.drilling.adjust import adjustment
@@ -59,11 +61,11 @@ def refined_by(
 ) -> NormalModel:
     """What ``robotrue drill refine`` makes of model and holes in a folder."""
     output = folder / "refined.robotrue"
-    run_refine(
-        folder / "m.robotrue", None if records is None else folder / records, output,
-        truth="hole gauge", sigma_deg=sigma_deg, freeze=freeze, allowed_deg=0.1, foot=None,
-        as_json=True,
+    request = DrillRefineRequest(
+        model=folder / "m.robotrue", records=None if records is None else folder / records,
+        output=output, truth="hole gauge", sigma_deg=sigma_deg, freeze=freeze,
     )  # fmt: skip
+    run(request, FilesContext(Silent()))
     return read_model(output)
 
 

@@ -23,6 +23,10 @@ class Context(Protocol):
         """Reports what is done next, how much is done, and of how much; may raise to cancel."""
         ...
 
+    def report(self, message: Message) -> None:
+        """Reports one line."""
+        ...
+
     def note(self, text: str) -> None:
         """Reports what deserves attention."""
         ...
@@ -99,6 +103,14 @@ class Context(Protocol):
         Args:
             references: The files, or the one program of a workspace.
             folder: Where those of a workspace lie: another one for each program.
+        """
+        ...
+
+    def document_files(self, reference: Reference, kind: str) -> tuple[Path, ...]:
+        """Returns the files of a document, as those of a campaign with its foot.
+
+        Raises:
+            ConfigurationError: A document of another kind.
         """
         ...
 

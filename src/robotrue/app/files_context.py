@@ -91,6 +91,10 @@ class FilesContext(OpenedInputs):
         """Returns the paths of program files, or of the folder of a job."""
         return tuple(_path(each) for each in references)
 
+    def document_files(self, reference: Reference, kind: str) -> tuple[Path, ...]:
+        """Returns the path of the one file; its reader says if it is of another kind."""
+        return (_path(reference),)
+
     def output(self, path: Path) -> Path:
         """Returns the path as it was given."""
         return path
@@ -106,11 +110,11 @@ def check_outputs(request: Request) -> None:
     Raises:
         ConfigurationError: As :func:`robotrue.app.outputs.check_output`.
     """
-    inputs = input_paths(request)
     for field in fields_of(type(request)):
         if isinstance(field.entry, Output):
+            read = input_paths(request, besides=field.entry.renews)
             for path in paths_in(getattr(request, field.name)):
-                check_output(path, inputs, folder=field.entry.folder)
+                check_output(path, read, folder=field.entry.folder)
 
 
 def _path(reference: Reference) -> Path:

@@ -30,7 +30,7 @@ def run_job(work: Work) -> Publish:
     result = operation.run(stated.request, context)
     for block in result.blocks():
         if isinstance(block, Note):
-            work.remark(block.text)
+            context.inform(block.text)
 
     def publish(into: Transaction) -> Mapping[str, Any]:
         return save(stated.request, result, into, context)

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from robotrue.core.arrays import Array
-from robotrue.core.number_list import parse_number_list
+from robotrue.app.number_options import parse_numbers
 from robotrue.core.regions import CubeRegion, CylinderRegion, Region
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
@@ -68,18 +67,3 @@ def parse_grid(text: str) -> tuple[int, int, int]:
         )
     first, second, third = (int(v) for v in values)
     return first, second, third
-
-
-def parse_numbers(option: str, text: str, wanted: int) -> Array:
-    """Returns numbers with commas between.
-
-    Raises:
-        ConfigurationError: Another count, or not finite.
-    """
-    values = parse_number_list(text)
-    if values.size != wanted:
-        raise ConfigurationError(
-            f"{option} {text!r}, expected {wanted} numbers with commas between.",
-            hint=f"{option} " + ",".join(["0"] * wanted),
-        )
-    return values

@@ -24,8 +24,8 @@ class Result(Protocol):
         """Where the data come from that it rests on; None if it rests on none."""
         ...
 
-    def document(self) -> Mapping[str, Any]:
-        """Returns JSON values, units in the names."""
+    def document(self) -> Mapping[str, Any] | None:
+        """Returns JSON values, units in the names; None of a service: it has told all."""
         ...
 
     def blocks(self) -> Iterable[Block]:

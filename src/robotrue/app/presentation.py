@@ -8,10 +8,17 @@ from typing import TypeAlias
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Facts:
-    """Names and values under a title."""
+    """Names and values under a title.
+
+    Attributes:
+        title: Above them.
+        rows: Name and value.
+        measured: They stand beside a simulated result and rest on none of its data: not marked.
+    """
 
     title: str
     rows: tuple[tuple[str, str], ...]
+    measured: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,3 +53,8 @@ class Text:
 
 
 Block: TypeAlias = Facts | Table | Note | Text
+
+
+def count(number: int, noun: str) -> str:
+    """Returns e.g. ``"1 file"`` or ``"2 files"``."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"

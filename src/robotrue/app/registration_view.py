@@ -105,7 +105,7 @@ def registration_blocks(found: RegisteredPart, controller_lines: Sequence[str]) 
         yield from (Note(f"no-go: {about}{reason}") for reason in frame.reasons)
         yield from (Note(f"note: {about}{doubt}") for doubt in frame.doubts)
     yield from (Note(f"note: {doubt}") for doubt in found.doubts)
-    yield from map(Text, controller_lines)
+    yield from (Text(f"{line}\n") for line in controller_lines)
 
 
 def _share(frame: FoundFrame) -> str:

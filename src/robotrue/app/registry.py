@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 FOLDER: Final = Path(__file__).with_name("operations")
 PACKAGE: Final = "robotrue.app.operations"
 GROUPS: Final[Mapping[str, str]] = {
-    "drill": "",
-    "dynamics": "",
+    "drill": "Square the drill to the surface: a foot's readings, corrected.",
+    "dynamics": "The dynamic error of milling: frequency response, force, prediction.",
     "export": "Write the calibrated robot for other programs; what they cannot take must be named.",
     "record": "",
     "report": "Write a report to hand over: HTML, PDF and JSON, in English or Chinese.",

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 
 @dataclass(frozen=True, slots=True)
@@ -13,10 +14,12 @@ class Message:
     Attributes:
         text: The line, without its label.
         label: ``note`` for what deserves attention; empty for plain information.
+        document: The same as JSON values, where a service answers while it runs.
     """
 
     text: str
     label: str = ""
+    document: Mapping[str, Any] | None = None
 
     def __str__(self) -> str:
         """Returns the line with its label."""

@@ -121,6 +121,7 @@ class Output(Option):
         suffixes: In lower case, the usual one first.
         only: No other suffix will do, unknown ones neither.
         folder: A folder that exists will do, too.
+        renews: Name of the input that it may be written over.
         saved_as: File name in a job; empty: not written there.
     """
 
@@ -128,6 +129,7 @@ class Output(Option):
     suffixes: tuple[str, ...] = ()
     only: bool = False
     folder: bool = False
+    renews: str = ""
     saved_as: str = ""
     shells: frozenset[str] = ON_COMMAND_LINE
 
@@ -215,18 +217,17 @@ def _field(request: type[Request], name: str, info: FieldInfo) -> RequestField:
     )
 
 
-def input_paths(request: Request) -> list[Path]:
-    """Returns the files that a request reads, as they were stated."""
+def input_paths(request: Request, besides: str = "") -> list[Path]:
+    """Returns the files that a request reads, as they were stated, those of one field left out."""
     return [
         path
         for field in fields_of(type(request))
-        if isinstance(field.entry, Item | InputFile)
+        if isinstance(field.entry, Item | InputFile) and field.name != besides
         for path in paths_in(getattr(request, field.name))
     ]
 
 
 def paths_in(value: Any) -> list[Path]:
     """Returns the files among the values of a field."""
-    return [
-        each for each in (value if isinstance(value, tuple) else (value,)) if isinstance(each, Path)
-    ]
+    values = value if isinstance(value, tuple) else (value,)
+    return [each for each in values if isinstance(each, Path)]

@@ -18,9 +18,9 @@ from robotrue.store import cells, documents, items, measurements, models, progra
 from robotrue.store.jobs_work import Work
 from robotrue.store.layout import laid_out
 from robotrue.store.model_file import ModelFile
-from robotrue.store.nouns import CELL, MEASUREMENT, MODEL, PROGRAM, REGISTRATION, Noun
+from robotrue.store.nouns import CELL, DOCUMENT, MEASUREMENT, MODEL, PROGRAM, REGISTRATION, Noun
 from robotrue.store.provenance import provenance_of_record
-from robotrue.store.records import CellRecord, Link, Record, Ref
+from robotrue.store.records import CellRecord, DocumentRecord, Link, Record, Ref
 from robotrue.store.registrations import CELL_FILE
 from robotrue.store.workspace import Transaction
 
@@ -141,6 +141,22 @@ class WorkspaceContext(OpenedInputs):
             raise ConfigurationError(f"{len(references)} programs, expected one.")
         record = self.record(PROGRAM, references[0])
         return programs.laid(self.work.workspace, record, self.folder(folder))
+
+    def document_files(self, reference: Reference, kind: str) -> tuple[Path, ...]:
+        """Returns where the files of a document lie for this job."""
+        record = self.document(reference, kind)
+        return laid_out(self.work.workspace, record, self.folder(record.id))
+
+    def document(self, reference: Reference, kind: str) -> DocumentRecord:
+        """Returns the record of a document.
+
+        Raises:
+            ConfigurationError: It is of another kind.
+        """
+        record = self.record(DOCUMENT, reference)
+        if record.kind != kind:
+            raise ConfigurationError(f"{record.name!r} is a {record.kind}, expected a {kind}.")
+        return record
 
     def folder(self, name: str) -> Path:
         """Returns a folder of this job."""

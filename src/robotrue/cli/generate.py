@@ -178,3 +178,13 @@ def _without_options(command: CommandInfo) -> CommandInfo:
         """Is never called: the list shows the name and the help."""
 
     return CommandInfo(name=command.name, callback=listed, help=command.help)
+
+
+def without_operations(group: TyperInfo) -> TyperInfo:
+    """Returns a group for a list of commands: none of its operations is imported."""
+    listed = copy(group)
+    if group.typer_instance is not None:
+        listed.typer_instance = copy(group.typer_instance)
+        commands = group.typer_instance.registered_commands
+        listed.typer_instance.registered_commands = [without_options(each) for each in commands]
+    return listed

@@ -9,7 +9,5 @@ from robotrue.app.job_kinds import job_kinds
 
 KINDS: Final[Mapping[str, str]] = {
     **job_kinds(),
-    "drill_fit": "robotrue.cli.job_drilling:drill_fit",
-    "drill_report": "robotrue.cli.job_drilling:drill_report",
 }
 """``module:function`` by name."""

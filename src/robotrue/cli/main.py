@@ -20,8 +20,6 @@ from typing import Annotated, Final
 import typer
 
 from robotrue.cli import (
-    drill_commands,
-    dynamics_commands,
     part_commands,
     record_commands,
     sense_commands,
@@ -30,13 +28,15 @@ from robotrue.cli import (
     store_commands,
 )
 from robotrue.cli.app import Json, app
-from robotrue.cli.generate import name_of, register_operations, without_options
+from robotrue.cli.generate import (
+    name_of,
+    register_operations,
+    without_options,
+)
 from robotrue.errors import RobotrueError
 
 __all__ = [
     "app",
-    "drill_commands",
-    "dynamics_commands",
     "part_commands",
     "record_commands",
     "run",
@@ -133,6 +133,19 @@ ORDER: Final = (
     "diff",
     "serve",
     "inspect",
+    "drill fit",
+    "drill evaluate",
+    "drill adjust",
+    "drill plan",
+    "drill refine",
+    "drill report",
+    "drill run",
+    "dynamics predict",
+    "dynamics frf",
+    "dynamics force",
+    "dynamics fit",
+    "dynamics validate",
+    "dynamics sensor",
 )
 """Commands in the order of the work, for the help; others follow as they are registered."""
 register_operations(app, ORDER)

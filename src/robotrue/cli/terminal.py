@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -16,15 +17,24 @@ from robotrue.core.provenance import Provenance
 
 
 class TerminalReporter:
-    """Messages go to stderr; the bar appears with the first step."""
+    """Messages go to stderr; the bar appears with the first step.
 
-    def __init__(self, stack: ExitStack) -> None:
-        self._stack = stack
+    Args:
+        stack: Takes the bar away.
+        as_json: Messages that have a document go to stdout as a line of JSON.
+    """
+
+    def __init__(self, stack: ExitStack, *, as_json: bool = False) -> None:
+        self._stack, self._as_json = stack, as_json
         self._step: Progress | None = None
 
     def report(self, message: Message) -> None:
         """Writes one line."""
-        say(str(message))
+        if message.document is None or not self._as_json:
+            say(str(message))
+            return
+        sys.stdout.write(json.dumps(message.document, allow_nan=False) + "\n")
+        sys.stdout.flush()
 
     def step(self, text: str, done: int, of: int) -> None:
         """Moves the bar."""
@@ -34,10 +44,10 @@ class TerminalReporter:
 
 
 @contextmanager
-def terminal_reporter() -> Iterator[TerminalReporter]:
+def terminal_reporter(*, as_json: bool = False) -> Iterator[TerminalReporter]:
     """Yields a reporter whose bar is gone afterwards."""
     with ExitStack() as stack:
-        yield TerminalReporter(stack)
+        yield TerminalReporter(stack, as_json=as_json)
 
 
 def run_operation(operation: AnyOperation, request: Request, *, as_json: bool) -> None:
@@ -49,7 +59,7 @@ def run_operation(operation: AnyOperation, request: Request, *, as_json: bool) -
     from robotrue.app.files_context import FilesContext, check_outputs
 
     check_outputs(request)
-    with terminal_reporter() as reporter:
+    with terminal_reporter(as_json=as_json) as reporter:
         result = operation.run(request, FilesContext(reporter))
     show_result(result, as_json=as_json)
 
@@ -58,7 +68,9 @@ def show_result(result: Result, *, as_json: bool) -> None:
     """Writes a result to stdout, marked if it rests on simulated data."""
     say_mark(result.provenance)
     if as_json:
-        emit_json(result.document(), result.provenance)
+        document = result.document()
+        if document is not None:
+            emit_json(document, result.provenance)
         return
     for block in result.blocks():
         _show(block, result.provenance)
@@ -66,10 +78,10 @@ def show_result(result: Result, *, as_json: bool) -> None:
 
 def _show(block: Block, provenance: Provenance | None) -> None:
     if isinstance(block, Facts):
-        emit_facts(block.title, block.rows, provenance)
+        emit_facts(block.title, block.rows, None if block.measured else provenance)
     elif isinstance(block, Table):
         emit_table(block.title, block.columns, block.rows, words=block.words, provenance=provenance)
     elif isinstance(block, Text):
-        sys.stdout.write(f"{block.text}\n")
+        sys.stdout.write(block.text)
     else:
         say(block.text)

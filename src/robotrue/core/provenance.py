@@ -120,6 +120,11 @@ def simulation_mark(provenance: Provenance | bool | None, word: str = MARK) -> s
     return word if simulated else ""
 
 
+def mark_sentence(provenance: Provenance | bool | None) -> str:
+    """Returns the line that says beside a result that it is simulated, or ""."""
+    return simulation_mark(provenance, f"{MARK}: no real robot was measured for this result")
+
+
 def marked(title: str, provenance: Provenance | None) -> str:
     """Returns a title with the mark in front, ``"SIMULATED: ..."``, or as it is."""
     mark = simulation_mark(provenance)

@@ -60,6 +60,22 @@ def adjustment(model: NormalModel, clamps: Clamps, axes: Array) -> HoleAdjustmen
     )
 
 
+def surface_document(found: HoleAdjustment) -> dict[str, float]:
+    """Returns tilts and their standard deviations, deg."""
+    a, b = (found.tilt / DEG).tolist()
+    a_sigma, b_sigma = (np.sqrt(np.diag(found.covariance)) / DEG).tolist()
+    return {"a_deg": a, "b_deg": b, "a_sigma_deg": a_sigma, "b_sigma_deg": b_sigma}
+
+
+def move_document(move: HeadMove) -> dict[str, float]:
+    """Returns where the axes of a head go, in deg and mm; NaN for a shift that is not known."""
+    return {
+        **{f"{n}_deg": v / DEG for n, v in zip("AB", move.axes.tolist(), strict=True)},
+        **{f"d{n}_deg": v / DEG for n, v in zip("AB", move.turn.tolist(), strict=True)},
+        **{f"d{n}_mm": v / MM for n, v in zip("XYZ", move.shift.tolist(), strict=True)},
+    }
+
+
 def _refuse_readings(model: NormalModel, clamps: Clamps) -> None:
     """A sensor at the end of its range reads its stop, not the skin."""
     low, high = model.foot.reading_range

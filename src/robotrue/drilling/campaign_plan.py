@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Final, Literal, TypeAlias
+from typing import Annotated, Final
 
 import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.columns import Column, Columns
 from robotrue.core.units import DEG
+from robotrue.drilling.drill_defaults import By
 from robotrue.drilling.physics import prior_covariance
 from robotrue.drilling.physics_prior import start
 from robotrue.drilling.terms import FORCE, HEIGHT, Conditions
 from robotrue.errors import ConfigurationError
-
-By: TypeAlias = Literal["chance", "information"]
 
 FEWEST: Final = 15
 """Clamps below which no correction but the patent's five terms is well determined."""

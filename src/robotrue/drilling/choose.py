@@ -12,11 +12,11 @@ from robotrue.core.arrays import Array, BoolArray
 from robotrue.drilling.campaign import Campaign
 from robotrue.drilling.correction import (
     KINDS,
-    Kind,
     correct_readings,
     fit_correction,
     residual_tilt,
 )
+from robotrue.drilling.drill_defaults import Kind
 from robotrue.drilling.foot import Foot
 from robotrue.drilling.terms import conditions
 from robotrue.errors import ObservabilityError

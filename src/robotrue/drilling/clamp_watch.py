@@ -19,6 +19,14 @@ from robotrue.core.arrays import Array
 from robotrue.core.columns import Column, Columns
 from robotrue.core.units import DEG, MM, UM
 from robotrue.drilling.campaign import Clamps
+from robotrue.drilling.drill_defaults import (
+    CLAMP_FORCE_N,
+    PATIENCE_S,
+    QUIET_MS,
+    RELEASED,
+    STEADY_N,
+    STEADY_UM,
+)
 from robotrue.errors import ConfigurationError, ShapeError
 
 LEAST: Final = 5
@@ -40,13 +48,13 @@ class ClampSettings:
         gap: s without a sample after which the rest begins anew.
     """
 
-    force_on: float = 50.0
-    force_off: float = 20.0
-    quiet: float = 0.2
-    reading_moves: float = 20 * UM
-    force_moves: float = 10.0
+    force_on: float = CLAMP_FORCE_N
+    force_off: float = RELEASED * CLAMP_FORCE_N
+    quiet: float = QUIET_MS * 1e-3
+    reading_moves: float = STEADY_UM * UM
+    force_moves: float = STEADY_N
     axes_move: float = 2e-3 * DEG
-    patience: float = 5.0
+    patience: float = PATIENCE_S
     gap: float = 0.1
 
     def __post_init__(self) -> None:

@@ -3,27 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final, Literal, Protocol, TypeAlias
+from typing import Final, Protocol, get_args
 
 import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.drilling.campaign import Campaign, Clamps, reading_errors
+from robotrue.drilling.drill_defaults import Kind
 from robotrue.drilling.foot import Foot, plane_under
 from robotrue.drilling.head import AxisOrder, tilt_between, tilt_from_normal
 from robotrue.drilling.physics import fit_physics
 from robotrue.drilling.regression import fit_linear
 from robotrue.drilling.terms import Conditions, conditions
 
-Kind: TypeAlias = Literal["patent", "interactions", "quadratic", "cubic", "gp", "physics"]
-KINDS: Final[tuple[Kind, ...]] = (
-    "patent",
-    "interactions",
-    "quadratic",
-    "cubic",
-    "gp",
-    "physics",
-)
+KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 """From the simplest to the richest."""
 _TO_TILT: Final = np.array([[0.0, -1.0], [1.0, 0.0]])
 """Slopes to tilts, to first order: a turns against the slope in y, b with that in x."""

@@ -15,11 +15,11 @@ from robotrue.drilling.campaign import Campaign, Clamps
 from robotrue.drilling.choose import Step, Trial, all_tried, choose_kind, cross_validate
 from robotrue.drilling.correction import (
     CorrectedReadings,
-    Kind,
     ReadingCorrection,
     correct_readings,
     fit_correction,
 )
+from robotrue.drilling.drill_defaults import Kind
 from robotrue.drilling.foot import Foot
 from robotrue.drilling.head import Head
 from robotrue.drilling.monitor import Watch, watch

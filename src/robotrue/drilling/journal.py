@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from io import FileIO
+from math import isfinite
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -21,6 +22,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
+from robotrue.drilling.adjust import move_document, surface_document
 from robotrue.drilling.campaign import Clamps
 from robotrue.drilling.hole_session import HoleAnswer, MovedHole
 from robotrue.drilling.journal_lines import whole_lines
@@ -87,23 +89,11 @@ def answer_document(answer: HoleAnswer) -> dict[str, Any]:
     if answer.adjustment is None:
         return {**document, "status": "refused", "said": answer.refused}
     found = answer.adjustment
-    move = found.move
-    a, b = (found.tilt / DEG).tolist()
-    sigma = (np.sqrt(np.diag(found.covariance)) / DEG).tolist()
     return {
         **document,
         "status": "move",
-        "a_deg": a,
-        "b_deg": b,
-        "a_sigma_deg": sigma[0],
-        "b_sigma_deg": sigma[1],
-        **{f"{n}_deg": v / DEG for n, v in zip("AB", move.axes.tolist(), strict=True)},
-        **{f"d{n}_deg": v / DEG for n, v in zip("AB", move.turn.tolist(), strict=True)},
-        **{
-            f"d{n}_mm": v / MM
-            for n, v in zip("XYZ", move.shift.tolist(), strict=True)
-            if np.isfinite(v)
-        },
+        **surface_document(found),
+        **{name: v for name, v in move_document(found.move).items() if isfinite(v)},
         "notes": list(found.notes),
     }
 

@@ -11,7 +11,8 @@ import numpy as np
 from robotrue.core.archive import Archive, archive_reader, read_archive, write_archive
 from robotrue.core.arrays import Array
 from robotrue.core.provenance import provenance_from
-from robotrue.drilling.correction import Kind, ReadingCorrection
+from robotrue.drilling.correction import ReadingCorrection
+from robotrue.drilling.drill_defaults import Kind
 from robotrue.drilling.foot import Foot
 from robotrue.drilling.foot_model import Envelope, Frozen, NormalModel
 from robotrue.drilling.head import Head

@@ -89,3 +89,14 @@ def coefficient_keys(coefficients: CuttingCoefficients) -> dict[str, float]:
     values = (k.tangential, k.radial, k.axial, k.tangential_edge, k.radial_edge, k.axial_edge)
     keys = (*_SHEAR, *_EDGE)
     return {key: value / _SCALE[key] for key, value in zip(keys, values, strict=True)}
+
+
+def cutting_text(stated: Mapping[str, Any]) -> str:
+    """Returns a table of keys as TOML: texts, whole numbers and numbers."""
+    return "".join(f"{key} = {_toml(value)}\n" for key, value in stated.items())
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, str):
+        return f'"{value}"'
+    return str(value) if isinstance(value, int) else repr(float(value))

@@ -9,7 +9,7 @@ abruptly rings before its cause, and modes end gently.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -19,7 +19,8 @@ from robotrue.core.arrays import Array
 from robotrue.dynamics.checks import in_band
 from robotrue.dynamics.frf import ComplexArray, FrequencyResponse
 from robotrue.dynamics.modal import ModalModel
-from robotrue.errors import ObservabilityError
+from robotrue.dynamics.modal_fit import fit_modes
+from robotrue.errors import ObservabilityError, RobotrueError
 
 COARSE: Final = 0.05
 """Rms error of lines left out, over the rms of all, beyond which the grid is said to be coarse."""
@@ -111,6 +112,31 @@ def response_curve(frf: FrequencyResponse, modes: ModalModel | None = None) -> R
         if rebuilt > left_out:
             modes = None
     return ResponseCurve(frf=frf, modes=modes, left_out=left_out, rebuilt=rebuilt)
+
+
+def fit_curve(frf: FrequencyResponse, between: str = "auto") -> ResponseCurve:
+    """Returns the response at any frequency.
+
+    Args:
+        frf: What was measured.
+        between: What stands between its lines: ``lines``, ``modes``, or ``auto`` for what rebuilds
+            them best.
+
+    Raises:
+        RobotrueError: Modes were asked for and cannot be fitted.
+    """
+    if between == "lines":
+        return response_curve(frf)
+    try:
+        modes = fit_modes(frf)
+    except RobotrueError:
+        if between == "modes":
+            raise
+        return response_curve(frf)
+    curve = response_curve(frf, modes)
+    if between == "modes" and curve.modes is None:
+        return replace(curve, modes=modes)
+    return curve
 
 
 def held_out_error(frf: FrequencyResponse) -> float:

@@ -158,3 +158,33 @@ def check_units(windows: WindowSet) -> None:
             f"window {k + 1}: f_peak_N {peak[k]:.3f} is below the size of f_mean_N {mean[k]:.3f}.",
             "f_peak_N is the largest force of a turn, either way, along the same direction.",
         )
+
+
+def check_direction(windows: WindowSet, direction: Array) -> None:
+    """Passes unless ``f_mean_N`` is the mean force along another base axis than the error.
+
+    Args:
+        windows: As measured.
+        direction: (3,) unit vector in base along which the error counts positive.
+
+    Raises:
+        ModelMismatchError: It is.
+    """
+    axis = int(np.abs(direction).argmax())
+    if abs(direction[axis]) < 0.999 or len(windows) < 2:
+        return
+    if windows.force_mean.any() and not windows.force[:, axis].any():
+        raise ModelMismatchError(
+            f"f{'xyz'[axis]}_mean_N is zero in all windows and f_mean_N is not, though both are "
+            f"along {'xyz'[axis]}.",
+            source=windows.source or None,
+            hint="a channel that is not connected, or --direction along the measured error.",
+        )
+    for k, name in enumerate("xyz"):
+        same = np.allclose(np.abs(windows.force_mean), np.abs(windows.force[:, k]), atol=1e-6)
+        if same and k != axis:
+            raise ModelMismatchError(
+                f"f_mean_N is the force along {name}, the error is said to be along {'xyz'[axis]}.",
+                source=windows.source or None,
+                hint="--direction along the measured error, e.g. --direction=0,-1,0.",
+            )

@@ -140,7 +140,8 @@ def run(request: MapRequest, context: Context) -> Mapped:
     Raises:
         ConfigurationError: Ranges that are missing or no ranges, or another ending of the output.
     """
-    from robotrue.app.map_options import parse_grid, parse_map_region, parse_numbers
+    from robotrue.app.map_options import parse_grid, parse_map_region
+    from robotrue.app.number_options import parse_numbers
     from robotrue.calibration.lineage import provenance_of
     from robotrue.validation.error_map import error_map, sector_similarities
 

@@ -1,4 +1,4 @@
-"""``robotrue drill run --robot``: a robot carries the foot, its joints come from its controller."""
+"""A robot that carries the foot: its model, and joints as its controller says them."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from robotrue.app.number_options import parse_numbers
+from robotrue.app.registered import opened
 from robotrue.calibration.model import ErrorModel
-from robotrue.cli.drill_adjust import carrying_robot
 from robotrue.core.arrays import Array
-from robotrue.core.rotations import abc_from_matrix
+from robotrue.core.rotations import abc_from_matrix, matrix_from_abc
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.adjust import HoleAdjustment
 from robotrue.drilling.head import AxisOrder, normal_from_tilt
@@ -142,6 +143,21 @@ class DrillingRobot:
                 hint="clamp when the robot has come to rest.",
             )
         return np.asarray(np.mean([joints for _, joints in self._recent], axis=0))
+
+
+def carrying_robot(path: Path, foot_abc_deg: str) -> tuple[ErrorModel, Load, Array]:
+    """Returns the calibrated robot that carries a foot, its load, and the foot in tool (3, 3).
+
+    Raises:
+        ConfigurationError: A cell instead of a calibrated model, or no three angles.
+    """
+    cell, robot = opened(path)
+    if robot is None:
+        raise ConfigurationError(
+            "a cell, not a calibrated model.", source=path, hint="pass a model of `calibrate`."
+        )
+    angles = parse_numbers("--foot-abc-deg", foot_abc_deg, 3, form="A,B,C") * DEG
+    return robot, cell.payload, matrix_from_abc(angles)
 
 
 def drilling_robot(

@@ -1,0 +1,34 @@
+"""Fields that requests about drilling share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, TypeAlias
+
+from robotrue.app.request import InputFile, Item, Option, Output, Reference
+
+DrillModel: TypeAlias = Annotated[
+    Reference, Item(noun="document", argument="MODEL", help="Model file of `drill fit`.")
+]
+ModelOutput: TypeAlias = Annotated[
+    Path,
+    Output(
+        names=("--output", "-o"),
+        what="a robotrue file",
+        suffixes=(".robotrue",),
+        saved_as="drill.robotrue",
+        help="Model file to write.",
+    ),
+]
+ZeroFoot: TypeAlias = Annotated[
+    Path | None, InputFile(help="Foot file, where the readings are not less their zero.")
+]
+ReferenceSigma: TypeAlias = Annotated[
+    float, Option(help="Standard deviation of that reference in deg.")
+]
+CarryingRobot: TypeAlias = Annotated[
+    Path | None, InputFile(help="A robot carries the foot: its calibrated model.")
+]
+FootAngles: TypeAlias = Annotated[
+    str, Option(help="With --robot: A,B,C of the foot in the tool; default z against z.")
+]

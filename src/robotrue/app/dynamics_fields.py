@@ -1,0 +1,41 @@
+"""Fields that requests about dynamics share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Final, TypeAlias
+
+from robotrue.app.request import InputFile, Option, Output
+
+DIRECTION: Final = "0,-1,0"
+
+StaticTest: TypeAlias = Annotated[
+    str | None,
+    Option(
+        names=("--static-um-per-n",),
+        help="Static load test: xx=1.1,yy=0.9,yx=0.1 (response first).",
+    ),
+]
+WindowsFile: TypeAlias = Annotated[
+    Path, InputFile(argument="WINDOWS", help="Measured windows (CSV).")
+]
+Direction: TypeAlias = Annotated[
+    str,
+    Option(help="Base direction in which the error counts positive; write --direction=X,Y,Z."),
+]
+PredictedWith: TypeAlias = Annotated[
+    Path | None,
+    InputFile(help="Response the windows were predicted with, axes of base."),
+]
+
+
+def model_output(help: str) -> Output:
+    """Returns ``--output`` of a robotrue file."""
+    return Output(
+        names=("--output", "-o"), what="a robotrue file", suffixes=(".robotrue",), help=help
+    )
+
+
+def table_output(help: str) -> Output:
+    """Returns ``--output`` of a CSV table."""
+    return Output(names=("--output", "-o"), what="a CSV table", suffixes=(".csv",), help=help)

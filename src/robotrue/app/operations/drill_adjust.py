@@ -1,0 +1,177 @@
+"""Give the one move that squares the spindle to the surface under the foot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+from robotrue.app.context import Context
+from robotrue.app.drill_fields import CarryingRobot, DrillModel, FootAngles
+from robotrue.app.operation import Operation
+from robotrue.app.plain_result import PlainResult
+from robotrue.app.presentation import Facts, Note, Text
+from robotrue.app.request import Option, Request
+from robotrue.core.provenance import merge
+from robotrue.core.units import DEG, MM
+from robotrue.drilling.drill_defaults import FOOT_ABC_DEG
+from robotrue.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from robotrue.drilling.adjust import HoleAdjustment
+    from robotrue.drilling.foot_model import NormalModel
+    from robotrue.drilling.robot_adjust import RobotMove
+
+
+class DrillAdjustRequest(Request):
+    """Which model answers which readings, and who makes the move."""
+
+    model: DrillModel
+    reading: Annotated[str, Option(help="d1,d2,d3 in mm, less their zero.")]
+    force: Annotated[float, Option(help="Clamp force in N.")]
+    z: Annotated[float, Option(help="Position of the Z axis in mm.")]
+    at: Annotated[str | None, Option(help="A,B of the machine now, in deg; default 0,0.")] = None
+    approach: Annotated[str, Option(help="How the foot came down; default the usual way.")] = ""
+    robot: CarryingRobot = None
+    joints_deg: Annotated[
+        str | None, Option(help="With --robot: its joints now, in the model's sense.")
+    ] = None
+    foot_abc_deg: FootAngles = FOOT_ABC_DEG
+    language: Annotated[
+        str | None,
+        Option(
+            names=("--as",),
+            help="Also print the move: gcode; with --robot krl, rapid, urscript.",
+        ),
+    ] = None
+    feed_mm_per_min: Annotated[float, Option(help="Feed of --as gcode.")] = 500.0
+
+
+def run(request: DrillAdjustRequest, context: Context) -> PlainResult:
+    """Gives the one move of a clamp.
+
+    Raises:
+        ConfigurationError: Values that are not of their form, or do not belong together.
+        ImplausibleDataError: Readings, a force or a tilt that the model does not cover.
+    """
+    from robotrue.app.registered import opened, provenance_used
+    from robotrue.drilling.adjust import move_document, surface_document
+    from robotrue.drilling.fragments import robot_fragment
+    from robotrue.drilling.kept import MODEL
+    from robotrue.drilling.model_archive import read_model
+
+    (path,) = context.document_files(request.model, MODEL)
+    model = read_model(path)
+    found = _adjustment(request, model)
+    origins = [model.provenance]
+    if request.robot is None:
+        made: dict[str, Any] = {"move": move_document(found.move), "notes": _notes(found)}
+        text = _head_program(request, found)
+    else:
+        move = _robot_move(request, model, found)
+        made = {"robot": _robot_document(move), "notes": [*found.notes]}
+        if not move.rotation_known:
+            made["notes"].append("the robot's model knows no rotation error: nominal axis.")
+        text = robot_fragment(request.language, move.T_base_tool) if request.language else ""
+        origins.append(provenance_used(*opened(request.robot)))
+    document = {**surface_document(found), **made}
+    return PlainResult(
+        values={**document, **({"program": text} if text else {})},
+        shown=(
+            Facts(title="One move", rows=_facts(document)),
+            *(Note(f"note: {note}") for note in document["notes"]),
+            Text(text),
+        ),
+        provenance=merge(origins),
+    )
+
+
+def _adjustment(request: DrillAdjustRequest, model: NormalModel) -> HoleAdjustment:
+    import numpy as np
+
+    from robotrue.app.number_options import parse_numbers
+    from robotrue.drilling.adjust import adjustment
+    from robotrue.drilling.campaign import Clamps
+
+    sensors = len(model.foot.radius)
+    readings = parse_numbers("--reading", request.reading, sensors, form="d1,d2,d3") * MM
+    clamps = Clamps(
+        readings=readings[None],
+        force=np.array([request.force]),
+        height=np.array([request.z * MM]),
+        approach=(request.approach,),
+    )
+    axes = parse_numbers("--at", request.at or "0,0", 2, form="A,B") * DEG
+    return adjustment(model, clamps, axes)
+
+
+def _head_program(request: DrillAdjustRequest, found: HoleAdjustment) -> str:
+    from robotrue.drilling.fragments import gcode
+
+    if request.language is None:
+        return ""
+    if request.language != "gcode":
+        raise ConfigurationError(
+            f"--as {request.language} without --robot.",
+            hint="--as gcode, or --robot MODEL --joints-deg.",
+        )
+    return gcode(found.move, feed_mm_per_min=request.feed_mm_per_min)
+
+
+def _robot_move(
+    request: DrillAdjustRequest, model: NormalModel, found: HoleAdjustment
+) -> RobotMove:
+    from robotrue.app.drilling_robot import carrying_robot
+    from robotrue.app.number_options import parse_numbers
+    from robotrue.drilling.head import normal_from_tilt
+    from robotrue.drilling.robot_adjust import squaring_joints
+
+    if request.robot is None or request.joints_deg is None:
+        raise ConfigurationError(
+            "--robot without --joints-deg: where does the robot stand?",
+            hint="--joints-deg J1,J2,J3,J4,J5,J6",
+        )
+    robot, load, seat = carrying_robot(request.robot, request.foot_abc_deg)
+    dof, stated = robot.robot.dof, request.joints_deg
+    joints = parse_numbers("--joints-deg", stated, dof, form="J1,..,J6") * DEG
+    normal = normal_from_tilt(model.head.order, found.tilt)
+    return squaring_joints(robot, joints, normal, R_tool_foot=seat, load=load)
+
+
+def _robot_document(move: RobotMove) -> dict[str, Any]:
+    from robotrue.core.rotations import abc_from_matrix
+
+    return {
+        "joints_deg": (move.joints / DEG).tolist(),
+        "xyz_mm": (move.T_base_tool[:3, 3] / MM).tolist(),
+        "abc_deg": (abc_from_matrix(move.T_base_tool[:3, :3]) / DEG).tolist(),
+        "turn_deg": move.turn / DEG,
+        "rotation_error_known": move.rotation_known,
+    }
+
+
+def _notes(found: HoleAdjustment) -> list[str]:
+    import numpy as np
+
+    if np.isfinite(found.move.shift).all():
+        return list(found.notes)
+    return [
+        *found.notes,
+        "X, Y and Z are not known: the foot file of the fit had no [head] with pivot_to_tip_mm.",
+    ]
+
+
+def _facts(document: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
+    a, b, sa, sb = (document[k] for k in ("a_deg", "b_deg", "a_sigma_deg", "b_sigma_deg"))
+    surface = ("surface", f"a {a:+.4f} +- {sa:.4f} deg, b {b:+.4f} +- {sb:.4f} deg")
+    if "move" in document:
+        move = document["move"]
+        shift = ", ".join(f"{move[f'd{axis}_mm']:+.4f} mm" for axis in "XYZ")
+        turned = f"{move['A_deg']:.4f}, {move['B_deg']:.4f} deg"
+        return (surface, ("A, B to", turned), ("X, Y, Z by", shift))
+    robot = document["robot"]
+    joints = ", ".join(f"{v:.4f}" for v in robot["joints_deg"])
+    turned = f"{robot['turn_deg']:.4f} deg about the tip"
+    return (surface, ("joints to", f"{joints} deg"), ("turned by", turned))
+
+
+OPERATION: Final = Operation(request=DrillAdjustRequest, run=run)

@@ -1,0 +1,161 @@
+"""Write the report of a model: what one move leaves, and what it was tested on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+from pydantic import Field
+
+from robotrue.app.context import Context
+from robotrue.app.drill_fields import DrillModel, ZeroFoot
+from robotrue.app.operation import Operation
+from robotrue.app.presentation import Block, Note
+from robotrue.app.reported import Language, check_reports
+from robotrue.app.request import (
+    ON_COMMAND_LINE,
+    Item,
+    ItemVersion,
+    Option,
+    Output,
+    Reference,
+    Request,
+    input_paths,
+)
+from robotrue.core.provenance import Provenance, merge
+from robotrue.core.units import DEG
+from robotrue.drilling.drill_defaults import LIMIT_DEG
+from robotrue.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from robotrue.app.workspace_context import WorkspaceContext
+    from robotrue.drilling.evaluate import TiltEvaluation
+    from robotrue.store.workspace import Transaction
+
+
+class DrillReportRequest(Request):
+    """Which model to judge, on which clamps, against which limit."""
+
+    model: DrillModel
+    campaign: Annotated[
+        Reference,
+        Item(noun="document", argument="TEST", help="Clamps the fit has not seen."),
+    ]
+    output: Annotated[
+        Path,
+        Output(
+            names=("--output", "-o"),
+            saved_as="report.html",
+            help="Report to write: .html, .pdf or .json.",
+        ),
+    ]
+    limit_deg: Annotated[
+        float, Field(gt=0.0), Option(help="95 % of the holes are to be within.")
+    ] = LIMIT_DEG
+    simulated: Annotated[
+        bool,
+        Option(help="Say on the page that the test is simulated.", shells=ON_COMMAND_LINE),
+    ] = False
+    foot: ZeroFoot = None
+    lang: Language = "en"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DrillJudged:
+    """What one move leaves on clamps the fit has not seen.
+
+    Attributes:
+        result: The tilts.
+        verdict: One sentence.
+        written: The report, and its JSON twin last.
+        provenance: Of model and test.
+    """
+
+    result: TiltEvaluation
+    verdict: str
+    written: tuple[Path, ...]
+    provenance: Provenance
+
+    def document(self) -> Mapping[str, Any]:
+        """Returns JSON values in deg."""
+        from robotrue.drilling.model_document import evaluation_document
+
+        files = {"output": str(self.written[0]), "json": str(self.written[-1])}
+        return {**files, **evaluation_document(self.result)}
+
+    def blocks(self) -> Iterable[Block]:
+        """Returns the verdict."""
+        yield Note(self.verdict)
+
+
+def run(request: DrillReportRequest, context: Context) -> DrillJudged:
+    """Writes the report of a model on clamps with known tilts, and its JSON twin.
+
+    Raises:
+        ConfigurationError: A job that judges a model by the campaign it was learned from.
+    """
+    from robotrue.drilling.evaluate import evaluate_test
+    from robotrue.drilling.kept import CAMPAIGN, MODEL, campaign_parts
+    from robotrue.drilling.model_archive import read_model
+    from robotrue.drilling.model_setup import read_test
+    from robotrue.report.drilling_report import drilling_content
+    from robotrue.report.report_files import write_reports
+    from robotrue.report.words import language
+
+    speech, output = language(request.lang), context.output(request.output)
+    check_reports([output], input_paths(request))
+    (path,) = context.document_files(request.model, MODEL)
+    model = read_model(path)
+    rows, beside = campaign_parts(context.document_files(request.campaign, CAMPAIGN))
+    context.step("judging", 0, 1)
+    data, digest = read_test(model, path, rows, request.foot or beside)
+    if digest == model.campaign and isinstance(request.campaign, ItemVersion):
+        raise ConfigurationError(
+            "the test is the campaign the model was learned from.",
+            hint="another campaign, with tilts and forces in between.",
+        )
+    result = evaluate_test(model, data)
+    content = drilling_content(
+        model, data, result, digest=digest, limit=request.limit_deg * DEG,
+        simulated=request.simulated, lang=speech,
+    )  # fmt: skip
+    written = write_reports([output], content)
+    context.inform(f"report written to {', '.join(map(str, written))}")
+    origin = merge([model.provenance, data.provenance])
+    return DrillJudged(
+        result=result,
+        verdict=content.verdict.text,
+        written=tuple(written),
+        provenance=replace(origin, simulated=content.simulated),
+    )
+
+
+def save(
+    request: DrillReportRequest, result: DrillJudged, into: Transaction, context: WorkspaceContext
+) -> Mapping[str, Any]:
+    """Leaves a document ``drilling test`` with its report, linked to model and campaign."""
+    import numpy as np
+
+    from robotrue.core.json_values import json_values
+    from robotrue.drilling.kept import CAMPAIGN, MODEL, TEST
+    from robotrue.drilling.model_document import evaluation_document
+    from robotrue.store.records import Link
+
+    held = context.document(request.model, MODEL)
+    record = context.document(request.campaign, CAMPAIGN)
+    tilts = result.result
+    detail = {
+        **evaluation_document(tilts),
+        "limit_deg": request.limit_deg,
+        "before_deg": np.round(tilts.before / DEG, 5).tolist(),
+        "left_deg": np.round(tilts.left / DEG, 5).tolist(),
+        "simulated": result.provenance.simulated,
+    }
+    links = [Link(role="model", to=held.ref), Link(role="data", to=record.ref)]
+    files = list(result.written)
+    return context.leave_document(into, TEST, held.name, files, links, json_values(detail))
+
+
+OPERATION: Final = Operation(request=DrillReportRequest, run=run, save=save)

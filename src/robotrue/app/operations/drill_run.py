@@ -1,0 +1,204 @@
+"""Stand by a machine: answer every clamp with one move, learn from references, watch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+from pydantic import Field
+
+from robotrue.app.context import Context
+from robotrue.app.drill_fields import (
+    CarryingRobot,
+    DrillModel,
+    FootAngles,
+    ReferenceSigma,
+    ZeroFoot,
+)
+from robotrue.app.operation import Operation
+from robotrue.app.presentation import Block, Note, count
+from robotrue.app.request import InputFile, Option, Output, Request
+from robotrue.core.provenance import Provenance
+from robotrue.core.units import DEG, UM
+from robotrue.drilling.drill_defaults import (
+    CLAMP_FORCE_N,
+    FOOT_ABC_DEG,
+    PATIENCE_S,
+    PORT,
+    QUIET_MS,
+    REFERENCE_SIGMA_DEG,
+    RELEASED,
+    STEADY_N,
+    STEADY_UM,
+)
+from robotrue.errors import ModelMismatchError
+
+if TYPE_CHECKING:
+    from robotrue.drilling.clamp_watch import ClampSettings
+    from robotrue.drilling.foot_model import NormalModel
+    from robotrue.drilling.journal import Journal
+
+
+class DrillRunRequest(Request):
+    """Which model answers which machine, and when a foot counts as clamped and at rest."""
+
+    model: DrillModel
+    journal: Annotated[
+        Path,
+        InputFile(help="What is answered and learned, a line each; gone on with if there."),
+    ]
+    address: Annotated[
+        str, Option(names=("--from",), help="Where the machine's values come in.")
+    ] = f"udp://127.0.0.1:{PORT}"
+    output: Annotated[
+        Path | None,
+        Output(
+            names=("--output", "-o"),
+            what="a robotrue file",
+            suffixes=(".robotrue",),
+            renews="model",
+            help="Model file, written after every reference.",
+        ),
+    ] = None
+    foot: ZeroFoot = None
+    approach: Annotated[str, Option(help="How the foot comes down; default the usual way.")] = ""
+    truth: Annotated[
+        str, Option(help="What measures the tilts left, where they do not say so.")
+    ] = ""
+    sigma_deg: Annotated[ReferenceSigma, Field(gt=0.0)] = REFERENCE_SIGMA_DEG
+    clamp_force_N: Annotated[
+        float,
+        Option(names=("--clamp-force-n",), help="Force above which the foot is clamped, N."),
+    ] = CLAMP_FORCE_N
+    quiet_ms: Annotated[float, Option(help="Time in which nothing may move.")] = QUIET_MS
+    steady_um: Annotated[float, Option(help="What a reading may move by in that time.")] = STEADY_UM
+    steady_N: Annotated[
+        float, Option(names=("--steady-n",), help="What the force may move by in that time.")
+    ] = STEADY_N
+    patience_s: Annotated[float, Option(help="Then a restless clamp is given up.")] = PATIENCE_S
+    seconds: Annotated[float | None, Option(help="End after so long.")] = None
+    robot: CarryingRobot = None
+    joints: Annotated[
+        str | None,
+        Option(help="With --robot: where its joints come from, rsi://, egm:// or rtde://."),
+    ] = None
+    foot_abc_deg: FootAngles = FOOT_ABC_DEG
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DrillServed:
+    """A service that has ended.
+
+    Attributes:
+        summary: What it came to.
+        provenance: Of the model and of the machine that spoke to it.
+    """
+
+    summary: str
+    provenance: Provenance
+
+    def document(self) -> None:
+        """Returns nothing: every answer was a document."""
+        return
+
+    def blocks(self) -> Iterable[Block]:
+        """Returns one line."""
+        yield Note(self.summary)
+
+
+def run(request: DrillRunRequest, context: Context) -> DrillServed:
+    """Answers clamps until stopped, or for a time.
+
+    Raises:
+        ModelMismatchError: A journal of a later version of the model.
+    """
+    import asyncio
+
+    from robotrue.app.drilling_desk import Desk
+    from robotrue.app.drilling_robot import drilling_robot
+    from robotrue.app.drilling_service import serve_desk
+    from robotrue.drilling.hole_session import HoleSession
+    from robotrue.drilling.journal import Journal
+    from robotrue.drilling.kept import MODEL
+    from robotrue.drilling.model_archive import read_model
+    from robotrue.drilling.model_setup import setup_of
+
+    (path,) = context.document_files(request.model, MODEL)
+    model, settings = read_model(path), _settings(request)
+    setup = setup_of(model, path, request.foot)
+    with Journal(request.journal) as kept:
+        model, said = _replay(request, model, kept, path)
+        session = HoleSession(
+            model,
+            settings=settings,
+            reference=request.sigma_deg * DEG,
+            approach=request.approach,
+            waiting=kept.state.waiting,
+            count=kept.state.answered,
+        )
+        arm = None
+        if request.robot is not None:
+            arm = drilling_robot(
+                request.robot,
+                request.joints,
+                model.head.order,
+                request.foot_abc_deg,
+                still=settings.quiet,
+            )
+        desk = Desk(
+            session,
+            setup,
+            kept,
+            truth=request.truth,
+            output=request.output,
+            robot=arm,
+            reporter=context,
+        )
+        asyncio.run(serve_desk(desk, request.address, request.seconds, begin=said))
+    return DrillServed(summary=desk.summary(), provenance=desk.provenance)
+
+
+def _settings(request: DrillRunRequest) -> ClampSettings:
+    from robotrue.drilling.clamp_watch import ClampSettings
+
+    return ClampSettings(
+        force_on=request.clamp_force_N,
+        force_off=RELEASED * request.clamp_force_N,
+        quiet=request.quiet_ms * 1e-3,
+        reading_moves=request.steady_um * UM,
+        force_moves=request.steady_N,
+        patience=request.patience_s,
+    )
+
+
+def _replay(
+    request: DrillRunRequest, model: NormalModel, kept: Journal, path: Path
+) -> tuple[NormalModel, str]:
+    """The model brought up to its journal, and what is said of it."""
+    from robotrue.drilling.journal_replay import replay_references
+    from robotrue.drilling.model_archive import write_model
+
+    journal = request.journal
+    model, replayed = replay_references(
+        model, kept.state.references, reference_sigma=request.sigma_deg * DEG, source=journal
+    )
+    if kept.state.version > model.version:
+        raise ModelMismatchError(
+            f"{journal} was written with version {kept.state.version} of the model, this is "
+            f"version {model.version}.",
+            source=path,
+            hint="the model that run wrote with -o, or another journal.",
+        )
+    if not replayed:
+        return model, ""
+    if request.output is not None:
+        write_model(request.output, model)
+    return model, (
+        f"note: {count(replayed, 'reference')} of {journal.name} taken into the model, which was "
+        f"written before them; it is version {model.version} now"
+    )
+
+
+OPERATION: Final = Operation(request=DrillRunRequest, run=run)

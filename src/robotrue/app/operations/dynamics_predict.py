@@ -1,0 +1,167 @@
+"""Predict how far the tool is pushed along a force record."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+from robotrue.app.context import Context
+from robotrue.app.dynamics_fields import StaticTest, table_output
+from robotrue.app.operation import Operation
+from robotrue.app.plain_result import PlainResult
+from robotrue.app.presentation import Facts
+from robotrue.app.request import InputFile, Option, Output, Request
+from robotrue.core.provenance import mark_line, merge
+from robotrue.core.units import UM
+from robotrue.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from robotrue.core.arrays import Array
+    from robotrue.dynamics.interpolation import ResponseCurve
+    from robotrue.dynamics.predict import DeflectionPrediction
+
+BETWEEN: Final = ("auto", "lines", "modes")
+
+
+class DynamicsPredictRequest(Request):
+    """Which response and force, and what stands between the lines."""
+
+    frf: Annotated[
+        Path,
+        InputFile(help="Frequency response of the tool: CSV, UFF58 (.uff, .unv) or MAT."),
+    ]
+    force: Annotated[Path, InputFile(help="Recorded force on the tool: CSV, TDMS or MAT.")]
+    output: Annotated[Path, table_output("CSV of the error to write.")]
+    static_um_per_n: StaticTest = None
+    between: Annotated[
+        str,
+        Option(help="Between the lines: auto (what rebuilds them best), lines or modes."),
+    ] = "auto"
+    padding_s: Annotated[
+        float | None,
+        Option(help="Zeros behind the record; default: twice as long as it rings."),
+    ] = None
+    report: Annotated[
+        Path | None, Output(help="Also draw force, error and response (PNG, SVG or PDF).")
+    ] = None
+
+
+def run(request: DynamicsPredictRequest, context: Context) -> PlainResult:
+    """Predicts, writes the error as CSV, and says how far to trust it."""
+    from robotrue.app.dynamics_inputs import parse_static
+    from robotrue.core.files import write_atomic
+    from robotrue.dynamics.formats.column_table import table_bytes
+    from robotrue.dynamics.formats.registry import read_force, read_frf
+    from robotrue.dynamics.frf import with_static
+    from robotrue.dynamics.interpolation import fit_curve
+    from robotrue.dynamics.predict import predict_error, prediction_columns
+
+    between, output = request.between, context.output(request.output)
+    if between not in BETWEEN:
+        raise ConfigurationError(f"--between {between!r}, expected one of {', '.join(BETWEEN)}.")
+    frf = with_static(read_frf(request.frf), parse_static(request.static_um_per_n))
+    record, odd = read_force(request.force)
+    curve = fit_curve(frf, between)
+    found = predict_error(curve, record, padding=request.padding_s)
+    if request.report is not None:
+        from robotrue.report.dynamics_figure import prediction_figure
+
+        drawn = context.output(request.report)
+        write_atomic(drawn, prediction_figure(curve, found, drawn.suffix))
+    origin = merge([frf.provenance, record.provenance])
+    table = table_bytes(*prediction_columns(found))
+    write_atomic(output, mark_line(origin).encode() + table)
+    remarks = (*odd, *found.remarks)
+    for remark in remarks:
+        context.note(remark)
+    for reason in found.invalid:
+        context.inform(f"NOT VALID: {reason}")
+    values = _document(curve, found, output) | {"notes": list(remarks)}
+    return PlainResult(values=values, shown=(_facts(values),), provenance=origin)
+
+
+def _document(curve: ResponseCurve, found: DeflectionPrediction, output: Path) -> dict[str, Any]:
+    import numpy as np
+
+    from robotrue.dynamics.predict import out_of_band
+
+    frf, record = curve.frf, found.record
+    moving = found.error - found.static
+    rms, largest = found.circular_error
+    return {
+        "output_csv": str(output),
+        "valid": not found.invalid,
+        "invalid": list(found.invalid),
+        "samples": len(record),
+        "rate_Hz": record.rate,
+        "duration_s": len(record) / record.rate,
+        "pairs": list(frf.pairs),
+        "valid_Hz": list(frf.valid),
+        "measured_as": frf.measured_as,
+        "static_known": frf.static is not None and bool(np.isfinite(frf.static[frf.present]).all()),
+        "between_lines": "lines" if curve.modes is None else "modes",
+        "left_out_error": curve.left_out,
+        "rebuild_error": curve.rebuilt,
+        "modes_Hz": None if curve.modes is None else curve.modes.frequency,
+        "modes_damping": None if curve.modes is None else curve.modes.damping,
+        "padding_s": found.padding,
+        "rings_s": found.rings,
+        "force_above_band": out_of_band(curve, record),
+        "mean_force_N": record.force.mean(axis=0),
+        "peak_force_N": np.abs(record.force).max(axis=0),
+        "static_um": found.static / UM,
+        "rms_um": _over(found.error, "rms") / UM,
+        "peak_um": _over(found.error, "peak") / UM,
+        "dynamic_rms_um": _over(moving, "rms") / UM,
+        "dynamic_peak_um": _over(moving, "peak") / UM,
+        "circular_rms_um": rms / UM,
+        "circular_max_um": largest / UM,
+    }
+
+
+def _over(values: Array, how: str) -> Array:
+    """Per axis (3,); NaN stays where an axis has no response."""
+    import numpy as np
+
+    if how == "rms":
+        return np.asarray(np.sqrt((values**2).mean(axis=0)))
+    return np.asarray(np.abs(values).max(axis=0))
+
+
+def _facts(d: Mapping[str, Any]) -> Facts:
+    if d["between_lines"] == "modes":
+        between = f"{len(d['modes_Hz'])} modes, {100.0 * d['rebuild_error']:.2g} % off the lines"
+    else:
+        between = f"lines, {100.0 * d['left_out_error']:.2g} % at lines left out"
+    low, high = d["valid_Hz"]
+    return Facts(
+        title="dynamic error of the tool" + ("" if d["valid"] else ": NOT VALID"),
+        rows=(
+            ("record", f"{d['samples']} samples, {d['rate_Hz']:g} Hz, {d['duration_s']:.3g} s"),
+            ("response", f"{', '.join(d['pairs'])}, {low:g} to {high:g} Hz, {between}"),
+            ("mean force N", _by_axis(d["mean_force_N"])),
+            (
+                "static part um",
+                _by_axis(d["static_um"]) + ("" if d["static_known"] else " (a guess)"),
+            ),
+            ("dynamic part um, rms", _by_axis(d["dynamic_rms_um"])),
+            ("whole um, peak", _by_axis(d["peak_um"])),
+            (
+                "without padding",
+                f"{d['circular_rms_um']:.3g} um rms, {d['circular_max_um']:.3g} um at most off",
+            ),
+            ("written", d["output_csv"]),
+        ),
+    )
+
+
+def _by_axis(values: Array) -> str:
+    """Of x, y and z; a dash where an axis has no response."""
+    from math import isfinite
+
+    cells = zip("xyz", values, strict=True)
+    return ", ".join(f"{a} {v:.3g}" if isfinite(v) else f"{a} -" for a, v in cells)
+
+
+OPERATION: Final = Operation(request=DynamicsPredictRequest, run=run)

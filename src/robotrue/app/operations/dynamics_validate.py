@@ -1,0 +1,198 @@
+"""Say how well the dynamic error is predicted where nothing was learned."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+from robotrue.app.context import Context
+from robotrue.app.dynamics_fields import (
+    DIRECTION,
+    Direction,
+    PredictedWith,
+    WindowsFile,
+    table_output,
+)
+from robotrue.app.operation import Operation
+from robotrue.app.plain_result import PlainResult
+from robotrue.app.presentation import Facts, Note, Table, count
+from robotrue.app.request import InputFile, Option, Request
+from robotrue.core.provenance import mark_line, merge
+from robotrue.core.units import UM
+from robotrue.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from robotrue.dynamics.deviation import DeviationPrediction
+    from robotrue.dynamics.deviation_validation import Score
+    from robotrue.dynamics.windows import WindowSet
+
+NAMES: Final = {
+    "prediction": "frequency response and force",
+    "paper": "components and support vectors",
+    "deviation": "compliant joints and residual",
+}
+
+
+class DynamicsValidateRequest(Request):
+    """Which windows to judge, by a model or by what is learned from a part of them."""
+
+    windows: WindowsFile
+    cell: Annotated[
+        Path | None, InputFile(help="cell.toml: learn from a part, judge on the rest.")
+    ] = None
+    model: Annotated[
+        Path | None, InputFile(help="Model of `dynamics fit`: judge it on these windows.")
+    ] = None
+    output: Annotated[
+        Path | None, table_output("With --model: CSV of every window's estimate.")
+    ] = None
+    split: Annotated[
+        tuple[str, ...],
+        Option(help="random, blocks, passes or unseen; default: all that the data allow."),
+    ] = ()
+    known: Annotated[
+        str | None, Option(help="Pass that `unseen` learns from; default: the first.")
+    ] = None
+    direction: Direction = DIRECTION
+    seed: Annotated[int, Option(help="Of the random split.")] = 0
+    frf: PredictedWith = None
+
+
+def run(request: DynamicsValidateRequest, context: Context) -> PlainResult:
+    """Scores by held-out windows; with a model, that model on these windows.
+
+    Raises:
+        ConfigurationError: No cell and no model, or an output that a cell has none of.
+    """
+    from robotrue.dynamics.formats.windows_csv import read_windows
+
+    windows = read_windows(request.windows)
+    if request.model is not None:
+        return _judge(request, request.model, windows, context)
+    if request.cell is None or request.output is not None:
+        raise ConfigurationError(
+            "-o goes with --model." if request.cell is not None else "no cell and no model.",
+            hint="--cell cell.toml for held-out errors, --model MODEL for a model on new windows.",
+        )
+    return _hold_out(request, request.cell, windows, context)
+
+
+def _hold_out(
+    request: DynamicsValidateRequest, cell: Path, windows: WindowSet, context: Context
+) -> PlainResult:
+    """Errors of windows that were held out, by each split."""
+    from robotrue.app.dynamics_inputs import read_arm, read_static_row, windows_origin
+    from robotrue.dynamics.deviation_validation import QUESTIONS, scores
+    from robotrue.dynamics.window_checks import check_direction
+
+    arm = read_arm(cell, request.direction)
+    check_direction(windows, arm.direction)
+    kinds = request.split
+    if not kinds:
+        several = len(windows.pass_names) > 1
+        kinds = tuple(k for k in QUESTIONS if several or k in ("random", "blocks"))
+        if not several:
+            context.note("one pass: what it says of other poses cannot be tested")
+    row = read_static_row(request.frf, arm, context)
+    found = scores(windows, arm, kinds=kinds, row=row, known=request.known, seed=request.seed)
+    table = Table(
+        title=f"{request.windows.name}: errors of windows held out, um",
+        columns=("split", "method", "rmse", "mean", "max", "in 95 % band"),
+        rows=tuple(_score_row(each) for each in found),
+    )
+    return PlainResult(
+        values={"windows": len(windows), "scores": [each.document() for each in found]},
+        shown=(table, *(Note(f"{kind}: {QUESTIONS[kind]}") for kind in kinds)),
+        provenance=windows_origin(windows, request.frf),
+    )
+
+
+def _judge(
+    request: DynamicsValidateRequest, path: Path, windows: WindowSet, context: Context
+) -> PlainResult:
+    """What a model says of these windows, and how far off it is where they are measured."""
+    from robotrue.core.archive import read_archive
+    from robotrue.core.files import write_atomic
+    from robotrue.dynamics.deviation import deviation_from_archive
+    from robotrue.dynamics.window_checks import check_units
+
+    check_units(windows)
+    model = deviation_from_archive(read_archive(path))
+    found = model.predict(windows)
+    origin = merge([model.windows.provenance, windows.provenance])
+    if request.output is not None:
+        output = context.output(request.output)
+        write_atomic(output, mark_line(origin).encode() + _estimates(windows, found))
+        context.inform(f"{count(len(windows), 'window')} written to {output}")
+    values = _document(windows, found)
+    facts = Facts(
+        title=f"{path.name} on {windows.source}",
+        rows=(
+            *((name, count(number, "window")) for name, number in values["standing"].items()),
+            *(
+                (f"{NAMES[s['method']]}, um", f"rmse {s['rmse_um']:.2f}, max {s['max_um']:.2f}")
+                for s in values["scores"]
+            ),
+        ),
+    )
+    return PlainResult(values=values, shown=(facts,), provenance=origin)
+
+
+def _document(windows: WindowSet, found: DeviationPrediction) -> dict[str, Any]:
+    import numpy as np
+
+    from robotrue.dynamics.deviation import WindowTrust
+    from robotrue.dynamics.deviation_validation import TWO_SIDED_95
+
+    standing = np.bincount(found.standing, minlength=len(WindowTrust))
+    known = np.isfinite(windows.measured) & (found.standing != WindowTrust.INVALID)
+    scores = []
+    estimates = {"prediction": windows.predicted, "deviation": found.error} if known.any() else {}
+    for method, estimate in estimates.items():
+        miss = np.abs(estimate - windows.measured)[known]
+        inside = float((miss <= TWO_SIDED_95 * found.sd[known]).mean())
+        scores.append(
+            {
+                "method": method,
+                "rmse_um": float(np.sqrt((miss**2).mean())) / UM,
+                "mean_um": float(miss.mean()) / UM,
+                "max_um": float(miss.max()) / UM,
+                "coverage_95": inside if method == "deviation" else None,
+            }
+        )
+    return {
+        "windows": len(windows),
+        "standing": {s.name.lower(): int(standing[s]) for s in WindowTrust},
+        "measured": int(known.sum()),
+        "scores": scores,
+    }
+
+
+def _estimates(windows: WindowSet, found: DeviationPrediction) -> bytes:
+    import numpy as np
+
+    from robotrue.core.csv_text import csv_text
+    from robotrue.dynamics.deviation import WindowTrust
+
+    rows = [["pass", "error_um", "sd_um", "deviation_um", "physics_um", "standing"]]
+    table = np.column_stack([found.error, found.sd, found.deviation, found.physics]) / UM
+    for name, row, standing in zip(windows.passes, table, found.standing, strict=True):
+        numbers = ["" if np.isnan(v) else f"{v:.4f}" for v in row]
+        rows.append([name, *numbers, WindowTrust(int(standing)).name.lower()])
+    return csv_text(rows).encode()
+
+
+def _score_row(score: Score) -> tuple[str, ...]:
+    from robotrue.dynamics.deviation_validation import METHODS
+
+    d = score.document()
+    inside = "" if score.coverage is None else f"{100.0 * score.coverage:.1f} %"
+    return (
+        score.split if score.method == METHODS[0] else "",
+        NAMES[score.method],
+        *(f"{d[key]:.2f}" for key in ("rmse_um", "mean_um", "max_um")),
+        inside,
+    )
+
+
+OPERATION: Final = Operation(request=DynamicsValidateRequest, run=run)
