@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from robotrue.cli.jobs import _parameters
+from robotrue.app.operations.jobs_submit import parse_parameters
 from robotrue.cli.kinds import KINDS
 from robotrue.core.files import sha256
 from robotrue.errors import ConfigurationError
@@ -195,21 +195,25 @@ def test_what_cannot_be_is_refused(
 
 
 def test_parameters_are_read_as_they_are_meant() -> None:
-    found = _parameters(["cell=12345678", "poses=30", "krl=true", "tolerance_um=0.5", "seed=-1"])
+    found = parse_parameters(
+        ["cell=12345678", "poses=30", "krl=true", "tolerance_um=0.5", "seed=-1"]
+    )
     assert found == {"cell": "12345678", "poses": 30, "krl": True, "tolerance_um": 0.5, "seed": -1}
-    assert _parameters(["measurements=a", "measurements=1e5"]) == {"measurements": ["a", "1e5"]}
-    assert _parameters(['model={"id": "x", "version": 2}', "region=a=1..2"]) == {
+    assert parse_parameters(["measurements=a", "measurements=1e5"]) == {
+        "measurements": ["a", "1e5"]
+    }
+    assert parse_parameters(['model={"id": "x", "version": 2}', "region=a=1..2"]) == {
         "model": {"id": "x", "version": 2},
         "region": "a=1..2",
     }
     with pytest.raises(ConfigurationError, match="expected NAME=VALUE"):
-        _parameters(["=3"])
+        parse_parameters(["=3"])
 
 
 def test_the_store_is_an_extra(folder: Path, cli: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     known = sys.modules["importlib.util"].find_spec
     monkeypatch.setattr(
-        "robotrue.cli.store_commands.find_spec",
+        "robotrue.cli.groups.find_spec",
         lambda name: None if name == "alembic" else known(name),
     )
     found = cli("workspace", "list")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from robotrue.app.outputs import check_output
 from robotrue.app.reporting import Message, Reporter
 from robotrue.app.request import InputFile, Item, Output, Reference, Request, fields_of
+from robotrue.app.shell import Shell
 from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -22,10 +23,12 @@ class FilesContext:
 
     Attributes:
         reporter: Who listens.
+        shell: Who runs the operation.
     """
 
-    def __init__(self, reporter: Reporter) -> None:
+    def __init__(self, reporter: Reporter, shell: Shell | None = None) -> None:
         self.reporter = reporter
+        self.shell = Shell() if shell is None else shell
 
     def step(self, text: str, done: int, of: int) -> None:
         """Reports how far it is."""

@@ -25,7 +25,7 @@ class Result(Protocol):
         ...
 
     def document(self) -> Mapping[str, Any]:
-        """Returns JSON values, units in the names."""
+        """Returns JSON values, units in the names; without ``simulated`` they are marked."""
         ...
 
     def blocks(self) -> Iterable[Block]:
@@ -46,11 +46,13 @@ class Operation(Generic[Q, R]):
         run: Does it; the same on files and in a workspace.
         save: Writes its result into a workspace, with the transaction that ends the job, and
             returns the job's result; None: no job does it.
+        has_document: Whether the command has ``--json``: a run without a result has none.
     """
 
     request: type[Q]
     run: Callable[[Q, Context], R]
     save: Callable[[Q, R, Transaction, WorkspaceContext], Mapping[str, Any]] | None = None
+    has_document: bool = True
 
 
 AnyOperation: TypeAlias = Operation[Any, Any]

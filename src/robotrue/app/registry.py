@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 FOLDER: Final = Path(__file__).with_name("operations")
 PACKAGE: Final = "robotrue.app.operations"
-GROUPS: Final = frozenset(
-    {"drill", "dynamics", "export", "jobs", "record", "report", "sense", "simulate", "workspace"}
-)
-"""Commands of commands; the file of ``report calibration`` is ``report_calibration.py``."""
+GROUPS: Final = (
+    "drill", "dynamics", "export", "record", "report", "sense", "simulate", "workspace", "jobs",
+)  # fmt: skip
+"""Commands of commands, in the order of the help; ``report_program.py`` is ``report program``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+from robotrue.core.provenance import MARK, Provenance, simulation_mark
+
 
 @dataclass(frozen=True, slots=True)
 class Message:
@@ -31,6 +33,11 @@ def note(text: str) -> Message:
 def file_note(name: str, text: str) -> Message:
     """Returns a note about a file; a text that begins with the file and its line keeps it."""
     return note(text if text.startswith(f"{name}:") else f"{name}: {text}")
+
+
+def provenance_line(provenance: Provenance | None) -> str:
+    """Returns the line that says that a result rests on simulated data; empty if it does not."""
+    return simulation_mark(provenance, f"{MARK}: no real robot was measured for this result")
 
 
 class Reporter(Protocol):

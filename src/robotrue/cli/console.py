@@ -14,15 +14,10 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 from rich.table import Table
 from rich.text import Text
 
-from robotrue.app.reporting import Message
+from robotrue.app.presentation import count as count
+from robotrue.app.reporting import Message, provenance_line
 from robotrue.core.json_values import json_values
-from robotrue.core.provenance import (
-    MARK,
-    Provenance,
-    marked,
-    marked_document,
-    simulation_mark,
-)
+from robotrue.core.provenance import Provenance, marked, marked_document
 
 stderr = Console(stderr=True, highlight=False)
 PIPED_WIDTH = 160
@@ -50,7 +45,7 @@ TERMINAL: Final = Terminal()
 
 def say_mark(provenance: Provenance | None) -> None:
     """Writes to stderr that a result rests on simulated data, if it does."""
-    text = simulation_mark(provenance, f"{MARK}: no real robot was measured for this result")
+    text = provenance_line(provenance)
     if text:
         say(text)
 
@@ -108,11 +103,6 @@ def emit_facts(
 ) -> None:
     """Writes names and values in two columns to stdout; ``provenance`` marks the title."""
     emit_table(title, ("", ""), facts, words=True, provenance=provenance)
-
-
-def count(number: int, noun: str) -> str:
-    """Returns e.g. ``"1 file"`` or ``"2 files"``."""
-    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 @contextmanager

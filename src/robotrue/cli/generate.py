@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from functools import cached_property
 from inspect import Parameter, Signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
-from typer.models import CommandInfo
+from typer.models import CommandInfo, TyperInfo
 
-from robotrue.app.registry import Listing, listings
+from robotrue.app.registry import GROUPS, Listing, listings
 from robotrue.cli.app import Json
 
 if TYPE_CHECKING:
@@ -35,11 +36,11 @@ class GeneratedCommand:
         from robotrue.app.registry import operation_of
         from robotrue.app.request import CLI, fields_of
 
-        request: type[Request] = operation_of(self._listing.name).request
-        fields = fields_of(request)
-        parameters = [_parameter(field) for field in fields if field.is_in(CLI)]
+        operation = operation_of(self._listing.name)
+        request: type[Request] = operation.request
+        parameters = [_parameter(each) for each in fields_of(request) if each.is_in(CLI)]
         switch = Parameter(AS_JSON, Parameter.KEYWORD_ONLY, default=False, annotation=Json)
-        return Signature([*parameters, switch])
+        return Signature([*parameters, *([switch] if operation.has_document else [])])
 
     def __call__(self, **values: Any) -> None:
         """Runs the operation with what was typed."""
@@ -50,7 +51,7 @@ class GeneratedCommand:
         from robotrue.cli.terminal import run_operation
 
         operation = operation_of(self._listing.name)
-        as_json = values.pop(AS_JSON)
+        as_json = values.pop(AS_JSON, False)
         try:
             request = operation.request.model_validate(_stated(operation.request, values))
         except ValidationError as error:
@@ -90,7 +91,14 @@ def _parameter(field: RequestField) -> Parameter:
         names = entry.names
         if field.kind is bool and not names and not entry.paired:
             names = (field.option,)
-        presented = typer.Option(*names, metavar=entry.metavar, help=entry.help, callback=callback)
+        presented = typer.Option(
+            *names,
+            metavar=entry.metavar,
+            help=entry.help,
+            callback=callback,
+            envvar=entry.variable or None,
+            min=entry.least,
+        )
     default = Parameter.empty if field.required else field.default or _blank(field)
     return Parameter(
         field.name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, presented]
@@ -107,10 +115,10 @@ def register_operations(app: typer.Typer, order: Sequence[str]) -> None:
 
     Args:
         app: The application, with its groups and with the commands that are not made here.
-        order: Names of commands that stand first in its help.
+        order: Names of commands in the order of the help, with their group; others follow.
     """
     groups = {
-        each.typer_instance.info.name: each.typer_instance
+        _group_name(each): each.typer_instance
         for each in app.registered_groups
         if each.typer_instance is not None
     }
@@ -119,9 +127,22 @@ def register_operations(app: typer.Typer, order: Sequence[str]) -> None:
         target.registered_commands.append(
             CommandInfo(name=listing.command, callback=GeneratedCommand(listing), help=listing.help)
         )
-    app.registered_commands.sort(
-        key=lambda each: order.index(name_of(each)) if name_of(each) in order else len(order)
-    )
+    _sort(app, "", order)
+    for name, group in groups.items():
+        _sort(group, f"{name} ", order)
+    app.registered_groups.sort(key=lambda each: GROUPS.index(_group_name(each)))
+
+
+def _sort(app: typer.Typer, group: str, order: Sequence[str]) -> None:
+    def place(command: CommandInfo) -> int:
+        words = f"{group}{name_of(command)}"
+        return order.index(words) if words in order else len(order)
+
+    app.registered_commands.sort(key=place)
+
+
+def _group_name(group: TyperInfo) -> str:
+    return "" if group.typer_instance is None else str(group.typer_instance.info.name)
 
 
 def name_of(command: CommandInfo) -> str:
@@ -138,3 +159,13 @@ def without_options(command: CommandInfo) -> CommandInfo:
         """Is never called: the list shows the name and the help."""
 
     return CommandInfo(name=command.name, callback=listed, help=command.help)
+
+
+def without_operations(group: TyperInfo) -> TyperInfo:
+    """Returns a group for a list of commands: none of its operations is imported."""
+    listed = copy(group)
+    if group.typer_instance is not None:
+        listed.typer_instance = copy(group.typer_instance)
+        commands = group.typer_instance.registered_commands
+        listed.typer_instance.registered_commands = [without_options(each) for each in commands]
+    return listed

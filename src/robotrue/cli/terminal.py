@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 
 from robotrue.app.operation import AnyOperation, Result
-from robotrue.app.presentation import Block, Facts, Table
+from robotrue.app.presentation import Block, Facts, LiveView, Table
 from robotrue.app.reporting import Message
 from robotrue.app.request import Request
+from robotrue.app.shell import Shell
 from robotrue.cli.console import emit_facts, emit_json, emit_table, progress, say, say_mark
 from robotrue.core.progress import Progress
 from robotrue.core.provenance import Provenance
@@ -32,6 +34,29 @@ class TerminalReporter:
         self._step(text, done, of)
 
 
+class TerminalShell(Shell):
+    """Whoever typed the command."""
+
+    def live(self) -> AbstractContextManager[Callable[[LiveView], None]]:
+        """Yields what shows a service on stderr."""
+        from robotrue.cli.live_view import show_live
+
+        return show_live()
+
+    def confirm(self, question: str, word: str) -> bool | None:
+        """Asks on stderr and reads a line, where stdin is a terminal."""
+        if not sys.stdin.isatty():
+            return None
+        say(question)
+        return sys.stdin.readline().strip().lower() == word
+
+    def kinds(self) -> Mapping[str, str]:
+        """Returns the kinds of operations, and those that still are functions of commands."""
+        from robotrue.cli import kinds
+
+        return kinds.KINDS
+
+
 @contextmanager
 def terminal_reporter() -> Iterator[TerminalReporter]:
     """Yields a reporter whose bar is gone afterwards."""
@@ -49,7 +74,7 @@ def run_operation(operation: AnyOperation, request: Request, *, as_json: bool) -
 
     check_outputs(request)
     with terminal_reporter() as reporter:
-        result = operation.run(request, FilesContext(reporter))
+        result = operation.run(request, FilesContext(reporter, TerminalShell()))
     show_result(result, as_json=as_json)
 
 
@@ -57,7 +82,8 @@ def show_result(result: Result, *, as_json: bool) -> None:
     """Writes a result to stdout, marked if it rests on simulated data."""
     say_mark(result.provenance)
     if as_json:
-        emit_json(result.document(), result.provenance)
+        document = result.document()
+        emit_json(document, None if "simulated" in document else result.provenance)
         return
     for block in result.blocks():
         _show(block, result.provenance)
