@@ -13,7 +13,7 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias, TypeVar
 
 from robotrue.app.context import Context
-from robotrue.app.plain_result import PlainResult
+from robotrue.app.operation import PlainResult
 from robotrue.app.presentation import Facts
 from robotrue.app.request import Option
 from robotrue.errors import ConfigurationError

@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from typing import Annotated, Any, Final
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
-from robotrue.app.plain_result import PlainResult
+from robotrue.app.operation import Operation, PlainResult
 from robotrue.app.request import Option, Request
 from robotrue.app.workspace_fields import HERE, WorkspaceFolder, job_result
 from robotrue.errors import ConfigurationError

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
-from robotrue.app.plain_result import PlainResult
+from robotrue.app.operation import Operation, PlainResult
 from robotrue.app.request import InputFile, Option, Request
 from robotrue.app.workspace_fields import HERE, WorkspaceFolder, item_result
 from robotrue.errors import ConfigurationError
@@ -17,6 +15,9 @@ from robotrue.errors import ConfigurationError
 if TYPE_CHECKING:
     from robotrue.store.records import Record
     from robotrue.store.workspace import Workspace
+
+IMPORTED: Final = ("cell", "measurement", "model", "program")
+"""Nouns that come from files."""
 
 
 class WorkspaceAddRequest(Request):
@@ -42,25 +43,34 @@ def run(request: WorkspaceAddRequest, context: Context) -> PlainResult:
     from robotrue.store.workspace import Workspace
 
     noun = request.noun
-    if noun not in IMPORTS:
+    if noun not in IMPORTED:
         raise ConfigurationError(
-            f"{noun!r} is not taken in from files, expected {', '.join(IMPORTS)}."
+            f"{noun!r} is not taken in from files, expected {', '.join(IMPORTED)}."
         )
     if noun in ("cell", "model") and len(request.files) != 1:
         raise ConfigurationError(f"{len(request.files)} files, expected one {noun}.")
     with Workspace.open(request.folder) as workspace:
-        record = IMPORTS[noun](workspace, request, context)
+        record = _import(workspace, request, context)
     context.inform(f"{noun} {record.name!r} taken in as {record.id}")
     return item_result(noun, record)
 
 
-def _cell(workspace: Workspace, request: WorkspaceAddRequest, context: Context) -> Record:
-    from robotrue.store import cells
+def _import(workspace: Workspace, request: WorkspaceAddRequest, context: Context) -> Record:
+    from robotrue.store import cells, models, programs
 
-    return cells.add(workspace, request.files[0], name=_label(request), note=request.note)
+    name, note = request.name or request.files[0].stem, request.note
+    if request.noun == "cell":
+        return cells.add(workspace, request.files[0], name=name, note=note)
+    if request.noun == "model":
+        return models.add(workspace, request.files[0], name=name, note=note)
+    if request.noun == "program":
+        return programs.add(workspace, request.files, name=request.name, note=note)
+    return _measurement(workspace, request, context, name)
 
 
-def _measurement(workspace: Workspace, request: WorkspaceAddRequest, context: Context) -> Record:
+def _measurement(
+    workspace: Workspace, request: WorkspaceAddRequest, context: Context, name: str
+) -> Record:
     from robotrue.cell.config import read_cell
     from robotrue.store import cells, items, measurements
     from robotrue.store.nouns import CELL
@@ -76,32 +86,7 @@ def _measurement(workspace: Workspace, request: WorkspaceAddRequest, context: Co
         opened = read_cell(cells.laid(workspace, cell, Path(folder)))
         rows = context.measurements(opened, request.files, request.mapping)
     raw = [*request.files, *([] if request.mapping is None else [request.mapping])]
-    return measurements.add(
-        workspace, rows, name=_label(request), raw=raw, cell=cell.ref, note=request.note
-    )
+    return measurements.add(workspace, rows, name=name, raw=raw, cell=cell.ref, note=request.note)
 
 
-def _model(workspace: Workspace, request: WorkspaceAddRequest, context: Context) -> Record:
-    from robotrue.store import models
-
-    return models.add(workspace, request.files[0], name=_label(request), note=request.note)
-
-
-def _program(workspace: Workspace, request: WorkspaceAddRequest, context: Context) -> Record:
-    from robotrue.store import programs
-
-    return programs.add(workspace, request.files, name=request.name, note=request.note)
-
-
-def _label(request: WorkspaceAddRequest) -> str:
-    return request.name or request.files[0].stem
-
-
-IMPORTS: Final[dict[str, Callable[[Workspace, WorkspaceAddRequest, Context], Record]]] = {
-    "cell": _cell,
-    "measurement": _measurement,
-    "model": _model,
-    "program": _program,
-}
-"""Nouns that come from files."""
 OPERATION: Final = Operation(request=WorkspaceAddRequest, run=run)

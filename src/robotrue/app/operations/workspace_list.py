@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation
-from robotrue.app.plain_result import PlainResult
+from robotrue.app.operation import Operation, PlainResult
 from robotrue.app.presentation import Table
 from robotrue.app.request import Option, Request
 from robotrue.app.workspace_fields import (
