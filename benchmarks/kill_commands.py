@@ -36,8 +36,8 @@ from unittest import mock
 HERE = Path(__file__).resolve().parent
 RUN = "from robotrue.cli.main import run; run()"
 QUICK_JOBS = (
-    "import robotrue.cli.jobs as jobs, robotrue.cli.main as main\n"
-    "jobs.KINDS = {'write': 'kill_store:write'}\n"
+    "import robotrue.cli.kinds as kinds, robotrue.cli.main as main\n"
+    "kinds.KINDS = {'write': 'kill_store:write'}\n"
     "main.run()"
 )
 """The command, but for jobs that take a moment instead of minutes."""

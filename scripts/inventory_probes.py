@@ -8,8 +8,6 @@ moves in the same commit; the lines that it yields stay.
 from __future__ import annotations
 
 import ast
-import importlib
-import inspect
 import re
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
@@ -103,13 +101,13 @@ _APPLICATIONS: Final[list[Any]] = []
 def _application() -> Any:
     """The application of ``robotrue serve`` on a new workspace; nothing is started."""
     if not _APPLICATIONS:
-        from robotrue.cli.kinds import KINDS
+        from robotrue.app.job_kinds import job_kinds
         from robotrue.web.server import core_app, house_of, open_workspace, with_pages
         from robotrue.web.settings import ServeSettings
 
         around = tempfile.TemporaryDirectory(prefix="robotrue-inventory-")
         folder = Path(around.name) / "workspace"
-        settings = ServeSettings(workspace=folder, port=0, kinds=KINDS)
+        settings = ServeSettings(workspace=folder, port=0, kinds=job_kinds())
         house = house_of(settings, open_workspace(folder))
         _APPLICATIONS.extend((with_pages(core_app(house), house), around))
     return _APPLICATIONS[0]
@@ -172,18 +170,13 @@ def texts() -> Iterator[str]:
 
 def jobs() -> Iterator[str]:
     """Yields the kinds of jobs, and each parameter with its type and default."""
+    from robotrue.app.job_naming import NAMED
     from robotrue.app.registry import job_operations
-    from robotrue.cli.job_items import NAMED
-    from robotrue.cli.kinds import KINDS
 
-    for kind, address in KINDS.items():
-        module_name, name = address.split(":")
+    for kind, operation in job_operations().items():
         yield kind
         yield from (f"{kind} {each}: text" for each in NAMED)
-        if kind in job_operations():
-            yield from (f"{kind} {each}" for each in _stated(job_operations()[kind]))
-            continue
-        yield from (f"{kind} {each}" for each in _asked(importlib.import_module(module_name), name))
+        yield from (f"{kind} {each}" for each in _stated(operation))
 
 
 def _stated(operation: Any) -> Iterator[str]:
@@ -212,38 +205,6 @@ def _stated(operation: Any) -> Iterator[str]:
             yield f"{field.name}: {form}" + (
                 "_or_none" if field.default is None else f" = {field.default!r}"
             )
-
-
-def _asked(module: Any, name: str) -> set[str]:
-    """What a function, and those of its file that it uses, take from ``asked``."""
-    tree = ast.parse(inspect.getsource(module))
-    bodies: dict[str, ast.AST] = {}
-    for node in tree.body:
-        if isinstance(node, ast.FunctionDef):
-            bodies[node.name] = node
-        elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
-            bodies[node.target.id] = node
-    reached, waiting, found = set(), [name], set()
-    while waiting:
-        current = waiting.pop()
-        reached.add(current)
-        for node in ast.walk(bodies[current]):
-            if isinstance(node, ast.Name) and node.id in bodies and node.id not in reached:
-                waiting.append(node.id)
-            if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)):
-                continue
-            if not (isinstance(node.func.value, ast.Name) and node.func.value.id == "asked"):
-                continue
-            kind = node.func.attr
-            if kind == "stated" or getattr(node.args[0], "value", "") in ("name", "note"):
-                continue
-            values = [_value(each, module) for each in node.args]
-            if kind.startswith("item"):
-                found.add(f"{values[1]}: {kind} {values[0].name}")
-            else:
-                default = f" = {values[1]!r}" if len(values) > 1 else ""
-                found.add(f"{values[0]}: {kind}{default}")
-    return found
 
 
 def _value(node: ast.expr, module: Any) -> Any:

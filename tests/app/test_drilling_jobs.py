@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from robotrue.app.files_context import check_outputs
+from robotrue.app.job_kinds import job_kinds
 from robotrue.app.operations.drill_run import DrillRunRequest
-from robotrue.cli.kinds import KINDS
 from robotrue.drilling.campaign_csv import write_campaign
 from robotrue.drilling.kept import CAMPAIGN
 from robotrue.errors import ConfigurationError
@@ -44,7 +44,7 @@ def done(workspace: Workspace, kind: str, /, **parameters: Any) -> jobs.Job:
     id = jobs.submit(workspace, kind, parameters)
     found = claim(workspace, [kind], worker_name("here"))
     assert found is not None
-    attempt(workspace.folder, workspace.url, KINDS[kind], found[1])
+    attempt(workspace.folder, workspace.url, job_kinds()[kind], found[1])
     return jobs.status(workspace, id)
 
 

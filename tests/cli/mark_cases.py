@@ -14,7 +14,6 @@ import touched
 from test_probe_plan import CORNERS, DOWN, FRAME, posed
 from test_program import apt, raster
 
-from robotrue.cli.simulate import _WRIST
 from robotrue.core.provenance import Provenance, mark_line
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign_csv import write_campaign
@@ -25,7 +24,7 @@ from robotrue.measurement.formats.points import write_points
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.simulation.drilling_machine import drilling_machine, random_campaign
-from robotrue.simulation.online_scenario import online_scenario
+from robotrue.simulation.online_scenario import WRIST_ATTITUDES, online_scenario
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "dynamics"))
 sys.path.insert(0, str(Path(__file__).parents[1] / "online"))
@@ -155,8 +154,8 @@ def _dynamics(lab: Lab) -> None:
     )
     windows = replace(planted(passes=(0, 1), each=12), provenance=lab.origin)
     lab("windows.csv").write_bytes(windows_bytes(windows))
-    at_rest = online_scenario(0, "KR160").at_rest(_WRIST, 0)
-    lab("poses.csv").write_bytes(sensor_csv(_WRIST, at_rest, lab.origin))
+    at_rest = online_scenario(0, "KR160").at_rest(WRIST_ATTITUDES, 0)
+    lab("poses.csv").write_bytes(sensor_csv(WRIST_ATTITUDES, at_rest, lab.origin))
 
 
 def _streams(lab: Lab) -> None:

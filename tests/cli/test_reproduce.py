@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from robotrue.cli import reproduce
+from robotrue.app.operations.reproduce import OPERATION, ReproduceRequest
+from robotrue.cli.terminal import run_operation
 from robotrue_reproductions.papers import find_paper
 from robotrue_reproductions.reproduction import Reproduction, figure
 
@@ -60,8 +61,9 @@ def test_the_tables_are_labelled_simulated(monkeypatch, capsys) -> None:
     figures = (figure("8", "Tr-GPR", "mean", "mm", 0.182, [0.1, 0.2, 0.3]),)
     result = Reproduction(scenario="S1A", robots=3, figures=figures)
     paper = replace(find_paper("deng2022"), run=lambda request, progress: result)
-    monkeypatch.setattr(reproduce, "find_paper", lambda name: paper)
-    reproduce.run("deng2022", scenario="S1A", robots=3, quick=True, out=None, as_json=False)
+    monkeypatch.setattr("robotrue_reproductions.papers.find_paper", lambda name: paper)
+    request = ReproduceRequest(paper="deng2022", scenario="S1A", robots=3, quick=True)
+    run_operation(OPERATION, request, as_json=False)
     text = capsys.readouterr().out
     assert "SIMULATED: 3 arms of scenario S1A" in text
     assert "0.182" in text

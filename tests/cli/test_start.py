@@ -9,7 +9,12 @@ import sys
 def test_services_start_without_scikit_learn() -> None:
     """Fails when a service beside a machine imports it again: it takes longer than all the rest."""
     code = (
-        "import robotrue.app.drilling_service, robotrue.cli.sense, robotrue.cli.simulate\n"
+        "import robotrue.app.drilling_service, robotrue.app.sense_view\n"
+        "import robotrue.online.service_run\n"
+        "from robotrue.simulation import egm_controller, rdt_sensor, rsi_controller\n"
+        "from robotrue.simulation import rtde_controller\n"
+        "from robotrue.simulation import drilling_online, drilling_practice, online_scenario\n"
+        "from robotrue.store import model_file\n"
         "import sys; print([name for name in ('sklearn', 'pandas') if name in sys.modules])\n"
         "from robotrue.calibration.learners import __all__ as names\n"
         "import robotrue.calibration.learners as learners\n"

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from robotrue.cli.jobs import _parameters
-from robotrue.cli.kinds import KINDS
+from robotrue.app.job_kinds import job_kinds
+from robotrue.app.operations.jobs_submit import parse_parameters
 from robotrue.core.files import sha256
 from robotrue.errors import ConfigurationError
 from robotrue.store import items, jobs
@@ -41,10 +41,10 @@ def submitted(cli: Command, kind: str, *parameters: str) -> str:
 def done(folder: Path, id: str) -> jobs.Job:
     """Does a job in this process, as its own process would."""
     with Workspace.open(folder) as workspace:
-        found = claim(workspace, list(KINDS), "here/x")
+        found = claim(workspace, list(job_kinds()), "here/x")
         assert found is not None
         assert found[0].id == id
-        attempt(folder, None, KINDS[found[0].kind], found[1])
+        attempt(folder, None, job_kinds()[found[0].kind], found[1])
         return jobs.status(workspace, id)
 
 
@@ -195,21 +195,25 @@ def test_what_cannot_be_is_refused(
 
 
 def test_parameters_are_read_as_they_are_meant() -> None:
-    found = _parameters(["cell=12345678", "poses=30", "krl=true", "tolerance_um=0.5", "seed=-1"])
+    found = parse_parameters(
+        ["cell=12345678", "poses=30", "krl=true", "tolerance_um=0.5", "seed=-1"]
+    )
     assert found == {"cell": "12345678", "poses": 30, "krl": True, "tolerance_um": 0.5, "seed": -1}
-    assert _parameters(["measurements=a", "measurements=1e5"]) == {"measurements": ["a", "1e5"]}
-    assert _parameters(['model={"id": "x", "version": 2}', "region=a=1..2"]) == {
+    assert parse_parameters(["measurements=a", "measurements=1e5"]) == {
+        "measurements": ["a", "1e5"]
+    }
+    assert parse_parameters(['model={"id": "x", "version": 2}', "region=a=1..2"]) == {
         "model": {"id": "x", "version": 2},
         "region": "a=1..2",
     }
     with pytest.raises(ConfigurationError, match="expected NAME=VALUE"):
-        _parameters(["=3"])
+        parse_parameters(["=3"])
 
 
 def test_the_store_is_an_extra(folder: Path, cli: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     known = sys.modules["importlib.util"].find_spec
     monkeypatch.setattr(
-        "robotrue.cli.store_commands.find_spec",
+        "robotrue.cli.groups.find_spec",
         lambda name: None if name == "alembic" else known(name),
     )
     found = cli("workspace", "list")

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from jog_cases import Jog, jog
 
-from robotrue.cli.sense_align import run
+from robotrue.app.operations.sense_align import OPERATION, SenseAlignRequest
+from robotrue.cli.terminal import run_operation
 from robotrue.errors import ConfigurationError, ImplausibleDataError, ObservabilityError
 from robotrue.online.clock_alignment import ClockAlignment, align_streams
 from robotrue.online.clock_file import read_clock
@@ -86,7 +87,8 @@ def test_files_to_clock_file(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     table = np.column_stack([case.force_time + 1.0, case.wrench])
     names = "t_s,fx_N,fy_N,fz_N,tx_Nm,ty_Nm,tz_Nm"
     np.savetxt(force, table, "%.9f", ",", header=names, comments="")
-    run(joints, force, clock, most=1.0, as_json=True)
+    request = SenseAlignRequest(joints=joints, force=force, output=clock, most_s=1.0)
+    run_operation(OPERATION, request, as_json=True)
     said = json.loads(capsys.readouterr().out)
     assert said == json.loads(clock.read_text())
     assert abs(said["offset_s"] - 0.137) < 0.5e-3

@@ -74,9 +74,11 @@ def client(filled: Shop, monkeypatch: pytest.MonkeyPatch) -> Iterator[Client]:
 @pytest.fixture(scope="session")
 def kernels() -> None:
     """Machine code of the kernels on the disk, for servers whose jobs a page waits for."""
-    from robotrue.cli.warm_up import run
+    from robotrue.app.files_context import FilesContext
+    from robotrue.app.operations.warm_up import WarmUpRequest, run
+    from robotrue.app.reporting import Silent
 
-    run()
+    run(WarmUpRequest(), FilesContext(Silent()))
 
 
 @pytest.fixture(scope="session")

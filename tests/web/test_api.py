@@ -10,7 +10,7 @@ import pytest
 import shop
 from web_shop import POSES, SEED, Client, Shop, unpacked
 
-from robotrue.cli.kinds import KINDS
+from robotrue.app.job_kinds import job_kinds
 from robotrue.store import items
 from robotrue.store.nouns import CELL
 from robotrue.web import uploads
@@ -205,7 +205,7 @@ def test_a_program_is_judged_by_predicted_error_and_its_bound(client: Client, fi
 
 
 def test_a_job_is_asked_for_watched_and_cancelled(client: Client, filled: Shop) -> None:
-    here = client(kinds=KINDS)
+    here = client(kinds=job_kinds())
     unknown = here.post("/api/jobs", json={"kind": "dance", "parameters": {}})
     assert (unknown.status_code, "calibrate" in unknown.json()["detail"]) == (400, True)
 

@@ -13,7 +13,7 @@ from serving import serving, watching
 from test_plan_page import JOB, done
 from web_shop import Client, Shop, fill, write_files
 
-from robotrue.cli.kinds import KINDS
+from robotrue.app.job_kinds import job_kinds
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG
 from robotrue.robot.model import RobotModel, parameter_slice
@@ -86,9 +86,9 @@ def test_a_slipped_joint_is_found_and_the_model_brought_up_to_date(
 
 def done_waiting(found: Shop) -> dict[str, Any]:
     """Does the job that waits; returns its result."""
-    taken = claim(found.workspace, list(KINDS), "here/drift")
+    taken = claim(found.workspace, list(job_kinds()), "here/drift")
     assert taken is not None
-    attempt(found.workspace.folder, None, KINDS[taken[0].kind], taken[1])
+    attempt(found.workspace.folder, None, job_kinds()[taken[0].kind], taken[1])
     over = jobs.status(found.workspace, taken[0].id)
     assert over.result is not None, over.error
     return dict(over.result)

@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 from web_shop import Client, Shop
 
-from robotrue.cli.simulate_drill import write_campaign_files
 from robotrue.drilling.journal_lines import whole_lines
 from robotrue.errors import FormatError
 from robotrue.simulation.drilling_machine import drilling_machine
+from robotrue.simulation.drilling_practice import write_practice_files
 
 
 def line(hole: str, **more: Any) -> str:
@@ -22,7 +22,7 @@ def line(hole: str, **more: Any) -> str:
 @pytest.fixture(scope="module")
 def practice(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("practice")
-    write_campaign_files(drilling_machine(4), folder, seed=4, as_json=True)
+    write_practice_files(drilling_machine(4), folder, seed=4)
     return folder
 
 

@@ -10,12 +10,12 @@ import httpx
 from serving import watching
 from web_shop import Served
 
-from robotrue.cli.simulate_drill import write_campaign_files
 from robotrue.simulation.drilling_machine import drilling_machine
+from robotrue.simulation.drilling_practice import write_practice_files
 
 
 def test_from_campaign_to_report(browser: Any, served: Served, tmp_path: Path) -> None:
-    write_campaign_files(drilling_machine(4), tmp_path, seed=4, as_json=True)
+    write_practice_files(drilling_machine(4), tmp_path, seed=4)
     with watching(browser, served, locale="en-GB") as seen:
         page = seen.page
         page.goto("/drilling?view=model")

@@ -8,8 +8,8 @@ from typing import get_args
 import pytest
 
 from robotrue import errors, web
+from robotrue.app.job_kinds import job_kinds
 from robotrue.calibration.methods import METHODS
-from robotrue.cli.kinds import KINDS as KINDS_OF_JOBS
 from robotrue.errors import FormatError, RobotrueError
 from robotrue.measurement.formats.sheet import read_sheet
 from robotrue.report.sentences import in_chinese
@@ -59,7 +59,7 @@ def test_what_a_calibration_is_at_is_told_in_the_reader_s_words() -> None:
 
 def test_history_names_every_kind_of_job_and_what_happens_to_one() -> None:
     say = Wording("zh")
-    assert all(say.known(f"history.kind_{kind}") for kind in KINDS_OF_JOBS)
+    assert all(say.known(f"history.kind_{kind}") for kind in job_kinds())
     happens = (
         "submitted",
         "begun",

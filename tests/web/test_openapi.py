@@ -27,7 +27,7 @@ from schemathesis.checks import (
 )
 from web_shop import Client, Shop, fill, write_files
 
-from robotrue.cli.kinds import KINDS
+from robotrue.app.job_kinds import job_kinds
 from robotrue.store import items, jobs
 from robotrue.store.nouns import NOUNS
 from robotrue.store.verify import verify
@@ -68,7 +68,7 @@ def shop(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shop]:
 
 @pytest.fixture
 def schema(client: Client, shop: Shop) -> Any:
-    app = client(shop=shop, kinds=KINDS).app
+    app = client(shop=shop, kinds=job_kinds()).app
     found = schemathesis.openapi.from_dict(app.openapi())
     found.app = app
     return found
@@ -145,7 +145,7 @@ def test_whatever_is_asked_the_answer_is_one_that_was_announced(schema: Any, sho
 def test_bodies_of_no_form_are_refused(
     schema: Any, client: Client, shop: Shop, sent: bytes
 ) -> None:
-    here = client(shop=shop, kinds=KINDS)
+    here = client(shop=shop, kinds=job_kinds())
     for each in operations(schema):
         if each.method.upper() not in ("POST", "PUT", "PATCH") or each.path == "/api/files":
             continue

@@ -11,7 +11,7 @@ import pytest
 from serving import WAIT, serving, watching
 from web_shop import Client, Served, Shop, fill, unpacked, write_files
 
-from robotrue.cli.kinds import KINDS
+from robotrue.app.job_kinds import job_kinds
 from robotrue.store import jobs
 from robotrue.store.jobs_claim import claim
 from robotrue.store.jobs_work import attempt
@@ -35,7 +35,7 @@ def done(shop: Shop, kind: str, parameters: dict[str, Any]) -> jobs.Job:
     id = jobs.submit(shop.workspace, kind, parameters)
     found = claim(shop.workspace, [kind], "here/plan")
     assert found is not None
-    attempt(shop.workspace.folder, None, KINDS[kind], found[1])
+    attempt(shop.workspace.folder, None, job_kinds()[kind], found[1])
     return jobs.status(shop.workspace, id)
 
 

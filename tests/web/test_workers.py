@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from robotrue.cli.kinds import KINDS
+from robotrue.app.job_kinds import job_kinds
 from robotrue.errors import RobotrueError
 from robotrue.store import jobs
 from robotrue.store.workspace import Workspace
@@ -159,7 +159,7 @@ def test_a_question_is_asked_once_and_a_refusal_again() -> None:
 def test_a_job_is_done_by_a_process_that_is_there_only_for_it(tmp_path: Path) -> None:
     with Workspace.create(tmp_path / "shop") as workspace:
         id = jobs.submit(workspace, "calibrate", {"shoe_size": 43})
-        process = JobProcess(workspace, KINDS)
+        process = JobProcess(workspace, job_kinds())
 
         async def story() -> jobs.Job:
             watching = asyncio.create_task(process.watch())

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from robotrue.app.reporting import Message
 from robotrue.app.request import Reference
+from robotrue.app.shell import Shell
 
 if TYPE_CHECKING:
     from robotrue.cell.cell import Cell
@@ -17,7 +18,13 @@ if TYPE_CHECKING:
 
 
 class Context(Protocol):
-    """Inputs and outputs of one run; references are paths, or items of a workspace."""
+    """Inputs and outputs of one run; references are paths, or items of a workspace.
+
+    Attributes:
+        shell: Who runs it.
+    """
+
+    shell: Shell
 
     def step(self, text: str, done: int, of: int) -> None:
         """Reports what is done next, how much is done, and of how much; may raise to cancel."""

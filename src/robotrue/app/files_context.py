@@ -10,6 +10,7 @@ from robotrue.app.context import OpenedInputs
 from robotrue.app.outputs import check_output
 from robotrue.app.reporting import Message, Reporter
 from robotrue.app.request import Output, Reference, Request, fields_of, input_paths, paths_in
+from robotrue.app.shell import Shell
 from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -23,10 +24,12 @@ class FilesContext(OpenedInputs):
 
     Attributes:
         reporter: Who listens.
+        shell: Who runs the operation.
     """
 
-    def __init__(self, reporter: Reporter) -> None:
+    def __init__(self, reporter: Reporter, shell: Shell | None = None) -> None:
         self.reporter = reporter
+        self.shell = Shell() if shell is None else shell
 
     def step(self, text: str, done: int, of: int) -> None:
         """Reports how far it is."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeAlias, TypeVar
 
 from robotrue.app.context import Context
@@ -25,12 +25,38 @@ class Result(Protocol):
         ...
 
     def document(self) -> Mapping[str, Any] | None:
-        """Returns JSON values, units in the names; None of a service: it has told all."""
+        """Returns JSON values, units in the names; without ``simulated`` they are marked.
+
+        None of a service: it has told all.
+        """
         ...
 
     def blocks(self) -> Iterable[Block]:
         """Returns what is shown instead of the document."""
         ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlainResult:
+    """The result of numbers that nobody computes with: JSON values, and blocks that show them.
+
+    Attributes:
+        values: Of ``--json``, units in the names.
+        shown: What a terminal or a page shows instead.
+        provenance: Of the data it rests on; None if it rests on none.
+    """
+
+    values: Mapping[str, Any] = field(default_factory=dict)
+    shown: tuple[Block, ...] = ()
+    provenance: Provenance | None = None
+
+    def document(self) -> Mapping[str, Any]:
+        """Returns JSON values."""
+        return self.values
+
+    def blocks(self) -> Iterable[Block]:
+        """Returns what is shown instead of the document."""
+        return self.shown
 
 
 Q = TypeVar("Q", bound=Request)
@@ -46,11 +72,13 @@ class Operation(Generic[Q, R]):
         run: Does it; the same on files and in a workspace.
         save: Writes its result into a workspace, with the transaction that ends the job, and
             returns the job's result; None: no job does it.
+        has_document: Whether the command has ``--json``: a run without a result has none.
     """
 
     request: type[Q]
     run: Callable[[Q, Context], R]
     save: Callable[[Q, R, Transaction, WorkspaceContext], Mapping[str, Any]] | None = None
+    has_document: bool = True
 
 
 AnyOperation: TypeAlias = Operation[Any, Any]

@@ -55,6 +55,21 @@ class Text:
 Block: TypeAlias = Facts | Table | Note | Text
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LiveView:
+    """How a service that runs is at one moment.
+
+    Attributes:
+        line: The moment in one line.
+        table: Its counters.
+        at: s since the service started.
+    """
+
+    line: str
+    table: Table
+    at: float
+
+
 def count(number: int, noun: str) -> str:
     """Returns e.g. ``"1 file"`` or ``"2 files"``."""
     return f"{number} {noun}{'' if number == 1 else 's'}"

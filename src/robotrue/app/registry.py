@@ -23,12 +23,14 @@ GROUPS: Final[Mapping[str, str]] = {
     "drill": "Square the drill to the surface: a foot's readings, corrected.",
     "dynamics": "The dynamic error of milling: frequency response, force, prediction.",
     "export": "Write the calibrated robot for other programs; what they cannot take must be named.",
-    "record": "",
+    "record": "What the service recorded: what is in it, streams as CSV.",
     "report": "Write a report to hand over: HTML, PDF and JSON, in English or Chinese.",
-    "sense": "",
-    "simulate": "",
-    "workspace": "",
-    "jobs": "",
+    "sense": "Sense the tool's error online; `sense CELL ...` is `sense run CELL ...`.",
+    "simulate": (
+        "Simulated controllers and sensors for `sense`, and a drilling head for `drill run`."
+    ),
+    "workspace": "Cells, measurements, models, programs and their history in one folder.",
+    "jobs": "Work done in the background of a workspace.",
 }
 """Commands of commands in their order, with their help; a ``*_commands`` file makes those without.
 

@@ -71,6 +71,8 @@ class Option:
         advanced: Forms show it behind "more".
         offered: Least and largest number that forms offer; the limits of the type go further.
         example: Of a text, for forms.
+        variable: Environment variable that states it where the command line does not.
+        least: Smallest number of a command line; less is a wrong command line (exit 2).
         shells: Which of command line, jobs and forms have it.
         needed_in: Shells in which it has to be stated although it has a default.
     """
@@ -83,6 +85,8 @@ class Option:
     advanced: bool = False
     offered: tuple[float, float] | None = None
     example: str = ""
+    variable: str = ""
+    least: int | float | None = None
     shells: frozenset[str] = ALL
     needed_in: frozenset[str] = frozenset()
 

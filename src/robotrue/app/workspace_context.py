@@ -11,6 +11,7 @@ from robotrue.app.job_naming import Naming
 from robotrue.app.measured_rows import FEWEST_ROWS, join_rows
 from robotrue.app.reporting import Message
 from robotrue.app.request import ItemVersion, Reference
+from robotrue.app.shell import Shell
 from robotrue.cell.cell import Cell
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.measurement_set import MeasurementSet
@@ -33,10 +34,11 @@ class WorkspaceContext(OpenedInputs):
     Attributes:
         work: The job, its workspace and its folder.
         naming: Name and note of what it leaves.
+        shell: Nobody's.
     """
 
     def __init__(self, work: Work, naming: Naming) -> None:
-        self.work, self.naming = work, naming
+        self.work, self.naming, self.shell = work, naming, Shell()
         self._records: dict[tuple[str, ItemVersion], Record] = {}
 
     def step(self, text: str, done: int, of: int) -> None:

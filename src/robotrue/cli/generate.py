@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from functools import cached_property
+from importlib.util import find_spec
 from inspect import Parameter, Signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
+from typer.core import TyperGroup
 from typer.models import CommandInfo, TyperInfo
 
 from robotrue.app.registry import GROUPS, Listing, listings
 from robotrue.cli.app import Json
-from robotrue.errors import ConfigurationError
+from robotrue.errors import ConfigurationError, MissingExtraError
 
 if TYPE_CHECKING:
     from robotrue.app.request import Request, RequestField
@@ -37,11 +39,11 @@ class GeneratedCommand:
         from robotrue.app.registry import operation_of
         from robotrue.app.request import CLI, fields_of
 
-        request: type[Request] = operation_of(self._listing.name).request
-        fields = fields_of(request)
-        parameters = [_parameter(field) for field in fields if field.is_in(CLI)]
+        operation = operation_of(self._listing.name)
+        request: type[Request] = operation.request
+        parameters = [_parameter(each) for each in fields_of(request) if each.is_in(CLI)]
         switch = Parameter(AS_JSON, Parameter.KEYWORD_ONLY, default=False, annotation=Json)
-        return Signature([*parameters, switch])
+        return Signature([*parameters, *([switch] if operation.has_document else [])])
 
     def __call__(self, **values: Any) -> None:
         """Runs the operation with what was typed."""
@@ -52,7 +54,7 @@ class GeneratedCommand:
         from robotrue.cli.terminal import run_operation
 
         operation = operation_of(self._listing.name)
-        as_json = values.pop(AS_JSON)
+        as_json = values.pop(AS_JSON, False)
         try:
             request = operation.request.model_validate(_stated(operation.request, values))
         except ValidationError as error:
@@ -93,7 +95,14 @@ def _parameter(field: RequestField) -> Parameter:
         names = entry.names
         if field.kind is bool and not names and not entry.paired:
             names = (field.option,)
-        presented = typer.Option(*names, metavar=entry.metavar, help=entry.help, callback=callback)
+        presented = typer.Option(
+            *names,
+            metavar=entry.metavar,
+            help=entry.help,
+            callback=callback,
+            envvar=entry.variable or None,
+            min=entry.least,
+        )
     default = Parameter.empty if required else field.default or _blank(field)
     return Parameter(
         field.name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, presented]
@@ -113,8 +122,7 @@ def register_operations(app: typer.Typer, order: Sequence[str]) -> None:
         order: Names of commands that stand first in the help, with their group before them.
     """
     for name, text in GROUPS.items():
-        if text:
-            app.add_typer(make_group(name, text))
+        app.add_typer(_make_group(name, text))
     app.registered_groups.sort(key=lambda each: list(GROUPS).index(str(_group(each).info.name)))
     groups = {str(_group(each).info.name): _group(each) for each in app.registered_groups}
     for listing in listings():
@@ -128,10 +136,43 @@ def register_operations(app: typer.Typer, order: Sequence[str]) -> None:
         _sort_commands(target, group, order)
 
 
-def make_group(name: str, text: str) -> typer.Typer:
+class RunFirst(TyperGroup):
+    """A group in which ``sense CELL ...`` means ``sense run CELL ...``."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Returns what is left after the name of the command was put in where it is missing."""
+        if args and args[0] not in (*self.commands, "--help"):
+            args = ["run", *args]
+        return super().parse_args(ctx, args)
+
+
+def require_store() -> None:
+    """Passes if the packages of the store are installed.
+
+    Raises:
+        MissingExtraError: One is not.
+    """
+    for package in ("sqlalchemy", "alembic", "pyarrow"):
+        if find_spec(package) is None:
+            raise MissingExtraError(
+                f"workspaces need the package {package}, which is not installed.",
+                hint="pip install 'robotrue[store]'.",
+            )
+
+
+_NEEDS: Final[Mapping[str, Callable[[], None]]] = {
+    "workspace": require_store,
+    "jobs": require_store,
+}
+"""What is checked before a command of a group."""
+
+
+def _make_group(name: str, text: str) -> typer.Typer:
     """Returns a command of commands that has none yet."""
     return typer.Typer(
         name=name,
+        cls=RunFirst if name == "sense" else TyperGroup,
+        callback=_NEEDS.get(name),
         no_args_is_help=True,
         add_completion=False,
         pretty_exceptions_enable=False,
@@ -178,13 +219,3 @@ def _without_options(command: CommandInfo) -> CommandInfo:
         """Is never called: the list shows the name and the help."""
 
     return CommandInfo(name=command.name, callback=listed, help=command.help)
-
-
-def without_operations(group: TyperInfo) -> TyperInfo:
-    """Returns a group for a list of commands: none of its operations is imported."""
-    listed = copy(group)
-    if group.typer_instance is not None:
-        listed.typer_instance = copy(group.typer_instance)
-        commands = group.typer_instance.registered_commands
-        listed.typer_instance.registered_commands = [without_options(each) for each in commands]
-    return listed

@@ -20,30 +20,16 @@ from typing import Annotated, Final
 import typer
 
 from robotrue.cli import (
-    part_commands,
-    record_commands,
-    sense_commands,
     serve_commands,
-    simulate_commands,
-    store_commands,
 )
 from robotrue.cli.app import Json, app
-from robotrue.cli.generate import (
-    name_of,
-    register_operations,
-    without_options,
-)
+from robotrue.cli.generate import name_of, register_operations, without_options
 from robotrue.errors import RobotrueError
 
 __all__ = [
     "app",
-    "part_commands",
-    "record_commands",
     "run",
-    "sense_commands",
     "serve_commands",
-    "simulate_commands",
-    "store_commands",
 ]
 
 INTERRUPTED = 130
@@ -81,37 +67,6 @@ def inspect(
     run(path, mapping=mapping, as_json=json)
 
 
-@app.command()
-def reproduce(
-    paper: Annotated[
-        str, typer.Argument(metavar="PAPER", help="deng2022, feng2018, jin2022 or drill-patent.")
-    ],
-    robots: Annotated[int, typer.Option(help="Simulated arms.")] = 20,
-    scenario: Annotated[
-        str, typer.Option(help="deng2022: S0, S1, S2 or S4 with A or B, how rough the arms are.")
-    ] = "S2A",
-    quick: Annotated[
-        bool, typer.Option("--quick", help="A part of the tables, fewer layouts, a shallower hole.")
-    ] = False,
-    out: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Folder for JSON and CSV of the figures.")
-    ] = None,
-    json: Json = False,
-) -> None:
-    """Print a paper's tables beside those of simulated arms (20 arms: about 5 minutes)."""
-    from robotrue.cli.reproduce import run
-
-    run(paper, scenario=scenario, robots=robots, quick=quick, out=out, as_json=json)
-
-
-@app.command(name="warm-up")
-def warm_up() -> None:
-    """Compile the numeric kernels once, so that the first program does not wait for it."""
-    from robotrue.cli.warm_up import run
-
-    run()
-
-
 ORDER: Final = (
     "demo",
     "plan",
@@ -146,6 +101,13 @@ ORDER: Final = (
     "dynamics fit",
     "dynamics validate",
     "dynamics sensor",
+    "reproduce",
+    "warm-up",
+    *(f"simulate {name}" for name in ("rsi", "egm", "rtde", "rdt", "drill")),
+    *(f"sense {name}" for name in ("run", "align")),
+    *(f"workspace {name}" for name in ("init", "add", "list", "show", "history", "delete")),
+    *(f"workspace {name}" for name in ("undo", "empty-bin", "export", "import", "verify")),
+    *(f"jobs {name}" for name in ("submit", "list", "show", "cancel", "run")),
 )
 """Commands in the order of the work, for the help; others follow as they are registered."""
 register_operations(app, ORDER)

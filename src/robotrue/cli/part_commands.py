@@ -1,4 +1,4 @@
-"""Signatures of the commands about the part: what to touch, and two-sided slots."""
+"""Signature of the command that plans what to touch on the part."""
 
 from __future__ import annotations
 
@@ -82,49 +82,3 @@ def probe_plan(
         picture=picture,
     )
     plan_touches(cell, part, machined, output, options, as_json=json)
-
-
-@app.command(name="slot-test")
-def slot_test(
-    measured: Annotated[
-        Path | None,
-        typer.Argument(metavar="[STEPS.csv]", help="Measured steps: slot,step_mm. None: simulate."),
-    ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the virtual cell.")] = 1,
-    way: Annotated[
-        str,
-        typer.Option(help="Way shown beside the paper's: calibrated, planned-30, per-side, ..."),
-    ] = "calibrated",
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", help="Page (.html) with the error per side.", callback=PAGE),
-    ] = None,
-    across: Annotated[
-        str, typer.Option(help="Measured: direction of the step in the part, x,y,z.")
-    ] = "1,0,0",
-    first_abc_deg: Annotated[
-        str, typer.Option(help="Measured: KUKA A,B,C of the tool in the part, first side.")
-    ] = "0,-90,-90",
-    second_abc_deg: Annotated[
-        str, typer.Option(help="Measured: the same, second side.")
-    ] = "0,-90,90",
-    per_side: Annotated[
-        bool,
-        typer.Option("--per-side", help="Measured: each side had a frame or clamping its own."),
-    ] = False,
-    json: Json = False,
-) -> None:
-    """Cut slots from two sides in the virtual cell, or say what measured steps can tell."""
-    from robotrue.cli.slot_test import run_measured, run_simulated
-
-    if measured is None:
-        run_simulated(seed=seed, way=way, output=output, as_json=json)
-        return
-    run_measured(
-        measured,
-        across=across,
-        first=first_abc_deg,
-        second=second_abc_deg,
-        per_side=per_side,
-        as_json=json,
-    )

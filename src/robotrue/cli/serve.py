@@ -8,8 +8,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from robotrue.app.job_kinds import job_kinds
 from robotrue.cli.console import say
-from robotrue.cli.kinds import KINDS
 from robotrue.errors import ConfigurationError, MissingExtraError
 
 
@@ -31,7 +31,7 @@ def run(
         token=_secret("--token-env", token_env),
         upload_limit=upload_mb * made.MB,
         upload_total=(upload_total_mb or 0) * made.MB,
-        kinds=KINDS,
+        kinds=job_kinds(),
         **settings,
     )
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 
 from robotrue.app.operation import AnyOperation, Result
-from robotrue.app.presentation import Block, Facts, Table, Text
+from robotrue.app.presentation import Block, Facts, LiveView, Table, Text
 from robotrue.app.reporting import Message
 from robotrue.app.request import Request
+from robotrue.app.shell import Shell
 from robotrue.cli.console import emit_facts, emit_json, emit_table, progress, say, say_mark
 from robotrue.core.progress import Progress
 from robotrue.core.provenance import Provenance
@@ -43,6 +44,23 @@ class TerminalReporter:
         self._step(text, done, of)
 
 
+class TerminalShell(Shell):
+    """Whoever typed the command."""
+
+    def live(self) -> AbstractContextManager[Callable[[LiveView], None]]:
+        """Yields what shows a service on stderr."""
+        from robotrue.cli.live_view import show_live
+
+        return show_live()
+
+    def confirm(self, question: str, word: str) -> bool | None:
+        """Asks on stderr and reads a line, where stdin is a terminal."""
+        if not sys.stdin.isatty():
+            return None
+        say(question)
+        return sys.stdin.readline().strip().lower() == word
+
+
 @contextmanager
 def terminal_reporter(*, as_json: bool = False) -> Iterator[TerminalReporter]:
     """Yields a reporter whose bar is gone afterwards."""
@@ -60,7 +78,7 @@ def run_operation(operation: AnyOperation, request: Request, *, as_json: bool) -
 
     check_outputs(request)
     with terminal_reporter(as_json=as_json) as reporter:
-        result = operation.run(request, FilesContext(reporter))
+        result = operation.run(request, FilesContext(reporter, TerminalShell()))
     show_result(result, as_json=as_json)
 
 
@@ -70,7 +88,7 @@ def show_result(result: Result, *, as_json: bool) -> None:
     if as_json:
         document = result.document()
         if document is not None:
-            emit_json(document, result.provenance)
+            emit_json(document, None if "simulated" in document else result.provenance)
         return
     for block in result.blocks():
         _show(block, result.provenance)

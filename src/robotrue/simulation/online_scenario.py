@@ -21,6 +21,7 @@ from scipy.interpolate import CubicSpline
 
 from robotrue.core.arrays import Array
 from robotrue.core.columns import Column, Columns
+from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM, STANDARD_GRAVITY
 from robotrue.errors import ConfigurationError, ReachError
 from robotrue.robot.configuration import controller_axes
@@ -48,6 +49,10 @@ MASS: Final = 8.0
 """kg that hangs on the sensor."""
 CENTRE: Final = np.array([0.12, 0.0, 0.06])
 """m in the sensor's axes, which are those of the flange."""
+WRIST_ATTITUDES: Final = matrix_from_abc(
+    np.array([[0, 0, 0], [0, 0, 180], [0, 0, 90], [0, 0, -90], [0, 90, 0], [0, -90, 0]]) * DEG
+)
+"""The flange up, down and to four sides: attitudes in which what hangs on it is weighed."""
 _MOVES: Final = (
     *((begin, KNOCK_TIME, KNOCK * KNOCK_WAY) for begin in KNOCKS),
     *((begin + KNOCK_TIME, KNOCK_TIME, -KNOCK * KNOCK_WAY) for begin in KNOCKS),

@@ -1,4 +1,4 @@
-"""The estimator of ``robotrue sense``, from the files of the command line."""
+"""The estimator of the sensing service, from files."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Final, cast
 import numpy as np
 
 from robotrue.calibration.lineage import provenance_of
+from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
 from robotrue.core.archive import read_archive
@@ -34,7 +35,6 @@ from robotrue.online.sensing_models import (
 )
 from robotrue.online.sensing_settings import SensingSettings
 from robotrue.robot.model import parameter_slice
-from robotrue.store.model_file import read_model
 
 STATED_SD: Final = 0.25
 """Standard deviation of a stated stiffness, part of it: what data sheets are off by."""
@@ -44,7 +44,7 @@ LEAST_MISFIT: Final = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensingFiles:
-    """What ``robotrue sense`` was given for its estimator.
+    """Files and numbers that describe the arm, its tool and its sensor.
 
     Attributes:
         cell: cell.toml.
@@ -57,6 +57,7 @@ class SensingFiles:
         deviation: Archive of ``robotrue dynamics fit``.
         spindle_rpm: Turns of the spindle per minute; the deviation needs them.
         force_most: N, range of the sensor.
+        calibrated: The model in ``model``.
     """
 
     cell: Path
@@ -69,6 +70,7 @@ class SensingFiles:
     deviation: Path | None = None
     spindle_rpm: float | None = None
     force_most: float | None = None
+    calibrated: ErrorModel | None = None
 
 
 def sensing_of(files: SensingFiles, rate: float) -> tuple[Sensing, tuple[str, ...]]:
@@ -107,8 +109,8 @@ def sensing_of(files: SensingFiles, rate: float) -> tuple[Sensing, tuple[str, ..
 
 
 def _compliance(cell: Cell, files: SensingFiles, remarks: list[str]) -> JointCompliance | None:
-    if files.model is not None:
-        return _calibrated(cell, files.model, remarks)
+    if files.calibrated is not None:
+        return _calibrated(cell, files.calibrated, files.model, remarks)
     known = np.nan_to_num(np.asarray(cell.compliance_prior))
     if known.any():
         remarks.append(
@@ -123,9 +125,10 @@ def _compliance(cell: Cell, files: SensingFiles, remarks: list[str]) -> JointCom
     return None
 
 
-def _calibrated(cell: Cell, path: Path, remarks: list[str]) -> JointCompliance:
+def _calibrated(
+    cell: Cell, model: ErrorModel, path: Path | None, remarks: list[str]
+) -> JointCompliance:
     """Compliances of a calibrated model, with their covariance where it has one."""
-    model = read_model(path).model
     if model.robot.dof != cell.robot.dof or model.robot.name != cell.robot.name:
         raise ModelMismatchError(
             f"a model of {model.robot.name}, the cell has {cell.robot.name}.", source=path
@@ -189,8 +192,8 @@ def _response(cell: Cell, files: SensingFiles, remarks: list[str]) -> MeasuredRe
 def provenances(files: SensingFiles) -> dict[str, Provenance]:
     """Returns where the models of the estimator come from, by the option that names them."""
     made: dict[str, Provenance] = {}
-    if files.model is not None:
-        made["model"] = provenance_of(read_model(files.model).model)
+    if files.calibrated is not None:
+        made["model"] = provenance_of(files.calibrated)
     if files.frf is not None:
         made["frf"] = read_frf(files.frf).provenance
     if files.tool is not None:

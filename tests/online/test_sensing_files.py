@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from robotrue.cli.sense_models import SensingFiles, sensing_of
 from robotrue.core.archive import write_archive
 from robotrue.core.units import DEG
 from robotrue.dynamics.flange_sensor import HeldTool
 from robotrue.errors import ArchiveError, ConfigurationError, ModelMismatchError
+from robotrue.online.sensing_files import SensingFiles, sensing_of
 
 CELL = """\
 schema = 1

@@ -1,18 +1,10 @@
-"""What the console shows while the service runs: the error with its band, and who is well."""
+"""The sensing service while it runs: the error with its band, and the counters of its streams."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-
 import numpy as np
-from rich import box
-from rich.console import Group
-from rich.live import Live
-from rich.table import Table
-from rich.text import Text
 
-from robotrue.cli.console import say, stderr
+from robotrue.app.presentation import LiveView, Table
 from robotrue.core.units import UM
 from robotrue.online.clocks import ClockFix
 from robotrue.online.estimate_columns import doubt_words
@@ -25,30 +17,12 @@ HEADINGS = (
 """Answer: median and 99th percentile. Ppm: by which the sender's clock runs slow."""
 _BAND = 1.96
 """Standard deviations of a band that holds 95 of 100."""
-_QUIET = 60.0
-"""s between two lines where there is no terminal."""
 
 
-@contextmanager
-def live_table(note: str) -> Iterator[Callable[[Snapshot], None]]:
-    """Yields what shows a snapshot: a table on a terminal, else a line a minute, both on stderr."""
-    if not stderr.is_terminal:
-        shown = -_QUIET
-
-        def line(shot: Snapshot) -> None:
-            nonlocal shown
-            if shot.running - shown >= _QUIET:
-                shown = shot.running
-                say(summary(shot, note))
-
-        yield line
-        return
-    with Live(console=stderr, auto_refresh=False, transient=True) as live:
-
-        def table(shot: Snapshot) -> None:
-            live.update(Group(Text(summary(shot, note)), _table(shot)), refresh=True)
-
-        yield table
+def live_view(shot: Snapshot, note: str) -> LiveView:
+    """Returns what is shown while the service runs."""
+    table = Table(title="", columns=HEADINGS, rows=health_rows(shot))
+    return LiveView(line=summary(shot, note), table=table, at=shot.running)
 
 
 def summary(shot: Snapshot, note: str) -> str:
@@ -70,25 +44,16 @@ def summary(shot: Snapshot, note: str) -> str:
     return " · ".join(parts)
 
 
-def health_rows(shot: Snapshot) -> list[tuple[str, ...]]:
+def health_rows(shot: Snapshot) -> tuple[tuple[str, ...], ...]:
     """Returns the counters of everything that has some, a row each, as :data:`HEADINGS`."""
-    rows = [
-        _row(health, shot.clocks[stream], shot.faults.get(stream, ""))
-        for stream, health in shot.sources.items()
-    ]
-    rest = (*shot.sinks, *((shot.record,) if shot.record else ()))
-    return rows + [_row(health, None, "") for health in rest]
-
-
-def _table(shot: Snapshot) -> Table:
-    table = Table(box=box.SIMPLE)
-    table.add_column("", overflow="fold", min_width=16)
-    for heading in HEADINGS[1:-1]:
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column(HEADINGS[-1], overflow="fold")
-    for row in health_rows(shot):
-        table.add_row(*(Text(cell) for cell in row))
-    return table
+    outputs = (*shot.sinks, *((shot.record,) if shot.record else ()))
+    return (
+        *(
+            _row(health, shot.clocks[stream], shot.faults.get(stream, ""))
+            for stream, health in shot.sources.items()
+        ),
+        *(_row(health, None, "") for health in outputs),
+    )
 
 
 def _row(health: Health, clock: ClockFix | None, fault: str) -> tuple[str, ...]:

@@ -1,0 +1,70 @@
+"""Show the jobs and how far they are."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Final
+
+from robotrue.app.context import Context
+from robotrue.app.operation import Operation, PlainResult
+from robotrue.app.presentation import Table, count
+from robotrue.app.request import Option, Request
+from robotrue.app.workspace_fields import (
+    HERE,
+    WorkspaceFolder,
+    is_simulated,
+    job_document,
+    time_text,
+)
+
+if TYPE_CHECKING:
+    from robotrue.store.jobs import Job
+
+
+class JobsListRequest(Request):
+    """Which jobs."""
+
+    state: Annotated[str | None, Option(help="queued, running, done, failed or cancelled.")] = None
+    limit: Annotated[int, Option(help="Jobs shown, the newest first.")] = 50
+    folder: WorkspaceFolder = HERE
+
+
+def run(request: JobsListRequest, context: Context) -> PlainResult:
+    """Returns the jobs, the newest first.
+
+    Raises:
+        ConfigurationError: No such state.
+    """
+    from robotrue.store import jobs
+    from robotrue.store.workspace import Workspace
+
+    with Workspace.open(request.folder) as workspace:
+        page = jobs.listed(workspace, state=request.state, limit=request.limit)
+    return PlainResult(
+        values={"total": page.total, "jobs": [job_document(job) for job in page.items]},
+        shown=(
+            Table(
+                title=count(page.total, "job"),
+                columns=("id", "kind", "state", "done", "attempts", "submitted", "", ""),
+                rows=tuple(_row(job) for job in page.items),
+                words=True,
+            ),
+        ),
+    )
+
+
+def _row(job: Job) -> tuple[str, ...]:
+    from robotrue.core.provenance import simulation_mark
+
+    return (
+        job.id[:8],
+        job.kind,
+        job.state,
+        f"{job.progress:.0%}",
+        str(job.attempts),
+        time_text(job.submitted),
+        job.text if job.error is None else str(job.error["message"]),
+        simulation_mark(is_simulated(job)),
+    )
+
+
+OPERATION: Final = Operation(request=JobsListRequest, run=run)

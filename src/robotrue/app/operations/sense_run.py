@@ -1,0 +1,213 @@
+"""Say at every force sample how far the tool is off, and how well that is known."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+from robotrue.app.context import Context
+from robotrue.app.operation import Operation, PlainResult
+from robotrue.app.request import InputFile, Item, Option, Reference, Request
+from robotrue.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from robotrue.core.provenance import Provenance
+    from robotrue.online.correction_settings import CorrectionSettings
+    from robotrue.online.sense_settings import SenseSettings
+    from robotrue.online.service import Snapshot
+
+
+class SenseRunRequest(Request):
+    """What the service reads, what it knows of the arm, what it writes, how it corrects."""
+
+    cell: Annotated[Reference, Item(noun="cell", argument="CELL", help="cell.toml")]
+    robot: Annotated[str, Option(help="Joints: rsi://, egm://, rtde:// or replay://FILE.csv")]
+    force: Annotated[str, Option(help="Force: rdt://, egm://, rtde:// or replay://FILE.csv|.tdms")]
+    out: Annotated[
+        tuple[str, ...],
+        Option(help="Sink, as often as wanted: csv:FILE, mqtt://, opcua://, ws://"),
+    ] = ()
+    record: Annotated[
+        Path | None, Option(help="Folder of the record: every sample and every estimate.")
+    ] = None
+    resume: Annotated[bool, Option(help="Go on with the record and the files that are there.")] = (
+        False
+    )
+    rate_hz: Annotated[
+        float | None, Option(help="Force samples per second, where no address says it.")
+    ] = None
+    model: Annotated[
+        Reference | None, Item(noun="model", help="Model of `calibrate`: stiffness.")
+    ] = None
+    frf: Annotated[Path | None, InputFile(help="Frequency response of the tool.")] = None
+    frf_joints: Annotated[
+        str | None, Option(help="A1,..,A6 in deg, as displayed at the hammer test.")
+    ] = None
+    frf_frame: Annotated[str | None, Option(help="Its axes: base or tool.")] = None
+    tool: Annotated[
+        Path | None, InputFile(help="Held tool, of `dynamics sensor`: weight and offset.")
+    ] = None
+    sensor: Annotated[
+        str | None, Option(help="Force sensor on the flange, X,Y,Z,A,B,C in mm and deg.")
+    ] = None
+    deviation: Annotated[Path | None, InputFile(help="Of `dynamics fit`.")] = None
+    spindle_rpm: Annotated[float | None, Option(help="For --deviation.")] = None
+    force_most_n: Annotated[float | None, Option(help="Range of the force sensor.")] = None
+    clock: Annotated[Path | None, InputFile(help="Of `sense align`.")] = None
+    correct: Annotated[bool, Option(help="Send corrections to the robot. Read the how-to.")] = False
+    limit_mm: Annotated[float | None, Option(help="Largest correction.")] = None
+    rate_mm_per_s: Annotated[float | None, Option(help="Its fastest change.")] = None
+    watchdog_ms: Annotated[float, Option(help="Oldest estimate that is acted on.")] = 100.0
+    recover: Annotated[
+        bool, Option(help="After a fault begin again from zero, once all is well.")
+    ] = False
+    peer: Annotated[
+        str | None,
+        Option(help="Address of the controller; other senders are ignored. Needed to correct."),
+    ] = None
+    trust_restart: Annotated[
+        bool,
+        Option(help="RSI: a Delay near zero after a pause is a new RSI_ON without correction."),
+    ] = False
+    confirm_zero: Annotated[bool, Option(help="I have checked: the robot holds no correction.")] = (
+        False
+    )
+    low_pass_hz: Annotated[float, Option(help="Of the correction.")] = 2.0
+    correct_in: Annotated[
+        str, Option(help="Axes of the controller's correction: base, tool, path, A,B,C in deg.")
+    ] = "base"
+    name: Annotated[str | None, Option(help="Of the cell, in topics and pages.")] = None
+    note: Annotated[str, Option(help="Shown beside every estimate: `simulated` for one.")] = ""
+    nodesets: Annotated[Path | None, InputFile(help="OPC UA NodeSet files.")] = None
+    seconds: Annotated[float | None, Option(help="How long; default: until Ctrl-C.")] = None
+
+
+def run(request: SenseRunRequest, context: Context) -> PlainResult:
+    """Runs the service until the forces end, the time is over or Ctrl-C; returns its totals.
+
+    Raises:
+        RobotrueError: A file, address or limit that cannot be used, or a record that can no
+            longer be whole.
+    """
+    from dataclasses import replace
+
+    from robotrue.app.sense_view import live_view
+    from robotrue.core.provenance import mark_sentence, merge
+    from robotrue.online.sense_settings import marked_note, origins_of
+    from robotrue.online.service_run import run_service
+
+    settings = _settings(request, context)
+    origins = origins_of(settings)
+    origin = merge(origins.values())
+    settings = replace(settings, note=marked_note(settings.note, origin))
+    if line := mark_sentence(origin):  # before the first estimate, not only with the totals
+        context.inform(line)
+    with context.shell.live() as show:
+
+        def watch(shot: Snapshot) -> None:
+            show(live_view(shot, settings.note))
+
+        shot = run_service(settings, origins, context, watch)
+    return _result(shot, settings.note, origin)
+
+
+def _settings(request: SenseRunRequest, context: Context) -> SenseSettings:
+    from robotrue.online.net_address import parse_peer
+    from robotrue.online.sense_settings import SenseSettings
+    from robotrue.online.sensing_files import SensingFiles
+
+    model_file, model = None, None
+    if request.model is not None:
+        model_file, model = context.model_file(request.model), context.model(request.model).model
+    files = SensingFiles(
+        cell=context.cell_file(request.cell),
+        model=model_file,
+        calibrated=model,
+        frf=request.frf,
+        frf_joints=request.frf_joints,
+        frf_frame=request.frf_frame,
+        tool=request.tool,
+        sensor=request.sensor,
+        deviation=request.deviation,
+        spindle_rpm=request.spindle_rpm,
+        force_most=request.force_most_n,
+    )
+    return SenseSettings(
+        files=files,
+        robot=request.robot,
+        force=request.force,
+        correction=_correction(request),
+        peer=None if request.peer is None else parse_peer(request.peer),
+        out=request.out,
+        record=request.record,
+        resume=request.resume,
+        rate=request.rate_hz,
+        clock=request.clock,
+        name=request.name,
+        note=request.note,
+        nodesets=request.nodesets,
+        seconds=request.seconds,
+    )
+
+
+def _correction(request: SenseRunRequest) -> CorrectionSettings | None:
+    from robotrue.online.correction_settings import (
+        CorrectionSettings,
+        correction_limits,
+        require_correctable,
+    )
+    from robotrue.online.net_address import parse_peer
+
+    if not request.correct:
+        stated = request.recover or request.trust_restart or request.confirm_zero
+        if request.limit_mm is not None or request.rate_mm_per_s is not None or stated:
+            raise ConfigurationError("limits of a correction without --correct.")
+        return None
+    limits = correction_limits(
+        request.robot,
+        limit_mm=request.limit_mm,
+        rate_mm_per_s=request.rate_mm_per_s,
+        watchdog_ms=request.watchdog_ms,
+        recover=request.recover,
+    )
+    require_correctable(request.robot, request.correct_in)
+    if request.peer is None:
+        raise ConfigurationError(
+            "corrections without the address of the controller: any sender could take its place.",
+            hint="--peer 192.168.1.10; --peer 127.0.0.1 for `robotrue simulate` on this computer.",
+        )
+    return CorrectionSettings(
+        limits=limits,
+        host=parse_peer(request.peer)[0],
+        axes=request.correct_in,
+        cutoff=request.low_pass_hz,
+        trust_restart=request.trust_restart,
+        confirm_zero=request.confirm_zero,
+    )
+
+
+def _result(shot: Snapshot, note: str, origin: Provenance) -> PlainResult:
+    from dataclasses import asdict
+
+    from robotrue.app.presentation import Facts, Note, Table
+    from robotrue.app.sense_view import HEADINGS, health_rows, summary
+    from robotrue.online.service import snapshot_document
+
+    clocks: dict[str, Any] = {stream: asdict(fix) for stream, fix in shot.clocks.items()}
+    totals = (
+        ("for", f"{shot.running:.1f} s"),
+        *((f"{stream} samples", str(rows)) for stream, rows in shot.rows.items()),
+        ("estimates", f"{shot.given}, {shot.invalid} invalid in this run"),
+    )
+    return PlainResult(
+        values=snapshot_document(shot) | {"seconds": shot.running, "clocks": clocks},
+        shown=(
+            Facts(title="sensed", rows=totals),
+            Table(title="health", columns=HEADINGS, rows=health_rows(shot)),
+            Note(summary(shot, note)),
+        ),
+        provenance=origin,
+    )
+
+
+OPERATION: Final = Operation(request=SenseRunRequest, run=run)

@@ -1,0 +1,204 @@
+"""A drilling head: clamps, asks for its move, turns, and has the hole measured."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+from robotrue.app.context import Context
+from robotrue.app.operation import Operation, PlainResult
+from robotrue.app.request import Option, Request
+from robotrue.app.simulated_service import Seconds, run_until_stopped
+from robotrue.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from robotrue.online.net_address import NetAddress
+    from robotrue.simulation.drilling_machine import DrillingMachine
+    from robotrue.simulation.drilling_online import DrillingRun, DrillingTally
+
+PORT: Final = 47600
+NO_ANSWERS: Final = 2
+"""Holes without any answer after which nobody is there."""
+
+
+class SimulateDrillRequest(Request):
+    """Which machine to simulate, and where it sends to."""
+
+    to: Annotated[str, Option(help="Where `drill run` listens.")] = f"udp://127.0.0.1:{PORT}"
+    write: Annotated[
+        Path | None,
+        Option(help="Writes foot, campaign and test of this machine to a folder and ends."),
+    ] = None
+    holes: Annotated[int, Option(help="How many it clamps.")] = 20
+    pause_s: Annotated[float, Option(help="Between two holes, s.")] = 0.5
+    damaged: Annotated[
+        float, Option(help="Share of datagrams that are lost, repeated or cut short.")
+    ] = 0.0
+    shift_at: Annotated[
+        int, Option(help="Hole from which a sensor's zero is shifted; 0 for never.")
+    ] = 0
+    shift_um: Annotated[float, Option(help="By how much.")] = 50.0
+    gauge_deg: Annotated[
+        float, Option(help="Scatter of the gauge that measures each hole; 0 for no gauge.")
+    ] = 0.005
+    nonlinear: Annotated[bool, Option(help="A foot that bends with force and tilt.")] = False
+    friction: Annotated[bool, Option(help="With friction in the foot's joint.")] = False
+    seconds: Seconds = None
+    seed: Annotated[int, Option(help="Of the machine, its surfaces and its noise.")] = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PracticeFigures:
+    """Totals of a practice: true tilts in deg, which only a simulated machine knows."""
+
+    moved: int
+    tilt_before_mean_deg: float | None
+    tilt_left_mean_deg: float | None
+    tilt_left_max_deg: float | None
+    refused: int
+    without_answer: int
+    alarms: str
+    datagrams: int
+
+
+def run(request: SimulateDrillRequest, context: Context) -> PlainResult:
+    """Drills beside ``robotrue drill run`` until all holes are done or Ctrl-C; or writes files.
+
+    Raises:
+        ConfigurationError: Numbers or an address that cannot be, or nobody answers.
+    """
+    from robotrue.simulation.drilling_machine import drilling_machine
+
+    machine = drilling_machine(request.seed, nonlinear=request.nonlinear, friction=request.friction)
+    if request.write is None:
+        return _drill(machine, request, context)
+    return _write_files(machine, request.write, request.seed, context)
+
+
+def _write_files(
+    machine: DrillingMachine, folder: Path, seed: int, context: Context
+) -> PlainResult:
+    from robotrue.app.presentation import Note
+    from robotrue.simulation.drilling_practice import write_practice_files
+
+    paths = write_practice_files(machine, context.output(folder), seed=seed)
+    foot, campaign, test = map(str, paths)
+    return PlainResult(
+        values={"simulated": "drilling head", "files": [foot, campaign, test]},
+        shown=(
+            Note(f"SIMULATED drilling head of seed {seed}: {foot}, {campaign}, {test}"),
+            Note(f"robotrue drill fit {foot} {campaign} -o drill.robotrue"),
+            Note(f"robotrue drill report drill.robotrue {test} -o drill.html"),
+        ),
+    )
+
+
+def _drill(
+    machine: DrillingMachine, request: SimulateDrillRequest, context: Context
+) -> PlainResult:
+    from robotrue.simulation.drilling_online import run as drill_holes
+
+    address = _address(request.to)
+    settings = _settings(machine, request)
+    context.inform(
+        f"SIMULATED drilling head of seed {request.seed}, sends to {address.shown}: "
+        f"{request.holes} holes."
+    )
+    context.inform(f"robotrue drill run MODEL --journal holes.jsonl --from {address.shown}")
+    context.inform("Ctrl-C ends it after the hole under way.")
+    alone = asyncio.Event()
+
+    async def practise(stop: asyncio.Event) -> Any:
+        def report_hole(hole: str, tally: DrillingTally) -> None:
+            context.inform(_line(hole, tally))
+            if len(tally.silent) == NO_ANSWERS and not (tally.left or tally.refused):
+                alone.set()
+                stop.set()
+
+        tally = await drill_holes(settings, address.host, address.port, stop=stop, told=report_hole)
+        return _figures(tally)
+
+    result = run_until_stopped("drilling head", practise, seconds=request.seconds)
+    if alone.is_set():
+        raise ConfigurationError(
+            f"nobody answers at {address.shown}.",
+            hint="start robotrue drill run first; --to where it says that it listens.",
+        )
+    return result
+
+
+def _settings(machine: DrillingMachine, request: SimulateDrillRequest) -> DrillingRun:
+    import math
+
+    from robotrue.core.units import DEG, UM
+    from robotrue.simulation.drilling_online import DrillingRun
+
+    holes, damaged, pause, gauge = (
+        request.holes, request.damaged, request.pause_s, request.gauge_deg,
+    )  # fmt: skip
+    if holes < 1 or not 0.0 <= damaged < 1.0 or not pause >= 0.0 or not gauge >= 0.0:
+        raise ConfigurationError(
+            f"{holes} holes, {damaged:g} of the datagrams damaged, {pause:g} s between holes, a "
+            f"gauge of {gauge:g} deg; expected at least 1, 0 to 1, and none below 0."
+        )
+    return DrillingRun(
+        machine=machine,
+        holes=holes,
+        seed=request.seed,
+        gauge_sigma=gauge * DEG if gauge else math.nan,
+        shift_at=request.shift_at,
+        shift=request.shift_um * UM,
+        damaged=damaged,
+        pause=pause,
+    )
+
+
+def _address(text: str) -> NetAddress:
+    from robotrue.online.net_address import net_address
+
+    address = net_address(text, default_port=PORT).only()
+    if address.scheme != "udp":
+        raise ConfigurationError(
+            f"--to {address.scheme}://, expected udp://.", hint=f"--to udp://127.0.0.1:{PORT}"
+        )
+    return address
+
+
+def _line(hole: str, tally: DrillingTally) -> str:
+    import numpy as np
+
+    from robotrue.core.units import DEG
+
+    if tally.silent[-1:] == [hole]:
+        return f"simulated hole {hole}: no answer"
+    if tally.refused and tally.refused[-1][0] == hole:
+        return f"simulated hole {hole}: no move. {tally.refused[-1][1]}"
+    before, left = (float(np.hypot(*each[-1]) / DEG) for each in (tally.before, tally.left))
+    alarm = "; ALARM" if tally.alarms[-1:] == [hole] else ""
+    return f"simulated hole {hole}: tilt {before:.3f} deg, {left:.4f} deg left in truth{alarm}"
+
+
+def _figures(tally: DrillingTally) -> PracticeFigures:
+    import numpy as np
+
+    from robotrue.core.units import DEG
+
+    before, left = (
+        np.hypot(*np.array(each).T) / DEG if tally.left else None
+        for each in (tally.before, tally.left)
+    )
+    return PracticeFigures(
+        moved=len(tally.left),
+        tilt_before_mean_deg=None if before is None else float(before.mean()),
+        tilt_left_mean_deg=None if left is None else float(left.mean()),
+        tilt_left_max_deg=None if left is None else float(left.max()),
+        refused=len(tally.refused),
+        without_answer=len(tally.silent),
+        alarms=", ".join(tally.alarms),
+        datagrams=tally.sent,
+    )
+
+
+OPERATION: Final = Operation(request=SimulateDrillRequest, run=run)

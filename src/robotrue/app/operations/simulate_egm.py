@@ -1,0 +1,84 @@
+"""An ABB controller: sends a message every 4 ms and takes path corrections."""
+
+from __future__ import annotations
+
+from typing import Annotated, Final
+
+from robotrue.app.context import Context
+from robotrue.app.operation import Operation, PlainResult
+from robotrue.app.request import Option, Request
+from robotrue.app.simulated_service import (
+    LOCAL_HOST,
+    Faults,
+    Robot,
+    Seconds,
+    Seed,
+    Target,
+    announce,
+    choose,
+    controller_faults,
+    free_port,
+    run_until_stopped,
+)
+
+
+class SimulateEgmRequest(Request):
+    """Which controller to simulate, and where it sends to."""
+
+    host: Target = LOCAL_HOST
+    port: Annotated[int, Option(help="UDP port that it sends to; 0 picks a free one.")] = 6510
+    robotware: Annotated[int, Option(help="6 or 7: their messages differ.")] = 7
+    no_force: Annotated[bool, Option(help="Sends no measured force.")] = False
+    robot: Robot = None
+    seconds: Seconds = None
+    seed: Seed = 0
+    fault: Faults = ()
+
+
+def run(request: SimulateEgmRequest, context: Context) -> PlainResult:
+    """Sends what an ABB controller sends, until Ctrl-C.
+
+    Raises:
+        ConfigurationError: A RobotWare or fault that does not exist.
+    """
+    import time
+
+    import numpy as np
+
+    from robotrue.online.egm import RobotWare
+    from robotrue.simulation import egm_controller
+    from robotrue.simulation.online_scenario import ScenarioMotion, online_scenario
+
+    generations = {"6": RobotWare.SIX, "7": RobotWare.SEVEN}
+    generation = choose(str(request.robotware), generations, "robotware")
+    scenario = online_scenario(request.seed, request.robot)
+    begun = time.monotonic()
+    port = request.port or free_port()
+
+    def measure_force(elapsed: float) -> tuple[float, ...]:
+        return tuple(scenario.sensor_wrench(np.array([begun + elapsed]))[0].tolist())
+
+    settings = egm_controller.EgmControllerSettings(
+        target=(request.host, port),
+        generation=generation,
+        motion=ScenarioMotion(scenario=scenario, begun=begun),
+        force=None if request.no_force else measure_force,
+        faults=controller_faults(request.fault),
+        keeps_time=True,
+    )
+    address = f"'egm://{request.host}:{port}?robotware={request.robotware}'"
+    announce(
+        f"ABB controller with RobotWare {request.robotware}, sends to udp {request.host}:{port} "
+        "every 4 ms",
+        scenario,
+        f"--robot {address}" + ("" if request.no_force else f" --force {address}"),
+        context,
+    )
+    return run_until_stopped(
+        "ABB controller",
+        lambda stop: egm_controller.run(settings, stop=stop),
+        seconds=request.seconds,
+    )
+
+
+OPERATION: Final = Operation(request=SimulateEgmRequest, run=run)

@@ -1,0 +1,91 @@
+"""A KUKA controller: sends a packet every cycle and judges each answer."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Final
+
+from robotrue.app.context import Context
+from robotrue.app.operation import Operation, PlainResult
+from robotrue.app.request import InputFile, Option, Request
+from robotrue.app.simulated_service import (
+    LOCAL_HOST,
+    Faults,
+    Robot,
+    Seconds,
+    Seed,
+    Target,
+    announce,
+    choose,
+    controller_faults,
+    free_port,
+    run_until_stopped,
+)
+
+PORT: Final = 49152
+
+
+class SimulateRsiRequest(Request):
+    """Which controller to simulate, and where it sends to."""
+
+    host: Target = LOCAL_HOST
+    port: Annotated[int | None, Option(help="UDP port that it sends to; 0 picks a free one.")] = (
+        None
+    )
+    config: Annotated[
+        Path | None, InputFile(help="EthernetConfig.xml; otherwise the usual one.")
+    ] = None
+    cycle_ms: Annotated[int, Option(help="4 (IPO_FAST) or 12 (IPO).")] = 4
+    mode: Annotated[str, Option(help="Of corrections: absolute or relative.")] = "absolute"
+    robot: Robot = None
+    seconds: Seconds = None
+    seed: Seed = 0
+    fault: Faults = ()
+
+
+def run(request: SimulateRsiRequest, context: Context) -> PlainResult:
+    """Sends what a KUKA controller sends, until Ctrl-C.
+
+    Raises:
+        ConfigurationError: A mode, cycle or fault that does not exist, or a faulty config file.
+    """
+    import time
+    from dataclasses import replace
+
+    from robotrue.online.rsi_config import read_rsi_config, usual_rsi_config
+    from robotrue.online.samples import CorrectionMode
+    from robotrue.simulation import rsi_controller
+    from robotrue.simulation.online_scenario import ScenarioMotion, online_scenario
+
+    mode = choose(request.mode, {each.value: each for each in CorrectionMode}, "mode")
+    config = usual_rsi_config(request.host, PORT, hold=mode is CorrectionMode.ABSOLUTE)
+    if request.config is not None:
+        config = replace(read_rsi_config(request.config), host=request.host)
+    if request.port is not None:
+        config = replace(config, port=request.port or free_port())
+    scenario = online_scenario(request.seed, request.robot)
+    settings = rsi_controller.RsiControllerSettings(
+        config=config,
+        mode=mode,
+        cycle_ms=request.cycle_ms,
+        motion=ScenarioMotion(scenario=scenario, begun=time.monotonic()),
+        faults=controller_faults(request.fault),
+        keeps_time=True,
+    )
+    query = f"?cycle={request.cycle_ms}ms&mode={mode.value}"
+    query += f"&config={request.config}" if request.config is not None else ""
+    address = f"{config.host}:{config.port}"
+    announce(
+        f"KUKA controller, sends to udp {address} every {request.cycle_ms} ms",
+        scenario,
+        f"--robot 'rsi://{address}{query}'",
+        context,
+    )
+    return run_until_stopped(
+        "KUKA controller",
+        lambda stop: rsi_controller.run(settings, stop=stop),
+        seconds=request.seconds,
+    )
+
+
+OPERATION: Final = Operation(request=SimulateRsiRequest, run=run)

@@ -1,0 +1,72 @@
+"""A Universal Robots controller: joints, tool point and force, 500 times a second."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Annotated, Any, Final
+
+from robotrue.app.context import Context
+from robotrue.app.operation import Operation, PlainResult
+from robotrue.app.request import Option, Request
+from robotrue.app.simulated_service import (
+    LOCAL_HOST,
+    Faults,
+    Host,
+    Robot,
+    Seconds,
+    Seed,
+    announce,
+    controller_faults,
+    reachable_host,
+    run_until_stopped,
+)
+
+
+class SimulateRtdeRequest(Request):
+    """Which controller to simulate, and where it listens."""
+
+    host: Host = LOCAL_HOST
+    port: Annotated[int, Option(help="TCP port; 0 takes a free one.")] = 30004
+    robot: Robot = "UR10"
+    seconds: Seconds = None
+    seed: Seed = 0
+    fault: Faults = ()
+
+
+def run(request: SimulateRtdeRequest, context: Context) -> PlainResult:
+    """Serves what a Universal Robots controller serves, until Ctrl-C.
+
+    Raises:
+        ConfigurationError: A robot or fault that does not exist, or a port that is taken.
+    """
+    from robotrue.simulation.online_scenario import online_scenario
+    from robotrue.simulation.rtde_controller import RtdeController, RtdeControllerSettings
+
+    host = request.host
+    scenario = online_scenario(request.seed, request.robot)
+    settings = RtdeControllerSettings(
+        host=host,
+        port=request.port,
+        seed=request.seed,
+        faults=controller_faults(request.fault),
+    )
+
+    async def serve(stop: asyncio.Event) -> Any:
+        controller = RtdeController(settings, scenario)
+        serving = asyncio.create_task(controller.run(stop=stop))
+        listening = asyncio.create_task(controller.listening.wait())
+        await asyncio.wait((serving, listening), return_when=asyncio.FIRST_COMPLETED)
+        listening.cancel()
+        if not serving.done():
+            announce(
+                f"Universal Robots controller, tcp {host}:{controller.port}",
+                scenario,
+                f"--robot 'rtde://{reachable_host(host)}:{controller.port}?rate=500Hz'",
+                context,
+            )
+        return await serving
+
+    return run_until_stopped("Universal Robots controller", serve, seconds=request.seconds)
+
+
+OPERATION: Final = Operation(request=SimulateRtdeRequest, run=run)

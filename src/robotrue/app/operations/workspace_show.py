@@ -1,0 +1,83 @@
+"""Show one item: what it says, what it rests on, its files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+from robotrue.app.context import Context
+from robotrue.app.operation import Operation, PlainResult
+from robotrue.app.presentation import Facts
+from robotrue.app.request import Option, Request
+from robotrue.app.workspace_fields import (
+    HERE,
+    ItemWord,
+    WorkspaceFolder,
+    item_document,
+    item_result,
+    value_text,
+)
+from robotrue.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from robotrue.store.records import Record
+
+
+class WorkspaceShowRequest(Request):
+    """Which item, in which version."""
+
+    item: ItemWord
+    version: Annotated[int | None, Option(help="Default: the latest.")] = None
+    output: Annotated[
+        Path | None, Option(names=("--output", "-o"), help="Folder to copy its files to.")
+    ] = None
+    folder: WorkspaceFolder = HERE
+
+
+def run(request: WorkspaceShowRequest, context: Context) -> PlainResult:
+    """Returns one version of an item; copies its files if a folder is stated.
+
+    Raises:
+        ConfigurationError: No such item or folder.
+    """
+    from robotrue.store import items
+    from robotrue.store.layout import laid_out
+    from robotrue.store.nouns import noun_of
+    from robotrue.store.workspace import Workspace
+
+    output = request.output
+    with Workspace.open(request.folder) as workspace:
+        noun, id = items.resolve(workspace, request.item)
+        record = items.get(workspace, noun_of(noun), id, version=request.version)
+        if output is not None:
+            if not output.is_dir():
+                raise ConfigurationError("no folder.", source=output, hint=f"mkdir -p {output}")
+            for path in laid_out(workspace, record, output):
+                context.inform(f"written: {path}")
+    return item_result(
+        noun, record, Facts(title=f"{noun} {record.name}", rows=_facts(noun, record))
+    )
+
+
+def _facts(noun: str, record: Record) -> tuple[tuple[str, str], ...]:
+    values = item_document(noun, record)
+    return (
+        *(
+            (name, value_text(value))
+            for name, value in values.items()
+            if name not in ("links", "files", "detail")
+        ),
+        *(
+            (each["role"], f"{each['id'][:8]} version {each['version']}")
+            for each in values["links"]
+        ),
+        *((f"file ({each['role']})", each["name"]) for each in values["files"]),
+        *(
+            (name, value_text(value))
+            for name, value in record.detail.items()
+            if isinstance(value, str | int | float) and value != ""
+        ),
+    )
+
+
+OPERATION: Final = Operation(request=WorkspaceShowRequest, run=run)
