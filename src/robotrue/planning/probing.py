@@ -17,7 +17,7 @@ import numpy as np
 from robotrue.calibration.belief import Belief, with_nuisances
 from robotrue.calibration.machined import tip_columns, uncarried
 from robotrue.calibration.model import Query
-from robotrue.calibration.update import add_centres
+from robotrue.calibration.update import carry_residual
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.columns import Column, Columns
 from robotrue.errors import ConfigurationError, ObservabilityError, ShapeError
@@ -172,7 +172,7 @@ class LinearTask:
 def linear_task(task: ProbingTask) -> LinearTask:
     """Returns the task in the coordinates of the criteria."""
     parts = tuple(sorted(task.T_base_part))
-    belief = add_centres(task.belief, np.vstack([task.candidates.joints, task.machining.joints]))
+    belief = carry_residual(task.belief, np.vstack([task.candidates.joints, task.machining.joints]))
     scale = float(np.sqrt(belief.inflation))  # what the model says of itself, touches aside
     belief = replace(belief, root=belief.root * scale, white=belief.white * scale, inflation=1.0)
     placed = with_nuisances(belief, np.tile(np.repeat([ROUGH, ROUGH_TURN], 3), len(parts)))

@@ -15,7 +15,7 @@ import numpy as np
 
 from robotrue.calibration.machined import tip_columns, uncarried
 from robotrue.calibration.model import Query
-from robotrue.calibration.update import add_centres
+from robotrue.calibration.update import carry_residual
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.rotations import skew
 from robotrue.errors import ConfigurationError, ObservabilityError
@@ -131,7 +131,7 @@ def frame_task(task: ProbingTask) -> FrameTask:
             "surfaces.",
             hint="leave out the normals of full points, or plan for a compensated run.",
         )
-    belief = add_centres(task.belief, np.vstack([candidates.joints, machining.joints]))
+    belief = carry_residual(task.belief, np.vstack([candidates.joints, machining.joints]))
     root = belief.root * np.sqrt(belief.inflation)
     touched = Query(joints=candidates.joints, load=task.touch_load)
     parts = np.array(sorted(task.T_base_part))
