@@ -7,11 +7,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from robotrue.app.compensation_ground import Ground, ProgramFiles, open_ground, read_programs
+from robotrue.app.compensation_request import CompensateRequest
 from robotrue.app.context import Context
 from robotrue.app.reporting import place_in_file
 from robotrue.cell.cutter_axis import cutter_axis
@@ -33,9 +34,6 @@ from robotrue.errors import StepError
 from robotrue.program.formats import read_job, unfollowed, write_program
 from robotrue.program.identity import ProgramIdentity, identity_path, write_identity
 from robotrue.program.program import Program, Reason
-
-if TYPE_CHECKING:
-    from robotrue.app.operations.compensate import CompensateRequest
 
 PART: tuple[str, ...] = ("name", "xyz_mm", "abc_deg", "verdict")
 """What is said of the part frame a program runs in."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from robotrue.app.compensation_request import CompensateRequest
 from robotrue.app.context import Context
 from robotrue.app.force_options import read_force_options
 from robotrue.app.job_outputs import job_outputs
@@ -32,9 +32,6 @@ from robotrue.program.identity import require_compensable
 from robotrue.program.program import FrameTable, Program
 from robotrue.program.stream import Outline
 from robotrue.robot.statics import NO_LOAD
-
-if TYPE_CHECKING:
-    from robotrue.app.operations.compensate import CompensateRequest
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -19,15 +19,14 @@ from typing import Annotated, Final
 
 import typer
 
-from robotrue.cli import (
-    serve_commands,
-)
+from robotrue.cli import part_commands, serve_commands
 from robotrue.cli.app import Json, app
 from robotrue.cli.generate import name_of, register_operations, without_options
 from robotrue.errors import RobotrueError
 
 __all__ = [
     "app",
+    "part_commands",
     "run",
     "serve_commands",
 ]

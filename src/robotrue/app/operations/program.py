@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
+from robotrue.app.compensation_request import ALLOW_STEPS, MAX_STEP, CompensateRequest
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
-from robotrue.app.operations import compensate
+from robotrue.app.operations.compensate import run as compensate
 from robotrue.app.presentation import Block, Table
 from robotrue.app.request import InputFile, Item, Option, Output, Reference, Request
 from robotrue.core.provenance import Provenance, marked_document, merge
@@ -74,8 +75,8 @@ class ProgramRequest(Request):
     max_shift_mm: Annotated[
         float, Option(help="With --model: leave a target alone that would move further.")
     ] = MAX_SHIFT_MM
-    max_step_mm: Annotated[float, compensate.MAX_STEP] = MAX_STEP_MM
-    allow_steps: Annotated[bool, compensate.ALLOW_STEPS] = False
+    max_step_mm: Annotated[float, MAX_STEP] = MAX_STEP_MM
+    allow_steps: Annotated[bool, ALLOW_STEPS] = False
     report: Annotated[
         Path | None,
         Output(what="a page", suffixes=(".html", ".htm"), help="Also write a report page (HTML)."),
@@ -270,7 +271,7 @@ def _compensate(
         write_atomic(plain, data)
         if identity is not None:
             write_identity(plain, data, identity)
-        asked = compensate.CompensateRequest(
+        asked = CompensateRequest(
             model=request.model,
             program=(plain,),
             output=request.output,
@@ -280,7 +281,7 @@ def _compensate(
             max_step_mm=request.max_step_mm,
             allow_steps=request.allow_steps,
         )
-        made = compensate.run(asked, context)
+        made = compensate(asked, context)
     return marked_document(made.document(), made.provenance)
 
 

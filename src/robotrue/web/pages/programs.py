@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from nicegui import ui
 
-from robotrue.app.operations.compensate import CompensateRequest
+from robotrue.app.compensation_request import CompensateRequest
 from robotrue.app.request import fields_of
 from robotrue.errors import ConfigurationError
 from robotrue.store import items

@@ -1,0 +1,132 @@
+"""What is asked of a compensation: the program, the model, the force, and how far it may go."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Final
+
+from robotrue.app.request import (
+    IN_JOBS,
+    ON_COMMAND_LINE,
+    InputFile,
+    Item,
+    Option,
+    Output,
+    Reference,
+    Request,
+)
+from robotrue.program.compensation_defaults import MAX_SHIFT_MM, MAX_STEP_MM, SPLIT_LIMIT
+
+MAX_STEP: Final = Option(
+    names=("--max-step",),
+    metavar="MM",
+    help="Refuse (exit 2) a larger step between a target left alone and its compensated "
+    "neighbours on a line, arc or spline.",
+)
+ALLOW_STEPS: Final = Option(help="Write a program with larger steps all the same.")
+
+
+class CompensateRequest(Request):
+    """Which program to compensate, with what, and how far it may be altered."""
+
+    model: Annotated[
+        Reference | None,
+        Item(
+            noun="model",
+            argument="MODEL|CELL",
+            needed_in=ON_COMMAND_LINE,
+            help="Model file, or a cell registered with one; another cell.toml changes nothing.",
+        ),
+    ] = None
+    program: Annotated[
+        tuple[Reference, ...],
+        Item(
+            noun="program",
+            argument="PROGRAM...",
+            single=True,
+            help="Program to compensate; several files or a folder: one job.",
+        ),
+    ]
+    output: Annotated[
+        Path,
+        Output(
+            names=("--output", "-o"),
+            folder=True,
+            saved_as="after",
+            help="Program to write; for a job a folder, too.",
+        ),
+    ]
+    cell: Annotated[
+        Reference | None,
+        Item(
+            noun="cell", help="Cell whose part frame the program runs in, or that knows its frames."
+        ),
+    ] = None
+    registration: Annotated[
+        Reference | None,
+        Item(
+            noun="registration",
+            shells=IN_JOBS,
+            help="Registration whose part frame the program runs in.",
+        ),
+    ] = None
+    part: Annotated[str | None, Option(help="Which part or side, where the cell has several.")] = (
+        None
+    )
+    wrench: Annotated[
+        str | None,
+        Option(help="Process force on the tool, base axes: FX,FY,FZ[,MX,MY,MZ] in N, N m."),
+    ] = None
+    force: Annotated[
+        Path | None,
+        InputFile(help="Process force along the path: TOML of rules, or CSV by line or path."),
+    ] = None
+    cutter: Annotated[
+        str | None,
+        Option(help="Axis of the tool from spindle to tip: x, y, z, -x, -y, -z; default z."),
+    ] = None
+    start: Annotated[
+        str | None,
+        Option(help="A1,..,A6 in deg before the first target; default: start_deg of the cell."),
+    ] = None
+    free_spin: Annotated[
+        bool,
+        Option(
+            help="Choose the rotation about the axis of a rotating tool for stiffness and room."
+        ),
+    ] = False
+    axis_targets: Annotated[
+        bool, Option(paired=True, help="Compensate axis targets too (PTP {A1 ..}).")
+    ] = False
+    max_shift_mm: Annotated[
+        float, Option(help="Leave a target alone if it would move further than this.")
+    ] = MAX_SHIFT_MM
+    max_step_mm: Annotated[float, MAX_STEP] = MAX_STEP_MM
+    allow_steps: Annotated[bool, ALLOW_STEPS] = False
+    workers: Annotated[
+        int | None,
+        Option(
+            shells=ON_COMMAND_LINE,
+            help="Processes for a long program; default: as many as help; 1: only this.",
+        ),
+    ] = None
+    dask: Annotated[
+        str | None,
+        Option(
+            shells=ON_COMMAND_LINE, help="Dask scheduler whose workers do a long program, tcp://..."
+        ),
+    ] = None
+    split_um: Annotated[
+        float | None,
+        Option(
+            names=("--split",),
+            metavar="UM",
+            help="Put targets into lines and arcs that bow by more than UM micrometres.",
+        ),
+    ] = None
+    split_limit: Annotated[
+        int, Option(shells=ON_COMMAND_LINE, help="With --split: targets put in at most.")
+    ] = SPLIT_LIMIT
+    deviation: Annotated[
+        bool, Option(help="Report how far lines and arcs are off between their targets.")
+    ] = False
