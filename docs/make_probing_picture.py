@@ -21,7 +21,7 @@ from robotrue.cli.probe_plan_page import part_map
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, pose
 from robotrue.core.units import MM
-from robotrue.measurement.formats.features import Features
+from robotrue.measurement.formats.part_points import Features
 from robotrue.planning.probing import Machining, ProbingTask, plan_touches
 from robotrue.planning.probing_candidates import touch_candidates
 from robotrue_reproductions.feng2018.machining_cell import (

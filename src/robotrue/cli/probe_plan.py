@@ -24,7 +24,7 @@ from robotrue.core.files import write_atomic
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
-from robotrue.measurement.formats.features import read_features
+from robotrue.measurement.formats.part_points import read_features
 from robotrue.planning.arm_scene import scene_of
 from robotrue.planning.information import settings_of
 from robotrue.planning.probing import Goal, ProbePlan, ProbingTask, plan_touches

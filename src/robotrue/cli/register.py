@@ -25,7 +25,7 @@ from robotrue.core.files import read_bytes, write_atomic
 from robotrue.core.mesh import TriangleMesh, read_mesh
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
-from robotrue.measurement.formats.points import read_points
+from robotrue.measurement.formats.part_points import read_points
 from robotrue.planning.information import settings_of
 from robotrue.program.controller_frames import ControllerFrame, controller_frame
 from robotrue.store.model_file import ZIP, write_model
