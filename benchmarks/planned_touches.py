@@ -42,7 +42,7 @@ from robotrue.core.arrays import Array, IntArray
 from robotrue.core.poses import apply, inverse, pose
 from robotrue.core.units import MM
 from robotrue.errors import RobotrueError
-from robotrue.measurement.formats.features import Features
+from robotrue.measurement.formats.part_points import Features
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.planning.probing import (
     Machining,

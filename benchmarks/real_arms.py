@@ -23,7 +23,7 @@ import numpy as np
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.core.units import MM
-from robotrue.measurement.formats.registry import read_measurements
+from robotrue.measurement.formats.measured_files import read_measurements
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel

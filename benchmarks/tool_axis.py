@@ -17,7 +17,7 @@ from real_arms import FILES, FOLDS, ROOT, thin
 
 from robotrue.calibration.methods import fit
 from robotrue.core.units import DEG
-from robotrue.measurement.formats.registry import read_measurements
+from robotrue.measurement.formats.measured_files import read_measurements
 from robotrue.robot.presets import preset
 from robotrue.validation.validate import validate
 

@@ -21,7 +21,7 @@ from robotrue.dynamics.deviation import fit_deviation
 from robotrue.dynamics.deviation_validation import folds
 from robotrue.dynamics.paper_regression import fit_paper
 from robotrue.dynamics.windows import WindowSet
-from robotrue.report.figure import AFTER, BAND, BEFORE, CAUTION, INK, png
+from robotrue.report.figure import AFTER, BAND, BEFORE, CAUTION, INK, Drawing, png
 from robotrue_reproductions.jin2022.milling_experiment import MillingExperiment, milling_experiment
 from robotrue_reproductions.jin2022.tables import arm_of, row_of_hammer
 
@@ -47,7 +47,7 @@ def main() -> None:
         axes[1].legend(loc="upper left", fontsize=9)
 
     title = "SIMULATED: milling with an IRB 6660, windows of about a second"
-    OUT.write_bytes(png(draw, panels=2, width=11.0, height=4.2, title=title))
+    OUT.write_bytes(png(Drawing(draw=draw, panels=2, width=11.0, height=3.8), title=title))
 
 
 def panel(

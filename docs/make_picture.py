@@ -22,7 +22,7 @@ from matplotlib.axes import Axes
 from robotrue.calibration.methods import fit
 from robotrue.core.poses import pose
 from robotrue.core.units import MM
-from robotrue.measurement.formats.registry import read_measurements
+from robotrue.measurement.formats.measured_files import read_measurements
 from robotrue.robot.presets import preset
 from robotrue.validation.validate import validate
 

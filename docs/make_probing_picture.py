@@ -21,10 +21,9 @@ from robotrue.cli.probe_plan_page import part_map
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, pose
 from robotrue.core.units import MM
-from robotrue.measurement.formats.features import Features
+from robotrue.measurement.formats.part_points import Features
 from robotrue.planning.probing import Machining, ProbingTask, plan_touches
 from robotrue.planning.probing_candidates import touch_candidates
-from robotrue.report.part_map import part_map_png
 from robotrue_reproductions.feng2018.machining_cell import (
     EDGE,
     FACES,
@@ -89,7 +88,7 @@ def main() -> None:
         touch_sigma=0.1 * MM,
     )
     plan = plan_touches(task, TOUCHES)
-    OUT.write_bytes(part_map_png(part_map(plan, task, np.array([0.0, 0.0, 1.0]))))
+    OUT.write_bytes(part_map(plan, task, np.array([0.0, 0.0, 1.0])).png())
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from robotrue.core.units import MM
-from robotrue.report.figure import AFTER, BEFORE, INK, MUTED, png
+from robotrue.report.figure import AFTER, BEFORE, INK, MUTED, Drawing, png
 from robotrue_reproductions.feng2018.way_results import WAYS, results_of
 
 OUT: Final = Path(__file__).resolve().parent / "_static" / "slot_sides.png"
@@ -59,8 +59,7 @@ def main(arguments: list[str]) -> None:
         sys.stderr.write(f"{key:16s} {' '.join(medians)}\n")
     with mpl.rc_context({"font.size": 10.0}):
         picture = png(
-            lambda axes: draw(axes[0], found["ways"]),
-            height=4.6,
+            Drawing(draw=lambda axes: draw(axes[0], found["ways"]), height=4.2),
             title=f"SIMULATED: cut from two sides, {found['cells']} cells, median and 5 to 95 %",
         )
     OUT.write_bytes(picture)

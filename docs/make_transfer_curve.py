@@ -18,7 +18,7 @@ from robotrue.calibration.methods import fit
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.transfer import Source
 from robotrue.core.files import write_atomic
-from robotrue.report.transfer_curve import curves_of, pose_curves_png
+from robotrue.report.transfer_report import curves_of
 from robotrue.robot.presets import preset
 from robotrue.validation.guarded_transfer import contestants
 from robotrue.validation.learning_curve import learning_curve
@@ -41,7 +41,7 @@ def main() -> None:
     for name, found in curve.to_json()["candidates"].items():
         sys.stderr.write(f"{name}: {found}\n")
     title = f"UR10: from y < -200 mm ({len(source)} poses) to y > 200 mm, {tenth} test poses"
-    write_atomic(OUT, pose_curves_png(curves_of(curve, "transfer", title=title)))
+    write_atomic(OUT, curves_of(curve, "transfer", title=title).png())
 
 
 if __name__ == "__main__":

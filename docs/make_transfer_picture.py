@@ -22,7 +22,7 @@ from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.calibration.transfer import Source, fit_transfer
 from robotrue.core.units import DEG, MM
-from robotrue.measurement.formats.registry import read_measurements
+from robotrue.measurement.formats.measured_files import read_measurements
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import drive_jacobian, forward, walk
 from robotrue.robot.presets import preset

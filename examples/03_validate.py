@@ -16,7 +16,7 @@ from robotrue.calibration.methods import fit
 from robotrue.calibration.settings import FitSettings
 from robotrue.core.poses import pose
 from robotrue.core.units import MM
-from robotrue.measurement.formats.registry import read_measurements
+from robotrue.measurement.formats.measured_files import read_measurements
 from robotrue.robot.presets import preset
 from robotrue.simulation.plans import VALIDATION, random_joints
 from robotrue.simulation.presets import deng2022

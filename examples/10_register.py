@@ -15,7 +15,7 @@ from robotrue.calibration.nominal import NominalModel
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, pose
 from robotrue.core.units import MM
-from robotrue.measurement.formats.points import read_points, write_points
+from robotrue.measurement.formats.part_points import read_points, write_points
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.validation.part_registration import register
 from robotrue.validation.registered_part import RegisteredPart

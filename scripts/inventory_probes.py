@@ -231,10 +231,9 @@ def measurement_formats() -> Iterator[str]:
     """Yields layouts of measurement files, and what a mapping can say."""
     from dataclasses import fields
 
-    from robotrue.measurement.formats.mapping import ColumnMapping
-    from robotrue.measurement.formats.registry import MAPPINGS
+    from robotrue.measurement.formats.mapping import ColumnMapping, read_layouts
 
-    yield from (f"layout {name}" for name in ("canonical", *MAPPINGS))
+    yield from (f"layout {name}" for name in ("canonical", *read_layouts()))
     yield from (f"mapping {each.name}: {each.type}" for each in fields(ColumnMapping))
 
 

@@ -25,7 +25,7 @@ from robotrue.calibration.model import Query
 from robotrue.calibration.terms.smooth import SmoothBasis
 from robotrue.core.archive import write_archive
 from robotrue.errors import ArchiveError, ShapeError
-from robotrue.measurement.formats.registry import read_measurements
+from robotrue.measurement.formats.measured_files import read_measurements
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import forward
 from robotrue.robot.presets import preset

@@ -20,7 +20,7 @@ from robotrue.drilling.campaign_csv import write_campaign
 from robotrue.dynamics.formats.sensor_csv import sensor_csv
 from robotrue.dynamics.formats.windows_csv import windows_bytes
 from robotrue.measurement.formats.canonical import write_canonical
-from robotrue.measurement.formats.points import write_points
+from robotrue.measurement.formats.part_points import write_points
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.simulation.drilling_machine import drilling_machine, random_campaign

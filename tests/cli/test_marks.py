@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from robotrue.cli import demo
 from robotrue.cli.main import app
 from robotrue.core.provenance import MARK, MEASURED, Provenance
-from robotrue.measurement.formats.registry import read_measurements
+from robotrue.measurement.formats.measured_files import read_measurements
 from robotrue.report.content import Table, TableColumn
 from robotrue.simulation.flange_hole import FlangeHole
 from robotrue.simulation.presets import deng2022, reflector_at_tool

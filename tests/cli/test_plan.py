@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import shop
 
-from robotrue.measurement.formats.registry import read_measurements
+from robotrue.measurement.formats.measured_files import read_measurements
 from robotrue.program.formats import read_job
 
 REGION = "angle_deg=-30..30,radius_mm=800..1500,height_mm=400..1400"

@@ -11,7 +11,7 @@ import shop
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, inverse, pose, pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
-from robotrue.measurement.formats.points import read_points
+from robotrue.measurement.formats.part_points import read_points
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import inverse_batch
 

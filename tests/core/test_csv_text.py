@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import robotrue
 from robotrue.core.csv_text import as_written, csv_remark, csv_text
-from robotrue.measurement.formats.points import read_points, write_points
+from robotrue.measurement.formats.part_points import read_points, write_points
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.measurement.touch_session import (
     TouchFeature,

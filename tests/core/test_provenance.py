@@ -20,7 +20,7 @@ from robotrue.core.provenance import (
     simulation_mark,
 )
 from robotrue.errors import ArchiveError
-from robotrue.measurement.formats.registry import read_measurements
+from robotrue.measurement.formats.measured_files import read_measurements
 
 VIRTUAL = Provenance(simulated=True, instrument="API T3", files=(SourceFile(name="a", sha256="1"),))
 HEADER = "j1_deg,j2_deg,j3_deg,j4_deg,j5_deg,j6_deg,x_mm,y_mm,z_mm"

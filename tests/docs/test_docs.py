@@ -18,8 +18,7 @@ from robotrue.cell.schema import CellFile
 from robotrue.cli.main import app
 from robotrue.compensation.status import Status
 from robotrue.measurement.formats.canonical import canonical_mapping
-from robotrue.measurement.formats.mapping import ColumnMapping
-from robotrue.measurement.formats.registry import MAPPINGS
+from robotrue.measurement.formats.mapping import ColumnMapping, read_layouts
 from robotrue.robot.presets import preset, preset_names
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -133,7 +132,7 @@ def test_the_reference_names_every_column_of_the_csv() -> None:
 
 def test_the_how_to_names_every_field_of_a_mapping_and_every_layout() -> None:
     text = read("docs/howto/import-a-tracker-file.md")
-    for name in [f.name for f in fields(ColumnMapping) if f.name != "name"] + list(MAPPINGS):
+    for name in [f.name for f in fields(ColumnMapping) if f.name != "name"] + list(read_layouts()):
         assert f"`{name}`" in text, name
 
 

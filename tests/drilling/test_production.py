@@ -186,7 +186,7 @@ def test_raw_counts_need_the_mandrels_zero(tmp_path: Path) -> None:
         ("a_deg,b_deg,d1_mm,d2_mm,d3_mm,force_N,z_mm\n1,2,3,4,nan,6,7\n", "c.csv:2: "),
         ("a_deg,b_deg,d1_mm,d2_mm,d3_mm,force_N,z_mm\n90,2,3,4,5,6,7\n", "a tilt of 90 deg"),
         ("a_deg,b_deg,d1_mm,d2_mm,d3_mm,d4_mm,force_N,z_mm\n1,2,3,4,5,6,7,8\n", "'d4_mm' is not"),
-        ("a_deg,d1_mm,d2_mm,d3_mm,force_N,z_mm\n1,2,3,4,5,6\n", "'b_deg' is missing"),
+        ("a_deg,d1_mm,d2_mm,d3_mm,force_N,z_mm\n1,2,3,4,5,6\n", "no column 'b_deg'"),
     ],
 )
 def test_files_that_are_no_campaign(tmp_path: Path, text: str, message: str) -> None:

@@ -13,9 +13,8 @@ from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import FormatError
 from robotrue.measurement.formats.canonical import write_canonical
-from robotrue.measurement.formats.registry import read_measurements
+from robotrue.measurement.formats.measured_files import read_measurements, read_queries
 from robotrue.measurement.measurement_set import MeasurementSet
-from robotrue.measurement.queries import read_queries
 
 HEADER = "j1_deg,j2_deg,j3_deg,j4_deg,j5_deg,j6_deg,x_mm,y_mm,z_mm"
 ROW = "10,-20,30,40,-50,60,1289.5,334.9,1027.3"

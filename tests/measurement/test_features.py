@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robotrue.errors import FormatError
-from robotrue.measurement.formats.features import read_features
+from robotrue.measurement.formats.part_points import read_features
 
 GOOD = """# block 12
 name,px_mm,py_mm,pz_mm,nx,ny,nz,ax,ay,az,part

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError, FormatError
-from robotrue.measurement.formats.mapping import ColumnMapping
-from robotrue.measurement.formats.registry import MAPPINGS, read_measurements
+from robotrue.measurement.formats.mapping import ColumnMapping, read_layouts
+from robotrue.measurement.formats.measured_files import read_measurements
 
 PLAIN = ColumnMapping(name="shop", joints=("A1", "A2"), position=("X", "Y", "Z"))
 
@@ -163,4 +163,4 @@ def test_mapping_that_cannot_be(change: dict[str, object], message: str) -> None
 def test_unknown_layout_name(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="no measurement layout 'faro'; known are canon"):
         read_measurements(tmp_path / "x.csv", mapping="faro")
-    assert set(MAPPINGS) == {"ur10-landgraf", "ur10-landgraf-std", "ur5-jacobi"}
+    assert set(read_layouts()) == {"ur10-landgraf", "ur10-landgraf-std", "ur5-jacobi"}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robotrue.errors import FormatError
-from robotrue.measurement.formats.points import read_points, write_points
+from robotrue.measurement.formats.part_points import read_points, write_points
 from robotrue.measurement.probing_set import ProbingSet
 
 RNG = np.random.default_rng(3)

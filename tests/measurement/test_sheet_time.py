@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from robotrue.errors import FormatError
-from robotrue.measurement.formats.sheet import read_sheet
+from robotrue.measurement.formats.sheet_file import read_sheet
 
 
 @pytest.mark.parametrize("ends", ["x", "-"])

@@ -33,10 +33,11 @@ def test_decimal_commas_are_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("slot,step\n1,0.68\n", r":1: .*missing: step_mm"),
-        ("slot,step_mm,z_mm\n1,0.68,3\n", r":1: .*unknown: z_mm"),
+        ("slot\n1\n", r":1: no column step_mm"),
+        ("slot,step\n1,0.68\n", r":1: unknown column 'step'; .*: rename it to 'step_mm'"),
+        ("slot,step_mm,z_mm\n1,0.68,3\n", r":1: unknown column 'z_mm'"),
         ("slot,step_mm\n1,0.68\n2,-\n", r":3: step_mm is -"),
-        ("slot,step_mm\n1,0.68\n,0.7\n", r":3: slot is blank"),
+        ("slot,step_mm\n1,0.68\n,0.7\n", r":3: column 'slot' is blank"),
         ("slot,step_mm\n1,nan\n", r":2: step_mm is nan"),
     ],
 )

@@ -10,8 +10,8 @@ import pytest
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, FormatError, ImplausibleDataError, ShapeError
 from robotrue.measurement.formats.sockets import read_sockets
+from robotrue.measurement.measurement_set import touched_rows
 from robotrue.measurement.probing_set import ProbingSet
-from robotrue.measurement.touched_rows import touched_rows
 
 
 def written(folder: Path, files: dict[str, str]) -> Path:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from robotrue.errors import ConfigurationError
-from robotrue.measurement.formats.points import read_points
+from robotrue.measurement.formats.part_points import read_points
 from robotrue.measurement.touch_session import (
     State,
     TouchFeature,

@@ -10,7 +10,7 @@ from robotrue.calibration.probing import ProbingSettings, before_touching
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, pose
 from robotrue.errors import ReachError
-from robotrue.measurement.formats.features import Features
+from robotrue.measurement.formats.part_points import Features
 from robotrue.planning.facing import facing
 from robotrue.planning.next_touch import next_touch
 from robotrue.planning.probing import Machining, ProbingTask, plan_touches

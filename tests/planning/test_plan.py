@@ -13,9 +13,8 @@ from robotrue.calibration.methods import fit
 from robotrue.core.arrays import Array
 from robotrue.core.regions import CubeRegion, CylinderRegion, contains
 from robotrue.errors import ConfigurationError, FormatError, ReachError
-from robotrue.measurement.formats.registry import read_measurements
+from robotrue.measurement.formats.measured_files import read_measurements, read_queries
 from robotrue.measurement.measurement_set import MeasurementSet
-from robotrue.measurement.queries import read_queries
 from robotrue.planning import candidates
 from robotrue.planning.arm_scene import scene_of
 from robotrue.planning.criteria import greedy

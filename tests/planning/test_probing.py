@@ -30,8 +30,7 @@ from robotrue.errors import (
     ReachError,
     ShapeError,
 )
-from robotrue.measurement.formats.features import Features
-from robotrue.measurement.formats.points import read_points
+from robotrue.measurement.formats.part_points import Features, read_points
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.planning.probing import (
     ROUGH,

@@ -13,19 +13,12 @@ from robotrue.calibration.settings import FitSettings
 from robotrue.core.regions import CubeRegion
 from robotrue.core.units import MM
 from robotrue.errors import ObservabilityError, ShapeError
-from robotrue.report.content import (
-    MapSlices,
-    PoseCurves,
-    PoseSeries,
-    ReportContent,
-    Section,
-    Verdict,
-)
+from robotrue.report.content import ReportContent, Section, Verdict
+from robotrue.report.curve_plots import PoseCurves, PoseSeries
 from robotrue.report.json import report_document
 from robotrue.report.map import map_content
-from robotrue.report.map_figure import slices_png
+from robotrue.report.map_plots import MapSlices
 from robotrue.report.page import report_html
-from robotrue.report.transfer_curve import pose_curves_png
 from robotrue.report.transfer_report import transfer_content
 from robotrue.validation.error_map import build_prior_model, error_map, sector_similarities
 from robotrue.validation.guard import select_guarded, verdict_from_summary
@@ -110,7 +103,7 @@ def test_json_holds_every_number_and_null_where_there_is_none():
 
 
 def test_pictures_are_pictures():
-    for picture in (pose_curves_png(curves()), slices_png(slices())):
+    for picture in (curves().png(), slices().png()):
         assert picture.startswith(b"\x89PNG")
 
 

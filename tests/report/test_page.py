@@ -13,24 +13,12 @@ from validation_fakes import FakeModel, measured
 
 from robotrue.errors import ShapeError
 from robotrue.report.calibration_report import calibration_content
-from robotrue.report.content import (
-    ErrorDistribution,
-    ErrorMap,
-    Fact,
-    HoleContour,
-    PointErrors,
-    ReportContent,
-    Section,
-    Table,
-    TableColumn,
-    Tile,
-    TiltPlot,
-    Verdict,
-)
-from robotrue.report.figure import inline_svg
+from robotrue.report.content import Fact, ReportContent, Section, Table, TableColumn, Tile, Verdict
+from robotrue.report.curve_plots import TiltPlot
+from robotrue.report.figure import Drawing, inline_svg
 from robotrue.report.json import report_json
 from robotrue.report.page import report_html
-from robotrue.report.plots import thin_rows
+from robotrue.report.plots import ErrorDistribution, ErrorMap, HoleContour, PointErrors, thin_rows
 from robotrue.validation.selection import select
 from robotrue.validation.validate import validate
 
@@ -281,4 +269,4 @@ def test_labels_of_axes_keep_their_digits():
     def draw(axes):
         axes[0].set_title("1.2345 mm")
 
-    assert "1.2345 mm" in inline_svg(draw, key="k", label="l")
+    assert "1.2345 mm" in inline_svg(Drawing(draw=draw), key="k", label="l")

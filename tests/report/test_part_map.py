@@ -9,8 +9,8 @@ from robotrue.core.units import MM
 from robotrue.errors import ShapeError
 from robotrue.report.content import ReportContent, Section, Verdict
 from robotrue.report.json import report_document
+from robotrue.report.map_plots import PartMap
 from robotrue.report.page import report_html
-from robotrue.report.part_map import PartMap, part_map_png
 
 
 def part_map(**changes: object) -> PartMap:
@@ -42,11 +42,11 @@ def test_a_page_shows_each_group_and_whom_no_touch_covers() -> None:
 
 
 def test_a_picture() -> None:
-    picture = part_map_png(part_map())
+    picture = part_map().png()
     assert picture.startswith(b"\x89PNG")
-    assert picture == part_map_png(part_map())
+    assert picture == part_map().png()
     alike = part_map(radius=np.full(12, 0.2 * MM), uncovered=())
-    assert part_map_png(alike) != picture
+    assert alike.png() != picture
 
 
 def test_json_has_the_numbers_in_millimetres() -> None:

@@ -15,7 +15,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, fit_rigid
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ImplausibleDataError
-from robotrue.measurement.formats.registry import read_measurements
+from robotrue.measurement.formats.measured_files import read_measurements
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.plausibility import check_plausible
 from robotrue.measurement.screening import screen

@@ -23,8 +23,8 @@ from robotrue.cell.registration.tool import fit_tool_point
 from robotrue.core.poses import pose
 from robotrue.core.units import MM
 from robotrue.measurement.formats.sockets import SocketTouches, read_sockets
+from robotrue.measurement.measurement_set import touched_rows
 from robotrue.measurement.probing_set import ProbingSet
-from robotrue.measurement.touched_rows import touched_rows
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel
 from robotrue.robot.presets import preset

@@ -15,8 +15,8 @@ from robotrue.core.poses import pose
 from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, ModelMismatchError, ObservabilityError
+from robotrue.measurement.measurement_set import touched_rows
 from robotrue.measurement.probing_set import KnownDistance, ProbingSet
-from robotrue.measurement.touched_rows import touched_rows
 from robotrue.robot.inverse_numeric import solve
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.presets import preset

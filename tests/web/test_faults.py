@@ -11,7 +11,7 @@ from robotrue import errors, web
 from robotrue.app.job_kinds import job_kinds
 from robotrue.calibration.methods import METHODS
 from robotrue.errors import FormatError, RobotrueError
-from robotrue.measurement.formats.sheet import read_sheet
+from robotrue.measurement.formats.sheet_file import read_sheet
 from robotrue.report.sentences import in_chinese
 from robotrue.validation.splits import SplitKind
 from robotrue.web.language import Wording

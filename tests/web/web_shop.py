@@ -15,7 +15,7 @@ import shop
 from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.cell.config import read_cell
 from robotrue.core.arrays import Array
-from robotrue.measurement.formats.registry import read_measurements
+from robotrue.measurement.formats.measured_files import read_measurements
 from robotrue.robot.model import parameter_slice
 from robotrue.store import cells, measurements, models, programs
 from robotrue.store.model_file import write_model

@@ -12,9 +12,8 @@ from robotrue.app.reporting import Message, Reporter, note
 from robotrue.cell.cell import Cell, tracker_covariance
 from robotrue.core.arrays import Array
 from robotrue.errors import ModelMismatchError
-from robotrue.measurement.formats.mapping import ColumnMapping
-from robotrue.measurement.formats.mapping_file import read_mapping
-from robotrue.measurement.formats.registry import read_measurements
+from robotrue.measurement.formats.mapping import ColumnMapping, read_mapping
+from robotrue.measurement.formats.measured_files import read_measurements
 from robotrue.measurement.measurement_set import MeasurementSet, concatenate
 from robotrue.measurement.plausibility import check_plausible
 from robotrue.measurement.tracker import point_covariance

@@ -8,17 +8,8 @@ from robotrue.cell.cell import Cell
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM
 from robotrue.planning.pose_plan import PosePlan
-from robotrue.report.content import (
-    Fact,
-    PoseCurves,
-    PoseSeries,
-    ReportContent,
-    Section,
-    Table,
-    TableColumn,
-    Tile,
-    Verdict,
-)
+from robotrue.report.content import Fact, ReportContent, Section, Table, TableColumn, Tile, Verdict
+from robotrue.report.curve_plots import PoseCurves, PoseSeries
 from robotrue.report.page import report_html
 
 FIRST = 4

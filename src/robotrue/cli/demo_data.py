@@ -33,16 +33,8 @@ from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.planning.information import settings_of
 from robotrue.program.formats import read_program, write_program
 from robotrue.report.calibration_report import calibration_content
-from robotrue.report.content import (
-    Fact,
-    PointErrors,
-    ReportContent,
-    Section,
-    Table,
-    TableColumn,
-    Tile,
-    Verdict,
-)
+from robotrue.report.content import Fact, ReportContent, Section, Table, TableColumn, Tile, Verdict
+from robotrue.report.plots import PointErrors
 from robotrue.robot.forward import forward
 from robotrue.store.model_file import write_model
 from robotrue.validation.contest import Selection

@@ -11,17 +11,8 @@ from robotrue.compensation.result import Compensation
 from robotrue.core.arrays import Array
 from robotrue.core.units import MM
 from robotrue.report.calibration_report import calibration_content
-from robotrue.report.content import (
-    Fact,
-    HoleContour,
-    PointErrors,
-    ReportContent,
-    Section,
-    Table,
-    TableColumn,
-    Tile,
-    Verdict,
-)
+from robotrue.report.content import Fact, ReportContent, Section, Table, TableColumn, Tile, Verdict
+from robotrue.report.plots import HoleContour, PointErrors
 from robotrue.simulation.flange_hole import FlangeHole
 from robotrue.validation.hole_contour import HoleResult
 from robotrue.validation.report import ValidationReport

@@ -20,8 +20,8 @@ from robotrue.core.files import read_bytes
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import FormatError
-from robotrue.measurement.formats.mapping_file import read_mapping
-from robotrue.measurement.formats.registry import read_measurements
+from robotrue.measurement.formats.mapping import read_mapping
+from robotrue.measurement.formats.measured_files import read_measurements
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.program.formats import detect, read_job
 from robotrue.program.formats.apt import looks_like_apt

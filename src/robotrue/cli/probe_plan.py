@@ -24,14 +24,13 @@ from robotrue.core.files import write_atomic
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
-from robotrue.measurement.formats.features import read_features
+from robotrue.measurement.formats.part_points import read_features
 from robotrue.planning.arm_scene import scene_of
 from robotrue.planning.information import settings_of
 from robotrue.planning.probing import Goal, ProbePlan, ProbingTask, plan_touches
 from robotrue.planning.probing_candidates import TouchCandidates, TouchLimits, touch_candidates
 from robotrue.planning.probing_frame import plan_frame_touches
 from robotrue.planning.probing_sheet import touch_sheet
-from robotrue.report.part_map import part_map_png
 from robotrue.validation.error_map import radius_95
 from robotrue.validation.registration_joint import ENOUGH
 from robotrue.validation.registration_settings import TOOL
@@ -295,6 +294,6 @@ def _pages(
         )
         out[options.report] = "report", page.encode()
     if options.picture is not None:
-        picture = part_map_png(part_map(plan, task, limits.tip_axis))
+        picture = part_map(plan, task, limits.tip_axis).png()
         out[options.picture] = "picture", picture
     return out

@@ -20,7 +20,7 @@ from robotrue.core.number_list import parse_number_list
 from robotrue.core.poses import apply, inverse, pose, pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ModelMismatchError, ReachError
-from robotrue.measurement.formats.points import read_points
+from robotrue.measurement.formats.part_points import read_points
 from robotrue.planning.probing import Machining
 from robotrue.planning.probing_candidates import attitude_groups
 from robotrue.planning.tool_axis import resolve_spin

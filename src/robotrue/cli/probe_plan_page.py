@@ -8,19 +8,10 @@ from robotrue.core.arrays import Array
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM
 from robotrue.planning.probing import ProbePlan, ProbingTask
-from robotrue.report.content import (
-    Fact,
-    PoseCurves,
-    PoseSeries,
-    ReportContent,
-    Section,
-    Table,
-    TableColumn,
-    Tile,
-    Verdict,
-)
+from robotrue.report.content import Fact, ReportContent, Section, Table, TableColumn, Tile, Verdict
+from robotrue.report.curve_plots import PoseCurves, PoseSeries
+from robotrue.report.map_plots import PartMap
 from robotrue.report.page import report_html
-from robotrue.report.part_map import PartMap
 from robotrue.robot.forward import forward
 from robotrue.validation.error_map import radius_95
 

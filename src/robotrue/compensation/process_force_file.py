@@ -38,8 +38,9 @@ from robotrue.compensation.process_force import (
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.toml_text import read_toml
 from robotrue.core.units import MM
-from robotrue.errors import ConfigurationError, FormatError, RobotrueError
-from robotrue.measurement.formats.sheet import Sheet, column_key, finite_number, read_sheet
+from robotrue.errors import ConfigurationError, RobotrueError
+from robotrue.measurement.formats.sheet import Sheet, column_key
+from robotrue.measurement.formats.sheet_file import read_sheet
 from robotrue.program.program import Motion
 
 MOVES: Final[Mapping[str, tuple[Motion, ...]]] = {
@@ -239,39 +240,26 @@ def read_force_table(path: Path, *, name: str, axes: Axes, program: str) -> Forc
         FormatError: A missing or unknown column, a cell that is no such number; with its line.
     """
     sheet = read_sheet(path)
-    columns = {column_key(each): i for i, each in enumerate(sheet.header)}
     known = {column_key(each): each for each in (*KEYS, *FORCES, *MOMENTS)}
-    strange = [sheet.header[i] for key, i in columns.items() if key not in known]
-    keys = [each for each in KEYS if column_key(each) in columns]
-    lacking = [each for each in FORCES if column_key(each) not in columns]
-    if any(column_key(each) in columns for each in MOMENTS):
-        lacking += [each for each in MOMENTS if column_key(each) not in columns]
+    strange = [each for each in sheet.header if column_key(each) not in known]
+    keys = [each for each in KEYS if sheet.has(each)]
+    stated = (*FORCES, *MOMENTS) if any(map(sheet.has, MOMENTS)) else FORCES
+    lacking = [each for each in stated if not sheet.has(each)]
     if strange or lacking or len(keys) != 1:
         what = f"unknown column {strange[0]!r}" if strange else f"no column {(lacking or [''])[0]}"
         if not strange and not lacking:
             what = "one column line, target or path_mm is needed, here "
             what += f"are {' and '.join(keys)}" if keys else "is none"
-        raise FormatError(
-            f"{what}.",
-            source=sheet.source,
-            line=sheet.header_line,
-            hint="path_mm,fx_N,fy_N,fz_N",
+        raise sheet.fault(f"{what}.", "path_mm,fx_N,fy_N,fz_N")
+    at = _places(sheet, keys[0])
+    wrench = np.zeros((len(sheet), 6))
+    wrench[:, : len(stated)] = sheet.numbers(stated)
+    for row, k in np.argwhere(np.abs(wrench) > LARGEST).tolist():
+        raise sheet.fault(
+            f"{stated[k]} is {wrench[row, k]:g}, expected at most {LARGEST:g}.",
+            "forces are in N, moments in N m.",
+            row=row,
         )
-    at = _places(sheet, columns[column_key(keys[0])], keys[0])
-    wrench = np.zeros((len(sheet.cells), 6))
-    for k, each in enumerate((*FORCES, *MOMENTS)):
-        column = columns.get(column_key(each))
-        if column is None:
-            continue
-        for row, line in enumerate(sheet.lines):
-            wrench[row, k] = finite_number(sheet, row, column)
-            if abs(wrench[row, k]) > LARGEST:
-                raise FormatError(
-                    f"{each} is {wrench[row, k]:g}, expected at most {LARGEST:g}.",
-                    source=sheet.source,
-                    line=line,
-                    hint="forces are in N, moments in N m.",
-                )
     return ForceTable(
         name=name,
         axes=axes,
@@ -284,18 +272,17 @@ def read_force_table(path: Path, *, name: str, axes: Axes, program: str) -> Forc
     )
 
 
-def _places(sheet: Sheet, column: int, key: Key) -> Array:
+def _places(sheet: Sheet, key: Key) -> Array:
     """Lines and target numbers, or m of path."""
-    out = np.array([finite_number(sheet, row, column) for row in range(len(sheet.cells))])
+    out: Array = sheet.numbers((key,))[:, 0]
     if key == "path_mm":
         return out * MM
     bad = np.flatnonzero((out != np.rint(out)) | (out < 1.0) | (out > 2.0**53))
     if len(bad):
-        raise FormatError(
-            f"{key} is {sheet.cells[int(bad[0])][column]}, expected a whole number from 1.",
-            source=sheet.source,
-            line=sheet.lines[int(bad[0])],
-            hint="count lines and targets from 1.",
+        raise sheet.fault(
+            f"{key} is {sheet.column(key)[int(bad[0])]}, expected a whole number from 1.",
+            "count lines and targets from 1.",
+            row=int(bad[0]),
         )
     return out
 

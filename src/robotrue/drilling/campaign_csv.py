@@ -24,7 +24,8 @@ from robotrue.drilling.campaign_plan import CampaignPlan
 from robotrue.drilling.foot_file import FootSetup
 from robotrue.drilling.head import AxisOrder
 from robotrue.errors import ConfigurationError, FormatError
-from robotrue.measurement.formats.sheet import Sheet, column_key, finite_number, read_sheet
+from robotrue.measurement.formats.sheet import Sheet, column_key
+from robotrue.measurement.formats.sheet_file import read_sheet
 
 TILT: Final = ("a_deg", "b_deg")
 CONDITIONS: Final = ("force_N", "z_mm")
@@ -45,7 +46,7 @@ def read_campaign(path: str | Path, setup: FootSetup, order: AxisOrder) -> tuple
     """
     sheet = read_sheet(path)
     clamps = _clamps(sheet, setup, TILT)
-    lines, tilt = sheet.lines, _columns(sheet, TILT)
+    lines, tilt = sheet.lines, sheet.numbers(TILT)
     steep = np.flatnonzero(np.abs(tilt).max(axis=1) > STEEPEST)
     if len(steep):
         row = int(steep[0])
@@ -97,15 +98,11 @@ def read_production(path: str | Path, setup: FootSetup) -> ProductionRecord:
     """
     sheet = read_sheet(path)
     clamps = _clamps(sheet, setup, (*LEFT, HOLE))
-    keys = [column_key(name) for name in sheet.header]
-    if HOLE in keys:
-        hole = tuple(row[keys.index(HOLE)] for row in sheet.cells)
-    else:
-        hole = tuple(str(i + 1) for i in range(len(sheet.cells)))
+    hole = tuple(str(i + 1) for i in range(len(sheet)))
     return ProductionRecord(
         clamps=clamps,
-        left=_columns(sheet, LEFT) * DEG,
-        hole=hole,
+        left=sheet.numbers(LEFT) * DEG,
+        hole=sheet.column(HOLE) if sheet.has(HOLE) else hole,
         lines=sheet.lines,
         provenance=sheet.provenance,
     )
@@ -180,7 +177,7 @@ def subtract_zeros(values: Array, setup: FootSetup, *, counts: bool) -> Array:
 def _clamps(sheet: Sheet, setup: FootSetup, beside: tuple[str, ...]) -> Clamps:
     """The readings and conditions of every row; ``beside`` are the other columns known."""
     readings = _readings(sheet, setup, beside)
-    force, height = _columns(sheet, CONDITIONS).T
+    force, height = sheet.numbers(CONDITIONS).T
     return Clamps(readings=readings, force=force, height=height * MM, approach=_approach(sheet))
 
 
@@ -210,31 +207,11 @@ def _readings(sheet: Sheet, setup: FootSetup, beside: tuple[str, ...]) -> Array:
             line=sheet.header_line,
             hint=f"{', '.join((*beside, *forms[form], *CONDITIONS, APPROACH))}.",
         )
-    values = _columns(sheet, forms[form])
+    values = sheet.numbers(forms[form])
     if form == "d{}_mm":
         return values * MM
     return subtract_zeros(values, setup, counts=form == "raw{}_counts")
 
 
-def _columns(sheet: Sheet, names: tuple[str, ...]) -> Array:
-    """(n, len(names)) numbers of the named columns."""
-    keys = [column_key(name) for name in sheet.header]
-    missing = [name for name in names if column_key(name) not in keys]
-    if missing:
-        raise FormatError(
-            f"column {missing[0]!r} is missing; there are {', '.join(sheet.header)}.",
-            source=sheet.source,
-            line=sheet.header_line,
-        )
-    places = [keys.index(column_key(name)) for name in names]
-    return np.array(
-        [[finite_number(sheet, row, place) for place in places] for row in range(len(sheet.cells))]
-    ).reshape(len(sheet.cells), len(names))
-
-
 def _approach(sheet: Sheet) -> tuple[str, ...]:
-    keys = [column_key(name) for name in sheet.header]
-    if APPROACH not in keys:
-        return ()
-    place = keys.index(APPROACH)
-    return tuple(row[place] for row in sheet.cells)
+    return sheet.column(APPROACH) if sheet.has(APPROACH) else ()

@@ -13,6 +13,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.columns import EMPTY, Column, Columns, concat, count_rows
 from robotrue.core.provenance import MEASURED, Provenance, merge
 from robotrue.errors import ShapeError
+from robotrue.measurement.probing_set import ProbingSet
 
 MeasurementFrame: TypeAlias = Literal["base", "tracker"]
 """``base``: positions are in the robot base. ``tracker``: in an instrument frame not yet known."""
@@ -113,4 +114,39 @@ def concatenate(sets: Sequence[MeasurementSet]) -> MeasurementSet:
         group_names=tuple(names),
         sources=tuple(source for s in sets for source in s.sources),
         provenance=merge(s.provenance for s in sets),
+    )
+
+
+def touched_rows(touches: ProbingSet, *, sigma: float) -> MeasurementSet:
+    """Returns full points touched by the robot as measurements, so that every method fits them.
+
+    A part is a tracker frame that is not known yet, its nominal points are what that tracker saw; a
+    socket is a place that only shifts. Known distances have no row and do not come along.
+
+    Args:
+        touches: With joints.
+        sigma: m per axis of one touch, without the robot.
+
+    Raises:
+        ShapeError: Touches without joints, or on surfaces: those fix one direction each.
+    """
+    if not touches.has_joints or not touches.full.all():
+        raise ShapeError(
+            f"{int((~touches.full).sum())} of {len(touches)} touches fix one direction only, "
+            f"{touches.joints.shape[1]} joints; rows of a measurement set need joints and full "
+            "points."
+        )
+    n = len(touches)
+    parts = touches.parts
+    return MeasurementSet(
+        joints=touches.joints,
+        position=touches.point,
+        covariance=np.tile(sigma**2 * np.eye(3), (n, 1, 1)),
+        frame="tracker",
+        station=touches.part,
+        group=np.searchsorted(parts, touches.part),
+        group_names=tuple(f"part {k}" for k in parts),
+        source_row=touches.lines,
+        sources=(touches.source,) if touches.source else (),
+        provenance=touches.provenance,
     )

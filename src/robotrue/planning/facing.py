@@ -11,7 +11,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, pose
 from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.errors import ReachError
-from robotrue.measurement.formats.features import Features
+from robotrue.measurement.formats.part_points import Features
 from robotrue.planning.probing import Machining
 from robotrue.robot.inverse import inverse_batch
 from robotrue.robot.inverse_numeric import solve

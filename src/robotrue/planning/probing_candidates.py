@@ -21,7 +21,7 @@ from robotrue.core.poses import apply, pose
 from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.core.units import DEG
 from robotrue.errors import ReachError, ShapeError
-from robotrue.measurement.formats.features import Features
+from robotrue.measurement.formats.part_points import Features
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.planning.arm_scene import Scene, collisions
 from robotrue.planning.probing import Machining

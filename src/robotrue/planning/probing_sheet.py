@@ -8,7 +8,7 @@ import numpy as np
 
 from robotrue.core.csv_text import csv_text
 from robotrue.core.units import DEG, MM
-from robotrue.measurement.formats.points import PLANNED
+from robotrue.measurement.formats.part_points import PLANNED
 from robotrue.measurement.probing_set import ProbingSet
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from robotrue.core.units import MM, UM
-from robotrue.report.budget_plot import BudgetPlot
 from robotrue.report.calibration_report import column
 from robotrue.report.content import Cell, Section, Table
+from robotrue.report.curve_plots import BudgetPlot
 from robotrue.report.words import Words
 from robotrue.validation.budget import COVERAGE_FACTOR, Budget, Contribution
 

@@ -11,12 +11,7 @@ import numpy as np
 from robotrue.core.units import DEG, MM
 from robotrue.report.content import (
     Cell,
-    CoveragePlot,
-    ErrorDistribution,
-    ErrorMap,
     Fact,
-    Plane,
-    PointErrors,
     ReportContent,
     Section,
     Table,
@@ -25,6 +20,7 @@ from robotrue.report.content import (
     Tone,
     Verdict,
 )
+from robotrue.report.plots import CoveragePlot, ErrorDistribution, ErrorMap, Plane, PointErrors
 from robotrue.report.words import ENGLISH, Lang, Words
 from robotrue.validation.contest import Selection
 from robotrue.validation.metrics import ErrorStatistics, wilson_interval

@@ -27,7 +27,7 @@ from robotrue.report.content import (
     Tile,
     Verdict,
 )
-from robotrue.report.uncertainty_map import UncertaintyMap
+from robotrue.report.map_plots import UncertaintyMap
 from robotrue.report.words import ENGLISH, Lang, Words
 from robotrue.validation.budget import Budget
 from robotrue.validation.known_places import KnownPlaces

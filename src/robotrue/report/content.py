@@ -18,27 +18,29 @@ Arrays are SI like everywhere; tiles and tables hold numbers in the unit they na
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Annotated, Final, Literal, TypeAlias
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from html import escape
+from typing import Any, ClassVar, Final, Literal, TypeAlias
 
 import numpy as np
 
 from robotrue.core.arrays import Array
-from robotrue.core.columns import EMPTY, Column, Columns
+from robotrue.core.columns import Columns
+from robotrue.core.units import DEG, MM
 from robotrue.errors import ShapeError
-from robotrue.report.budget_plot import BudgetPlot
-from robotrue.report.part_map import PartMap
-from robotrue.report.tilt_plot import TiltPlot
-from robotrue.report.uncertainty_map import UncertaintyMap
-from robotrue.report.words import Lang
+from robotrue.report.figure import Drawing, inline_svg, png
+from robotrue.report.words import ENGLISH, Lang, Words
 
 Tone: TypeAlias = Literal["good", "caution", "bad", "plain"]
 """How a statement is coloured: as asked, look closer, not as asked, no judgement."""
 Cell: TypeAlias = str | int | float | None
 """One table cell; floats are printed with the digits of their column, None as a dash."""
-Plane: TypeAlias = Literal["xy", "xz", "yz"]
-
-PLANES: Final = ("xy", "xz", "yz")
+_UNITS: Final = {"mm": (MM, 7), "deg": (DEG, 6)}
+"""Unit and decimals of arrays by the end of their key: a tenth of a nanometre is below any
+instrument, and the file stays readable."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,243 +127,70 @@ class Table:
                     f"expected {len(self.columns)}."
                 )
 
+    def json_block(self) -> dict[str, Any]:
+        """Returns the rows as JSON values, by the name and unit of each column."""
+        names = [f"{c.key or c.title} {c.unit}".strip().replace(" ", "_") for c in self.columns]
+        return {
+            "title": self.title,
+            "caption": self.caption,
+            "kind": "table",
+            "rows": [
+                {
+                    name: finite_or_none(cell) if isinstance(cell, float) else cell
+                    for name, cell in zip(names, row, strict=True)
+                }
+                for row in self.rows
+            ],
+            "highlight": self.highlight,
+        }
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PointErrors(Columns):
-    """Plot of the error length at each point, before and after, in row order.
+class Plot(Columns, ABC):
+    """A drawing of a report and its numbers; a new kind of plot is one class.
 
     Attributes:
-        before: (n,) m.
-        after: (n,) m.
         title: Heading.
-        caption: One sentence.
-        axis_label: What is counted along the axis.
-        limit: A tolerance in m to draw as a line, None for none.
+        caption: What to read in it, one sentence.
+        kind: In JSON.
+        json_keys: Attribute by key of the JSON; the end of a key is the unit it is written in.
     """
 
-    before: Annotated[Array, Column("n", unit="m")]
-    after: Annotated[Array, Column("n", unit="m")]
-    title: str = "Error at every point"
+    title: str
     caption: str = ""
-    axis_label: str = "point"
-    limit: float | None = None
+    kind: ClassVar[str]
+    json_keys: ClassVar[Mapping[str, str]] = {}
 
     def _check_rules(self) -> None:
-        """Checks that there is a point."""
-        _require_points(self, len(self.before))
+        """Checks that there is a point: that the first array has a row."""
+        arrays = (getattr(self, f.name) for f in fields(self))
+        if not all(len(values) for values in arrays if isinstance(values, np.ndarray)):
+            raise ShapeError(f"{type(self).__name__}: no points.")
+
+    @abstractmethod
+    def drawing(self, words: Words) -> Drawing:
+        """Returns the picture; ``words`` are for what it says itself."""
+
+    def svg(self, key: str, words: Words) -> str:
+        """Returns the picture as an SVG element whose ids begin with ``key``."""
+        return inline_svg(self.drawing(words), key=key, label=escape(self.title, quote=True))
+
+    def png(self, words: Words = ENGLISH) -> bytes:
+        """Returns the picture as PNG, its title above it."""
+        return png(self.drawing(words), title=self.title)
+
+    def json_block(self) -> dict[str, Any]:
+        """Returns the numbers as JSON values; lengths in mm, angles in deg."""
+        values = {key: _shop_value(getattr(self, f), key) for key, f in self.json_keys.items()}
+        head = {"title": self.title, "caption": self.caption, "kind": self.kind}
+        return {**head, **values, **self._json_more()}
+
+    def _json_more(self) -> dict[str, Any]:
+        """Returns what :attr:`json_keys` cannot say; nothing by default."""
+        return {}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ErrorDistribution(Columns):
-    """Plot of the histogram and the cumulative share of error lengths, before and after.
-
-    Attributes:
-        before: (n,) m.
-        after: (n,) m.
-        title: Heading.
-        caption: One sentence.
-    """
-
-    before: Annotated[Array, Column("n", unit="m")]
-    after: Annotated[Array, Column("n", unit="m")]
-    title: str = "How the errors are distributed"
-    caption: str = ""
-
-    def _check_rules(self) -> None:
-        """Checks that there is a point."""
-        _require_points(self, len(self.before))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ErrorMap(Columns):
-    """Plot of error arrows at their places, before and after side by side.
-
-    Attributes:
-        position: (n, 3) m, where, in ``frame``.
-        before: (n, 3) m, actual minus commanded.
-        after: (n, 3) m.
-        plane: Which two axes are drawn.
-        magnification: Arrow length over error length; stated in the plot.
-        frame: Whose axes, for the labels.
-        title: Heading.
-        caption: One sentence.
-    """
-
-    position: Annotated[Array, Column("n 3", unit="m")]
-    before: Annotated[Array, Column("n 3", unit="m")]
-    after: Annotated[Array, Column("n 3", unit="m")]
-    plane: Plane = "xy"
-    magnification: float = 100.0
-    frame: str = "base"
-    title: str = "Where the errors point"
-    caption: str = ""
-
-    def _check_rules(self) -> None:
-        """Checks the plane, and that there is a point."""
-        _require_points(self, len(self.position))
-        if self.plane not in PLANES:
-            raise ShapeError(f"plane {self.plane!r}, expected one of {PLANES}.")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CoveragePlot(Columns):
-    """Plot of stated against observed probability: is the uncertainty honest?
-
-    Attributes:
-        stated: (k,) stated probability of the regions, 0 to 1.
-        observed: (k,) share of points inside them.
-        low: (k,) lower end of the interval of ``observed``.
-        high: (k,) upper end.
-        title: Heading.
-        caption: One sentence.
-    """
-
-    stated: Annotated[Array, Column("k")]
-    observed: Annotated[Array, Column("k")]
-    low: Annotated[Array, Column("k")]
-    high: Annotated[Array, Column("k")]
-    title: str = "Is the stated uncertainty honest?"
-    caption: str = ""
-
-    def _check_rules(self) -> None:
-        """Checks that there is a point."""
-        _require_points(self, len(self.stated))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HoleContour(Columns):
-    """Plot of a circular contour, deviations magnified, before and after.
-
-    Attributes:
-        radius: m, of the commanded circle.
-        angle: (n,) rad, of each point on it.
-        before: (n, 2) m, in-plane deviation of each point, actual minus commanded.
-        after: (n, 2) m.
-        magnification: Drawn over true deviation; stated in the plot.
-        limit: Tolerance in m, drawn (magnified too) as a band, None for none.
-        title: Heading.
-        caption: One sentence.
-    """
-
-    radius: float
-    angle: Annotated[Array, Column("n", unit="rad")]
-    before: Annotated[Array, Column("n 2", unit="m")]
-    after: Annotated[Array, Column("n 2", unit="m")]
-    magnification: float = 20.0
-    limit: float | None = None
-    title: str = "Contour of the hole"
-    caption: str = ""
-
-    def _check_rules(self) -> None:
-        """Checks the radius, and that there is a point."""
-        _require_points(self, len(self.angle))
-        if not (np.isfinite(self.radius) and self.radius > 0.0):
-            raise ShapeError(f"radius {self.radius} m, expected a positive length.")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PoseSeries(Columns):
-    """One curve against the number of poses.
-
-    Attributes:
-        label: Name in the legend.
-        count: (k,) numbers of poses, rising.
-        median: (k,) m; NaN where there is none.
-        low: (k,) m, lower quartile; empty without a band.
-        high: (k,) m, upper quartile; empty without a band.
-        coverage: (k,) share in the stated 95 % regions; empty if it was not measured.
-        role: ``ours`` is set off, ``peer`` is compared with, ``published`` are printed numbers of
-            others, drawn as marks.
-    """
-
-    label: str
-    count: Annotated[Array, Column("k")]
-    median: Annotated[Array, Column("k", unit="m", nan=True)]
-    low: Annotated[Array, Column("_", unit="m", nan=True)] = EMPTY
-    high: Annotated[Array, Column("_", unit="m", nan=True)] = EMPTY
-    coverage: Annotated[Array, Column("_", nan=True)] = EMPTY
-    role: Literal["ours", "peer", "published"] = "peer"
-
-    def _check_rules(self) -> None:
-        """Checks that bands and coverage are empty or have a value for each count."""
-        k = len(self.count)
-        sizes = [len(self.low), len(self.high), len(self.coverage)]
-        if not k or sizes[0] != sizes[1] or not set(sizes) <= {0, k}:
-            raise ShapeError(f"series {self.label!r}: no points, or half a band.")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PoseCurves:
-    """Plot of accuracy, and of coverage where measured, against the number of poses.
-
-    Attributes:
-        series: One curve each; bands are quartiles over repeats.
-        floor: m, what nothing can beat (noise of the check itself); None if it is not known.
-        axis_label: What is counted.
-        title: Heading.
-        caption: One sentence.
-    """
-
-    series: tuple[PoseSeries, ...]
-    floor: float | None = None
-    axis_label: str = "poses"
-    title: str = "Accuracy against the number of poses"
-    caption: str = ""
-
-    def __post_init__(self) -> None:
-        """Checks that there is something to draw."""
-        if not any(np.isfinite(s.median).any() for s in self.series):
-            raise ShapeError("pose curves: no finite value in any series.")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MapSlices(Columns):
-    """Plot of quantities over slices of a region: one row a quantity, one column a slice.
-
-    Attributes:
-        quantities: Name of each row.
-        slices: Name of each column.
-        values: (rows, columns, k, l) m; NaN is drawn as a gap.
-        signed: Per row, whether its values have a sign (error along an axis).
-        across: (l,) grid values along the horizontal axis, in the unit of its label.
-        up: (k,) grid values along the vertical axis.
-        across_label: Label with unit.
-        up_label: Label with unit.
-        title: Heading.
-        caption: One sentence.
-    """
-
-    quantities: Annotated[tuple[str, ...], Column("rows")]
-    slices: Annotated[tuple[str, ...], Column("columns")]
-    values: Annotated[Array, Column("rows columns k l", unit="m", nan=True)]
-    signed: Annotated[tuple[bool, ...], Column("rows")]
-    across: Annotated[Array, Column("l")]
-    up: Annotated[Array, Column("k")]
-    across_label: str
-    up_label: str
-    title: str = "Predicted error over the region"
-    caption: str = ""
-
-    def _check_rules(self) -> None:
-        """Checks that there is something to draw."""
-        if not np.isfinite(self.values).any():
-            raise ShapeError("map slices: no finite value.")
-
-
-Block: TypeAlias = (
-    Table
-    | PointErrors
-    | ErrorDistribution
-    | ErrorMap
-    | CoveragePlot
-    | HoleContour
-    | PoseCurves
-    | TiltPlot
-    | MapSlices
-    | PartMap
-    | BudgetPlot
-    | UncertaintyMap
-)
+Block: TypeAlias = Table | Plot
 """Anything that can stand in a section, in reading order."""
 
 
@@ -425,6 +254,23 @@ class ReportContent:
     lang: Lang = "en"
 
 
-def _require_points(owner: object, count: int) -> None:
-    if not count:
-        raise ShapeError(f"{type(owner).__name__}: no points.")
+def finite_or_none(value: float | None) -> float | None:
+    """Returns the value, or None (null in JSON) where there is none or it is not finite."""
+    return None if value is None or not math.isfinite(value) else value
+
+
+def nullable(values: Array) -> Any:
+    """Returns nested lists, rounded, with None where a value does not exist."""
+    if values.ndim > 1:
+        return [nullable(part) for part in values]
+    return [finite_or_none(round(float(value), 7)) for value in values]
+
+
+def _shop_value(value: Any, key: str) -> Any:
+    """Returns a value in the unit that ends its key, as JSON."""
+    unit, digits = _UNITS.get(key.rpartition("_")[2], (1.0, None))
+    if isinstance(value, np.ndarray):
+        return (value if digits is None else np.round(value / unit, digits)).tolist()
+    if isinstance(value, tuple):
+        return list(value)
+    return value / unit if isinstance(value, float) else value

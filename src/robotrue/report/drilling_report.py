@@ -18,7 +18,7 @@ from robotrue.report.content import (
     Tile,
     Verdict,
 )
-from robotrue.report.tilt_plot import TiltPlot
+from robotrue.report.curve_plots import TiltPlot
 from robotrue.report.words import ENGLISH, Lang, Words
 
 

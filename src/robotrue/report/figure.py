@@ -8,13 +8,12 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Callable
+from dataclasses import dataclass
 from html import escape
 from typing import Any, Final
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
@@ -30,6 +29,10 @@ CAUTION: Final = LIGHT["caution"]
 GOOD: Final = LIGHT["good"]
 BAD: Final = LIGHT["bad"]
 CARD: Final = LIGHT["card"]
+PAGE_WIDTH: Final = 10.0
+"""Inches a page gives a drawing."""
+TITLE_HEIGHT: Final = 0.4
+"""Inches a picture's title takes."""
 
 _SETTINGS: Final[dict[Any, Any]] = {
     "svg.fonttype": "none",  # text stays text: searchable, in the page's font
@@ -64,31 +67,41 @@ _NUMBER = re.compile(r"\d+\.\d{3,}")
 _GEOMETRY = re.compile(r' (?:d|x|y|points|transform)="[^"]*"')
 
 
-def inline_svg(
-    draw: Callable[[list[Axes]], None],
-    *,
-    key: str,
-    label: str,
-    width: float = 10.0,
-    height: float = 3.6,
-    panels: int = 1,
-    rows: int = 1,
-) -> str:
-    """Returns an ``<svg>`` element, without any address of another host.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drawing:
+    """A picture before it has a format.
 
-    Args:
+    Attributes:
         draw: Draws on the given axes, left to right, row by row.
-        key: Prefix that keeps the ids of several plots on one page apart.
-        label: What the plot shows, for screen readers.
-        width: Inches at the page's full width.
+        width: Inches of a picture of its own; a page gives each the same width.
         height: Inches.
         panels: Number of axes side by side.
         rows: Number of such rows.
     """
-    with mpl.rc_context(_SETTINGS):
+
+    draw: Callable[[list[Axes]], None]
+    width: float = PAGE_WIDTH
+    height: float = 3.6
+    panels: int = 1
+    rows: int = 1
+
+    def figure(self, width: float, height: float) -> Figure:
+        """Returns the drawn figure of a size in inches."""
         figure = Figure(figsize=(width, height), layout="constrained")
-        FigureCanvasSVG(figure)
-        draw(list(figure.subplots(rows, panels, squeeze=False).ravel()))
+        self.draw(list(figure.subplots(self.rows, self.panels, squeeze=False).ravel()))
+        return figure
+
+
+def inline_svg(drawing: Drawing, *, key: str, label: str) -> str:
+    """Returns an ``<svg>`` element, without any address of another host.
+
+    Args:
+        drawing: What to draw.
+        key: Prefix that keeps the ids of several plots on one page apart.
+        label: What the plot shows, for screen readers.
+    """
+    with mpl.rc_context(_SETTINGS):
+        figure = drawing.figure(PAGE_WIDTH, drawing.height)
         wide = _stand_ins(figure)
         stream = io.StringIO()
         figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
@@ -134,29 +147,10 @@ def _stand_ins(figure: Figure) -> dict[str, str]:
     return meant
 
 
-def png(
-    draw: Callable[[list[Axes]], None],
-    *,
-    width: float = 10.0,
-    height: float = 3.6,
-    panels: int = 1,
-    rows: int = 1,
-    title: str = "",
-) -> bytes:
-    """Returns the same drawing as a PNG picture in the light palette, 150 dots per inch.
-
-    Args:
-        draw: As of :func:`inline_svg`.
-        width: Inches.
-        height: Inches.
-        panels: Number of axes side by side.
-        rows: Number of such rows.
-        title: Line above all axes.
-    """
+def png(drawing: Drawing, *, title: str = "") -> bytes:
+    """Returns a PNG picture in the light palette, 150 dots per inch, with a line above all axes."""
     with mpl.rc_context(_SETTINGS | {"savefig.facecolor": CARD}):
-        figure = Figure(figsize=(width, height), layout="constrained")
-        FigureCanvasAgg(figure)
-        draw(list(figure.subplots(rows, panels, squeeze=False).ravel()))
+        figure = drawing.figure(drawing.width, drawing.height + (TITLE_HEIGHT if title else 0.0))
         if title:
             figure.suptitle(title, x=0.01, ha="left", color=INK, fontsize=13.0)
         stream = io.BytesIO()

@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from robotrue.core.files import sha256
-from robotrue.report.blocks import block_document, finite_or_none
-from robotrue.report.content import Fact, ReportContent
+from robotrue.report.content import Fact, ReportContent, finite_or_none
 
 HASH: Final = "content_sha256"
 
@@ -71,7 +70,7 @@ def report_document(content: ReportContent) -> Mapping[str, Any]:
             {
                 "title": section.title,
                 "text": section.text,
-                "blocks": [block_document(block) for block in section.blocks],
+                "blocks": [block.json_block() for block in section.blocks],
             }
             for section in content.sections
         ],

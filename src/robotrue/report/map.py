@@ -10,7 +10,6 @@ from robotrue.core.units import DEG, MM
 from robotrue.report.content import (
     Cell,
     Fact,
-    MapSlices,
     ReportContent,
     Section,
     Table,
@@ -18,6 +17,7 @@ from robotrue.report.content import (
     Tile,
     Verdict,
 )
+from robotrue.report.map_plots import MapSlices
 from robotrue.validation.error_map import SectorSimilarity, WorkspaceMap
 
 MOST_SLICES = 5

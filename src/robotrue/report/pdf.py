@@ -10,13 +10,10 @@ import re
 from importlib.resources import files
 from typing import Any, Final
 
-from robotrue.core.provenance import simulation_mark
 from robotrue.errors import ConfigurationError, MissingExtraError
-from robotrue.report.blocks import draw_block
-from robotrue.report.content import Block, ReportContent, Table
+from robotrue.report.content import ReportContent
 from robotrue.report.figure import standalone_svg
-from robotrue.report.json import content_sha256
-from robotrue.report.page import WIDE, cell_text, is_words
+from robotrue.report.page import page_document
 from robotrue.report.theme import LIGHT
 from robotrue.report.words import HTML_LANG, Lang, Words
 
@@ -95,80 +92,15 @@ def _typst() -> Any:
 
 
 def _document(content: ReportContent, fonts: tuple[str, ...]) -> dict[str, Any]:
-    """What the template prints, every number already in words."""
-    words = Words(lang=content.lang)
-    footer = words("page.footer")
-    footer += simulation_mark(content.simulated, f" {words('page.footer_simulated')}")
-    return {
+    """What the template prints: the document of the page, its drawings as files of their own."""
+    document = page_document(content)
+    for section in document["sections"]:
+        for block in section["blocks"]:
+            if block["svg"]:
+                block["svg"] = standalone_svg(block["svg"], ", ".join(fonts))
+    return document | {
         "lang": HTML_LANG[content.lang][:2],
         "fonts": list(fonts),
         "colours": LIGHT,
-        "title": content.title,
-        "subtitle": content.subtitle,
-        "simulated": simulation_mark(content.simulated, words("page.simulated")),
-        "verdict": {
-            "text": content.verdict.text,
-            "detail": content.verdict.detail,
-            "colour": "after" if content.verdict.tone == "plain" else content.verdict.tone,
-        },
-        "tiles": [
-            {
-                "label": tile.label,
-                "value": f"{tile.value:.{tile.digits}f}",
-                "unit": tile.unit,
-                "before": ""
-                if tile.before is None
-                else words(
-                    "page.before", value=f"{tile.before:.{tile.digits}f} {tile.unit}".strip()
-                ),
-                "note": tile.note,
-                "colour": "ink" if tile.tone == "plain" else tile.tone,
-            }
-            for tile in content.tiles
-        ],
-        "sections": [
-            {
-                "title": section.title,
-                "text": section.text,
-                "blocks": [
-                    _block(block, f"s{i}b{k}", words, fonts)
-                    for k, block in enumerate(section.blocks)
-                ],
-            }
-            for i, section in enumerate(content.sections)
-        ],
-        "lists": [
-            {"title": title, "items": list(items)}
-            for title, items in (
-                (words("page.unseen"), content.unseen),
-                (words("page.doubts"), content.doubts),
-            )
-            if items
-        ],
-        "provenance": {
-            "title": words("page.provenance"),
-            "facts": [[fact.name, fact.value] for fact in content.provenance],
-        },
-        "footer": footer,
-        "hash": words("page.hash", hash=content_sha256(content)),
-        "number": words("page.number", page="@", pages="#"),
-    }
-
-
-def _block(block: Block, key: str, words: Words, fonts: tuple[str, ...]) -> dict[str, Any]:
-    head: dict[str, Any] = {"title": block.title, "caption": block.caption, "svg": "", "table": []}
-    if not isinstance(block, Table):
-        return head | {"svg": standalone_svg(draw_block(block, key, words), ", ".join(fonts))}
-    wordy = [is_words(block, index) for index in range(len(block.columns))]
-    return head | {
-        "columns": [
-            {"title": column.title, "unit": column.unit, "words": left}
-            for column, left in zip(block.columns, wordy, strict=True)
-        ],
-        "table": [
-            [cell_text(cell, column) for cell, column in zip(row, block.columns, strict=True)]
-            for row in block.rows
-        ],
-        "highlight": -1 if block.highlight is None else block.highlight,
-        "wide": len(block.columns) > WIDE,
+        "number": Words(lang=content.lang)("page.number", page="@", pages="#"),
     }

@@ -13,16 +13,8 @@ from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import MM
 from robotrue.errors import ModelMismatchError
 from robotrue.report.calibration_report import column, statistics_table, versions
-from robotrue.report.content import (
-    Cell,
-    Fact,
-    PointErrors,
-    ReportContent,
-    Section,
-    Table,
-    Tile,
-    Verdict,
-)
+from robotrue.report.content import Cell, Fact, ReportContent, Section, Table, Tile, Verdict
+from robotrue.report.plots import PointErrors
 from robotrue.report.words import ENGLISH, Lang, Words
 from robotrue.validation.conformity import Conformity, all_conform, conformity, to_judge
 from robotrue.validation.error_map import radius_95

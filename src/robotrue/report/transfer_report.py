@@ -11,7 +11,6 @@ from robotrue.report.calibration_report import contest_section
 from robotrue.report.content import (
     Cell,
     Fact,
-    PoseCurves,
     ReportContent,
     Section,
     Table,
@@ -20,7 +19,7 @@ from robotrue.report.content import (
     Tone,
 )
 from robotrue.report.content import Verdict as Line
-from robotrue.report.transfer_curve import curves_of
+from robotrue.report.curve_plots import PoseCurves, PoseSeries
 from robotrue.validation.contest import CandidateScore, Selection
 from robotrue.validation.guard import GuardVerdict
 from robotrue.validation.learning_curve import LearningCurve
@@ -147,3 +146,29 @@ def _curve_section(curve: LearningCurve, winner: str) -> Section:
         highlight=curve.names.index(winner) if winner in curve.names else None,
     )
     return Section(title="How many target poses it takes", blocks=(plot, table))
+
+
+def curves_of(curve: LearningCurve, winner: str, *, title: str, caption: str = "") -> PoseCurves:
+    """Returns the plot of a learning curve: medians, quartiles over repeats, coverage."""
+    low, median, high = curve.quartiles()
+    inside = np.full(median.shape, np.nan)
+    known = np.isfinite(median)
+    inside[known] = np.nanmedian(curve.coverage[known], axis=1)
+    return PoseCurves(
+        series=tuple(
+            PoseSeries(
+                label=name,
+                count=curve.counts.astype(np.float64),
+                median=median[c],
+                low=low[c],
+                high=high[c],
+                coverage=inside[c],
+                role="ours" if name == winner else "peer",
+            )
+            for c, name in enumerate(curve.names)
+        ),
+        floor=curve.floor,
+        axis_label="target poses",
+        title=title,
+        caption=caption,
+    )

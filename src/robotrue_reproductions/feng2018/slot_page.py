@@ -5,18 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from robotrue.core.units import MM
-from robotrue.report.content import (
-    ErrorMap,
-    Fact,
-    PointErrors,
-    ReportContent,
-    Section,
-    Table,
-    TableColumn,
-    Tile,
-    Verdict,
-)
+from robotrue.report.content import Fact, ReportContent, Section, Table, TableColumn, Tile, Verdict
 from robotrue.report.page import report_html
+from robotrue.report.plots import ErrorMap, PointErrors
 from robotrue_reproductions.feng2018.slot_experiment import CHECKED
 from robotrue_reproductions.feng2018.slot_trial import SlotTrial
 

@@ -217,10 +217,8 @@ def _write(result: Mapped, model: ErrorModel, path: Path) -> None:
 
     suffix, error_map = result.output.suffix.lower(), result.error_map
     if suffix == ".png":
-        from robotrue.report.map_figure import slices_png
-
         title = marked(result.title, result.provenance)
-        data = slices_png(map_slices(error_map, title=title))
+        data = map_slices(error_map, title=title).png()
     elif suffix == ".csv":
         data = (mark_line(result.provenance) + map_table(error_map)).encode()
     else:

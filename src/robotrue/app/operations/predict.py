@@ -15,7 +15,7 @@ from robotrue.app.request_fields import CalibratedModel, Columns
 from robotrue.core.provenance import Provenance
 
 if TYPE_CHECKING:
-    from robotrue.measurement.queries import QueryTable
+    from robotrue.measurement.formats.measured_files import QueryTable
     from robotrue.robot.statics import Load
     from robotrue.store.model_file import ModelFile
 
@@ -87,8 +87,8 @@ def run(request: PredictRequest, context: Context) -> Predictions:
     from robotrue.core.provenance import mark_line
     from robotrue.core.units import MM
     from robotrue.errors import ModelMismatchError
-    from robotrue.measurement.formats.mapping_file import read_mapping
-    from robotrue.measurement.queries import read_queries
+    from robotrue.measurement.formats.mapping import read_mapping
+    from robotrue.measurement.formats.measured_files import read_queries
 
     stored = context.model(request.model)
     layout = None if request.mapping is None else read_mapping(request.mapping)

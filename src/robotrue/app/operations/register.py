@@ -134,7 +134,7 @@ def run(request: RegisterRequest, context: Context) -> Registered:
     from robotrue.app.registered_cell_file import model_file_of, registered_cell, relative_name
     from robotrue.calibration.nominal import NominalModel
     from robotrue.core.files import write_atomic
-    from robotrue.measurement.formats.points import read_points
+    from robotrue.measurement.formats.part_points import read_points
     from robotrue.program.controller_frames import controller_frame
     from robotrue.store.model_file import write_model
     from robotrue.validation.part_registration import register

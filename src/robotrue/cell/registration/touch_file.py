@@ -11,8 +11,7 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.columns import Column, Columns
 from robotrue.core.units import MM
-from robotrue.errors import FormatError
-from robotrue.measurement.formats.sheet import Sheet, column_key, finite_number, read_sheet
+from robotrue.measurement.formats.sheet_file import read_sheet
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,15 +72,8 @@ def read_touches(path: str | Path, columns: TouchColumns | None = None) -> Touch
     """
     wanted = TouchColumns() if columns is None else columns
     sheet = read_sheet(path)
-    name, *axes = (_column(sheet, column) for column in (wanted.name, *wanted.position))
-    names = tuple(row[name] for row in sheet.cells)
-    values = np.array(
-        [
-            [finite_number(sheet, row, axis, of=names[row]) for axis in axes]
-            for row in range(len(names))
-        ]
-    )
-    return TouchedPoints(names=names, position=values * wanted.unit)
+    position = sheet.numbers(wanted.position, named_by=wanted.name) * wanted.unit
+    return TouchedPoints(names=sheet.words(wanted.name), position=position)
 
 
 def mean_touches(touches: TouchedPoints) -> MeanTouches:
@@ -100,15 +92,3 @@ def mean_touches(touches: TouchedPoints) -> MeanTouches:
         count=count,
         scatter=np.sqrt(square / spare) if spare else np.full(3, np.nan),
     )
-
-
-def _column(sheet: Sheet, name: str) -> int:
-    keys = [column_key(header) for header in sheet.header]
-    if column_key(name) not in keys:
-        raise FormatError(
-            f"no column {name!r}; the file has {', '.join(sheet.header)}.",
-            source=sheet.source,
-            line=sheet.header_line,
-            hint="state which columns hold the name and x, y, z.",
-        )
-    return keys.index(column_key(name))

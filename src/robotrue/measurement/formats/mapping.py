@@ -1,12 +1,19 @@
-"""Which column of a file holds what: the whole difference between one instrument and another."""
+"""Which column of a file holds what: the whole difference between one instrument and another.
+
+A mapping is a TOML file of the fields of :class:`ColumnMapping`: the user's own, or one of the
+known layouts in the folder ``layouts``, which are named by their files.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from functools import cache
+from pathlib import Path
 from types import MappingProxyType
-from typing import Final, Literal, TypeAlias
+from typing import Any, Final, Literal, TypeAlias, get_args
 
+from robotrue.core.toml_text import read_toml
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.measurement_set import MeasurementFrame
@@ -134,17 +141,10 @@ class ColumnMapping:
         """
         object.__setattr__(self, "constants", MappingProxyType(dict(self.constants)))
         dof = len(self.joints)
-        quaternion = self.rotation_form in ("wxyz", "xyzw")
-        wanted = dict.fromkeys(GROUPS, 3) | {
-            "joints": dof,
-            "approach": dof,
-            "rotation": 4 if quaternion else 3,
-            **dict.fromkeys(("temperature", "payload_mass", "target", "station", "set_name"), 1),
-        }
         if dof == 0:
             raise ConfigurationError(f"mapping {self.name!r} names no joint columns.")
-        for group, count in wanted.items():
-            have = len(getattr(self, group))
+        for group in GROUPS:
+            have, count = len(getattr(self, group)), self.count(group)
             if have not in (0, count):
                 raise ConfigurationError(
                     f"mapping {self.name!r}: {group} names {have} columns, expected {count}."
@@ -158,15 +158,14 @@ class ColumnMapping:
         self._check_words()
 
     def _check_words(self) -> None:
-        allowed: dict[str, tuple[str | None, ...]] = {
-            "joints_unit": tuple(ANGLE),
-            "rotation_unit": tuple(ANGLE),
-            "position_unit": tuple(LENGTH),
-            "rotation_form": ("rz_ry_rx", "rx_ry_rz", "rotation_vector", "wxyz", "xyzw"),
-            "frame": ("base", "tracker"),
-            "decimal": (None, ".", ","),
-        }
-        for name, words in allowed.items():
+        for name, words in (
+            ("joints_unit", get_args(AngleUnit)),
+            ("rotation_unit", get_args(AngleUnit)),
+            ("position_unit", get_args(LengthUnit)),
+            ("rotation_form", get_args(RotationForm)),
+            ("frame", get_args(MeasurementFrame)),
+            ("decimal", (None, ".", ",")),
+        ):
             if getattr(self, name) not in words:
                 raise ConfigurationError(
                     f"mapping {self.name!r}: {name} is {getattr(self, name)!r}, "
@@ -175,6 +174,14 @@ class ColumnMapping:
         for group in self.optional:
             if group not in GROUPS:
                 raise ConfigurationError(f"mapping {self.name!r}: no group {group!r} to leave out.")
+
+    def count(self, group: str) -> int:
+        """Returns how many columns a group has where it is there."""
+        if group in ("joints", "approach"):
+            return len(self.joints)
+        if group in ("temperature", "payload_mass", "target", "station", "set_name"):
+            return 1
+        return 4 if group == "rotation" and self.rotation_form in ("wxyz", "xyzw") else 3
 
     def columns(self, *, required_only: bool = False) -> tuple[str, ...]:
         """Returns the names of the columns the mapping speaks of, without the constant ones."""
@@ -185,3 +192,46 @@ class ColumnMapping:
             for name in getattr(self, group)
             if name not in self.constants
         )
+
+
+def read_mapping(path: Path) -> ColumnMapping:
+    """Returns a column mapping written as TOML: the fields of ``ColumnMapping``, nothing else.
+
+    Raises:
+        ConfigurationError: Not TOML, an unknown field or a value it cannot take.
+        FormatError: The file cannot be read.
+    """
+    stated, _ = read_toml(path, example="the guide on importing a tracker file")
+    return build_mapping({"name": path.stem} | stated, path)
+
+
+def build_mapping(stated: Mapping[str, object], source: Path | None = None) -> ColumnMapping:
+    """Returns a column mapping from its fields by name, as TOML or JSON has them.
+
+    Raises:
+        ConfigurationError: An unknown field or a value it cannot take.
+    """
+    known = sorted(field.name for field in fields(ColumnMapping))
+    unknown = sorted(set(stated) - set(known))
+    if unknown:
+        raise ConfigurationError(
+            f"unknown key {unknown[0]!r} in a column mapping; known are {', '.join(known)}.",
+            source=source,
+        )
+    values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in stated.items()}
+    try:
+        return ColumnMapping(**values)
+    except TypeError as cause:
+        raise ConfigurationError(f"column mapping: {cause}.", source=source) from cause
+
+
+@cache
+def read_layouts() -> Mapping[str, ColumnMapping]:
+    """Returns the known layouts by name; the one that asks for more columns comes first.
+
+    It is the more certain match. The canonical layout depends on the number of joints and is not
+    among them.
+    """
+    files = sorted(Path(__file__).with_name("layouts").glob("*.toml"))
+    layouts = sorted(map(read_mapping, files), key=lambda layout: -len(layout.columns()))
+    return MappingProxyType({layout.name: layout for layout in layouts})

@@ -7,16 +7,12 @@ slot). Rows of one slot are places along it.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.units import MM
-from robotrue.errors import FormatError
-from robotrue.measurement.formats.sheet import column_key, finite_number, read_sheet
-
-COLUMNS: Final = ("slot", "step_mm")
+from robotrue.measurement.formats.sheet_file import read_sheet
 
 
 def read_slot_steps(path: str | Path) -> tuple[tuple[str, ...], Array]:
@@ -26,27 +22,12 @@ def read_slot_steps(path: str | Path) -> tuple[tuple[str, ...], Array]:
         FormatError: A column is missing or unknown, a cell is blank or no finite number.
     """
     sheet = read_sheet(path)
-    keys = {column_key(name): i for i, name in enumerate(sheet.header)}
-    missing = [name for name in COLUMNS if name not in keys]
-    strange = [name for name in keys if name not in COLUMNS]
-    if missing or strange:
-        raise FormatError(
-            f"columns {', '.join(sheet.header)}; "
-            + (f"missing: {', '.join(missing)}" if missing else f"unknown: {', '.join(strange)}")
-            + ".",
-            source=sheet.source,
-            line=sheet.header_line,
-            hint="slot,step_mm with one row for each place that was measured.",
-        )
-    steps: dict[str, list[float]] = {}
-    for row, line in enumerate(sheet.lines):
-        name = sheet.cells[row][keys["slot"]]
-        if not name:
-            raise FormatError("slot is blank, expected a name.", source=sheet.source, line=line)
-        steps.setdefault(name, []).append(finite_number(sheet, row, keys["step_mm"]))
-    if not steps:
-        raise FormatError("no rows.", source=sheet.source, hint="one row for each place.")
-    out = np.full((len(steps), max(len(v) for v in steps.values())), np.nan)
-    for k, values in enumerate(steps.values()):
-        out[k, : len(values)] = values
-    return tuple(steps), out * MM
+    example = "slot,step_mm with one row for each place that was measured."
+    sheet.check_columns((("slot", "step_mm"),), (), example)
+    words, values = sheet.words("slot"), sheet.numbers(("step_mm",))[:, 0] * MM
+    slots = tuple(dict.fromkeys(words))
+    rows = [values[[word == slot for word in words]] for slot in slots]
+    steps = np.full((len(slots), max(map(len, rows))), np.nan)
+    for k, row in enumerate(rows):
+        steps[k, : len(row)] = row
+    return slots, steps

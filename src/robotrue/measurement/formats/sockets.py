@@ -20,7 +20,7 @@ from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.columns import Column, Columns
 from robotrue.core.files import sha256
 from robotrue.errors import ConfigurationError, FormatError, ImplausibleDataError, ShapeError
-from robotrue.measurement.formats.sheet import read_sheet
+from robotrue.measurement.formats.sheet_file import read_sheet
 from robotrue.measurement.probing_set import KnownDistance, ProbingSet
 
 FILES: Final = "hole_[0-9].csv"
@@ -108,7 +108,7 @@ def read_sockets(
 def _read(path: Path) -> tuple[Array, IntArray, str]:
     """Joints (n, dof) rad, line numbers (n,) and the file's hash."""
     sheet = read_sheet(path, delimiter=",", decimal=".", header=False)
-    joints = np.array([[_number(cell) for cell in row] for row in sheet.cells])
+    joints = np.stack([sheet.parse(name) for name in sheet.header], axis=1)
     for row, column in np.argwhere(~np.isfinite(joints)).tolist():
         raise FormatError(
             f"joint {column + 1} is {sheet.cells[row][column]!r}, expected a finite number (rad).",
@@ -125,13 +125,6 @@ def _read(path: Path) -> tuple[Array, IntArray, str]:
             hint="convert from degrees.",
         )
     return joints, np.array(sheet.lines, dtype=np.int64), sheet.digest
-
-
-def _number(cell: str) -> float:
-    try:
-        return float(cell)
-    except ValueError:
-        return float("nan")
 
 
 def _spacings(

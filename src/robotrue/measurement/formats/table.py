@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from robotrue.core.arrays import Array
+from robotrue.core.arrays import Array, IntArray
 from robotrue.core.rotations import (
     matrix_from_abc,
     matrix_from_intrinsic_xyz,
@@ -16,7 +15,6 @@ from robotrue.core.rotations import (
     matrix_from_rotation_vector,
 )
 from robotrue.errors import FormatError
-from robotrue.measurement.formats.canonical import unknown_column
 from robotrue.measurement.formats.mapping import ANGLE, GROUPS, LENGTH, ColumnMapping
 from robotrue.measurement.formats.sheet import Sheet, column_key
 from robotrue.measurement.measurement_set import MeasurementFrame, MeasurementSet
@@ -35,108 +33,74 @@ class MappedSheet:
     def __init__(self, sheet: Sheet, mapping: ColumnMapping) -> None:
         self.sheet = sheet
         self.mapping = mapping
-        self._index = {column_key(name): i for i, name in enumerate(sheet.header)}
-        self._constants: Mapping[str, float] = {
-            column_key(name): value for name, value in mapping.constants.items()
-        }
+        self._constants = {column_key(name): value for name, value in mapping.constants.items()}
         for group in GROUPS:
-            self._check_group(group)
+            names = getattr(mapping, group)
+            missing = [name for name in names if not self._has(name)]
+            whole = group not in mapping.optional or len(missing) < len(names)
+            if missing and whole:
+                hint = f"name the columns in a mapping (layout here: {mapping.name!r})."
+                raise sheet.lacking_columns(missing, hint)
         if not mapping.ignore_other:
-            self._refuse_others()
+            sheet.refuse_others(mapping.columns())
 
     def __len__(self) -> int:
-        return len(self.sheet.cells)
+        return len(self.sheet)
 
     def _has(self, name: str) -> bool:
-        return column_key(name) in self._index or column_key(name) in self._constants
-
-    def _check_group(self, group: str) -> None:
-        names = getattr(self.mapping, group)
-        missing = [name for name in names if not self._has(name)]
-        if not missing or (group in self.mapping.optional and len(missing) == len(names)):
-            return
-        raise FormatError(
-            f"no column {', '.join(repr(name) for name in missing)}; the file has "
-            f"{', '.join(self.sheet.header)}.",
-            source=self.sheet.source,
-            line=self.sheet.header_line,
-            hint=f"name the columns in a mapping (layout here: {self.mapping.name!r}).",
-        )
-
-    def _refuse_others(self) -> None:
-        known = {column_key(name) for name in self.mapping.columns()}
-        for name in self.sheet.header:
-            if column_key(name) not in known:
-                raise unknown_column(name, self.mapping.columns(), self.sheet)
+        return self.sheet.has(name) or column_key(name) in self._constants
 
     def present(self, group: str) -> bool:
         """Returns True if the file (or a constant) has the group."""
         names = getattr(self.mapping, group)
         return bool(names) and all(self._has(name) for name in names)
 
-    def numbers(self, group: str) -> Array:
-        """Returns the group's columns (n, k) in the file's units, every value finite."""
-        return np.stack([self._column(name) for name in getattr(self.mapping, group)], axis=1)
+    def numbers(self, group: str, *, absent: float | None = None) -> Array:
+        """Returns the group's columns (n, k) in the file's units, every value finite.
 
-    def whole(self, group: str) -> npt.NDArray[np.int64]:
-        """Returns a column of whole numbers from 0 (n,)."""
-        (name,) = getattr(self.mapping, group)
-        values = self._column(name)
-        bad = np.flatnonzero((values != np.round(values)) | (values < 0))
-        if bad.size:
-            raise self.fault(
-                int(bad[0]), name, f"{values[bad[0]]:g}, expected a number 0, 1, 2 ..."
-            )
+        Args:
+            group: A field of the mapping.
+            absent: What all values are where the file has no such columns; None: they are there.
+        """
+        names = getattr(self.mapping, group)
+        if absent is not None and not self.present(group):
+            return np.full((len(self), self.mapping.count(group)), absent)
+        return np.stack([self._column(name) for name in names], axis=1)
+
+    def whole(self, group: str) -> IntArray:
+        """Returns a column of whole numbers from 0 (n,); zeros where the file has none."""
+        values = self.numbers(group, absent=0.0)[:, 0]
+        bad = (values != np.round(values)) | (values < 0)
+        self.check(group, values[:, None], bad, "a number 0, 1, 2 ...")
         return values.astype(np.int64)
 
-    def words(self, group: str) -> tuple[str, ...]:
-        """Returns a column of text (n,)."""
-        (name,) = getattr(self.mapping, group)
-        index = self._index[column_key(name)]
-        column = tuple(row[index] for row in self.sheet.cells)
-        for i, word in enumerate(column):
-            if not word:
-                raise self.fault(i, name, "blank, expected a name")
-        return column
-
     def _column(self, name: str) -> Array:
-        key = column_key(name)
-        if key not in self._index:
-            return np.full(len(self), self._constants[key])
-        index = self._index[key]
-        cells = [row[index] for row in self.sheet.cells]
-        plain = cells
-        if self.sheet.decimal == ",":
-            plain = [cell.replace(",", ".") for cell in cells]
-        try:
-            values = np.array([float(cell) for cell in plain])
-        except ValueError:
-            values = np.array([_number(cell) for cell in plain])
-        bad = ~np.isfinite(values)
-        for i, cell in enumerate(cells):
-            mixed = "." in cell if self.sheet.decimal == "," else "," in cell
-            if bad[i] or mixed or "_" in cell:
-                raise self.fault(i, name, _complaint(cell, self.sheet.decimal))
+        if not self.sheet.has(name):
+            return np.full(len(self), self._constants[column_key(name)])
+        values = self.sheet.parse(name)
+        for row in np.flatnonzero(~np.isfinite(values)).tolist():
+            cell = self.sheet.column(name)[row]
+            raise self.fault(row, name, _describe_cell(cell, self.sheet.decimal))
         return values
+
+    def check(self, group: str, values: Array, bad: npt.ArrayLike, expected: str) -> None:
+        """Passes if no value (n, k) of a group is bad (n, k).
+
+        Raises:
+            FormatError: The first that is, with what is expected.
+        """
+        for row, k in np.argwhere(np.reshape(bad, values.shape)).tolist():
+            name = getattr(self.mapping, group)[k]
+            raise self.fault(row, name, f"{values[row, k]:g}, expected {expected}")
 
     def fault(self, row: int, name: str, what: str) -> FormatError:
         """Returns the error for one cell: file, line, column and what is there."""
-        return FormatError(
-            f"column {name!r} is {what}.",
-            source=self.sheet.source,
-            line=self.sheet.lines[row],
-            hint="correct or delete that row.",
+        return self.sheet.fault(
+            f"column {name!r} is {what}.", "correct or delete that row.", row=row
         )
 
 
-def _number(cell: str) -> float:
-    try:
-        return float(cell)
-    except ValueError:
-        return float("nan")
-
-
-def _complaint(cell: str, decimal: str) -> str:
+def _describe_cell(cell: str, decimal: str) -> str:
     if not cell:
         return "blank, expected a number"
     if "," in cell or "." in cell:
@@ -167,7 +131,6 @@ def read_table(
     position = _position(columns)
     rotation, rotation_covariance = _rotation(columns)
     group, names = _sets(columns)
-    n = len(columns)
     return MeasurementSet(
         joints=joint_columns(columns),
         position=position,
@@ -177,15 +140,11 @@ def read_table(
         rotation_covariance=rotation_covariance,
         wrench=wrench_columns(columns),
         payload_mass=payload_column(columns),
-        payload_com=columns.numbers("payload_com") * LENGTH[mapping.position_unit]
-        if columns.present("payload_com")
-        else np.full((n, 3), np.nan),
+        payload_com=columns.numbers("payload_com", absent=np.nan) * LENGTH[mapping.position_unit],
         approach=approach_columns(columns),
-        temperature=columns.numbers("temperature")[:, 0] + _ZERO_CELSIUS
-        if columns.present("temperature")
-        else np.full(n, np.nan),
-        target=_numbers_or_zero(columns, "target"),
-        station=_numbers_or_zero(columns, "station"),
+        temperature=columns.numbers("temperature", absent=np.nan)[:, 0] + _ZERO_CELSIUS,
+        target=columns.whole("target"),
+        station=columns.whole("station"),
         group=group,
         group_names=names,
         source_row=np.array(sheet.lines),
@@ -207,33 +166,20 @@ def joint_columns(columns: MappedSheet) -> Array:
 
 def wrench_columns(columns: MappedSheet) -> Array:
     """Returns the wrench (n, 6) N, N m; zero where the file has none."""
-    out = np.zeros((len(columns), 6))
-    for group, part in (("force", slice(0, 3)), ("moment", slice(3, 6))):
-        if columns.present(group):
-            out[:, part] = columns.numbers(group)
-    return out
+    return np.hstack([columns.numbers(group, absent=0.0) for group in ("force", "moment")])
 
 
 def payload_column(columns: MappedSheet) -> Array:
     """Returns the payload (n,) kg; NaN ("the cell's") where the file has none."""
-    if not columns.present("payload_mass"):
-        return np.full(len(columns), np.nan)
-    values: Array = columns.numbers("payload_mass")[:, 0]
-    _positive(columns, "payload_mass", values[:, None], zero=True)
-    return values
+    values = columns.numbers("payload_mass", absent=np.nan)
+    columns.check("payload_mass", values, values < 0.0, "0 or more")
+    return values[:, 0]
 
 
 def approach_columns(columns: MappedSheet) -> Array:
     """Returns the approach signs (n, dof); zero (unknown) where the file has none."""
-    if not columns.present("approach"):
-        return np.zeros((len(columns), len(columns.mapping.joints)))
-    values = columns.numbers("approach")
-    bad = np.argwhere(~np.isin(values, (-1.0, 0.0, 1.0)))
-    if bad.size:
-        row, k = (int(i) for i in bad[0])
-        raise columns.fault(
-            row, columns.mapping.approach[k], f"{values[row, k]:g}, expected -1, 0 or 1"
-        )
+    values = columns.numbers("approach", absent=0.0)
+    columns.check("approach", values, ~np.isin(values, (-1.0, 0.0, 1.0)), "-1, 0 or 1")
     return values
 
 
@@ -251,7 +197,7 @@ def _covariance(columns: MappedSheet, position: Array, instrument: Instrument) -
         return instrument(position)
     unit = LENGTH[columns.mapping.position_unit]
     std = columns.numbers("position_std")
-    _positive(columns, "position_std", std)
+    columns.check("position_std", std, std <= 0.0, "above 0")
     out = (std * unit)[:, :, None] ** 2 * np.eye(3)
     if columns.present("position_correlation"):
         shared = columns.numbers("position_correlation") * unit**2
@@ -293,7 +239,7 @@ def _rotation(columns: MappedSheet) -> tuple[Array, Array]:
     if not columns.present("rotation_std"):
         return matrix, missing
     std = columns.numbers("rotation_std")
-    _positive(columns, "rotation_std", std)
+    columns.check("rotation_std", std, std <= 0.0, "above 0")
     axes: Array = _euler_axes(angles, intrinsic)
     scaled: Array = axes * (std * ANGLE[mapping.rotation_unit])[:, None, :]
     return matrix, scaled @ np.swapaxes(scaled, 1, 2)
@@ -314,24 +260,10 @@ def _euler_axes(angles: Array, intrinsic: bool) -> Array:
     return np.stack(columns, axis=2)
 
 
-def _positive(columns: MappedSheet, group: str, values: Array, *, zero: bool = False) -> None:
-    bad = np.argwhere(values < 0.0 if zero else values <= 0.0)
-    if bad.size:
-        row, k = (int(i) for i in bad[0])
-        allowed = "0 or more" if zero else "above 0"
-        raise columns.fault(
-            row, getattr(columns.mapping, group)[k], f"{values[row, k]:g}, expected {allowed}"
-        )
-
-
-def _numbers_or_zero(columns: MappedSheet, group: str) -> npt.NDArray[np.int64]:
-    return columns.whole(group) if columns.present(group) else np.zeros(len(columns), np.int64)
-
-
-def _sets(columns: MappedSheet) -> tuple[npt.NDArray[np.int64], tuple[str, ...]]:
+def _sets(columns: MappedSheet) -> tuple[IntArray, tuple[str, ...]]:
     if not columns.present("set_name"):
         return np.zeros(len(columns), np.int64), (Path(columns.sheet.source).stem,)
-    words = columns.words("set_name")
+    words = columns.sheet.words(*columns.mapping.set_name)
     names = tuple(dict.fromkeys(words))
     number = {name: i for i, name in enumerate(names)}
     return np.array([number[word] for word in words]), names

@@ -14,8 +14,8 @@ from robotrue.cell.cell import Cell, tracker_covariance
 from robotrue.cell.config import read_cell
 from robotrue.core.files import read_bytes
 from robotrue.errors import ConfigurationError, ModelMismatchError
-from robotrue.measurement.formats.mapping import ColumnMapping
-from robotrue.measurement.formats.registry import read_measurements
+from robotrue.measurement.formats.mapping import ColumnMapping, build_mapping
+from robotrue.measurement.formats.measured_files import read_measurements
 from robotrue.measurement.measurement_set import MeasurementSet, concatenate
 from robotrue.measurement.plausibility import check_plausible
 from robotrue.measurement.tracker import point_covariance
@@ -89,13 +89,7 @@ def column_mapping(text: str) -> ColumnMapping | None:
     """
     if not text:
         return None
-    stated: dict[str, Any] = json.loads(text)
-    values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in stated.items()}
-    values.setdefault("name", "as chosen")
-    try:
-        return ColumnMapping(**values)
-    except TypeError as cause:
-        raise ConfigurationError(f"column mapping: {cause}.") from cause
+    return build_mapping({"name": "as chosen"} | json.loads(text))
 
 
 def cell_of(workspace: Workspace, record: CellRecord) -> Cell:

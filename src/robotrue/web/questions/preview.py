@@ -10,8 +10,9 @@ import numpy as np
 
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, FormatError, RobotrueError
-from robotrue.measurement.formats.registry import open_sheet
-from robotrue.measurement.formats.sheet import Sheet, read_sheet
+from robotrue.measurement.formats.measured_files import open_sheet
+from robotrue.measurement.formats.sheet import Sheet
+from robotrue.measurement.formats.sheet_file import read_sheet
 from robotrue.store import items
 from robotrue.store.nouns import CELL
 from robotrue.store.workspace import Workspace

@@ -18,9 +18,14 @@ from robotrue.core.poses import fit_rigid, pose_from_xyz_abc
 from robotrue.core.provenance import read_provenance
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, FormatError
-from robotrue.measurement.formats.features import Features, read_features
-from robotrue.measurement.formats.points import PLANNED, PointsFile, read_points
-from robotrue.measurement.formats.sheet import column_key, read_sheet
+from robotrue.measurement.formats.part_points import (
+    PLANNED,
+    Features,
+    PointsFile,
+    read_features,
+    read_points,
+)
+from robotrue.measurement.formats.sheet_file import read_sheet
 from robotrue.measurement.touch_session import TouchFeature, TouchSession
 from robotrue.planning.arm_scene import scene_of
 from robotrue.planning.facing import facing
@@ -146,9 +151,8 @@ def _features(
 ) -> tuple[Features, list[tuple[tuple[float, ...], ...]] | None]:
     """Features of a file, and their joints where it is a plan of touches."""
     sheet = read_sheet(path)
-    keys = {column_key(name) for name in sheet.header}
     planned: list[tuple[tuple[float, ...], ...]] | None = None
-    if keys & {"j1_deg", "x_mm"}:
+    if sheet.has("j1_deg") or sheet.has("x_mm"):
         file = _points(path)
         touches = file.touches
         if touches.has_joints and touches.joints.shape[1] != cell.robot.dof:

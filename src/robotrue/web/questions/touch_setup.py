@@ -21,7 +21,7 @@ from robotrue.errors import (
     ObservabilityError,
     RobotrueError,
 )
-from robotrue.measurement.formats.points import PointsFile, read_points
+from robotrue.measurement.formats.part_points import PointsFile, read_points
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.measurement.touch_session import TouchReading, TouchSession, session_csv
 from robotrue.planning.information import settings_of

@@ -11,7 +11,7 @@ import numpy as np
 
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, FormatError
-from robotrue.measurement.formats.points import read_points
+from robotrue.measurement.formats.part_points import read_points
 from robotrue.measurement.formats.reading_line import joints_line, position_line
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.measurement.touch_session import TouchReading, TouchSession

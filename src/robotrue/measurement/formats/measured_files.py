@@ -1,0 +1,154 @@
+"""Files of measured or asked poses, by the name of their layout or by their header."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+
+from robotrue.core.arrays import Array, IntArray
+from robotrue.core.columns import Column, Columns
+from robotrue.errors import ConfigurationError
+from robotrue.measurement.formats.canonical import canonical_mapping, joints_in
+from robotrue.measurement.formats.mapping import ColumnMapping, read_layouts
+from robotrue.measurement.formats.sheet import Sheet, column_key
+from robotrue.measurement.formats.sheet_file import read_sheet
+from robotrue.measurement.formats.table import (
+    MappedSheet,
+    approach_columns,
+    joint_columns,
+    payload_column,
+    read_table,
+    wrench_columns,
+)
+from robotrue.measurement.measurement_set import MeasurementFrame, MeasurementSet
+from robotrue.measurement.tracker import Instrument
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class QueryTable(Columns):
+    """n poses somebody asks about.
+
+    Attributes:
+        joints: (n, dof) rad, commanded.
+        wrench: (n, 6) N, N m on the tool, at the tool point, base axes; zero if not given.
+        approach: (n, dof) sign of the last motion of each joint; 0 = unknown.
+        payload_mass: (n,) kg at the flange; NaN means "the cell's payload".
+        source_row: (n,) one-based line in the file.
+    """
+
+    joints: Annotated[Array, Column("n dof", unit="rad")]
+    wrench: Annotated[Array, Column("n 6")]
+    approach: Annotated[Array, Column("n dof")]
+    payload_mass: Annotated[Array, Column("n", unit="kg", nan=True)]
+    source_row: Annotated[IntArray, Column("n")]
+
+    def __len__(self) -> int:
+        return len(self.joints)
+
+
+def read_queries(path: str | Path, *, mapping: ColumnMapping | str | None = None) -> QueryTable:
+    """Returns the queries in a file: canonical columns, of which only the joints are needed.
+
+    A measurement file of any known layout will do as well; its positions are not looked at.
+
+    Raises:
+        FormatError: The file is not what its mapping says, with line and column.
+    """
+    sheet, chosen = open_sheet(path, mapping, positions=False)
+    columns = MappedSheet(sheet, chosen)
+    return QueryTable(
+        joints=joint_columns(columns),
+        wrench=wrench_columns(columns),
+        approach=approach_columns(columns),
+        payload_mass=payload_column(columns),
+        source_row=np.array(sheet.lines),
+    )
+
+
+def read_measurements(
+    path: str | Path,
+    *,
+    mapping: ColumnMapping | str | None = None,
+    frame: MeasurementFrame | None = None,
+    instrument: Instrument | None = None,
+    ignore: Sequence[str] = (),
+) -> MeasurementSet:
+    """Returns the measurements of a CSV, TSV, TXT or workbook file.
+
+    Args:
+        path: The file.
+        mapping: What the columns hold, or the name of a known layout; None tells it by the header
+            (canonical columns, or a known layout).
+        frame: Frame of the positions; None takes the mapping's (canonical: base).
+        instrument: Covariance of a point where the file has no standard deviations.
+        ignore: Columns to pass over in a canonical file.
+
+    Raises:
+        FormatError: The file is not what its mapping says, with line and column.
+        ConfigurationError: No layout of that name.
+    """
+    sheet, chosen = open_sheet(path, mapping, ignore=ignore)
+    return read_table(sheet, chosen, frame=frame, instrument=instrument)
+
+
+def open_sheet(
+    path: str | Path,
+    mapping: ColumnMapping | str | None,
+    *,
+    positions: bool = True,
+    ignore: Sequence[str] = (),
+) -> tuple[Sheet, ColumnMapping]:
+    """Returns the file's columns and the mapping that reads them.
+
+    Raises:
+        FormatError: Unreadable file, or no known layout has these columns.
+        ConfigurationError: No layout of that name.
+    """
+    layouts = read_layouts()
+    if isinstance(mapping, str) and mapping != "canonical":
+        if mapping not in layouts:
+            raise ConfigurationError(
+                f"no measurement layout {mapping!r}; known are canonical, {', '.join(layouts)}."
+            )
+        mapping = layouts[mapping]
+    if isinstance(mapping, ColumnMapping):
+        sheet = read_sheet(
+            path,
+            delimiter=mapping.delimiter,
+            decimal=mapping.decimal,
+            encoding=mapping.encoding,
+            skip_lines=mapping.skip_lines,
+            header=mapping.header,
+            worksheet=mapping.worksheet,
+        )
+        return sheet, mapping
+    sheet = read_sheet(path)
+    return _detect_mapping(sheet, mapping, positions, ignore)
+
+
+def _detect_mapping(
+    sheet: Sheet, name: str | None, positions: bool, ignore: Sequence[str]
+) -> tuple[Sheet, ColumnMapping]:
+    dof = joints_in(sheet.header)
+    if dof or name == "canonical":
+        dropped = {column_key(column) for column in ignore}
+        kept = [i for i, column in enumerate(sheet.header) if column_key(column) not in dropped]
+        thinned = replace(
+            sheet,
+            header=tuple(sheet.header[i] for i in kept),
+            cells=tuple(tuple(row[i] for i in kept) for row in sheet.cells),
+        )
+        mapping = canonical_mapping(dof or 6)
+        optional = mapping.optional if positions else (*mapping.optional, "position")
+        return thinned, replace(mapping, optional=optional)
+    for known in read_layouts().values():
+        if all(map(sheet.has, known.columns(required_only=True))):
+            return sheet, known
+    raise sheet.fault(
+        f"columns of no known layout: {', '.join(sheet.header)}.",
+        "name them j1_deg..j6_deg, x_mm, y_mm, z_mm, or give a mapping.",
+    )
