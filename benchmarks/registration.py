@@ -18,10 +18,11 @@ import time
 import numpy as np
 
 from robotrue.cell.registration.fit import Noise
-from robotrue.cell.registration.robust import fit_points_robust
+from robotrue.cell.registration.touches import fit_touches
 from robotrue.core.poses import apply, fit_rigid, pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import RobotrueError
+from robotrue.measurement.probing_set import ProbingSet
 from robotrue_reproductions.feng2018.machining_cell import CellSizes, feng_cell
 from robotrue_reproductions.feng2018.recursion_experiment import CASES, STOP, run_recursion
 from robotrue_reproductions.feng2018.registration_ways import session
@@ -168,7 +169,10 @@ def outliers(runs: int) -> None:
             touched[bad] += way * rng.uniform(2, 15, (wrong, 1)) * MM
             good = np.setdiff1d(np.arange(n), bad)
             try:
-                found = fit_points_robust(points, touched, noise=Noise(touch=0.12 * MM, robot=0.0))
+                probed = ProbingSet(
+                    names=tuple(map(str, range(1, n + 1))), point=points, position=touched
+                )
+                found = fit_touches(probed, touched, noise=Noise(touch=0.12 * MM, robot=0.0))
             except RobotrueError:
                 refused += 1
                 continue

@@ -12,14 +12,15 @@ import numpy as np
 import pytest
 
 from robotrue.cell.registration.correspondence import check_names, matches
-from robotrue.cell.registration.fit import Noise, point_residuals
+from robotrue.cell.registration.fit import Noise, Registration, point_residuals
 from robotrue.cell.registration.points import fit_points
-from robotrue.cell.registration.robust import fit_points_robust
 from robotrue.cell.registration.touch_file import TouchColumns, mean_touches, read_touches
+from robotrue.cell.registration.touches import fit_touches
 from robotrue.core.arrays import Array
 from robotrue.core.poses import fit_rigid
 from robotrue.core.units import MM
 from robotrue.errors import ImplausibleDataError
+from robotrue.measurement.probing_set import ProbingSet
 
 pytestmark = pytest.mark.data
 
@@ -40,6 +41,11 @@ def holes(data_dir: Path, file: str, block: int) -> tuple[Array, Array]:
         for name in ("tool_cloud.csv", file)
     )
     return tool, touched[20 * (block - 1) : 20 * block]
+
+
+def robust_fit(tool: Array, touched: Array, *, noise: Noise) -> Registration:
+    names = tuple(str(i + 1) for i in range(len(tool)))
+    return fit_touches(ProbingSet(names=names, point=tool, position=touched), touched, noise=noise)
 
 
 @pytest.mark.parametrize(
@@ -82,7 +88,7 @@ def test_all_holes_and_six_for_the_other_fourteen(
 def test_the_wrong_holes_of_the_first_block_are_named(data_dir: Path) -> None:
     """Hole 19 is the worst of the plain fit; without it hole 20 is as wrong: both 2.02 mm off."""
     tool, touched = holes(data_dir, ARM_TO_ARM, 1)
-    fit = fit_points_robust(tool, touched, noise=Noise(touch=0.05 * MM, robot=0.15 * MM))
+    fit = robust_fit(tool, touched, noise=Noise(touch=0.05 * MM, robot=0.15 * MM))
     assert fit.outliers == ("19", "20")
     np.testing.assert_allclose(fit.distances[18:] / MM, 2.018, atol=0.002)
     assert fit.rms / MM == pytest.approx(0.048, abs=6e-4)
@@ -92,14 +98,14 @@ def test_the_wrong_holes_of_the_first_block_are_named(data_dir: Path) -> None:
 def test_no_hole_of_the_other_blocks_is_accused(data_dir: Path) -> None:
     for file, block in ((ARM_TO_ARM, 2), (FIRST, 1), (FIRST, 2), (SECOND, 1), (SECOND, 2)):
         tool, touched = holes(data_dir, file, block)
-        fit = fit_points_robust(tool, touched, noise=Noise(touch=0.05 * MM, robot=0.15 * MM))
+        fit = robust_fit(tool, touched, noise=Noise(touch=0.05 * MM, robot=0.15 * MM))
         assert fit.outliers == (), (file, block)
 
 
 def test_the_two_wrong_holes_were_shifted_together(data_dir: Path) -> None:
     """Both are off by one and the same vector: what moved was not a single touch."""
     tool, touched = holes(data_dir, ARM_TO_ARM, 1)
-    fit = fit_points_robust(tool, touched, noise=Noise(touch=0.05 * MM, robot=0.15 * MM))
+    fit = robust_fit(tool, touched, noise=Noise(touch=0.05 * MM, robot=0.15 * MM))
     np.testing.assert_allclose(fit.residuals[18] / MM, [1.380, 1.367, 0.544], atol=0.002)
     np.testing.assert_allclose(fit.residuals[19], fit.residuals[18], atol=0.01 * MM)
 

@@ -77,7 +77,7 @@ def parse_cell(data: bytes, path: str | Path, *, files: Mapping[str, bytes] | No
     except (ConfigurationError, ShapeError) as cause:
         if cause.source is not None:
             raise
-        key = _blamed(cause.message, file)
+        key = _find_key(cause.message, file)
         raise ConfigurationError(
             cause.message, source=path, line=line_of_key(text, key), hint=cause.hint
         ) from cause
@@ -113,7 +113,7 @@ class _Source:
         return self.read[name]
 
 
-def _blamed(message: str, file: CellFile) -> tuple[str | int, ...]:
+def _find_key(message: str, file: CellFile) -> tuple[str | int, ...]:
     """Returns the key a message is about, for its line."""
     listed = _LISTED.match(message)
     if listed:

@@ -50,14 +50,14 @@ def _message(
     facts: Mapping[str, Any],
     value: Any,
 ) -> tuple[str, str | None]:
-    key = _dotted(where)
+    key = _join_key(where)
     shown = repr(value) if len(repr(value)) <= 60 else repr(value)[:57] + "..."
     if kind == "extra_forbidden":
         known = _known_keys(schema, where[:-1])
         near = [k for k in known if k.startswith(f"{where[-1]}_")] or difflib.get_close_matches(
             str(where[-1]), known, n=1, cutoff=0.5
         )
-        hint = f"{_dotted((*where[:-1], near[0]))}." if near else "remove the key."
+        hint = f"{_join_key((*where[:-1], near[0]))}." if near else "remove the key."
         return f"unknown key {key}; allowed are {', '.join(known)}.", hint
     if kind == "missing":
         return f"{key} is missing.", None
@@ -77,7 +77,7 @@ def _message(
     return f"{key} is {shown}, {expected}.", None
 
 
-def _dotted(where: Sequence[str | int]) -> str:
+def _join_key(where: Sequence[str | int]) -> str:
     """Returns ``robot.dh[2].d_mm`` for ("robot", "dh", 1, "d_mm"); rows count from one."""
     out = ""
     for part in where:

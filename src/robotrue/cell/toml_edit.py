@@ -28,12 +28,12 @@ def round_digits(values: Any) -> Any:
     """Returns a number or an array as floats to 1e-12, without what a change of units adds."""
     plain = np.asarray(values, dtype=np.float64).tolist()
 
-    def rounded(value: Any) -> Any:
+    def round_value(value: Any) -> Any:
         if isinstance(value, list):
-            return [rounded(entry) for entry in value]
+            return [round_value(entry) for entry in value]
         return round(value, 12) + 0.0  # no negative zero
 
-    return rounded(plain)
+    return round_value(plain)
 
 
 def write_toml(tables: Mapping[str, Any]) -> str:

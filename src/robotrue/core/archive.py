@@ -205,7 +205,7 @@ def archive_from(data: bytes, *, source: str | Path | None = None) -> Archive:
         ArchiveError: Not an archive, damaged, or written by a newer robotrue.
     """
     try:
-        head, arrays = _unpacked(data)
+        head, arrays = _unpack(data)
         own_hash = _content_hash({k: v for k, v in head.items() if k != "content_sha256"}, arrays)
     except _DAMAGE as cause:
         raise ArchiveError(
@@ -231,7 +231,7 @@ def archive_from(data: bytes, *, source: str | Path | None = None) -> Archive:
     return Archive(kind=kind, schema=schema, document=document, arrays=arrays)
 
 
-def _unpacked(data: bytes) -> tuple[dict[str, Any], dict[str, Array]]:
+def _unpack(data: bytes) -> tuple[dict[str, Any], dict[str, Array]]:
     """Head and arrays; whatever is wrong with them is one of ``_DAMAGE``."""
     with zipfile.ZipFile(io.BytesIO(data)) as bundle:
         entries = bundle.infolist()

@@ -108,16 +108,16 @@ def _stamp(kernel: Any) -> str:
         function = one.py_func
         cells = [cell.cell_contents for cell in function.__closure__ or ()]
         used = {n: v for n, v in function.__globals__.items() if n in _names(function.__code__)}
-        parts += [function.__module__, function.__qualname__, _described(function.__code__)]
-        parts.append(repr(sorted((k, _described(v)) for k, v in one.targetoptions.items())))
+        parts += [function.__module__, function.__qualname__, _describe_value(function.__code__)]
+        parts.append(repr(sorted((k, _describe_value(v)) for k, v in one.targetoptions.items())))
         for name, value in [*sorted(used.items()), *(("", v) for v in cells)]:
             if isinstance(value, Dispatcher):
                 parts.append(f"{name} = {value.py_func.__module__}.{value.py_func.__qualname__}")
                 waiting += [] if value in seen else [value]
                 seen.add(value)
             else:
-                parts.append(f"{name} = {_described(value)}")
-        parts.append(_described(function.__defaults__))
+                parts.append(f"{name} = {_describe_value(value)}")
+        parts.append(_describe_value(function.__defaults__))
     return sha256("\0".join(parts).encode("utf-8", "backslashreplace"))
 
 
@@ -127,20 +127,20 @@ def _names(code: CodeType) -> set[str]:
     return set(code.co_names).union(*inside)
 
 
-def _described(value: Any) -> str:
+def _describe_value(value: Any) -> str:
     """Everything of a value that machine code may hold. What has no stable text never fits."""
     if isinstance(value, CodeType):
         return repr(
             [value.co_code, value.co_names, value.co_varnames, value.co_freevars, value.co_cellvars]
-        ) + _described(value.co_consts)
+        ) + _describe_value(value.co_consts)
     if isinstance(value, ModuleType):
         return value.__name__
     if isinstance(value, np.ndarray):
         return f"{value.dtype.descr} {value.strides} {value.shape} {value.tobytes()!r}"
     if isinstance(value, set | frozenset):
-        return repr(sorted(_described(each) for each in value))
+        return repr(sorted(_describe_value(each) for each in value))
     if isinstance(value, tuple):
-        return f"({', '.join(_described(each) for each in value)})"
+        return f"({', '.join(_describe_value(each) for each in value)})"
     return f"{type(value)} {value!r}"
 
 

@@ -38,7 +38,7 @@ def atomic_stream(path: str | Path) -> Iterator[BinaryIO]:
     path = Path(path)
     temporary = None
     try:
-        handle, temporary = _unnamed(path) or tempfile.mkstemp(
+        handle, temporary = _open_unnamed(path) or tempfile.mkstemp(
             dir=path.parent, prefix=f".{path.name}."
         )
         with os.fdopen(handle, "wb") as stream:
@@ -46,7 +46,7 @@ def atomic_stream(path: str | Path) -> Iterator[BinaryIO]:
             stream.flush()
             os.fsync(stream.fileno())
             if not temporary:
-                temporary = _named(stream.fileno(), path)
+                temporary = _name_file(stream.fileno(), path)
         os.chmod(temporary, _mode_for(path))
         os.replace(temporary, path)
     except BaseException as cause:  # also Ctrl-C: the neighbour file goes in any case
@@ -62,7 +62,7 @@ def atomic_stream(path: str | Path) -> Iterator[BinaryIO]:
         ) from cause
 
 
-def _unnamed(path: Path) -> tuple[int, str] | None:
+def _open_unnamed(path: Path) -> tuple[int, str] | None:
     """Returns a file without a name in the folder of ``path``, or None where there are none."""
     flag = getattr(os, "O_TMPFILE", 0)
     if not flag or not Path("/proc/self/fd").is_dir():
@@ -73,7 +73,7 @@ def _unnamed(path: Path) -> tuple[int, str] | None:
         return None
 
 
-def _named(handle: int, path: Path) -> str:
+def _name_file(handle: int, path: Path) -> str:
     """Returns the name just given to a file without one, beside ``path``."""
     name = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
     folder = os.open(path.parent, os.O_RDONLY)

@@ -40,14 +40,14 @@ def agreeing(residual: Callable[[Array], Array], n: int, bound: float) -> BoolAr
     Raises:
         ConvergenceError: See ``graduated``.
     """
-    first = _grown(residual, graduated(residual, n, bound) > 0.5, bound)
+    first = _grow_set(residual, graduated(residual, n, bound) > 0.5, bound)
     if first.all():
         return first
-    second = _grown(residual, _dropped(residual, n, bound), bound)
+    second = _grow_set(residual, _drop_worst(residual, n, bound), bound)
     return second if int(second.sum()) > int(first.sum()) else first
 
 
-def _dropped(residual: Callable[[Array], Array], n: int, bound: float) -> BoolArray:
+def _drop_worst(residual: Callable[[Array], Array], n: int, bound: float) -> BoolArray:
     keep = np.ones(n, dtype=bool)
     while 2 * int(keep.sum()) > n:
         length = np.where(keep, residual(keep.astype(float)), 0.0)
@@ -58,7 +58,7 @@ def _dropped(residual: Callable[[Array], Array], n: int, bound: float) -> BoolAr
     return keep
 
 
-def _grown(residual: Callable[[Array], Array], keep: BoolArray, bound: float) -> BoolArray:
+def _grow_set(residual: Callable[[Array], Array], keep: BoolArray, bound: float) -> BoolArray:
     """Returns the set that its own fit confirms; the one given if it never comes to rest."""
     now = keep
     for _ in range(10):

@@ -37,7 +37,7 @@ def check_motions(
     named = _plain(motions[loose], T_base_part[:3, :3])
     scaled = np.hstack([normal, np.cross(centre - centre.mean(axis=0), normal) / size])
     listed = "; ".join(
-        f"{_worded(motion, size, centre.mean(axis=0), T_base_part)} "
+        f"{_describe_motion(motion, size, centre.mean(axis=0), T_base_part)} "
         f"({_strength(float(np.linalg.norm(scaled @ motion)))})"
         for motion in named
     )
@@ -88,17 +88,17 @@ def _strength(value: float) -> str:
     return "free" if value < 1e-5 else f"{1.0 / value:.0f} times one touch"
 
 
-def _worded(motion: Array, size: float, middle: Array, T_base_part: Array) -> str:
+def _describe_motion(motion: Array, size: float, middle: Array, T_base_part: Array) -> str:
     R = T_base_part[:3, :3]
     shift, turn = R.T @ motion[:3], R.T @ motion[3:] / size
     rate = float(np.linalg.norm(turn))
     if rate * size < 0.1:
-        axis = _signed(shift / np.linalg.norm(shift))
+        axis = orient_line(shift / np.linalg.norm(shift))
         return f"shift along ({axis[0]:+.2f}, {axis[1]:+.2f}, {axis[2]:+.2f})"
     axis = turn / rate
     foot = apply(inverse(T_base_part), middle) + np.cross(turn, shift) / rate**2
     pitch = float(axis @ shift) / (rate * size)
-    axis = _signed(axis)
+    axis = orient_line(axis)
     x, y, z = foot / MM + 0.0
     screw = " with a shift along it" if abs(pitch) > 0.1 else ""
     return (
@@ -107,7 +107,7 @@ def _worded(motion: Array, size: float, middle: Array, T_base_part: Array) -> st
     )
 
 
-def _signed(axis: Array) -> Array:
-    """The same line with its largest component positive, zeros without a sign."""
+def orient_line(axis: Array) -> Array:
+    """Returns the same line with its largest component positive, zeros without a sign."""
     out: Array = np.round(axis * np.sign(axis[int(np.argmax(np.abs(axis)))]), 6) + 0.0
     return out

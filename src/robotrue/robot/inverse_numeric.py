@@ -85,7 +85,7 @@ def solve(
     jacobian = joint_jacobian(robot, state)
     factor = np.full(n, _DAMPING)
     iterations = np.zeros(n, dtype=np.int64)
-    open_ = np.flatnonzero(~_reached(residual, tolerance))
+    open_ = np.flatnonzero(~_is_reached(residual, tolerance))
     for _ in range(max_iterations):
         if not len(open_):
             break
@@ -103,11 +103,11 @@ def solve(
         jacobian[won] = joint_jacobian(robot, state)[better]
         factor[open_] = np.where(better, factor[open_] * 0.1, factor[open_] * 10.0 + 1e-6)
         iterations[open_] += 1
-        open_ = open_[~_reached(residual[open_], tolerance)]
+        open_ = open_[~_is_reached(residual[open_], tolerance)]
     return NumericSolution(
         joints=q,
         residual=residual,
-        converged=_reached(residual, tolerance),
+        converged=_is_reached(residual, tolerance),
         iterations=iterations,
     )
 
@@ -121,7 +121,7 @@ def _residual(
     return state, np.concatenate(twist, axis=1)
 
 
-def _reached(residual: Array, tolerance: float) -> BoolArray:
+def _is_reached(residual: Array, tolerance: float) -> BoolArray:
     position = np.linalg.norm(residual[:, :3], axis=1)
     rotation = np.linalg.norm(residual[:, 3:], axis=1)
     return np.asarray((position <= tolerance) & (rotation <= tolerance))

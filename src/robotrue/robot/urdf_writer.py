@@ -40,8 +40,8 @@ def to_urdf(robot: RobotModel, *, geometry_only: bool = False) -> str:
         lines += _joint(robot, i, parent, gap @ before[i])
         lines += _link(name, float(robot.link_mass[i]), apply(after[i], robot.link_com[i]))
         parent, gap = name, after[i]
-    lines += _fixed("flange", parent, gap)
-    lines += _fixed("tool0", "flange", robot.T_flange_tool @ error_pose(robot.error("tool")))
+    lines += _fixed_joint("flange", parent, gap)
+    lines += _fixed_joint("tool0", "flange", robot.T_flange_tool @ error_pose(robot.error("tool")))
     return "\n".join([*lines, "</robot>", ""])
 
 
@@ -131,7 +131,7 @@ def _link(name: str, mass: float, com: Array) -> list[str]:
     ]
 
 
-def _fixed(name: str, parent: str, origin: Array) -> list[str]:
+def _fixed_joint(name: str, parent: str, origin: Array) -> list[str]:
     return [
         f'  <joint name="{parent}-{name}" type="fixed">',
         f'    <parent link="{parent}"/>',

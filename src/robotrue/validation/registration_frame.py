@@ -12,7 +12,6 @@ from robotrue.calibration.machined import tip_columns, unchanged_covariance
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.calibration.prior_belief import prior_belief
 from robotrue.cell.registration.fit import Noise, Registration
-from robotrue.cell.registration.surface_fit import SurfaceTouches
 from robotrue.cell.registration.symmetry import symmetric_alternatives
 from robotrue.cell.registration.touches import fit_touches, touch_gain
 from robotrue.core.arrays import Array
@@ -142,20 +141,9 @@ def other_poses(touches: ProbingSet, in_base: Array, fit: Registration) -> tuple
     if int(touches.full.sum()) >= 3 or not on.any():
         return ()
     names = tuple(label for label, mine in zip(touches.labels, on, strict=True) if mine)
-    surfaces = SurfaceTouches(
-        surfaces=touches.surfaces,
-        touched=touches.touched[on],
-        centre=in_base[on],
-        radius=touches.radius,
-        names=names,
+    found = symmetric_alternatives(
+        touches.subset(on), in_base[on], fit.T_base_part, sigma=fit.sigma, believed=fit.believed[on]
     )
-    alone = replace(
-        fit,
-        names=names,
-        residuals=fit.residuals[on],
-        outliers=tuple(name for name in fit.outliers if name in names),
-    )
-    found = symmetric_alternatives(surfaces, alone, sigma=fit.sigma)
     if not found:
         return ()
     turns = "; ".join(

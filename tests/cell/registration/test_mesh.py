@@ -8,21 +8,36 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robotrue.cell.registration.fit import Noise, displace_frame
-from robotrue.cell.registration.robust import fit_surfaces_robust
-from robotrue.cell.registration.surface_fit import fit_surfaces, on_mesh
+from robotrue.cell.registration.fit import Noise, Registration, displace_frame
 from robotrue.cell.registration.symmetry import symmetric_alternatives
+from robotrue.cell.registration.touches import fit_all_touches, fit_touches
 from robotrue.core.arrays import Array
 from robotrue.core.mesh import TriangleMesh, read_mesh
 from robotrue.core.poses import apply, pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import FormatError, ImplausibleDataError, MissingExtraError, ShapeError
+from robotrue.measurement.probing_set import ProbingSet
 
 T = pose_from_xyz_abc(np.array([1.0, 0.2, 0.6]), np.array([0.4, 0.1, -0.8]))
 BOX = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * [0.2, 0.1, 0.15]
 # Corner i has x, y, z from bits 2, 1, 0; two triangles a face, counter-clockwise from outside.
 _QUADS = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
 BOX_FACES = np.array([t for a, b, c, d in _QUADS for t in ((a, b, c), (a, c, d))])
+
+
+def on_mesh(mesh: TriangleMesh, centre: Array, *, radius: float = 0.0) -> ProbingSet:
+    return ProbingSet(
+        names=tuple(str(i + 1) for i in range(len(centre))),
+        point=np.zeros((len(centre), 3)),
+        position=centre,
+        surfaces=(mesh,),
+        touched=np.zeros(len(centre), dtype=np.int64),
+        radius=radius,
+    )
+
+
+def fit_surfaces(touches: ProbingSet, start: Array, *, sigma: float) -> Registration:
+    return fit_all_touches(touches, touches.position, sigma=sigma, start=start)
 
 
 def box() -> TriangleMesh:
@@ -154,8 +169,11 @@ def test_a_wrong_touch_on_a_mesh_is_named() -> None:
     centre = touched(mesh, 40, 9, 3 * MM, 0.1 * MM)
     centre[[4, 17]] += 6 * MM
     start = displace_frame(T, np.array([3 * MM, -3 * MM, 3 * MM, 0.03, 0.02, -0.03]))
-    fit = fit_surfaces_robust(
-        on_mesh(mesh, centre, radius=3 * MM), start, noise=Noise(touch=0.1 * MM, robot=0.1 * MM)
+    fit = fit_touches(
+        on_mesh(mesh, centre, radius=3 * MM),
+        centre,
+        start=start,
+        noise=Noise(touch=0.1 * MM, robot=0.1 * MM),
     )
     assert fit.outliers == ("5", "18")
     grid = mesh.vertices
@@ -174,7 +192,7 @@ def test_a_block_looks_the_same_after_half_a_turn_but_not_after_a_quarter() -> N
         touches, displace_frame(T, np.array([0, 0, 0, 0.02, 0.02, 0])), sigma=0.1 * MM
     )
     np.testing.assert_allclose(fit.T_base_part, T, atol=1e-9)
-    found = symmetric_alternatives(touches, fit, sigma=0.1 * MM)
+    found = symmetric_alternatives(touches, touches.position, fit.T_base_part, sigma=0.1 * MM)
     assert sorted(round(a.angle / DEG) for a in found) == [180, 180, 180]
 
 

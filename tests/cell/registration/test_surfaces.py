@@ -5,16 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robotrue.cell.registration.fit import displace_frame
-from robotrue.cell.registration.surface_fit import SurfaceTouches, fit_surfaces
+from robotrue.cell.registration.fit import Registration, displace_frame
 from robotrue.cell.registration.symmetry import symmetric_alternatives
 from robotrue.cell.registration.three_two_one import fit_three_two_one
+from robotrue.cell.registration.touches import fit_all_touches
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, pose_from_xyz_abc
 from robotrue.core.rotations import rotation_vector_from_matrix
-from robotrue.core.surfaces import Cylinder, Plane
+from robotrue.core.surfaces import Cylinder, Plane, Surface
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ImplausibleDataError, ObservabilityError, ShapeError
+from robotrue.measurement.probing_set import ProbingSet
 
 T = pose_from_xyz_abc(np.array([1.0, 0.2, 0.6]), np.array([0.4, 0.1, -0.8]))
 START = displace_frame(T, np.array([6.0 * MM, -6.0 * MM, 4.0 * MM, 0.05, -0.04, 0.05]))
@@ -26,17 +27,32 @@ BLOCK = tuple(
 RADIUS = 3.0 * MM
 
 
+def probe(
+    surfaces: tuple[Surface, ...], touched: Array, centre: Array, *, radius: float = 0.0
+) -> ProbingSet:
+    return ProbingSet(
+        names=tuple(str(i + 1) for i in range(len(centre))),
+        point=np.zeros((len(centre), 3)),
+        position=centre,
+        surfaces=surfaces,
+        touched=touched,
+        radius=radius,
+    )
+
+
+def fit_surfaces(touches: ProbingSet, start: Array, *, sigma: float | None = None) -> Registration:
+    return fit_all_touches(touches, touches.position, sigma=sigma, start=start)
+
+
 def touch(
     faces: list[int], *, sigma: float = 0.0, seed: int = 5, radius: float = RADIUS
-) -> SurfaceTouches:
+) -> ProbingSet:
     rng = np.random.default_rng(seed)
     points = rng.uniform(-0.9, 0.9, (len(faces), 3)) * HALF
     for row, face in enumerate(faces):
         axis, sign = face // 2, 1 - 2 * (face % 2)
         points[row, axis] = sign * (HALF[axis] + radius + sigma * rng.normal())
-    return SurfaceTouches(
-        surfaces=BLOCK, touched=np.array(faces), centre=apply(T, points), radius=radius
-    )
+    return probe(surfaces=BLOCK, touched=np.array(faces), centre=apply(T, points), radius=radius)
 
 
 def step(found: Array) -> Array:
@@ -47,8 +63,8 @@ def step(found: Array) -> Array:
 def test_exact_touches_give_the_exact_frame_with_a_real_ball() -> None:
     fit = fit_surfaces(touch([0, 2, 4] * 4), START, sigma=0.1 * MM)
     np.testing.assert_allclose(fit.T_base_part, T, atol=1e-12)
-    without = SurfaceTouches(
-        surfaces=BLOCK, touched=np.array([0, 2, 4] * 4), centre=touch([0, 2, 4] * 4).centre
+    without = probe(
+        surfaces=BLOCK, touched=np.array([0, 2, 4] * 4), centre=touch([0, 2, 4] * 4).position
     )
     ignored = fit_surfaces(without, START, sigma=0.1 * MM)
     np.testing.assert_allclose(
@@ -65,10 +81,10 @@ def test_covariance_is_what_monte_carlo_finds() -> None:
     rng = np.random.default_rng(6)
     steps = []
     for _ in range(150):
-        noisy = SurfaceTouches(
+        noisy = probe(
             surfaces=BLOCK,
             touched=exact.touched,
-            centre=exact.centre + sigma * rng.normal(size=(15, 1)) * outward,
+            centre=exact.position + sigma * rng.normal(size=(15, 1)) * outward,
             radius=RADIUS,
         )
         steps.append(step(fit_surfaces(noisy, T, sigma=sigma).T_base_part))
@@ -114,7 +130,7 @@ def test_a_turned_part_leaves_its_turn_open() -> None:
         Cylinder(point=np.zeros(3), axis=np.array([0.0, 0.0, 1.0]), radius=0.05),
         Plane(point=np.array([0.0, 0.0, 0.1]), normal=np.array([0.0, 0.0, 1.0])),
     )
-    touches = SurfaceTouches(
+    touches = probe(
         surfaces=surfaces,
         touched=np.array([0] * 20 + [1] * 6),
         centre=apply(T, np.vstack([side, top])),
@@ -132,7 +148,7 @@ def test_a_boss_and_a_bore_hold_a_plate() -> None:
     round_points = place + np.stack([wide * np.cos(angle), wide * np.sin(angle), height], axis=1)
     top = np.column_stack([rng.uniform(-0.05, 0.25, (9, 2)), np.full(9, RADIUS)])
     z = np.array([0.0, 0.0, 1.0])
-    touches = SurfaceTouches(
+    touches = probe(
         surfaces=(
             Cylinder(point=place[0], axis=z, radius=0.04),
             Cylinder(point=place[-1], axis=z, radius=0.03, hole=True),
@@ -154,7 +170,7 @@ def test_too_few_touches_are_refused() -> None:
 def test_three_two_one_lays_the_part_without_a_start() -> None:
     touches = touch([0, 0, 0, 2, 2, 4])
     faces = (BLOCK[0], BLOCK[2], BLOCK[4])
-    fit = fit_three_two_one(faces, touches.centre, sigma=0.1 * MM, radius=RADIUS)
+    fit = fit_three_two_one(faces, touches.position, sigma=0.1 * MM, radius=RADIUS)
     np.testing.assert_allclose(fit.T_base_part, T, atol=1e-12)
     assert fit.method == "3-2-1"
     assert fit.degrees_of_freedom == 0
@@ -165,12 +181,12 @@ def test_three_two_one_on_other_corners_of_the_block() -> None:
     for faces in ([1, 3, 5], [5, 0, 3], [2, 5, 1]):
         touches = touch([faces[0]] * 3 + [faces[1]] * 2 + [faces[2]])
         planes = tuple(BLOCK[f] for f in faces)
-        fit = fit_three_two_one(planes, touches.centre, sigma=MM, radius=RADIUS)  # type: ignore[arg-type]
+        fit = fit_three_two_one(planes, touches.position, sigma=MM, radius=RADIUS)  # type: ignore[arg-type]
         np.testing.assert_allclose(fit.T_base_part, T, atol=1e-12)
 
 
 def test_three_two_one_names_what_is_wrong() -> None:
-    centre = np.array(touch([0, 0, 0, 2, 2, 4]).centre)
+    centre = np.array(touch([0, 0, 0, 2, 2, 4]).position)
     faces = (BLOCK[0], BLOCK[2], BLOCK[4])
     line = centre.copy()
     line[2] = 0.5 * (line[0] + line[1])
@@ -189,7 +205,7 @@ def test_three_two_one_names_what_is_wrong() -> None:
 def test_a_block_turned_by_half_a_turn_is_named_and_a_boss_settles_it() -> None:
     touches = touch([0, 3, 4] * 6, sigma=0.05 * MM)
     fit = fit_surfaces(touches, START, sigma=0.1 * MM)
-    others = symmetric_alternatives(touches, fit, sigma=0.1 * MM)
+    others = symmetric_alternatives(touches, touches.position, fit.T_base_part, sigma=0.1 * MM)
     halves = [a for a in others if abs(a.angle - 180.0 * DEG) < DEG]
     assert any(abs(a.axis_in_part[2]) > 0.99 for a in halves)
     assert "the touches cannot tell" in str(others[0])
@@ -203,25 +219,25 @@ def test_a_block_turned_by_half_a_turn_is_named_and_a_boss_settles_it() -> None:
         ],
         axis=1,
     )
-    held = SurfaceTouches(
+    held = probe(
         surfaces=(*BLOCK, boss),
         touched=np.concatenate([touches.touched, np.full(6, 6)]),
-        centre=np.vstack([touches.centre, apply(T, ring)]),
+        centre=np.vstack([touches.position, apply(T, ring)]),
         radius=RADIUS,
     )
     fit = fit_surfaces(held, START, sigma=0.1 * MM)
     assert not [
         a
-        for a in symmetric_alternatives(held, fit, sigma=0.1 * MM)
+        for a in symmetric_alternatives(held, held.position, fit.T_base_part, sigma=0.1 * MM)
         if abs(a.angle - 180.0 * DEG) < DEG and abs(a.axis_in_part[2]) > 0.99
     ]
 
 
 def test_touches_are_checked() -> None:
     with pytest.raises(ShapeError, match="counted from 0"):
-        SurfaceTouches(surfaces=BLOCK, touched=np.array([6]), centre=np.zeros((1, 3)))
+        probe(surfaces=BLOCK, touched=np.array([6]), centre=np.zeros((1, 3)))
     with pytest.raises(ShapeError, match="probe radius"):
-        SurfaceTouches(surfaces=BLOCK, touched=np.array([0]), centre=np.zeros((1, 3)), radius=-1.0)
+        probe(surfaces=BLOCK, touched=np.array([0]), centre=np.zeros((1, 3)), radius=-1.0)
     with pytest.raises(ShapeError, match="normal has length 0"):
         Plane(point=np.zeros(3), normal=np.zeros(3))
     with pytest.raises(ShapeError, match="radius is 0"):

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.cell.registration.points import check_pattern, checked_points
+from robotrue.cell.registration.points import check_pattern, check_points
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.poses import apply, fit_rigid
 from robotrue.core.units import MM
@@ -41,7 +41,7 @@ def check_names(
     Fails when: a touch is grossly wrong; no complete match then exists and nothing is said. A
     robust fit names it.
     """
-    part, base, labels = checked_points(in_part, in_base, names)
+    part, base, labels = check_points(in_part, in_base, names)
     given = apply(fit_rigid(part, base), part) - base
     found = matches(part, base, tolerance=tolerance)
     identity = np.arange(len(part))
@@ -92,7 +92,7 @@ def matches(points: Array, others: Array, *, tolerance: float) -> tuple[IntArray
     for image in zip(i.tolist(), j.tolist(), k.tolist(), strict=True):
         if len(set(image)) < 3:
             continue
-        order = _completed(points, others, triple, image, tolerance)
+        order = _complete_order(points, others, triple, image, tolerance)
         if order is not None and tuple(order) not in found:
             left = apply(fit_rigid(points, others[order]), points) - others[order]
             if np.linalg.norm(left, axis=1).max() <= tolerance:
@@ -109,7 +109,7 @@ def _wide_triple(points: Array) -> list[int]:
     return [first, second, int(np.argmax(np.linalg.norm(across, axis=1)))]
 
 
-def _completed(
+def _complete_order(
     points: Array, others: Array, triple: list[int], image: Sequence[int], tolerance: float
 ) -> IntArray | None:
     """Returns the whole order a triple's image implies, or None if it is not one to one."""

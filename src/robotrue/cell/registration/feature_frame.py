@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.cell.registration.fit import Registration, point_residuals
-from robotrue.cell.registration.points import check_pattern, checked_points
+from robotrue.cell.registration.points import check_pattern, check_points
 from robotrue.core.arrays import Array
 from robotrue.core.poses import inverse, pose
 from robotrue.core.rotations import rotation_vector_from_matrix
@@ -67,7 +67,7 @@ def fit_feature_frame(
         ObservabilityError: Coincident or collinear points.
         ImplausibleDataError: No right angle at the first point; swapped names usually.
     """
-    part, base, labels = checked_points(in_part, in_base, names)
+    part, base, labels = check_points(in_part, in_base, names)
     check_corner(part, labels, tolerance=right_angle)
     # A touched corner may be off by more than a drawn one: the robot's own error.
     check_corner(base, labels, tolerance=4.0 * right_angle, where="base")

@@ -52,7 +52,7 @@ def fit_points(
     Fails when: two names of a nearly symmetric pattern are swapped (see ``check_names``), or a flat
     pattern is mirrored: it fits upside down.
     """
-    in_part, in_base, labels = checked_points(in_part, in_base, names)
+    in_part, in_base, labels = check_points(in_part, in_base, names)
     n = len(in_part)
     spread = np.ones(n) if sigma is None else np.broadcast_to(np.asarray(sigma, float), (n,))
     if not (np.isfinite(spread) & (spread > 0.0)).all():
@@ -108,7 +108,7 @@ def frame_gain(T_base_part: Array, in_part: Array, weights: Array | None = None)
     return np.asarray(np.linalg.solve(normal, np.concatenate(list(weighted), axis=1)))
 
 
-def checked_points(
+def check_points(
     in_part: Array, in_base: Array, names: tuple[str, ...] | None
 ) -> tuple[Array, Array, tuple[str, ...]]:
     """Returns both sets of points (n, 3), frozen, and their names.

@@ -195,12 +195,12 @@ def adjust_recursively(
             break
         if len(passes) > most:
             break
-        T = _corrected(T, run, angles, shift)
+        T = _apply_correction(T, run, angles, shift)
     covariance = fit_feature_frame(part, touched, sigma=sigma, right_angle=np.inf).covariance
     return _summary(T, covariance, passes, lengths, verdict, limit)
 
 
-def _corrected(T: Array, run: Array, angles: Array, shift: Array) -> Array:
+def _apply_correction(T: Array, run: Array, angles: Array, shift: Array) -> Array:
     """Returns the model's pose (4, 4) turned about its own axes at K and shifted."""
     axes = feature_frame(run)[:3, :3]
     about_k = axes @ matrix_from_abc(angles) @ axes.T

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
-from robotrue.cell.registration.fit import Registration
-from robotrue.cell.registration.surface_fit import (
-    SurfaceTouches,
-    assigned,
-    linearised,
-    solve_surfaces,
+from robotrue.cell.registration.surface_distances import (
+    SurfaceDistances,
+    linearise_distances,
+    list_distances,
+    solve_frame,
 )
 from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
 from robotrue.core.mesh import TriangleMesh
@@ -21,6 +20,7 @@ from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector
 from robotrue.core.surfaces import Cylinder
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConvergenceError, ObservabilityError
+from robotrue.measurement.probing_set import ProbingSet
 
 TURNS: Final = (90.0 * DEG, 180.0 * DEG, 270.0 * DEG)
 _SAME_SIDE: Final = 0.5
@@ -54,10 +54,12 @@ class Alternative:
 
 
 def symmetric_alternatives(
-    touches: SurfaceTouches,
-    found: Registration,
+    touches: ProbingSet,
+    in_base: Array,
+    T_base_part: Array,
     *,
     sigma: float,
+    believed: BoolArray | None = None,
     factor: float = 1.5,
 ) -> tuple[Alternative, ...]:
     """Returns other poses the touches fit as well, each once; empty where none was found.
@@ -67,52 +69,45 @@ def symmetric_alternatives(
     were not touched: a block is the same turned by half a turn only if its back exists.
 
     Args:
-        touches: As fitted.
-        found: The fit.
+        touches: On surfaces, as fitted.
+        in_base: (n, 3) m, where the tip was.
+        T_base_part: (4, 4), the fit.
         sigma: m, noise of one touch along its normal.
+        believed: (n,) True where a touch was fitted; all if not given.
         factor: An alternative may leave this many times the larger of sigma and the fit's own
             rms.
 
     Fails when: the symmetry is another one, of 60 deg for a hexagon say. Planes have no edges here:
     three touched faces of a block look alike whatever its sides; a mesh knows how long they are.
     """
-    T = found.T_base_part
-    distance, normal, _ = linearised(touches, T)
-    used = found.believed
+    T, parts = T_base_part, list_distances(touches, np.asarray(in_base))
+    distance, normal, _ = linearise_distances(parts, T)
+    used = np.ones(len(touches), dtype=bool) if believed is None else believed
     limit = factor * max(sigma, float(np.sqrt(np.mean(distance[used] ** 2))))
     out: list[Alternative] = []
-    pivot = _middle(touches, T)
-    for axis in _axes(touches, normal @ T[:3, :3]):
+    pivot = _middle(parts, T)
+    for axis in _axes(parts, normal @ T[:3, :3]):
         for angle in TURNS:
             turn = matrix_from_rotation_vector(axis * angle)
             start = T @ pose(turn, pivot - turn @ pivot)
-            option = _settled(touches, start, normal, used, limit)
-            if option is None:
+            option = _settle(parts, start, normal, used, limit)
+            known = [T, *(alternative.T_base_part for alternative in out)]
+            if option is None or min(_between(option[0], k) for k in known) <= _APART:
                 continue
-            turned = rotation_vector_from_matrix(T[:3, :3].T @ option.T_base_part[:3, :3])
-            known = [T, *(a.T_base_part for a in out)]
-            if min(_between(option.T_base_part, k) for k in known) > _APART:
-                size = float(np.linalg.norm(turned))
-                out.append(
-                    Alternative(
-                        T_base_part=option.T_base_part,
-                        axis_in_part=frozen(turned / size, (3,), "axis_in_part"),
-                        angle=size,
-                        rms=option.rms,
-                    )
+            vector = rotation_vector_from_matrix(T[:3, :3].T @ option[0][:3, :3])
+            size = float(np.linalg.norm(vector))
+            axis_in_part = frozen(vector / size, (3,), "axis_in_part")
+            out.append(
+                Alternative(
+                    T_base_part=option[0], axis_in_part=axis_in_part, angle=size, rms=option[1]
                 )
+            )
     return tuple(out)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Option:
-    T_base_part: Array
-    rms: float
-
-
-def _settled(
-    touches: SurfaceTouches, start: Array, normal: Array, used: BoolArray, limit: float
-) -> _Option | None:
+def _settle(
+    touches: SurfaceDistances, start: Array, normal: Array, used: BoolArray, limit: float
+) -> tuple[Array, float] | None:
     """Returns the pose near a start if it fits, with every touch still coming from outside."""
     try:
         T, here = start, touches
@@ -122,17 +117,17 @@ def _settled(
                 return None
             if again and (chosen == here.touched).all():
                 break
-            here = assigned(here, chosen.tolist())
-            T = solve_surfaces(here, T, used.astype(float))
+            here = replace(here, touched=chosen)
+            T = solve_frame(here, T, used.astype(float))
     except (ObservabilityError, ConvergenceError):
         return None
-    distance, new_normal, _ = linearised(here, T)
+    distance, new_normal, _ = linearise_distances(here, T)
     rms = float(np.sqrt(np.mean(distance[used] ** 2)))
     outside = (new_normal * normal).sum(axis=1)[used] > _SAME_SIDE
-    return _Option(T_base_part=T, rms=rms) if rms <= limit and outside.all() else None
+    return (T, rms) if rms <= limit and outside.all() else None
 
 
-def _facing(touches: SurfaceTouches, T: Array, normal: Array) -> IntArray | None:
+def _facing(touches: SurfaceDistances, T: Array, normal: Array) -> IntArray | None:
     """Returns each touch's nearest surface of those that face the way it came from."""
     in_part = apply(inverse(T), touches.centre)
     cost = np.full((len(touches.surfaces), len(in_part)), np.inf)
@@ -147,7 +142,7 @@ def _facing(touches: SurfaceTouches, T: Array, normal: Array) -> IntArray | None
     return np.asarray(np.argmin(cost, axis=0), dtype=np.int64)
 
 
-def _axes(touches: SurfaceTouches, normal_in_part: Array) -> list[Array]:
+def _axes(touches: SurfaceDistances, normal_in_part: Array) -> list[Array]:
     candidates = [
         *np.eye(3),
         *np.linalg.eigh(normal_in_part.T @ normal_in_part)[1].T,
@@ -160,7 +155,7 @@ def _axes(touches: SurfaceTouches, normal_in_part: Array) -> list[Array]:
     return axes
 
 
-def _middle(touches: SurfaceTouches, T: Array) -> Array:
+def _middle(touches: SurfaceDistances, T: Array) -> Array:
     for surface in touches.surfaces:
         if isinstance(surface, TriangleMesh):
             return surface.centre

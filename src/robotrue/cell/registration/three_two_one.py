@@ -6,16 +6,18 @@ against the last. No touch is left to contradict: form error and noise go straig
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from robotrue.cell.registration.fit import Registration
-from robotrue.cell.registration.surface_fit import SurfaceTouches, fit_surfaces
+from robotrue.cell.registration.touches import fit_all_touches
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.poses import pose
 from robotrue.core.surfaces import Plane
 from robotrue.errors import ImplausibleDataError, ObservabilityError
+from robotrue.measurement.probing_set import ProbingSet
 
 _THINNEST: Final = 1e-3
 """Rad: three touches closer to one line, or two faces closer to parallel, fix nothing."""
@@ -47,15 +49,16 @@ def fit_three_two_one(
         ImplausibleDataError: Touches that form the mirror image of the corner: faces swapped.
     """
     touched: Array = frozen(centre, (6, 3), "centre")
-    touches = SurfaceTouches(
+    touches = ProbingSet(
+        names=names,
+        point=np.zeros((6, 3)),
+        position=touched,
         surfaces=faces,
         touched=np.array([0, 0, 0, 1, 1, 2]),
-        centre=touched,
         radius=radius,
-        names=names,
     )
     start = _lay_on_faces(faces, touched, radius, names)
-    return fit_surfaces(touches, start, sigma=sigma, method="3-2-1")
+    return replace(fit_all_touches(touches, touched, sigma=sigma, start=start), method="3-2-1")
 
 
 def _lay_on_faces(

@@ -7,22 +7,21 @@ how that turn is chosen is therefore an argument.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated
 
 import numpy as np
 
 from robotrue.cell.registration.fit import name_touches
 from robotrue.core.arrays import Array, frozen
+from robotrue.core.columns import Column, Columns
+from robotrue.core.observable import WEAKEST, orient_line
 from robotrue.core.poses import inverse, pose
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ImplausibleDataError, ObservabilityError, ShapeError
 
-WEAKEST: Final = 20.0
-"""A direction of the tool point known this many times worse than one touch is not known."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ToolPoint:
+class ToolPoint(Columns):
     """A tool point found about a fixed point.
 
     Attributes:
@@ -37,14 +36,14 @@ class ToolPoint:
         weakest_sigma: m, how well.
     """
 
-    p_flange_tool: Array
-    p_base_point: Array
-    covariance: Array
-    names: tuple[str, ...]
-    residuals: Array
+    p_flange_tool: Annotated[Array, Column("3", unit="m")]
+    p_base_point: Annotated[Array, Column("3", unit="m")]
+    covariance: Annotated[Array, Column("6 6", unit="m^2")]
+    names: Annotated[tuple[str, ...], Column("n")]
+    residuals: Annotated[Array, Column("n 3", unit="m")]
     sigma: float
     sigma_source: str
-    weakest: Array
+    weakest: Annotated[Array, Column("3")]
     weakest_sigma: float
 
     @property
@@ -54,7 +53,7 @@ class ToolPoint:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ToolAxis:
+class ToolAxis(Columns):
     """A tool axis in the flange.
 
     Attributes:
@@ -63,9 +62,9 @@ class ToolAxis:
         residuals: (n,) rad, angle of each observation from it; empty where none is left over.
     """
 
-    axis_in_flange: Array
-    covariance: Array
-    residuals: Array
+    axis_in_flange: Annotated[Array, Column("3")]
+    covariance: Annotated[Array, Column("3 3")]
+    residuals: Annotated[Array, Column("n", unit="rad")]
 
 
 def fit_tool_point(
@@ -120,14 +119,14 @@ def fit_tool_point(
         scale = float(np.sqrt(np.trace(joint) / (3 * n)))
     values, directions = np.linalg.eigh(covariance[:3, :3])
     return ToolPoint(
-        p_flange_tool=frozen(solution[:3], (3,), "p_flange_tool"),
-        p_base_point=frozen(solution[3:], (3,), "p_base_point"),
-        covariance=frozen(0.5 * (covariance + covariance.T), (6, 6), "covariance"),
+        p_flange_tool=solution[:3],
+        p_base_point=solution[3:],
+        covariance=0.5 * (covariance + covariance.T),
         names=labels,
-        residuals=frozen(residuals, (n, 3), "residuals"),
+        residuals=residuals,
         sigma=scale,
         sigma_source="stated" if stated else "residuals",
-        weakest=frozen(_signed(directions[:, -1]), (3,), "weakest"),
+        weakest=orient_line(directions[:, -1]),
         weakest_sigma=float(np.sqrt(max(values[-1], 0.0))),
     )
 
@@ -142,7 +141,7 @@ def _check_orientations(R_base_flange: Array, weakest: float) -> None:
     listed = "; ".join(
         f"({d[0]:+.2f}, {d[1]:+.2f}, {d[2]:+.2f}) "
         f"({'free' if v < 1e-6 else f'{1 / v:.0f} times one touch'})"
-        for d, v in zip(map(_signed, directions[loose]), values[loose], strict=True)
+        for d, v in zip(map(orient_line, directions[loose]), values[loose], strict=True)
     )
     turns = np.einsum("nij,nij->n", R_base_flange, np.broadcast_to(R_base_flange[0], (1, 3, 3)))
     largest = float(np.arccos(np.clip(0.5 * (turns.min() - 1.0), -1.0, 1.0)))
@@ -192,9 +191,9 @@ def fit_tool_axis_on_plane(
     scale = sigma if sigma is not None else float(np.sqrt((off**2).sum() / (2 * (len(R) - 1))))
     across = np.eye(3) - np.outer(axis, axis)
     return ToolAxis(
-        axis_in_flange=frozen(axis, (3,), "axis_in_flange"),
-        covariance=frozen(scale**2 / len(R) * across, (3, 3), "covariance"),
-        residuals=frozen(off, (len(R),), "residuals"),
+        axis_in_flange=axis,
+        covariance=scale**2 / len(R) * across,
+        residuals=off,
     )
 
 
@@ -221,9 +220,9 @@ def fit_tool_axis_between(short: ToolPoint, long: ToolPoint) -> ToolAxis:
     axis = apart / length
     across = (np.eye(3) - np.outer(axis, axis)) / length
     return ToolAxis(
-        axis_in_flange=frozen(axis, (3,), "axis_in_flange"),
-        covariance=frozen(across @ joint @ across.T, (3, 3), "covariance"),
-        residuals=frozen(np.empty(0), (0,), "residuals"),
+        axis_in_flange=axis,
+        covariance=across @ joint @ across.T,
+        residuals=np.empty(0),
     )
 
 
@@ -261,9 +260,3 @@ def tool_frame(p_flange_tool: Array, axis_in_flange: Array, x_in_flange: Array) 
         raise ShapeError("x_in_flange lies along the tool axis and fixes no turn about it.")
     x = x / np.linalg.norm(x)
     return pose(np.stack([x, np.cross(z, x), z], axis=1), p_flange_tool)
-
-
-def _signed(axis: Array) -> Array:
-    """The same line with its largest component positive, zeros without a sign."""
-    out: Array = np.round(axis * np.sign(axis[int(np.argmax(np.abs(axis)))]), 9) + 0.0
-    return out

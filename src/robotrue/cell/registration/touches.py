@@ -1,92 +1,33 @@
 """One frame from touches of every kind together: feature points, normals, surfaces.
 
 A feature point is three planes through it, a normal one plane; Gauss-Newton on the distances, as in
-:mod:`robotrue.cell.registration.surface_fit`, and graduated non-convexity over whole touches.
+:mod:`robotrue.cell.registration.surface_distances`, and graduated non-convexity over whole touches.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from robotrue.cell.registration.fit import Noise, Registration
 from robotrue.cell.registration.points import check_pattern
-from robotrue.cell.registration.robust import check_majority
-from robotrue.cell.registration.surface_fit import SurfaceTouches, linearised, solve_surfaces
-from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
+from robotrue.cell.registration.surface_distances import (
+    SurfaceDistances,
+    linearise_distances,
+    list_distances,
+    solve_frame,
+)
+from robotrue.core.arrays import Array, BoolArray, frozen
 from robotrue.core.graduated import GAUSS_NORMAL, GAUSS_POINT, agreeing
 from robotrue.core.poses import apply, fit_rigid
 from robotrue.core.units import MM
-from robotrue.errors import ImplausibleDataError, ObservabilityError
-from robotrue.measurement.probing_set import NO_SURFACE, ProbingSet
+from robotrue.errors import ImplausibleDataError, ObservabilityError, ShapeError
+from robotrue.measurement.probing_set import ProbingSet
 
 FEWEST_ROBUST: Final = 4
 """Full points from which one wrong one can be told from the rest."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _OwnPlanes:
-    """One plane per touch; asked about exactly those touches, in their order.
-
-    Attributes:
-        point: (m, 3) m.
-        normal: (m, 3) unit.
-    """
-
-    point: Array
-    normal: Array
-
-    def nearest(self, points: Array) -> tuple[Array, Array]:
-        return np.einsum("ij,ij->i", points - self.point, self.normal), self.normal
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Expanded:
-    """Touches as distances from surfaces.
-
-    Attributes:
-        touches: m distances.
-        owner: (m,) touch each belongs to.
-    """
-
-    touches: SurfaceTouches
-    owner: IntArray
-
-
-def expanded(touches: ProbingSet, in_base: Array) -> Expanded:
-    """Returns the touches of one part as distances: three of a feature point, one of a normal.
-
-    Args:
-        touches: Of one part.
-        in_base: (n, 3) m, where the tip was.
-    """
-    point, normal, planes = [], [], []
-    for i, full in enumerate(touches.full):
-        if touches.touched[i] != NO_SURFACE:
-            continue
-        for direction in np.eye(3) if full else touches.normal[i][None]:
-            # The probe's radius is taken off every distance; a feature point knows none.
-            point.append(touches.point[i] - (touches.radius * direction if full else 0.0))
-            normal.append(direction)
-            planes.append(i)
-    own = _OwnPlanes(point=np.array(point), normal=np.array(normal))
-    on_surface = np.flatnonzero(touches.touched != NO_SURFACE)
-    owner = np.concatenate([np.array(planes, dtype=np.int64), on_surface])
-    chosen = np.concatenate(
-        [np.full(len(planes), len(touches.surfaces)), touches.touched[on_surface]]
-    )
-    return Expanded(
-        touches=SurfaceTouches(
-            surfaces=(*touches.surfaces, own),
-            touched=chosen.astype(np.int64),
-            centre=in_base[owner],
-            radius=touches.radius,
-        ),
-        owner=owner,
-    )
 
 
 def fit_touches(
@@ -106,7 +47,7 @@ def fit_touches(
         ConvergenceError: No rest.
     """
     base: Array = frozen(in_base, (len(touches), 3), "in_base")
-    parts = expanded(touches, base)
+    parts = list_distances(touches, base)
     n = len(touches)
     bound = np.where(touches.full, GAUSS_POINT, GAUSS_NORMAL) * noise.sigma
     latest = [_start(touches, base) if start is None else np.asarray(start, dtype=np.float64)]
@@ -116,28 +57,74 @@ def fit_touches(
             latest[0] = fit_rigid(touches.point, base, weights)
             gap = base - apply(latest[0], touches.point)
             return np.asarray(np.linalg.norm(gap, axis=1))
-        latest[0] = solve_surfaces(parts.touches, latest[0], weights[parts.owner])
-        distance = linearised(parts.touches, latest[0])[0]
+        latest[0] = solve_frame(parts, latest[0], weights[parts.owner])
+        distance = linearise_distances(parts, latest[0])[0]
         return np.asarray(np.sqrt(np.bincount(parts.owner, distance**2, minlength=n)))
 
-    keep = _believed(touches, base, length, bound)
+    keep = _choose_touches(touches, base, length, bound)
     off = length(keep.astype(np.float64))
-    check_majority(keep, touches.labels, off, float(bound.max()))
-    distance, normal, rows = linearised(parts.touches, latest[0])
+    _check_majority(keep, touches.labels, off, float(bound.max()))
+    return _registration(touches, parts, latest[0], keep, sigma=noise.sigma)
+
+
+def fit_all_touches(
+    touches: ProbingSet, in_base: Array, *, sigma: float | None = None, start: Array | None = None
+) -> Registration:
+    """Returns the frame that least squares make of all touches, none of them doubted.
+
+    Args:
+        touches: Of one part; on surfaces alone six or more that together fix all directions.
+        in_base: (n, 3) m, where the tip was.
+        sigma: m along the normal; not given: from the residuals (one equation to spare or more).
+        start: (4, 4) roughly ``T_base_part``; not given: the rigid fit of the nominal points.
+            Planes forgive tens of degrees; a mesh about 25 deg and 50 mm with 30 touches or more.
+
+    Raises:
+        ObservabilityError: Touches that leave a motion free, or nearly so; says which.
+        ConvergenceError: No rest after many steps.
+        ShapeError: Neither a sigma nor residuals to tell it from.
+
+    Fails when: the part looks the same from another side (see ``symmetric_alternatives``), or the
+    start on a mesh is too far: the fit then rests in a wrong place, with a ``misfit`` far above 1.
+    """
+    base: Array = frozen(in_base, (len(touches), 3), "in_base")
+    parts = list_distances(touches, base)
+    if sigma is None and len(parts.owner) < 7:
+        raise ShapeError(
+            f"{len(touches)} touches leave no residual to tell the noise from; sigma in m "
+            "is needed, or 7 touches or more."
+        )
+    begin = _start(touches, base) if start is None else np.asarray(start, dtype=np.float64)
+    T_base_part = solve_frame(parts, begin, np.ones(len(parts.owner)))
+    return _registration(touches, parts, T_base_part, np.ones(len(touches), bool), sigma=sigma)
+
+
+def _registration(
+    touches: ProbingSet,
+    parts: SurfaceDistances,
+    T_base_part: Array,
+    keep: BoolArray,
+    *,
+    sigma: float | None,
+) -> Registration:
+    """The frame with the covariance of the touches kept, scaled with their residuals or a sigma."""
+    distance, normal, rows = linearise_distances(parts, T_base_part)
     weights = keep[parts.owner].astype(np.float64)
-    residuals = np.zeros((n, 3))
+    residuals = np.zeros((len(touches), 3))
     np.add.at(residuals, parts.owner, distance[:, None] * normal)
-    covariance = noise.sigma**2 * np.linalg.inv((rows * weights[:, None]).T @ rows)
+    freedom = int(weights.sum()) - 6
+    scale = float(np.sqrt(weights @ distance**2 / freedom)) if sigma is None else sigma
+    covariance = scale**2 * np.linalg.inv((rows * weights[:, None]).T @ rows)
     return Registration(
         method="touches",
-        T_base_part=latest[0],
+        T_base_part=T_base_part,
         covariance=0.5 * (covariance + covariance.T),
         names=touches.labels,
         residuals=residuals,
         outliers=tuple(name for name, good in zip(touches.labels, keep, strict=True) if not good),
-        sigma=noise.sigma,
-        sigma_source="stated",
-        degrees_of_freedom=int(weights.sum()) - 6,
+        sigma=scale,
+        sigma_source="residuals" if sigma is None else "stated",
+        degrees_of_freedom=freedom,
     )
 
 
@@ -148,8 +135,8 @@ def touch_gain(
 
     The covariance of the frame is L C L^T for any joint covariance C of the touches in base.
     """
-    parts = expanded(touches, np.asarray(in_base))
-    _, normal, rows = linearised(parts.touches, T_base_part)
+    parts = list_distances(touches, np.asarray(in_base))
+    _, normal, rows = linearise_distances(parts, T_base_part)
     weights = np.asarray(believed, dtype=np.float64)[parts.owner]
     each = np.linalg.solve((rows * weights[:, None]).T @ rows, (rows * weights[:, None]).T)
     out = np.zeros((len(touches), 6, 3))
@@ -174,7 +161,7 @@ def _spread_out(points: Array) -> bool:
     return True
 
 
-def _believed(
+def _choose_touches(
     touches: ProbingSet, base: Array, length: Callable[[Array], Array], bound: Array
 ) -> BoolArray:
     """Returns which touches agree.
@@ -200,3 +187,24 @@ def _believed(
             f"too few to say which is wrong: {told}.",
             hint="touch them again, and one or two more; check names and units.",
         ) from None
+
+
+def _check_majority(keep: BoolArray, names: tuple[str, ...], distance: Array, bound: float) -> None:
+    """Passes if more than half of the touches agree.
+
+    Raises:
+        ImplausibleDataError: They do not; names those that disagree, and by how much.
+    """
+    if 2 * int(keep.sum()) > len(keep):
+        return
+    wrong = ", ".join(
+        f"{name} ({d / MM:.2f} mm)"
+        for name, d, good in zip(names, distance, keep, strict=True)
+        if not good
+    )
+    raise ImplausibleDataError(
+        f"{len(keep) - int(keep.sum())} of {len(keep)} touches disagree with the rest by more than "
+        f"{bound / MM:.2f} mm: {wrong}.",
+        hint="check names and units of the touches, and whether the tool is the one stated; the "
+        "stated noise must include the robot's own error.",
+    )
