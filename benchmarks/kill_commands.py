@@ -51,7 +51,7 @@ def jobs(folder: Path, times: int, seed: int) -> Row:
     from robotrue.store import items
     from robotrue.store import jobs as store_jobs
     from robotrue.store.nouns import DOCUMENT
-    from robotrue.store.records import Query
+    from robotrue.store.records import ItemQuery
     from robotrue.store.verify import verify
     from robotrue.store.workspace import Workspace
 
@@ -78,7 +78,7 @@ def jobs(folder: Path, times: int, seed: int) -> Row:
     with Workspace.open(shop) as workspace:
         states = Counter(store_jobs.status(workspace, id).state for id in submitted)
         half = sum(
-            items.listed(workspace, DOCUMENT, Query(where={"name": id})).total != PER_JOB
+            items.search(workspace, DOCUMENT, ItemQuery(where={"name": id})).total != PER_JOB
             for id in submitted
         )
         found = verify(workspace)

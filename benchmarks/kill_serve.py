@@ -265,7 +265,7 @@ def _judged(folder: Path, clients: list[Client]) -> dict[str, int | str]:
 
     from robotrue.store import items, jobs
     from robotrue.store.nouns import DOCUMENT, PROGRAM
-    from robotrue.store.records import Query
+    from robotrue.store.records import ItemQuery
     from robotrue.store.verify import verify
     from robotrue.store.workspace import Workspace
 
@@ -284,7 +284,7 @@ def _judged(folder: Path, clients: list[Client]) -> dict[str, int | str]:
         every = jobs.listed(workspace, limit=1000).items
         done = [each for each in every if each.state == jobs.DONE]
         half = sum(
-            items.listed(workspace, DOCUMENT, Query(where={"name": each.id})).total
+            items.search(workspace, DOCUMENT, ItemQuery(where={"name": each.id})).total
             != (PER_JOB if each.state == jobs.DONE else 0)
             for each in every
         )
@@ -317,13 +317,15 @@ def _judged(folder: Path, clients: list[Client]) -> dict[str, int | str]:
 def _all(workspace: Any, noun: Any) -> list[Any]:
     """The first versions of all items, deleted ones, too."""
     from robotrue.store import items
-    from robotrue.store.records import Query
+    from robotrue.store.records import ItemQuery
 
     found = []
     for deleted in (False, True):
         page, offset = None, 0
         while page is None or page.items:
-            page = items.listed(workspace, noun, Query(limit=1000, offset=offset, deleted=deleted))
+            page = items.search(
+                workspace, noun, ItemQuery(limit=1000, offset=offset, deleted=deleted)
+            )
             offset += 1000
             found += [items.get(workspace, noun, each.id, version=1) for each in page.items]
     return found

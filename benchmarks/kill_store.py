@@ -35,7 +35,7 @@ from robotrue.store.jobs_claim import reclaim
 from robotrue.store.jobs_work import Publish, Work
 from robotrue.store.jobs_worker import Processes, Worker
 from robotrue.store.nouns import DOCUMENT
-from robotrue.store.records import Query
+from robotrue.store.records import ItemQuery
 from robotrue.store.verify import verify
 from robotrue.store.workspace import Transaction, Workspace
 
@@ -192,10 +192,10 @@ def _judged(
         states = Counter(jobs.status(workspace, id).state for id in submitted)
         attempts = sum(jobs.status(workspace, id).attempts for id in submitted)
         half = sum(
-            items.listed(workspace, DOCUMENT, Query(where={"name": id})).total != PER_JOB
+            items.search(workspace, DOCUMENT, ItemQuery(where={"name": id})).total != PER_JOB
             for id in submitted
         )
-        parts = items.listed(workspace, DOCUMENT, Query(where={"kind": "part"}, limit=1)).total
+        parts = items.search(workspace, DOCUMENT, ItemQuery(where={"kind": "part"}, limit=1)).total
         noted = [json.loads(line) for each in notes for line in each.read_text().splitlines()]
         lost = sum(not _stands(workspace, *each) for each in noted)
     with Workspace.open(folder, url) as workspace:

@@ -23,37 +23,37 @@ from sqlalchemy import insert, text
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.store import items, measurements
 from robotrue.store.nouns import MEASUREMENT
-from robotrue.store.records import Query
+from robotrue.store.records import ItemQuery
 from robotrue.store.samples import RowQuery
 from robotrue.store.schema import ItemRow, LinkRow, MeasurementRow
 from robotrue.store.workspace import Workspace
 
 PAGES = {
     "newest 50": (
-        Query(),
+        ItemQuery(),
         "SELECT * FROM measurement_sets WHERE latest AND NOT deleted "
         "ORDER BY created DESC, id DESC LIMIT 50",
     ),
     "page 1000": (
-        Query(offset=50_000),
+        ItemQuery(offset=50_000),
         "SELECT * FROM measurement_sets WHERE latest AND NOT deleted "
         "ORDER BY created DESC, id DESC LIMIT 50 OFFSET 50000",
     ),
     "by name": (
-        Query(sort="name"),
+        ItemQuery(sort="name"),
         "SELECT * FROM measurement_sets WHERE latest AND NOT deleted ORDER BY name, id LIMIT 50",
     ),
     "text in name or note": (
-        Query(text="grid 0777"),
+        ItemQuery(text="grid 0777"),
         "SELECT * FROM measurement_sets WHERE latest AND NOT deleted AND (lower(name) LIKE "
         "'%grid 0777%' OR lower(note) LIKE '%grid 0777%') ORDER BY created DESC, id DESC LIMIT 50",
     ),
     "poses = 77, by poses": (
-        Query(where={"poses": 77}, sort="-poses"),
+        ItemQuery(where={"poses": 77}, sort="-poses"),
         "SELECT * FROM measurement_sets WHERE latest AND NOT deleted AND poses = 77 "
         "ORDER BY poses DESC, id DESC LIMIT 50",
     ),
-    "of one cell": (Query(linked=("cell", "CELL")), ""),
+    "of one cell": (ItemQuery(linked=("cell", "CELL")), ""),
 }
 
 
@@ -116,9 +116,9 @@ def main() -> None:
         name = "PostgreSQL" if options.postgres else "SQLite"
         print(f"{options.items} measurement sets, {name}; median of 9, ms: clock, CPU; bare SQL")
         for what, (query, bare) in PAGES.items():
-            asked_for = query if query.linked is None else Query(linked=("cell", cell))
-            wall, cpu = timed(lambda q=asked_for: items.listed(workspace, MEASUREMENT, q))  # type: ignore[misc]
-            total = items.listed(workspace, MEASUREMENT, asked_for).total
+            asked_for = query if query.linked is None else ItemQuery(linked=("cell", cell))
+            wall, cpu = timed(lambda q=asked_for: items.search(workspace, MEASUREMENT, q))  # type: ignore[misc]
+            total = items.search(workspace, MEASUREMENT, asked_for).total
             floor = ""
             if bare and url is None:
                 bare = bare.replace("latest AND NOT deleted", "latest = 1 AND deleted = 0")

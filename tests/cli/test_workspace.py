@@ -78,13 +78,13 @@ def test_the_whole_story(folder: Path, shelf: Path, cli: Command, tmp_path: Path
     with Workspace.open(folder) as workspace:
         record = items.get(workspace, MODEL, model["id"])
         assert (record.method, record.settings) == ("geometric", {"method": "geometric"})
-        assert record.linked("data")[0].id == cal.document["id"]
+        assert record.refs("data")[0].id == cal.document["id"]
         assert [each.role for each in record.attachments] == ["model", "report"]
         page = items.get(workspace, DOCUMENT, result(judged, "document")["id"])
         after = items.get(workspace, PROGRAM, result(cut, "program")["id"])
         assert page.detail["mean_mm"] < 0.2 * page.detail["before"]["mean_mm"]
         assert {link.role for link in page.links} == {"model", "data"}
-        assert after.linked("model")[0].id == record.id
+        assert after.refs("model")[0].id == record.id
         written = workspace.content(after.files("program")[0].sha256)
     assert cut.result is not None
     assert cut.result["compensated"] > 0

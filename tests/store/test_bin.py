@@ -18,7 +18,6 @@ from robotrue.store.bin import empty_bin, in_bin
 from robotrue.store.locks import POSIX, shared
 from robotrue.store.nouns import DOCUMENT, MEASUREMENT
 from robotrue.store.records import Link
-from robotrue.store.schema import DocumentRow, MeasurementRow
 from robotrue.store.verify import verify
 from robotrue.store.workspace import LOCK, Workspace, now
 
@@ -33,7 +32,7 @@ def a_file(folder: Path, name: str, text: str) -> Path:
 def aged(workspace: Workspace, days: float) -> None:
     """Makes everything in the workspace older."""
     with workspace.write() as into:
-        for table in (DocumentRow, MeasurementRow):
+        for table in (DOCUMENT.table, MEASUREMENT.table):
             into.session.execute(update(table).values(created=now() - timedelta(days=days)))
 
 

@@ -17,7 +17,7 @@ from robotrue.store import documents, exchange_archive, items, jobs, journal, me
 from robotrue.store.exchange import export_project
 from robotrue.store.exchange_import import import_project
 from robotrue.store.nouns import DOCUMENT, MEASUREMENT
-from robotrue.store.records import Link, Query
+from robotrue.store.records import ItemQuery, Link
 from robotrue.store.verify import verify
 from robotrue.store.workspace import Workspace
 
@@ -41,9 +41,9 @@ def filled(workspace: Workspace, folder: Path) -> str:
 def told(workspace: Workspace) -> list[Any]:
     found: list[Any] = [
         items.versions(workspace, DOCUMENT, each.id)
-        for each in items.listed(workspace, DOCUMENT, Query(sort="id")).items
+        for each in items.search(workspace, DOCUMENT, ItemQuery(sort="id")).items
     ]
-    deleted = items.listed(workspace, MEASUREMENT, Query(deleted=True)).items
+    deleted = items.search(workspace, MEASUREMENT, ItemQuery(deleted=True)).items
     found += [measurements.rows_of(workspace, each).sources for each in deleted]
     found += [deleted, jobs.listed(workspace, state="cancelled").items]
     return found
@@ -223,7 +223,7 @@ def test_hostile_exports_are_refused(
     hostile = rewritten(path, tmp_path / "hostile.zip", change)
     with pytest.raises(ArchiveError, match=message):
         import_project(other, hostile)
-    assert items.listed(other, DOCUMENT, Query()).total == 0
+    assert items.search(other, DOCUMENT, ItemQuery()).total == 0
     assert journal.entries(other).total == 0
     assert not list(other.folder.rglob("evil")) + list(path.parent.glob("evil"))
 

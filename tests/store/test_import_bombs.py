@@ -15,7 +15,7 @@ from test_exchange import filled
 
 from robotrue.store.exchange import export_project
 from robotrue.store.nouns import DOCUMENT
-from robotrue.store.records import Query
+from robotrue.store.records import ItemQuery
 from robotrue.store.verify import verify
 from robotrue.store.workspace import Workspace
 
@@ -143,4 +143,4 @@ def test_bombs_are_refused_in_little_memory_and_leave_nothing(
 def items_of(workspace: Workspace) -> list[tuple[str, str]]:
     from robotrue.store import items
 
-    return [(each.id, each.name) for each in items.listed(workspace, DOCUMENT, Query()).items]
+    return [(each.id, each.name) for each in items.search(workspace, DOCUMENT, ItemQuery()).items]

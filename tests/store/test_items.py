@@ -14,7 +14,6 @@ from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.store import (
     cells,
     documents,
-    drift_checks,
     items,
     jobs,
     journal,
@@ -23,7 +22,7 @@ from robotrue.store import (
     registrations,
 )
 from robotrue.store.nouns import CELL, DOCUMENT, DRIFT_CHECK, MEASUREMENT, PROGRAM, ROBOT, TOOL
-from robotrue.store.records import Link, Query, Ref
+from robotrue.store.records import ItemQuery, Link, Ref, links_to
 from robotrue.store.samples import RowQuery
 from robotrue.store.verify import verify
 from robotrue.store.workspace import Workspace
@@ -114,12 +113,12 @@ def test_a_cell_brings_its_arm_and_tool_once(workspace: Workspace, tmp_path: Pat
     path.write_text(CELL_TEXT)
     first = cells.add(workspace, path, name="left")
     second = cells.add(workspace, path, name="right")
-    assert items.listed(workspace, CELL, Query(sort="name")).total == 2
-    assert items.listed(workspace, ROBOT, Query()).items[0].name == "KUKA KR160 R1570"
-    assert items.listed(workspace, TOOL, Query()).total == 1
-    assert first.linked("robot") == second.linked("robot")
+    assert items.search(workspace, CELL, ItemQuery(sort="name")).total == 2
+    assert items.search(workspace, ROBOT, ItemQuery()).items[0].name == "KUKA KR160 R1570"
+    assert items.search(workspace, TOOL, ItemQuery()).total == 1
+    assert first.refs("robot") == second.refs("robot")
     (tmp_path / "out").mkdir()
-    assert cells.laid(workspace, first, tmp_path / "out").read_text() == CELL_TEXT
+    assert cells.copy_cell(workspace, first, tmp_path / "out").read_text() == CELL_TEXT
     changed = cells.add(workspace, path, name="left again", id=first.id)
     assert (changed.version, changed.name) == (2, "left again")
     assert [each.name for each in items.versions(workspace, CELL, first.id)] == [
@@ -137,7 +136,7 @@ def test_a_cells_files_come_along_wherever_they_lie(workspace: Workspace, tmp_pa
     (tmp_path / "a" / "cell.toml").write_text(text)
     made = cells.add(workspace, tmp_path / "a" / "cell.toml")
     (tmp_path / "out").mkdir()
-    path = cells.laid(workspace, made, tmp_path / "out")
+    path = cells.copy_cell(workspace, made, tmp_path / "out")
     assert 'files = ["$config.dat"]' in path.read_text()
     assert (tmp_path / "out" / "$config.dat").read_bytes() == config
 
@@ -148,8 +147,8 @@ def test_programs_before_and_after(workspace: Workspace, tmp_path: Path) -> None
     before = programs.add(workspace, [path])
     assert (before.stage, before.dialect, before.file_count) == ("before", "krl", 1)
     after = programs.add_after(workspace, [path], before=before.ref, model=None, detail={"n": 1})
-    assert items.listed(workspace, PROGRAM, Query(where={"stage": "after"})).items == (after,)
-    assert items.listed(workspace, PROGRAM, Query(linked=("before", before.id))).total == 1
+    assert items.search(workspace, PROGRAM, ItemQuery(where={"stage": "after"})).items == (after,)
+    assert items.search(workspace, PROGRAM, ItemQuery(linked=("before", before.id))).total == 1
     with pytest.raises(ConfigurationError, match="of different names"):
         programs.add(workspace, [path, path])
 
@@ -157,8 +156,8 @@ def test_programs_before_and_after(workspace: Workspace, tmp_path: Path) -> None
 def test_delete_and_undo_keep_every_version(workspace: Workspace) -> None:
     id = a_document(workspace, "plan", detail={"poses": 30})
     assert items.delete(workspace, DOCUMENT, id).deleted
-    assert items.listed(workspace, DOCUMENT, Query()).total == 0
-    assert items.listed(workspace, DOCUMENT, Query(deleted=True)).total == 1
+    assert items.search(workspace, DOCUMENT, ItemQuery()).total == 0
+    assert items.search(workspace, DOCUMENT, ItemQuery(deleted=True)).total == 1
     with pytest.raises(ConfigurationError, match="is deleted"):
         items.delete(workspace, DOCUMENT, id)
     with pytest.raises(ConfigurationError, match="is deleted"):
@@ -204,30 +203,32 @@ def test_links_and_files_stay_with_every_version(workspace: Workspace, tmp_path:
 def test_lists_are_filtered_sorted_and_paged(workspace: Workspace) -> None:
     for k in range(25):
         documents.add(workspace, "plan" if k % 2 else "report", name=f"Item {k:02d}")
-    page = items.listed(workspace, DOCUMENT, Query(sort="-name", offset=5, limit=3))
+    page = items.search(workspace, DOCUMENT, ItemQuery(sort="-name", offset=5, limit=3))
     assert [each.name for each in page.items] == ["Item 19", "Item 18", "Item 17"]
     assert page.total == 25
-    assert items.listed(workspace, DOCUMENT, Query(text="item 0")).total == 10
-    assert items.listed(workspace, DOCUMENT, Query(text="item_0")).total == 0
-    assert items.listed(workspace, DOCUMENT, Query(where={"kind": "plan"})).total == 12
-    newest = items.listed(workspace, DOCUMENT, Query(limit=1)).items[0]
+    assert items.search(workspace, DOCUMENT, ItemQuery(text="item 0")).total == 10
+    assert items.search(workspace, DOCUMENT, ItemQuery(text="item_0")).total == 0
+    assert items.search(workspace, DOCUMENT, ItemQuery(where={"kind": "plan"})).total == 12
+    newest = items.search(workspace, DOCUMENT, ItemQuery(limit=1)).items[0]
     assert newest.name == "Item 24"
 
 
 @pytest.mark.parametrize(
     ("query", "message"),
     [
-        (Query(sort="nonsense"), "no field 'nonsense'"),
-        (Query(sort="detail"), "no field 'detail'"),
-        (Query(where={"__class__": 1}), "no field '__class__'"),
-        (Query(limit=0), "expected 0 or more and 1 to 1000"),
-        (Query(limit=100_000), "expected 0 or more and 1 to 1000"),
-        (Query(offset=-1), "expected 0 or more"),
+        (ItemQuery(sort="nonsense"), "no field 'nonsense'"),
+        (ItemQuery(sort="detail"), "no field 'detail'"),
+        (ItemQuery(where={"__class__": 1}), "no field '__class__'"),
+        (ItemQuery(limit=0), "expected 0 or more and 1 to 1000"),
+        (ItemQuery(limit=100_000), "expected 0 or more and 1 to 1000"),
+        (ItemQuery(offset=-1), "expected 0 or more"),
     ],
 )
-def test_what_cannot_be_listed_is_refused(workspace: Workspace, query: Query, message: str) -> None:
+def test_what_cannot_be_listed_is_refused(
+    workspace: Workspace, query: ItemQuery, message: str
+) -> None:
     with pytest.raises(ConfigurationError, match=message):
-        items.listed(workspace, DOCUMENT, query)
+        items.search(workspace, DOCUMENT, query)
 
 
 def test_items_are_found_by_id_its_beginning_or_name(workspace: Workspace) -> None:
@@ -259,7 +260,7 @@ def test_a_transaction_stands_whole_or_not_at_all(workspace: Workspace, tmp_path
 
     with pytest.raises(ConfigurationError, match="half-way"):
         half()
-    assert items.listed(workspace, DOCUMENT, Query()).total == 0
+    assert items.search(workspace, DOCUMENT, ItemQuery()).total == 0
     assert jobs.listed(workspace).total == 0
     assert journal.entries(workspace).total == 0
     workspace.close()
@@ -341,7 +342,7 @@ def test_two_writers_may_bring_the_same_files(workspace: Workspace, tmp_path: Pa
     for thread in threads:
         thread.join(60)
     assert faults == []
-    assert items.listed(workspace, DOCUMENT, Query()).total == 6
+    assert items.search(workspace, DOCUMENT, ItemQuery()).total == 6
     found = verify(workspace)
     assert (found.files, found.faults, found.unnamed) == (8, (), ())
 
@@ -384,23 +385,23 @@ def test_registrations_and_drift_checks(workspace: Workspace, tmp_path: Path) ->
     with pytest.raises(ConfigurationError, match="not registered"):
         registrations.add(workspace, path, points, name="r", cell=cell.ref)
     data = measurements.add(workspace, some_poses(), name="check")
-    made = drift_checks.add(
-        workspace, name="d", model=cell.ref, data=data.ref, poses=7, statistic=12.5, p_value=0.3,
-        verdict="keep",
+    made = items.add(
+        workspace, DRIFT_CHECK, name="d", links=links_to(model=cell.ref, data=data.ref), poses=7,
+        statistic=12.5, p_value=0.3, verdict="keep",
     )  # fmt: skip
-    found = items.listed(workspace, DRIFT_CHECK, Query(where={"verdict": "keep"})).items
+    found = items.search(workspace, DRIFT_CHECK, ItemQuery(where={"verdict": "keep"})).items
     assert found == (made,)
 
 
 def test_totals_are_known_on_and_beyond_the_last_page(workspace: Workspace) -> None:
     for k in range(5):
         a_document(workspace, f"Item {k}")
-    for query in (Query(text="item"), Query(where={"kind": "plan"}), Query()):
+    for query in (ItemQuery(text="item"), ItemQuery(where={"kind": "plan"}), ItemQuery()):
         for offset, names in ((0, 3), (3, 2), (6, 0)):
-            page = items.listed(
+            page = items.search(
                 workspace, DOCUMENT, replace(query, sort="name", offset=offset, limit=3)
             )
             assert (page.total, len(page.items)) == (5, names)
             expected = [f"Item {k}" for k in range(offset, offset + names)]
             assert [each.name for each in page.items] == expected
-    assert items.listed(workspace, DOCUMENT, Query(text="nothing")).total == 0
+    assert items.search(workspace, DOCUMENT, ItemQuery(text="nothing")).total == 0

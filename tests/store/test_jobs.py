@@ -39,7 +39,7 @@ from robotrue.store.jobs_work import attempt
 from robotrue.store.jobs_worker import run_worker
 from robotrue.store.locks import POSIX, alone
 from robotrue.store.nouns import DOCUMENT
-from robotrue.store.records import Query
+from robotrue.store.records import ItemQuery
 from robotrue.store.workspace import Workspace
 
 PATIENCE = 120.0
@@ -59,7 +59,7 @@ def worked(workspace: Workspace, **more: object) -> int:
 
 
 def names(workspace: Workspace) -> int:
-    return items.listed(workspace, DOCUMENT, Query()).total
+    return items.search(workspace, DOCUMENT, ItemQuery()).total
 
 
 def attempted(workspace: Workspace, kind: str, parameters: dict[str, object]) -> jobs.Job:

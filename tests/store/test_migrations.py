@@ -19,7 +19,7 @@ from robotrue.errors import ArchiveError, ConfigurationError, MissingExtraError
 from robotrue.store import documents, items, jobs, journal, migrate, workspace
 from robotrue.store.database import engine_at
 from robotrue.store.nouns import DOCUMENT, ROBOT
-from robotrue.store.records import Query
+from robotrue.store.records import ItemQuery
 from robotrue.store.schema import Base, WorkspaceRow
 from robotrue.store.workspace import Workspace, now, writing
 
@@ -49,16 +49,16 @@ def of_first_schema(folder: Path) -> Path:
 
 
 def require_content(opened: Workspace) -> None:
-    page = items.listed(opened, DOCUMENT, Query())
+    page = items.search(opened, DOCUMENT, ItemQuery())
     assert [(each.name, each.version) for each in page.items] == [("to the customer, signed", 2)]
-    (plan,) = page.items[0].linked("plan")
+    (plan,) = page.items[0].refs("plan")
     gone = items.versions(opened, DOCUMENT, plan.id)
     assert [(each.deleted, each.detail) for each in gone] == [
         (False, {"poses": 30}),
         (True, {"poses": 30}),
     ]
     assert items.undo(opened, DOCUMENT, plan.id).note == "cold"
-    assert items.listed(opened, ROBOT, Query(where={"dof": 6})).total == 1
+    assert items.search(opened, ROBOT, ItemQuery(where={"dof": 6})).total == 1
     assert jobs.listed(opened, state="queued").items[0].parameters["poses"] == 30
     assert journal.entries(opened).total == 7
 

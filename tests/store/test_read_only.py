@@ -13,7 +13,7 @@ import pytest
 from robotrue.errors import ConfigurationError
 from robotrue.store import documents, items
 from robotrue.store.nouns import DOCUMENT
-from robotrue.store.records import Query
+from robotrue.store.records import ItemQuery
 from robotrue.store.verify import verify
 from robotrue.store.workspace import Workspace
 
@@ -51,7 +51,7 @@ def reading_only(folder: Path) -> Iterator[None]:
 
 def names(folder: Path) -> list[str]:
     with Workspace.open(folder) as workspace:
-        return [each.name for each in items.listed(workspace, DOCUMENT, Query()).items]
+        return [each.name for each in items.search(workspace, DOCUMENT, ItemQuery()).items]
 
 
 def test_a_workspace_is_read_where_it_cannot_be_written(folder: Path, tmp_path: Path) -> None:

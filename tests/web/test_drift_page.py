@@ -52,7 +52,7 @@ def check_poses(found: Shop) -> Array:
     assert made.result is not None, made.error
     record = items.get(found.workspace, DOCUMENT, made.result["document"]["id"])
     assert [each.name for each in record.attachments] == ["check_poses.csv"]
-    assert record.linked("model")[0].id == found.model.id
+    assert record.refs("model")[0].id == found.model.id
     return np.asarray(record.detail["joints_deg"]) * DEG
 
 
@@ -78,7 +78,7 @@ def test_a_slipped_joint_is_found_and_the_model_brought_up_to_date(
     updated = done(place, "transfer", {"model": place.model.id, "measurements": data})
     assert updated.result is not None, updated.error
     record = items.get(place.workspace, MODEL, updated.result["model"]["id"])
-    assert record.linked("parent")[0].id == place.model.id
+    assert record.refs("parent")[0].id == place.model.id
     again = done(place, "drift", {"model": record.id, "measurements": data})
     assert again.result is not None
     assert again.result["verdict"] == "keep"
@@ -106,7 +106,7 @@ def test_a_certificate_is_left_in_the_forms_asked_for(place: Shop) -> None:
     made = done(place, "report", asked)
     assert made.result is not None, made.error
     record = items.get(place.workspace, DOCUMENT, made.result["document"]["id"])
-    assert record.linked("about")[0].id == place.model.id
+    assert record.refs("about")[0].id == place.model.id
     forms = {each.name.rpartition(".")[2]: each for each in record.attachments}
     assert list(forms) == ["html", "pdf", "json"]
     assert place.workspace.content(forms["pdf"].sha256).startswith(b"%PDF")

@@ -10,7 +10,7 @@ from web_shop import fill, write_files
 
 from robotrue.store import cells, items, measurements, programs
 from robotrue.store.nouns import CELL, MEASUREMENT, MODEL, PROGRAM
-from robotrue.store.records import Query
+from robotrue.store.records import ItemQuery
 
 RAN: Final = "window.__ran=1"
 PAGES: Final = (
@@ -97,7 +97,7 @@ def test_no_name_is_ever_run(browser: Any, tmp_path: Path) -> None:
             *PAGES,
             *(
                 f"/programs?id={each.id}"
-                for each in items.listed(workspace, PROGRAM, Query(limit=4)).items
+                for each in items.search(workspace, PROGRAM, ItemQuery(limit=4)).items
             ),
             f"/measurements?id={shop.measured.id}",
             f"/calibration?id={shop.model.id}",

@@ -91,7 +91,7 @@ def test_a_session_ends_where_register_ends(client: Client, filled: Shop, tmp_pa
     assert (a.verdict, a.outliers, a.touches) == (b.verdict, b.outliers, b.touches)
     assert ours.identity == theirs.identity
     assert {each.role for each in record.links} == {"cell", "model", "session"}
-    (refined,) = record.linked("model")
+    (refined,) = record.refs("model")
     held = models.model_of(filled.workspace, items.get(filled.workspace, MODEL, refined.id))
     assert from_simulation(held.model)
     report = next(each for each in record.attachments if each.name == "report.html")

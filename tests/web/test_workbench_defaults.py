@@ -21,7 +21,7 @@ from robotrue.robot.model import parameter_slice
 from robotrue.store import items, models
 from robotrue.store.model_file import read_model, write_model
 from robotrue.store.nouns import DOCUMENT
-from robotrue.store.touchings import session_in
+from robotrue.store.registrations import session_in
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,7 @@ from robotrue.measurement.formats.measured_files import read_measurements
 from robotrue.robot.model import parameter_slice
 from robotrue.store import cells, measurements, models, programs
 from robotrue.store.model_file import write_model
-from robotrue.store.records import CellRecord, MeasurementRecord, ModelRecord, ProgramRecord
+from robotrue.store.nouns import CellRecord, MeasurementRecord, ModelRecord, ProgramRecord
 from robotrue.store.workspace import Workspace
 
 Client = Callable[..., Any]

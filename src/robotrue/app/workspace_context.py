@@ -17,15 +17,24 @@ from robotrue.errors import ConfigurationError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.store import cells, documents, items, measurements, models, programs
 from robotrue.store.jobs_work import Work
-from robotrue.store.layout import laid_out
+from robotrue.store.layout import copy_files
 from robotrue.store.model_file import ModelFile
-from robotrue.store.nouns import CELL, DOCUMENT, MEASUREMENT, MODEL, PROGRAM, REGISTRATION, Noun
-from robotrue.store.provenance import provenance_of_record
-from robotrue.store.records import CellRecord, DocumentRecord, Link, Record, Ref
-from robotrue.store.registrations import CELL_FILE
+from robotrue.store.nouns import (
+    CELL,
+    DOCUMENT,
+    MEASUREMENT,
+    MODEL,
+    PROGRAM,
+    REGISTRATION,
+    CellRecord,
+    DocumentRecord,
+    Noun,
+)
+from robotrue.store.records import ItemRecord, Link, Ref, provenance_of_record
+from robotrue.store.registrations import REGISTERED
 from robotrue.store.workspace import Transaction
 
-R = TypeVar("R", bound=Record)
+R = TypeVar("R", bound=ItemRecord)
 
 
 class WorkspaceContext(OpenedInputs):
@@ -39,7 +48,7 @@ class WorkspaceContext(OpenedInputs):
 
     def __init__(self, work: Work, naming: Naming) -> None:
         self.work, self.naming, self.shell = work, naming, Shell()
-        self._records: dict[tuple[str, ItemVersion], Record] = {}
+        self._records: dict[tuple[str, ItemVersion], ItemRecord] = {}
 
     def step(self, text: str, done: int, of: int) -> None:
         """Notes how far the job is; raises when it was cancelled."""
@@ -119,17 +128,17 @@ class WorkspaceContext(OpenedInputs):
     def cell_file(self, reference: Reference) -> Path:
         """Returns where a cell.toml lies for this job, with the files it names."""
         record: CellRecord = self.record(CELL, reference)
-        return cells.laid(self.work.workspace, record, self.folder("cell"))
+        return cells.copy_cell(self.work.workspace, record, self.folder("cell"))
 
     def model_file(self, reference: Reference) -> Path:
         """Returns where a model file lies for this job."""
         record = self.record(MODEL, reference)
-        return models.laid(self.work.workspace, record, self.work.folder)
+        return models.copy_file(self.work.workspace, record, self.work.folder)
 
     def registration_file(self, reference: Reference) -> Path:
         """Returns where a registered cell.toml lies for this job, with its model."""
         record = self.record(REGISTRATION, reference)
-        return laid_out(self.work.workspace, record, self.work.folder, CELL_FILE)[0]
+        return copy_files(self.work.workspace, record, self.work.folder, REGISTERED)[0]
 
     def program_files(
         self, references: Sequence[Reference], folder: str = "before"
@@ -142,12 +151,12 @@ class WorkspaceContext(OpenedInputs):
         if len(references) != 1:
             raise ConfigurationError(f"{len(references)} programs, expected one.")
         record = self.record(PROGRAM, references[0])
-        return programs.laid(self.work.workspace, record, self.folder(folder))
+        return programs.copy_program(self.work.workspace, record, self.folder(folder))
 
     def document_files(self, reference: Reference, kind: str) -> tuple[Path, ...]:
         """Returns where the files of a document lie for this job."""
         record = self.document(reference, kind)
-        return laid_out(self.work.workspace, record, self.folder(record.id))
+        return copy_files(self.work.workspace, record, self.folder(record.id))
 
     def document(self, reference: Reference, kind: str) -> DocumentRecord:
         """Returns the record of a document.
@@ -193,7 +202,7 @@ class WorkspaceContext(OpenedInputs):
             links: What it rests on.
             detail: Its numbers, JSON values.
         """
-        made: Record = documents.add(
+        made: ItemRecord = documents.add(
             into,
             kind,
             name=self.naming.name or f"{kind} of {about}",

@@ -15,7 +15,7 @@ from robotrue.app.request import Option
 
 if TYPE_CHECKING:
     from robotrue.store.jobs import Job
-    from robotrue.store.records import Record
+    from robotrue.store.records import ItemRecord
 
 HERE: Final = Path()
 WorkspaceFolder: TypeAlias = Annotated[
@@ -32,18 +32,18 @@ ItemWord: TypeAlias = Annotated[
 JobWord: TypeAlias = Annotated[str, Option(argument="JOB", help="Id, or its first characters.")]
 
 
-def item_result(noun: str, record: Record, *shown: Block) -> PlainResult:
+def item_result(noun: str, record: ItemRecord, *shown: Block) -> PlainResult:
     """Returns one version of an item as a result."""
-    from robotrue.store.provenance import provenance_of_record
+    from robotrue.store.records import provenance_of_record
 
     return PlainResult(
         values=item_document(noun, record), shown=shown, provenance=provenance_of_record(record)
     )
 
 
-def item_document(noun: str, record: Record) -> dict[str, Any]:
+def item_document(noun: str, record: ItemRecord) -> dict[str, Any]:
     """Returns one version of an item as JSON values."""
-    from robotrue.store.provenance import provenance_of_record
+    from robotrue.store.records import provenance_of_record
 
     values = asdict(record)
     links, files = values.pop("links"), values.pop("attachments")

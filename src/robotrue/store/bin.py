@@ -21,14 +21,13 @@ from robotrue.store import journal
 from robotrue.store.blobs import STAGED, sweep
 from robotrue.store.items import SHORTEST_ID
 from robotrue.store.locks import alone
-from robotrue.store.nouns import NOUNS, noun_of
+from robotrue.store.nouns import MEASUREMENT, NOUNS, noun_of
 from robotrue.store.schema import (
     AttachmentRow,
     BlobRow,
     ItemRow,
     JobRow,
     LinkRow,
-    MeasurementRow,
 )
 from robotrue.store.workspace import LOCK, Transaction, Workspace, now
 
@@ -180,18 +179,14 @@ def _texts(value: Any) -> Iterator[str]:
 def _own_files(session: Session, gone: set[str]) -> Iterator[BlobRow]:
     """Files that versions of these items name, and of no other."""
     own: set[str] = set()
-    for table, digest in (
-        (AttachmentRow, AttachmentRow.sha256),
-        (MeasurementRow, MeasurementRow.samples),
-    ):
+    samples, measured = MEASUREMENT.column("samples"), MEASUREMENT.table.id
+    for digest, item in ((AttachmentRow.sha256, AttachmentRow.id), (samples, measured)):
         for part in _parts(sorted(gone)):
-            own |= set(session.scalars(select(digest).where(table.id.in_(part))))
+            own |= set(session.scalars(select(digest).where(item.in_(part))))
     for part in _parts(sorted(own)):
         users = union(
             select(AttachmentRow.sha256, AttachmentRow.id).where(AttachmentRow.sha256.in_(part)),
-            select(MeasurementRow.samples, MeasurementRow.id).where(
-                MeasurementRow.samples.in_(part)
-            ),
+            select(samples, measured).where(samples.in_(part)),
         )
         own -= {sha256 for sha256, id in session.execute(users) if id not in gone}
     for part in _parts(sorted(own)):

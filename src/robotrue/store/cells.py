@@ -17,9 +17,16 @@ from robotrue.core.files import sha256
 from robotrue.errors import ConfigurationError
 from robotrue.robot.identity import nominal_identity
 from robotrue.store import items
-from robotrue.store.layout import attached, laid_out
-from robotrue.store.nouns import CELL, ROBOT, TOOL, Noun
-from robotrue.store.records import CellRecord, Link, Record, Ref
+from robotrue.store.layout import copy_files
+from robotrue.store.nouns import (
+    CELL,
+    ROBOT,
+    TOOL,
+    CellRecord,
+    Noun,
+    R,
+)
+from robotrue.store.records import Ref, links_to
 from robotrue.store.workspace import Transaction, Workspace, transaction
 
 FILE: Final = "cell"
@@ -34,7 +41,7 @@ def add(
     note: str = "",
     id: str | None = None,
 ) -> CellRecord:
-    """Returns a cell.toml taken in with the files it names, its arm and its tool.
+    """Returns an imported cell.toml with the files it names, its arm and its tool.
 
     Args:
         where: Workspace or transaction.
@@ -49,15 +56,19 @@ def add(
     """
     path = Path(path)
     cell = read_cell(path)
-    text, companions = _bundle(path, cell)
+    # the text, every file it names beside it, and those files
+    text, named = plain_names(cell.text)
+    companions = [(COMPANION, plain, path.parent / own) for plain, own in named.items()]
     with transaction(where) as into:
-        files = [(FILE, "cell.toml", text.encode()), *companions]
-        attachments = attached(into, files)
-        robot, tool = _robot(into, cell), _tool(into, cell)
-        columns = {
-            "name": name or path.stem,
-            "note": note,
-            "detail": {
+        return items.add(
+            into,
+            CELL,
+            name=name or path.stem,
+            note=note,
+            id=id,
+            links=links_to(robot=_find_robot(into, cell), tool=_find_tool(into, cell)),
+            files=[(FILE, "cell.toml", text.encode()), *companions],
+            detail={
                 "payload_kg": float(cell.payload.mass[0]),
                 "repeatability_m": cell.repeatability,
                 "tracker": cell.tracker.name,
@@ -65,12 +76,10 @@ def add(
                 "doubts": list(cell.doubts),
                 "source": path.name,
             },
-            "digest": sha256(text.encode()),
-            "robot": cell.robot.name,
-            "frame": cell.frame,
-        }
-        links = (Link(role="robot", to=robot), Link(role="tool", to=tool))
-        return items.insert(into, CELL, columns, links=links, attachments=attachments, id=id)
+            digest=sha256(text.encode()),
+            robot=cell.robot.name,
+            frame=cell.frame,
+        )
 
 
 def require_beside(text: str, names: Collection[str]) -> None:
@@ -95,56 +104,42 @@ def require_beside(text: str, names: Collection[str]) -> None:
             )
 
 
-def laid(workspace: Workspace, record: CellRecord, folder: Path) -> Path:
+def copy_cell(workspace: Workspace, record: CellRecord, folder: Path) -> Path:
     """Returns the cell.toml written to a folder with the files it names.
 
     Raises:
         ArchiveError: A file is missing or was altered.
     """
-    laid_out(workspace, record, folder, COMPANION)
-    (path,) = laid_out(workspace, record, folder, FILE)
+    copy_files(workspace, record, folder, COMPANION)
+    (path,) = copy_files(workspace, record, folder, FILE)
     return path
 
 
-def _bundle(path: Path, cell: Cell) -> tuple[str, list[tuple[str, str, bytes | Path]]]:
-    """Returns the text with every file it names beside it, and those files."""
-    text, stated = plain_names(cell.text)
-    return text, [(COMPANION, name, path.parent / own) for name, own in stated.items()]
-
-
-def _robot(into: Transaction, cell: Cell) -> Ref:
+def _find_robot(into: Transaction, cell: Cell) -> Ref:
     robot = cell.robot.nominal()
-    identity = nominal_identity(robot).sha256
-    columns = {
-        "name": robot.name,
-        "note": "",
-        "detail": {"reach_m": float(robot.reach), "source": Path(cell.source).name},
-        "maker": robot.maker,
-        "dof": robot.dof,
-        "identity": identity,
-    }
-    return _known(into, ROBOT, identity, columns)
+    return _find_or_add(
+        into,
+        ROBOT,
+        identity=nominal_identity(robot).sha256,
+        name=robot.name,
+        detail={"reach_m": float(robot.reach), "source": Path(cell.source).name},
+        maker=robot.maker,
+        dof=robot.dof,
+    )
 
 
-def _tool(into: Transaction, cell: Cell) -> Ref:
+def _find_tool(into: Transaction, cell: Cell) -> Ref:
     T = np.asarray(cell.robot.T_flange_tool)
     identity = sha256((np.round(T, 9) + 0.0).tobytes())
-    columns = {
-        "name": f"tool {identity[:8]}",
-        "note": "",
-        "detail": {"T_flange_tool": T.tolist(), "source": Path(cell.source).name},
-        "identity": identity,
-    }
-    return _known(into, TOOL, identity, columns)
+    detail = {"T_flange_tool": T.tolist(), "source": Path(cell.source).name}
+    return _find_or_add(into, TOOL, identity=identity, name=f"tool {identity[:8]}", detail=detail)
 
 
-def _known(into: Transaction, noun: Noun[Any], identity: str, columns: dict[str, Any]) -> Ref:
-    """The item of this identity; it is added where there is none."""
-    table: Any = noun.table
-    found = into.session.scalars(
-        select(table).where(table.latest == true(), table.identity == identity).limit(1)
-    ).first()
-    if found is not None:
-        return Ref(id=found.id, version=found.version)
-    made: Record = items.insert(into, noun, columns)
-    return made.ref
+def _find_or_add(into: Transaction, noun: Noun[R], *, identity: str, **columns: Any) -> Ref:
+    """Returns the item of this identity; it is added where there is none."""
+    table = noun.table
+    latest = select(table).where(table.latest == true(), noun.column("identity") == identity)
+    row = into.session.scalars(latest.limit(1)).first()
+    if row is not None:
+        return Ref(id=row.id, version=row.version)
+    return items.add(into, noun, identity=identity, **columns).ref

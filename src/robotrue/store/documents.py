@@ -1,4 +1,4 @@
-"""What is kept besides models and programs: plans, validations, reports, and their numbers."""
+"""Documents in the store: plans, validations, reports, and their numbers."""
 
 from __future__ import annotations
 
@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from robotrue.store import items
-from robotrue.store.layout import attached
-from robotrue.store.nouns import DOCUMENT
-from robotrue.store.records import DocumentRecord, Link
-from robotrue.store.workspace import Transaction, Workspace, transaction
+from robotrue.store.nouns import DOCUMENT, DocumentRecord
+from robotrue.store.records import Link
+from robotrue.store.workspace import Transaction, Workspace
 
 
 def add(
@@ -24,7 +23,7 @@ def add(
     note: str = "",
     id: str | None = None,
 ) -> DocumentRecord:
-    """Returns a document taken in.
+    """Returns an imported document.
 
     Args:
         where: Workspace or transaction.
@@ -40,7 +39,8 @@ def add(
         ConfigurationError: What it rests on is not in the workspace, or a file's name is none.
         FormatError: A file cannot be read.
     """
-    with transaction(where) as into:
-        attachments = attached(into, [("file", path.name, path) for path in files])
-        columns = {"name": name, "note": note, "detail": dict(detail or {}), "kind": kind}
-        return items.insert(into, DOCUMENT, columns, links=about, attachments=attachments, id=id)
+    named = [("file", path.name, path) for path in files]
+    return items.add(
+        where, DOCUMENT, name=name, note=note, detail=detail, links=about, files=named, id=id,
+        kind=kind,
+    )  # fmt: skip

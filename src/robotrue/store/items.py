@@ -1,87 +1,120 @@
-"""Items of every noun: added, found, listed, changed, deleted and brought back; nothing is lost."""
+"""Items of every noun: added, searched, changed, deleted and brought back; nothing is lost."""
 
 from __future__ import annotations
 
 import uuid
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from datetime import datetime
+from pathlib import Path
 from typing import Any, Final, TypeVar
 
-from sqlalchemy import ColumnElement, Select, false, func, or_, select, true, tuple_, update
-from sqlalchemy.orm import Session
+from sqlalchemy import Select, false, func, or_, select, true, tuple_, update
+from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from robotrue.core.json_values import json_values, plain_text
 from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.store import journal
+from robotrue.store.layout import attach_files
 from robotrue.store.nouns import NOUNS, Noun, noun_of
-from robotrue.store.records import Attachment, Link, Page, Query, Record, Ref
+from robotrue.store.records import Attachment, ItemQuery, ItemRecord, Link, Listing, Ref
 from robotrue.store.schema import NAME, AttachmentRow, ItemRow, LinkRow, Versioned
 from robotrue.store.workspace import Transaction, Workspace, now, reading, transaction
 
-R = TypeVar("R", bound=Record)
+R = TypeVar("R", bound=ItemRecord)
 LONGEST_NAME: Final = NAME.length or 200
 SHORTEST_ID: Final = 4
 """Characters of an id that may stand for all of it."""
 MOST: Final = 1000
 """Items of one page."""
-_OWN: Final = frozenset({"id", "version", "latest", "deleted", "created", "links", "attachments"})
+_BESIDE: Final = frozenset({"links", "attachments"})
+"""Fields of a record that stand in tables of their own."""
+_OWN: Final = frozenset({"id", "version", "latest", "deleted", "created"}) | _BESIDE
+_NOT_SORTED: Final = frozenset({"detail", "settings"}) | _BESIDE
 
 
-def insert(
+def add(
     where: Workspace | Transaction,
     noun: Noun[R],
-    columns: Mapping[str, Any],
     *,
+    name: str,
+    note: str = "",
+    detail: Mapping[str, Any] | None = None,
     links: Sequence[Link] = (),
-    attachments: Sequence[Attachment] = (),
+    files: Iterable[tuple[str, str, bytes | Path]] = (),
     id: str | None = None,
+    **columns: Any,
 ) -> R:
     """Returns a new item, or with an id a new version of it, that has just been written.
 
     Args:
         where: Workspace or transaction.
         noun: Its noun.
-        columns: Name, note, detail and the columns of the noun.
+        name: In the workspace.
+        note: Of the user.
+        detail: What else is known of it, JSON values.
         links: What it rests on.
-        attachments: Its files, taken in with the same transaction or before.
+        files: Role, name and content of each of its files.
         id: Of the item that gets a new version.
+        columns: Those of the noun.
 
     Raises:
-        ConfigurationError: No such item, or what it is to rest on is not there.
+        ConfigurationError: No such item, what it is to rest on is not there, or a file's name is
+            none.
+        FormatError: A file cannot be read.
     """
-    columns = _clean(columns)
+    columns |= {"name": name, "note": note, "detail": dict(detail or {})}
     with transaction(where) as into:
-        session = into.session
-        for link in links:
-            _require_there(session, link.to)
-        if id is None:
-            return _written(into, noun, str(uuid.uuid4()), 1, columns, links, attachments, "added")
-        version = _locked(session, noun, id).version + 1
-        return _written(into, noun, id, version, columns, links, attachments, "changed")
+        return _insert(into, noun, columns, links, attach_files(into, files), id)
+
+
+def add_version(
+    into: Transaction, noun: Noun[R], before: R, *, links: Sequence[Link] = (), **changes: Any
+) -> R:
+    """Returns the new version of an item that is as the one before but for some columns."""
+    columns = {**_columns(before), **changes}
+    return _insert(into, noun, columns, (*before.links, *links), before.attachments, before.id)
+
+
+def _insert(
+    into: Transaction,
+    noun: Noun[R],
+    columns: Mapping[str, Any],
+    links: Sequence[Link],
+    attachments: Sequence[Attachment],
+    id: str | None,
+) -> R:
+    columns = _clean(columns)
+    session = into.session
+    for link in links:
+        _require_there(session, link.to)
+    if id is None:
+        return _write(into, noun, str(uuid.uuid4()), 1, columns, links, attachments, "added")
+    version = _lock(session, noun, id).version + 1
+    return _write(into, noun, id, version, columns, links, attachments, "changed")
 
 
 def _clean(columns: Mapping[str, Any]) -> dict[str, Any]:
     """The columns as any database keeps them: JSON values, text of whole characters, no NUL."""
-    kept = {
+    clean = {
         key: json_values(value) if isinstance(value, Mapping) else value
         for key, value in columns.items()
     }
-    kept["name"], kept["note"] = (str(columns[key]).strip() for key in ("name", "note"))
-    if not 0 < len(kept["name"]) <= LONGEST_NAME:
+    clean["name"], clean["note"] = (str(columns[key]).strip() for key in ("name", "note"))
+    if not 0 < len(clean["name"]) <= LONGEST_NAME:
         raise ConfigurationError(
-            f"a name of {len(kept['name'])} characters, expected 1 to {LONGEST_NAME}.",
+            f"a name of {len(clean['name'])} characters, expected 1 to {LONGEST_NAME}.",
             hint="--name",
         )
-    if not plain_text(kept):
+    if not plain_text(clean):
         raise ConfigurationError(
-            f"{kept['name'][:40]!a} or what is said of it holds a NUL character or half of one.",
+            f"{clean['name'][:40]!a} or what is said of it holds a NUL character or half of one.",
             hint="type it anew.",
         )
-    return kept
+    return clean
 
 
-def _written(
+def _write(
     into: Transaction,
     noun: Noun[R],
     id: str,
@@ -101,22 +134,14 @@ def _written(
         table = noun.table
         earlier = update(table).where(table.id == id, table.latest == true())
         session.execute(earlier.values(latest=False))
-    own = {"id": id, "version": version, "latest": True, "deleted": deleted, "created": at}
-    session.add(noun.table(**{**columns, **own}))
+    key = {"id": id, "version": version}
+    session.add(noun.table(**columns, **key, latest=True, deleted=deleted, created=at))
     for position, link in enumerate(links):
-        session.add(
-            LinkRow(
-                id=id, version=version, role=link.role, position=position,
-                to_id=link.to.id, to_version=link.to.version,
-            )
-        )  # fmt: skip
-    for position, each in enumerate(attachments):
-        session.add(
-            AttachmentRow(
-                id=id, version=version, role=each.role, position=position,
-                name=each.name, sha256=each.sha256,
-            )
-        )  # fmt: skip
+        to = {"to_id": link.to.id, "to_version": link.to.version}
+        session.add(LinkRow(**key, role=link.role, position=position, **to))
+    for position, file in enumerate(attachments):
+        row = {"role": file.role, "name": file.name, "sha256": file.sha256}
+        session.add(AttachmentRow(**key, position=position, **row))
     journal.record(into, action, noun.name, id, version, {"name": columns["name"]})
     session.flush()
     return get(into, noun, id, version=version)
@@ -132,7 +157,7 @@ def get(where: Workspace | Transaction, noun: Noun[R], id: str, *, version: int 
         return _records(session, noun, [_row(session, noun, id, version)])[0]
 
 
-def listed(where: Workspace | Transaction, noun: Noun[R], query: Query) -> Page[R]:
+def search(where: Workspace | Transaction, noun: Noun[R], query: ItemQuery) -> Listing[R]:
     """Returns a page of the latest versions.
 
     Raises:
@@ -144,7 +169,7 @@ def listed(where: Workspace | Transaction, noun: Noun[R], query: Query) -> Page[
             f"{MOST}.",
             hint="--limit 50",
         )
-    chosen = _chosen(noun, query)
+    chosen = _select(noun, query)
     field = query.sort.removeprefix("-")
     column = _column(noun, field)
     falling = query.sort.startswith("-")
@@ -152,17 +177,17 @@ def listed(where: Workspace | Transaction, noun: Noun[R], query: Query) -> Page[
     page = chosen.order_by(*order).offset(query.offset).limit(query.limit)
     with reading(where) as session:
         if query.text or query.where:
-            rows, total = _counted(session, noun, page)
+            rows, total = _read_counted(session, noun, page)
         else:  # both come from an index
             rows, total = session.scalars(page).all(), None
         if total is None:
             counted = chosen.with_only_columns(func.count(), maintain_column_froms=True)
             total = session.scalar(counted) or 0
         found = _records(session, noun, rows)
-    return Page(items=tuple(found), total=total, offset=query.offset)
+    return Listing(items=tuple(found), total=total, offset=query.offset)
 
 
-def _counted(
+def _read_counted(
     session: Session, noun: Noun[R], page: Select[Versioned]
 ) -> tuple[Sequence[Versioned], int | None]:
     """The rows of a page and how many there are on all pages, in one pass over the table.
@@ -182,7 +207,7 @@ def _counted(
     return sorted(rows, key=lambda row: order[row.id, row.version]), int(keys[0][2])
 
 
-def _chosen(noun: Noun[R], query: Query) -> Select[Versioned]:
+def _select(noun: Noun[R], query: ItemQuery) -> Select[Versioned]:
     table = noun.table
     state = true() if query.deleted else false()
     chosen = select(table).where(table.latest == true(), table.deleted == state)
@@ -204,16 +229,14 @@ def _chosen(noun: Noun[R], query: Query) -> Select[Versioned]:
     return chosen
 
 
-def _column(noun: Noun[R], field: str) -> ColumnElement[Any]:
-    known = [f.name for f in fields(noun.record) if f.name not in ("links", "attachments")]
-    known = [name for name in known if name not in ("detail", "settings")]
+def _column(noun: Noun[R], field: str) -> InstrumentedAttribute[Any]:
+    known = [f.name for f in fields(noun.record) if f.name not in _NOT_SORTED]
     if field not in known:
         raise ConfigurationError(
             f"{noun.name} has no field {field!r}; it has {', '.join(known)}.",
             hint="--sort=-created",
         )
-    column: ColumnElement[Any] = getattr(noun.table, field)
-    return column
+    return noun.column(field)
 
 
 def versions(where: Workspace | Transaction, noun: Noun[R], id: str) -> tuple[R, ...]:
@@ -229,7 +252,7 @@ def versions(where: Workspace | Transaction, noun: Noun[R], id: str) -> tuple[R,
         return tuple(_records(session, noun, list(rows)))
 
 
-def begun(where: Workspace | Transaction, ids: Sequence[str]) -> dict[str, datetime]:
+def read_creation_times(where: Workspace | Transaction, ids: Sequence[str]) -> dict[str, datetime]:
     """Returns when each item came to be; a record says when its version did."""
     with reading(where) as session:
         found = session.execute(select(ItemRow.id, ItemRow.created).where(ItemRow.id.in_(ids)))
@@ -250,11 +273,12 @@ def change(
         ConfigurationError: It is not there, or deleted.
     """
     with transaction(where) as into:
-        found = _living(into, noun, id)
-        columns = dict(_columns(found))
-        columns["name"] = found.name if name is None else name
-        columns["note"] = found.note if note is None else note
-        return insert(into, noun, columns, links=found.links, attachments=found.attachments, id=id)
+        before = _require_living(into, noun, id)
+        name, note = (
+            (before.name if name is None else name),
+            (before.note if note is None else note),
+        )
+        return add_version(into, noun, before, name=name, note=note)
 
 
 def delete(where: Workspace | Transaction, noun: Noun[R], id: str) -> R:
@@ -264,7 +288,7 @@ def delete(where: Workspace | Transaction, noun: Noun[R], id: str) -> R:
         ConfigurationError: It is not there, or deleted already.
     """
     with transaction(where) as into:
-        return _again(into, noun, _living(into, noun, id), "deleted", deleted=True)
+        return _repeat(into, noun, _require_living(into, noun, id), "deleted", deleted=True)
 
 
 def undo(
@@ -285,7 +309,7 @@ def undo(
         ModelMismatchError: The version is not the latest any more.
     """
     with transaction(where) as into:
-        _locked(into.session, noun, id)
+        _lock(into.session, noun, id)
         latest = get(into, noun, id)
         if version is not None and latest.version != version:
             raise ModelMismatchError(
@@ -299,22 +323,22 @@ def undo(
                 hint=f"robotrue workspace delete {id}",
             )
         before = get(into, noun, id, version=latest.version - 1)
-        return _again(into, noun, before, "restored", deleted=before.deleted, after=latest)
+        return _repeat(into, noun, before, "restored", deleted=before.deleted, after=latest)
 
 
-def _again(
+def _repeat(
     into: Transaction,
     noun: Noun[R],
-    found: R,
+    source: R,
     action: str,
     *,
     deleted: bool,
-    after: Record | None = None,
+    after: ItemRecord | None = None,
 ) -> R:
-    version = (after or found).version + 1
-    columns = _columns(found)
-    return _written(
-        into, noun, found.id, version, columns, found.links, found.attachments, action,
+    """Returns a new version with the content of an earlier one; ``after``: the latest so far."""
+    version = (after or source).version + 1
+    return _write(
+        into, noun, source.id, version, _columns(source), source.links, source.attachments, action,
         deleted=deleted,
     )  # fmt: skip
 
@@ -352,8 +376,8 @@ def resolve(where: Workspace | Transaction, text: str, noun: str | None = None) 
     return found[0]
 
 
-def _living(into: Transaction, noun: Noun[R], id: str) -> R:
-    _locked(into.session, noun, id)
+def _require_living(into: Transaction, noun: Noun[R], id: str) -> R:
+    _lock(into.session, noun, id)
     found = get(into, noun, id)
     if found.deleted:
         raise ConfigurationError(
@@ -362,7 +386,7 @@ def _living(into: Transaction, noun: Noun[R], id: str) -> R:
     return found
 
 
-def _locked(session: Session, noun: Noun[R], id: str) -> Versioned:
+def _lock(session: Session, noun: Noun[R], id: str) -> Versioned:
     """The latest version; others that would follow it wait for this transaction."""
     session.execute(select(ItemRow.id).where(ItemRow.id == id).with_for_update())
     return _row(session, noun, id, None)
@@ -394,7 +418,7 @@ def _require_there(session: Session, to: Ref) -> None:
         _row(session, NOUNS[item.noun], to.id, to.version)
 
 
-def _columns(found: Record) -> dict[str, Any]:
+def _columns(found: ItemRecord) -> dict[str, Any]:
     return {f.name: getattr(found, f.name) for f in fields(found) if f.name not in _OWN}
 
 
@@ -408,12 +432,12 @@ def _records(session: Session, noun: Noun[R], rows: Sequence[Versioned]) -> list
         to = Ref(id=link.to_id, version=link.to_version)
         links.setdefault((link.id, link.version), []).append(Link(role=link.role, to=to))
     files: dict[tuple[str, int], list[Attachment]] = {}
-    for each in session.scalars(
+    for row in session.scalars(
         select(AttachmentRow).where(AttachmentRow.id.in_(ids)).order_by(AttachmentRow.position)
     ):
-        made = Attachment(role=each.role, name=each.name, sha256=each.sha256)
-        files.setdefault((each.id, each.version), []).append(made)
-    names = [f.name for f in fields(noun.record) if f.name not in ("links", "attachments")]
+        file = Attachment(role=row.role, name=row.name, sha256=row.sha256)
+        files.setdefault((row.id, row.version), []).append(file)
+    names = [f.name for f in fields(noun.record) if f.name not in _BESIDE]
     return [
         noun.record(
             **{name: getattr(row, name) for name in names},

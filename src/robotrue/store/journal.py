@@ -10,7 +10,7 @@ from typing import Any
 
 from sqlalchemy import func, select
 
-from robotrue.store.records import Page
+from robotrue.store.records import Listing
 from robotrue.store.schema import JournalRow
 from robotrue.store.workspace import Transaction, Workspace, now, reading
 
@@ -67,7 +67,7 @@ def entries(
     without: Collection[str] = (),
     offset: int = 0,
     limit: int = 50,
-) -> Page[Entry]:
+) -> Listing[Entry]:
     """Returns what was done, the newest first.
 
     Args:
@@ -99,4 +99,4 @@ def entries(
             )
             for row in rows
         )
-    return Page(items=found, total=total, offset=offset)
+    return Listing(items=found, total=total, offset=offset)

@@ -1,4 +1,4 @@
-"""Files of an item: taken into a workspace under their names, laid out in a folder to work with."""
+"""Files of an item: imported under their names, copied to a folder to work with."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Final
 
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.store.blobs import require_whole
-from robotrue.store.records import Attachment, Record
+from robotrue.store.records import Attachment, ItemRecord
 from robotrue.store.workspace import Transaction, Workspace
 
 _BAD: Final = re.compile(r'[\x00-\x1f\x7f/\\:*?"<>|]')
@@ -31,10 +31,10 @@ def require_name(name: str) -> str:
     return name
 
 
-def attached(
+def attach_files(
     into: Transaction, files: Iterable[tuple[str, str, bytes | Path]]
 ) -> tuple[Attachment, ...]:
-    """Returns files taken in, from role, name and content of each.
+    """Returns imported files, from role, name and content of each.
 
     Raises:
         ConfigurationError: A name is none.
@@ -46,7 +46,9 @@ def attached(
     )
 
 
-def laid_out(workspace: Workspace, record: Record, folder: Path, *roles: str) -> tuple[Path, ...]:
+def copy_files(
+    workspace: Workspace, record: ItemRecord, folder: Path, *roles: str
+) -> tuple[Path, ...]:
     """Returns copies of an item's files in a folder, under their names; of some roles, or of all.
 
     Raises:
@@ -54,7 +56,7 @@ def laid_out(workspace: Workspace, record: Record, folder: Path, *roles: str) ->
         ConfigurationError: A name leads out of the folder.
         FormatError: The folder cannot be written to.
     """
-    out = []
+    copies = []
     for each in record.attachments:
         if roles and each.role not in roles:
             continue
@@ -65,5 +67,5 @@ def laid_out(workspace: Workspace, record: Record, folder: Path, *roles: str) ->
             shutil.copyfile(source, target)
         except OSError as cause:
             raise FormatError(f"cannot write: {cause.strerror}.", source=target) from cause
-        out.append(target)
-    return tuple(out)
+        copies.append(target)
+    return tuple(copies)

@@ -13,9 +13,8 @@ from robotrue.errors import ImplausibleDataError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.store import items
 from robotrue.store.blobs import SAMPLES, require_whole
-from robotrue.store.layout import attached
-from robotrue.store.nouns import MEASUREMENT
-from robotrue.store.records import Attachment, Link, MeasurementRecord, Ref
+from robotrue.store.nouns import MEASUREMENT, MeasurementRecord
+from robotrue.store.records import Ref, links_to
 from robotrue.store.samples import RowPage, RowQuery, read_rows, read_samples, samples_bytes
 from robotrue.store.workspace import Transaction, Workspace, transaction
 
@@ -33,7 +32,7 @@ def add(
     detail: Mapping[str, Any] | None = None,
     id: str | None = None,
 ) -> MeasurementRecord:
-    """Returns a measurement set that was taken in.
+    """Returns an imported measurement set.
 
     Args:
         where: Workspace or transaction.
@@ -52,16 +51,18 @@ def add(
     """
     if not len(rows):
         raise ImplausibleDataError("a measurement set without rows.", hint="measure some poses.")
+    low, high = rows.position.min(axis=0), rows.position.max(axis=0)
     with transaction(where) as into:
-        attachments: tuple[Attachment, ...] = attached(
-            into, [(RAW, path.name, path) for path in raw]
-        )
         samples = into.keep(samples_bytes(rows), place=SAMPLES)
-        low, high = rows.position.min(axis=0), rows.position.max(axis=0)
-        columns = {
-            "name": name,
-            "note": note,
-            "detail": {
+        return items.add(
+            into,
+            MEASUREMENT,
+            name=name,
+            note=note,
+            id=id,
+            links=links_to(cell=cell),
+            files=[(RAW, path.name, path) for path in raw],
+            detail={
                 "low_m": low.tolist(),
                 "high_m": high.tolist(),
                 "groups": list(rows.group_names),
@@ -70,15 +71,13 @@ def add(
                 "stations": np.unique(rows.station).tolist(),
                 **(detail or {}),
             },
-            "frame": rows.frame,
-            "poses": len(rows),
-            "dof": rows.dof,
-            "full_poses": int(rows.has_rotation.sum()),
-            "data": data_hash(rows),
-            "samples": samples,
-        }
-        links = () if cell is None else (Link(role="cell", to=cell),)
-        return items.insert(into, MEASUREMENT, columns, links=links, attachments=attachments, id=id)
+            frame=rows.frame,
+            poses=len(rows),
+            dof=rows.dof,
+            full_poses=int(rows.has_rotation.sum()),
+            data=data_hash(rows),
+            samples=samples,
+        )
 
 
 def rows_of(workspace: Workspace, record: MeasurementRecord) -> MeasurementSet:

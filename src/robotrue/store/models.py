@@ -10,11 +10,11 @@ from robotrue import __version__
 from robotrue.calibration.identity import identity_of
 from robotrue.calibration.lineage import history, provenance_of
 from robotrue.store import items
-from robotrue.store.layout import attached, laid_out
+from robotrue.store.layout import copy_files
 from robotrue.store.model_file import ModelFile, read_model
-from robotrue.store.nouns import MODEL
-from robotrue.store.records import Link, ModelRecord, Ref
-from robotrue.store.workspace import Transaction, Workspace, transaction
+from robotrue.store.nouns import MODEL, ModelRecord
+from robotrue.store.records import Ref, links_to
+from robotrue.store.workspace import Transaction, Workspace
 
 FILE: Final = "model"
 
@@ -33,7 +33,7 @@ def add(
     note: str = "",
     id: str | None = None,
 ) -> ModelRecord:
-    """Returns a model file taken in, tied to what it was made from.
+    """Returns an imported model file, linked to what it was made from.
 
     Args:
         where: Workspace or transaction.
@@ -54,44 +54,39 @@ def add(
         FormatError: A file cannot be read.
     """
     path = Path(path)
-    held = read_model(path)
-    summary = held.model.training_summary()
-    links = [
-        *(Link(role="data", to=each) for each in data),
-        *([Link(role="cell", to=cell)] if cell is not None else []),
-        *(Link(role="parent", to=each) for each in parents),
-    ]
-    with transaction(where) as into:
-        files = [(FILE, path.name, path), *(("report", each.name, each) for each in reports)]
-        columns = {
-            "name": name,
-            "note": note,
-            "detail": {
-                "rows": summary.rows,
-                "data_sha256": summary.data_sha256,
-                "history": history(held.model),
-                "job": job,
-                "provenance": provenance_of(held.model).to_document(),
-            },
-            "kind": held.archive.kind,
-            "method": summary.method,
-            "robot": held.model.robot.name,
-            "identity": identity_of(held.model).sha256,
-            "made_by": __version__,
-            "settings": dict(settings or {}),
-        }
-        return items.insert(
-            into, MODEL, columns, links=links, attachments=attached(into, files), id=id
-        )
+    file = read_model(path)
+    summary = file.model.training_summary()
+    return items.add(
+        where,
+        MODEL,
+        name=name,
+        note=note,
+        id=id,
+        links=links_to(data=data, cell=cell, parent=parents),
+        files=[(FILE, path.name, path), *(("report", page.name, page) for page in reports)],
+        detail={
+            "rows": summary.rows,
+            "data_sha256": summary.data_sha256,
+            "history": history(file.model),
+            "job": job,
+            "provenance": provenance_of(file.model).to_document(),
+        },
+        kind=file.archive.kind,
+        method=summary.method,
+        robot=file.model.robot.name,
+        identity=identity_of(file.model).sha256,
+        made_by=__version__,
+        settings=dict(settings or {}),
+    )
 
 
-def laid(workspace: Workspace, record: ModelRecord, folder: Path) -> Path:
+def copy_file(workspace: Workspace, record: ModelRecord, folder: Path) -> Path:
     """Returns the model file written to a folder.
 
     Raises:
         ArchiveError: It is missing or was altered.
     """
-    (path,) = laid_out(workspace, record, folder, FILE)
+    (path,) = copy_files(workspace, record, folder, FILE)
     return path
 
 

@@ -1,14 +1,146 @@
-"""The nouns of the store: the table and the record of each."""
+"""The nouns of the store: one record each; its fields are the columns of its table."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, Final, Generic, TypeVar
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Annotated, Any, Final, Generic, TypeVar, get_args, get_type_hints
+
+from sqlalchemy import BigInteger, Float, ForeignKey, Integer
+from sqlalchemy.orm import InstrumentedAttribute, MappedColumn, mapped_column
+from sqlalchemy.types import TypeEngine
 
 from robotrue.errors import ConfigurationError
-from robotrue.store import records, schema
+from robotrue.store.records import ItemRecord
+from robotrue.store.schema import DOCUMENT as JSON_DOCUMENT
+from robotrue.store.schema import HASH, NAME, WORD, Versioned
 
-R = TypeVar("R", bound=records.Record)
+R = TypeVar("R", bound=ItemRecord)
+INDEXED: Final = "indexed"
+"""A column that items are looked up by."""
+_PLAIN: Final[Mapping[type, TypeEngine[Any]]] = {int: Integer(), float: Float()}
+Word = Annotated[str, WORD]
+Name = Annotated[str, NAME]
+Hash = Annotated[str, HASH]
+Identity = Annotated[str, HASH, INDEXED]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotRecord(ItemRecord):
+    """An arm as its controller computes it; ``identity`` is that of its nominal geometry."""
+
+    maker: Word
+    dof: int
+    identity: Identity
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ToolRecord(ItemRecord):
+    """A tool; ``detail["T_flange_tool"]`` is its frame (4, 4), m."""
+
+    identity: Identity
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CellRecord(ItemRecord):
+    """A cell.toml with the files it names; links ``robot``, ``tool``."""
+
+    digest: Hash
+    robot: Name
+    frame: Word
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasurementRecord(ItemRecord):
+    """A measurement set; link ``cell``, files ``raw``.
+
+    Attributes:
+        frame: Of the positions: base or tracker.
+        poses: Rows.
+        dof: Joints.
+        full_poses: Rows with orientation.
+        data: SHA-256 of joints and positions, as fits record it.
+        samples: SHA-256 of the Parquet file with the rows.
+    """
+
+    frame: Word
+    poses: int
+    dof: int
+    full_poses: int
+    data: Identity
+    samples: Annotated[str, HASH, ForeignKey("blobs.sha256")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModelRecord(ItemRecord):
+    """An error model; links ``data``, ``cell``, ``parent``, ``job``; file ``model``.
+
+    Attributes:
+        kind: Of its archive.
+        method: That made it.
+        robot: Name of the arm.
+        identity: SHA-256 by which programs and registrations know it.
+        made_by: Version of robotrue.
+        settings: That decided the result.
+    """
+
+    kind: Word
+    method: Word
+    robot: Name
+    identity: Identity
+    made_by: Word
+    settings: Annotated[Mapping[str, Any], JSON_DOCUMENT]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RegistrationRecord(ItemRecord):
+    """Where a part stands; links ``cell``, ``model``; files ``cell``, ``points``."""
+
+    method: Word
+    verdict: Word
+    frames: int
+    identity: Hash
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProgramRecord(ItemRecord):
+    """The files of one job; links ``before``, ``model``; files ``program``, ``identity``.
+
+    Attributes:
+        stage: ``before``: as the CAM made it. ``after``: compensated.
+        dialect: The controller's language.
+        file_count: How many.
+        bytes: Of all files together.
+    """
+
+    stage: Word
+    dialect: Word
+    file_count: int
+    bytes: Annotated[int, BigInteger()]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DocumentRecord(ItemRecord):
+    """What a job leaves besides models and programs; ``kind`` is plan, validation, report, ..."""
+
+    kind: Word
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriftCheckRecord(ItemRecord):
+    """A few poses against a stored model; links ``model``, ``data``.
+
+    Attributes:
+        poses: Measured.
+        statistic: Chi-square.
+        p_value: Of it under the stored model.
+        verdict: keep, update or recalibrate.
+    """
+
+    poses: int
+    statistic: float
+    p_value: float
+    verdict: Word
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,25 +154,41 @@ class Noun(Generic[R]):
     """
 
     name: str
-    table: type[schema.Versioned]
+    table: type[Versioned]
     record: type[R]
 
+    def column(self, field: str) -> InstrumentedAttribute[Any]:
+        """Returns the column of a field of the record."""
+        column: InstrumentedAttribute[Any] = getattr(self.table, field)
+        return column
 
-ROBOT: Final = Noun(name="robot", table=schema.RobotRow, record=records.RobotRecord)
-TOOL: Final = Noun(name="tool", table=schema.ToolRow, record=records.ToolRecord)
-CELL: Final = Noun(name="cell", table=schema.CellRow, record=records.CellRecord)
-MEASUREMENT: Final = Noun(
-    name="measurement", table=schema.MeasurementRow, record=records.MeasurementRecord
-)
-MODEL: Final = Noun(name="model", table=schema.ModelRow, record=records.ModelRecord)
-REGISTRATION: Final = Noun(
-    name="registration", table=schema.RegistrationRow, record=records.RegistrationRecord
-)
-PROGRAM: Final = Noun(name="program", table=schema.ProgramRow, record=records.ProgramRecord)
-DOCUMENT: Final = Noun(name="document", table=schema.DocumentRow, record=records.DocumentRecord)
-DRIFT_CHECK: Final = Noun(
-    name="drift-check", table=schema.DriftCheckRow, record=records.DriftCheckRecord
-)
+
+def _make_noun(name: str, table: str, record: type[R]) -> Noun[R]:
+    """Returns the noun of a record, its table made from the fields of the record."""
+    common = {field.name for field in fields(ItemRecord)}
+    hints = get_type_hints(record, include_extras=True)
+    columns = {field: _make_column(hints[field]) for field in hints if field not in common}
+    row = type(f"{record.__name__}Row", (Versioned,), {"__tablename__": table, **columns})
+    return Noun(name=name, table=row, record=record)
+
+
+def _make_column(hint: Any) -> MappedColumn[Any]:
+    if hint in _PLAIN:
+        return mapped_column(_PLAIN[hint], nullable=False)
+    _, kind, *more = get_args(hint)
+    keys = [key for key in more if isinstance(key, ForeignKey)]
+    return mapped_column(kind, *keys, index=True if INDEXED in more else None, nullable=False)
+
+
+ROBOT: Final = _make_noun("robot", "robots", RobotRecord)
+TOOL: Final = _make_noun("tool", "tools", ToolRecord)
+CELL: Final = _make_noun("cell", "cells", CellRecord)
+MEASUREMENT: Final = _make_noun("measurement", "measurement_sets", MeasurementRecord)
+MODEL: Final = _make_noun("model", "models", ModelRecord)
+REGISTRATION: Final = _make_noun("registration", "registrations", RegistrationRecord)
+PROGRAM: Final = _make_noun("program", "programs", ProgramRecord)
+DOCUMENT: Final = _make_noun("document", "documents", DocumentRecord)
+DRIFT_CHECK: Final = _make_noun("drift-check", "drift_checks", DriftCheckRecord)
 NOUNS: Final[dict[str, Noun[Any]]] = {
     noun.name: noun
     for noun in (

@@ -9,10 +9,10 @@ from typing import Any, Final
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.program.formats import detect
 from robotrue.store import items
-from robotrue.store.layout import attached, laid_out
-from robotrue.store.nouns import PROGRAM
-from robotrue.store.records import Link, ProgramRecord, Ref
-from robotrue.store.workspace import Transaction, Workspace, transaction
+from robotrue.store.layout import copy_files
+from robotrue.store.nouns import PROGRAM, ProgramRecord
+from robotrue.store.records import Link, Ref, links_to
+from robotrue.store.workspace import Transaction, Workspace
 
 FILE: Final = "program"
 IDENTITY: Final = "identity"
@@ -29,13 +29,13 @@ def add(
     note: str = "",
     id: str | None = None,
 ) -> ProgramRecord:
-    """Returns the files of one program taken in as they stand, the main one first.
+    """Returns the imported files of one program as they are, the main one first.
 
     Raises:
         ConfigurationError: No files, or two of one name.
         FormatError: A file cannot be read, or the first is in no dialect.
     """
-    return _taken(where, [Path(path) for path in paths], name, note, id=id)
+    return _add(where, paths, stage=BEFORE, name=name, note=note, id=id)
 
 
 def add_after(
@@ -52,7 +52,7 @@ def add_after(
     job: str = "",
     detail: Mapping[str, Any] | None = None,
 ) -> ProgramRecord:
-    """Returns the files of a compensated program taken in, tied to what they were made from.
+    """Returns the imported files of a compensated program, linked to what they were made from.
 
     Args:
         where: Workspace or transaction.
@@ -71,78 +71,65 @@ def add_after(
         ConfigurationError: What it was made from is not in the workspace, or two files of one name.
         FormatError: A file cannot be read.
     """
-    links = [
-        Link(role="before", to=before),
-        *([Link(role="model", to=model)] if model is not None else []),
-        *([Link(role="cell", to=cell)] if cell is not None else []),
-        *([Link(role="registration", to=registration)] if registration is not None else []),
-    ]
-    kept = {**(detail or {}), "job": job}
-    return _taken(
-        where, [Path(path) for path in paths], name, note,
-        stage=AFTER, links=links, identities=identities, detail=kept,
-    )  # fmt: skip
+    return _add(
+        where,
+        paths,
+        stage=AFTER,
+        identities=identities,
+        name=name,
+        note=note,
+        links=links_to(before=before, model=model, cell=cell, registration=registration),
+        detail={**(detail or {}), "job": job},
+    )
 
 
-def laid(workspace: Workspace, record: ProgramRecord, folder: Path) -> tuple[Path, ...]:
+def copy_program(workspace: Workspace, record: ProgramRecord, folder: Path) -> tuple[Path, ...]:
     """Returns the program's files written to a folder, the main one first.
 
     Raises:
         ArchiveError: A file is missing or was altered.
     """
-    laid_out(workspace, record, folder, IDENTITY)
-    return laid_out(workspace, record, folder, FILE)
+    copy_files(workspace, record, folder, IDENTITY)
+    return copy_files(workspace, record, folder, FILE)
 
 
-def _taken(
+def _add(
     where: Workspace | Transaction,
-    paths: list[Path],
+    paths: Sequence[str | Path],
+    *,
+    stage: str,
     name: str | None,
     note: str,
-    *,
-    stage: str = BEFORE,
-    links: Sequence[Link] = (),
     identities: Sequence[Path] = (),
+    links: Sequence[Link] = (),
     detail: Mapping[str, Any] | None = None,
     id: str | None = None,
 ) -> ProgramRecord:
-    names = [path.name.lower() for path in paths]
-    if not paths or len(set(names)) != len(names):
+    files = [Path(path) for path in paths]
+    names = [path.name.lower() for path in files]
+    if not files or len(set(names)) != len(names):
         raise ConfigurationError(
             f"a program of the files {', '.join(names) or '(none)'}, expected one or more, of "
             "different names."
         )
-    language, size = _language(paths[0]), sum(_size(path) for path in paths)
-    with transaction(where) as into:
-        attachments = attached(
-            into,
-            [
-                *((FILE, path.name, path) for path in paths),
-                *((IDENTITY, path.name, path) for path in identities),
-            ],
-        )
-        columns = {
-            "name": name or paths[0].name,
-            "note": note,
-            "detail": dict(detail or {}),
-            "stage": stage,
-            "dialect": language,
-            "file_count": len(paths),
-            "bytes": size,
-        }
-        return items.insert(into, PROGRAM, columns, links=links, attachments=attachments, id=id)
-
-
-def _language(path: Path) -> str:
     try:
-        with path.open("rb") as stream:
-            return detect(stream.read(_LOOKED_AT), path.name).name
+        with files[0].open("rb") as stream:
+            dialect = detect(stream.read(_LOOKED_AT), files[0].name).name
+        size = sum(path.stat().st_size for path in files)
     except OSError as cause:
-        raise FormatError(f"cannot read: {cause.strerror}.", source=path) from cause
-
-
-def _size(path: Path) -> int:
-    try:
-        return path.stat().st_size
-    except OSError as cause:
-        raise FormatError(f"cannot read: {cause.strerror}.", source=path) from cause
+        raise FormatError(f"cannot read: {cause.strerror}.", source=cause.filename) from cause
+    roles = [*((FILE, path) for path in files), *((IDENTITY, path) for path in identities)]
+    return items.add(
+        where,
+        PROGRAM,
+        name=name or files[0].name,
+        note=note,
+        detail=detail,
+        links=links,
+        files=[(role, path.name, path) for role, path in roles],
+        id=id,
+        stage=stage,
+        dialect=dialect,
+        file_count=len(files),
+        bytes=size,
+    )

@@ -1,11 +1,13 @@
-"""What the store answers with: an immutable record per noun, pages of them, what to ask for."""
+"""What the store answers with: immutable records, listings of them, what to ask for."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any, Generic, TypeVar
+
+from robotrue.core.provenance import Provenance, provenance_from
 
 T = TypeVar("T")
 
@@ -31,6 +33,15 @@ class Link:
     to: Ref
 
 
+def links_to(**roles: Ref | Sequence[Ref] | None) -> tuple[Link, ...]:
+    """Returns links by role: to one version, to several in order, or to none."""
+    return tuple(
+        Link(role=role, to=ref)
+        for role, refs in roles.items()
+        for ref in ([refs] if isinstance(refs, Ref) else refs or ())
+    )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Attachment:
     """A file of a version.
@@ -47,7 +58,7 @@ class Attachment:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Record:
+class ItemRecord:
     """One version of an item.
 
     Attributes:
@@ -80,7 +91,7 @@ class Record:
         """This version."""
         return Ref(id=self.id, version=self.version)
 
-    def linked(self, role: str) -> tuple[Ref, ...]:
+    def refs(self, role: str) -> tuple[Ref, ...]:
         """Returns what it rests on in one role, in order."""
         return tuple(link.to for link in self.links if link.role == role)
 
@@ -89,126 +100,24 @@ class Record:
         return tuple(each for each in self.attachments if each.role == role)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RobotRecord(Record):
-    """An arm as its controller computes it; ``identity`` is that of its nominal geometry."""
+def provenance_of_record(record: ItemRecord) -> Provenance:
+    """Returns the provenance in the detail of a record; measured, where it says nothing of it.
 
-    maker: str
-    dof: int
-    identity: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ToolRecord(Record):
-    """A tool; ``detail["T_flange_tool"]`` is its frame (4, 4), m."""
-
-    identity: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CellRecord(Record):
-    """A cell.toml with the files it names; links ``robot``, ``tool``."""
-
-    digest: str
-    robot: str
-    frame: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MeasurementRecord(Record):
-    """A measurement set; link ``cell``, files ``raw``.
-
-    Attributes:
-        frame: Of the positions: base or tracker.
-        poses: Rows.
-        dof: Joints.
-        full_poses: Rows with orientation.
-        data: SHA-256 of joints and positions, as fits record it.
-        samples: SHA-256 of the Parquet file with the rows.
+    Raises:
+        ArchiveError: The detail holds something else in its place.
     """
-
-    frame: str
-    poses: int
-    dof: int
-    full_poses: int
-    data: str
-    samples: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ModelRecord(Record):
-    """An error model; links ``data``, ``cell``, ``parent``, ``job``; file ``model``.
-
-    Attributes:
-        kind: Of its archive.
-        method: That made it.
-        robot: Name of the arm.
-        identity: SHA-256 by which programs and registrations know it.
-        made_by: Version of robotrue.
-        settings: That decided the result.
-    """
-
-    kind: str
-    method: str
-    robot: str
-    identity: str
-    made_by: str
-    settings: Mapping[str, Any]
+    detail = record.detail
+    session = detail.get("session")
+    stated = session if isinstance(session, Mapping) else detail
+    if detail.get("provenance") is None and isinstance(stated.get("simulated"), bool):
+        return Provenance(simulated=stated["simulated"])
+    steps = [name for step in detail.get("history", ()) for name in step.get("sources", ())]
+    before = (*detail.get("sources", ()), *detail.get("groups", ()), *steps)
+    return provenance_from(detail.get("provenance"), before=before)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RegistrationRecord(Record):
-    """Where a part stands; links ``cell``, ``model``; files ``cell``, ``points``."""
-
-    method: str
-    verdict: str
-    frames: int
-    identity: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ProgramRecord(Record):
-    """The files of one job; links ``before``, ``model``; files ``program``, ``identity``.
-
-    Attributes:
-        stage: ``before``: as the CAM made it. ``after``: compensated.
-        dialect: The controller's language.
-        file_count: How many.
-        bytes: Of all files together.
-    """
-
-    stage: str
-    dialect: str
-    file_count: int
-    bytes: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DocumentRecord(Record):
-    """What a job leaves besides models and programs; ``kind`` is plan, validation, report, ..."""
-
-    kind: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DriftCheckRecord(Record):
-    """A few poses against a stored model; links ``model``, ``data``.
-
-    Attributes:
-        poses: Measured.
-        statistic: Chi-square.
-        p_value: Of it under the stored model.
-        verdict: keep, update or recalibrate.
-    """
-
-    poses: int
-    statistic: float
-    p_value: float
-    verdict: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Query:
+class ItemQuery:
     """What to list.
 
     Attributes:
@@ -231,7 +140,7 @@ class Query:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Page(Generic[T]):
+class Listing(Generic[T]):
     """Some of what was asked for.
 
     Attributes:

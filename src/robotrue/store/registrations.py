@@ -1,4 +1,8 @@
-"""Registrations in the store: where a part stands, found with which arm from which touches."""
+"""Registrations in the store: where a part stands, and the sessions at the part they came from.
+
+A session is a document of kind ``touching``: every reading is a new version, written before it is
+answered; several people may write to it, each to the version they have seen.
+"""
 
 from __future__ import annotations
 
@@ -7,15 +11,19 @@ from pathlib import Path
 from typing import Final
 
 from robotrue.cell.config import read_cell
-from robotrue.errors import ConfigurationError
-from robotrue.store import items
-from robotrue.store.layout import attached
-from robotrue.store.nouns import REGISTRATION
-from robotrue.store.records import Link, Ref, RegistrationRecord
+from robotrue.errors import ConfigurationError, ModelMismatchError
+from robotrue.measurement.touch_session import TouchSession, session_document, session_of
+from robotrue.store import documents, items
+from robotrue.store.nouns import DOCUMENT, REGISTRATION, DocumentRecord, RegistrationRecord
+from robotrue.store.records import Ref, links_to
 from robotrue.store.workspace import Transaction, Workspace, transaction
 
-CELL_FILE: Final = "cell"
+REGISTERED: Final = "cell"
+"""Role of the cell.toml of a registration."""
 POINTS: Final = "points"
+SESSION_KIND: Final = "touching"
+SESSION: Final = "session"
+RESULT: Final = "registration"
 
 
 def add(
@@ -31,7 +39,7 @@ def add(
     note: str = "",
     id: str | None = None,
 ) -> RegistrationRecord:
-    """Returns a registration taken in.
+    """Returns an imported registration: where a part stands, from which touches.
 
     Args:
         where: Workspace or transaction.
@@ -57,29 +65,110 @@ def add(
             source=registered,
             hint="robotrue register CELL|MODEL POINTS -o CELL_OUT.",
         )
-    links = [Link(role="cell", to=cell)]
-    if model is not None:
-        links.append(Link(role="model", to=model))
-    if session is not None:
-        links.append(Link(role="session", to=session))
     good = all(frame.verdict == "GO" for frame in part.frames)
+    named = [(REGISTERED, registered), (POINTS, points), *(("report", page) for page in reports)]
+    return items.add(
+        where,
+        REGISTRATION,
+        name=name,
+        note=note,
+        id=id,
+        links=links_to(cell=cell, model=model, session=session),
+        files=[(role, path.name, path) for role, path in named],
+        detail={
+            "frames": [frame.document() for frame in part.frames],
+            "provenance": part.provenance.to_document(),
+        },
+        method=part.method,
+        verdict="GO" if good else "NO-GO",
+        frames=len(part.frames),
+        identity=part.identity.sha256,
+    )
+
+
+def add_session(
+    where: Workspace | Transaction,
+    session: TouchSession,
+    *,
+    name: str,
+    cell: Ref,
+    model: Ref | None,
+    files: Sequence[Path] = (),
+) -> DocumentRecord:
+    """Returns a session at the part that was added to the store.
+
+    Args:
+        where: Workspace or transaction.
+        session: Without readings, or with those of a file.
+        name: In the workspace.
+        cell: Where the part stands.
+        model: Of the arm that touches; None: the nominal one.
+        files: That the features came from.
+
+    Raises:
+        ConfigurationError: What it rests on is not in the workspace.
+        FormatError: A file cannot be read.
+    """
+    detail = {SESSION: session_document(session)}
+    about = links_to(cell=cell, model=model)
+    return documents.add(where, SESSION_KIND, name=name, files=files, about=about, detail=detail)
+
+
+def session_in(record: DocumentRecord) -> TouchSession:
+    """Returns the session of a record.
+
+    Raises:
+        ConfigurationError: The record is of another kind.
+    """
+    if record.kind != SESSION_KIND:
+        raise ConfigurationError(f"document {record.name!r} is a {record.kind}, no session.")
+    return session_of(record.detail[SESSION])
+
+
+def result_of(record: DocumentRecord) -> str | None:
+    """Returns the id of the registration that was made of a session, None before it is done."""
+    found = record.detail.get(RESULT)
+    return None if found is None else str(found)
+
+
+def save_session(
+    where: Workspace | Transaction,
+    id: str,
+    version: int,
+    session: TouchSession,
+    *,
+    result: str | None = None,
+) -> DocumentRecord:
+    """Returns the new version of a session.
+
+    Args:
+        where: Workspace or transaction.
+        id: Of the session.
+        version: That was changed; it must still be the latest.
+        session: As it is now.
+        result: Id of the registration that was made of it.
+
+    Raises:
+        ModelMismatchError: Somebody else wrote to it meanwhile; nothing is written.
+        ConfigurationError: There is no such session, or it is deleted.
+    """
     with transaction(where) as into:
-        pages = [("report", page.name, page) for page in reports]
-        attachments = attached(
-            into, [(CELL_FILE, registered.name, registered), (POINTS, points.name, points), *pages]
-        )
-        columns = {
-            "name": name,
-            "note": note,
-            "detail": {
-                "frames": [frame.document() for frame in part.frames],
-                "provenance": part.provenance.to_document(),
-            },
-            "method": part.method,
-            "verdict": "GO" if good else "NO-GO",
-            "frames": len(part.frames),
-            "identity": part.identity.sha256,
-        }
-        return items.insert(
-            into, REGISTRATION, columns, links=links, attachments=attachments, id=id
+        before = items.get(into, DOCUMENT, id)
+        if before.deleted:
+            raise ConfigurationError(f"session {before.name!r} is deleted.", hint="History")
+        _require_latest(before.version, version)
+        # a new reading makes an old result stale
+        detail = {key: value for key, value in before.detail.items() if key != RESULT}
+        detail |= {SESSION: session_document(session)}
+        detail |= {} if result is None else {RESULT: result}
+        made = items.add_version(into, DOCUMENT, before, detail=detail)
+        _require_latest(made.version - 1, version)  # two at the same moment: the second waited
+        return made
+
+
+def _require_latest(latest: int, seen: int) -> None:
+    if latest != seen:
+        raise ModelMismatchError(
+            f"the session went on meanwhile: it is at version {latest}, not {seen}.",
+            hint="look at it again; what you entered was not taken.",
         )

@@ -1,4 +1,4 @@
-"""The tables of a workspace, the same on SQLite and PostgreSQL.
+"""The tables of a workspace, the same on SQLite and PostgreSQL; of each noun, see ``nouns``.
 
 Every thing a user names is an item with an id that never changes. What it says stands in rows of
 its noun's table, one row per version; a row is never altered but for ``latest``, which only says
@@ -151,92 +151,6 @@ class Versioned(Base):
             ForeignKeyConstraint(["id"], ["items.id"], name=f"fk_{cls.__tablename__}_id"),
             Index(f"ix_{cls.__tablename__}_newest", "latest", "deleted", "created", "id"),
         )
-
-
-class RobotRow(Versioned):
-    """An arm as its controller computes it."""
-
-    __tablename__ = "robots"
-    maker: Mapped[str] = mapped_column(WORD)
-    dof: Mapped[int] = mapped_column(Integer)
-    identity: Mapped[str] = mapped_column(HASH, index=True)
-
-
-class ToolRow(Versioned):
-    """A tool: its frame at the flange, in ``detail``."""
-
-    __tablename__ = "tools"
-    identity: Mapped[str] = mapped_column(HASH, index=True)
-
-
-class CellRow(Versioned):
-    """A cell.toml and the files it names; links: robot, tool."""
-
-    __tablename__ = "cells"
-    digest: Mapped[str] = mapped_column(HASH)
-    robot: Mapped[str] = mapped_column(NAME)
-    frame: Mapped[str] = mapped_column(WORD)
-
-
-class MeasurementRow(Versioned):
-    """A measurement set: rows in Parquet, raw files attached; links: cell."""
-
-    __tablename__ = "measurement_sets"
-    frame: Mapped[str] = mapped_column(WORD)
-    poses: Mapped[int] = mapped_column(Integer)
-    dof: Mapped[int] = mapped_column(Integer)
-    full_poses: Mapped[int] = mapped_column(Integer)
-    data: Mapped[str] = mapped_column(HASH, index=True)
-    samples: Mapped[str] = mapped_column(HASH, ForeignKey("blobs.sha256"))
-
-
-class ModelRow(Versioned):
-    """An error model, its file attached; links: data, cell, parent, job."""
-
-    __tablename__ = "models"
-    kind: Mapped[str] = mapped_column(WORD)
-    method: Mapped[str] = mapped_column(WORD)
-    robot: Mapped[str] = mapped_column(NAME)
-    identity: Mapped[str] = mapped_column(HASH, index=True)
-    made_by: Mapped[str] = mapped_column(WORD)
-    settings: Mapped[dict[str, Any]] = mapped_column(DOCUMENT)
-
-
-class RegistrationRow(Versioned):
-    """Where a part stands; touches and registered cell attached; links: cell, model."""
-
-    __tablename__ = "registrations"
-    method: Mapped[str] = mapped_column(WORD)
-    verdict: Mapped[str] = mapped_column(WORD)
-    frames: Mapped[int] = mapped_column(Integer)
-    identity: Mapped[str] = mapped_column(HASH)
-
-
-class ProgramRow(Versioned):
-    """The files of a job, before or after; links: before, model, registration, job."""
-
-    __tablename__ = "programs"
-    stage: Mapped[str] = mapped_column(WORD)
-    dialect: Mapped[str] = mapped_column(WORD)
-    file_count: Mapped[int] = mapped_column(Integer)
-    bytes: Mapped[int] = mapped_column(BigInteger)
-
-
-class DocumentRow(Versioned):
-    """What a job leaves besides: a plan, a validation, a report."""
-
-    __tablename__ = "documents"
-    kind: Mapped[str] = mapped_column(WORD)
-
-
-class DriftCheckRow(Versioned):
-    """A few poses against a stored model; links: model, data."""
-
-    __tablename__ = "drift_checks"
-    poses: Mapped[int] = mapped_column(Integer)
-    statistic: Mapped[float] = mapped_column(Float)
-    p_value: Mapped[float] = mapped_column(Float)
-    verdict: Mapped[str] = mapped_column(WORD)
 
 
 class JobRow(Base):

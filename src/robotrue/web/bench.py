@@ -7,7 +7,7 @@ from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 from typing import ParamSpec, TypeAlias, TypeVar
 
-from robotrue.store.records import ModelRecord
+from robotrue.store.nouns import ModelRecord
 from robotrue.store.workspace import Workspace
 from robotrue.web.answers import Answers
 from robotrue.web.job_process import JobProcess

@@ -10,8 +10,8 @@ from robotrue.core.csv_text import csv_text
 from robotrue.errors import ConfigurationError
 from robotrue.online.net_address import net_address
 from robotrue.store import documents, items, journal
-from robotrue.store.nouns import DOCUMENT
-from robotrue.store.records import DocumentRecord, Query
+from robotrue.store.nouns import DOCUMENT, DocumentRecord
+from robotrue.store.records import ItemQuery
 from robotrue.store.workspace import Workspace
 from robotrue.web.alarms import Alarm, Limits
 from robotrue.web.settings import SENSE_PORT, service_address
@@ -44,8 +44,8 @@ class LiveSource:
 
 def sources(workspace: Workspace) -> tuple[LiveSource, ...]:
     """Returns all sources, the oldest first."""
-    query = Query(where={"kind": KIND}, sort="created", limit=MOST)
-    return tuple(_source(each) for each in items.listed(workspace, DOCUMENT, query).items)
+    query = ItemQuery(where={"kind": KIND}, sort="created", limit=MOST)
+    return tuple(_source(each) for each in items.search(workspace, DOCUMENT, query).items)
 
 
 def source(workspace: Workspace, id: str) -> LiveSource:

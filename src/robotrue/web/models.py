@@ -8,8 +8,8 @@ from typing import Final
 
 from robotrue.errors import ConfigurationError
 from robotrue.store import documents, items
-from robotrue.store.nouns import DOCUMENT, MODEL
-from robotrue.store.records import DocumentRecord, Link, ModelRecord, Query
+from robotrue.store.nouns import DOCUMENT, MODEL, DocumentRecord, ModelRecord
+from robotrue.store.records import ItemQuery, Link
 from robotrue.store.workspace import Workspace, transaction
 
 KIND: Final = "model of the pages"
@@ -47,7 +47,7 @@ def choose(workspace: Workspace, id: str) -> DocumentRecord:
         model = items.get(into, MODEL, id)
         if model.deleted:
             raise ConfigurationError(f"model {model.name!r} is deleted.", hint="bring it back.")
-        before = items.listed(into, DOCUMENT, Query(where={"kind": KIND}, limit=1)).items
+        before = items.search(into, DOCUMENT, ItemQuery(where={"kind": KIND}, limit=1)).items
         return documents.add(
             into,
             KIND,
@@ -60,17 +60,17 @@ def choose(workspace: Workspace, id: str) -> DocumentRecord:
 def choose_none(workspace: Workspace) -> None:
     """Lets the pages show the newest model again."""
     with transaction(workspace) as into:
-        for each in items.listed(into, DOCUMENT, Query(where={"kind": KIND})).items:
+        for each in items.search(into, DOCUMENT, ItemQuery(where={"kind": KIND})).items:
             items.delete(into, DOCUMENT, each.id)
 
 
 def _found(workspace: Workspace, asked: str | None) -> ShownModel:
-    listed = items.listed(workspace, MODEL, Query(limit=OFFERED)).items
+    listed = items.search(workspace, MODEL, ItemQuery(limit=OFFERED)).items
     # A model that gets another name is not a newer one.
-    begun = items.begun(workspace, [each.id for each in listed])
+    begun = items.read_creation_times(workspace, [each.id for each in listed])
     offered = tuple(sorted(listed, key=lambda each: begun[each.id], reverse=True))
-    stated = items.listed(workspace, DOCUMENT, Query(where={"kind": KIND}, limit=1)).items
-    chosen = _living(workspace, stated[0].linked("model")[0].id) if stated else None
+    stated = items.search(workspace, DOCUMENT, ItemQuery(where={"kind": KIND}, limit=1)).items
+    chosen = _living(workspace, stated[0].refs("model")[0].id) if stated else None
     model = chosen or (offered[0] if offered else None)
     if asked:
         try:

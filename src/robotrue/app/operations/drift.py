@@ -141,18 +141,19 @@ def save(
 ) -> Mapping[str, Any]:
     """Leaves a drift check, linked to the model and the poses."""
     from robotrue.app.workspace_context import ref_document
-    from robotrue.store import drift_checks
-    from robotrue.store.nouns import MEASUREMENT, MODEL
+    from robotrue.store import items
+    from robotrue.store.nouns import DRIFT_CHECK, MEASUREMENT, MODEL
+    from robotrue.store.records import links_to
 
     model = context.record(MODEL, request.model)
     data = context.record(MEASUREMENT, request.measurements)
     document = marked_document(result.document(), result.provenance)
-    made = drift_checks.add(
+    made = items.add(
         into,
+        DRIFT_CHECK,
         name=context.naming.name or f"{model.name}: {data.name}",
         note=context.naming.note,
-        model=model.ref,
-        data=data.ref,
+        links=links_to(model=model.ref, data=data.ref),
         poses=result.poses,
         statistic=result.check.chi2,
         p_value=result.check.p,

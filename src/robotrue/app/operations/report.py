@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from robotrue.app.workspace_context import WorkspaceContext
     from robotrue.report.content import ReportContent
     from robotrue.report.words import Lang
-    from robotrue.store.records import Link, ModelRecord, ProgramRecord, Record, Ref
+    from robotrue.store.nouns import ModelRecord, ProgramRecord
+    from robotrue.store.records import ItemRecord, Link, Ref
     from robotrue.store.workspace import Transaction
 
 SUBJECTS: Final = ("program", "registration", "model")
@@ -104,7 +105,7 @@ class ItemReport:
 
     content: ReportContent
     subject: str
-    about: Record
+    about: ItemRecord
     links: tuple[Link, ...]
     numbers: Mapping[str, Any]
     files: tuple[Path, ...]
@@ -201,7 +202,7 @@ def _program(
     from robotrue.store.records import Link
 
     record = place.record(PROGRAM, program)
-    used, first = record.linked("model"), record.linked("before")
+    used, first = record.refs("model"), record.refs("before")
     if not used or not first:
         raise ConfigurationError(
             f"program {record.name!r} was not compensated with a model.",
@@ -232,7 +233,7 @@ def _registration(
 ) -> tuple[ReportDraft, list[Link]]:
     from robotrue.store.nouns import MODEL, REGISTRATION
 
-    linked = place.record(REGISTRATION, registration).linked("model")
+    linked = place.record(REGISTRATION, registration).refs("model")
     used = [place.record(MODEL, _pinned(each)) for each in linked]
     asked = ReportRegistrationRequest(
         cell=registration, output=(), simulated=_is_simulated(place, used)
@@ -246,9 +247,9 @@ def _pinned(to: Ref) -> ItemVersion:
 
 def _registered(place: WorkspaceContext, record: ProgramRecord) -> Path | None:
     """The cell whose frames a compensated program uses, where that is not the model's."""
-    for to in record.linked("registration"):
+    for to in record.refs("registration"):
         return place.registration_file(_pinned(to))
-    for to in record.linked("cell"):
+    for to in record.refs("cell"):
         return place.cell_file(_pinned(to))
     return None
 
@@ -265,9 +266,9 @@ def _force(place: WorkspaceContext, record: ProgramRecord) -> dict[str, Any]:
 def _is_simulated(place: WorkspaceContext, models: Iterable[ModelRecord]) -> bool:
     """Whether any was fitted to simulated data; models of today say it themselves, too."""
     from robotrue.store.nouns import MEASUREMENT
-    from robotrue.store.provenance import provenance_of_record
+    from robotrue.store.records import provenance_of_record
 
-    data = [_pinned(each) for model in models for each in model.linked("data")]
+    data = [_pinned(each) for model in models for each in model.refs("data")]
     return any(provenance_of_record(each).simulated for each in place.records(MEASUREMENT, data))
 
 

@@ -291,12 +291,12 @@ def save(
     from robotrue.app.workspace_context import ref_document
     from robotrue.store import models
     from robotrue.store.nouns import MEASUREMENT, MODEL
-    from robotrue.store.provenance import provenance_of_record
+    from robotrue.store.records import provenance_of_record
 
     if request.model is None:
         raise ConfigurationError("a job of transfer brings a model up to date: none is stated.")
     record = context.record(MODEL, request.model)
-    cells = record.linked("cell")
+    cells = record.refs("cell")
     made = models.add(
         into,
         result.output,

@@ -13,7 +13,7 @@ from robotrue.app.workspace_fields import HERE, WorkspaceFolder, item_result
 from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from robotrue.store.records import Record
+    from robotrue.store.records import ItemRecord
     from robotrue.store.workspace import Workspace
 
 IMPORTED: Final = ("cell", "measurement", "model", "program")
@@ -55,7 +55,7 @@ def run(request: WorkspaceAddRequest, context: Context) -> PlainResult:
     return item_result(noun, record)
 
 
-def _import(workspace: Workspace, request: WorkspaceAddRequest, context: Context) -> Record:
+def _import(workspace: Workspace, request: WorkspaceAddRequest, context: Context) -> ItemRecord:
     from robotrue.store import cells, models, programs
 
     name, note = request.name or request.files[0].stem, request.note
@@ -70,7 +70,7 @@ def _import(workspace: Workspace, request: WorkspaceAddRequest, context: Context
 
 def _measurement(
     workspace: Workspace, request: WorkspaceAddRequest, context: Context, name: str
-) -> Record:
+) -> ItemRecord:
     from robotrue.cell.config import read_cell
     from robotrue.store import cells, items, measurements
     from robotrue.store.nouns import CELL
@@ -83,7 +83,7 @@ def _measurement(
     _, id = items.resolve(workspace, request.cell, CELL.name)
     cell = items.get(workspace, CELL, id)
     with tempfile.TemporaryDirectory() as folder:
-        opened = read_cell(cells.laid(workspace, cell, Path(folder)))
+        opened = read_cell(cells.copy_cell(workspace, cell, Path(folder)))
         rows = context.measurements(opened, request.files, request.mapping)
     raw = [*request.files, *([] if request.mapping is None else [request.mapping])]
     return measurements.add(workspace, rows, name=name, raw=raw, cell=cell.ref, note=request.note)

@@ -18,7 +18,7 @@ from robotrue.app.workspace_fields import (
 from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from robotrue.store.records import Record
+    from robotrue.store.records import ItemRecord
     from robotrue.store.workspace import Workspace
 
 COLUMNS: Final = {
@@ -66,13 +66,13 @@ def run(request: WorkspaceListRequest, context: Context) -> PlainResult:
     """
     from robotrue.store import items
     from robotrue.store.nouns import noun_of
-    from robotrue.store.records import Query
+    from robotrue.store.records import ItemQuery
     from robotrue.store.workspace import Workspace
 
     with Workspace.open(request.folder) as workspace:
         if request.noun is None:
             return _counts(workspace, request)
-        query = Query(
+        query = ItemQuery(
             text=request.text,
             where=dict(_condition(each) for each in request.where),
             sort=request.sort,
@@ -80,7 +80,7 @@ def run(request: WorkspaceListRequest, context: Context) -> PlainResult:
             limit=request.limit,
             deleted=request.deleted,
         )
-        page = items.listed(workspace, noun_of(request.noun), query)
+        page = items.search(workspace, noun_of(request.noun), query)
     noun, offset, shown = request.noun, request.offset, len(page.items)
     return PlainResult(
         values={
@@ -99,9 +99,9 @@ def run(request: WorkspaceListRequest, context: Context) -> PlainResult:
     )
 
 
-def _row(noun: str, record: Record) -> tuple[str, ...]:
+def _row(noun: str, record: ItemRecord) -> tuple[str, ...]:
     from robotrue.core.provenance import simulation_mark
-    from robotrue.store.provenance import provenance_of_record
+    from robotrue.store.records import provenance_of_record
 
     return (
         record.id[:8],
@@ -116,10 +116,10 @@ def _row(noun: str, record: Record) -> tuple[str, ...]:
 def _counts(workspace: Workspace, request: WorkspaceListRequest) -> PlainResult:
     from robotrue.store import items
     from robotrue.store.nouns import NOUNS
-    from robotrue.store.records import Query
+    from robotrue.store.records import ItemQuery
 
-    query = Query(text=request.text, deleted=request.deleted, limit=1)
-    totals = {name: items.listed(workspace, noun, query).total for name, noun in NOUNS.items()}
+    query = ItemQuery(text=request.text, deleted=request.deleted, limit=1)
+    totals = {name: items.search(workspace, noun, query).total for name, noun in NOUNS.items()}
     rows = tuple((name, str(total)) for name, total in totals.items())
     return PlainResult(
         values={"nouns": totals}, shown=(Table(title="", columns=("", "items"), rows=rows),)

@@ -20,7 +20,7 @@ from robotrue.app.workspace_fields import (
 from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from robotrue.store.records import Record
+    from robotrue.store.records import ItemRecord
 
 
 class WorkspaceShowRequest(Request):
@@ -41,7 +41,7 @@ def run(request: WorkspaceShowRequest, context: Context) -> PlainResult:
         ConfigurationError: No such item or folder.
     """
     from robotrue.store import items
-    from robotrue.store.layout import laid_out
+    from robotrue.store.layout import copy_files
     from robotrue.store.nouns import noun_of
     from robotrue.store.workspace import Workspace
 
@@ -52,14 +52,14 @@ def run(request: WorkspaceShowRequest, context: Context) -> PlainResult:
         if output is not None:
             if not output.is_dir():
                 raise ConfigurationError("no folder.", source=output, hint=f"mkdir -p {output}")
-            for path in laid_out(workspace, record, output):
+            for path in copy_files(workspace, record, output):
                 context.inform(f"written: {path}")
     return item_result(
         noun, record, Facts(title=f"{noun} {record.name}", rows=_facts(noun, record))
     )
 
 
-def _facts(noun: str, record: Record) -> tuple[tuple[str, str], ...]:
+def _facts(noun: str, record: ItemRecord) -> tuple[tuple[str, str], ...]:
     values = item_document(noun, record)
     return (
         *(

@@ -6,10 +6,10 @@ from dataclasses import fields
 from datetime import datetime
 from typing import Any
 
-from robotrue.store.records import Attachment, Link, Record
+from robotrue.store.records import Attachment, ItemRecord, Link
 
 
-def record_document(record: Record, noun: str) -> dict[str, Any]:
+def record_document(record: ItemRecord, noun: str) -> dict[str, Any]:
     """Returns a record as JSON values; its files with the address they are fetched from."""
     out: dict[str, Any] = {"noun": noun}
     for field in fields(record):
@@ -28,6 +28,6 @@ def _link(link: Link) -> dict[str, Any]:
     return {"role": link.role, "id": link.to.id, "version": link.to.version}
 
 
-def _file(each: Attachment, record: Record, noun: str) -> dict[str, Any]:
+def _file(each: Attachment, record: ItemRecord, noun: str) -> dict[str, Any]:
     where = f"/api/items/{noun}/{record.id}/files/{each.sha256}?version={record.version}"
     return {"role": each.role, "name": each.name, "sha256": each.sha256, "href": where}

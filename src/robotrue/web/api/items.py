@@ -11,8 +11,8 @@ from pydantic import BaseModel
 from robotrue.errors import ConfigurationError
 from robotrue.store import items, journal
 from robotrue.store.nouns import NOUNS, Noun
-from robotrue.store.records import Query as Asked
-from robotrue.store.records import Record
+from robotrue.store.records import ItemQuery as Asked
+from robotrue.store.records import ItemRecord
 from robotrue.store.workspace import Workspace
 from robotrue.web.api.documents import record_document
 from robotrue.web.bench import House
@@ -55,7 +55,7 @@ def router(house: House) -> APIRouter:
     ) -> Listing:
         """The latest versions of all items of a noun, a page of them."""
         asked = Asked(text=text, sort=sort, offset=offset, limit=limit, deleted=deleted)
-        page = items.listed(workspace, _noun(noun), asked)
+        page = items.search(workspace, _noun(noun), asked)
         shown = [record_document(each, noun) for each in page.items]
         return Listing(items=shown, total=page.total, offset=page.offset)
 
@@ -137,14 +137,14 @@ def _noun(name: str) -> Noun[Any]:
     return NOUNS[name]
 
 
-def found(workspace: Workspace, noun: str, id: str, version: int | None = None) -> Record:
+def found(workspace: Workspace, noun: str, id: str, version: int | None = None) -> ItemRecord:
     """Returns an item that an address names.
 
     Raises:
         MissingError: There is none.
     """
     try:
-        record: Record = items.get(workspace, _noun(noun), id, version=version)
+        record: ItemRecord = items.get(workspace, _noun(noun), id, version=version)
     except ConfigurationError as cause:
         raise MissingError(cause.message, hint=cause.hint) from cause
     return record

@@ -12,8 +12,8 @@ from robotrue.app.operations.calibrate import CalibrateRequest
 from robotrue.app.request import FORM, fields_of
 from robotrue.report.words import Words
 from robotrue.store import items
-from robotrue.store.nouns import CELL, MEASUREMENT, MODEL
-from robotrue.store.records import ModelRecord, Query
+from robotrue.store.nouns import CELL, MEASUREMENT, MODEL, ModelRecord
+from robotrue.store.records import ItemQuery
 from robotrue.web.bench import Bench, Page
 from robotrue.web.parts.elements import (
     Tile,
@@ -251,8 +251,8 @@ def _joints(bench: Bench, found: dict[str, Any]) -> str:
 async def _certificate(bench: Bench, model: ModelRecord) -> None:
     """The certificate of a model; poses it has not seen make it worth more."""
     workspace = bench.house.workspace
-    used = {each.id for each in model.linked("data")}
-    found = (await bench.ask(items.listed, workspace, MEASUREMENT, Query(limit=50))).items
+    used = {each.id for each in model.refs("data")}
+    found = (await bench.ask(items.search, workspace, MEASUREMENT, ItemQuery(limit=50))).items
     unseen = [each for each in found if each.id not in used]
     fields = report_form(bench, "measurements", "tolerance_mm", sets=unseen)
     await reports(bench, model, "model", page=f"/calibration?model={model.id}", fields=fields)
@@ -261,8 +261,8 @@ async def _certificate(bench: Bench, model: ModelRecord) -> None:
 async def _new(bench: Bench) -> None:
     """The form that asks for a calibration."""
     say, workspace = bench.say, bench.house.workspace
-    cells = (await bench.ask(items.listed, workspace, CELL, Query(limit=50))).items
-    sets = (await bench.ask(items.listed, workspace, MEASUREMENT, Query(limit=100))).items
+    cells = (await bench.ask(items.search, workspace, CELL, ItemQuery(limit=50))).items
+    sets = (await bench.ask(items.search, workspace, MEASUREMENT, ItemQuery(limit=100))).items
     if not cells or not sets:
         html(f"<p>{escape(say('calibration.needs'))}</p>").classes("card")
         return
@@ -290,7 +290,7 @@ async def _new(bench: Bench) -> None:
 
 async def _others(bench: Bench) -> None:
     say = bench.say
-    found = await bench.ask(items.listed, bench.house.workspace, MODEL, Query(limit=50))
+    found = await bench.ask(items.search, bench.house.workspace, MODEL, ItemQuery(limit=50))
     if len(found.items) < 2:
         return
     rows = [

@@ -10,8 +10,8 @@ from nicegui import ui
 from robotrue import __version__
 from robotrue.errors import ConfigurationError
 from robotrue.store import items
-from robotrue.store.nouns import CELL
-from robotrue.store.records import CellRecord, Query
+from robotrue.store.nouns import CELL, CellRecord
+from robotrue.store.records import ItemQuery
 from robotrue.web.bench import Bench, Page
 from robotrue.web.parts.cell_form import CellForm, CellText
 from robotrue.web.parts.drop import DropZone
@@ -36,12 +36,12 @@ async def _build(bench: Bench) -> None:
     except ConfigurationError as error:
         html(not_found(bench.say, error))
         return
-    cells = (await bench.ask(items.listed, workspace, CELL, Query(limit=50))).items
+    cells = (await bench.ask(items.search, workspace, CELL, ItemQuery(limit=50))).items
     if bench.query.get("new") or (not cells and bench.model is None):
         _new(bench)
     elif bench.model is not None:
         source = f"/api/scenes/model/{bench.model.id}?version={bench.model.version}"
-        own = {to.id for to in bench.model.linked("cell")}
+        own = {to.id for to in bench.model.refs("cell")}
         _with_scene(bench, source, next((each for each in cells if each.id in own), None))
     else:
         _with_scene(bench, f"/api/scenes/cell/{cells[0].id}", cells[0])

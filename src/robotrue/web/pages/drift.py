@@ -13,8 +13,15 @@ from robotrue.app.operations.drift import DriftRequest
 from robotrue.app.operations.drift_plan import DriftPlanRequest
 from robotrue.errors import ConfigurationError
 from robotrue.store import items
-from robotrue.store.nouns import DOCUMENT, DRIFT_CHECK, MEASUREMENT, MODEL
-from robotrue.store.records import DriftCheckRecord, ModelRecord, Query, Record
+from robotrue.store.nouns import (
+    DOCUMENT,
+    DRIFT_CHECK,
+    MEASUREMENT,
+    MODEL,
+    DriftCheckRecord,
+    ModelRecord,
+)
+from robotrue.store.records import ItemQuery, ItemRecord
 from robotrue.web.bench import Bench, Page
 from robotrue.web.pages.drift_result import TONES, probability, result, verdict_word
 from robotrue.web.parts.drop import DropZone
@@ -41,7 +48,7 @@ async def _build(bench: Bench) -> None:
         return
     try:
         record = await bench.ask(items.get, bench.house.workspace, DRIFT_CHECK, asked)
-        (model,) = record.linked("model")
+        (model,) = record.refs("model")
         checked = await bench.ask(
             items.get, bench.house.workspace, MODEL, model.id, version=model.version
         )
@@ -74,7 +81,9 @@ async def _overview(bench: Bench) -> None:
 
 
 async def _choice(bench: Bench, model: ModelRecord) -> None:
-    found = (await bench.ask(items.listed, bench.house.workspace, MODEL, Query(limit=100))).items
+    found = (
+        await bench.ask(items.search, bench.house.workspace, MODEL, ItemQuery(limit=100))
+    ).items
     if len(found) < 2:
         return
     options = "".join(
@@ -92,8 +101,8 @@ async def _choice(bench: Bench, model: ModelRecord) -> None:
 async def _poses(bench: Bench, model: ModelRecord) -> None:
     """The check poses of this model, the newest first, and a form for new ones."""
     say = bench.say
-    asked = Query(where={"kind": "drift-plan"}, linked=("model", model.id), limit=5)
-    found = (await bench.ask(items.listed, bench.house.workspace, DOCUMENT, asked)).items
+    asked = ItemQuery(where={"kind": "drift-plan"}, linked=("model", model.id), limit=5)
+    found = (await bench.ask(items.search, bench.house.workspace, DOCUMENT, asked)).items
     sheets = "".join(_sheet(bench, each) for each in found[:1])
     form = RequestForm(bench=bench, request=DriftPlanRequest, group="drift", without=MODEL_FIELD)
     html(
@@ -108,7 +117,7 @@ async def _poses(bench: Bench, model: ModelRecord) -> None:
     ).classes("card")
 
 
-def _sheet(bench: Bench, found: Record) -> str:
+def _sheet(bench: Bench, found: ItemRecord) -> str:
     say = bench.say
     where = f"/api/items/document/{found.id}/files"
     files = "".join(
@@ -139,7 +148,7 @@ async def _measured(bench: Bench, model: ModelRecord) -> None:
         facts={"model": model.id},
     )
     sets = (
-        await bench.ask(items.listed, bench.house.workspace, MEASUREMENT, Query(limit=50))
+        await bench.ask(items.search, bench.house.workspace, MEASUREMENT, ItemQuery(limit=50))
     ).items
     if not sets:
         return
@@ -162,8 +171,8 @@ async def _measured(bench: Bench, model: ModelRecord) -> None:
 
 async def _history(bench: Bench, model: ModelRecord) -> None:
     say = bench.say
-    asked = Query(linked=("model", model.id), limit=200)
-    found = (await bench.ask(items.listed, bench.house.workspace, DRIFT_CHECK, asked)).items
+    asked = ItemQuery(linked=("model", model.id), limit=200)
+    found = (await bench.ask(items.search, bench.house.workspace, DRIFT_CHECK, asked)).items
     shown = (
         _checks(bench, found) if found else f"<p class='note'>{escape(say('drift.none_yet'))}</p>"
     )

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from nicegui import ui
 
-from robotrue.store.records import DriftCheckRecord, ModelRecord
+from robotrue.store.nouns import DriftCheckRecord, ModelRecord
 from robotrue.web.bench import Bench
 from robotrue.web.parts.elements import (
     Tile,
@@ -180,7 +180,7 @@ def _next(bench: Bench, record: DriftCheckRecord, model: ModelRecord) -> str:
     again = f"<a class='act' href='/drift?model={model.id}'>{escape(say('drift.do_again'))}</a>"
     plan = f"<a class='act quiet' href='/plan'>{escape(say('drift.do_plan'))}</a>"
     calibrate = f"<a class='act' href='/calibration'>{escape(say('drift.do_calibrate'))}</a>"
-    (data,) = record.linked("data")
+    (data,) = record.refs("data")
     stated = escape(json.dumps({"model": model.id, "measurements": [data.id]}), quote=True)
     update = (
         f'<button class="act" data-testid="transfer" data-parameters="{stated}" '

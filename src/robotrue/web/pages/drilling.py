@@ -10,8 +10,8 @@ from nicegui import ui
 from robotrue import __version__
 from robotrue.drilling.kept import CAMPAIGN, JOURNAL, MODEL, TEST
 from robotrue.store import items
-from robotrue.store.nouns import DOCUMENT
-from robotrue.store.records import DocumentRecord, Query
+from robotrue.store.nouns import DOCUMENT, DocumentRecord
+from robotrue.store.records import ItemQuery
 from robotrue.web.bench import Bench, Page
 from robotrue.web.drill_journals import FOLDER, JournalFile, folder_of, journals
 from robotrue.web.pages.drilling_model import model_cards
@@ -51,8 +51,8 @@ async def _build(bench: Bench) -> None:
 
 
 async def _documents(bench: Bench, kind: str) -> tuple[DocumentRecord, ...]:
-    query = Query(where={"kind": kind}, limit=100)
-    return (await bench.ask(items.listed, bench.house.workspace, DOCUMENT, query)).items
+    query = ItemQuery(where={"kind": kind}, limit=100)
+    return (await bench.ask(items.search, bench.house.workspace, DOCUMENT, query)).items
 
 
 async def _monitor(
@@ -109,10 +109,10 @@ async def _model(bench: Bench, models: tuple[DocumentRecord, ...]) -> None:
             )
     campaigns, tests = await _documents(bench, CAMPAIGN), await _documents(bench, TEST)
     test = next((each for each in tests if each.id == bench.query.get("test")), None)
-    wanted = test.linked("model")[0].id if test is not None else bench.query.get("id", "")
+    wanted = test.refs("model")[0].id if test is not None else bench.query.get("id", "")
     shown = next((each for each in models if each.id == wanted), models[0] if models else None)
     if shown is not None:
-        own = [each for each in tests if any(to.id == shown.id for to in each.linked("model"))]
+        own = [each for each in tests if any(to.id == shown.id for to in each.refs("model"))]
         if test is not None:
             own = [test, *(each for each in own if each.id != test.id)]
         model_cards(bench, shown, own, campaigns, tolerance_deg=TOLERANCE_DEG)

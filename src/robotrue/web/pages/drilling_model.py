@@ -8,7 +8,7 @@ from typing import Any
 
 from nicegui import ui
 
-from robotrue.store.records import DocumentRecord
+from robotrue.store.nouns import DocumentRecord
 from robotrue.web.bench import Bench
 from robotrue.web.parts.drilling import DrillMonitor
 from robotrue.web.parts.elements import Tile, delete_button, table, tag, tiles, when

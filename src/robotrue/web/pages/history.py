@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from robotrue.store import items, jobs, journal
 from robotrue.store.nouns import DOCUMENT, NOUNS
-from robotrue.store.records import Query, Record
+from robotrue.store.records import ItemQuery, ItemRecord
 from robotrue.store.workspace import Workspace
 from robotrue.web.bench import Bench, Page
 from robotrue.web.live_sources import BEGUN, OVER, alarms
@@ -48,7 +48,7 @@ async def _build(bench: Bench) -> None:
             "document",
         )
         for each in (
-            await bench.ask(items.listed, workspace, NOUNS[noun], Query(limit=20, deleted=True))
+            await bench.ask(items.search, workspace, NOUNS[noun], ItemQuery(limit=20, deleted=True))
         ).items
     ]
     if gone:
@@ -116,7 +116,7 @@ def _alarm(bench: Bench, entry: journal.Entry, told: dict[str, tuple[str, dict[s
     return f'{link} <span class="note">{escape(said)}</span>'
 
 
-def _deleted(bench: Bench, gone: list[tuple[str, Record]]) -> str:
+def _deleted(bench: Bench, gone: list[tuple[str, ItemRecord]]) -> str:
     say = bench.say
     rows = [
         (

@@ -9,8 +9,8 @@ from nicegui import ui
 
 from robotrue.errors import ConfigurationError
 from robotrue.store import items
-from robotrue.store.nouns import MEASUREMENT
-from robotrue.store.records import MeasurementRecord, ModelRecord, Query
+from robotrue.store.nouns import MEASUREMENT, MeasurementRecord, ModelRecord
+from robotrue.store.records import ItemQuery
 from robotrue.web.bench import Bench, Page
 from robotrue.web.pages.measurements_preview import preview
 from robotrue.web.parts.drop import DropZone
@@ -69,12 +69,14 @@ async def _list(bench: Bench) -> None:
         go="/measurements?upload={id}",
     )
     try:
-        query = Query(text=text, limit=200)
-        found = await bench.ask(items.listed, bench.house.workspace, MEASUREMENT, query)
+        query = ItemQuery(text=text, limit=200)
+        found = await bench.ask(items.search, bench.house.workspace, MEASUREMENT, query)
     except ConfigurationError as error:
         html(not_found(say, error))
         return
-    begun = await bench.ask(items.begun, bench.house.workspace, [each.id for each in found.items])
+    begun = await bench.ask(
+        items.read_creation_times, bench.house.workspace, [each.id for each in found.items]
+    )
     rows = [
         (
             f"<b>{escape(each.name)}</b>{record_mark(say, each)}",

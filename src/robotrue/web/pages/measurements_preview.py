@@ -9,8 +9,8 @@ from typing import Any, Final
 
 from robotrue.errors import RobotrueError
 from robotrue.store import items
-from robotrue.store.nouns import CELL
-from robotrue.store.records import CellRecord, Query
+from robotrue.store.nouns import CELL, CellRecord
+from robotrue.store.records import ItemQuery
 from robotrue.web.bench import Bench
 from robotrue.web.parts.elements import Tile, table, tiles
 from robotrue.web.parts.faults import not_found, stated
@@ -35,7 +35,7 @@ async def preview(bench: Bench) -> None:
     except RobotrueError as error:
         html(not_found(say, error))
         return
-    cells = (await bench.ask(items.listed, workspace, CELL, Query(limit=50))).items
+    cells = (await bench.ask(items.search, workspace, CELL, ItemQuery(limit=50))).items
     html(f"<h1>{escape(path.name)}</h1><p class='lead'>{escape(say('preview.lead'))}</p>").classes(
         "head"
     )

@@ -12,8 +12,8 @@ from robotrue import __version__
 from robotrue.errors import ConfigurationError
 from robotrue.report.words import Words
 from robotrue.store import items
-from robotrue.store.nouns import CELL, DOCUMENT, MODEL, PROGRAM
-from robotrue.store.records import DocumentRecord, Query, Record
+from robotrue.store.nouns import CELL, DOCUMENT, MODEL, PROGRAM, DocumentRecord
+from robotrue.store.records import ItemQuery, ItemRecord
 from robotrue.web.bench import Bench, Page
 from robotrue.web.pages.plan_form import form
 from robotrue.web.parts.curve import Line, curve
@@ -72,15 +72,15 @@ async def _list(bench: Bench) -> None:
     ).classes("head")
     for job in await bench.ask(under_way, workspace, KIND):
         JobCard(bench, job, title=say("plan.running"), go="/plan?id={id}", field="document")
-    cells = (await bench.ask(items.listed, workspace, CELL, Query(limit=50))).items
+    cells = (await bench.ask(items.search, workspace, CELL, ItemQuery(limit=50))).items
     if not cells:
         html(f"<p>{escape(say('plan.needs'))}</p>").classes("card")
         return
-    models = (await bench.ask(items.listed, workspace, MODEL, Query(limit=50))).items
-    programs = (await bench.ask(items.listed, workspace, PROGRAM, Query(limit=100))).items
+    models = (await bench.ask(items.search, workspace, MODEL, ItemQuery(limit=50))).items
+    programs = (await bench.ask(items.search, workspace, PROGRAM, ItemQuery(limit=100))).items
     form(bench, cells, models, programs)
-    asked = Query(where={"kind": KIND}, limit=100)
-    _plans(bench, (await bench.ask(items.listed, workspace, DOCUMENT, asked)).items)
+    asked = ItemQuery(where={"kind": KIND}, limit=100)
+    _plans(bench, (await bench.ask(items.search, workspace, DOCUMENT, asked)).items)
 
 
 def _plans(bench: Bench, found: Sequence[DocumentRecord]) -> None:
@@ -129,7 +129,7 @@ def _one(bench: Bench, record: DocumentRecord) -> None:
     )
 
 
-def _acts(bench: Bench, record: Record) -> str:
+def _acts(bench: Bench, record: ItemRecord) -> str:
     out = delete_button(bench.say("frame.delete"), "document", record.id, "/plan")
     for each in record.attachments:
         where = f"{record.id}/{each.sha256}?version={record.version}"
@@ -147,7 +147,7 @@ def _acts(bench: Bench, record: Record) -> str:
     return out
 
 
-def _show(bench: Bench, record: Record, found: dict[str, Any]) -> None:
+def _show(bench: Bench, record: ItemRecord, found: dict[str, Any]) -> None:
     say = bench.say
     html(tiles(_tiles(bench, found))).classes("tiles").props('data-testid="plan-tiles"')
     if found["simulated"]:

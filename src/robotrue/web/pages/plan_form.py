@@ -8,7 +8,7 @@ from html import escape
 from nicegui import ui
 
 from robotrue.app.operations.plan import PlanRequest
-from robotrue.store.records import Record
+from robotrue.store.records import ItemRecord
 from robotrue.web.bench import Bench
 from robotrue.web.parts.frame import html
 from robotrue.web.parts.region import RegionField
@@ -16,7 +16,10 @@ from robotrue.web.parts.request_form import RequestForm
 
 
 def form(
-    bench: Bench, cells: Sequence[Record], models: Sequence[Record], programs: Sequence[Record]
+    bench: Bench,
+    cells: Sequence[ItemRecord],
+    models: Sequence[ItemRecord],
+    programs: Sequence[ItemRecord],
 ) -> None:
     """Builds the form in a card of its own."""
     say = bench.say

@@ -11,8 +11,8 @@ from robotrue.app.compensation_request import CompensateRequest
 from robotrue.app.request import fields_of
 from robotrue.errors import ConfigurationError
 from robotrue.store import items
-from robotrue.store.nouns import PROGRAM
-from robotrue.store.records import ProgramRecord, Query
+from robotrue.store.nouns import PROGRAM, ProgramRecord
+from robotrue.store.records import ItemQuery
 from robotrue.web.bench import Bench, Page
 from robotrue.web.parts.drop import DropZone
 from robotrue.web.parts.elements import (
@@ -71,10 +71,12 @@ async def _list(bench: Bench) -> None:
         then="/api/programs",
         go=bench.kept("/programs?id={id}"),
     )
-    found = await bench.ask(items.listed, bench.house.workspace, PROGRAM, Query(limit=200))
+    found = await bench.ask(items.search, bench.house.workspace, PROGRAM, ItemQuery(limit=200))
     if not found.items:
         return
-    begun = await bench.ask(items.begun, bench.house.workspace, [each.id for each in found.items])
+    begun = await bench.ask(
+        items.read_creation_times, bench.house.workspace, [each.id for each in found.items]
+    )
     rows, links = [], []
     for each in found.items:
         after = each.stage == AFTER
@@ -130,7 +132,7 @@ async def _one(bench: Bench, record: ProgramRecord) -> None:
         html(f"<p>{escape(say('programs.no_model'))}</p>").classes("card")
         return
     _judged(bench, record, model.id)
-    if after and record.linked("model"):
+    if after and record.refs("model"):
         page = f"/programs?id={record.id}&tolerance_mm={_tolerance(bench):g}"
         await reports(bench, record, "program", page=page, fields=_report_fields(bench))
 

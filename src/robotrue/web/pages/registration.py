@@ -12,8 +12,15 @@ from robotrue import __version__
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.touch_session import session_of
 from robotrue.store import items
-from robotrue.store.nouns import CELL, DOCUMENT, MODEL, REGISTRATION
-from robotrue.store.records import DocumentRecord, Query, RegistrationRecord
+from robotrue.store.nouns import (
+    CELL,
+    DOCUMENT,
+    MODEL,
+    REGISTRATION,
+    DocumentRecord,
+    RegistrationRecord,
+)
+from robotrue.store.records import ItemQuery
 from robotrue.web.bench import Bench, Page
 from robotrue.web.parts.elements import (
     delete_button,
@@ -32,7 +39,7 @@ from robotrue.web.parts.reports import reports
 from robotrue.web.parts.touch import TouchBegin, TouchSession
 
 KIND: Final = "touching"
-"""Of the documents that are sessions; ``store.touchings`` would bring numeric libraries with it."""
+"""Of documents that are sessions; ``store.registrations`` would bring numeric libraries with it."""
 
 
 async def _build(bench: Bench) -> None:
@@ -56,16 +63,16 @@ async def _list(bench: Bench) -> None:
         f"<h1>{escape(say('registration.title'))}</h1>"
         f"<p class='lead'>{escape(say('registration.lead'))}</p>"
     ).classes("head")
-    cells = (await bench.ask(items.listed, workspace, CELL, Query(limit=50))).items
+    cells = (await bench.ask(items.search, workspace, CELL, ItemQuery(limit=50))).items
     if not cells:
         html(f"<p>{escape(say('registration.needs'))}</p>").classes("card")
         return
-    models = (await bench.ask(items.listed, workspace, MODEL, Query(limit=50))).items
+    models = (await bench.ask(items.search, workspace, MODEL, ItemQuery(limit=50))).items
     TouchBegin(bench, cells, models)
-    asked = Query(where={"kind": KIND}, limit=100)
+    asked = ItemQuery(where={"kind": KIND}, limit=100)
     names = {each.id: each.name for each in cells}
-    _sessions(bench, (await bench.ask(items.listed, workspace, DOCUMENT, asked)).items, names)
-    found = await bench.ask(items.listed, workspace, REGISTRATION, Query(limit=100))
+    _sessions(bench, (await bench.ask(items.search, workspace, DOCUMENT, asked)).items, names)
+    found = await bench.ask(items.search, workspace, REGISTRATION, ItemQuery(limit=100))
     _registrations(bench, found.items, names)
 
 
@@ -128,7 +135,7 @@ def _session(bench: Bench, record: DocumentRecord) -> None:
 
 async def _registered(bench: Bench, record: RegistrationRecord) -> None:
     say = bench.say
-    linked = record.linked("session")
+    linked = record.refs("session")
     simulated, session = False, ""
     if linked:
         found = await bench.ask(items.get, bench.house.workspace, DOCUMENT, linked[0].id)
@@ -151,10 +158,10 @@ async def _registered(bench: Bench, record: RegistrationRecord) -> None:
         (say("registration.identity"), record.identity),
     ]
     workspace = bench.house.workspace
-    for to in record.linked("cell"):
+    for to in record.refs("cell"):
         cell = await bench.ask(items.get, workspace, CELL, to.id, version=to.version)
         rests.append((say("registration.of_cell"), f"{cell.name} v{to.version}"))
-    for to in record.linked("model"):
+    for to in record.refs("model"):
         model = await bench.ask(items.get, workspace, MODEL, to.id, version=to.version)
         rests.append((say("registration.model_named"), f"{model.name} v{to.version}"))
     html(
@@ -216,7 +223,7 @@ def _route(bench: Bench, word: str) -> str:
 
 
 def _cell_name(record: DocumentRecord | RegistrationRecord, cells: dict[str, str]) -> str:
-    return ", ".join(cells.get(to.id, "–") for to in record.linked("cell"))
+    return ", ".join(cells.get(to.id, "–") for to in record.refs("cell"))
 
 
 PAGE: Final = Page(name="registration", path="/registration", build=_build)

@@ -6,7 +6,7 @@ from typing import Final
 
 from nicegui.element import Element
 
-from robotrue.store.records import CellRecord
+from robotrue.store.nouns import CellRecord
 from robotrue.web.bench import Bench
 
 FORM_TEXTS: Final = (

@@ -6,8 +6,7 @@ import json
 from html import escape
 from typing import Final
 
-from robotrue.store.provenance import provenance_of_record
-from robotrue.store.records import Record
+from robotrue.store.records import ItemRecord, provenance_of_record
 from robotrue.web.bench import Bench
 from robotrue.web.language import Wording
 from robotrue.web.parts.elements import simulated_mark
@@ -16,7 +15,7 @@ from robotrue.web.parts.icons import icon
 TEXTS: Final = ("edit", "name", "note", "keep", "before")
 
 
-def heading(bench: Bench, noun: str, record: Record, *, level: int = 1) -> str:
+def heading(bench: Bench, noun: str, record: ItemRecord, *, level: int = 1) -> str:
     """Returns the name of an item as a heading, a pen to change it, and its note below.
 
     Args:
@@ -31,7 +30,7 @@ def heading(bench: Bench, noun: str, record: Record, *, level: int = 1) -> str:
     return f"<h{level}>{escape(record.name)}</h{level}>{pen}{mark}{note}"
 
 
-def rename_button(bench: Bench, noun: str, record: Record) -> str:
+def rename_button(bench: Bench, noun: str, record: ItemRecord) -> str:
     """Returns a pen that opens the name and the note of an item."""
     say = bench.say
     facts = {
@@ -50,6 +49,6 @@ def rename_button(bench: Bench, noun: str, record: Record) -> str:
     )
 
 
-def record_mark(say: Wording, record: Record) -> str:
+def record_mark(say: Wording, record: ItemRecord) -> str:
     """Returns the mark of an item whose record says that it rests on simulated data."""
     return simulated_mark(say, provenance_of_record(record).simulated)

@@ -7,7 +7,7 @@ from typing import Final
 
 from nicegui.element import Element
 
-from robotrue.store.records import Record
+from robotrue.store.records import ItemRecord
 from robotrue.web.bench import Bench
 
 TEXTS: Final = (
@@ -20,7 +20,13 @@ class RegionField(Element, component="region.js"):
     """Gives the form a field ``name`` as ``robotrue plan --region`` reads it, or ``program``."""
 
     def __init__(
-        self, bench: Bench, name: str, *, title: str, anywhere: str, programs: Sequence[Record] = ()
+        self,
+        bench: Bench,
+        name: str,
+        *,
+        title: str,
+        anywhere: str,
+        programs: Sequence[ItemRecord] = (),
     ) -> None:
         """Makes the field.
 

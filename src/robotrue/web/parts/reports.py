@@ -9,8 +9,8 @@ from typing import Final
 from robotrue.app.operations.report import ReportRequest
 from robotrue.app.request import fields_of
 from robotrue.store import items
-from robotrue.store.nouns import DOCUMENT
-from robotrue.store.records import Attachment, DocumentRecord, Query, Record
+from robotrue.store.nouns import DOCUMENT, DocumentRecord
+from robotrue.store.records import Attachment, ItemQuery, ItemRecord
 from robotrue.web.bench import Bench
 from robotrue.web.language import LANGUAGES
 from robotrue.web.parts.elements import Tone, table, tag, when
@@ -25,7 +25,7 @@ TONES: Final[dict[str, Tone]] = {
 }  # fmt: skip
 
 
-async def reports(bench: Bench, about: Record, subject: str, *, page: str, fields: str) -> None:
+async def reports(bench: Bench, about: ItemRecord, subject: str, *, page: str, fields: str) -> None:
     """Shows the reports of an item, newest first, and the form for another.
 
     Args:
@@ -40,8 +40,8 @@ async def reports(bench: Bench, about: Record, subject: str, *, page: str, field
         if job.parameters.get(subject) == about.id:
             title = say("reports.running")
             JobCard(bench, job, title=title, go=f"{page}&report={{id}}", field="document")
-    asked = Query(where={"kind": KIND}, linked=("about", about.id), limit=20)
-    found = (await bench.ask(items.listed, workspace, DOCUMENT, asked)).items
+    asked = ItemQuery(where={"kind": KIND}, linked=("about", about.id), limit=20)
+    found = (await bench.ask(items.search, workspace, DOCUMENT, asked)).items
     speech = "".join(
         f'<option value="{code}"{" selected" if code == say.language else ""}>{name}</option>'
         for code, name in LANGUAGES.items()
@@ -60,7 +60,7 @@ async def reports(bench: Bench, about: Record, subject: str, *, page: str, field
     ).classes("card").props('data-testid="reports"')
 
 
-def report_form(bench: Bench, *names: str, sets: Sequence[Record] = (), **values: float) -> str:
+def report_form(bench: Bench, *names: str, sets: Sequence[ItemRecord] = (), **values: float) -> str:
     """Returns the HTML of fields of the form.
 
     Args:

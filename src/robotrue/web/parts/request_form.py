@@ -14,7 +14,7 @@ from typing import Any
 from annotated_types import Ge, Le
 
 from robotrue.app.request import FORM, JOB, Item, Output, Request, RequestField, fields_of
-from robotrue.store.records import Record
+from robotrue.store.records import ItemRecord
 from robotrue.web.bench import Bench
 
 LONGEST_NAME = 200
@@ -37,7 +37,7 @@ class RequestForm:
     bench: Bench
     request: type[Request]
     group: str
-    records: Mapping[str, Sequence[Record]] = field(default_factory=dict)
+    records: Mapping[str, Sequence[ItemRecord]] = field(default_factory=dict)
     marks: Mapping[str, str] = field(default_factory=dict)
     without: frozenset[str] = frozenset()
     values: Mapping[str, Any] = field(default_factory=dict)
@@ -133,7 +133,7 @@ class RequestForm:
         return f" data-testid='{self.marks[name]}'" if name in self.marks else ""
 
 
-def _size(record: Record, form: str = '<span class="note">{:,}</span>') -> str:
+def _size(record: ItemRecord, form: str = '<span class="note">{:,}</span>') -> str:
     poses = getattr(record, "poses", None)
     return "" if poses is None else form.format(poses)
 

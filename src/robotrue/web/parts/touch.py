@@ -7,7 +7,7 @@ from typing import Final
 
 from nicegui.element import Element
 
-from robotrue.store.records import CellRecord, ModelRecord
+from robotrue.store.nouns import CellRecord, ModelRecord
 from robotrue.web.bench import Bench
 from robotrue.web.preferences import ANGLE_NAMES
 

@@ -23,7 +23,7 @@ def shown(folder: str, model_id: str, version: int) -> bytes:
             measurements.rows_of(
                 workspace, items.get(workspace, MEASUREMENT, to.id, version=to.version)
             )
-            for to in record.linked("data")
+            for to in record.refs("data")
         ]
     model, summary = held.model, held.model.training_summary()
     return answer(

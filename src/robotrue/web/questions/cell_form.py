@@ -18,7 +18,7 @@ from robotrue.measurement.tracker import DEFAULT_SPECIFICATION
 from robotrue.robot.presets import preset, preset_names, rated_payload
 from robotrue.robot.reach import wrist_reach
 from robotrue.store import cells, items
-from robotrue.store.layout import laid_out
+from robotrue.store.layout import copy_files
 from robotrue.store.nouns import CELL
 from robotrue.store.workspace import Workspace, transaction
 from robotrue.web.api.documents import record_document
@@ -129,7 +129,7 @@ def kept(folder: str, text: str, name: str, id: str, version: int) -> bytes:
             path.write_text(text, encoding="utf-8")
             return answer(record_document(cells.add(workspace, path, name=name), "cell"))
         before = items.get(workspace, CELL, id)
-        laid_out(workspace, before, Path(place), cells.COMPANION)
+        copy_files(workspace, before, Path(place), cells.COMPANION)
         cells.require_beside(text, {each.name for each in before.files(cells.COMPANION)})
         path.write_text(text, encoding="utf-8")
         with transaction(workspace) as into:

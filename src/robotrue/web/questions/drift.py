@@ -28,7 +28,7 @@ def add_poses(folder: str, paths: str, name: str, model_id: str) -> bytes:
         record = items.get(workspace, MODEL, model_id)
         cell = models.model_of(workspace, record).cell
         rows, remarks = read_sets(cell, found, None, minimum=FEWEST)
-        cells = record.linked("cell")
+        cells = record.refs("cell")
         stored = measurements.add(
             workspace,
             rows,

@@ -21,7 +21,7 @@ from robotrue.drilling.model_document import model_document
 from robotrue.errors import ConfigurationError
 from robotrue.store import documents, items
 from robotrue.store.nouns import DOCUMENT
-from robotrue.store.records import Query
+from robotrue.store.records import ItemQuery
 from robotrue.store.workspace import Workspace
 from robotrue.web.api.documents import record_document
 from robotrue.web.questions.packing import answer
@@ -64,8 +64,8 @@ def add(folder: str, paths: str, name: str) -> bytes:
 
 def _known_foot(workspace: Workspace, place: Path) -> list[Path]:
     """The foot file of the newest campaign: a cell has one foot."""
-    query = Query(where={"kind": CAMPAIGN}, limit=1)
-    for record in items.listed(workspace, DOCUMENT, query).items:
+    query = ItemQuery(where={"kind": CAMPAIGN}, limit=1)
+    for record in items.search(workspace, DOCUMENT, query).items:
         for each in record.files("file"):
             if each.name.lower().endswith(FOOT):
                 return [Path(shutil.copyfile(workspace.path_of(each.sha256), place / each.name))]

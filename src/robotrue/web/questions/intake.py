@@ -21,8 +21,7 @@ from robotrue.measurement.plausibility import check_plausible
 from robotrue.measurement.tracker import point_covariance
 from robotrue.robot.forward import forward
 from robotrue.store import cells, items, measurements, programs
-from robotrue.store.nouns import CELL
-from robotrue.store.records import CellRecord
+from robotrue.store.nouns import CELL, CellRecord
 from robotrue.store.workspace import Workspace
 from robotrue.web.api.documents import record_document
 from robotrue.web.questions.packing import answer
@@ -95,7 +94,7 @@ def column_mapping(text: str) -> ColumnMapping | None:
 def cell_of(workspace: Workspace, record: CellRecord) -> Cell:
     """Returns a cell of the workspace, read with the files it names."""
     with TemporaryDirectory() as folder:
-        return read_cell(cells.laid(workspace, record, Path(folder)))
+        return read_cell(cells.copy_cell(workspace, record, Path(folder)))
 
 
 def read_sets(

@@ -30,7 +30,7 @@ def judged(folder: str, set_id: str, version: int, model_id: str, model_version:
             workspace, items.get(workspace, MEASUREMENT, set_id, version=version)
         )
     seen = evaluate(held.model, rows, payload=held.cell.payload)
-    fitted = any(to.id == set_id for to in record.linked("data"))
+    fitted = any(to.id == set_id for to in record.refs("data"))
     inside = coverage(seen.after, seen.covariance)
     return answer(
         {

@@ -29,11 +29,11 @@ def shown(folder: str, plan_id: str, version: int) -> bytes:
         record = items.get(workspace, DOCUMENT, plan_id, version=version)
         if record.kind != KIND:
             raise ConfigurationError(f"{record.name!r} is a {record.kind}, not a plan.")
-        (to,) = record.linked("cell")
+        (to,) = record.refs("cell")
         cell = cell_of(workspace, items.get(workspace, CELL, to.id, version=to.version))
         used = [
             items.get(workspace, MODEL, each.id, version=each.version)
-            for each in record.linked("model")
+            for each in record.refs("model")
         ]
         simulated = any(from_simulation(models.model_of(workspace, each).model) for each in used)
     detail = dict(record.detail)

@@ -25,8 +25,7 @@ from robotrue.program.formats import read_job
 from robotrue.program.program import Program
 from robotrue.robot.statics import Load
 from robotrue.store import cells, items, jobs, measurements, models, programs
-from robotrue.store.nouns import CELL, MEASUREMENT, MODEL, PROGRAM
-from robotrue.store.records import ModelRecord, ProgramRecord
+from robotrue.store.nouns import CELL, MEASUREMENT, MODEL, PROGRAM, ModelRecord, ProgramRecord
 from robotrue.store.workspace import Workspace
 from robotrue.validation.conformity import Conformity, all_conform, conformity, to_judge
 from robotrue.validation.error_map import radius_95
@@ -104,12 +103,12 @@ def _found(
             f"a program of {after.bytes / 1e6:.0f} MB, drawn here up to {LARGEST / 1e6:.0f} MB.",
             hint="robotrue diff BEFORE AFTER --model MODEL.",
         )
-    if after.linked("registration"):
+    if after.refs("registration"):
         raise ConfigurationError(
             "the program runs in a registered part frame, which is not drawn here yet.",
             hint="robotrue report program BEFORE AFTER --model MODEL --cell CELL.",
         )
-    used = after.linked("model")
+    used = after.refs("model")
     if used:  # a compensated program is judged by the model that compensated it
         record = items.get(workspace, MODEL, used[0].id, version=used[0].version)
     held = models.model_of(workspace, record)
@@ -119,18 +118,18 @@ def _found(
     job = str(after.detail.get("job", ""))
     said = jobs.status(workspace, job).parameters if job else {}
     before = [
-        items.get(workspace, PROGRAM, to.id, version=to.version) for to in after.linked("before")
+        items.get(workspace, PROGRAM, to.id, version=to.version) for to in after.refs("before")
     ]
     jobs_read = []
     for number, each in enumerate([*(before or [after]), after]):
         place = scratch / str(number)
         place.mkdir()
-        jobs_read.append(read_job(list(programs.laid(workspace, each, place)), frames))
+        jobs_read.append(read_job(list(programs.copy_program(workspace, each, place)), frames))
     rows = [
         measurements.rows_of(
             workspace, items.get(workspace, MEASUREMENT, to.id, version=to.version)
         )
-        for to in record.linked("data")
+        for to in record.refs("data")
     ]
     return _Found(
         first=jobs_read[0],
@@ -147,13 +146,13 @@ def _found(
 
 def _cell(workspace: Workspace, record: ProgramRecord, scratch: Path) -> Cell | None:
     """The cell whose frames a compensated program uses, where that is not the model's."""
-    linked = record.linked("cell")
+    linked = record.refs("cell")
     if not linked:
         return None
     place = scratch / "cell"
     place.mkdir()
     found = items.get(workspace, CELL, linked[0].id, version=linked[0].version)
-    return read_cell(cells.laid(workspace, found, place))
+    return read_cell(cells.copy_cell(workspace, found, place))
 
 
 def _load(payload: Load, stated: Any) -> Load:

@@ -52,7 +52,7 @@ def model_scene(folder: str, model_id: str, version: int) -> bytes:
             measurements.rows_of(
                 workspace, items.get(workspace, MEASUREMENT, to.id, version=to.version)
             )
-            for to in record.linked("data")
+            for to in record.refs("data")
         ]
     document = {
         "frames": frame_documents(held.cell),

@@ -35,7 +35,7 @@ from robotrue.robot.inverse import branches_of
 from robotrue.robot.opw import opw_geometry
 from robotrue.store import items, models
 from robotrue.store.nouns import CELL, MODEL
-from robotrue.store.touchings import begin
+from robotrue.store.registrations import add_session
 from robotrue.store.workspace import Workspace
 from robotrue.validation.registration_settings import TOUCH
 from robotrue.web.api.documents import record_document
@@ -82,7 +82,7 @@ def begun(folder: str, asked: str) -> bytes:
             raise ConfigurationError(f"{len(paths)} files, expected one table of features.")
         session = _session(cell, model, paths[0], stated)
         name = str(stated.get("name") or paths[0].stem)
-        record = begin(
+        record = add_session(
             workspace, session, name=name, cell=cell_record.ref,
             model=None if model_record is None else model_record.ref, files=paths,
         )  # fmt: skip

@@ -20,7 +20,7 @@ from robotrue.report.words import Lang
 from robotrue.store import cells, models, registrations
 from robotrue.store.model_file import write_model
 from robotrue.store.records import Ref
-from robotrue.store.touchings import changed
+from robotrue.store.registrations import save_session
 from robotrue.store.workspace import Workspace, transaction
 from robotrue.validation.part_registration import register
 from robotrue.web.api.documents import record_document
@@ -80,7 +80,7 @@ def finished(folder: str, id: str, version: int, name: str) -> bytes:
                 session=Ref(id=id, version=version),
                 reports=pages,
             )
-            changed(into, id, version, at.session, result=made.id)
+            save_session(into, id, version, at.session, result=made.id)
         return answer(record_document(made, "registration"))
 
 
@@ -95,7 +95,7 @@ def _write_cell(workspace: Workspace, at: Opened, table: PartTable, place: Path)
     """The registered cell, read back before it is kept."""
     own = place / "cell"
     own.mkdir()
-    text = cells.laid(workspace, at.cell_record, own).read_text(encoding="utf-8")
+    text = cells.copy_cell(workspace, at.cell_record, own).read_text(encoding="utf-8")
     data = with_part(text, part_tables(table)).encode()
     parse_cell(data, own / REGISTERED)
     write_atomic(place / REGISTERED, data)

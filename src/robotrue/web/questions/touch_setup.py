@@ -27,9 +27,8 @@ from robotrue.measurement.touch_session import TouchReading, TouchSession, sessi
 from robotrue.planning.information import settings_of
 from robotrue.robot.identity import nominal_identity
 from robotrue.store import items, models
-from robotrue.store.nouns import CELL, DOCUMENT, MODEL
-from robotrue.store.records import CellRecord, DocumentRecord, ModelRecord
-from robotrue.store.touchings import session_in
+from robotrue.store.nouns import CELL, DOCUMENT, MODEL, CellRecord, DocumentRecord, ModelRecord
+from robotrue.store.registrations import session_in
 from robotrue.store.workspace import Workspace
 from robotrue.validation.next_touch import TouchBelief, update_belief
 from robotrue.validation.part_registration import register
@@ -88,9 +87,9 @@ def opened(workspace: Workspace, id: str, version: int | None = None) -> Opened:
     """Returns a session with its cell and its model."""
     record = items.get(workspace, DOCUMENT, id, version=version)
     session = session_in(record)
-    (place,) = record.linked("cell")
+    (place,) = record.refs("cell")
     cell_record = items.get(workspace, CELL, place.id, version=place.version)
-    linked = record.linked("model")
+    linked = record.refs("model")
     model_record = None
     if linked:
         model_record = items.get(workspace, MODEL, linked[0].id, version=linked[0].version)

@@ -22,7 +22,7 @@ from robotrue.planning.next_touch import NextTouch, next_touch
 from robotrue.planning.probing import Machining, ProbingTask
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse_numeric import solve
-from robotrue.store.touchings import result_of
+from robotrue.store.registrations import result_of
 from robotrue.store.workspace import Workspace
 from robotrue.validation.next_touch import TouchBelief, expected_readings
 from robotrue.validation.registered_part import FoundFrame, RegisteredPart

@@ -15,8 +15,8 @@ from robotrue.measurement.formats.part_points import read_points
 from robotrue.measurement.formats.reading_line import joints_line, position_line
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.measurement.touch_session import TouchReading, TouchSession
-from robotrue.store.records import DocumentRecord
-from robotrue.store.touchings import changed
+from robotrue.store.nouns import DocumentRecord
+from robotrue.store.registrations import save_session
 from robotrue.store.workspace import Workspace
 from robotrue.validation.next_touch import TouchBelief, judged_reading, machined_radius
 from robotrue.validation.touch_suspicions import Suspicion, suspicions
@@ -44,7 +44,7 @@ def entered(folder: str, id: str, version: int, feature: int, text: str) -> byte
             raise ConfigurationError(f"feature {feature + 1} of {len(at.session.features)}.")
         values = reading_values(at, text)
         session = _with(at, feature, values, text, hold=True)
-        return _told(changed(workspace, id, version, session))
+        return _told(save_session(workspace, id, version, session))
 
 
 def decided(folder: str, id: str, version: int, decision: str, feature: int) -> bytes:
@@ -67,7 +67,7 @@ def decided(folder: str, id: str, version: int, decision: str, feature: int) -> 
             raise ConfigurationError(
                 f"decision {decision!r}, expected one of {', '.join(DECISIONS)}."
             )
-        return _told(changed(workspace, id, version, session))
+        return _told(save_session(workspace, id, version, session))
 
 
 def taken_in(folder: str, id: str, version: int, path: str) -> bytes:
@@ -78,7 +78,7 @@ def taken_in(folder: str, id: str, version: int, path: str) -> bytes:
         file = read_points(Path(path)).touches.provenance
         simulated = at.session.simulated or file.simulated
         session = replace(at.session, simulated=simulated)
-        return _told(changed(workspace, id, version, session))
+        return _told(save_session(workspace, id, version, session))
 
 
 def reading_values(at: Opened, text: str) -> tuple[float, ...]:
