@@ -33,7 +33,6 @@ import numpy as np
 from robotrue.calibration.belief import Belief
 from robotrue.calibration.machined import (
     machined_covariance,
-    region_factor,
     unchanged_covariance,
 )
 from robotrue.calibration.methods import fit
@@ -46,6 +45,7 @@ from robotrue.calibration.probing import (
     estimate_probing,
     model_of_estimate,
 )
+from robotrue.calibration.robust import LEVEL, chi_point
 from robotrue.calibration.settings import RP_PER_SIGMA, FitSettings
 from robotrue.calibration.terms.geometry import PriorScales
 from robotrue.cell.registration.fit import point_covariance
@@ -126,7 +126,7 @@ class Tally:
     def add(self, way: str, count: int, side: str, error: Array, covariance: Array) -> None:
         """Adds the points of one cell, errors (n, 3) and what is stated of them (n, 3, 3)."""
         solved = np.linalg.solve(covariance, error[:, :, None])[:, :, 0]
-        inside = (error * solved).sum(axis=1) <= region_factor() ** 2
+        inside = (error * solved).sum(axis=1) <= chi_point(LEVEL, 3) ** 2
         square = (error**2).sum(axis=1).mean()
         stated = np.trace(covariance, axis1=1, axis2=2).mean()
         self.rows[way, count, side].append((float(inside.mean()), float(square), float(stated)))

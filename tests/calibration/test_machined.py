@@ -12,8 +12,6 @@ from robotrue.calibration.machined import (
     compensated_covariance,
     compensated_joint_covariance,
     machined_covariance,
-    machined_joint_covariance,
-    region_factor,
     smooth_rest,
     tip_columns,
     uncarried,
@@ -24,6 +22,7 @@ from robotrue.calibration.nominal import NominalModel
 from robotrue.calibration.prior_belief import prior_belief
 from robotrue.calibration.probing import ProbingSettings, estimate_probing, model_of_estimate
 from robotrue.calibration.probing_scales import few_factor
+from robotrue.calibration.robust import LEVEL, chi_point
 from robotrue.calibration.settings import RP_PER_SIGMA, FitSettings
 from robotrue.calibration.terms.geometry import PriorScales
 from robotrue.calibration.terms.smooth import SmoothBasis, features
@@ -136,7 +135,9 @@ def test_blocks_of_the_joint_covariance() -> None:
     told = ProbingSettings(touch_sigma=0.1 * MM, learn=False, robust=False, priors=SETTINGS)
     found = estimate_probing(NominalModel(robot=NOMINAL), touches, told)
     _, work = postures("L", 5, 4)
-    whole = machined_joint_covariance(found, Query(joints=work))
+    whole = compensated_joint_covariance(
+        found.belief, Query(joints=work), T_base_part=found.T_base_part
+    )
     alone = machined_covariance(found, Query(joints=work))
     for k in range(5):
         block = slice(3 * k, 3 * k + 3)
@@ -235,7 +236,7 @@ def test_regions_hold_the_truth_of_simulated_cells() -> None:
             off = apply(inverse(cell.T_base_part), machine(cell, joints, rng)) - work
             stated = machined_covariance(found, Query(joints=joints))
             square = np.einsum("ni,nij,nj->n", off, np.linalg.inv(stated), off)
-            shares.append((square <= region_factor() ** 2).mean())
+            shares.append((square <= chi_point(LEVEL, 3) ** 2).mean())
     assert np.mean(inside["R"]) > 0.85
     assert np.mean(inside["L"]) > 0.75  # points of one cell stand or fall together
 
@@ -267,7 +268,7 @@ def test_refusals() -> None:
 
 def test_region_factor_is_that_of_three_dimensions() -> None:
     """chi^2 with 3 degrees of freedom, 95 %: 7.8147 (any table)."""
-    assert region_factor() ** 2 == pytest.approx(7.8147, abs=1e-4)
+    assert chi_point(LEVEL, 3) ** 2 == pytest.approx(7.8147, abs=1e-4)
 
 
 def test_scales_told_by_few_stay_between_learned_and_default() -> None:

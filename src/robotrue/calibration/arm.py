@@ -26,12 +26,14 @@ class LinearArm:
     """Some postures, linearised in every coefficient.
 
     Attributes:
+        tip: (n, 3) m, actual tool point in base.
         error: (n, 3) m, actual minus commanded tool point, base axes.
         turn: (n, 3) rad, left rotation vector of the same.
         columns: (n, 3, p) derivative of the error by the coefficients.
         uncarried: (n,) m^2 per axis of variance that no coefficient carries.
     """
 
+    tip: Array
     error: Array
     turn: Array
     columns: Array
@@ -90,8 +92,14 @@ def linearise_arm(
     if T_flange_tool is not None:
         columns[:, :, parameter_slice(actual.dof, "tool")] = 0.0
     turn = rotation_vector_from_matrix(state.rotation @ np.swapaxes(commanded[:, :3, :3], 1, 2))
-    error = state.position - commanded[:, :3, 3] + lift
-    return LinearArm(error=error, turn=turn, columns=columns, uncarried=uncarried)
+    tip = state.position + lift
+    return LinearArm(
+        tip=tip,
+        error=tip - commanded[:, :3, 3],
+        turn=turn,
+        columns=columns,
+        uncarried=uncarried,
+    )
 
 
 def linear_rows(

@@ -29,7 +29,7 @@ from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.archive import Archive
 from robotrue.core.arrays import Array
 from robotrue.core.columns import EMPTY, Column, Columns
-from robotrue.errors import ModelMismatchError, ShapeError
+from robotrue.errors import ModelMismatchError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.statics import NO_LOAD, Load
@@ -141,18 +141,10 @@ class CalibratedModel(Columns):
         Raises:
             ShapeError: Joints or approach of another robot.
         """
-        query = self._checked(query)
+        query = query.expand(self.robot.dof)
         n = len(query.joints)
         error, turn, covariance = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3, 3))
-        for start in range(0, n, _ROWS):
-            part = slice(start, start + _ROWS)
-            rows = Query(
-                joints=query.joints[part],
-                load=query.load.take(part),
-                approach=query.approach[part],
-                temperature=query.temperature[part],
-                T_flange_tool=query.T_flange_tool,
-            )
+        for part, rows in query.chunks(_ROWS):
             at, columns = self._linear(rows)
             error[part], turn[part] = at.error, at.turn
             if self.root is None:
@@ -170,7 +162,7 @@ class CalibratedModel(Columns):
         Raises:
             ShapeError: Joints or approach of another robot.
         """
-        at, columns = self._linear(self._checked(query))
+        at, columns = self._linear(query.expand(self.robot.dof))
         rows = columns.reshape(3 * len(columns), -1)
         own = np.diag(np.repeat(at.uncarried + self._visit, 3))
         if self.root is None:
@@ -184,21 +176,6 @@ class CalibratedModel(Columns):
     def _visit(self) -> float:
         """Variance per axis of one visit, m^2."""
         return self.white**2 + self.repeatability**2
-
-    def _checked(self, query: Query) -> Query:
-        """The query with joints, approach and temperature of one row each."""
-        joints = np.asarray(query.joints, dtype=np.float64)
-        if joints.ndim != 2 or joints.shape[1] != self.robot.dof:
-            raise ShapeError(f"joints has shape {joints.shape}, expected (any, {self.robot.dof}).")
-        approach = np.zeros_like(joints) if np.size(query.approach) == 0 else query.approach
-        if approach.shape != joints.shape:
-            raise ShapeError(f"approach has shape {approach.shape}, expected {joints.shape}.")
-        n = len(joints)
-        stated = np.asarray(query.temperature, dtype=np.float64)
-        temperature = np.full(n, np.nan) if stated.size == 0 else stated
-        if temperature.shape != (n,):
-            raise ShapeError(f"temperature has shape {temperature.shape}, expected ({n},).")
-        return replace(query, joints=joints, approach=approach, temperature=temperature)
 
     def _linear(self, rows: Query) -> tuple[LinearArm, Array]:
         """The arm, linearised, and d(error)/d(what the posterior is over)."""

@@ -26,28 +26,21 @@ smooth residual that the centres do not carry.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import chi2
 
-from robotrue.calibration.arm import parts_of
+from robotrue.calibration.arm import linearise_arm, parts_of
 from robotrue.calibration.belief import Belief
 from robotrue.calibration.model import Query
-from robotrue.calibration.new_rows import NewRows
-from robotrue.calibration.observations import IN_BASE, PositionObservation, Visits
 from robotrue.calibration.parameters import Layout
 from robotrue.calibration.probing import ProbingEstimate
 from robotrue.calibration.terms.term import ArmPostures
 from robotrue.core.arrays import Array, IntArray, frozen
-from robotrue.core.poses import inverse
 from robotrue.core.rotations import skew
 from robotrue.errors import ModelMismatchError, ShapeError
-from robotrue.robot.model import parameter_slice
-from robotrue.robot.statics import drive_torque
 
 ROWS: Final = 512
 """Postures linearised at a time; bounds the memory."""
@@ -78,24 +71,38 @@ def tip_columns(
         ModelMismatchError: A part of which the estimate has no frame, or nuisances that are not
             those of the layout.
     """
-    joints = checked_joints(belief, query)
-    n, dof = joints.shape
+    query = query.expand(belief.robot.dof)
+    n = len(query.joints)
     frames = {} if T_base_part is None else dict(T_base_part)
-    placed = layout or Layout(dof=dof, stations=tuple(sorted(frames)))
+    placed = layout or Layout(dof=belief.robot.dof, stations=tuple(sorted(frames)))
     extra = placed.size - placed.robot_size
     if frames and extra != belief.nuisances:
         raise ModelMismatchError(
             f"the belief has {belief.nuisances} nuisance columns, its frames {extra}.",
             hint="take belief and frames from the same estimate.",
         )
-    out = np.zeros((n, 3, len(belief.mean)))
-    station = _stations(frames, part, n)
-    inverted = {k: inverse(T) for k, T in frames.items()}
-    start = 0
-    for columns in _pieces(belief, query, placed, inverted, station):
-        out[start : start + len(columns), :, : columns.shape[2]] = columns
-        start += len(columns)
-    return out
+    columns, tip = np.zeros((n, 3, len(belief.mean))), np.empty((n, 3))
+    for rows, some in query.chunks(ROWS):
+        arm = linearise_arm(
+            belief.actual,
+            some.joints,
+            some.load,
+            some.T_flange_tool,
+            terms=belief.terms,
+            values=belief.values,
+            approach=some.approach,
+            temperature=some.temperature,
+        )
+        columns[rows, :, : belief.end], tip[rows] = arm.columns, arm.tip
+    number = _frame_numbers(frames, part, n)
+    for k, T in frames.items():
+        mine, turn = number == k, T[:3, :3].T
+        columns[mine] = turn @ columns[mine]
+        first = placed.blocks[f"station/{k}"].start - placed.robot_size + belief.end
+        columns[mine, :, first : first + 3] = np.eye(3)
+        if k not in placed.places:
+            columns[mine, :, first + 3 : first + 6] = -skew(tip[mine] @ turn.T)
+    return columns
 
 
 def machined_covariance(
@@ -113,22 +120,6 @@ def machined_covariance(
         ModelMismatchError: A part that was not touched.
     """
     return compensated_covariance(
-        estimate.belief,
-        query,
-        T_base_part=estimate.T_base_part,
-        part=part,
-        layout=estimate.layout,
-    )
-
-
-def machined_joint_covariance(
-    estimate: ProbingEstimate, query: Query, *, part: npt.ArrayLike = 0
-) -> Array:
-    """Returns the covariance (3 n, 3 n) m^2 of all those points together, point by point.
-
-    Arguments and errors as :func:`machined_covariance`.
-    """
-    return compensated_joint_covariance(
         estimate.belief,
         query,
         T_base_part=estimate.T_base_part,
@@ -216,8 +207,7 @@ def unchanged_covariance(
     Raises:
         ShapeError: Arrays that do not belong together.
     """
-    m = len(checked_joints(belief, machined))
-    n = len(checked_joints(belief, touches))
+    m, n = len(machined.joints), len(touches.joints)
     L = frozen(gain, (6, 3 * n), "gain")
     lever = frozen(points, (m, 3), "points") @ T_base_part[:3, :3].T
     G = np.concatenate([np.broadcast_to(np.eye(3), (m, 3, 3)), -skew(lever)], axis=2)
@@ -284,25 +274,10 @@ def _postures(query: Query) -> ArmPostures:
     )
 
 
-def region_factor(confidence: float = 0.95) -> float:
-    """Returns k: the region ``e' C^-1 e <= k^2`` of a 3-D error holds it with this probability."""
-    return float(np.sqrt(chi2.ppf(confidence, 3)))
-
-
-def checked_joints(belief: Belief, query: Query) -> Array:
-    """Returns the joints (n, dof) rad of a query.
-
-    Raises:
-        ShapeError: Joints of another robot.
-    """
-    joints: Array = frozen(query.joints, (None, belief.robot.dof), "joints")
-    return joints
-
-
-def _stations(frames: Mapping[int, Array], part: npt.ArrayLike, n: int) -> IntArray:
+def _frame_numbers(frames: Mapping[int, Array], part: npt.ArrayLike, n: int) -> IntArray:
     """Number of the frame of each of n tips."""
     if not frames:
-        return np.full(n, IN_BASE, dtype=np.int64)
+        return np.full(n, -1)
     number = np.asarray(part, dtype=np.int64)
     if number.shape not in ((), (n,)):
         raise ShapeError(f"part has shape {number.shape}, expected ({n},) or one number.")
@@ -313,51 +288,3 @@ def _stations(frames: Mapping[int, Array], part: npt.ArrayLike, n: int) -> IntAr
             hint="touch that part too.",
         )
     return np.broadcast_to(number, (n,))
-
-
-def _pieces(
-    belief: Belief, query: Query, layout: Layout, frames: Mapping[int, Array], station: IntArray
-) -> Iterator[Array]:
-    """Columns of the tips, some hundred at a time: rows of an estimate that nobody has read."""
-    seen = belief if query.T_flange_tool is None else _with_tool(belief, query.T_flange_tool)
-    robot = seen.actual
-    n, dof = query.joints.shape
-    approach = np.zeros((n, dof)) if np.size(query.approach) == 0 else query.approach
-    if approach.shape != (n, dof):
-        raise ShapeError(f"approach has shape {approach.shape}, expected {(n, dof)}.")
-    for start in range(0, n, ROWS):
-        mine = slice(start, min(start + ROWS, n))
-        joints = query.joints[mine]
-        count = len(joints)
-        tips = PositionObservation(
-            visits=Visits(
-                joints=joints,
-                torque=drive_torque(robot, joints, query.load.take(mine)),
-                approach=approach[mine],
-                temperature=query.temperature[mine],
-                target=np.zeros(count, dtype=np.int64),
-                station=station[mine],
-            ),
-            position=np.zeros((count, 3)),
-            covariance=np.zeros((count, 3, 3)),
-            rows=np.arange(count),
-        )
-        rows = NewRows(
-            robot=belief.robot,
-            observations=(tips,),
-            layout=layout,
-            T_tracker_base=frames,
-            T_flange_target={},
-            count=count,
-        )
-        for piece in rows.pieces(seen):
-            if query.T_flange_tool is not None:  # errors of the touching tool do not carry over
-                piece.columns[:, :, parameter_slice(dof, "tool")] = 0.0
-            yield piece.columns
-
-
-def _with_tool(belief: Belief, T_flange_tool: Array) -> Belief:
-    """The belief of the arm at another tool point, without the errors of the tool it had."""
-    mean = belief.mean.copy()
-    mean[parameter_slice(belief.robot.dof, "tool")] = 0.0
-    return replace(belief, robot=belief.robot.with_tool(T_flange_tool), mean=mean)

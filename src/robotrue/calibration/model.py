@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -12,7 +13,7 @@ from robotrue.calibration.tables import MeanTables
 from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.archive import Archive
 from robotrue.core.arrays import Array
-from robotrue.errors import ConfigurationError
+from robotrue.errors import ConfigurationError, ShapeError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel
 from robotrue.robot.statics import NO_LOAD, Load
@@ -35,6 +36,40 @@ class Query:
     approach: Array = field(default_factory=lambda: np.empty(0))
     temperature: Array = field(default_factory=lambda: np.empty(0))
     T_flange_tool: Array | None = None
+
+    def expand(self, dof: int) -> Query:
+        """Returns the query with joints, approach and temperature of one row each.
+
+        Raises:
+            ShapeError: Joints, approach or temperature of another shape.
+        """
+        joints = np.asarray(self.joints, dtype=np.float64)
+        if joints.ndim != 2 or joints.shape[1] != dof:
+            raise ShapeError(f"joints has shape {joints.shape}, expected (any, {dof}).")
+        approach = np.zeros_like(joints) if np.size(self.approach) == 0 else self.approach
+        if approach.shape != joints.shape:
+            raise ShapeError(f"approach has shape {approach.shape}, expected {joints.shape}.")
+        n = len(joints)
+        stated = np.asarray(self.temperature, dtype=np.float64)
+        temperature = np.full(n, np.nan) if stated.size == 0 else stated
+        if temperature.shape != (n,):
+            raise ShapeError(f"temperature has shape {temperature.shape}, expected ({n},).")
+        return replace(self, joints=joints, approach=approach, temperature=temperature)
+
+    def chunks(self, size: int) -> Iterator[tuple[slice, Query]]:
+        """Yields at most ``size`` rows at a time of an expanded query, and which they are."""
+        for start in range(0, len(self.joints), size):
+            part = slice(start, start + size)
+            yield (
+                part,
+                replace(
+                    self,
+                    joints=self.joints[part],
+                    load=self.load.take(part),
+                    approach=self.approach[part],
+                    temperature=self.temperature[part],
+                ),
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

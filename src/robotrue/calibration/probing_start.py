@@ -21,7 +21,6 @@ from robotrue.core.poses import apply, fit_rigid, inverse, pose
 from robotrue.core.units import MM
 from robotrue.errors import ConvergenceError, ImplausibleDataError, ObservabilityError
 from robotrue.measurement.probing_set import ProbingSet
-from robotrue.robot.forward import forward
 from robotrue.robot.statics import Load
 
 ROBOT: Final = 0.5 * MM
@@ -36,8 +35,8 @@ FEWEST_ROBUST: Final = 5
 
 def tips(belief: Belief, joints: Array, payload: Load) -> Array:
     """Returns where a belief puts the tip, (n, 3) m in base, its smooth residual included."""
-    at = linearise_arm(belief.actual, joints, payload, terms=belief.terms, values=belief.values)
-    return np.asarray(forward(belief.robot, joints)[:, :3, 3] + at.error)
+    terms, values = belief.terms, belief.values
+    return linearise_arm(belief.actual, joints, payload, terms=terms, values=values).tip
 
 
 def start_frames(

@@ -14,8 +14,9 @@ from typing import Annotated, TypeAlias
 
 import numpy as np
 
-from robotrue.calibration.machined import region_factor, tip_columns, uncarried
+from robotrue.calibration.machined import tip_columns, uncarried
 from robotrue.calibration.model import ErrorModel, Query, require_belief
+from robotrue.calibration.robust import LEVEL, chi_point
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.columns import EMPTY, Column, Columns
 from robotrue.errors import ConfigurationError, ModelMismatchError, ObservabilityError
@@ -118,7 +119,7 @@ def socket_spread(
         away = tips - np.stack([centre[int(k)] for k in touches.part])
         covariance = _about_mean(model, touches, payload, touch_sigma)
         square = np.einsum("ni,nij,nj->n", away, np.linalg.inv(covariance), away)
-        inside = np.asarray(square <= region_factor() ** 2)
+        inside = np.asarray(square <= chi_point(LEVEL, 3) ** 2)
     return SocketSpread(
         distance=distance,
         names=touches.names,

@@ -27,7 +27,6 @@ from robotrue.errors import (
     ConfigurationError,
     ModelMismatchError,
     ReachError,
-    ShapeError,
 )
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import forward
@@ -111,9 +110,7 @@ class PoseModel:
             ModelMismatchError: A tool point that was not measured.
             ReachError: A pose outside every domain, where that is refused.
         """
-        joints = np.asarray(query.joints, dtype=np.float64)
-        if joints.ndim != 2 or joints.shape[1] != self.robot.dof:
-            raise ShapeError(f"joints has shape {joints.shape}, expected (any, {self.robot.dof}).")
+        joints = query.expand(self.robot.dof).joints
         self._check_tool(query.T_flange_tool)
         features = pose_features(forward(self.robot, joints), self.reference)
         n = len(joints)
