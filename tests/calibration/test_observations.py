@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from planted_arm import PAYLOAD, arm, measure, planted, postures
 
-from robotrue.calibration.observations import DistanceObservation, observations_of
+from robotrue.calibration.observations import observations_of
 from robotrue.calibration.parameters import Layout, State, difference, retract
 from robotrue.core.poses import pose
 from robotrue.core.rotations import matrix_from_rotation_vector
-from robotrue.errors import ImplausibleDataError
 from robotrue.measurement.measurement_set import concatenate
 
 STEP = 1e-6
@@ -24,7 +23,7 @@ def problem(kind):
     wrench = 300.0 * rng.standard_normal((8, 6))
     station = pose(matrix_from_rotation_vector(np.array([0.2, -0.3, 2.0])), np.array([3.0, -2, 1]))
     options = {"wrench": wrench, "pose_sd": 1e-2 if kind in ("pose", "target pose") else None}
-    if kind not in ("base", "distance"):
+    if kind != "base":
         options["T_tracker_base"] = station
     data = measure(actual, joints, rng, **options)
     targets = {}
@@ -51,25 +50,10 @@ def problem(kind):
         T_flange_target=targets,
     )
     (seen,) = observations_of(robot, data, PAYLOAD, repeatability=1e-5, rotation_sd=1e-4)
-    if kind == "distance":
-        seen = DistanceObservation(
-            first=seen.visits,
-            second=type(seen.visits)(
-                joints=seen.visits.joints[::-1],
-                torque=seen.visits.torque[::-1],
-                target=seen.visits.target,
-                station=seen.visits.station,
-            ),
-            distance=np.ones(8),
-            variance=np.full(8, 1e-8),
-            rows=np.arange(8),
-        )
     return layout, state, seen
 
 
-@pytest.mark.parametrize(
-    "kind", ["base", "tracker", "pose", "target point", "target pose", "distance"]
-)
+@pytest.mark.parametrize("kind", ["base", "tracker", "pose", "target point", "target pose"])
 def test_jacobian_is_the_derivative(kind):
     layout, state, seen = problem(kind)
     analytic = seen.linearise(layout, state).jacobian
@@ -89,15 +73,3 @@ def test_retract_and_difference_are_inverse():
     np.testing.assert_allclose(
         difference(layout, retract(layout, state, step), state), step, atol=1e-15
     )
-
-
-def test_a_distance_of_nothing_is_refused():
-    _, _, seen = problem("distance")
-    with pytest.raises(ImplausibleDataError, match="at least 1 mm"):
-        DistanceObservation(
-            first=seen.first,
-            second=seen.second,
-            distance=np.zeros(8),
-            variance=seen.variance,
-            rows=seen.rows,
-        )

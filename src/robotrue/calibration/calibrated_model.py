@@ -118,7 +118,7 @@ class CalibratedModel(Columns):
         else:
             part, columns = self.root, self.columns.astype(np.int64)
         root = np.zeros((len(part), len(mean)))
-        # A column may be named twice (a station that stands for the base): the last one speaks.
+        # Old archives may name a base column twice, once for its station: the last one counts.
         root[:, columns] = part
         return Belief(
             robot=self.robot,
@@ -312,7 +312,7 @@ def model_of(belief: Belief, summary: Mapping[str, Any]) -> CalibratedModel:
         white=belief.white,
         T_tracker_base=belief.T_tracker_base,
         reflectors={
-            k: reflector_of(T, physical, whole[:, end + 3 * i : end + 3 * i + 3])
+            k: _reflector_of(T, physical, whole[:, end + 3 * i : end + 3 * i + 3])
             for i, (k, (T, _)) in enumerate(belief.reflectors.items())
         },
         summary=summary,
@@ -324,7 +324,7 @@ def model_of(belief: Belief, summary: Mapping[str, Any]) -> CalibratedModel:
     )
 
 
-def reflector_of(T_flange_tool: Array, root: Array, place: Array) -> Reflector:
+def _reflector_of(T_flange_tool: Array, root: Array, place: Array) -> Reflector:
     """Returns a further reflector from a root of the posterior.
 
     Args:

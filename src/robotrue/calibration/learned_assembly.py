@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from robotrue.calibration.calibrated_model import CalibratedModel, reflector_of
+from robotrue.calibration.belief import Belief
+from robotrue.calibration.calibrated_model import CalibratedModel, model_of
 from robotrue.calibration.design import Design
 from robotrue.calibration.estimate import Estimate
 from robotrue.calibration.evidence import Sums, Weights
@@ -23,7 +24,7 @@ from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.terms.ripple import Ripple, harmonics
 from robotrue.calibration.terms.smooth import SmoothResidual
 from robotrue.calibration.terms.term import Term
-from robotrue.core.arrays import Array, IntArray
+from robotrue.core.arrays import IntArray
 from robotrue.robot.model import parameter_names, parameter_slice
 
 
@@ -44,7 +45,7 @@ def day_shift(settings: FitSettings) -> float:
 def assemble_model(
     physical: Estimate,
     at: LinearFit,
-    found: HeldOut,
+    held_out: HeldOut,
     settings: FitSettings,
     notes: dict[str, Any],
 ) -> CalibratedModel:
@@ -53,79 +54,59 @@ def assemble_model(
     Args:
         physical: The estimate it began with.
         at: Design, sums and posterior weights.
-        found: Held-out blocks and the factor on the covariance.
+        held_out: Held-out blocks and the factor on the covariance.
         settings: Repeatability and the shift between days.
         notes: What the summary says besides.
     """
+    belief = _belief_of_fit(at, settings, held_out.inflation)
+    classes = physical.identifiability.classes
+    sd = np.sqrt(belief.variance[: len(belief.errors)])
+    parameters = {
+        name: {"value": float(value), "sd": float(spread), "class": classes.get(name, "fixed")}
+        for name, value, spread in zip(
+            parameter_names(belief.robot.dof), belief.errors, sd, strict=True
+        )
+    }
+    summary = _summary(physical, at, held_out, belief.white, notes)
+    return model_of(belief, {**summary, "parameters": parameters})
+
+
+def _belief_of_fit(at: LinearFit, settings: FitSettings, inflation: float) -> Belief:
+    """The posterior over the arm's columns; frames of stations and reflectors leave it."""
     design, fit = at.design, at.weights
-    layout, dof, free = design.layout, design.layout.dof, len(design.free)
-    full, covered = np.zeros(len(design.active)), np.flatnonzero(design.active)
-    full[covered] = fit.mean
-    step = np.zeros(layout.size)
-    step[design.free] = full[:free] - design.offset
+    layout, covered = design.layout, np.flatnonzero(design.active)
+    size = layout.size
+    place = np.concatenate([design.free, size + np.arange(len(design.values))])[covered]
+    mean = np.zeros(size + len(design.values))
+    root = np.zeros((len(fit.root), len(mean)))
+    mean[place], root[:, place] = fit.mean, fit.root
+    step = np.zeros(size)
+    step[design.free] = mean[design.free] - design.offset
     state = retract(layout, design.state, step)
     terms, kept = _model_terms(at, covered)
-    columns, picked = _model_columns(design, covered, kept)
-    root = fit.root[:, picked]
-    gauge = station_as_base(layout, state)
+    errors = root[:, : layout.robot_size].copy()
+    gauge, base = station_as_base(layout, state), parameter_slice(layout.dof, "base")
     if gauge is not None:
-        parameter = design.free[covered[covered < free]]
-        at_station = np.flatnonzero((parameter >= gauge[0].start) & (parameter < gauge[0].stop))
-        root = np.hstack([root, fit.root[:, at_station] @ gauge[1].T])
-        base = parameter_slice(dof, "base")
-        columns = np.concatenate([columns, np.arange(base.start, base.stop)])
-    targets = {
-        k: fit.root[:, covered < free]
-        @ target_as_tool(layout, k, T)[:3, design.free][:, covered[covered < free]].T
+        errors[:, base] = root[:, gauge[0]] @ gauge[1].T
+    arm = np.hstack([errors, root[:, size:][:, kept]])
+    # The factor of the blocks does not apply to the base's shift between days.
+    day = np.zeros((3, arm.shape[1]))
+    day[np.arange(3), base.start + np.arange(3)] = day_shift(settings) / np.sqrt(inflation)
+    reflectors = {
+        k: (T, np.vstack([root[:, :size] @ target_as_tool(layout, k, T)[:3].T, np.zeros((3, 3))]))
         for k, T in state.T_flange_target.items()
     }
-    root, columns = _on_another_day(root, columns, dof, day_shift(settings), found.inflation)
-    of_arm = columns < layout.robot_size
-    arm = np.zeros((len(root), layout.robot_size))
-    arm[:, columns[of_arm]] = root[:, of_arm]
-    covariance = arm.T @ arm
-    roots = {k: np.pad(r, ((0, len(root) - len(r)), (0, 0))) for k, r in targets.items()}
-    white = float(np.sqrt(max(_white(design, fit), 0.0)))
-    return CalibratedModel(
+    return Belief(
         robot=state.robot.nominal(),
-        errors=state.robot.errors,
-        covariance=covariance,
-        repeatability=settings.repeatability_sd,
-        white=white,
-        T_tracker_base=state.T_tracker_base,
-        reflectors={k: reflector_of(T, arm, roots[k]) for k, T in state.T_flange_target.items()},
         terms=terms,
-        values=full[free:][kept],
-        columns=columns.astype(np.float64),
-        root=root,
-        inflation=found.inflation,
-        summary={
-            **_summary(physical, at, found, white, notes),
-            "parameters": {
-                name: {
-                    "value": float(state.robot.errors[k]),
-                    "sd": float(np.sqrt(covariance[k, k])),
-                    "class": physical.identifiability.classes.get(name, "fixed"),
-                }
-                for k, name in enumerate(parameter_names(dof))
-            },
-        },
+        mean=np.concatenate([state.robot.errors, mean[size:][kept]]),
+        root=np.vstack([arm, day]),
+        white=float(np.sqrt(max(_white(design, fit), 0.0))),
+        repeatability=settings.repeatability_sd,
+        inflation=inflation,
+        T_tracker_base=state.T_tracker_base,
+        reflectors=reflectors,
     )
-
-
-def _on_another_day(
-    root: Array, columns: IntArray, dof: int, shift: float, inflation: float
-) -> tuple[Array, IntArray]:
-    """Adds the base's shift between days to the root; the factor of the blocks does not apply."""
-    base = parameter_slice(dof, "base").start + np.arange(3)
-    absent = np.setdiff1d(base, columns)
-    columns = np.concatenate([columns, absent])
-    root = np.hstack([root, np.zeros((len(root), len(absent)))])
-    # A column may be named twice (a station that stands for the base): the last one speaks.
-    place = [int(np.flatnonzero(columns == k)[-1]) for k in base]
-    extra = np.zeros((3, root.shape[1]))
-    extra[np.arange(3), place] = shift / np.sqrt(inflation)
-    return np.vstack([root, extra]), columns
 
 
 def _model_terms(at: LinearFit, covered: IntArray) -> tuple[tuple[Term, ...], IntArray]:
@@ -148,17 +129,6 @@ def _model_terms(at: LinearFit, covered: IntArray) -> tuple[tuple[Term, ...], In
     return tuple(terms), np.flatnonzero(kept)
 
 
-def _model_columns(design: Design, covered: IntArray, kept: IntArray) -> tuple[IntArray, IntArray]:
-    """Where each active column stands in the model's own order, and which the model has."""
-    size = design.layout.robot_size
-    order = np.full(len(design.values), -1)
-    order[kept] = size + np.arange(len(kept))
-    parameter = np.where(design.free < size, design.free, -1)
-    place = np.concatenate([parameter, order])[covered]
-    picked = np.flatnonzero(place >= 0)
-    return place[picked], picked
-
-
 def _white(design: Design, fit: Weights) -> float:
     known = [item.instrument[:, :3, :3] for item in design.rows()]
     mean = float(np.trace(np.concatenate(known), axis1=1, axis2=2).mean()) / 3.0
@@ -168,7 +138,7 @@ def _white(design: Design, fit: Weights) -> float:
 def _summary(
     physical: Estimate,
     at: LinearFit,
-    found: HeldOut,
+    held_out: HeldOut,
     white: float,
     notes: dict[str, Any],
 ) -> dict[str, Any]:
@@ -189,10 +159,10 @@ def _summary(
         doubts.append("the approach direction of no row is known: backlash was not learned.")
     if at.design.smooth.size:
         doubts.append("the smooth residual is that of the measured point; other tools inherit it.")
-    if found.inflation > 4.0:
+    if held_out.inflation > 4.0:
         doubts.append(
             f"held-out blocks are off by more than the model expects (variance times "
-            f"{found.inflation:.1f}): something drifts or is not modelled."
+            f"{held_out.inflation:.1f}): something drifts or is not modelled."
         )
     return {
         **notes,
@@ -205,7 +175,7 @@ def _summary(
         "determined": dict(zip([g.name for g in fit.groups], fit.determined.tolist(), strict=True)),
         "white_sd_m": white,
         "evidence": fit.evidence,
-        "held_out_blocks_mean_m": found.mean,
-        "held_out_blocks_coverage_before": replace(found, inflation=1.0).coverage,
-        "covariance_factor": found.inflation,
+        "held_out_blocks_mean_m": held_out.mean,
+        "held_out_blocks_coverage_before": replace(held_out, inflation=1.0).coverage,
+        "covariance_factor": held_out.inflation,
     }

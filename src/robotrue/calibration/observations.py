@@ -17,7 +17,6 @@ from robotrue.calibration.parameters import Layout, State
 from robotrue.calibration.terms.term import ArmPostures
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.rotations import rotation_vector_from_matrix, skew
-from robotrue.errors import ImplausibleDataError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import parameter_jacobian, walk
 from robotrue.robot.model import RobotModel, parameter_slice
@@ -51,7 +50,7 @@ class Linearisation:
 
 
 class Observation(Protocol):
-    """Anything that can be linearised: tracker points, poses, distances, touches."""
+    """Anything that can be linearised: tracker points, poses, touches."""
 
     @property
     def rows(self) -> IntArray:
@@ -149,48 +148,6 @@ class PoseObservation:
             jacobian=jacobian,
             covariance=self.covariance[part],
             white=np.repeat(np.eye(2), 3, axis=1),
-        )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DistanceObservation:
-    """Distances between the target point at two visits: ball bar, gauge, two sockets.
-
-    Attributes:
-        first: Postures at one end.
-        second: Postures at the other end.
-        distance: (n,) m.
-        variance: (n,) m^2, instrument and the repeatability of both visits.
-        rows: (n,) number of each distance.
-
-    Fails when: a distance is (nearly) zero; its direction, and so its derivative, is then lost.
-    """
-
-    first: Visits
-    second: Visits
-    distance: Array
-    variance: Array
-    rows: IntArray
-
-    def __post_init__(self) -> None:
-        """Refuses distances too short to have a direction."""
-        if len(self.distance) and float(np.min(self.distance)) < 1e-3:
-            raise ImplausibleDataError(
-                f"distance {np.min(self.distance) * 1e3:.4f} mm, must be at least 1 mm.",
-                hint="coincident points carry no direction; leave such pairs out.",
-            )
-
-    def linearise(self, layout: Layout, state: State, part: Entries = slice(None)) -> Linearisation:
-        """Returns the linearised rows; residual (n, 1) m."""
-        a, _, jacobian_a = seen_points(layout, state, self.first, part, rotations=False)
-        b, _, jacobian_b = seen_points(layout, state, self.second, part, rotations=False)
-        length = np.linalg.norm(b - a, axis=1)
-        along = (b - a) / length[:, None]
-        return Linearisation(
-            residual=(self.distance[part] - length)[:, None],
-            jacobian=along[:, None, :] @ (jacobian_b - jacobian_a),
-            covariance=self.variance[part][:, None, None],
-            white=np.array([[2.0], [0.0]]),
         )
 
 
