@@ -11,10 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotrue.calibration.learners.marginal import Solved, solve
-from robotrue.calibration.learners.posterior import correlation
-from robotrue.calibration.learners.search import best
-from robotrue.calibration.learners.trust import inflation
+from robotrue.calibration.learners.posterior import Solved, correlation, solve
+from robotrue.calibration.learners.search import inflation_factor, search_theta
 from robotrue.core.arrays import Array, frozen
 from robotrue.drilling.physics_prior import (
     SPREAD,
@@ -106,8 +104,8 @@ def fit_physics(
         return _solve_readings(theta, causes, errors).left_out()
 
     limits = bounds(mean)
-    theta = best(log_posterior, mean, limits, fixed, 0, np.random.RandomState(0))
-    widening = inflation(log_posterior, left_out, theta, limits, free)
+    theta = search_theta(log_posterior, mean, limits, fixed, 0, np.random.RandomState(0))
+    widening = inflation_factor(log_posterior, left_out, theta, limits, free)
     return PhysicsCorrection(causes=causes, errors=errors, theta=theta, widening=widening)
 
 

@@ -20,7 +20,7 @@ from typing import Annotated, Any, Final
 import numpy as np
 
 from robotrue.calibration.archive import robot_arrays, robot_document, robot_from
-from robotrue.calibration.learners.marginal import Solved
+from robotrue.calibration.learners.posterior import Solved
 from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.columns import Column, Columns

@@ -19,8 +19,8 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.calibration.learners.marginal import Solved, solve
-from robotrue.calibration.learners.search import best
+from robotrue.calibration.learners.posterior import Solved, solve
+from robotrue.calibration.learners.search import search_theta
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.units import MM, UM
 
@@ -149,7 +149,7 @@ def learned(rows: WindowRows, values: Array, prior: Array) -> Array:
         return found.log_evidence - 0.5 * float(off @ off), gradient - off / SPREAD
 
     held = np.full(len(CENTRE), np.nan)
-    return best(log_posterior, CENTRE, BOUNDS, held, 0, np.random.RandomState(0))
+    return search_theta(log_posterior, CENTRE, BOUNDS, held, 0, np.random.RandomState(0))
 
 
 def _squared(one: Array, two: Array) -> Array:

@@ -199,7 +199,7 @@ def test_fewer_than_a_handful_of_hyper_parameters_left_free_are_learned_given_th
 
 def test_left_out_rows_are_predicted_from_the_others():
     X, y = rows(15, seed=17)
-    residual, variance = GaussianProcess(**HELD).fit(X, y).left_out()
+    residual, variance = GaussianProcess(**HELD).fit(X, y).predict_left_out()
     others = GaussianProcess(**HELD).fit(np.delete(X, 4, 0), np.delete(y, 4, 0))
     mean, deviation = others.predict(X[[4]], return_std=True)
     np.testing.assert_allclose(residual[4], y[4] - mean[0], atol=1e-10)
@@ -209,7 +209,7 @@ def test_left_out_rows_are_predicted_from_the_others():
 def test_other_weights_on_the_same_rows_are_a_fit_with_these_weights():
     X, y = rows(20, seed=18)
     weight = np.random.default_rng(18).uniform(0.1, 3.0, 20)
-    quick = GaussianProcess(**HELD).fit(X, y).reweighted(weight)
+    quick = GaussianProcess(**HELD).fit(X, y).reweight(weight)
     slow = GaussianProcess(**HELD).fit(X, y, weight)
     np.testing.assert_allclose(quick.predict(X + 0.1), slow.predict(X + 0.1), atol=1e-10)
 

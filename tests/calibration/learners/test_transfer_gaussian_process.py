@@ -5,12 +5,11 @@ import pytest
 from learners_rows import NOISE, kernel, rows, truth
 
 from robotrue.calibration.learners import GaussianProcess, TransferGaussianProcess
-from robotrue.calibration.learners.process import rows as plain_rows
-from robotrue.calibration.learners.transfer_process import (
-    TransferRows,
-    left_out,
+from robotrue.calibration.learners.process import (
+    centre_rows,
+    left_out_rows,
     log_evidence,
-    posterior_of,
+    process_posterior,
 )
 from robotrue.errors import ConfigurationError, ShapeError
 
@@ -29,22 +28,20 @@ def covariance(X: np.ndarray, target: np.ndarray) -> np.ndarray:
 def data():
     X, y = rows(30, seed=1)
     random = np.random.default_rng(1)
-    base = plain_rows(
+    return centre_rows(
         X,
         y,
         random.uniform(0.5, 2.0, 30),
-        np.zeros(30),
         isotropic=False,
-        mean="constant",
-        repeats=False,
+        mean="per-domain",
         prior=True,
+        target=np.arange(30) >= 22,
     )
-    return TransferRows(rows=base, target=np.arange(30) >= 22, apart=True)
 
 
 def test_evidence_is_that_of_the_covariance_written_out(data):
-    X, y = data.rows.inputs, data.rows.outputs
-    noise = np.where(data.target, NOISE_T, NOISE_S) ** 2 / data.rows.weight
+    X, y = data.inputs, data.outputs
+    noise = np.where(data.target, NOISE_T, NOISE_S) ** 2 / data.weight
     K = covariance(X, data.target) + np.diag(noise)
     H = np.column_stack([~data.target, data.target]).astype(float)
     inner = H.T @ np.linalg.solve(K, H)
@@ -64,28 +61,28 @@ def test_the_gradient_is_that_of_finite_differences(data):
 def test_prediction_is_that_of_the_joint_normal_distribution(data):
     there, _ = rows(9, seed=2)
     wide = 1e3
-    X = np.concatenate([data.rows.inputs, there - data.rows.centre])
+    X = np.concatenate([data.inputs, there - data.centre])
     target = np.concatenate([data.target, np.ones(9, dtype=bool)])
     apart = np.equal.outer(target, target)
     K = covariance(X, target) + wide**2 * apart
-    noise = np.where(data.target, NOISE_T, NOISE_S) ** 2 / data.rows.weight
+    noise = np.where(data.target, NOISE_T, NOISE_S) ** 2 / data.weight
     trained = K[:30, :30] + np.diag(noise)
     near = K[30:, :30]
-    mean, variance = posterior_of(data, THETA).mean_and_variance(there)
-    np.testing.assert_allclose(mean, near @ np.linalg.solve(trained, data.rows.outputs), atol=1e-4)
+    mean, variance = process_posterior(data, THETA).mean_and_variance(there)
+    np.testing.assert_allclose(mean, near @ np.linalg.solve(trained, data.outputs), atol=1e-4)
     left = K[30:, 30:] - near @ np.linalg.solve(trained, near.T)
     np.testing.assert_allclose(variance, left.diagonal(), atol=1e-4)
-    np.testing.assert_allclose(posterior_of(data, THETA).covariance(there), left, atol=1e-4)
+    np.testing.assert_allclose(process_posterior(data, THETA).covariance(there), left, atol=1e-4)
 
 
 def test_left_out_target_rows_are_predicted_from_all_others(data):
-    residual, variance = left_out(data, THETA)
+    residual, variance = left_out_rows(data, THETA)
     assert residual.shape == (8, 3)
-    K = covariance(data.rows.inputs, data.target) + 1e6 * np.equal.outer(data.target, data.target)
-    K += np.diag(np.where(data.target, NOISE_T, NOISE_S) ** 2 / data.rows.weight)
+    K = covariance(data.inputs, data.target) + 1e6 * np.equal.outer(data.target, data.target)
+    K += np.diag(np.where(data.target, NOISE_T, NOISE_S) ** 2 / data.weight)
     others = np.arange(30) != 24
     weights = np.linalg.solve(K[np.ix_(others, others)], K[others, 24])
-    expected = data.rows.outputs[24] - weights @ data.rows.outputs[others]
+    expected = data.outputs[24] - weights @ data.outputs[others]
     np.testing.assert_allclose(residual[2], expected, atol=1e-4)
     assert variance[2] == pytest.approx(K[24, 24] - weights @ K[others, 24], abs=1e-4)
 

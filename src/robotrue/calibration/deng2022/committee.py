@@ -201,7 +201,7 @@ def restored(document: Mapping[str, Any], arrays: Mapping[str, Array], prefix: s
         kernel=kernel,
         mean=mean,
         combination=str(document["combination"]),
-        learners=(process, *(process.reweighted(w) for w in parts["weights"][1:])),
+        learners=(process, *(process.reweight(w) for w in parts["weights"][1:])),
     )
 
 

@@ -3,7 +3,8 @@
 The only room that imports scikit-learn; the mathematics is NumPy and SciPy.
 """
 
-from typing import TYPE_CHECKING, Any
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from robotrue.calibration.learners.gaussian_process import GaussianProcess
@@ -11,6 +12,7 @@ if TYPE_CHECKING:
     from robotrue.calibration.learners.transfer_gaussian_process import TransferGaussianProcess
 
 __all__ = ["GaussianProcess", "TrAdaBoostR2", "TransferGaussianProcess"]
+_FILES: Final = ("gaussian_process", "tradaboost", "transfer_gaussian_process")
 
 
 def __getattr__(name: str) -> Any:
@@ -19,16 +21,6 @@ def __getattr__(name: str) -> Any:
     Commands use the mathematics beside the learners; scikit-learn would take most of the time in
     which `sense` and `drill run` start.
     """
-    if name == "GaussianProcess":
-        from robotrue.calibration.learners.gaussian_process import GaussianProcess
-
-        return GaussianProcess
-    if name == "TrAdaBoostR2":
-        from robotrue.calibration.learners.tradaboost import TrAdaBoostR2
-
-        return TrAdaBoostR2
-    if name == "TransferGaussianProcess":
-        from robotrue.calibration.learners.transfer_gaussian_process import TransferGaussianProcess
-
-        return TransferGaussianProcess
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_FILES[__all__.index(name)]}"), name)

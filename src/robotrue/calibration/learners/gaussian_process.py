@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import replace
-from functools import partial
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -18,17 +17,17 @@ import numpy.typing as npt
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
+from robotrue.calibration.learners.posterior import Solved
 from robotrue.calibration.learners.process import (
-    Rows,
-    evidence_of,
-    left_out,
-    limits,
+    TrainingRows,
+    centre_rows,
+    correlate_rows,
+    left_out_rows,
     log_evidence,
-    log_posterior,
-    posterior_of,
-    rows,
-    signal_covariance,
-    solved_rows,
+    process_posterior,
+    solve_rows,
+    split_theta,
+    weigh_evidence,
 )
 from robotrue.calibration.learners.regressor import ProcessRegressor, logarithm, row_values
 from robotrue.core.arrays import Array
@@ -132,11 +131,11 @@ class GaussianProcess(ProcessRegressor):
                 f"sample_weight has minimum {weight.min():g} and sum {weight.sum():g}; "
                 "weights are zero or more, and some are more."
             )
-        held = self._held(inputs.shape[1])
+        held = self._fixed_theta(inputs.shape[1])
         random = check_random_state(self.random_state)
         groups = [outputs] if self.shared else [outputs[:, [j]] for j in range(outputs.shape[1])]
-        self._rows: list[Rows] = [
-            rows(
+        self._rows: list[TrainingRows] = [
+            centre_rows(
                 inputs,
                 group,
                 weight,
@@ -148,21 +147,16 @@ class GaussianProcess(ProcessRegressor):
             )
             for group in groups
         ]
-        both = [
-            self._search(
-                partial(log_posterior, data), partial(left_out, data), limits(data), held, random
-            )
-            for data in self._rows
-        ]
+        both = [self._search(data, held, random) for data in self._rows]
         self._theta, factors = [theta for theta, _ in both], np.array([f for _, f in both])
         self.inflation_ = float(factors[0]) if len(factors) == 1 else factors
-        self._signals = [
-            signal_covariance(d, t) for d, t in zip(self._rows, self._theta, strict=True)
+        self._correlations = [
+            correlate_rows(data, theta) for data, theta in zip(self._rows, self._theta, strict=True)
         ]
         self._learn()
         return self
 
-    def reweighted(self, sample_weight: Array) -> GaussianProcess:
+    def reweight(self, sample_weight: Array) -> GaussianProcess:
         """Returns this process with other weights on the rows of its fit, nothing learned anew.
 
         Args:
@@ -180,7 +174,7 @@ class GaussianProcess(ProcessRegressor):
         other._learn()
         return other
 
-    def left_out(self) -> tuple[Array, Array]:
+    def predict_left_out(self) -> tuple[Array, Array]:
         """Returns residual (n, k) and variance (n,) of every row predicted from all others.
 
         With the hyper-parameters of all rows; rows of weight zero are not there.
@@ -189,7 +183,7 @@ class GaussianProcess(ProcessRegressor):
             ConfigurationError: Several outputs with their own hyper-parameters.
         """
         check_is_fitted(self)
-        return left_out(self._only(), self._theta[0])
+        return left_out_rows(self._only(), self._theta[0])
 
     def log_marginal_likelihood(
         self, theta: npt.ArrayLike | None = None, eval_gradient: bool = False
@@ -209,7 +203,7 @@ class GaussianProcess(ProcessRegressor):
         value, gradient = log_evidence(data, at)
         return (value, gradient) if eval_gradient else value
 
-    def _only(self) -> Rows:
+    def _only(self) -> TrainingRows:
         if len(self._rows) != 1:
             raise ConfigurationError(
                 f"{len(self._rows)} outputs with a theta each.", hint="shared=True, or one output."
@@ -218,18 +212,17 @@ class GaussianProcess(ProcessRegressor):
 
     def _learn(self) -> None:
         """Sets everything learned from rows and theta."""
-        columns = self.n_features_in_
         each = list(zip(self._rows, self._theta, strict=True))
         solved = [
-            solved_rows(data, theta, signal)
-            for (data, theta), signal in zip(each, self._signals, strict=True)
+            solve_rows(data, theta, near)
+            for (data, theta), near in zip(each, self._correlations, strict=True)
         ]
-        self._posteriors = [posterior_of(*e, s) for e, s in zip(each, solved, strict=True)]
+        self._posteriors = [process_posterior(*e, s) for e, s in zip(each, solved, strict=True)]
         self.log_marginal_likelihood_ = float(
-            sum(evidence_of(*e, s) for e, s in zip(each, solved, strict=True))
+            sum(weigh_evidence(*e, s) for e, s in zip(each, solved, strict=True))
         )
+        length = np.array([split_theta(data, theta).length for data, theta in each])
         theta = np.exp(self._theta)
-        length = np.array([np.broadcast_to(t[:-2], (columns,)) for t in theta])
         if self.denominator == "literal":
             length = length**2
         one = len(theta) == 1
@@ -246,7 +239,7 @@ class GaussianProcess(ProcessRegressor):
         self.output_correlation_ = (white / size).T @ (white / size)
         np.fill_diagonal(self.output_correlation_, 1.0)
 
-    def _held(self, columns: int) -> Array:
+    def _fixed_theta(self, columns: int) -> Array:
         """Returns theta of what is given, NaN where something is to be learned."""
         if not self.optimise:
             for name in ("length", "amplitude", "noise"):
@@ -264,5 +257,5 @@ class GaussianProcess(ProcessRegressor):
         )
 
 
-def _residuals(data: Rows, solved: Any) -> Array:
+def _residuals(data: TrainingRows, solved: Solved) -> Array:
     return np.asarray(data.outputs - data.trend() @ solved.trend)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import partial
 from typing import Any, Final, Literal, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -15,9 +15,14 @@ from sklearn.utils.validation import (
     validate_data,
 )
 
-from robotrue.calibration.learners.posterior import Posterior
-from robotrue.calibration.learners.search import LogPosterior, best
-from robotrue.calibration.learners.trust import inflation
+from robotrue.calibration.learners.posterior import ProcessPosterior
+from robotrue.calibration.learners.process import (
+    TrainingRows,
+    left_out_rows,
+    log_posterior,
+    start_and_bounds,
+)
+from robotrue.calibration.learners.search import inflation_factor, search_theta
 from robotrue.core.arrays import Array
 from robotrue.errors import ConfigurationError, ShapeError
 
@@ -98,7 +103,7 @@ class Regressor(MultiOutputMixin, RegressorMixin, BaseEstimator):
             )
         return inputs, values, _check_sample_weight(sample_weight, inputs, dtype=np.float64)
 
-    def _shaped(self, values: Array) -> Array:
+    def _drop_axis(self, values: Array) -> Array:
         """Returns values (..., k), without the last axis where one output came without it."""
         return values[..., 0] if self._flat else values
 
@@ -108,7 +113,7 @@ class ProcessRegressor(Regressor):
 
     intervals: Literal["marginal", "plug-in"]
     restarts: int
-    _posteriors: list[Posterior]
+    _posteriors: list[ProcessPosterior]
     noise_: Any
     inflation_: Any
 
@@ -140,44 +145,39 @@ class ProcessRegressor(Regressor):
         if not return_std:
             mean = np.concatenate([p.mean(inputs) for p in self._posteriors], axis=1)
             if not return_cov:
-                return self._shaped(mean)
+                return self._drop_axis(mean)
             spread = [
                 f * (p.covariance(inputs) + s * np.eye(len(inputs)))
                 for p, s, f in zip(self._posteriors, noise, factor, strict=True)
             ]
-            return self._shaped(mean), self._spread(np.stack(spread, axis=-1), mean)
+            return self._drop_axis(mean), self._spread(np.stack(spread, axis=-1), mean)
         both = [p.mean_and_variance(inputs) for p in self._posteriors]
         mean = np.concatenate([m for m, _ in both], axis=1)
         variance = factor * (np.column_stack([v for _, v in both]) + noise)
-        return self._shaped(mean), self._spread(np.sqrt(variance), mean)
+        return self._drop_axis(mean), self._spread(np.sqrt(variance), mean)
 
     def _spread(self, values: Array, mean: Array) -> Array:
         """Returns values (..., 1 or k) for each of the k outputs."""
         each = np.broadcast_to(values, (*values.shape[:-1], mean.shape[1])).copy()
-        return self._shaped(each)
+        return self._drop_axis(each)
 
     def _search(
-        self,
-        log_posterior: LogPosterior,
-        left_out: Callable[[Array], tuple[Array, Array]],
-        limits: tuple[Array, Array],
-        held: Array,
-        random: np.random.RandomState,
+        self, data: TrainingRows, held: Array, random: np.random.RandomState
     ) -> tuple[Array, float]:
         """Returns the best theta (p,) of some rows, and the factor on their variances.
 
         Args:
-            log_posterior: Of theta, with gradient.
-            left_out: Residuals and variances of rows predicted from all others at theta.
-            limits: Where the search begins (p,), and its limits (p, 2).
+            data: The rows.
             held: (p,) what is given; NaN is learned.
             random: Of the restarts.
         """
-        start, bounds = limits
-        theta = best(log_posterior, start, bounds, held, self.restarts, random)
+        start, bounds = start_and_bounds(data)
+        value = partial(log_posterior, data)
+        theta = search_theta(value, start, bounds, held, self.restarts, random)
         if self.intervals == "plug-in":
             return theta, 1.0
-        return theta, inflation(log_posterior, left_out, theta, bounds, np.isnan(held))
+        left_out = partial(left_out_rows, data)
+        return theta, inflation_factor(value, left_out, theta, bounds, np.isnan(held))
 
 
 def logarithm(name: str, value: npt.ArrayLike | None, size: int, *, zero: bool = False) -> Array:

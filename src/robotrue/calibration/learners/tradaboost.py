@@ -131,13 +131,13 @@ class TrAdaBoostR2(Regressor):
         each = self._each(inputs)
         combined = combine_rounds(each, self.betas_, self.combination)
         if not return_std:
-            return self._shaped(combined)
+            return self._drop_axis(combined)
         share = round_shares(self.betas_)
         own = np.array([e.predict(inputs, return_std=True)[1] for e in self.estimators_])
         own = own.reshape(each.shape)
         centre = np.tensordot(share, each, axes=1)
         variance = np.tensordot(share, own**2 + (each - centre) ** 2, axes=1)
-        return self._shaped(combined), self._shaped(np.sqrt(variance))
+        return self._drop_axis(combined), self._drop_axis(np.sqrt(variance))
 
     def _boost(self, inputs: Array, outputs: Array, weight: Array, target: BoolArray) -> None:
         rows, source = len(inputs), ~target
@@ -189,7 +189,7 @@ class TrAdaBoostR2(Regressor):
     def _learner(self, inputs: Array, outputs: Array, weight: Array) -> Any:
         once = self.hyper_parameters == "first-round"
         if once and self.estimators_ and isinstance(self.estimators_[0], GaussianProcess):
-            return self.estimators_[0].reweighted(weight)
+            return self.estimators_[0].reweight(weight)
         learner = GaussianProcess() if self.estimator is None else clone(self.estimator)
         values = outputs[:, 0] if self._flat else outputs
         return learner.fit(inputs, values, sample_weight=weight)

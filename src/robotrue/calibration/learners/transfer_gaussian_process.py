@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Literal, Self
 
 import numpy as np
@@ -10,17 +9,14 @@ import numpy.typing as npt
 from sklearn.utils import check_random_state
 
 from robotrue.calibration.learners.gaussian_process import GaussianProcess
-from robotrue.calibration.learners.process import rows
-from robotrue.calibration.learners.regressor import ProcessRegressor, logarithm
-from robotrue.calibration.learners.transfer_process import (
-    TransferRows,
-    left_out,
+from robotrue.calibration.learners.process import (
+    centre_rows,
+    left_out_rows,
     log_evidence,
-    log_posterior,
-    parts,
-    posterior_of,
-    start_and_bounds,
+    process_posterior,
+    split_theta,
 )
+from robotrue.calibration.learners.regressor import ProcessRegressor, logarithm
 from robotrue.core.arrays import Array
 from robotrue.errors import ShapeError
 
@@ -151,36 +147,32 @@ class TransferGaussianProcess(ProcessRegressor):
                 f"{together.min():g}."
             )
         of_target = np.arange(len(together)) >= len(before)
-        data = TransferRows(
-            rows=rows(
-                inputs,
-                outputs,
-                together,
-                np.zeros(len(together)),
-                isotropic=self.kernel == "isotropic",
-                mean="zero" if self.mean == "zero" else "constant",
-                repeats=False,
-                prior=self.prior == "weak",
-            ),
-            target=of_target[together > 0.0],
-            apart=self.mean == "per-domain",
+        data = centre_rows(
+            inputs,
+            outputs,
+            together,
+            isotropic=self.kernel == "isotropic",
+            mean=self.mean,
+            prior=self.prior == "weak",
+            target=of_target,
         )
         theta, self.inflation_ = self._search(
-            partial(log_posterior, data),
-            partial(left_out, data),
-            start_and_bounds(data),
-            self._held(inputs.shape[1]),
-            check_random_state(self.random_state),
+            data, self._fixed_theta(inputs.shape[1]), check_random_state(self.random_state)
         )
-        self._posteriors, self._missed = [posterior_of(data, theta)], left_out(data, theta)
-        learned = parts(theta, inputs.shape[1])
+        self._posteriors, self._missed = (
+            [process_posterior(data, theta)],
+            left_out_rows(data, theta),
+        )
+        learned = split_theta(data, theta)
         self.used_source_ = True
         self.rho_, self.correlation_ = learned.rho, 0.0
         if learned.amplitude > 0.0:
-            self.correlation_ = learned.rho * learned.source / learned.amplitude
+            self.correlation_ = learned.coupling[0, 1] / np.sqrt(
+                learned.coupling[0, 0] * learned.coupling[1, 1]
+            )
         self.length_, self.amplitude_ = learned.length.copy(), learned.amplitude
         self.difference_ = learned.difference
-        self.noise_, self.source_noise_ = learned.target_noise, learned.source_noise
+        self.source_noise_, self.noise_ = learned.noise.tolist()
         self.log_marginal_likelihood_ = log_evidence(data, theta)[0]
 
     def _use_target_alone(self, alone: GaussianProcess) -> None:
@@ -195,7 +187,7 @@ class TransferGaussianProcess(ProcessRegressor):
         """Falls back when target rows are more probable without the source."""
         alone = self._target_only().fit(inputs, outputs, sample_weight=weight)
         self.advantage_ = _log_probability(*self._missed, self.inflation_) - _log_probability(
-            *alone.left_out(), float(alone.inflation_)
+            *alone.predict_left_out(), float(alone.inflation_)
         )
         if self.advantage_ < 0.0:
             self._use_target_alone(alone)
@@ -212,7 +204,7 @@ class TransferGaussianProcess(ProcessRegressor):
             random_state=self.random_state,
         )
 
-    def _held(self, columns: int) -> Array:
+    def _fixed_theta(self, columns: int) -> Array:
         """Returns theta of what is given, NaN where something is to be learned."""
         rho = np.nan if self.rho is None else float(self.rho)
         count = columns if self.kernel == "ard" else 1
