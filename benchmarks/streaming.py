@@ -66,23 +66,28 @@ def job(source: Path, target: Path, workers: int) -> dict[str, Any]:
     import cases
 
     from robotrue.compensation import CompensationSettings, compensate
-    from robotrue.compensation.stream import compensate_stream
-    from robotrue.core.files import write_atomic
+    from robotrue.compensation.compensate_file import compensate_file
+    from robotrue.core.files import atomic_stream, write_atomic
     from robotrue.program.formats import read_job, write_program
     from robotrue.program.program import FrameTable
-    from robotrue.program.stream import Whole, outline
+    from robotrue.program.program_chunk import Whole
+    from robotrue.program.program_file import outline_job
 
     model = cases.rigid_model(SEED)
     settings = CompensationSettings(home=cases.path_joints(2)[0])
     start = time.perf_counter()
     out: dict[str, Any] = {}
     if workers:
-        found = outline(source, FrameTable())
-        if isinstance(found, Whole):
-            raise SystemExit(f"not in blocks: {found}")
+        job = outline_job(source, FrameTable())
+        if isinstance(job, Whole):
+            raise SystemExit(f"not in blocks: {job}")
+        (file,) = job
         out["outline_s"] = time.perf_counter() - start
-        result = compensate_stream(model, found, source, target, settings=settings, workers=workers)
-        out |= {"blocks": result.blocks, "again": result.again, "sha256": result.sha256}
+        with atomic_stream(target) as writing:
+            result = compensate_file(
+                model, file, source, writing, settings=settings, workers=workers
+            )
+        out |= {"blocks": result.chunks, "again": result.again, "sha256": result.sha256}
         out |= {"compensated": result.summary()["compensated"]}
     else:
         (program,) = read_job(source)

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from robotrue.compensation import long_program
-from robotrue.program.stream import outline
+from robotrue.program import program_file
+from robotrue.program.program_file import outline_job
 
 
 def program(count: int) -> str:
@@ -23,8 +23,8 @@ def program(count: int) -> str:
 
 @pytest.fixture
 def short_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(long_program, "LONG", 1)
-    monkeypatch.setattr(long_program, "outline", partial(outline, targets=60))
+    monkeypatch.setattr(program_file, "LONG", 1)
+    monkeypatch.setattr(program_file, "outline_job", partial(outline_job, targets=60))
 
 
 @pytest.fixture
@@ -36,8 +36,8 @@ def both(cli, work: Path, monkeypatch: pytest.MonkeyPatch):
         options = (*options, "--allow-steps")
         whole = cli(*call, work / "whole.src", *options, "--json")
         assert whole.code == 0, whole.err
-        monkeypatch.setattr(long_program, "LONG", 1)
-        monkeypatch.setattr(long_program, "outline", partial(outline, targets=60))
+        monkeypatch.setattr(program_file, "LONG", 1)
+        monkeypatch.setattr(program_file, "outline_job", partial(outline_job, targets=60))
         blocks = cli(*call, work / "blocks.src", *options, "--json")
         assert blocks.code == 0, blocks.err
         return whole, blocks
@@ -138,7 +138,7 @@ def test_what_is_held_whole_says_so(
     assert got.document["route"] == "whole"
     assert "held whole (line 6: a target that is stored or has clauses of its own)" in got.err
     (work / "out.src").unlink()
-    monkeypatch.setattr(long_program, "_memory", lambda: 1000)
+    monkeypatch.setattr(program_file, "_memory", lambda: 1000)
     refused = cli(*call)
     assert refused.code == 1
     assert "this machine has" in refused.err

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
+import io
 from dataclasses import replace
 
 import cases
 import numpy as np
 import pytest
+from test_compensate_file import text
 from test_split import TOLERANCE, Case
-from test_stream import text
 
 from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.tables import rigid_tables
 from robotrue.compensation import CompensationSettings, Status, compensate
+from robotrue.compensation.compensate_file import compensate_file
 from robotrue.compensation.split_deviation import job_moves, measured
-from robotrue.compensation.stream import compensate_stream
 from robotrue.core.units import DEG
 from robotrue.program.formats import read_job
 from robotrue.program.program import FrameTable, Motion
-from robotrue.program.stream import Outline, outline
+from robotrue.program.program_file import outline_job
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.presets import preset
@@ -67,7 +68,7 @@ def test_a_larger_turn_is_not_commanded(robot, flat, axes):
 
 def test_a_larger_turn_is_not_streamed(tmp_path):
     robot = cases.kr160()
-    source, target = tmp_path / "part.src", tmp_path / "out.src"
+    source = tmp_path / "part.src"
     source.write_bytes(text(COUNT))
     model = CalibratedModel(
         robot=robot,
@@ -77,13 +78,12 @@ def test_a_larger_turn_is_not_streamed(tmp_path):
         white=0.0,
     )
     (program,) = read_job(source, FrameTable())
-    found = outline(source, FrameTable(), targets=8)
-    assert isinstance(found, Outline)
+    (found,) = outline_job(source, FrameTable(), targets=8)
     counts = {}
     for factor in (0.9, 1.1):
         how = CompensationSettings(home=cases.path_joints(COUNT)[0], max_turn=factor * TURN)
         one = compensate(model, program, settings=how)
-        many = compensate_stream(model, found, source, target, settings=how, workers=1)
+        many = compensate_file(model, found, source, io.BytesIO(), settings=how, workers=1)
         assert many.summary()["status"] == one.summary()["status"]
         counts[factor] = many.summary()["compensated"]
     assert counts[0.9] == 0

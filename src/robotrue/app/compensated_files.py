@@ -4,36 +4,39 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
-from robotrue.app.compensation_ground import Ground, ProgramFiles, open_ground, read_programs
+from robotrue.app.compensation_ground import Ground, open_ground, open_programs
 from robotrue.app.compensation_request import CompensateRequest
 from robotrue.app.context import Context
 from robotrue.app.reporting import place_in_file
 from robotrue.cell.cutter_axis import cutter_axis
 from robotrue.cell.part import PartFrame
 from robotrue.compensation.between_targets import Between, look_between, require_no_spin
-from robotrue.compensation.compensate import compensate
+from robotrue.compensation.compensate_file import CompensatedFile, compensate_file
 from robotrue.compensation.free_spin import compensate_with_spins, require_free_spin, spin_sentences
-from robotrue.compensation.result import Compensation, Tally, unchanged
+from robotrue.compensation.process_force import DescribedForce
+from robotrue.compensation.result import Compensation, unchanged
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.stance import sentence
 from robotrue.compensation.stated_force import StatedForce, note_rigid_model, state_forces
-from robotrue.compensation.step_rule import StepRule, path_sentence, steps_sentence
-from robotrue.compensation.steps import Steps, job_steps, joined
+from robotrue.compensation.step_rule import path_sentence, steps_sentence
+from robotrue.compensation.steps import NO_STEPS, Steps, job_steps, joined
 from robotrue.core.arrays import Array
-from robotrue.core.files import sha256, write_atomic
+from robotrue.core.files import atomic_stream, sha256
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
 from robotrue.errors import StepError
-from robotrue.program.formats import read_job, unfollowed, write_program
+from robotrue.program.formats import read_job, write_program
 from robotrue.program.identity import ProgramIdentity, identity_path, write_identity
-from robotrue.program.program import Program, Reason
+from robotrue.program.program import Program
+from robotrue.program.program_file import ProgramFile
 
 PART: tuple[str, ...] = ("name", "xyz_mm", "abc_deg", "verdict")
 """What is said of the part frame a program runs in."""
@@ -41,36 +44,20 @@ PART: tuple[str, ...] = ("name", "xyz_mm", "abc_deg", "verdict")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rewritten:
-    """One program that was held whole.
+    """One file of a program whose new bytes are written; they have no name yet.
 
     Attributes:
-        program: As it is written, before its targets are replaced.
-        result: What became of its targets; None without a model.
-        data: Bytes to write.
+        sha256: Of the bytes.
         counts: JSON values.
+        steps: Of a file that is cut.
+        held: The program with what became of its targets; None of a file that is cut, or without a
+            model.
     """
 
-    program: Program
-    result: Compensation | None
-    data: bytes
-    counts: Mapping[str, Any]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Source:
-    """The file a compensated program was made from.
-
-    Attributes:
-        name: Of the file.
-        sha256: Of its bytes.
-        notes: Of its reader.
-        T_base_frame: (k, 4, 4) work frames its targets use.
-    """
-
-    name: str
     sha256: str
-    notes: Sequence[str]
-    T_base_frame: Array
+    counts: Mapping[str, Any]
+    steps: Steps = NO_STEPS
+    held: tuple[Program, Compensation] | None = None
 
 
 def compensate_files(
@@ -84,27 +71,27 @@ def compensate_files(
         StepError: Steps in the path are too large and not allowed; nothing is written.
     """
     ground = open_ground(request, context)
-    files = read_programs(request, ground, context)
-    forces = state_forces(ground.force, files.programs)
+    files, outputs = open_programs(request, ground, context)
+    forces = _forces(ground, files)
     context.step("compensating", 0, 1)
-    rewritten, between = _rewrite(request, ground, files.programs, forces, context)
-    seen = [(r.program, r.result.status, r.result.shift) for r in rewritten if r.result is not None]
-    steps = job_steps(seen) if seen else Steps()
-    notes = [
-        place_in_file(program.name, note)
-        for program, made in zip(files.programs, rewritten, strict=True)
-        for note in (*program.notes, *made.counts["notes"])
-    ]
-    _require_steps(ground.steps, steps, ground.programs[0].name, notes, context)
-    # The longest work comes first: while it can still fail, nothing stands written.
-    long, stepped = _compensate_in_blocks(request, ground, files, context)
-    steps = joined([steps, stepped])
-    documents = [
-        _write(ground, *each, context)
-        for each in zip(files.programs, files.outputs, forces, rewritten, strict=True)
-    ]
-    if files.long is not None:
-        documents.insert(files.long.place, long)
+    with ExitStack() as open_outputs:  # what is left open here when something fails gets no name
+        stacks = [open_outputs.enter_context(ExitStack()) for _ in outputs]
+        streams = [
+            stack.enter_context(atomic_stream(path))
+            for stack, path in zip(stacks, outputs, strict=True)
+        ]
+        rewritten, between = _rewrite(request, ground, files, forces, streams, context)
+        held = [made.held for made in rewritten if made.held is not None]
+        seen = [(program, result.status, result.shift) for program, result in held]
+        parts = [made.steps for made in rewritten]
+        steps = joined([job_steps(seen), *parts] if seen else parts)
+        _require_steps(ground, files, rewritten, steps, context)
+        documents = []
+        for file, target, force, made, stack in zip(
+            files, outputs, forces, rewritten, stacks, strict=True
+        ):
+            stack.close()
+            documents.append(_finish(ground, file, target, force, made, context))
     document = documents[0] if len(documents) == 1 else _together(documents)
     if ground.model is not None:
         document = {**document, "steps": ground.steps.document(steps)}
@@ -116,6 +103,13 @@ def compensate_files(
     return document, ground.provenance
 
 
+def _forces(ground: Ground, files: Sequence[ProgramFile]) -> list[StatedForce]:
+    """Returns the force on every file; a described one needs programs that are held whole."""
+    if isinstance(ground.force, DescribedForce):
+        return state_forces(ground.force, [file.held for file in files if file.held is not None])
+    return [StatedForce(wrench=np.asarray(ground.force)) for _ in files]
+
+
 def _tell_each(sentences: Iterable[str], notes: Iterable[str], context: Context) -> None:
     for text in filter(None, sentences):
         context.inform(text)
@@ -124,49 +118,60 @@ def _tell_each(sentences: Iterable[str], notes: Iterable[str], context: Context)
 
 
 def _require_steps(
-    rule: StepRule, steps: Steps, name: str, notes: Sequence[str], context: Context
+    ground: Ground,
+    files: Sequence[ProgramFile],
+    rewritten: Sequence[Rewritten],
+    steps: Steps,
+    context: Context,
 ) -> None:
     """Passes if steps are small or allowed; else notes first why targets are left alone."""
     try:
-        rule.require(steps, name)
+        ground.steps.require(steps, ground.programs[0].name)
     except StepError:
-        _tell_each([], notes, context)
+        for file, made in zip(files, rewritten, strict=True):
+            notes = [*file.notes, *made.counts["notes"]]
+            _tell_each([], [place_in_file(file.name, note) for note in notes], context)
         raise
 
 
 def _rewrite(
     request: CompensateRequest,
     ground: Ground,
-    programs: Sequence[Program],
+    files: Sequence[ProgramFile],
     forces: Sequence[StatedForce],
+    streams: Sequence[BinaryIO],
     context: Context,
 ) -> tuple[list[Rewritten], Between | None]:
-    """Compensates the programs held whole, and looks between their targets where that is asked."""
+    """Compensates the files, and looks between their targets where that is asked."""
     if request.free_spin:
         require_free_spin(ground.model, ground.force)
     settings = [_settings(request, ground, force) for force in forces]
     if ground.split.asked:
         require_no_spin(ground.split, request.free_spin)
         reread = partial(read_job, ground.programs, ground.table)
+        held = [file.held for file in files if file.held is not None]
         between = look_between(
-            ground.model, programs, settings, ground.split, lambda data: reread(instead=data)
+            ground.model, held, settings, ground.split, lambda data: reread(instead=data)
         )
-        pairs = zip(between.programs, between.results, forces, strict=True)
-        return [_rewritten(*pair, {}) for pair in pairs], between
+        pairs = zip(between.programs, between.results, forces, streams, strict=True)
+        return [_write_held(*pair, {}) for pair in pairs], between
     turned = cutter_axis(ground.cell, request.cutter) if request.free_spin else None
     made: list[Rewritten] = []
-    past, every = 0, sum(map(len, programs))
-    for program, force, setting in zip(programs, forces, settings, strict=True):
+    past, every = 0, sum(file.targets for file in files)
+    for file, force, setting, stream in zip(files, forces, settings, streams, strict=True):
         if ground.model is None:
-            made.append(_copied(program))
-        elif turned is not None:
-            result, spins = compensate_with_spins(ground.model, program, setting, turned)
-            made.append(_rewritten(program, result, force, {"free_spin": spins}))
+            made.append(_copy(file, stream))
+        elif turned is not None and file.held is not None:
+            result, spins = compensate_with_spins(ground.model, file.held, setting, turned)
+            made.append(_write_held(file.held, result, force, stream, {"free_spin": spins}))
         else:
             progress = partial(_step_of_all, context, past, every)
-            result = compensate(ground.model, program, settings=setting, progress=progress)
-            made.append(_rewritten(program, result, force, {}))
-        past += len(program)
+            done = compensate_file(
+                ground.model, file, ground.folder / file.name, stream, settings=setting,
+                workers=request.workers, dask=request.dask, progress=progress,
+            )  # fmt: skip
+            made.append(_rewritten(file, done, force, files, context))
+        past += file.targets
     return made, None
 
 
@@ -175,26 +180,53 @@ def _step_of_all(context: Context, past: int, every: int, text: str, done: int, 
     context.step(text, past + done, every)
 
 
-def _copied(program: Program) -> Rewritten:
-    """A program as it is."""
-    n = len(program)
-    counts = {"targets": n, "compensated": 0, "unchanged": n, "status": {}, "notes": []}
-    data = write_program(program, unchanged(program))
-    return Rewritten(program=program, result=None, data=data, counts=counts)
+def _copy(file: ProgramFile, stream: BinaryIO) -> Rewritten:
+    """Writes a program as it is."""
+    data = b"" if file.held is None else write_program(file.held, unchanged(file.held))
+    stream.write(data)
+    counts = {
+        "targets": file.targets, "compensated": 0, "unchanged": file.targets, "status": {},
+        "notes": [],
+    }  # fmt: skip
+    return Rewritten(sha256=sha256(data), counts={"route": "whole", **counts})
 
 
 def _rewritten(
-    program: Program, result: Compensation, force: StatedForce, more: Mapping[str, Any]
+    file: ProgramFile,
+    result: CompensatedFile,
+    force: StatedForce,
+    files: Sequence[ProgramFile],
+    context: Context,
 ) -> Rewritten:
-    summary = result.summary()
-    pushed = {"force": force.document()} if force.uses else {}
-    notes = [*summary["notes"], *unfollowed(program, result.replacement)]
-    return Rewritten(
-        program=program,
-        result=result,
-        data=write_program(program, result.replacement),
-        counts={**summary, **pushed, **more, "notes": notes},
-    )
+    """Returns what the compensation of a file came to."""
+    if file.held is not None and result.held is not None:
+        held = (file.held, result.held)
+        counts = _counts(result.summary(), force)
+        return Rewritten(sha256=result.sha256, counts=counts, held=held)
+    beside = "moves between points beside it and its own are not looked at for steps."
+    remarks = [beside] if any(f.held is not None and len(f.held.path) for f in files) else []
+    for text in (*remarks, *result.notes):
+        context.note(place_in_file(file.name, text))
+    context.inform(f"{file.name}: {result.chunks} blocks by {result.workers} at a time")
+    return Rewritten(sha256=result.sha256, counts=result.summary(), steps=result.tally.steps)
+
+
+def _write_held(
+    program: Program,
+    result: Compensation,
+    force: StatedForce,
+    stream: BinaryIO,
+    more: Mapping[str, Any],
+) -> Rewritten:
+    """Writes a program that was compensated as a whole."""
+    data = write_program(program, result.replacement)
+    stream.write(data)
+    counts = {"route": "whole", **_counts(result.tally(program).summary(), force), **more}
+    return Rewritten(sha256=sha256(data), counts=counts, held=(program, result))
+
+
+def _counts(summary: Mapping[str, Any], force: StatedForce) -> dict[str, Any]:
+    return {**summary, "force": force.document()} if force.uses else dict(summary)
 
 
 def _settings(
@@ -210,91 +242,33 @@ def _settings(
     )
 
 
-def _compensate_in_blocks(
-    request: CompensateRequest, ground: Ground, files: ProgramFiles, context: Context
-) -> tuple[dict[str, Any], Steps]:
-    """Writes the program that goes in blocks, if there is one."""
-    from robotrue.compensation.stream import compensate_stream
-
-    found, target = files.long, files.long_output
-    if found is None or target is None or ground.model is None:
-        return {}, Steps()
-
-    def accept(total: Tally) -> None:
-        notes = [place_in_file(found.name, str(note)) for note in (*found.notes, *total.notes)]
-        _require_steps(ground.steps, total.steps, found.name, notes, context)
-
-    force = StatedForce(wrench=np.asarray(ground.force))
-    result = compensate_stream(
-        ground.model,
-        found,
-        ground.folder / found.name,
-        target,
-        settings=_settings(request, ground, force),
-        workers=request.workers,
-        dask=request.dask,
-        progress=context.step,
-        accept=accept,
-    )
-    beside = "moves between points beside it and its own are not looked at for steps."
-    remarks = [beside] if any(len(program.path) for program in files.programs) else []
-    for text in (*remarks, *result.notes):
-        context.note(place_in_file(found.name, text))
-    context.inform(f"{found.name}: {result.blocks} blocks by {result.workers} at a time")
-    frames = found.T_base_frame[found.judged[found.judged[:, 2] == Reason.NONE, 0]]
-    source = Source(name=found.name, sha256=found.sha256, notes=found.notes, T_base_frame=frames)
-    document = _finish(ground, source, target, result.sha256, result.summary(), force, context)
-    return document, result.tally.steps
-
-
-def _write(
+def _finish(
     ground: Ground,
-    program: Program,
+    file: ProgramFile,
     target: Path,
     force: StatedForce,
     made: Rewritten,
     context: Context,
 ) -> dict[str, Any]:
-    """Writes a program that was held whole."""
-    write_atomic(target, made.data)
-    source = Source(
-        name=program.name,
-        sha256=sha256(program.data),
-        notes=program.notes,
-        T_base_frame=program.T_base_frame[program.frame[program.reason == Reason.NONE]],
-    )
-    counts = {"route": "whole", **made.counts}
-    return _finish(ground, source, target, sha256(made.data), counts, force, context)
-
-
-def _finish(
-    ground: Ground,
-    source: Source,
-    target: Path,
-    digest: str,
-    counts: Mapping[str, Any],
-    force: StatedForce,
-    context: Context,
-) -> dict[str, Any]:
     """Writes the identity of a written program, by its hash, and says what was done."""
-    frame, document = ground.frame, {"source": source.name, **counts}
+    frame, document = ground.frame, {"source": file.name, **made.counts}
     notes = [
-        *source.notes,
-        *_frame_notes(source.T_base_frame, frame),
+        *file.notes,
+        *_frame_notes(file.frames_in_use, frame),
         *note_rigid_model(force, ground.model),
     ]
     for note in notes:
-        context.note(place_in_file(source.name, note))
+        context.note(place_in_file(file.name, note))
     if ground.model is not None or frame is not None:
         identity = ProgramIdentity(
             model=ground.used,
             compensated=ground.model is not None,
             part="" if frame is None else frame.name,
-            made_from=source.name,
-            made_from_sha256=source.sha256,
+            made_from=file.name,
+            made_from_sha256=file.sha256,
             provenance=ground.provenance,
         )
-        write_identity(target, digest, identity)
+        write_identity(target, made.sha256, identity)
         document |= {"model": ground.used.document(), "identity": str(identity_path(target))}
     if frame is not None:
         stated = frame.document()

@@ -18,19 +18,16 @@ from robotrue.cell.cell import Cell
 from robotrue.cell.frame_table import frame_table
 from robotrue.cell.part import PartFrame
 from robotrue.compensation.between_targets import SplitOptions
-from robotrue.compensation.long_program import outline_long
 from robotrue.compensation.process_force import DescribedForce
 from robotrue.compensation.stance import start_joints
 from robotrue.compensation.step_rule import StepRule
 from robotrue.core.arrays import Array
-from robotrue.core.files import sha256
 from robotrue.core.identity import ModelIdentity
 from robotrue.core.provenance import Provenance
 from robotrue.errors import ConfigurationError
-from robotrue.program.formats import read_job
 from robotrue.program.identity import require_compensable
-from robotrue.program.program import FrameTable, Program
-from robotrue.program.stream import Outline
+from robotrue.program.program import FrameTable
+from robotrue.program.program_file import ProgramFile, open_job
 from robotrue.robot.statics import NO_LOAD
 
 
@@ -70,16 +67,6 @@ class Ground:
     def folder(self) -> Path:
         """Where the programs lie."""
         return self.programs[0] if self.programs[0].is_dir() else self.programs[0].parent
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ProgramFiles:
-    """The programs held whole, the one that goes in blocks, and where each is written."""
-
-    programs: tuple[Program, ...]
-    long: Outline | None
-    outputs: tuple[Path, ...]
-    long_output: Path | None
 
 
 def open_ground(request: CompensateRequest, context: Context) -> Ground:
@@ -157,39 +144,34 @@ def _why_whole(request: CompensateRequest, ground: Ground) -> str:
     return ", ".join(what for what, asked in asks.items() if asked)
 
 
-def read_programs(request: CompensateRequest, ground: Ground, context: Context) -> ProgramFiles:
-    """Returns the programs of a request, a long one in outline, and where each is written.
+def open_programs(
+    request: CompensateRequest, ground: Ground, context: Context
+) -> tuple[tuple[ProgramFile, ...], list[Path]]:
+    """Returns the files of a request, a long one in outline, and where each is written.
 
     Raises:
         FormatError: A file that cannot be read.
         ModelMismatchError: A program that is compensated already, or belongs to another model.
     """
-    given, long = ground.programs, None
-    if len(given) == 1 and not given[0].is_dir():
-        long = outline_long(
-            given[0],
-            ground.table,
-            several=request.dask is not None or request.workers not in (None, 1),
-            why_whole=_why_whole(request, ground),
-            note=lambda text: context.note(place_in_file(given[0].name, text)),
-        )
-    programs = read_job(given, ground.table) if long is None else long.companions
-    files = [(program.name, sha256(program.data)) for program in programs]
-    if long is not None:
-        files.insert(long.place, (long.name, long.sha256))
-    language = programs[0].dialect if long is None else long.dialect
-    names = [name for name, _ in files]
-    outputs = job_outputs(names, ground.folder, ground.output, language)
+    first = ground.programs[0].name
+    files = open_job(
+        ground.programs,
+        ground.table,
+        several=request.dask is not None or request.workers not in (None, 1),
+        why_whole=_why_whole(request, ground),
+        note=lambda text: context.note(place_in_file(first, text)),
+    )
+    names = [file.name for file in files]
+    outputs = job_outputs(names, ground.folder, ground.output, files[0].dialect)
     known = [
-        require_compensable(ground.folder / name, digest, ground.used, copies=outputs[0].parent)
-        for name, digest in files
+        require_compensable(
+            ground.folder / file.name, file.sha256, ground.used, copies=outputs[0].parent
+        )
+        for file in files
     ]
     if ground.model is not None and not any(known):
         context.inform(
             f"{', '.join(names[:3])}: no identity file beside; taken as not compensated before. "
             "A copy of a compensated program would be corrected twice."
         )
-    long_output = None if long is None else outputs.pop(long.place)
-    return ProgramFiles(
-        programs=tuple(programs), long=long, outputs=tuple(outputs), long_output=long_output
-    )
+    return files, outputs

@@ -15,10 +15,11 @@ import numpy as np
 from robotrue.compensation.row_notes import RowNote, merge_notes
 from robotrue.compensation.stance import Stance
 from robotrue.compensation.status import Status
-from robotrue.compensation.steps import Steps, joined
+from robotrue.compensation.steps import NO_STEPS, Steps, joined, steps_of
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.units import DEG, UM
 from robotrue.core.words import NO_WORD
+from robotrue.program.formats import unfollowed
 from robotrue.program.program import Program, Replacement
 
 SIZES: Final = (
@@ -39,7 +40,8 @@ class Tally:
         total: (5,) sums over the compensated targets, in the order and units of ``SIZES``.
         largest: (5,) largest values.
         sigma: Whether the last of them is known.
-        notes: What is to be said of targets.
+        notes: Notes on targets, by their lines.
+        remarks: Further notes, one sentence each.
         stance: How the arm stands at the first target of the program, where it is among them.
         steps: Between targets left alone and compensated ones.
     """
@@ -50,6 +52,7 @@ class Tally:
     sigma: bool
     notes: tuple[RowNote, ...]
     steps: Steps
+    remarks: tuple[str, ...] = ()
     stance: Stance | None = None
 
     def counts(self) -> dict[str, int]:
@@ -73,7 +76,7 @@ class Tally:
                 out[name] = {"mean": total / done, "max": largest} if done else None
         if self.stance is not None:
             out["configuration"] = self.stance.document()
-        return {**out, "notes": [str(note) for note in self.notes]}
+        return {**out, "notes": [*map(str, self.notes), *self.remarks]}
 
 
 def sum_tallies(parts: Iterable[Tally]) -> Tally:
@@ -81,14 +84,15 @@ def sum_tallies(parts: Iterable[Tally]) -> Tally:
     status = np.zeros(len(Status), np.int64)
     total, largest, sigma = np.zeros(len(SIZES)), np.zeros(len(SIZES)), False
     notes: tuple[RowNote, ...] = ()
-    stance = None
-    steps = Steps()
+    remarks: dict[str, None] = {}
+    stance, steps = None, NO_STEPS
     for part in parts:
         status += part.status
         total += part.total
         largest = np.maximum(largest, part.largest)
         sigma |= part.sigma
         notes = merge_notes([*notes, *part.notes])
+        remarks |= dict.fromkeys(part.remarks)
         stance = stance or part.stance
         steps = joined([steps, part.steps])
     return Tally(
@@ -98,6 +102,7 @@ def sum_tallies(parts: Iterable[Tally]) -> Tally:
         sigma=sigma,
         notes=notes,
         steps=steps,
+        remarks=tuple(remarks),
         stance=stance,
     )
 
@@ -155,8 +160,12 @@ class Compensation:
         """One sentence each, with line numbers."""
         return (*(str(note) for note in self.row_notes), *self.remarks)
 
-    def tally(self) -> Tally:
-        """Returns the sums over the targets; steps between them are not among them."""
+    def tally(self, program: Program | None = None) -> Tally:
+        """Returns the sums over the targets.
+
+        Args:
+            program: Of them; without it steps in its path and what cannot be written are not known.
+        """
         done = self.status == Status.COMPENSATED
         sizes = [
             np.linalg.norm(self.predicted_error_before[done], axis=1) / UM,
@@ -167,13 +176,18 @@ class Compensation:
         ]
         if len(self.covariance):
             sizes[-1] = np.sqrt(np.trace(self.covariance[done], axis1=1, axis2=2)) / UM
+        steps, remarks = NO_STEPS, self.remarks
+        if program is not None:
+            steps = steps_of([(program, self.status, self.shift)])
+            remarks += unfollowed(program, self.replacement)
         return Tally(
             status=np.bincount(self.status, minlength=len(Status)).astype(np.int64),
             total=np.array([size.sum() for size in sizes]),
             largest=np.array([size.max(initial=0.0) for size in sizes]),
             sigma=len(self.covariance) > 0,
             notes=self.row_notes,
-            steps=Steps(),
+            steps=steps,
+            remarks=remarks,
             stance=self.stance,
         )
 
@@ -183,7 +197,7 @@ class Compensation:
 
     def summary(self) -> Mapping[str, Any]:
         """Returns JSON values: counts, predicted error before and after, size of the correction."""
-        return {**self.tally().summary(), "notes": list(self.notes)}
+        return self.tally().summary()
 
 
 def unchanged(program: Program) -> Replacement:

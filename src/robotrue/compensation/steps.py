@@ -102,6 +102,9 @@ class Steps:
         }
 
 
+NO_STEPS: Final = Steps()
+
+
 class _Path(NamedTuple):
     """Targets in the order the program text moves to them, as columns; see :class:`Edge`."""
 

@@ -14,16 +14,17 @@ import pytest
 from test_rapid_urscript_programs import rapid, urscript
 
 from robotrue.calibration.calibrated_model import CalibratedModel
+from robotrue.compensation.chunk_workers import ChunkProcesses
 from robotrue.compensation.compensate import compensate
+from robotrue.compensation.compensate_file import CompensatedFile, compensate_file, worker_count
 from robotrue.compensation.settings import CompensationSettings
-from robotrue.compensation.stream import Streamed, compensate_stream, worker_count
-from robotrue.compensation.stream_workers import Processes
+from robotrue.core.files import atomic_stream
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, FormatError, MissingExtraError
 from robotrue.program.formats import read_job, write_program
 from robotrue.program.program import FrameTable
-from robotrue.program.stream import Outline, outline
+from robotrue.program.program_file import outline_job
 from robotrue.robot.forward import forward
 from robotrue.robot.presets import preset
 from robotrue.robot.statics import Load
@@ -82,11 +83,11 @@ def whole(source: Path, model: object, how: CompensationSettings) -> tuple[bytes
 
 def streamed(
     source: Path, model: object, how: CompensationSettings, *, block: int = BLOCK, **options: object
-) -> tuple[bytes, Streamed]:
-    found = outline(source, FrameTable(), targets=block)
-    assert isinstance(found, Outline), found
+) -> tuple[bytes, CompensatedFile]:
+    (found,) = outline_job(source, FrameTable(), targets=block)
     target = source.with_name("out.src")
-    result = compensate_stream(model, found, source, target, settings=how, **options)
+    with atomic_stream(target) as writing:
+        result = compensate_file(model, found, source, writing, settings=how, **options)
     data = target.read_bytes()
     target.unlink()
     return data, result
@@ -127,7 +128,7 @@ def test_other_languages(tmp_path: Path, make: Callable[..., bytes], arm: str) -
     data, expected = whole(path, model, how)
     found, result = streamed(path, model, how, block=90, workers=1)
     assert found == data != path.read_bytes()
-    assert result.blocks == 7
+    assert result.chunks == 7
     require_equal_summaries(dict(result.summary()), expected)
 
 
@@ -177,14 +178,14 @@ def test_processes_give_the_same_bytes_and_one_may_die(
 ) -> None:
     model, how = cases.rich_model(harmonics=8, centres=20), settings()
     alone, _ = streamed(source, model, how, workers=1)
-    begun = Processes.submit
+    begun = ChunkProcesses.submit
 
-    def kill_one(self: Processes, task: object) -> None:
+    def kill_one(self: ChunkProcesses, task: object) -> None:
         begun(self, task)  # type: ignore[arg-type]
         if task.number == 3:  # type: ignore[attr-defined]
             os.kill(next(iter(self._pool._processes)), signal.SIGKILL)
 
-    monkeypatch.setattr(Processes, "submit", kill_one)
+    monkeypatch.setattr(ChunkProcesses, "submit", kill_one)
     found, result = streamed(source, model, how, workers=2)
     assert found == alone
     assert result.workers == 2
@@ -227,25 +228,25 @@ def test_dask_is_an_extra(source: Path, monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_a_wrong_guess_is_found_out(source: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from robotrue.compensation import stream
+    from robotrue.compensation import compensate_file as module
 
-    class Astray(stream.Here):
-        def __init__(self, job) -> None:
-            super().__init__(job)
+    class Astray(module.ThisProcess):
+        def __init__(self, job, progress) -> None:
+            super().__init__(job, progress)
             self.ahead = 3
 
     model, how = cases.rich_model(harmonics=8, centres=20), settings()
     alone, _ = streamed(source, model, how, workers=1)
-    monkeypatch.setattr(stream, "Here", Astray)
+    monkeypatch.setattr(module, "ThisProcess", Astray)
     found, result = streamed(source, model, how, workers=1)
     assert (found, result.again) == (alone, 0)
 
-    def nowhere(job, found, reading, start):
+    def nowhere(job, file, read, start):
         wrong = start.copy()
         wrong.get("near")[:] += [np.pi, 0.0, 0.0, 2.0 * np.pi, 0.0, -2.0 * np.pi]
         return wrong
 
-    monkeypatch.setattr(stream, "_state_soon", nowhere)
+    monkeypatch.setattr(module, "_guess_state", nowhere)
     found, result = streamed(source, model, how, workers=1)
     assert found == alone
     assert result.again > 0
@@ -257,12 +258,14 @@ def test_bad_requests(source: Path) -> None:
         streamed(source, model, how, workers=0)
     with pytest.raises(ConfigurationError, match="no flat tables"):
         streamed(source, cases.TableModel(tables=model.tables, flat=False), how)
-    found = outline(source, FrameTable(), targets=BLOCK)
-    assert isinstance(found, Outline)
+    (found,) = outline_job(source, FrameTable(), targets=BLOCK)
     other = source.with_name("shorter.src")
     other.write_bytes(source.read_bytes()[:-2000])
-    with pytest.raises(FormatError, match="became shorter"):
-        compensate_stream(model, found, other, source.with_name("no.src"), settings=how, workers=1)
+    with (
+        pytest.raises(FormatError, match="became shorter"),
+        atomic_stream(source.with_name("no.src")) as writing,
+    ):
+        compensate_file(model, found, other, writing, settings=how, workers=1)
     assert not source.with_name("no.src").exists()
     assert worker_count(10_000, None) == 1
     assert worker_count(10_000, 3) == 3

@@ -10,9 +10,10 @@ from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
 
 from robotrue.core.words import NO_WORD
-from robotrue.program.formats import krl_stream, read_job, write_program
+from robotrue.program.formats import file_survey, read_job, write_program
 from robotrue.program.program import FrameTable, Program, Reason, Replacement
-from robotrue.program.stream import Whole, judged, outline, read_piece
+from robotrue.program.program_chunk import Whole
+from robotrue.program.program_file import outline_job, read_chunk
 
 NUMBER = st.integers(-900_000, 900_000).map(lambda k: f"{k / 1000:.3f}")
 POSE = st.lists(NUMBER, min_size=6, max_size=6).map(
@@ -83,15 +84,18 @@ def rewritten(program: Program) -> bytes:
 
 def require_same(path: Path, targets: int) -> None:
     frames = FrameTable(bases={"1": np.diag([1.0, -1.0, -1.0, 1.0])})
-    found = outline(path, frames, targets=targets)
+    found = outline_job(path, frames, targets=targets)
     (whole,) = read_job(path, frames)
     if isinstance(found, Whole):
         event(f"whole: {found.why.split('targets after')[-1]}")
         return
-    event(f"{min(len(found.blocks), 5)} blocks or more")
-    by = judged(found)
-    parts = [read_piece(whole.data[b.piece.start : b.piece.end], b.piece, by) for b in found.blocks]
-    assert [len(p) for p in parts] == [b.targets for b in found.blocks]
+    (found,) = found
+    event(f"{min(len(found.chunks), 5)} blocks or more")
+    parts = [
+        read_chunk(whole.data[c.lines.start : c.lines.end], c.lines, found.content).program
+        for c in found.chunks
+    ]
+    assert [len(p) for p in parts] == [b.targets for b in found.chunks]
     for name in ("position", "rotation", "axes", "motion", "reason", "words", "line"):
         joined = np.concatenate([getattr(p, name) for p in parts])
         np.testing.assert_array_equal(joined, getattr(whole, name), err_msg=name)
@@ -109,12 +113,12 @@ def require_same(path: Path, targets: int) -> None:
 )  # fmt: skip
 @given(programs(), st.integers(1, 30), st.integers(40, 4000))
 def test_blocks_are_the_whole(data: bytes, targets: int, window: int) -> None:
-    before = krl_stream.WINDOW
+    before = file_survey.WINDOW
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "part.src"
         path.write_bytes(data)
         try:
-            krl_stream.WINDOW = window
+            file_survey.WINDOW = window
             require_same(path, targets)
         finally:
-            krl_stream.WINDOW = before
+            file_survey.WINDOW = before

@@ -9,7 +9,8 @@ import pytest
 
 from robotrue.program.formats import read_job, write_program
 from robotrue.program.program import FrameTable, Motion, Reason, Replacement
-from robotrue.program.stream import Outline, Whole, judged, outline, read_piece
+from robotrue.program.program_chunk import Whole
+from robotrue.program.program_file import ProgramFile, outline_job, read_chunk
 
 SRC = """&ACCESS RVP
 DEF part ( )
@@ -50,17 +51,21 @@ def job(folder: Path, lines: list[str], src: str | None = SRC, end: str = "\r\n"
     return folder / "part.src"
 
 
-def require_same(path: Path, targets: int = 40) -> Outline:
-    found = outline(path, FrameTable(), targets=targets)
-    assert isinstance(found, Outline), found
+def outline(path: Path, targets: int = 40) -> ProgramFile | Whole:
+    files = outline_job(path, FrameTable(), targets=targets)
+    return files if isinstance(files, Whole) else next(f for f in files if f.held is None)
+
+
+def require_same(path: Path, place: int = 1) -> ProgramFile:
+    found = outline(path)
+    assert isinstance(found, ProgramFile), found
     programs = read_job(path, FrameTable())
-    whole = programs[found.place]
+    whole = programs[place]
     assert (found.name, found.targets) == (whole.name, len(whole)) == ("part.dat", len(whole))
-    by = judged(found)
     parts = []
-    for block in found.blocks:
-        data = whole.data[block.piece.start : block.piece.end]
-        parts.append(read_piece(data, block.piece, by))
+    for block in found.chunks:
+        data = whole.data[block.lines.start : block.lines.end]
+        parts.append(read_chunk(data, block.lines, found.content).program)
         assert len(parts[-1]) == block.targets
     for name in ("position", "rotation", "axes", "motion", "reason", "words", "line"):
         joined = np.concatenate([getattr(p, name) for p in parts])
@@ -70,8 +75,8 @@ def require_same(path: Path, targets: int = 40) -> Outline:
         expected = getattr(whole, table)[getattr(whole, index)]
         used = whole.motion != Motion.UNUSED
         np.testing.assert_array_equal(joined[used], expected[used])
-    others = [p for k, p in enumerate(programs) if k != found.place]
-    assert [p.name for p in found.companions] == [p.name for p in others]
+    files = outline_job(path, FrameTable(), targets=40)
+    assert [f.name for f in files] == [p.name for p in programs]
     written = [_written(p) for p in parts]
     assert b"".join(written) == _written(whole)
     return found
@@ -93,38 +98,36 @@ def _written(program) -> bytes:
 def test_blocks_are_the_whole(tmp_path: Path, end: str) -> None:
     found = require_same(job(tmp_path, dat(), end=end))
     assert found.targets == 501
-    assert found.place == 1
-    assert len(found.blocks) == 13
-    assert len(found.judged) == 4
+    assert len(found.chunks) == 13
+    assert len(found.content.table) == 4
 
 
 def test_points_without_their_program(tmp_path: Path) -> None:
-    found = require_same(job(tmp_path, dat(), src=None))
-    assert found.place == 0
-    assert (found.judged[:, 4] == Motion.LIN).all()
+    found = require_same(job(tmp_path, dat(), src=None), place=0)
+    assert (found.content.table[:, 4] == Motion.LIN).all()
 
 
 def test_what_the_program_does_with_them_is_judged(tmp_path: Path) -> None:
     src = SRC.replace("LIN gf[i] C_VEL", "LIN gf[i] C_VEL\ngf[i].X=gf[i].X+1\nPTP gf[i+1]")
     found = require_same(job(tmp_path, dat(), src=src.replace("$BASE={X 200", "$BASE=y;{X 200")))
-    assert Reason.EXPRESSION in found.judged[:, 2]
-    assert Reason.UNKNOWN_FRAME in found.judged[:, 2]
-    assert Motion.PTP in found.judged[:, 4]
+    assert Reason.EXPRESSION in found.content.table[:, 2]
+    assert Reason.UNKNOWN_FRAME in found.content.table[:, 2]
+    assert Motion.PTP in found.content.table[:, 4]
     unused = require_same(job(tmp_path, dat(), src=SRC.replace("LIN gf[i] C_VEL", "HALT")))
-    assert unused.judged[0, 4] == Motion.UNUSED
+    assert unused.content.table[0, 4] == Motion.UNUSED
 
 
 @pytest.mark.parametrize("window", [300, 1111])
 def test_windows_do_not_show(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, window: int) -> None:
-    from robotrue.program.formats import krl_stream
+    from robotrue.program.formats import file_survey
 
     path = job(tmp_path, dat())
-    one = outline(path, FrameTable(), targets=40)
-    monkeypatch.setattr(krl_stream, "WINDOW", window)
+    one = outline(path)
+    monkeypatch.setattr(file_survey, "WINDOW", window)
     other = require_same(path)
-    assert isinstance(one, Outline)
-    assert [b.piece.start for b in one.blocks] == [b.piece.start for b in other.blocks]
-    np.testing.assert_array_equal(one.judged, other.judged)
+    assert isinstance(one, ProgramFile)
+    assert [b.lines.start for b in one.chunks] == [b.lines.start for b in other.chunks]
+    np.testing.assert_array_equal(one.content.table, other.content.table)
 
 
 @pytest.mark.parametrize(
@@ -138,6 +141,6 @@ def test_windows_do_not_show(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, wi
 )
 def test_what_must_be_read_whole_says_why(tmp_path: Path, change, why: str) -> None:
     lines, src = change(dat(), SRC)
-    found = outline(job(tmp_path, lines, src), FrameTable(), targets=40)
+    found = outline(job(tmp_path, lines, src))
     assert isinstance(found, Whole)
     assert why in str(found)

@@ -9,7 +9,8 @@ import pytest
 
 from robotrue.program.formats import read_job
 from robotrue.program.program import FrameTable, Reason
-from robotrue.program.stream import Outline, Whole, judged, outline, read_piece
+from robotrue.program.program_chunk import Whole
+from robotrue.program.program_file import CHUNK, ProgramFile, outline_job, read_chunk
 
 AXES = "{A1 0,A2 0,A3 0,A4 0,A5 0,A6 0}"
 HEAD = ("&ACCESS RVP", "DEF part ( )", ";FOLD INI", "BAS (#INITMOV,0)", ";ENDFOLD")
@@ -47,21 +48,29 @@ def file(folder: Path, body: list[str], end: str = "\r\n") -> Path:
     return path
 
 
-def pieces(found: Outline, path: Path) -> list:
-    data, by = path.read_bytes(), judged(found)
-    return [read_piece(data[b.piece.start : b.piece.end], b.piece, by) for b in found.blocks]
+def outline(path: Path, frames: FrameTable, targets: int = CHUNK) -> ProgramFile | Whole:
+    files = outline_job(path, frames, targets=targets)
+    return files if isinstance(files, Whole) else next(f for f in files if f.held is None)
 
 
-def require_same(path: Path, frames: FrameTable | None = None, targets: int = 40) -> Outline:
+def pieces(found: ProgramFile, path: Path) -> list:
+    data = path.read_bytes()
+    return [
+        read_chunk(data[c.lines.start : c.lines.end], c.lines, found.content).program
+        for c in found.chunks
+    ]
+
+
+def require_same(path: Path, frames: FrameTable | None = None, targets: int = 40) -> ProgramFile:
     frames = frames or FrameTable()
     found = outline(path, frames, targets=targets)
-    assert isinstance(found, Outline), found
+    assert isinstance(found, ProgramFile), found
     (whole, *_) = read_job(path, frames)
     parts = pieces(found, path)
-    assert found.blocks[0].piece.start == 0
-    assert found.blocks[-1].piece.end == found.size == len(whole.data)
+    assert found.chunks[0].lines.start == 0
+    assert found.chunks[-1].lines.end == found.size == len(whole.data)
     assert b"".join(p.data for p in parts) == whole.data
-    assert [b.first for b in found.blocks] == np.cumsum([0, *map(len, parts)])[:-1].tolist()
+    assert [b.first for b in found.chunks] == np.cumsum([0, *map(len, parts)])[:-1].tolist()
     for name in ("position", "rotation", "axes", "motion", "reason", "words", "line"):
         joined = np.concatenate([getattr(p, name) for p in parts])
         np.testing.assert_array_equal(joined, getattr(whole, name), err_msg=name)
@@ -74,11 +83,11 @@ def require_same(path: Path, frames: FrameTable | None = None, targets: int = 40
 def test_blocks_are_the_whole_file(tmp_path: Path) -> None:
     path = file(tmp_path, ["$BASE={X 100,Y 0,Z 50,A 0,B 0,C 0}", *lines(500)])
     found = require_same(path)
-    assert len(found.blocks) == found.targets // 40 + 1
-    assert all(b.targets >= 40 for b in found.blocks[:-1])
-    assert len(found.judged) == 1
+    assert len(found.chunks) == found.targets // 40 + 1
+    assert all(b.targets >= 40 for b in found.chunks[:-1])
+    assert len(found.content.table) == 1
     again = outline(path, FrameTable(), targets=10**6)
-    assert len(again.blocks) == 1
+    assert len(again.chunks) == 1
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n"])
@@ -128,11 +137,12 @@ def test_points_of_the_dat_are_read_beside(tmp_path: Path) -> None:
     path = file(tmp_path, ["PTP XHOME", *lines(90), "PTP XHOME", *lines(90, 90)])
     dat = "DEFDAT part\r\nDECL E6POS XHOME={X 900,Y 0,Z 800,A 0,B 90,C 0,S 2,T 2}\r\nENDDAT\r\n"
     (tmp_path / "part.dat").write_text(dat)
-    found = require_same(path)
-    assert [p.name for p in found.companions] == ["part.dat"]
+    require_same(path)
+    _, beside = outline_job(path, FrameTable())
+    assert beside.name == "part.dat"
     (_, point) = read_job(path, FrameTable())
-    np.testing.assert_array_equal(found.companions[0].position, point.position)
-    np.testing.assert_array_equal(found.companions[0].motion, point.motion)
+    np.testing.assert_array_equal(beside.held.position, point.position)
+    np.testing.assert_array_equal(beside.held.motion, point.motion)
 
 
 @pytest.mark.parametrize(
@@ -173,9 +183,9 @@ def test_a_damaged_line_is_named_as_in_the_whole(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from robotrue.errors import FormatError
-    from robotrue.program.formats import krl_stream
+    from robotrue.program.formats import file_survey
 
-    monkeypatch.setattr(krl_stream, "WINDOW", 4096)
+    monkeypatch.setattr(file_survey, "WINDOW", 4096)
     path = file(tmp_path, [*lines(300), "LIN {X 1.2.3,Y 0,Z 0,A 0,B 0,C 0}", *lines(20)])
     with pytest.raises(FormatError) as whole:
         read_job(path, FrameTable())
@@ -186,15 +196,15 @@ def test_a_damaged_line_is_named_as_in_the_whole(
 
 @pytest.mark.parametrize("window", [257, 1000, 4096])
 def test_windows_do_not_show(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, window: int) -> None:
-    from robotrue.program.formats import krl_stream
+    from robotrue.program.formats import file_survey
 
     path = file(
         tmp_path,
         [*lines(150), "$BASE={X 9,Y 0,Z 0,A 0,B 0,C 0}", *lines(90, 150), "HALT", *lines(60, 9)],
     )
     one = outline(path, FrameTable(), targets=40)
-    monkeypatch.setattr(krl_stream, "WINDOW", window)
+    monkeypatch.setattr(file_survey, "WINDOW", window)
     other = require_same(path)
-    assert isinstance(one, Outline)
-    assert [b.piece.start for b in one.blocks] == [b.piece.start for b in other.blocks]
+    assert isinstance(one, ProgramFile)
+    assert [b.lines.start for b in one.chunks] == [b.lines.start for b in other.chunks]
     assert one.sha256 == other.sha256

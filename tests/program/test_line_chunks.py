@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robotrue.program.formats import long_survey, read_job, write_program
+from robotrue.program.formats import file_survey, read_job, write_program
 from robotrue.program.program import FrameTable, Program, Reason, Replacement
-from robotrue.program.stream import Outline, Whole, judged, outline, read_piece, write_piece
+from robotrue.program.program_chunk import Whole
+from robotrue.program.program_file import ProgramFile, outline_job, read_chunk, write_chunk
 
 
 def target(k: int) -> str:
@@ -75,32 +76,39 @@ def script() -> list[str]:
     return [*out, "end"]
 
 
-def rewritten(program: Program, write) -> bytes:
-    change = Replacement(
+def shift(program: Program) -> Replacement:
+    return Replacement(
         changed=program.reason == Reason.NONE,
         position=program.position + np.array([1.25e-4, -2.5e-4, 0.0]),
         rotation=program.rotation,
         axes=program.axes,
         words=np.full_like(program.words, -1),
     )
-    return write(program, change)
 
 
-def require_same(path: Path, targets: int = 25) -> Outline:
-    found = outline(path, FrameTable(), targets=targets)
-    assert isinstance(found, Outline), found
+def outline(path: Path) -> ProgramFile | Whole:
+    files = outline_job(path, FrameTable(), targets=25)
+    return files if isinstance(files, Whole) else files[0]
+
+
+def require_same(path: Path) -> ProgramFile:
+    found = outline(path)
+    assert isinstance(found, ProgramFile), found
     (whole,) = read_job(path, FrameTable())
-    by = judged(found)
-    parts = [read_piece(whole.data[b.piece.start : b.piece.end], b.piece, by) for b in found.blocks]
-    assert [len(p) for p in parts] == [b.targets for b in found.blocks]
+    chunks = [
+        read_chunk(whole.data[c.lines.start : c.lines.end], c.lines, found.content)
+        for c in found.chunks
+    ]
+    parts = [chunk.program for chunk in chunks]
+    assert [len(p) for p in parts] == [b.targets for b in found.chunks]
     for name in ("position", "rotation", "axes", "motion", "reason", "words", "line"):
         joined = np.concatenate([getattr(p, name) for p in parts])
         np.testing.assert_array_equal(joined, getattr(whole, name), err_msg=name)
     for index, table in (("frame", "T_base_frame"), ("tool", "T_flange_tool")):
         joined = np.concatenate([getattr(p, table)[getattr(p, index)] for p in parts])
         np.testing.assert_array_equal(joined, getattr(whole, table)[getattr(whole, index)])
-    written = b"".join(rewritten(part, write_piece) for part in parts)
-    assert written == rewritten(whole, write_program)
+    written = b"".join(write_chunk(chunk, shift(chunk.program)) for chunk in chunks)
+    assert written == write_program(whole, shift(whole))
     assert written != whole.data
     return found
 
@@ -111,20 +119,19 @@ def test_blocks_are_the_whole(tmp_path: Path, name: str, lines: list[str], end: 
     path = tmp_path / name
     path.write_bytes(end.join([*lines, ""]).encode())
     found = require_same(path)
-    assert len(found.blocks) > 10
-    assert len(found.judged) > 4
-    assert set(found.judged[:, 2].tolist()) >= {Reason.NONE, Reason.UNKNOWN_FRAME}
+    assert len(found.chunks) > 10
+    assert len(found.content.table) > 4
+    assert set(found.content.table[:, 2].tolist()) >= {Reason.NONE, Reason.UNKNOWN_FRAME}
 
 
 def test_windows_do_not_show(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "m.mod"
     path.write_bytes("\r\n".join([*RAPID, ""]).encode())
-    one = outline(path, FrameTable(), targets=25)
-    run = long_survey.Survey.run
-    monkeypatch.setattr(long_survey.Survey, "run", lambda self, path: run(self, path, 700))
+    one = outline(path)
+    monkeypatch.setattr(file_survey, "WINDOW", 700)
     other = require_same(path)
-    assert isinstance(one, Outline)
-    assert [b.piece.start for b in one.blocks] == [b.piece.start for b in other.blocks]
+    assert isinstance(one, ProgramFile)
+    assert [b.lines.start for b in one.chunks] == [b.lines.start for b in other.chunks]
 
 
 @pytest.mark.parametrize(
@@ -141,8 +148,8 @@ def test_what_must_be_read_whole_says_why(tmp_path: Path, name: str, line: str, 
     at = 7 if name == "m.mod" else 2
     path = tmp_path / name
     path.write_text("\n".join([*lines[:at], line, *lines[at:], ""]))
-    found = outline(path, FrameTable(), targets=25)
-    if isinstance(found, Outline):  # refused by the reader, too
+    found = outline(path)
+    if isinstance(found, ProgramFile):  # refused by the reader, too
         require_same(path)
     else:
         assert isinstance(found, Whole)

@@ -15,25 +15,27 @@ from typing import Any
 
 from robotrue.calibration.archive import open_model
 from robotrue.calibration.model import ErrorModel
-from robotrue.compensation.stream_block import (
-    BlockTask,
-    SolvedBlock,
-    StreamJob,
-    solve_block,
+from robotrue.compensation.chunk_task import (
+    ChunkJob,
+    ChunkTask,
+    SolvedChunk,
+    solve_chunk,
 )
-from robotrue.compensation.stream_workers import RemoteWorkers
+from robotrue.compensation.chunk_workers import ChunkWorkers, Pending
 from robotrue.core.archive import archive_from
 from robotrue.errors import ConfigurationError, MissingExtraError
 
 
-class Dask(RemoteWorkers):
+class DaskWorkers(ChunkWorkers):
     """The workers of a scheduler."""
 
     lost = (Exception,)
     """Killed, cancelled, or its data lost with the worker."""
+    once = "Dask lost {where} ({cause}); it was done again."
+    twice = "the Dask workers lost {where} twice ({cause})."
     hint = "see the workers' logs, or leave --dask out."
 
-    def __init__(self, job: StreamJob, address: str) -> None:
+    def __init__(self, job: ChunkJob, address: str) -> None:
         self._client, notes = _client_at(address)
         count = int(sum(self._client.nthreads().values()))
         super().__init__(job, count, 2 * count)
@@ -43,23 +45,18 @@ class Dask(RemoteWorkers):
     def _scatter_job(self) -> Any:
         return self._client.scatter(self._job, broadcast=True, hash=False)
 
-    def _start(self, task: BlockTask) -> None:
+    def _start(self, task: ChunkTask) -> Pending:
         content = self._client.scatter(task, hash=False)
-        self._futures[task.number] = self._client.submit(_solve, self._shared, content, pure=False)
+        pending: Pending = self._client.submit(_solve, self._shared, content, pure=False)
+        return pending
 
     def _restart(self, number: int) -> None:
         self._shared = self._scatter_job()
-        self._start(self._tasks[number])
-
-    def _once(self, where: str, cause: Exception) -> str:
-        return f"Dask lost {where} ({type(cause).__name__}); it was done again."
-
-    def _twice(self, where: str, cause: Exception) -> str:
-        return f"the Dask workers lost {where} twice ({type(cause).__name__}: {cause})."
+        super()._restart(number)
 
     def close(self) -> None:
         """Leaves the scheduler."""
-        self._futures.clear()
+        self._pending.clear()
         self._client.close()
 
 
@@ -116,10 +113,10 @@ def versions() -> tuple[str, ...]:
     return (*(version(name) for name in names), f"{platform.machine()} {processor}")
 
 
+def _solve(job: ChunkJob, task: ChunkTask) -> SolvedChunk:
+    return solve_chunk(replace(job, setup=replace(job.setup, model=_model(job.archive))), task)
+
+
 @lru_cache(maxsize=2)
 def _model(archive: bytes) -> ErrorModel | None:
     return open_model(archive_from(archive)) if archive else None
-
-
-def _solve(job: StreamJob, task: BlockTask) -> SolvedBlock:
-    return solve_block(replace(job, setup=replace(job.setup, model=_model(job.archive))), task)

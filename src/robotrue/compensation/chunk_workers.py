@@ -1,0 +1,213 @@
+"""Who compensates the chunks of a long program: this process, or several of this machine."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import threading
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from functools import cache
+from multiprocessing import get_context, parent_process
+from typing import ClassVar, Final, Protocol, Self
+
+from robotrue.compensation.chunk_task import (
+    ChunkJob,
+    ChunkTask,
+    SolvedChunk,
+    solve_chunk,
+    with_model,
+)
+from robotrue.core.progress import Progress
+from robotrue.errors import ConfigurationError, RobotrueError
+
+_THREADS: Final = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "NUMBA_NUM_THREADS",
+)
+
+
+class Pending(Protocol):
+    """A chunk that is being solved."""
+
+    def result(self) -> SolvedChunk:
+        """Waits for it."""
+        ...
+
+
+class ChunkWorkers(ABC):
+    """Take tasks and give back chunks; a chunk lost with a worker is solved again, once.
+
+    Attributes:
+        count: How many chunks are worked on at a time.
+        ahead: How many tasks are worth handing in before the first is back.
+        notes: What happened that the user should know.
+    """
+
+    lost: ClassVar[tuple[type[Exception], ...]] = ()
+    """What a lost worker raises."""
+    once: ClassVar[str] = ""
+    """The note on a chunk that was lost ``{where}`` it stands, by ``{cause}``."""
+    twice: ClassVar[str] = ""
+    """The error where it was lost again."""
+    hint: ClassVar[str] = ""
+    """One thing to try then."""
+
+    def __init__(self, job: ChunkJob, count: int, ahead: int) -> None:
+        self.count, self.ahead = count, ahead
+        self.notes: list[str] = []
+        self._job = job
+        self._tasks: dict[int, ChunkTask] = {}
+        self._pending: dict[int, Pending] = {}
+        self._retried: set[int] = set()
+
+    @abstractmethod
+    def _start(self, task: ChunkTask) -> Pending:
+        """Gives a task to a worker."""
+
+    def _restart(self, number: int) -> None:
+        """Replaces lost workers and starts what was lost with them."""
+        self._hand_over(self._tasks[number])
+
+    @abstractmethod
+    def close(self) -> None:
+        """Dismisses the workers."""
+
+    def submit(self, task: ChunkTask) -> None:
+        """Takes a task."""
+        self._tasks[task.number] = task
+        self._hand_over(task)
+
+    def _hand_over(self, task: ChunkTask) -> None:
+        with contextlib.suppress(*self.lost):  # found out when its chunk is asked for
+            self._pending[task.number] = self._start(task)
+
+    def result(self, number: int) -> SolvedChunk:
+        """Returns a chunk when it is done.
+
+        Raises:
+            ConfigurationError: Workers were lost twice while it was waited for.
+        """
+        lost: tuple[type[Exception], ...] = (*self.lost, KeyError)  # never handed over: KeyError
+        while True:
+            try:
+                solved = self._pending[number].result()
+            except RobotrueError:
+                raise
+            except lost as cause:
+                self._retry(number, cause)
+            else:
+                del self._tasks[number], self._pending[number]
+                return solved
+
+    def _retry(self, number: int, cause: Exception) -> None:
+        where = f"block {number + 1} (from line {self._tasks[number].lines.line + 1})"
+        if number in self._retried:
+            message = self.twice.format(where=where, cause=f"{type(cause).__name__}: {cause}")
+            raise ConfigurationError(message, source=self._job.name, hint=self.hint) from cause
+        self._retried.add(number)
+        self.notes.append(self.once.format(where=where, cause=type(cause).__name__))
+        self._restart(number)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class ThisProcess(ChunkWorkers):
+    """This process, one chunk at a time."""
+
+    def __init__(self, job: ChunkJob, progress: Progress) -> None:
+        super().__init__(job, 1, 1)
+        self._progress = progress
+
+    def _start(self, task: ChunkTask) -> Pending:
+        done: Future[SolvedChunk] = Future()
+        done.set_result(solve_chunk(self._job, task, self._progress))
+        return done
+
+    def close(self) -> None:
+        """Has nobody to dismiss."""
+
+
+class ChunkProcesses(ChunkWorkers):
+    """Processes of this machine, each started anew and with one thread."""
+
+    lost = (BrokenProcessPool,)
+    once = "a worker process died while {where} was waited for; it was done again."
+    twice = "a worker process died twice while {where} was waited for."
+    hint = "--workers 1; and see whether memory ran out."
+
+    def __init__(self, job: ChunkJob, count: int) -> None:
+        super().__init__(job, count, count + 1)
+        self._pool = self._new_pool()
+
+    def _new_pool(self) -> ProcessPoolExecutor:
+        return ProcessPoolExecutor(
+            max_workers=self.count,
+            mp_context=get_context("spawn"),
+            initializer=_start_worker,
+            initargs=(self._job,),
+        )
+
+    def _start(self, task: ChunkTask) -> Pending:
+        with _single_threaded():
+            return self._pool.submit(_solve, task)
+
+    def _restart(self, number: int) -> None:
+        self.close()
+        self._pool = self._new_pool()
+        self._pending.clear()
+        for task in self._tasks.values():
+            self._hand_over(task)
+
+    def close(self) -> None:
+        """Ends the processes; what they work on is dropped."""
+        self._pool.shutdown(wait=True, cancel_futures=True)
+
+
+@contextlib.contextmanager
+def _single_threaded() -> Iterator[None]:
+    """Makes processes started meanwhile use one thread each."""
+    before = {name: os.environ.get(name) for name in _THREADS}
+    os.environ.update(dict.fromkeys(_THREADS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+@cache
+def _jobs() -> list[ChunkJob]:
+    """Returns what this worker process was begun with."""
+    return []
+
+
+def _start_worker(job: ChunkJob) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what Ctrl-C ends
+    threading.Thread(target=_leave_with_parent, daemon=True).start()
+    _jobs()[:] = [with_model(job)]
+
+
+def _leave_with_parent() -> None:
+    """Ends this process when its parent is killed: nothing else would tell it."""
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+def _solve(task: ChunkTask) -> SolvedChunk:
+    (job,) = _jobs()
+    return solve_chunk(job, task)

@@ -1,0 +1,312 @@
+"""The files of a job, each read, compensated and written a chunk at a time.
+
+A file is one chunk, the :class:`Program` that the ordinary reader makes of it, unless it is long
+and its dialect can cut it. Then one quick pass over the file finds where the frames may change and
+where a target depends on the one before; the ordinary reader judges a *skeleton* of the file, in
+which every stretch of plain motions is represented by a few of them. What it says of those holds
+for the whole stretch. A chunk is whole lines with a given number of targets, so the chunks depend
+on the file alone.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, Protocol, cast
+
+import numpy as np
+
+from robotrue.core.arrays import Array, IntArray
+from robotrue.core.files import sha256
+from robotrue.errors import ConfigurationError, FormatError
+from robotrue.program.controller_files import with_files_beside
+from robotrue.program.formats import detect, dialect, read_job
+from robotrue.program.formats.job_files import companion_paths, gathered
+from robotrue.program.program import Dialect, FrameTable, Program, Reason, Replacement
+from robotrue.program.program_chunk import (
+    ChunkLines,
+    ChunkRules,
+    ProgramChunk,
+    ReadChunk,
+    Whole,
+)
+
+if TYPE_CHECKING:
+    from robotrue.program.formats.file_survey import Survey
+
+CHUNK: Final = 50_000
+"""Targets of a chunk of a long file."""
+LONG: Final = 32 << 20
+"""Bytes from which a file is cut."""
+BYTES_HELD: Final = 10
+"""Bytes of memory for each byte of a program that is held whole."""
+BESIDE: Final = 250 << 20
+"""Bytes of memory besides."""
+_LOOKED_AT: Final = 1 << 20
+_COUNT: Final = re.compile(r"\b\d+ targets")
+"""In a note on the skeleton: too few."""
+_CUTTERS: Final = {
+    "krl": "robotrue.program.formats.krl_chunks",
+    "rapid": "robotrue.program.formats.line_chunks",
+    "urscript": "robotrue.program.formats.line_chunks",
+}
+
+
+class Cutter(Protocol):
+    """What the module of a dialect that can cut long files offers."""
+
+    def survey_file(self, language: str, name: str, frames: FrameTable, targets: int) -> Survey:
+        """Returns the survey of a file of this name, not yet run."""
+        ...
+
+    def read_lines(self, data: bytes, rules: ChunkRules) -> ReadChunk:
+        """Returns the targets of some lines; lines, frames and reasons are those of the lines."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProgramFile:
+    """One file of a job.
+
+    Attributes:
+        name: File name.
+        dialect: Registered name of the dialect.
+        size: Bytes.
+        sha256: Of the bytes.
+        targets: How many there are.
+        T_flange_tool: (t, 4, 4) as in :class:`Program`.
+        start: As in :class:`Program`.
+        notes: What the reader wants the user to know; of a file that is cut, without counts.
+        chunks: In file order; together they are the file.
+        content: The program, where it is held whole; else how a chunk is read.
+    """
+
+    name: str
+    dialect: str
+    size: int
+    sha256: str
+    targets: int
+    T_flange_tool: Array
+    start: Array
+    notes: tuple[str, ...]
+    chunks: tuple[ProgramChunk, ...]
+    content: Program | ChunkRules
+
+    @property
+    def held(self) -> Program | None:
+        """The program of a file that is held whole."""
+        return self.content if isinstance(self.content, Program) else None
+
+    @property
+    def frames_in_use(self) -> Array:
+        """(k, 4, 4) work frames of targets that can be compensated."""
+        content = self.content
+        if isinstance(content, Program):
+            frame: IntArray = content.frame[content.reason == Reason.NONE]
+        else:
+            frame = content.table[content.table[:, 2] == Reason.NONE, 0]
+        return np.asarray(content.T_base_frame[frame])
+
+
+def hold_program(program: Program) -> ProgramFile:
+    """Returns the file of a program that is held whole: one chunk."""
+    nothing = np.empty(0, np.int64)
+    lines = ChunkLines(start=0, end=len(program.data), line=0, rule_from=nothing, rule=nothing)
+    return ProgramFile(
+        name=program.name,
+        dialect=program.dialect,
+        size=len(program.data),
+        sha256=sha256(program.data),
+        targets=len(program),
+        T_flange_tool=program.T_flange_tool,
+        start=program.start,
+        notes=program.notes,
+        chunks=(ProgramChunk(lines=lines, lead=lines, first=0, targets=len(program)),),
+        content=program,
+    )
+
+
+def open_job(
+    paths: Sequence[Path],
+    frames: FrameTable,
+    *,
+    several: bool,
+    why_whole: str,
+    note: Callable[[str], None],
+) -> tuple[ProgramFile, ...]:
+    """Returns the files of a job in its order.
+
+    Args:
+        paths: As for :func:`~robotrue.program.formats.read_job`.
+        frames: What they name but do not hold.
+        several: Workers are asked for, so that even a short program is cut.
+        why_whole: What asks for whole programs; empty if nothing does.
+        note: Told why a long program is held whole.
+
+    Raises:
+        ConfigurationError: It must be held whole, and this machine has not the memory.
+        FormatError: A file cannot be read, or is not in its dialect.
+    """
+    if len(paths) == 1 and not paths[0].is_dir():
+        size = find_longest(paths[0])[0].stat().st_size
+        if size >= LONG or several:
+            files = Whole(why=why_whole) if why_whole else outline_job(paths[0], frames)
+            if not isinstance(files, Whole):
+                return files
+            note(_require_memory(paths[0], size, files))
+    return tuple(map(hold_program, read_job(paths, frames)))
+
+
+def _require_memory(path: Path, size: int, why: Whole) -> str:
+    """Returns what holding a program takes.
+
+    Raises:
+        ConfigurationError: This machine has not so much.
+    """
+    need = BYTES_HELD * size + BESIDE
+    text = f"the program is held whole ({why}); this takes about {_mib(need)}"
+    if need > _memory():
+        raise ConfigurationError(
+            f"{text}, this machine has {_mib(_memory())}.",
+            source=path,
+            hint="split the program into files, or take away what asks for the whole.",
+        )
+    return f"{text}."
+
+
+def _memory() -> int:
+    """Returns the memory of this machine in bytes; without bound where it does not say."""
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError, OSError):
+        return 1 << 60
+
+
+def _mib(count: int) -> str:
+    return f"{count / 2**20:.0f} MiB of memory"
+
+
+def find_longest(path: Path) -> tuple[Path, Dialect]:
+    """Returns the longest of a program file and those beside it, and their dialect.
+
+    Raises:
+        FormatError: The file cannot be read, or is in no registered dialect.
+    """
+    try:
+        with path.open("rb") as stream:
+            language = detect(stream.read(_LOOKED_AT), path.name)
+    except OSError as cause:
+        raise FormatError(
+            f"cannot read: {cause.strerror}.", source=path, hint="check the path."
+        ) from cause
+    job = [path, *companion_paths(path, language)]
+    return max(job, key=lambda one: one.stat().st_size), language
+
+
+def outline_job(
+    path: str | Path, frames: FrameTable, *, targets: int = CHUNK
+) -> tuple[ProgramFile, ...] | Whole:
+    """Returns the files of a job with the longest cut into chunks, or why it cannot be.
+
+    Args:
+        path: A program file; its companions lie beside it.
+        frames: What the program names but does not hold.
+        targets: Targets of a chunk.
+
+    Raises:
+        FormatError: A file cannot be read, or is not in its dialect.
+    """
+    path = Path(path)
+    longest, language = find_longest(path)
+    if language.name not in _CUTTERS:
+        return Whole(why=f"programs in {language.name} have no outline")
+    frames, beside = with_files_beside(path, language.name, frames)
+    survey = _cutter(language.name).survey_file(language.name, longest.name, frames, targets)
+    refused = survey.run(longest)
+    if refused is not None:
+        return refused
+    job = gathered([path], language, instead={longest.name: survey.skeleton})
+    programs = language.read_job(job.files, frames=frames)
+    place = [name for name, _ in job.files].index(longest.name)
+    skeleton = programs[place]
+    table = survey.judge(skeleton, [file for k, file in enumerate(job.files) if k != place])
+    if isinstance(table, Whole):
+        return table
+    outlined = ProgramFile(
+        name=longest.name,
+        dialect=language.name,
+        size=survey.size,
+        sha256=survey.sha256,
+        targets=survey.targets,
+        T_flange_tool=skeleton.T_flange_tool,
+        start=skeleton.start,
+        notes=tuple(_COUNT.sub("targets", note) for note in (*skeleton.notes, *beside)),
+        chunks=survey.chunks,
+        content=ChunkRules(
+            name=longest.name,
+            dialect=language.name,
+            table=table,
+            T_base_frame=skeleton.T_base_frame,
+            T_flange_tool=skeleton.T_flange_tool,
+            external_axes_at_rest=frames.external_axes_at_rest,
+        ),
+    )
+    return tuple(
+        outlined if k == place else hold_program(program)
+        for k, program in enumerate(programs)
+        if k == place or k < job.given or len(program)
+    )
+
+
+def read_chunk(data: bytes, lines: ChunkLines, content: Program | ChunkRules) -> ReadChunk:
+    """Returns the targets of some lines, as they stand in the program of the whole file.
+
+    Statements are not read again: the rules say what they bring about.
+
+    Args:
+        data: The bytes of the lines; those of a program that is held are not needed.
+        lines: Their place.
+        content: Of the file.
+
+    Raises:
+        FormatError: The bytes are not those the outline was made of.
+    """
+    if isinstance(content, Program):
+        return ReadChunk(content)
+    rules = content
+    program, head, foot = _cutter(rules.dialect).read_lines(data, rules)
+    line = program.line + lines.line
+    stretch = np.searchsorted(lines.rule_from, line - 1, side="right") - 1
+    rule = rules.table[lines.rule[stretch]]
+    axis = program.reason == Reason.JOINT_TARGET
+    own = (program.reason != Reason.NONE) & ~axis
+    stated = replace(
+        program,
+        line=line,
+        reason=np.where(own, program.reason, np.where(axis, rule[:, 3], rule[:, 2])),
+        motion=np.where(rule[:, 4] < 0, program.motion, rule[:, 4]),
+        frame=rule[:, 0],
+        tool=rule[:, 1],
+        T_base_frame=rules.T_base_frame,
+        T_flange_tool=rules.T_flange_tool,
+        notes=(),
+    )
+    return ReadChunk(stated, head, foot)
+
+
+def write_chunk(chunk: ReadChunk, replacement: Replacement) -> bytes:
+    """Returns the bytes of a chunk with the changed numbers replaced and nothing else touched.
+
+    Raises:
+        ShapeError: A changed row has a value that cannot be written.
+    """
+    data = dialect(chunk.program.dialect).write(chunk.program, replacement)
+    return data[chunk.head : len(data) - chunk.foot]
+
+
+def _cutter(language: str) -> Cutter:
+    return cast(Cutter, import_module(_CUTTERS[language]))
