@@ -7,18 +7,17 @@ the skeleton one pose and one axis target stand for it.
 from __future__ import annotations
 
 import re
-from abc import abstractmethod
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.arrays import BoolArray, IntArray
 from robotrue.core.compiled import PLAIN, compiled
-from robotrue.errors import FormatError
 from robotrue.program.formats.file_survey import Survey, WindowLines
 from robotrue.program.formats.krl_build import Builder
 from robotrue.program.formats.krl_frames import Frames
+from robotrue.program.formats.krl_point_chunks import PointSurvey, as_motions
 from robotrue.program.formats.krl_scan import (
     AXIS,
     EXTERNAL,
@@ -28,12 +27,12 @@ from robotrue.program.formats.krl_scan import (
     INLINE_SPLINE,
     NOT_CONSTANT,
     STATEMENT,
-    STATUS,
     Bytes,
     Ints,
     Scan,
     scan,
 )
+from robotrue.program.formats.krl_survey import KrlSurvey, line_edges
 from robotrue.program.formats.krl_walk import Walk
 from robotrue.program.program import FrameTable
 from robotrue.program.program_chunk import ChunkRules, ReadChunk, Whole
@@ -82,8 +81,6 @@ def with_clauses(found: Scan) -> Scan:
 
 def survey_file(language: str, name: str, frames: FrameTable, targets: int) -> Survey | Whole:
     """Returns the survey of a ``.src`` or ``.dat``, not yet run, or why it cannot be cut."""
-    from robotrue.program.formats.krl_point_chunks import PointSurvey
-
     if frames.external:
         return Whole(why="external axes in the kinematic chain need every target at once")
     if frames.fixed_tool:
@@ -94,55 +91,11 @@ def survey_file(language: str, name: str, frames: FrameTable, targets: int) -> S
 
 def read_lines(data: bytes, rules: ChunkRules) -> ReadChunk:
     """Returns the targets of some lines of a ``.src`` or ``.dat``."""
-    from robotrue.program.formats.krl_point_chunks import as_motions
-
     frames = FrameTable(external_axes_at_rest=rules.external_axes_at_rest)
     lines = scan(data, name=rules.name)
     lines = as_motions(lines) if rules.name.lower().endswith(".dat") else with_clauses(lines)
     walk = Walk([lines], [rules.name], Frames(frames, rules.name))
     return ReadChunk(Builder(walk, 0, frames).program(0))
-
-
-class KrlSurvey(Survey):
-    """One pass over a KRL file."""
-
-    def __init__(self, name: str, targets: int, *, axes_at_rest: bool) -> None:
-        super().__init__(name, targets)
-        self._axes_at_rest = axes_at_rest
-        self._external = ExternalAxes()
-
-    @abstractmethod
-    def _sort_scan(self, found: Scan) -> WindowLines | Whole:
-        """Returns the lines of a window, or why they cannot be cut."""
-
-    def _sort_lines(self, data: bytes) -> WindowLines | Whole:
-        try:
-            return self._sort_scan(scan(data, name=self.name))
-        except FormatError as cause:
-            line = None if cause.line is None else cause.line + self.lines
-            raise FormatError(cause.message, source=self.name, line=line, hint=cause.hint) from None
-
-    def _check_end(self) -> Whole | None:
-        moves = self._external.away and not (self._axes_at_rest and self._external.steady)
-        why = Whole(why="external axes are away from zero") if moves else None
-        return super()._check_end() or why
-
-
-class ExternalAxes:
-    """Whether the external axes are away from zero, and the same at all targets so far."""
-
-    def __init__(self) -> None:
-        self._first = np.full(6, np.nan)
-        self.away, self.steady = False, True
-
-    def add(self, found: Scan, plain: BoolArray) -> None:
-        """Looks at the targets of plain lines (l,)."""
-        away, steady = _external_axes(
-            found.agg_line, found.agg_token, found.tok_component, found.tok_value, plain,
-            self._first,
-        )  # fmt: skip
-        self.away |= away
-        self.steady &= steady
 
 
 class MotionSurvey(KrlSurvey):
@@ -181,8 +134,7 @@ class MotionSurvey(KrlSurvey):
         begins[first] = True
         self._open = bool(moves[after == after[-1]].any()) or (self._open and not after[-1])
         opens = np.asarray((kind == FULL) & (found.line_kind != INLINE_ARC))
-        edges = [each.astype(np.int64) for each in (found.line_start, found.line_end)]
-        return WindowLines(found.data, *edges, targets, opens, event, begins)
+        return WindowLines(found.data, *line_edges(found), targets, opens, event, begins)
 
     def _begin_stretch(self, lines: WindowLines, line: int) -> None:
         both = [_POSE_LINE, _AXIS_LINE]
@@ -240,29 +192,3 @@ def _motions(
         targets[line] += 1
         kind[line] = max(kind[line], what)
     return targets, kind, axis_first
-
-
-@compiled(PLAIN)
-def _external_axes(
-    agg_line: Ints, agg_token: Ints, component: Bytes, value: Array, plain: BoolArray, first: Array
-) -> tuple[bool, bool]:
-    """Returns whether external axes of plain lines are away from zero, and stand still.
-
-    ``first`` (6,) are the values of the first target of the file, infinite where it has none; NaN
-    before it, and written then.
-    """
-    here = np.empty(6)
-    away, steady = False, True
-    for agg in range(agg_line.size):
-        if not plain[agg_line[agg]]:
-            continue
-        here[:] = np.inf
-        for t in range(agg_token[agg], agg_token[agg + 1]):
-            if EXTERNAL <= component[t] < STATUS:
-                here[component[t] - EXTERNAL] = value[t]
-                away |= value[t] != 0.0
-        for k in range(6):
-            if np.isnan(first[k]):
-                first[k] = here[k]
-            steady &= first[k] == here[k]
-    return away, steady

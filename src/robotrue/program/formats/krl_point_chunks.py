@@ -20,7 +20,6 @@ import numpy as np
 from robotrue.core.arrays import BoolArray, IntArray
 from robotrue.core.compiled import PLAIN, compiled
 from robotrue.program.formats.file_survey import WindowLines, reason_column
-from robotrue.program.formats.krl_chunks import KrlSurvey
 from robotrue.program.formats.krl_scan import (
     AXIS,
     EMPTY,
@@ -32,6 +31,7 @@ from robotrue.program.formats.krl_scan import (
     Ints,
     Scan,
 )
+from robotrue.program.formats.krl_survey import KrlSurvey, line_edges
 from robotrue.program.program import Motion, Program
 from robotrue.program.program_chunk import Whole
 
@@ -71,10 +71,9 @@ class PointSurvey(KrlSurvey):
         plain, begins = _point_lines(found, self._shape)
         self._plain = plain
         self._external.add(found, plain)
-        edges = [each.astype(np.int64) for each in (found.line_start, found.line_end)]
         event = np.asarray((found.line_kind == STATEMENT) & ~plain)
         targets = plain.astype(np.int64)
-        return WindowLines(found.data, *edges, targets, plain, event, begins)
+        return WindowLines(found.data, *line_edges(found), targets, plain, event, begins)
 
     def _begin_stretch(self, lines: WindowLines, line: int) -> None:
         code = lines.code(line)
