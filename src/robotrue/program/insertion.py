@@ -9,14 +9,14 @@ the second, and so on.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, Protocol
+from typing import Annotated, Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
-from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.columns import EMPTY, Column, Columns
 from robotrue.errors import ShapeError
 from robotrue.program.program import Motion, Program
 
@@ -58,7 +58,7 @@ _EXPLANATIONS = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Moves:
+class Moves(Columns):
     """k straight and circular moves of a job, in the order of the text.
 
     Attributes:
@@ -73,39 +73,30 @@ class Moves:
         spans: The dialect's own table of byte positions; opaque to everyone else.
     """
 
-    start: IntArray
-    via: IntArray
-    end: IntArray
-    line: IntArray
-    obstacle: IntArray
-    across: IntArray = field(default_factory=lambda: np.empty(0, np.int64))
+    start: Annotated[IntArray, Column("n")]
+    via: Annotated[IntArray, Column("n")]
+    end: Annotated[IntArray, Column("n")]
+    line: Annotated[IntArray, Column("n")]
+    obstacle: Annotated[IntArray, Column("n")]
+    across: Annotated[IntArray, Column("n", fill=-1)] = EMPTY
     spans: Any = None
-
-    def __post_init__(self) -> None:
-        """Checks shapes and freezes."""
-        n = len(self.end)
-        if not len(self.across):
-            object.__setattr__(self, "across", np.full(n, -1))
-        for name in ("start", "via", "end", "line", "obstacle", "across"):
-            value = frozen(getattr(self, name), (n,), name, dtype=np.int64)
-            object.__setattr__(self, name, value)
 
     def __len__(self) -> int:
         return len(self.end)
 
     @property
-    def circular(self) -> npt.NDArray[np.bool_]:
+    def circular(self) -> BoolArray:
         """(k,) which are arcs."""
         return np.asarray(self.via >= 0)
 
     @property
-    def bending(self) -> npt.NDArray[np.bool_]:
+    def bending(self) -> BoolArray:
         """(k,) which are arcs that are split into shorter arcs."""
         return np.asarray((self.via >= 0) & (self.across < 0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Insertion:
+class Insertion(Columns):
     """m targets to be put into moves, each behind the start of its move and those before it here.
 
     A straight move gets ``LIN`` targets, and so does an arc that cannot leave its plane; it becomes
@@ -121,22 +112,14 @@ class Insertion:
         words: (m, w) configuration words; ``NO_WORD`` takes the one of the end of the move.
     """
 
-    move: IntArray
-    motion: IntArray
-    position: Array
-    rotation: Array
-    words: IntArray
+    move: Annotated[IntArray, Column("n")]
+    motion: Annotated[IntArray, Column("n")]
+    position: Annotated[Array, Column("n 3", unit="m")]
+    rotation: Annotated[Array, Column("n 3 3")]
+    words: Annotated[IntArray, Column("n w")]
 
-    def __post_init__(self) -> None:
-        """Checks shapes and order, and freezes."""
-        m = len(self.move)
-        for name in ("move", "motion"):
-            value = frozen(getattr(self, name), (m,), name, dtype=np.int64)
-            object.__setattr__(self, name, value)
-        object.__setattr__(self, "position", frozen(self.position, (m, 3), "position"))
-        object.__setattr__(self, "rotation", frozen(self.rotation, (m, 3, 3), "rotation"))
-        words = frozen(self.words, (m, None), "words", dtype=np.int64)
-        object.__setattr__(self, "words", words)
+    def _check_rules(self) -> None:
+        """The order of the text, and motions that can be put in."""
         if (np.diff(self.move) < 0).any():
             raise ShapeError("the moves of an insertion fall, expected the order of the text.")
         known = (Motion.LIN, Motion.ARC_VIA, Motion.ARC_END)

@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any, Final, Literal, Protocol, TypeAlias
+from typing import Annotated, Any, Final, Literal, Protocol, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.columns import EMPTY, Column, Columns
 from robotrue.core.words import WORDS, Maker
 from robotrue.program.external_axes import ExternalAxis
 from robotrue.program.orientation import OrientationRule
@@ -66,7 +66,7 @@ _EXPLANATIONS: Final = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Program:
+class Program(Columns):
     """n targets in file order and the file they stand in.
 
     Attributes:
@@ -86,8 +86,8 @@ class Program:
         tool: (n,) index into ``T_flange_tool``.
         T_base_frame: (f, 4, 4) work frames in the robot base.
         T_flange_tool: (t, 4, 4) tools.
-        held: (n,) the robot carries the part and the tool stands in the cell; empty if it never
-            does. Such a target says where the *part* is to be: ``frame`` is the tool in the cell,
+        held: (n,) the robot carries the part and the tool stands in the cell; nowhere if not
+            stated. Such a target says where the *part* is to be: ``frame`` is the tool in the cell,
             ``tool`` the part frame on the flange, and position and rotation are the part frame in
             that tool, which is the inverse of what is printed.
         start: (dof,) rad, the controller's axis values before the first target, where another file
@@ -102,50 +102,33 @@ class Program:
     name: str
     dialect: str
     data: bytes
-    position: Array
-    rotation: Array
-    axes: Array
-    motion: npt.NDArray[np.int64]
-    reason: npt.NDArray[np.int64]
-    words: npt.NDArray[np.int64]
+    position: Annotated[Array, Column("n 3", unit="m", nan=True)]
+    rotation: Annotated[Array, Column("n 3 3", nan=True)]
+    axes: Annotated[Array, Column("n dof", unit="rad", nan=True)]
+    motion: Annotated[IntArray, Column("n")]
+    reason: Annotated[IntArray, Column("n")]
+    words: Annotated[IntArray, Column("n w")]
     words_of: Maker
-    line: npt.NDArray[np.int64]
-    frame: npt.NDArray[np.int64]
-    tool: npt.NDArray[np.int64]
-    T_base_frame: Array
-    T_flange_tool: Array
-    held: npt.NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, np.bool_))
-    start: Array = field(default_factory=lambda: np.empty(0))
+    line: Annotated[IntArray, Column("n")]
+    frame: Annotated[IntArray, Column("n")]
+    tool: Annotated[IntArray, Column("n")]
+    T_base_frame: Annotated[Array, Column("f 4 4", unit="m", nan=True)]
+    T_flange_tool: Annotated[Array, Column("t 4 4", unit="m", nan=True)]
+    held: Annotated[BoolArray, Column("n", fill=False)] = EMPTY
+    start: Annotated[Array, Column("_", unit="rad")] = EMPTY
     notes: tuple[str, ...] = ()
     spans: Any = None
-    path: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 3), np.int64))
+    path: Annotated[IntArray, Column("_ 3")] = EMPTY
 
-    def __post_init__(self) -> None:
-        """Checks shapes and freezes."""
-        n = len(self.position)
-        for name, shape in (
-            ("position", (n, 3)),
-            ("rotation", (n, 3, 3)),
-            ("axes", (n, None)),
-            ("T_base_frame", (None, 4, 4)),
-            ("T_flange_tool", (None, 4, 4)),
-        ):
-            object.__setattr__(self, name, frozen(getattr(self, name), shape, name, allow_nan=True))
-        for name in ("motion", "reason", "line", "frame", "tool"):
-            object.__setattr__(self, name, frozen(getattr(self, name), (n,), name, dtype=np.int64))
-        object.__setattr__(self, "path", frozen(self.path, (None, 3), "path", dtype=np.int64))
-        words = frozen(self.words, (n, WORDS[self.words_of]), "words", dtype=np.int64)
-        object.__setattr__(self, "words", words)
-        object.__setattr__(self, "start", frozen(self.start, (None,), "start"))
-        held = frozen(self.held, (n if len(self.held) else 0,), "held", dtype=np.bool_)
-        object.__setattr__(self, "held", held)
+    def _known_sizes(self) -> dict[Any, int]:
+        return {"w": WORDS[self.words_of]}
 
     def __len__(self) -> int:
         return len(self.position)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Replacement:
+class Replacement(Columns):
     """New values for the targets of a program; rows that are not ``changed`` keep their bytes.
 
     Attributes:
@@ -156,11 +139,14 @@ class Replacement:
         words: (n, w) new configuration words; ``NO_WORD`` keeps what is written.
     """
 
-    changed: npt.NDArray[np.bool_]
-    position: Array
-    rotation: Array
-    axes: Array
-    words: npt.NDArray[np.int64]
+    changed: Annotated[BoolArray, Column("n")]
+    position: Annotated[Array, Column("n 3", unit="m", nan=True, inf=True)]
+    rotation: Annotated[Array, Column("n 3 3", nan=True, inf=True)]
+    axes: Annotated[Array, Column("n dof", unit="rad", nan=True, inf=True)]
+    words: Annotated[IntArray, Column("n w")]
+
+    def __len__(self) -> int:
+        return len(self.changed)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -201,7 +201,7 @@ class Survey(ABC):
             skeleton: As the ordinary reader reads it.
             others: The other files of the job.
         """
-        if len(skeleton.held) and skeleton.held.any():
+        if skeleton.held.any():
             return Whole(why="the robot carries the part")
         shown = np.array([line for line, _ in self.shown], np.int64)
         if not np.array_equal(skeleton.line - 1, shown):

@@ -210,7 +210,7 @@ class _Text:
                         )
                     },
                     line=whole.line[mine] - int(self.line[k]),
-                    held=whole.held[mine] if len(whole.held) else whole.held,
+                    held=whole.held[mine],
                     notes=tuple(note for note, at in zip(said, owner, strict=True) if at == k),
                     spans=_part_of(whole.spans, mine, int(self.place[k])),
                     path=self._path(whole.path, k, mine),
