@@ -77,4 +77,4 @@ def test_values_that_cannot_be_written() -> None:
     with pytest.raises(ShapeError, match=r"part\.mod:6: the new target is .*nan"):
         write(program, replacement(program, by_mm=(float("nan"), 0, 0)))
     with pytest.raises(ShapeError, match="changed has shape"):
-        write(program, replacement(program, changed=np.ones(2, dtype=bool)))
+        write(program, replacement(program).take(np.array([0, 0])))
