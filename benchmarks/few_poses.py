@@ -24,9 +24,9 @@ from typing import Any
 
 import numpy as np
 
-from robotrue.calibration.estimator import SolverSettings
 from robotrue.calibration.methods import METHODS, fit
 from robotrue.calibration.model import ErrorModel, Query
+from robotrue.calibration.settings import SolverSettings
 from robotrue.calibration.terms.geometry import PriorScales
 from robotrue.core.units import MM
 from robotrue.robot.forward import forward

@@ -38,7 +38,7 @@ from robotrue.calibration.machined import (
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel, Query, require_belief
 from robotrue.calibration.nominal import NominalModel
-from robotrue.calibration.prior_belief import prior_belief
+from robotrue.calibration.priors import prior_belief
 from robotrue.calibration.probing import (
     ProbingEstimate,
     ProbingSettings,

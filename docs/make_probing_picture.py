@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.calibration.prior_belief import prior_belief
+from robotrue.calibration.priors import prior_belief
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.terms.geometry import PriorScales
 from robotrue.cli.probe_plan_page import part_map

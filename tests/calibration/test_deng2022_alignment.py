@@ -15,7 +15,7 @@ from robotrue.calibration.deng2022.alignment import (
     turned_labels,
     weighted_columns,
 )
-from robotrue.calibration.deng2022.features import turned_features
+from robotrue.calibration.deng2022.domains import turned_features
 from robotrue.calibration.deng2022.readings import Readings
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError, ObservabilityError, ShapeError

@@ -9,8 +9,8 @@ from robotrue.calibration.deng2022.domains import (
     mapped_pairs,
     members,
     shared,
+    turned_features,
 )
-from robotrue.calibration.deng2022.features import turned_features
 from robotrue.calibration.deng2022.sampling import (
     RULES,
     hierarchical_sample,

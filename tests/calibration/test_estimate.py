@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from planted_arm import PAYLOAD, arm, measure, planted, postures
 
-from robotrue.calibration.estimate import estimate, free_groups
+from robotrue.calibration.estimate import estimate
 from robotrue.calibration.methods import FitSettings, fit
 from robotrue.calibration.model import Query
+from robotrue.calibration.priors import free_groups
 from robotrue.calibration.terms.compliance import StiffnessPrior
 from robotrue.core.poses import inverse, pose
 from robotrue.core.rotations import matrix_from_rotation_vector

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from planted_arm import PAYLOAD, arm, measure, planted, postures
 
-from robotrue.calibration.estimate import estimate, free_groups
+from robotrue.calibration.estimate import estimate
 from robotrue.calibration.methods import FitSettings
+from robotrue.calibration.priors import free_groups
 from robotrue.calibration.terms.compliance import StiffnessPrior
 from robotrue.errors import ObservabilityError
 

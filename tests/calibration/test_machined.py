@@ -19,9 +19,9 @@ from robotrue.calibration.machined import (
 )
 from robotrue.calibration.model import Query
 from robotrue.calibration.nominal import NominalModel
-from robotrue.calibration.prior_belief import prior_belief
+from robotrue.calibration.priors import prior_belief
 from robotrue.calibration.probing import ProbingSettings, estimate_probing, model_of_estimate
-from robotrue.calibration.probing_scales import few_factor
+from robotrue.calibration.probing_evidence import few_factor
 from robotrue.calibration.robust import LEVEL, chi_point
 from robotrue.calibration.settings import RP_PER_SIGMA, FitSettings
 from robotrue.calibration.terms.geometry import PriorScales

@@ -7,7 +7,7 @@ import pytest
 from planted_arm import PAYLOAD, arm, planted, postures
 
 from robotrue.calibration.archive import open_model
-from robotrue.calibration.identity import identity_of
+from robotrue.calibration.lineage import identity_of
 from robotrue.calibration.model import Query
 from robotrue.calibration.nominal import NominalModel
 from robotrue.core.archive import archive_bytes

@@ -21,7 +21,7 @@ from robotrue.calibration.probing import (
     estimate_probing,
     model_of_estimate,
 )
-from robotrue.calibration.probing_scales import few_factor
+from robotrue.calibration.probing_evidence import few_factor
 from robotrue.calibration.terms.smooth import choose_centres
 from robotrue.calibration.touches import frame_displacement
 from robotrue.core.arrays import Array

@@ -10,7 +10,7 @@ import pytest
 from robotrue.calibration.belief import Belief
 from robotrue.calibration.new_rows import NewRows
 from robotrue.calibration.parameters import Layout, State, difference, retract
-from robotrue.calibration.prior_belief import prior_belief
+from robotrue.calibration.priors import prior_belief
 from robotrue.calibration.touches import frame_displacement, touch_rows
 from robotrue.core.arrays import Array
 from robotrue.core.mesh import TriangleMesh

@@ -9,10 +9,10 @@ import pytest
 from planted_arm import PAYLOAD, arm, measure, planted, postures
 
 from robotrue.calibration.archive import open_model
-from robotrue.calibration.estimator import SolverSettings
 from robotrue.calibration.lineage import model_hash
 from robotrue.calibration.methods import FitSettings, fit
 from robotrue.calibration.model import Query
+from robotrue.calibration.settings import SolverSettings
 from robotrue.calibration.terms.smooth import SmoothBasis, add_centres
 from robotrue.calibration.update import update_model
 from robotrue.core.archive import read_archive, write_archive

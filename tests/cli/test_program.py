@@ -151,7 +151,7 @@ def test_with_a_model_the_program_is_what_compensate_makes_of_it(cli, bench: Pat
 
 
 def test_a_frame_registered_with_a_model_asks_for_that_model(cli, bench: Path) -> None:
-    from robotrue.calibration.identity import identity_of
+    from robotrue.calibration.lineage import identity_of
 
     identity = identity_of(read_model(bench / "model.rtm").model)
     register(bench / "cell.toml", identity=identity, model_file="model.rtm")

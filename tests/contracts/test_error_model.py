@@ -16,10 +16,9 @@ import pytest
 from robotrue.calibration.archive import KINDS, open_model
 from robotrue.calibration.deng2022.domains import divide_target
 from robotrue.calibration.deng2022.readings import Readings
-from robotrue.calibration.deng2022.transfer_gpr import fit_deng2022
+from robotrue.calibration.deng2022.transfer_gpr import fit_boosted_poses, fit_deng2022
 from robotrue.calibration.methods import METHODS, fit
 from robotrue.calibration.model import Query
-from robotrue.calibration.pose_transfer import fit_boosted_poses
 from robotrue.calibration.sources import Source
 from robotrue.calibration.transfer import fit_transfer
 from robotrue.calibration.update import update_model

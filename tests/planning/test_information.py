@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from planning_cases import PAYLOAD, postures, shop
 
-from robotrue.calibration.estimator import SolverSettings
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import Query
+from robotrue.calibration.settings import SolverSettings
 from robotrue.cell.cell import Cell, tracker_covariance
 from robotrue.errors import ModelMismatchError
 from robotrue.measurement.measurement_set import MeasurementSet

@@ -16,7 +16,7 @@ from robotrue.calibration.machined import (
     unchanged_covariance,
 )
 from robotrue.calibration.model import Query
-from robotrue.calibration.prior_belief import prior_belief
+from robotrue.calibration.priors import prior_belief
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.terms.geometry import PriorScales
 from robotrue.cell.registration.points import frame_gain

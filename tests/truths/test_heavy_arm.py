@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robotrue.calibration.estimate import estimate, free_groups
+from robotrue.calibration.estimate import estimate
 from robotrue.calibration.methods import FitSettings, fit
+from robotrue.calibration.priors import free_groups
 from robotrue.calibration.settings import RP_PER_SIGMA
 from robotrue.calibration.terms.compliance import StiffnessPrior
 from robotrue.robot.forward import forward

@@ -12,12 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robotrue.calibration.estimator import SolverSettings
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.nominal import NominalModel
 from robotrue.calibration.probing import ProbingSettings, estimate_probing, model_of_estimate
-from robotrue.calibration.settings import FitSettings
+from robotrue.calibration.settings import FitSettings, SolverSettings
 from robotrue.calibration.terms.geometry import PriorScales
 from robotrue.cell.registration.tool import fit_tool_point
 from robotrue.core.poses import pose

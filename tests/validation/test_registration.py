@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robotrue.calibration.identity import identity_of
+from robotrue.calibration.lineage import identity_of
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.nominal import NominalModel

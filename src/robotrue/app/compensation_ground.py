@@ -11,7 +11,7 @@ from robotrue.app.force_options import read_force_options
 from robotrue.app.job_outputs import job_outputs
 from robotrue.app.registered import opened, provenance_used
 from robotrue.app.reporting import place_in_file
-from robotrue.calibration.identity import identity_of
+from robotrue.calibration.lineage import identity_of
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.nominal import NominalModel
 from robotrue.cell.cell import Cell

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from robotrue.calibration.identity import identity_of
-from robotrue.calibration.lineage import provenance_of
+from robotrue.calibration.lineage import identity_of, provenance_of
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.nominal import NominalModel
 from robotrue.cell.cell import Cell

@@ -21,7 +21,7 @@ from robotrue.calibration.arm import LinearArm, linearise_arm, parts_of
 from robotrue.calibration.belief import Belief, compress_root, standard_terms
 from robotrue.calibration.evidence import spread
 from robotrue.calibration.model import Prediction, Query
-from robotrue.calibration.stations import take_to_base
+from robotrue.calibration.observations import take_to_base
 from robotrue.calibration.tables import MeanTables, rigid_tables
 from robotrue.calibration.terms.registry import STANDARD
 from robotrue.calibration.terms.term import Term

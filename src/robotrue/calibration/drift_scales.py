@@ -18,9 +18,8 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize
 
-from robotrue.calibration.conditioning import left_out_lengths
 from robotrue.calibration.drift import Drift, carry_over
-from robotrue.calibration.new_rows import NUISANCE_SD, Piece
+from robotrue.calibration.new_rows import NUISANCE_SD, Piece, left_out_lengths
 from robotrue.core.arrays import Array, IntArray
 
 STEPS: Final = 60

@@ -14,12 +14,11 @@ from robotrue.calibration.priors import build_prior
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.start import start_state
 from robotrue.core.arrays import Array, IntArray
-from robotrue.errors import ConfigurationError, ModelMismatchError, ObservabilityError
+from robotrue.errors import ModelMismatchError, ObservabilityError
 from robotrue.measurement.measurement_set import MeasurementSet
-from robotrue.robot.model import PER_JOINT, RobotModel
+from robotrue.robot.model import RobotModel
 
 Status: TypeAlias = Literal["determined", "conditional"]
-GEOMETRY: Final = ("theta", "d", "a", "alpha", "beta", "gear")
 MANY_SCREENED: Final = 0.05
 LOOSE_TURN: Final = 0.02
 """rad, posterior sd of a tracker frame's turn from which it counts as not seen."""
@@ -73,18 +72,6 @@ class Estimate:
         values = self.posterior.state.robot.errors
         rows = zip(layout.names, values, sd, strict=False)
         return [(name, float(value), float(spread)) for name, value, spread in rows]
-
-
-def free_groups(method: str) -> tuple[str, ...]:
-    """Returns the groups a method estimates; ``base`` and ``tool`` always.
-
-    Raises:
-        ConfigurationError: Not ``nominal``, ``geometric`` or ``elastic``.
-    """
-    groups = {"nominal": (), "geometric": GEOMETRY, "elastic": PER_JOINT}
-    if method not in groups:
-        raise ConfigurationError(f"no parameter set {method!r}; sets are {list(groups)}.")
-    return (*groups[method], "base", "tool")
 
 
 def estimate(

@@ -29,9 +29,10 @@ from robotrue.calibration.observations import (
 )
 from robotrue.calibration.parameters import Layout, State, difference, retract
 from robotrue.calibration.priors import Prior
-from robotrue.calibration.robust import LOSSES, Loss, consistency, robust_variance, weights
+from robotrue.calibration.robust import consistency, robust_variance, weights
+from robotrue.calibration.settings import SolverSettings
 from robotrue.core.arrays import Array, BoolArray
-from robotrue.errors import ConfigurationError, ConvergenceError, ObservabilityError
+from robotrue.errors import ConvergenceError, ObservabilityError
 
 INNER: Final = 60
 """Scale updates per linearisation."""
@@ -46,31 +47,6 @@ MOST_DAMPING: Final = 1e15
 """Of a step, in prior precisions: the first tried, and the one at which no step is left."""
 NOISE_FLOOR: Final = 1e-18
 """m^2 or rad^2: below a nanometre noise means nothing."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SolverSettings:
-    """How the fixed point is found.
-
-    Attributes:
-        loss: Robust rule of :mod:`robotrue.calibration.robust`.
-        learn_noise: Add white noise to lengths and angles as the data ask.
-        learn_scales: Move the prior scales of the learnable groups.
-        max_iterations: Linearisations.
-        tolerance: Largest step at the end, in posterior standard deviations; or no predicted number
-            moves by :data:`STILL` of its noise.
-    """
-
-    loss: Loss = "huber"
-    learn_noise: bool = True
-    learn_scales: bool = True
-    max_iterations: int = 300
-    tolerance: float = 1e-3
-
-    def __post_init__(self) -> None:
-        """Refuses a rule that does not exist."""
-        if self.loss not in LOSSES:
-            raise ConfigurationError(f"no robust rule {self.loss!r}; rules are {list(LOSSES)}.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,7 +18,7 @@ import numpy as np
 
 from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.design import Design
-from robotrue.calibration.estimate import Estimate, estimate, free_groups
+from robotrue.calibration.estimate import Estimate, estimate
 from robotrue.calibration.estimator import NOISE_FLOOR
 from robotrue.calibration.evidence import Sums, Weights, learn
 from robotrue.calibration.held_out import HeldOut, predict_held_out, temper_factor
@@ -28,6 +28,7 @@ from robotrue.calibration.observations import (
     observations_of,
 )
 from robotrue.calibration.parameters import retract
+from robotrue.calibration.priors import free_groups
 from robotrue.calibration.robust import weights as robust_weights
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.terms.backlash import Backlash

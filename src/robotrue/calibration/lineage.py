@@ -1,4 +1,4 @@
-"""Where a model came from: every step that made it, oldest first, in JSON values."""
+"""Where a model came from and which one it is: its steps, oldest first, and its hash."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from typing import Any
 from robotrue.calibration.model import ErrorModel
 from robotrue.core.archive import archive_bytes
 from robotrue.core.files import sha256
+from robotrue.core.identity import ModelIdentity
 from robotrue.core.provenance import Provenance, merge, provenance_from
 from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.identity import nominal_identity
 
 
 def model_hash(model: ErrorModel) -> str:
@@ -92,3 +94,14 @@ def record_step(
         "screened_rows": [] if none else [int(i) for i in screened],
         "settings": dict(settings),
     }
+
+
+def identity_of(model: ErrorModel) -> ModelIdentity:
+    """Returns which description of the arm this is.
+
+    Everything in an error model's archive counts; the cell in its file does not. A nominal arm is
+    its geometry.
+    """
+    if not model.calibrated:
+        return nominal_identity(model.robot)
+    return ModelIdentity(kind="calibrated", robot=model.robot.name, sha256=model_hash(model))

@@ -9,11 +9,12 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from robotrue.calibration.calibrated_model import CalibratedModel, Reflector
-from robotrue.calibration.estimate import Estimate, estimate, free_groups
+from robotrue.calibration.estimate import Estimate, estimate
 from robotrue.calibration.learned import LearnedParts, fit_learned
 from robotrue.calibration.lineage import describe_rows
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.parameters import station_as_base, target_as_tool
+from robotrue.calibration.priors import free_groups
 from robotrue.calibration.settings import FitSettings
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.measurement_set import MeasurementSet

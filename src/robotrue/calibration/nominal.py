@@ -9,7 +9,7 @@ from robotrue.calibration.archive import robot_arrays, robot_document, robot_fro
 from robotrue.calibration.belief import Belief
 from robotrue.calibration.calibrated_model import model_of, unknown_reflector
 from robotrue.calibration.model import Prediction, Query
-from robotrue.calibration.prior_belief import prior_belief
+from robotrue.calibration.priors import prior_belief
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.tables import MeanTables, rigid_tables
 from robotrue.calibration.training_summary import TrainingSummary

@@ -20,24 +20,25 @@ from robotrue.calibration.belief import (
     with_amplitude,
     with_nuisances,
 )
-from robotrue.calibration.conditioning import condition_on_rows
 from robotrue.calibration.drift_scales import Stack, stack_rows
-from robotrue.calibration.estimate import free_groups
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel, require_belief
-from robotrue.calibration.new_rows import NUISANCE_SD, NewRows
+from robotrue.calibration.new_rows import NUISANCE_SD, NewRows, condition_on_rows
 from robotrue.calibration.parameters import Layout, State
-from robotrue.calibration.prior_belief import prior_belief
-from robotrue.calibration.priors import build_prior
+from robotrue.calibration.priors import build_prior, free_groups, prior_belief
 from robotrue.calibration.probing_estimate import (
     ProbingEstimate,
     ProbingSettings,
     model_of_estimate,
+    probing_summary,
 )
-from robotrue.calibration.probing_outliers import find_agreeing_touches, surprise
-from robotrue.calibration.probing_scales import learn_scales, noise_factor
+from robotrue.calibration.probing_evidence import (
+    find_agreeing_touches,
+    learn_scales,
+    noise_factor,
+    surprise,
+)
 from robotrue.calibration.probing_start import check_held, start_frames, tips
-from robotrue.calibration.probing_summary import probing_summary
 from robotrue.calibration.touches import touch_rows
 from robotrue.calibration.update import carry_residual, update_model
 from robotrue.core.arrays import Array, BoolArray, frozen

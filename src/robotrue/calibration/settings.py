@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Final
 
-from robotrue.calibration.estimator import SolverSettings
+from robotrue.calibration.robust import LOSSES, Loss
 from robotrue.calibration.terms.compliance import StiffnessPrior
 from robotrue.calibration.terms.geometry import PriorScales
 from robotrue.errors import ConfigurationError
@@ -14,6 +14,31 @@ from robotrue.robot.statics import NO_LOAD, Load
 RP_PER_SIGMA: Final = 3.6158
 """ISO 9283 RP = mean l + 3 S_l over the distances l to the barycentre. For an isotropic Gaussian of
 sd sigma per axis l is Maxwell distributed: mean 1.5958 sigma, sd 0.6734 sigma."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SolverSettings:
+    """How the fixed point is found.
+
+    Attributes:
+        loss: Robust rule of :mod:`robotrue.calibration.robust`.
+        learn_noise: Add white noise to lengths and angles as the data ask.
+        learn_scales: Move the prior scales of the learnable groups.
+        max_iterations: Linearisations.
+        tolerance: Largest step at the end, in posterior standard deviations; or no predicted number
+            moves by a hundredth of its noise.
+    """
+
+    loss: Loss = "huber"
+    learn_noise: bool = True
+    learn_scales: bool = True
+    max_iterations: int = 300
+    tolerance: float = 1e-3
+
+    def __post_init__(self) -> None:
+        """Refuses a rule that does not exist."""
+        if self.loss not in LOSSES:
+            raise ConfigurationError(f"no robust rule {self.loss!r}; rules are {list(LOSSES)}.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

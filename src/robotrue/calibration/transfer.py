@@ -18,7 +18,6 @@ import numpy as np
 
 from robotrue.calibration.belief import Belief, with_centres, with_nuisances
 from robotrue.calibration.calibrated_model import CalibratedModel, model_of
-from robotrue.calibration.conditioning import condition_on_rows, weigh_innovations
 from robotrue.calibration.drift import Drift, DriftScales, Relation, drift_of, prior_of
 from robotrue.calibration.drift_scales import (
     Problem,
@@ -30,7 +29,13 @@ from robotrue.calibration.drift_scales import (
 from robotrue.calibration.lineage import history, merged_document, record_step
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel, require_belief
-from robotrue.calibration.new_rows import NUISANCE_SD, NewRows, new_rows
+from robotrue.calibration.new_rows import (
+    NUISANCE_SD,
+    NewRows,
+    condition_on_rows,
+    new_rows,
+    weigh_innovations,
+)
 from robotrue.calibration.parameters import State, station_as_base
 from robotrue.calibration.robust import Loss, robust_variance, student_factor, weights
 from robotrue.calibration.settings import FitSettings

@@ -20,10 +20,15 @@ from robotrue.calibration.belief import (
     with_nuisances,
 )
 from robotrue.calibration.calibrated_model import CalibratedModel, model_of
-from robotrue.calibration.conditioning import condition_on_rows, weigh_innovations
 from robotrue.calibration.lineage import history, merged_document, record_step
 from robotrue.calibration.model import ErrorModel, require_belief
-from robotrue.calibration.new_rows import NUISANCE_SD, NewRows, new_rows
+from robotrue.calibration.new_rows import (
+    NUISANCE_SD,
+    NewRows,
+    condition_on_rows,
+    new_rows,
+    weigh_innovations,
+)
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.terms.smooth import add_centres
 from robotrue.core.arrays import Array

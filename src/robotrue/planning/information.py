@@ -22,11 +22,10 @@ import numpy as np
 
 from robotrue.calibration.arm import linear_rows
 from robotrue.calibration.belief import Belief, standard_terms
-from robotrue.calibration.estimate import free_groups
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.observations import PositionObservation, observations_of
 from robotrue.calibration.parameters import Layout, State
-from robotrue.calibration.priors import build_prior
+from robotrue.calibration.priors import build_prior, free_groups
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.terms.compliance import StiffnessPrior
 from robotrue.calibration.terms.geometry import PriorScales

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from robotrue import __version__
-from robotrue.calibration.identity import identity_of
-from robotrue.calibration.lineage import history, provenance_of
+from robotrue.calibration.lineage import history, identity_of, provenance_of
 from robotrue.store import items
 from robotrue.store.layout import copy_files
 from robotrue.store.model_file import ModelFile, read_model

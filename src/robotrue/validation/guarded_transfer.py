@@ -15,10 +15,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from robotrue.calibration.deng2022.transfer_gpr import fit_boosted_poses
 from robotrue.calibration.drift import DriftScales
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel
-from robotrue.calibration.pose_transfer import fit_boosted_poses
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.sources import Source
 from robotrue.calibration.transfer import fit_transfer

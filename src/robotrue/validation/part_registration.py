@@ -13,8 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.calibration.identity import identity_of
-from robotrue.calibration.lineage import provenance_of
+from robotrue.calibration.lineage import identity_of, provenance_of
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.registration.fit import Noise
 from robotrue.core.mesh import TriangleMesh

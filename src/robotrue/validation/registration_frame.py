@@ -10,7 +10,7 @@ import numpy as np
 from robotrue.calibration.belief import Belief, add_variance
 from robotrue.calibration.machined import tip_columns, unchanged_covariance
 from robotrue.calibration.model import ErrorModel, Query
-from robotrue.calibration.prior_belief import prior_belief
+from robotrue.calibration.priors import prior_belief
 from robotrue.cell.registration.fit import Noise, Registration
 from robotrue.cell.registration.symmetry import symmetric_alternatives
 from robotrue.cell.registration.touches import fit_touches, touch_gain

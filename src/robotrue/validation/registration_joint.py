@@ -7,8 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.calibration.identity import identity_of
-from robotrue.calibration.lineage import provenance_of
+from robotrue.calibration.lineage import identity_of, provenance_of
 from robotrue.calibration.machined import compensated_covariance
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.calibration.probing import (

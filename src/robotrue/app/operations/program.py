@@ -252,7 +252,7 @@ def _compensate(
     """Compensates the program as ``robotrue compensate`` would, from a file of its own."""
     import tempfile
 
-    from robotrue.calibration.identity import identity_of
+    from robotrue.calibration.lineage import identity_of
     from robotrue.calibration.nominal import NominalModel
     from robotrue.core.files import write_atomic
     from robotrue.program.identity import write_identity

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.calibration.deng2022.features import PRINTED_UNITS, turned_features
+from robotrue.calibration.deng2022.domains import PRINTED_UNITS, turned_features
 from robotrue.calibration.deng2022.readings import AlignmentInputs, Readings, TransformReading
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.units import MM

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Final
 
 import numpy as np
 
-from robotrue.calibration.deng2022.features import PRINTED_UNITS
+from robotrue.calibration.deng2022.domains import PRINTED_UNITS
 from robotrue.calibration.deng2022.readings import Readings
 from robotrue.calibration.learners.gaussian_process import GaussianProcess
 from robotrue.calibration.learners.tradaboost import TrAdaBoostR2, combine_rounds, round_shares

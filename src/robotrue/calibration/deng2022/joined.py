@@ -12,8 +12,7 @@ from robotrue.calibration.archive import robot_arrays, robot_document, robot_fro
 from robotrue.calibration.belief import Belief
 from robotrue.calibration.calibrated_model import unknown_reflector
 from robotrue.calibration.deng2022.committee import Committee, restored
-from robotrue.calibration.deng2022.domains import LEVER
-from robotrue.calibration.deng2022.features import pose_features
+from robotrue.calibration.deng2022.domains import LEVER, pose_features
 from robotrue.calibration.deng2022.readings import Outside
 from robotrue.calibration.model import Prediction, Query
 from robotrue.calibration.tables import MeanTables

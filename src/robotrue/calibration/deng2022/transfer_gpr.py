@@ -3,12 +3,17 @@
 ``fit_deng2022`` is eq. 11-32 of Deng et al. 2022 under :class:`Readings`; ``fit_pose_gpr`` is what
 the paper compares it with, a Gaussian process on poses of one region. Both need positions in base.
 They are no entries of :data:`robotrue.calibration.methods.METHODS`: they need domains.
+
+``fit_boosted_poses`` takes source and target poses as they are, in base, and lowers the weight of
+rows that do not fit the target (eq. 19-25, with the source not aligned). It is the rival that a
+transfer with knowledge of the arm has to beat, for regions of any shape.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 import numpy as np
 
@@ -19,8 +24,14 @@ from robotrue.calibration.deng2022.alignment import (
     transferred,
 )
 from robotrue.calibration.deng2022.committee import Committee, boosted, single
-from robotrue.calibration.deng2022.domains import Domains, check_overlap, mapped_pairs, shared
-from robotrue.calibration.deng2022.features import attitude_reference, pose_features
+from robotrue.calibration.deng2022.domains import (
+    Domains,
+    attitude_reference,
+    check_overlap,
+    mapped_pairs,
+    pose_features,
+    shared,
+)
 from robotrue.calibration.deng2022.joined import Expert, PoseModel
 from robotrue.calibration.deng2022.readings import Readings
 from robotrue.calibration.lineage import describe_rows
@@ -34,7 +45,7 @@ from robotrue.measurement.measurement_set import MeasurementSet, concatenate
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel
 
-_LEAST = 8
+_FEWEST_POSES = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -218,9 +229,9 @@ def expert_of(
 
 
 def _enough(measurements: MeasurementSet, name: str) -> None:
-    if len(measurements) < _LEAST:
+    if len(measurements) < _FEWEST_POSES:
         raise ObservabilityError(
-            f"{len(measurements)} {name} poses, expected {_LEAST} or more.",
+            f"{len(measurements)} {name} poses, expected {_FEWEST_POSES} or more.",
             hint="a complete grid of a small region; the paper takes 126.",
         )
 
@@ -249,3 +260,67 @@ def pose_summary(
 
 def _said(alignment: Alignment) -> dict[str, float]:
     return {"angle_deg": alignment.angle / DEG, "ridge": alignment.ridge}
+
+
+READINGS: Final = Readings(rounds=5, outside="nearest")
+LEAST: Final = 3
+"""Target poses below which boosting has nothing to weigh the source by."""
+
+
+def fit_boosted_poses(
+    robot: RobotModel,
+    target: MeasurementSet,
+    sources: Sequence[MeasurementSet],
+    settings: FitSettings,
+) -> PoseModel:
+    """Returns a model of poses boosted from sources to the target.
+
+    Args:
+        robot: Nominal arm whose tool is the measured point.
+        target: At least :data:`LEAST` rows in base.
+        sources: In base, at least one.
+        settings: The repeatability is used.
+
+    Raises:
+        ObservabilityError: Too few target rows, or no source.
+        ModelMismatchError: Another number of joints, or sets in a tracker frame.
+    """
+    if len(target) < LEAST or not sources:
+        raise ObservabilityError(
+            f"{len(target)} target poses and {len(sources)} measured sources; boosting asks for "
+            f"{LEAST} and 1."
+        )
+    rows = concatenate([*sources, target])
+    reference = attitude_reference(robot, rows.joints)
+    few = labelled(robot, target, reference)
+    known = [labelled(robot, source, reference) for source in sources]
+    committee = boosted(
+        (few.features, few.errors),
+        (
+            np.concatenate([k.features for k in known]),
+            np.concatenate([k.errors for k in known]),
+        ),
+        READINGS,
+        target_weight=np.ones(len(target)),
+        output_weights=None,
+    )
+    return PoseModel(
+        robot=robot,
+        experts=(expert_of(_around(rows.position), committee, few, settings),),
+        reference=reference,
+        outside=READINGS.outside,
+        summary={
+            **pose_summary(rows, "boosted poses", inside=""),
+            "target_rows": len(target),
+        },
+    )
+
+
+def _around(points: Array) -> CylinderRegion:
+    """A full ring about joint 1 that holds all points."""
+    radius, height = np.hypot(points[:, 0], points[:, 1]), points[:, 2]
+    return CylinderRegion(
+        angle=(-np.pi, np.pi),
+        radius=(float(radius.min()), float(radius.max())),
+        height=(float(height.min()), float(height.max())),
+    )
