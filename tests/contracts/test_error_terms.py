@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from robotrue.calibration.arm import linear_rows, linearise_arm
+from robotrue.calibration.arm import linearise_arm, term_columns
 from robotrue.calibration.tables import rigid_tables
 from robotrue.calibration.terms import registry
 from robotrue.calibration.terms.backlash import Backlash
@@ -81,8 +81,8 @@ def test_a_term_that_is_not_linear_linearises_where_it_stands() -> None:
     at = ArmPostures(joints=JOINTS, torque=drive_torque(ROBOT, JOINTS))
     jacobian = parameter_jacobian(ROBOT, walk(ROBOT, JOINTS), JOINTS)[:, :3]
     residual = error(term, true)
-    far, _ = linear_rows(ROBOT, at, jacobian, (term,), np.array([2e-4, 0.0]))
-    (columns,), shift = linear_rows(ROBOT, at, jacobian, (term,), near)
+    far, _ = term_columns(ROBOT, at, jacobian, (term,), np.array([2e-4, 0.0]))
+    (columns,), shift = term_columns(ROBOT, at, jacobian, (term,), near)
     left = residual - shift - columns @ true
     assert np.abs(left).max() < 0.02 * np.abs(residual).max()
     assert np.abs(left).max() < 0.2 * np.abs(residual - far[0] @ true).max()

@@ -3,7 +3,8 @@
     error = chain(actual, q + drive shifts of the terms) + tip shifts - chain(nominal, q)
 
 Coefficients come in one order everywhere: the robot's error vector, then the parameters of each
-term. :func:`linear_rows` makes the columns of the terms for whatever is observed.
+term. :func:`robotrue.calibration.observations.linear_rows` makes the columns of whatever else is
+observed.
 """
 
 from __future__ import annotations
@@ -102,13 +103,13 @@ def linearise_arm(
     )
 
 
-def linear_rows(
+def term_columns(
     robot: RobotModel, at: ArmPostures, jacobian: Array, terms: Sequence[Term], values: Array | None
-) -> tuple[list[Array], Array | None]:
-    """Returns the columns of the terms for observed rows, and what their linear part leaves.
+) -> tuple[list[Array], Array]:
+    """Returns the columns of the terms for observed rows, and what their linear part leaves (n, m).
 
-    Rows of residuals r, taken without the terms, obey r = columns @ (all coefficients) + shift; the
-    shift is zero (None) where all terms are linear.
+    Residuals taken without the terms are columns @ (all coefficients) + what is left: zero where
+    all terms are linear.
 
     Args:
         robot: The arm with the errors it is linearised at.
@@ -119,19 +120,18 @@ def linear_rows(
     """
     by = sensitivity_of(robot, jacobian)
     columns: list[Array] = []
-    shift: Array | None = None
+    left = np.zeros(jacobian.shape[:2])
     for term, part in parts_of(terms, values):
         columns.append(term.columns(robot, at, by, part))
         if term.linear:
             continue
         effect = term.effect(robot, at, part)
-        moved = -columns[-1] @ part
+        left -= columns[-1] @ part
         if effect.drive_shift is not None:
-            moved = moved + np.einsum("nmd,nd->nm", by.drive, effect.drive_shift)
+            left += np.einsum("nmd,nd->nm", by.drive, effect.drive_shift)
         if effect.tip_shift is not None:
-            moved = moved + np.einsum("nmx,nx->nm", by.shift, effect.tip_shift)
-        shift = moved if shift is None else shift + moved
-    return columns, shift
+            left += np.einsum("nmx,nx->nm", by.shift, effect.tip_shift)
+    return columns, left
 
 
 def parts_of(terms: Sequence[Term], values: Array | None) -> Iterator[tuple[Term, Array]]:

@@ -9,17 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 
-from robotrue.calibration.arm import linear_rows
 from robotrue.calibration.evidence import Group, Sums, sums_of
 from robotrue.calibration.observations import (
     CHANNELS,
     PoseObservation,
-    Visited,
-    chunks_of,
+    PositionObservation,
+    linear_rows,
 )
 from robotrue.calibration.parameters import Layout, State, difference
 from robotrue.calibration.priors import LEARNED, Prior
@@ -29,12 +27,9 @@ from robotrue.calibration.terms.smooth import SmoothResidual
 from robotrue.calibration.terms.term import Term
 from robotrue.core.arrays import Array, BoolArray, IntArray
 
-ROWS: Final = 512
-"""Poses worked on at a time; bounds the memory."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rows:
+class WhitenedRows:
     """Some rows, whitened by their noise: n rows of m numbers, p columns.
 
     Attributes:
@@ -70,7 +65,7 @@ class Design:
         few: The rows are too few to say the scale of each band of ripple.
     """
 
-    observations: tuple[Visited, ...]
+    observations: tuple[PositionObservation | PoseObservation, ...]
     layout: Layout
     prior: Prior
     state: State
@@ -115,50 +110,58 @@ class Design:
         """Physical parameters of the state, counted from the prior mean."""
         return difference(self.layout, self.state, self.prior.centre)[self.free]
 
-    def rows(self, chosen: BoolArray | None = None) -> Iterator[Rows]:
+    def rows(self, chosen: BoolArray | None = None) -> Iterator[WhitenedRows]:
         """Yields the rows (of a mask over the measurement set, or all), some hundred at a time."""
-        for observation, part in chunks_of(self.observations, chosen, ROWS):
-            yield self._rows(observation, part)
+        about = np.zeros(self.layout.size)
+        about[self.free] = self.offset
+        learned = self.layout.size + np.arange(len(self.values))
+        used = np.concatenate([self.free, learned])[self.active]
+        for item in linear_rows(
+            self.observations, self.layout, self.state, about, self.terms, self.values, chosen
+        ):
+            lower = np.linalg.cholesky(item.total(self.noise))
+            inverse = np.linalg.inv(lower)
+            yield WhitenedRows(
+                columns=inverse @ item.columns[:, :, used],
+                values=(inverse @ item.values[:, :, None])[:, :, 0],
+                lower=np.asarray(lower, dtype=np.float64),
+                instrument=item.covariance,
+                rows=item.rows,
+            )
 
-    def _rows(self, observation: Visited, part: IntArray) -> Rows:
-        item = observation.linearise(self.layout, self.state, part)
-        at = observation.visits.postures(part)
-        learned, shift = linear_rows(self.state.robot, at, item.jacobian, self.terms, self.values)
-        physical = item.jacobian[:, :, self.free]
-        columns = np.concatenate([physical, *learned], axis=2)[:, :, self.active]
-        values = item.residual + physical @ self.offset
-        if shift is not None:
-            values = values - shift
-        size = item.residual.shape[1]
-        lower = np.linalg.cholesky(item.covariance + (self.noise @ item.white) * np.eye(size))
-        inverse = np.linalg.inv(lower)
-        return Rows(
-            columns=inverse @ columns,
-            values=(inverse @ values[:, :, None])[:, :, 0],
-            lower=np.asarray(lower, dtype=np.float64),
-            instrument=item.covariance,
-            rows=observation.rows[part],
-        )
+    def instrument(self, chosen: BoolArray | None = None) -> Array:
+        """Returns the mean variance (2,) per axis that rows state: m^2 of lengths, rad^2 of angles.
+
+        Zero where there are none.
+        """
+        total, count = np.zeros(CHANNELS), np.zeros(CHANNELS)
+        for observation in self.observations:
+            stated = np.diagonal(observation.covariance, axis1=1, axis2=2)
+            if chosen is not None:
+                stated = stated[chosen[observation.rows]]
+            for channel in range(stated.shape[1] // 3):
+                mine = stated[:, 3 * channel : 3 * channel + 3]
+                total[channel] += mine.sum()
+                count[channel] += mine.size
+        return np.asarray(total / np.maximum(count, 1.0))
+
+    def white_noise(self, tau: Array) -> Array:
+        """Returns the white variance (2,) behind factors (c,) on that of the whitening."""
+        known, noise = self.instrument()[: len(tau)], self.noise.copy()
+        noise[: len(tau)] = tau * (known + noise[: len(tau)]) - known
+        return noise
 
     def sums(self, chosen: BoolArray | None = None) -> list[Sums]:
         """Returns the sums of lengths and, where orientations were measured, of angles."""
         size = int(self.active.sum())
         posed = any(isinstance(o, PoseObservation) for o in self.observations)
+        stated = self.instrument(chosen)
         out = []
         for channel in range(CHANNELS if posed else 1):
-            found = sums_of(self._blocks(channel, chosen), size)
-            out.append(replace(found, least=self._stated(channel, chosen)) if self.few else found)
+            sums = sums_of(self._blocks(channel, chosen), size)
+            least = float(stated[channel] / (stated[channel] + self.noise[channel]))
+            out.append(replace(sums, least=least) if self.few else sums)
         return out
-
-    def _stated(self, channel: int, chosen: BoolArray | None) -> float:
-        """Mean share of the whitening's variance that instrument and repeatability state."""
-        place = slice(3 * channel, 3 * channel + 3)
-        stated = total = 0.0
-        for item in self.rows(chosen):
-            if item.values.shape[1] > 3 * channel:
-                stated += float(np.trace(item.instrument[:, place, place], axis1=1, axis2=2).sum())
-                total += float((item.lower[:, place] ** 2).sum())
-        return stated / total if total else 0.0
 
     def _blocks(
         self, channel: int, chosen: BoolArray | None

@@ -19,7 +19,8 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize
 
 from robotrue.calibration.drift import Drift, carry_over
-from robotrue.calibration.new_rows import NUISANCE_SD, Piece, left_out_lengths
+from robotrue.calibration.new_rows import NUISANCE_SD, left_out_lengths
+from robotrue.calibration.observations import LinearRows
 from robotrue.core.arrays import Array, IntArray
 
 STEPS: Final = 60
@@ -50,7 +51,7 @@ class Stack:
     row: IntArray
 
 
-def stack_rows(pieces: Sequence[Piece]) -> Stack:
+def stack_rows(pieces: Sequence[LinearRows]) -> Stack:
     """Returns the rows as one stack."""
     blocks = [block for piece in pieces for block in piece.covariance]
     known = np.zeros((sum(map(len, blocks)),) * 2)

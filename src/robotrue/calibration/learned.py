@@ -24,7 +24,6 @@ from robotrue.calibration.evidence import Sums, Weights, learn
 from robotrue.calibration.held_out import HeldOut, predict_held_out, temper_factor
 from robotrue.calibration.learned_assembly import LinearFit, assemble_model, day_shift
 from robotrue.calibration.observations import (
-    CHANNELS,
     observations_of,
 )
 from robotrue.calibration.parameters import retract
@@ -194,19 +193,10 @@ def renew_linearisation(at: LinearFit, *, steps: int) -> LinearFit:
     """Returns the fit with linearisation, robust weights and noise taken anew."""
     design, fit = at.design, at.weights
     robust = np.zeros(len(design.weights))
-    instrument, count = np.zeros(CHANNELS), np.zeros(CHANNELS)
     for item in design.rows():
         scale = np.repeat(np.sqrt(fit.noise), 3)[: item.values.shape[1]]
         off = (item.values - item.columns @ fit.mean) / scale
         robust[item.rows] = robust_weights(np.linalg.norm(off, axis=1), off.shape[1], design.loss)
-        for c in range(off.shape[1] // 3):
-            place = slice(3 * c, 3 * c + 3)
-            instrument[c] += np.trace(item.instrument[:, place, place], axis1=1, axis2=2).sum()
-            count[c] += 3 * len(item.rows)
-    known = instrument / np.maximum(count, 1.0)
-    noise = design.noise.copy()
-    for c, tau in enumerate(fit.noise):
-        noise[c] = max(float(tau) * (known[c] + noise[c]) - known[c], NOISE_FLOOR)
     step = np.zeros(design.layout.size)
     step[design.free] = fit.mean[: len(design.free)] - design.offset
     physical = len(design.free)
@@ -216,7 +206,7 @@ def renew_linearisation(at: LinearFit, *, steps: int) -> LinearFit:
         design,
         state=retract(design.layout, design.state, step),
         values=values,
-        noise=noise,
+        noise=np.maximum(design.white_noise(fit.noise), NOISE_FLOOR),
         weights=robust,
     )
     sums = moved.sums()

@@ -101,7 +101,7 @@ def _belief_of_fit(at: LinearFit, settings: FitSettings, inflation: float) -> Be
         terms=terms,
         mean=np.concatenate([state.robot.errors, mean[size:][kept]]),
         root=np.vstack([arm, day]),
-        white=float(np.sqrt(max(_white(design, fit), 0.0))),
+        white=float(np.sqrt(max(design.white_noise(fit.noise)[0], 0.0))),
         repeatability=settings.repeatability_sd,
         inflation=inflation,
         T_tracker_base=state.T_tracker_base,
@@ -127,12 +127,6 @@ def _model_terms(at: LinearFit, covered: IntArray) -> tuple[tuple[Term, ...], In
         else:
             terms.append(term)
     return tuple(terms), np.flatnonzero(kept)
-
-
-def _white(design: Design, fit: Weights) -> float:
-    known = [item.instrument[:, :3, :3] for item in design.rows()]
-    mean = float(np.trace(np.concatenate(known), axis1=1, axis2=2).mean()) / 3.0
-    return float(fit.noise[0]) * (mean + float(design.noise[0])) - mean
 
 
 def _summary(

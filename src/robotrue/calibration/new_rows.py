@@ -19,9 +19,14 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.calibration.arm import linear_rows
 from robotrue.calibration.belief import Belief, condition
-from robotrue.calibration.observations import Visited, chunks_of, observations_of, take_to_base
+from robotrue.calibration.observations import (
+    LinearRows,
+    Visited,
+    linear_rows,
+    observations_of,
+    take_to_base,
+)
 from robotrue.calibration.parameters import Layout, State, retract
 from robotrue.calibration.robust import Loss, weights
 from robotrue.calibration.settings import FitSettings
@@ -34,27 +39,6 @@ from robotrue.robot.model import RobotModel
 
 NUISANCE_SD: Final = 0.1
 """m and rad, about a start in closed form: far looser than any data."""
-ROWS: Final = 256
-"""Poses linearised at a time."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Piece:
-    """Rows of one kind: n rows of m numbers.
-
-    Attributes:
-        columns: (n, m, p) H.
-        values: (n, m) z.
-        covariance: (n, m, m) of instrument and repeatability.
-        white: (2, m) how often white noise of lengths and of angles adds to each number.
-        rows: (n,) rows of the set.
-    """
-
-    columns: Array
-    values: Array
-    covariance: Array
-    white: Array
-    rows: IntArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,31 +81,18 @@ class NewRows:
             T_flange_target=self.T_flange_target,
         )
 
-    def pieces(self, belief: Belief, chosen: BoolArray | None = None) -> list[Piece]:
+    def pieces(self, belief: Belief, chosen: BoolArray | None = None) -> list[LinearRows]:
         """Returns the rows (of a mask, or all), linearised at the belief's mean."""
+        size, whole, terms = self.layout.robot_size, self.layout.size, len(belief.values)
+        order = np.r_[:size, whole : whole + terms, size:whole]
+        about = np.concatenate([belief.errors, np.zeros(self.nuisances)])
         state = self._state(belief.actual)
         return [
-            self._piece(belief, state, observation, part)
-            for observation, part in chunks_of(self.observations, chosen, ROWS)
+            replace(rows, columns=rows.columns[:, :, order])
+            for rows in linear_rows(
+                self.observations, self.layout, state, about, belief.terms, belief.values, chosen
+            )
         ]
-
-    def _piece(self, belief: Belief, state: State, observation: Visited, part: IntArray) -> Piece:
-        item = observation.linearise(self.layout, state, part)
-        jacobian, size = item.jacobian, self.layout.robot_size
-        visits = observation.visits.postures(part)
-        learned, shift = linear_rows(state.robot, visits, jacobian, belief.terms, belief.values)
-        columns = np.concatenate([jacobian[:, :, :size], *learned, jacobian[:, :, size:]], axis=2)
-        at = np.concatenate([belief.errors, np.zeros(columns.shape[2] - size)])
-        values = item.residual + columns @ at
-        if shift is not None:
-            values = values - shift
-        return Piece(
-            columns=columns,
-            values=values,
-            covariance=item.covariance,
-            white=item.white,
-            rows=observation.rows[part],
-        )
 
 
 def new_rows(
@@ -184,7 +155,7 @@ def new_rows(
     )
 
 
-def whiten(pieces: Sequence[Piece], noise: Array, weights: Array) -> tuple[Array, Array]:
+def whiten(pieces: Sequence[LinearRows], noise: Array, weights: Array) -> tuple[Array, Array]:
     """Returns whitened columns (m, p) and values (m,) of the rows with weight.
 
     Args:
@@ -196,9 +167,10 @@ def whiten(pieces: Sequence[Piece], noise: Array, weights: Array) -> tuple[Array
     for piece in pieces:
         u = weights[piece.rows]
         kept = u > 0.0
-        size = piece.values.shape[1]
-        full = piece.covariance[kept] + (noise @ piece.white) * np.eye(size)
-        inverse_lower = np.linalg.inv(np.linalg.cholesky(full)) * np.sqrt(u[kept])[:, None, None]
+        inverse_lower = (
+            np.linalg.inv(np.linalg.cholesky(piece.total(noise)[kept]))
+            * np.sqrt(u[kept])[:, None, None]
+        )
         columns.append((inverse_lower @ piece.columns[kept]).reshape(-1, piece.columns.shape[2]))
         values.append((inverse_lower @ piece.values[kept][:, :, None]).reshape(-1))
     return np.concatenate(columns), np.concatenate(values)
@@ -267,7 +239,7 @@ def condition_on_rows(
 
 def weigh_innovations(
     belief: Belief,
-    pieces: Sequence[Piece],
+    pieces: Sequence[LinearRows],
     noise: Array,
     count: int,
     loss: Loss,
@@ -279,7 +251,7 @@ def weigh_innovations(
         n, m, p = piece.columns.shape
         half = (piece.columns.reshape(n * m, p) @ belief.root.T).reshape(n, m, -1)
         spread = half @ np.swapaxes(half, 1, 2)
-        total = inflation * (spread + piece.covariance + (noise @ piece.white) * np.eye(m))
+        total = inflation * (spread + piece.total(noise))
         off = piece.values - piece.columns @ belief.mean
         solved = np.linalg.solve(total, off[:, :, None])[:, :, 0]
         length = np.sqrt(np.maximum((off * solved).sum(axis=1), 0.0))

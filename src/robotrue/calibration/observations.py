@@ -13,8 +13,9 @@ from typing import Final, Protocol, TypeAlias
 
 import numpy as np
 
+from robotrue.calibration.arm import term_columns
 from robotrue.calibration.parameters import Layout, State
-from robotrue.calibration.terms.term import ArmPostures
+from robotrue.calibration.terms.term import ArmPostures, Term
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.poses import apply, inverse
 from robotrue.core.rotations import rotation_vector_from_matrix, skew
@@ -32,6 +33,8 @@ CHANNELS: Final = 2
 """Learned white noise: of lengths (m^2) and of angles (rad^2)."""
 CHUNK: Final = 2048
 """Rows linearised at a time: bounds the memory of the chain walk."""
+ROWS: Final = 512
+"""Rows at a time where terms have columns of their own."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -164,22 +167,66 @@ def linearise_all(
     )
 
 
-def chunks_of(
-    observations: Sequence[Visited], chosen: BoolArray | None, size: int
-) -> Iterator[tuple[Visited, IntArray]]:
-    """Yields the entries of each observation, at most ``size`` at a time.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinearRows:
+    """Rows of one kind, z = H x + noise: n rows of m numbers, p coefficients.
+
+    Attributes:
+        columns: (n, m, p) H.
+        values: (n, m) z.
+        covariance: (n, m, m) of instrument and repeatability.
+        white: (2, m) how often white noise of lengths and of angles adds to each number.
+        rows: (n,) rows of the set.
+    """
+
+    columns: Array
+    values: Array
+    covariance: Array
+    white: Array
+    rows: IntArray
+
+    def total(self, noise: Array) -> Array:
+        """Returns the covariance (n, m, m) with white variance (2,) of lengths and angles."""
+        out: Array = self.covariance + (noise @ self.white) * np.eye(self.values.shape[1])
+        return out
+
+
+def linear_rows(
+    observations: Sequence[Visited],
+    layout: Layout,
+    state: State,
+    about: Array,
+    terms: Sequence[Term],
+    values: Array,
+    chosen: BoolArray | None = None,
+) -> Iterator[LinearRows]:
+    """Yields rows over all coefficients: those of the layout, then the terms'; ROWS at a time.
 
     Args:
         observations: Of one measurement set.
+        layout: Physical parameters.
+        state: Where they are linearised.
+        about: (P,) their values there.
+        terms: Beyond them.
+        values: (k,) their parameters, where those that are not linear are linearised.
         chosen: Mask over the rows of the set; all if None.
-        size: Bounds the memory.
     """
     for observation in observations:
         entries = np.arange(len(observation.rows))
         if chosen is not None:
             entries = entries[chosen[observation.rows]]
-        for start in range(0, len(entries), size):
-            yield observation, entries[start : start + size]
+        for start in range(0, len(entries), ROWS):
+            part = entries[start : start + ROWS]
+            item = observation.linearise(layout, state, part)
+            at = observation.visits.postures(part)
+            learned, shift = term_columns(state.robot, at, item.jacobian, terms, values)
+            yield LinearRows(
+                columns=np.concatenate([item.jacobian, *learned], axis=2),
+                values=item.residual + item.jacobian @ about - shift,
+                covariance=item.covariance,
+                white=item.white,
+                rows=observation.rows[part],
+            )
 
 
 def join_chunks(parts: list[Array], observations: Sequence[Observation]) -> tuple[Array, ...]:

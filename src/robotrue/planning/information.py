@@ -20,7 +20,7 @@ from typing import Annotated, Any, Final
 
 import numpy as np
 
-from robotrue.calibration.arm import linear_rows
+from robotrue.calibration.arm import term_columns
 from robotrue.calibration.belief import Belief, standard_terms
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.observations import PositionObservation, observations_of
@@ -185,7 +185,7 @@ class LinearModel(Columns):
                 raise ModelMismatchError("planning is about points, not poses, of a reflector.")
             item = seen.linearise(layout, State(robot=robot))
             drive = item.jacobian[:, :, parameter_slice(robot.dof, "theta")] @ robot.joint_map
-            learned, _ = linear_rows(robot, seen.visits, item.jacobian, terms, None)
+            learned, _ = term_columns(robot, seen.visits, item.jacobian, terms, None)
             yield part, np.concatenate([item.jacobian, *learned], axis=2), drive, item.covariance
 
     def _rest(self, drive: Array) -> Array:
