@@ -13,7 +13,7 @@ from robotrue.calibration.nominal import NominalModel
 from robotrue.core.archive import archive_bytes
 from robotrue.errors import ModelMismatchError, ShapeError
 from robotrue.robot.forward import forward
-from robotrue.robot.identity import nominal_identity
+from robotrue.robot.model import nominal_identity
 
 
 def test_it_corrects_nothing_and_covers_arms_of_its_type():

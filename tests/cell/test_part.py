@@ -20,12 +20,11 @@ from robotrue.cell.toml_edit import (
     without_part,
     write_toml,
 )
-from robotrue.core.identity import ModelIdentity
+from robotrue.core.model_identity import ModelIdentity
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.errors import ConfigurationError, ShapeError
 from robotrue.measurement.tracker import one_sigma
-from robotrue.robot.identity import nominal_identity
-from robotrue.robot.model import RobotModel
+from robotrue.robot.model import RobotModel, nominal_identity
 from robotrue.robot.presets import preset
 from robotrue.robot.statics import Load
 

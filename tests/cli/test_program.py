@@ -19,7 +19,7 @@ from robotrue.core.units import DEG, MM, UM
 from robotrue.program.formats import read_job, read_program
 from robotrue.program.identity import read_identity
 from robotrue.program.program import FrameTable, Motion
-from robotrue.robot.identity import nominal_identity
+from robotrue.robot.model import nominal_identity
 from robotrue.robot.presets import preset
 from robotrue.store.model_file import read_model
 

@@ -8,10 +8,10 @@ import numpy as np
 
 from robotrue.calibration.model import Prediction, Query
 from robotrue.calibration.tables import MeanTables, rigid_tables
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.poses import inverse, pose_from_xyz_abc
 from robotrue.core.rotations import rotation_vector_from_matrix
 from robotrue.core.units import DEG, MM
-from robotrue.core.words import NO_WORD
 from robotrue.program.program import Motion, Program, Reason
 from robotrue.robot.forward import forward, walk
 from robotrue.robot.model import RobotModel, parameter_slice

@@ -13,15 +13,14 @@ import pytest
 from robotrue.calibration.model import Query
 from robotrue.calibration.tables import rigid_tables
 from robotrue.compensation import CompensationSettings, Status, compensate, unchanged
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.units import DEG
-from robotrue.core.words import NO_WORD
 from robotrue.errors import ConfigurationError
 from robotrue.program.program import Motion, Reason
-from robotrue.robot.configuration import kuka_status_turn
+from robotrue.robot.configuration import configuration_words, kuka_status_turn
 from robotrue.robot.forward import forward
 from robotrue.robot.presets import preset
 from robotrue.robot.statics import Load
-from robotrue.robot.words import configuration_words
 
 PAYLOAD = Load(mass=np.array([60.0]), com=np.array([[0.05, 0.0, 0.15]]))
 WRENCH = np.array([150.0, -300.0, 80.0, 2.0, -5.0, 9.0])

@@ -17,16 +17,16 @@ from robotrue.compensation import CompensationSettings, Status, compensate
 from robotrue.compensation.guessed import other_configurations
 from robotrue.compensation.stance import start_joints
 from robotrue.core.archive import Archive
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.units import DEG, MM
-from robotrue.core.words import NO_WORD
 from robotrue.errors import ConfigurationError
 from robotrue.program.formats import dialect
 from robotrue.program.program import FrameTable, Motion, Reason
+from robotrue.robot.configuration import configuration_words
 from robotrue.robot.forward import forward
 from robotrue.robot.makers import made_by
 from robotrue.robot.model import Configuration
 from robotrue.robot.presets import preset
-from robotrue.robot.words import configuration_words
 
 SIX = {"kuka": "KR160", "abb": "irb120", "yaskawa": "gp225", "fanuc": "r2000"}
 BENT = np.array([20.0, 10.0, 15.0, 25.0, 50.0, 30.0]) * DEG

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from robotrue.compensation import CompensationSettings, Status, compensate
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.poses import inverse
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
-from robotrue.core.words import NO_WORD
 from robotrue.program.formats import dialect
 from robotrue.program.program import FrameTable, Reason
+from robotrue.robot.configuration import configuration_words
 from robotrue.robot.forward import forward
 from robotrue.robot.presets import preset
-from robotrue.robot.words import configuration_words
 
 TABLE = FrameTable(bases={"1": cases.FRAME}, tools={"1": cases.TOOL})
 

@@ -5,7 +5,7 @@ import pytest
 from robotrue.compensation.compensate import compensate
 from robotrue.compensation.difference import Change, difference
 from robotrue.compensation.settings import CompensationSettings
-from robotrue.core.words import NO_WORD
+from robotrue.core.arm_words import NO_WORD
 from robotrue.errors import ModelMismatchError
 from robotrue.program.program import Program
 from robotrue.robot.forward import forward

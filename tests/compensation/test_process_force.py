@@ -16,10 +16,10 @@ from robotrue.compensation.process_force import (
     require_one_file,
 )
 from robotrue.compensation.process_force_file import read_force
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.rotations import matrix_from_abc, matrix_from_rotation_vector
 from robotrue.core.units import DEG, MM
-from robotrue.core.words import NO_WORD
 from robotrue.errors import ConfigurationError, FormatError, ShapeError
 from robotrue.program.cut_path import CutPath, cut_path
 from robotrue.program.program import Motion, Program, Reason

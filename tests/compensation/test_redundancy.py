@@ -16,18 +16,18 @@ from robotrue.compensation.redundancy_cost import across, bending, stiffness
 from robotrue.compensation.redundancy_path import dense_run, runs_of
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.status import Status
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.poses import pose, pose_from_xyz_abc
 from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector_from_matrix
 from robotrue.core.units import DEG, MM
-from robotrue.core.words import NO_WORD
 from robotrue.errors import ConfigurationError
 from robotrue.program.cut_path import cut_path
 from robotrue.program.program import Motion, Program, Reason
+from robotrue.robot.configuration import configuration_words
 from robotrue.robot.inverse import branches_of, inverse_path, require_opw
 from robotrue.robot.model import parameter_slice
 from robotrue.robot.spin import Grid, SpinSettings, best_way
 from robotrue.robot.statics import Load, deflected
-from robotrue.robot.words import configuration_words
 
 LIN, PTP, VIA, END = Motion.LIN, Motion.PTP, Motion.ARC_VIA, Motion.ARC_END
 Z = np.array([0.0, 0.0, 1.0])

@@ -14,18 +14,18 @@ from robotrue.compensation import CompensationSettings, Status, compensate
 from robotrue.compensation.split import plan_split
 from robotrue.compensation.split_apply import compensate_split, split_job
 from robotrue.compensation.split_deviation import job_deviation, job_moves, measured
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.poses import inverse
 from robotrue.core.rotations import abc_from_matrix, rotation_vector_from_matrix
 from robotrue.core.units import DEG, MM, UM
-from robotrue.core.words import NO_WORD
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.program.formats import dialect, inserter
 from robotrue.program.insertion import Obstacle
 from robotrue.program.orientation import OrientationRule
 from robotrue.program.program import FrameTable
+from robotrue.robot.configuration import configuration_words
 from robotrue.robot.forward import forward
 from robotrue.robot.presets import preset
-from robotrue.robot.words import configuration_words
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "program"))
 import insert_cases

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robotrue.core.words import NO_WORD
+from robotrue.core.arm_words import NO_WORD
 from robotrue.errors import FormatError
 from robotrue.program.formats import detect, dialect, dialects, read_job, write_program
 from robotrue.program.program import FrameTable, Motion, Program, Replacement

@@ -12,9 +12,9 @@ from types import FrameType
 import numpy as np
 from written import Job
 
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
-from robotrue.core.words import NO_WORD
 from robotrue.errors import ConfigurationError, RobotrueError, ShapeError
 from robotrue.program.formats import dialect
 from robotrue.program.program import FrameTable, Motion, Program, Reason, Replacement

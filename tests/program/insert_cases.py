@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.poses import inverse
 from robotrue.core.rotations import (
     abc_from_matrix,
@@ -18,7 +19,6 @@ from robotrue.core.rotations import (
     rotation_vector_from_matrix,
 )
 from robotrue.core.units import DEG, MM
-from robotrue.core.words import NO_WORD
 from robotrue.program.formats import dialect, inserter
 from robotrue.program.insertion import Insertion
 from robotrue.program.program import FrameTable, Motion, Program

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robotrue.core.words import NO_WORD
+from robotrue.core.arm_words import NO_WORD
 from robotrue.program.formats import dialect
 from robotrue.program.program import FrameTable, Program, Replacement
 

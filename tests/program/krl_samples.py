@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robotrue.core.words import NO_WORD
+from robotrue.core.arm_words import NO_WORD
 from robotrue.program.formats import dialect, read_job
 from robotrue.program.program import FrameTable, Program, Replacement
 

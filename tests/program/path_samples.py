@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.units import DEG
-from robotrue.core.words import NO_WORD
 from robotrue.program.formats import dialect
 from robotrue.program.orientation import OrientationRule
 from robotrue.program.program import FrameTable, Program, Reason, Replacement

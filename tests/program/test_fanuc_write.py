@@ -9,9 +9,9 @@ import pytest
 from fanuc_samples import JOINTS, POSE, body, changed_lines, read, record, shifted, text
 from krl_samples import body as krl_body
 
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG
-from robotrue.core.words import NO_WORD
 from robotrue.errors import ShapeError
 from robotrue.program.formats import dialect
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robotrue.core.identity import ModelIdentity, identity_from, require_same_model
+from robotrue.core.model_identity import ModelIdentity, identity_from, require_same_model
 from robotrue.errors import FormatError, ModelMismatchError
 from robotrue.program.identity import (
     ProgramIdentity,
@@ -17,7 +17,7 @@ from robotrue.program.identity import (
     require_compensable,
     write_identity,
 )
-from robotrue.robot.identity import nominal_identity
+from robotrue.robot.model import nominal_identity
 from robotrue.robot.presets import preset
 
 NOMINAL = ModelIdentity(kind="nominal", robot="KR", sha256="a" * 64)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from jbi_samples import HEAD, TABLE, P, body, read, text
 
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
-from robotrue.core.words import NO_WORD
 from robotrue.errors import FormatError, ShapeError
 from robotrue.program.formats import dialect
 from robotrue.program.program import FrameTable, Motion, Reason

@@ -9,9 +9,9 @@ import pytest
 from jbi_samples import HEAD, TABLE, P, body, read, shifted, text, written
 from krl_samples import body as krl_body
 
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG
-from robotrue.core.words import NO_WORD
 from robotrue.errors import ShapeError
 from robotrue.program.formats import dialect
 from robotrue.program.program import FrameTable

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from krl_samples import job, replacement, write
 
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
-from robotrue.core.words import NO_WORD
 from robotrue.program.program import FrameTable, Motion, Program, Reason, Replacement
 
 POINTS = 18_465

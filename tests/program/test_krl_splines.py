@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from krl_samples import body, changed_lines, job, read, replacement, write
 
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.units import MM
-from robotrue.core.words import NO_WORD
 from robotrue.program.external_axes import ExternalAxis
 from robotrue.program.program import FrameTable, Motion, Reason, Replacement
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from krl_samples import body, changed_lines, read, replacement, write
 
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.poses import inverse
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG
-from robotrue.core.words import NO_WORD
 from robotrue.errors import ShapeError
 from robotrue.program.formats.krl_write import _ROWS
 from robotrue.program.program import Replacement

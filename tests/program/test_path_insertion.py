@@ -8,9 +8,9 @@ import insert_cases as cases
 import numpy as np
 import pytest
 
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector_from_matrix
 from robotrue.core.units import DEG
-from robotrue.core.words import NO_WORD
 from robotrue.errors import ConfigurationError
 from robotrue.program.formats import dialect, inserter
 from robotrue.program.insertion import Insertion, Obstacle

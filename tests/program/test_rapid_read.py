@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from rapid_samples import FRAMES, REST, T_FIXTURE, module, move, read, replacement, target
 
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.units import DEG
-from robotrue.core.words import NO_WORD
 from robotrue.errors import FormatError
 from robotrue.program.formats import detect, dialect, read_job
 from robotrue.program.program import FrameTable, Motion, Reason

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from rapid_samples import REST, changed_lines, module, move, read, replacement, target, write
 
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.rotations import matrix_from_abc, quat_wxyz_from_matrix
 from robotrue.core.units import DEG
-from robotrue.core.words import NO_WORD
 from robotrue.errors import ShapeError
 
 TURN = matrix_from_abc(np.array([0.01, -0.02, 0.03]) * DEG)

@@ -12,7 +12,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "fuzz"))
 from languages import LANGUAGES
 from written import Pen
 
-from robotrue.core.words import NO_WORD
+from robotrue.core.arm_words import NO_WORD
 from robotrue.program.formats import dialect, inserter
 from robotrue.program.insertion import Insertion, Moves
 from robotrue.program.program import Motion, Program

@@ -9,9 +9,9 @@ from damaged import Edits, edited, edits, read_or_refused
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
-from robotrue.core.words import NO_WORD
 from robotrue.program.formats import dialect
 from robotrue.program.program import FrameTable, Program, Reason, Replacement
 

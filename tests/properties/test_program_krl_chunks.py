@@ -9,7 +9,7 @@ import numpy as np
 from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
 
-from robotrue.core.words import NO_WORD
+from robotrue.core.arm_words import NO_WORD
 from robotrue.program.formats import file_survey, read_job, write_program
 from robotrue.program.program import FrameTable, Program, Reason, Replacement
 from robotrue.program.program_chunk import Whole

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robotrue.core.words import NO_WORD
+from robotrue.core.arm_words import NO_WORD
 from robotrue.errors import FormatError
 from robotrue.program.formats import dialect
 from robotrue.program.program import FrameTable, Reason, Replacement

@@ -12,7 +12,7 @@ from validation_fakes import FakeModel, measured
 
 from robotrue.cell.part import PartFrame, PartTable
 from robotrue.compensation.difference import Difference
-from robotrue.core.identity import ModelIdentity
+from robotrue.core.model_identity import ModelIdentity
 from robotrue.errors import ConfigurationError, ModelMismatchError, ObservabilityError
 from robotrue.report.certificate import CertificateFacts, certificate_content, check_regions
 from robotrue.report.content import Fact, ReportContent, Table, Verdict

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.units import DEG
-from robotrue.core.words import NO_WORD
 from robotrue.errors import ReachError
 from robotrue.robot.configuration import (
     abb_confdata,
@@ -10,12 +10,12 @@ from robotrue.robot.configuration import (
     fanuc_config,
     joints_from_status_turn,
     kuka_status_turn,
+    renew_words,
     yaskawa_rconf,
 )
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import branches_of
 from robotrue.robot.presets import preset
-from robotrue.robot.words import renewed
 
 from .arms import TOOL, random_joints
 
@@ -122,12 +122,12 @@ def test_a_renewed_status_keeps_the_bits_that_name_no_branch():
     written = np.array([[0b1010, 3], [0b0010, 3], [0b1010, 3], [NO_WORD, NO_WORD]])
     before = np.array([[0b010, 3], [0b010, 3], [0b010, 3], [0b010, 3]])
     after = np.array([[0b110, 3], [0b110, 3], [0b010, 2], [0b110, 2]])
-    assert renewed("kuka", written, before, after).tolist() == [
+    assert renew_words("kuka", written, before, after).tolist() == [
         [0b1110, NO_WORD],
         [0b0110, NO_WORD],
         [NO_WORD, 2],
         [NO_WORD, NO_WORD],
     ]
-    assert renewed("abb", *(np.array([[k, 0, 0, 1]]) for k in (9, 0, 1))).tolist() == [
+    assert renew_words("abb", *(np.array([[k, 0, 0, 1]]) for k in (9, 0, 1))).tolist() == [
         [1, NO_WORD, NO_WORD, NO_WORD]
     ]

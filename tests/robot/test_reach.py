@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from robotrue.robot.forward import wrist_reach
 from robotrue.robot.presets import preset
-from robotrue.robot.reach import wrist_reach
 
 
 @pytest.mark.parametrize(

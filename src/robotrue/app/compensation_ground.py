@@ -22,7 +22,7 @@ from robotrue.compensation.process_force import DescribedForce
 from robotrue.compensation.stance import start_joints
 from robotrue.compensation.step_rule import StepRule
 from robotrue.core.arrays import Array
-from robotrue.core.identity import ModelIdentity
+from robotrue.core.model_identity import ModelIdentity
 from robotrue.core.provenance import Provenance
 from robotrue.errors import ConfigurationError
 from robotrue.program.identity import require_compensable

@@ -12,7 +12,7 @@ from robotrue.cell.cell_overlay import overlay_cell
 from robotrue.cell.config import read_cell
 from robotrue.cell.part import PartTable
 from robotrue.core.files import read_bytes
-from robotrue.core.identity import require_same_model
+from robotrue.core.model_identity import require_same_model
 from robotrue.core.provenance import Provenance, merge
 from robotrue.errors import ArchiveError, ConfigurationError, ModelMismatchError
 from robotrue.store.model_file import ZIP, read_model

@@ -8,10 +8,10 @@ from typing import Any
 from robotrue.calibration.model import ErrorModel
 from robotrue.core.archive import archive_bytes
 from robotrue.core.files import sha256
-from robotrue.core.identity import ModelIdentity
+from robotrue.core.model_identity import ModelIdentity
 from robotrue.core.provenance import Provenance, merge, provenance_from
 from robotrue.measurement.measurement_set import MeasurementSet
-from robotrue.robot.identity import nominal_identity
+from robotrue.robot.model import nominal_identity
 
 
 def model_hash(model: ErrorModel) -> str:

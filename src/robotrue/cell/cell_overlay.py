@@ -9,8 +9,7 @@ import numpy as np
 
 from robotrue.cell.cell import Cell
 from robotrue.errors import ConfigurationError, ModelMismatchError
-from robotrue.robot.identity import nominal_identity
-from robotrue.robot.model import RobotModel
+from robotrue.robot.model import RobotModel, nominal_identity
 
 _SAME = 1e-6  # rad by which joint limits may differ: they are printed
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from robotrue.core.arrays import Array
 from robotrue.core.columns import Column, Columns
-from robotrue.core.identity import ModelIdentity
+from robotrue.core.model_identity import ModelIdentity
 from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM

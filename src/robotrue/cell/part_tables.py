@@ -8,7 +8,7 @@ import numpy as np
 
 from robotrue.cell.part import PartFrame, PartTable
 from robotrue.cell.schema import CellFile, PartFrameTable
-from robotrue.core.identity import ModelIdentity
+from robotrue.core.model_identity import ModelIdentity
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.provenance import Provenance, SourceFile
 from robotrue.core.rotations import abc_from_matrix

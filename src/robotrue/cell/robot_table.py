@@ -14,9 +14,8 @@ from robotrue.cell.toml_edit import round_digits
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
-from robotrue.robot.identity import nominal_identity
 from robotrue.robot.makers import MAKERS, made_by
-from robotrue.robot.model import Configuration, RobotModel
+from robotrue.robot.model import Configuration, RobotModel, nominal_identity
 from robotrue.robot.presets import preset, preset_names
 
 _REACH: Final = (0.05, 20.0)

@@ -7,8 +7,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.arrays import Array
-from robotrue.core.words import NO_WORD
 
 KNOWN: Final = 0
 GUESSED: Final = 1

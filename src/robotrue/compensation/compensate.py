@@ -21,10 +21,10 @@ from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.setup import CompensationSetup, compensation_setup
 from robotrue.compensation.stance import first_stance
 from robotrue.compensation.status import Route, Status
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.arrays import Array
 from robotrue.core.progress import Progress, unheard
 from robotrue.core.units import UM
-from robotrue.core.words import NO_WORD
 from robotrue.program.program import Program, Reason, Replacement
 from robotrue.robot.statics import Load
 

@@ -9,21 +9,21 @@ import numpy as np
 from robotrue.compensation.row_notes import RowNote, row_note
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.status import Route, Status
+from robotrue.core.arm_words import NO_WORD, Maker
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.poses import inverse, pose
-from robotrue.core.words import NO_WORD, Maker
 from robotrue.errors import ModelMismatchError
 from robotrue.program.program import Motion, Program, Reason
-from robotrue.robot.inverse import inverse_batch, inverse_branches
-from robotrue.robot.model import RobotModel
-from robotrue.robot.opw import OpwGeometry, opw_geometry
-from robotrue.robot.words import (
+from robotrue.robot.configuration import (
     branch_fits,
     branch_words,
     configuration_words,
     on_turn,
-    renewed,
+    renew_words,
 )
+from robotrue.robot.inverse import inverse_batch, inverse_branches
+from robotrue.robot.model import RobotModel
+from robotrue.robot.opw import OpwGeometry, opw_geometry
 
 CALLED = {"kuka": "S and T", "abb": "confdata", "fanuc": "CONFIG", "yaskawa": "RCONF"}
 MISCOUNTED, ASTRAY, UNUSED, CROSSED = 0, 1, 2, 3
@@ -330,7 +330,7 @@ def new_words(
         )
         known = np.isfinite(nominal).all(axis=1)
         before[doubtful[known]] = configuration_words(robot, maker, nominal[known])
-    words = renewed(maker, written, before, after)
+    words = renew_words(maker, written, before, after)
     crossed = rows[(words != NO_WORD).any(axis=1)]
     notes: tuple[RowNote, ...] = ()
     if len(crossed):

@@ -24,21 +24,21 @@ from robotrue.compensation.redundancy_cost import across, bending, stiffness
 from robotrue.compensation.redundancy_path import DenseRun, Run, dense_run, runs_of
 from robotrue.compensation.redundancy_result import PostureQuality, SpinChoice
 from robotrue.compensation.settings import CompensationSettings
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
 from robotrue.core.poses import inverse as inverse_pose
 from robotrue.core.poses import pose
 from robotrue.core.rotations import matrix_from_rotation_vector, wrap
 from robotrue.core.units import DEG, UM
-from robotrue.core.words import NO_WORD
 from robotrue.errors import ConfigurationError
 from robotrue.program.cut_path import CutPath, cut_path
 from robotrue.program.program import Program
+from robotrue.robot.configuration import configuration_words, renew_words
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import branches_of, inverse_branches, require_opw
 from robotrue.robot.model import RobotModel
 from robotrue.robot.opw import OpwGeometry
 from robotrue.robot.spin import SpinSettings, Way, limit_cost, refined_way, singular_cost
-from robotrue.robot.words import configuration_words, renewed
 
 GAIN: Final = 0.05
 """Share of the cost that must be won, else a run stays as it is written."""
@@ -329,6 +329,6 @@ def _words(
         return out
     maker, written = program.words_of, program.words[rows]
     had, have = (configuration_words(robot, maker, joints[rows]) for joints in (before, after))
-    new = renewed(maker, written, had, have)
+    new = renew_words(maker, written, had, have)
     out[rows] = np.where(new == NO_WORD, written, new)
     return out

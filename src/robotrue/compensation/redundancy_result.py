@@ -9,9 +9,9 @@ import numpy as np
 
 from robotrue.compensation.result import Compensation
 from robotrue.compensation.status import Status
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.units import DEG, UM
-from robotrue.core.words import NO_WORD
 from robotrue.program.program import Program
 
 

@@ -16,9 +16,9 @@ from robotrue.compensation.row_notes import RowNote, merge_notes
 from robotrue.compensation.stance import Stance
 from robotrue.compensation.status import Status
 from robotrue.compensation.steps import NO_STEPS, Steps, joined, steps_of
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.units import DEG, UM
-from robotrue.core.words import NO_WORD
 from robotrue.program.formats import unfollowed
 from robotrue.program.program import Program, Replacement
 

@@ -10,16 +10,16 @@ import numpy as np
 
 from robotrue.compensation.split_deviation import JobDeviation, JobMoves, measured, sampled
 from robotrue.compensation.split_shapes import along
+from robotrue.core.arm_words import NO_WORD, WORDS
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.poses import inverse, pose
 from robotrue.core.units import UM
-from robotrue.core.words import NO_WORD, WORDS
 from robotrue.errors import ConfigurationError
 from robotrue.program.compensation_defaults import SPLIT_LIMIT
 from robotrue.program.insertion import Insertion, Obstacle, job_rows
 from robotrue.program.program import Motion, Program, Replacement
+from robotrue.robot.configuration import configuration_words
 from robotrue.robot.opw import opw_geometry
-from robotrue.robot.words import configuration_words
 
 _TRIED: Final = 8
 """Parts from which on a deviation that does not fall is that of a step in the correction."""

@@ -19,9 +19,9 @@ from robotrue.compensation.compensate import compensate
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.split_shapes import Shapes, along, loads
 from robotrue.compensation.status import Status
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector_from_matrix
-from robotrue.core.words import NO_WORD
 from robotrue.program.program import Motion, Program, Reason
 from robotrue.robot.model import Configuration, RobotModel
 

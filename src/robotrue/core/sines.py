@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Final
+from typing import Final
 
+from robotrue.core.arrays import Array
 from robotrue.core.compiled import EXACT, compiled
 
 TWO_OVER_PI: Final = 2.0 / math.pi
@@ -19,7 +20,7 @@ LARGEST: Final = 1e5
 
 
 @compiled(EXACT, inline=True)
-def sine_and_cosine(angle: Any) -> Any:
+def sine_and_cosine(angle: float) -> tuple[float, float]:
     """Returns both; |error| < 2e-16.
 
     Angles up to ``LARGEST``: quarter turns are taken off in two parts, Taylor series do the rest.
@@ -53,21 +54,21 @@ def sine_and_cosine(angle: Any) -> Any:
 
 
 @compiled(EXACT, inline=True)
-def sines(angle: Any, count: Any, out: Any) -> None:
+def sines(angle: Array, count: int, out: Array) -> None:
     """Writes the sines of ``count`` angles, then their cosines, to ``out``; |error| < 2e-16."""
     for n in range(count):
         out[n], out[count + n] = sine_and_cosine(angle[n])
 
 
 @compiled(EXACT)
-def write_sines(angle: Any, sine: Any, cosine: Any) -> None:
+def write_sines(angle: Array, sine: Array, cosine: Array) -> None:
     """Writes sine and cosine of all angles; |error| < 2e-16."""
     for n in range(len(angle)):
         sine[n], cosine[n] = sine_and_cosine(angle[n])
 
 
 @compiled(EXACT, inline=True)
-def arc_tangent(y: Any, x: Any) -> Any:
+def arc_tangent(y: float, x: float) -> float:
     """Returns atan2(y, x) in rad; |error| < 5e-16. Two zeros give zero, what is not finite NaN.
 
     A polynomial serves up to a sixteenth of a turn, reflections do the rest.
@@ -96,7 +97,7 @@ def arc_tangent(y: Any, x: Any) -> Any:
 
 
 @compiled(EXACT, inline=True)
-def arc_tangents(rows: Any, sine: Any, cosine: Any, count: Any, out: Any) -> None:
+def arc_tangents(rows: Array, sine: int, cosine: int, count: int, out: int) -> None:
     """Writes atan2 of ``count`` sines and cosines, in rad.
 
     ``sine``, ``cosine`` and ``out`` are where each begins in ``rows``.

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from robotrue.core.files import read_bytes, sha256, write_atomic
-from robotrue.core.identity import ModelIdentity, identity_from, require_same_model
+from robotrue.core.model_identity import ModelIdentity, identity_from, require_same_model
 from robotrue.core.provenance import MEASURED, Provenance, provenance_from
 from robotrue.errors import FormatError, ModelMismatchError
 

@@ -13,9 +13,9 @@ from typing import Annotated, Any, Final, Literal, Protocol, TypeAlias
 
 import numpy as np
 
+from robotrue.core.arm_words import WORDS, Maker
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.columns import EMPTY, Column, Columns
-from robotrue.core.words import WORDS, Maker
 from robotrue.program.external_axes import ExternalAxis
 from robotrue.program.orientation import OrientationRule
 
@@ -78,7 +78,7 @@ class Program(Columns):
         axes: (n, dof) rad, the controller's axis values of axis targets; NaN otherwise.
         motion: (n,) :class:`Motion`.
         reason: (n,) :class:`Reason`.
-        words: (n, w) configuration words as written, columns of :mod:`robotrue.core.words`;
+        words: (n, w) configuration words as written, columns of :mod:`robotrue.core.arm_words`;
             ``NO_WORD`` where one is absent.
         words_of: Whose words they are.
         line: (n,) one-based line of the target.

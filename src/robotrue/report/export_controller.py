@@ -35,9 +35,9 @@ from robotrue.report.export_losses import (
     measure_loss,
     require_named,
 )
+from robotrue.robot.chain import error_pose
 from robotrue.robot.forward import forward, parameter_jacobian, walk
 from robotrue.robot.model import RobotModel, parameter_slice
-from robotrue.robot.urdf_writer import error_pose
 
 CANNOT: Final = tuple(export_parts())
 LEVER: Final = 0.25

@@ -23,8 +23,8 @@ from robotrue.report.export_losses import (
     require_named,
 )
 from robotrue.report.export_urdf import rigid
+from robotrue.robot.chain import error_pose
 from robotrue.robot.model import RobotModel
-from robotrue.robot.urdf_writer import error_pose
 
 CANNOT: Final = ("ripple", "backlash", "residual")
 """What has no column."""

@@ -75,7 +75,7 @@ def link_constants(robot: RobotModel, T_flange_tool: Array | None = None) -> Arr
     """
     if T_flange_tool is None:
         T_flange_tool = robot.T_flange_tool @ error_pose(robot.error("tool"))
-    before, behind = _around_joints(robot)
+    before, behind = around_joints(robot)
     constants = [error_pose(robot.error("base")) @ before[0]]
     constants += [behind[i] @ before[i + 1] for i in range(robot.dof - 1)]
     constants.append(behind[-1] @ T_flange_tool)
@@ -96,7 +96,7 @@ def link_frames(robot: RobotModel) -> Array:
 
     Centres of mass and inertias of a robot model are given in link frames; the last is the flange.
     """
-    return np.array(_around_joints(robot.nominal())[1])
+    return np.array(around_joints(robot.nominal())[1])
 
 
 def link_masses(robot: RobotModel) -> np.ndarray[tuple[int], np.dtype[np.void]]:
@@ -113,34 +113,31 @@ def link_masses(robot: RobotModel) -> np.ndarray[tuple[int], np.dtype[np.void]]:
 
 def error_pose(values: Array) -> Array:
     """Returns Tx Ty Tz Rx Ry Rz (4, 4) of six errors, m and rad."""
-    turned = _turn("x", values[3]) @ _turn("y", values[4]) @ _turn("z", values[5])
+    turned = turn_about("x", values[3]) @ turn_about("y", values[4]) @ turn_about("z", values[5])
     return pose(turned[:3, :3], values[:3])
 
 
-def _around_joints(robot: RobotModel) -> tuple[list[Array], list[Array]]:
-    """Returns what stands before and behind the turn of each joint."""
+def around_joints(robot: RobotModel) -> tuple[list[Array], list[Array]]:
+    """Returns the constant transforms before and behind the turn of each joint, (4, 4) each."""
     d = robot.d + robot.error("d")
     a = robot.a + robot.error("a")
     alpha = robot.alpha + robot.error("alpha")
     beta = robot.error("beta")
     before, behind = [], []
     for i in range(robot.dof):
-        along_z = _shift(0.0, d[i])
-        side = _shift(a[i], 0.0)
+        along_z = pose(np.eye(3), np.array([0.0, 0.0, d[i]]))
+        side = pose(np.eye(3), np.array([a[i], 0.0, 0.0]))
         if robot.convention == "dh":
             before.append(np.eye(4))
-            behind.append(along_z @ side @ _turn("x", alpha[i]) @ _turn("y", beta[i]))
+            behind.append(along_z @ side @ turn_about("x", alpha[i]) @ turn_about("y", beta[i]))
         else:
-            before.append(_turn("x", alpha[i]) @ side @ _turn("y", beta[i]))
+            before.append(turn_about("x", alpha[i]) @ side @ turn_about("y", beta[i]))
             behind.append(along_z)
     return before, behind
 
 
-def _shift(x: float, z: float) -> Array:
-    return pose(np.eye(3), np.array([x, 0.0, z]))
-
-
-def _turn(axis: str, angle: float) -> Array:
+def turn_about(axis: str, angle: float) -> Array:
+    """Returns the pose (4, 4) turned by an angle in rad about x, y or z."""
     abc = np.zeros(3)
-    abc[{"z": 0, "y": 1, "x": 2}[axis]] = angle
+    abc["zyx".index(axis)] = angle
     return pose(matrix_from_abc(abc), np.zeros(3))

@@ -1,4 +1,4 @@
-"""Configuration words of the controllers, from joints; and joints from KUKA's status and turn.
+"""Configuration words of the controllers, from joints; which joints words ask for.
 
 A Cartesian target says where the tool is, not how the arm gets there. Each brand adds words that
 do: which of the eight branches, which turn of an axis. All need an ortho-parallel arm with a
@@ -15,7 +15,8 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.core.arm_words import NO_WORD, WORDS, Maker
+from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
 from robotrue.core.poses import inverse as inverse_pose
 from robotrue.core.rotations import wrap
 from robotrue.errors import ConfigurationError, ReachError
@@ -27,6 +28,23 @@ EDGE: Final = 1e-6
 """rad; an angle nearer than this to the edge of two words satisfies both."""
 _TURN: Final = 2.0 * np.pi
 _QUARTER: Final = np.pi / 2.0
+KUKA_SHAPE: Final = 7
+"""Bits of S that name the branch; bit 3 says how the point was taught."""
+_BRANCH: Final[dict[str, tuple[int, ...]]] = {
+    "kuka": (0,),
+    "abb": (3,),
+    "fanuc": (0, 1, 2),
+    "yaskawa": (0, 1, 2),
+}
+"""Columns that name the branch."""
+_TURNS: Final[dict[str, dict[int, int]]] = {
+    "kuka": dict.fromkeys(range(6), 1),
+    "abb": {0: 0, 3: 1, 5: 2},
+    "fanuc": {3: 3, 4: 4, 5: 5},
+    "yaskawa": {3: 3, 5: 4, 0: 5},
+}
+"""Axis (from 0) and the column that speaks of its turn."""
+_LIMIT_SLACK: Final = 1e-9
 
 
 def controller_axes(robot: RobotModel, joints: Array) -> Array:
@@ -95,8 +113,9 @@ def joints_from_status_turn(
     options = inverse_branches(robot, T, reference=seed, geometry=geometry)[0]
     options = options[~np.isnan(options).any(axis=1)]
     fitting = options[[_has_status(robot, geometry, q, status) for q in options]]
-    found = [_with_turn(robot, q, turn, seed) for q in fitting]
-    inside = np.array([q for q in found if q is not None]).reshape(-1, 6)
+    wanted = np.full((len(fitting), 2), [NO_WORD, NO_WORD if turn is None else turn])
+    turned, allowed = on_turn(robot, "kuka", fitting, wanted, near=seed)
+    inside = turned[allowed]
     if not len(inside):
         words = f"S {status}" + ("" if turn is None else f", T {turn}")
         have = sorted({int(kuka_status_turn(robot, q)[0]) for q in options})
@@ -117,25 +136,6 @@ def _has_status(robot: RobotModel, geometry: OpwGeometry, joints: Array, status:
     have = int(kuka_status_turn(robot, joints)[0])
     different = (have ^ status) & 7
     return all(on_edge[bit] for bit in range(3) if different >> bit & 1)
-
-
-def _with_turn(robot: RobotModel, joints: Array, turn: int | None, seed: Array) -> Array | None:
-    """Joints on the turn that T asks for, inside the limits and nearest to the seed."""
-    counting = _counting(robot)
-    out = np.empty(6)
-    for i in range(6):
-        lower, upper = robot.limits[i] + np.array([-1e-9, 1e-9])
-        first = int(np.ceil((lower - joints[i]) / _TURN))
-        last = int(np.floor((upper - joints[i]) / _TURN))
-        choices = joints[i] + _TURN * np.arange(first, last + 1)
-        if turn is not None:
-            axis = counting.sign[i] * choices + counting.offset[i]
-            negative = bool(turn >> i & 1)
-            choices = choices[((axis < 0.0) == negative) | (np.abs(axis) < EDGE)]
-        if not len(choices):
-            return None
-        out[i] = choices[np.argmin(np.abs(choices - seed[i]))]
-    return out
 
 
 def abb_confdata(robot: RobotModel, joints: Array) -> IntArray:
@@ -207,3 +207,113 @@ def yaskawa_rconf(robot: RobotModel, joints: Array) -> IntArray:
     beyond = [np.abs(axes[..., i]) > np.pi for i in (3, 5, 0)]
     fields = [no_flip, fold < 0.0, ahead < 0.0, *beyond]
     return np.stack([np.asarray(f) for f in fields], axis=-1).astype(np.int64)
+
+
+def configuration_words(robot: RobotModel, maker: Maker, joints: Array) -> IntArray:
+    """Returns the words (..., w) of joints q (..., 6) rad.
+
+    Raises:
+        ConfigurationError: Not an ortho-parallel arm.
+    """
+    if maker == "kuka":
+        return np.stack(kuka_status_turn(robot, joints), axis=-1)
+    if maker == "abb":
+        return abb_confdata(robot, joints)
+    if maker == "fanuc":
+        return fanuc_words(robot, joints)
+    if maker == "yaskawa":
+        return yaskawa_rconf(robot, joints)
+    return np.zeros((*np.shape(joints)[:-1], WORDS[maker]), dtype=np.int64)
+
+
+def branch_words(maker: Maker, words: IntArray) -> IntArray:
+    """Returns of words (n, w) what names the branch (n, b); ``NO_WORD`` where it is not written."""
+    out = words[:, _BRANCH.get(maker, ())]
+    mask = KUKA_SHAPE if maker == "kuka" else -1
+    return np.where(out == NO_WORD, out, out & mask)
+
+
+def branch_fits(maker: Maker, wanted: IntArray, have: IntArray) -> BoolArray:
+    """Returns which branches (n, b) with words ``have`` (n, b, w) are those of ``wanted`` (n, w).
+
+    Words that are not written fit any branch.
+    """
+    out = np.ones(have.shape[:2], dtype=np.bool_)
+    mask = KUKA_SHAPE if maker == "kuka" else -1
+    for column in _BRANCH.get(maker, ()):
+        asked = wanted[:, None, column]
+        out &= (asked == NO_WORD) | ((have[:, :, column] & mask) == (asked & mask))
+    return out
+
+
+def on_turn(
+    robot: RobotModel, maker: Maker, joints: Array, wanted: IntArray, *, near: Array | None = None
+) -> tuple[Array, BoolArray]:
+    """Returns joints (n, 6) rad on the turns that words ask for, and whether the limits allow it.
+
+    Of several turns that fit the nearest is taken. An axis nearer than ``EDGE`` to where its word
+    changes fits both.
+
+    Args:
+        robot: The arm.
+        maker: Whose words.
+        joints: (n, 6) rad, any turn.
+        wanted: (n, w).
+        near: (6,) rad; zero of the controller's axes if not given.
+    """
+    out, good = np.array(joints), np.ones(len(joints), dtype=np.bool_)
+    if robot.controller is None:
+        return out, good
+    turns = _TURNS.get(maker, {})
+    for i in range(6):
+        best = np.full(len(joints), np.inf)
+        for k in (0, -1, 1):
+            q = joints[:, i] + 2.0 * np.pi * k
+            axis = robot.controller.sign[i] * q + robot.controller.offset[i]
+            allowed = (q >= robot.limits[i, 0] - _LIMIT_SLACK) & (
+                q <= robot.limits[i, 1] + _LIMIT_SLACK
+            )
+            if i in turns:
+                allowed &= _axis_fits(maker, i, axis, wanted[:, turns[i]])
+            apart = np.abs(axis if near is None else q - near[i])
+            better = allowed & (apart < best)
+            out[better, i] = q[better]
+            best[better] = apart[better]
+        good &= np.isfinite(best)
+    return out, good
+
+
+def renew_words(maker: Maker, written: IntArray, before: IntArray, after: IntArray) -> IntArray:
+    """Returns the words (n, w) to write, ``NO_WORD`` where what is written stays.
+
+    A word is renewed only where the correction changes it: where a controller counts otherwise
+    than this module says, the program's own words stand.
+
+    Args:
+        maker: Whose words.
+        written: (n, w) in the program.
+        before: (n, w) of the joints of the target as written.
+        after: (n, w) of the joints that will be commanded.
+    """
+    value = after.copy()
+    same = before == after
+    if maker == "kuka":
+        old = written[:, 0]
+        value[:, 0] = (after[:, 0] & KUKA_SHAPE) | (old & ~KUKA_SHAPE)
+    return np.where(same | (written == NO_WORD), NO_WORD, value).astype(np.int64)
+
+
+def _axis_fits(maker: Maker, axis: int, value: Array, word: IntArray) -> BoolArray:
+    """Whether axis values (n,) rad of the controller have the turn of a word (n,)."""
+    low, high = (_axis_word(maker, axis, value + shift, word) for shift in (-EDGE, EDGE))
+    return np.asarray((word == NO_WORD) | low | high)
+
+
+def _axis_word(maker: Maker, axis: int, value: Array, word: IntArray) -> BoolArray:
+    if maker == "kuka":
+        return np.asarray((value < 0.0) == ((word >> axis) & 1 == 1))
+    if maker == "abb":
+        return np.asarray(np.floor(value / (0.5 * np.pi)) == word)
+    if maker == "fanuc":
+        return np.asarray(np.rint(value / (2.0 * np.pi)) == word)
+    return np.asarray((np.abs(value) > np.pi) == (word == 1))

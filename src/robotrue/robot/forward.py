@@ -7,6 +7,7 @@ through p moves the tool point x by u x (x - p), a translation along u by u.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,9 @@ from robotrue.core.arrays import Array
 from robotrue.robot.model import RobotModel, parameter_slice
 
 X, Y, Z = 0, 1, 2
+LINK = -1
+"""Number of a mark that is the frame of a link."""
+_REACH_STEPS = 91  # postures of shoulder and of elbow that are tried for the reach
 _BLOCK = 4096  # poses walked at a time in forward(), so that the frame stays in the cache
 
 
@@ -73,6 +77,8 @@ class _Walker:
         self.origin = np.zeros((3, n))
 
     def rotate(self, axis: int, angle: Array | float) -> tuple[Array, Array]:
+        if isinstance(angle, float) and angle == 0.0:
+            return self.columns[axis], self.origin
         j, k = (axis + 1) % 3, (axis + 2) % 3
         cosine, sine = np.cos(angle), np.sin(angle)
         cj, ck = self.columns[j], self.columns[k]
@@ -85,14 +91,24 @@ class _Walker:
 
     def translate(self, axis: int, length: float) -> tuple[Array, Array]:
         before = self.origin
+        if length == 0.0:
+            return self.columns[axis], before
         self.origin = before + length * self.columns[axis]
         return self.columns[axis], before
 
     def place(self, transform: Array) -> None:
+        if np.array_equal(transform, np.eye(4)):
+            return
         stack = np.stack(self.columns, axis=1)  # (3, 3, n): [row, column, pose]
         self.origin = self.origin + np.einsum("rcn,c->rn", stack, transform[:3, 3])
         turned = np.einsum("rcn,ck->rkn", stack, transform[:3, :3])
         self.columns = [np.ascontiguousarray(turned[:, k]) for k in range(3)]
+
+    def copy(self) -> _Walker:
+        """Returns the frame as it is now; its arrays are replaced, never changed."""
+        copy = object.__new__(_Walker)
+        copy.columns, copy.origin = list(self.columns), self.origin
+        return copy
 
     def rotation(self) -> Array:
         return np.moveaxis(np.stack(self.columns, axis=1), -1, 0)
@@ -125,17 +141,14 @@ def walk(robot: RobotModel, joints: Array, shift: Array | None = None) -> ChainS
             (see :func:`robotrue.robot.statics.deflected`).
     """
     theta = joint_angles(robot, joints, shift)
-    n, dof = theta.shape
-    marks: dict[int, tuple[Array, Array]] = {}
-    links: list[tuple[Array, Array]] = []
-    walker = _Walker(n)
+    dof = robot.dof
     base, tool = 5 * dof, 5 * dof + 6
-    _error_pose(walker, robot.error("base"), base, marks)
-    for i in range(dof):
-        _link(walker, robot, theta[:, i], i, marks)
-        links.append((walker.rotation(), walker.position()))
-    walker.place(robot.T_flange_tool)
-    _error_pose(walker, robot.error("tool"), tool, marks)
+    walker, links, marks = _Walker(len(theta)), list[_Walker](), dict[int, tuple[Array, Array]]()
+    for number, mark in _walk_chain(walker, robot, theta):
+        if number == LINK:
+            links.append(walker.copy())
+        marks[number] = mark
+    rotations = [link.rotation() for link in links]
     count = 5 * dof + 12
     is_rotation = np.zeros(count, dtype=bool)
     is_rotation[: 2 * dof] = np.repeat([True, False], dof)
@@ -148,42 +161,50 @@ def walk(robot: RobotModel, joints: Array, shift: Array | None = None) -> ChainS
         param_axis=np.stack([marks[k][0].T for k in range(count)], axis=1),
         param_origin=np.stack([marks[k][1].T for k in range(count)], axis=1),
         param_is_rotation=is_rotation,
-        link_rotation=np.stack([r for r, _ in links], axis=1),
-        link_position=np.stack([p for _, p in links], axis=1),
-        flange_rotation=links[-1][0],
-        flange_position=links[-1][1],
+        link_rotation=np.stack(rotations, axis=1),
+        link_position=np.stack([link.position() for link in links], axis=1),
+        flange_rotation=rotations[-1],
+        flange_position=links[-1].position(),
     )
 
 
-def _error_pose(
-    walker: _Walker, values: Array, start: int, marks: dict[int, tuple[Array, Array]]
-) -> None:
-    for k in range(3):
-        marks[start + k] = walker.translate(k, float(values[k]))
-    for k in range(3):
-        marks[start + 3 + k] = walker.rotate(k, float(values[3 + k]))
+def _walk_chain(
+    walker: _Walker, robot: RobotModel, theta: Array
+) -> Iterator[tuple[int, tuple[Array, Array]]]:
+    """Walks down to the tool; yields number, axis and origin (3, n) of each elementary error.
 
-
-def _link(
-    walker: _Walker, robot: RobotModel, theta: Array, i: int, marks: dict[int, tuple[Array, Array]]
-) -> None:
+    ``LINK`` stands for the number where a link's frame is reached. Nothing is kept here, so that
+    a walk that needs the last frame alone stays in the cache.
+    """
     dof = robot.dof
-    d = float(robot.d[i] + robot.error("d")[i])
-    a = float(robot.a[i] + robot.error("a")[i])
-    alpha = float(robot.alpha[i] + robot.error("alpha")[i])
-    beta = float(robot.error("beta")[i])
-    if robot.convention == "dh":
-        marks[i] = walker.rotate(Z, theta)
-        marks[dof + i] = walker.translate(Z, d)
-        marks[2 * dof + i] = walker.translate(X, a)
-        marks[3 * dof + i] = walker.rotate(X, alpha)
-        marks[4 * dof + i] = walker.rotate(Y, beta)
-    else:
-        marks[3 * dof + i] = walker.rotate(X, alpha)
-        marks[2 * dof + i] = walker.translate(X, a)
-        marks[4 * dof + i] = walker.rotate(Y, beta)
-        marks[i] = walker.rotate(Z, theta)
-        marks[dof + i] = walker.translate(Z, d)
+    d, a = (robot.d + robot.error("d")).tolist(), (robot.a + robot.error("a")).tolist()
+    alpha, beta = (robot.alpha + robot.error("alpha")).tolist(), robot.error("beta").tolist()
+    yield from _error_pose(walker, robot.error("base"), 5 * dof)
+    for i in range(dof):
+        if robot.convention == "dh":
+            yield i, walker.rotate(Z, theta[:, i])
+            yield dof + i, walker.translate(Z, d[i])
+            yield 2 * dof + i, walker.translate(X, a[i])
+            yield 3 * dof + i, walker.rotate(X, alpha[i])
+            yield 4 * dof + i, walker.rotate(Y, beta[i])
+        else:
+            yield 3 * dof + i, walker.rotate(X, alpha[i])
+            yield 2 * dof + i, walker.translate(X, a[i])
+            yield 4 * dof + i, walker.rotate(Y, beta[i])
+            yield i, walker.rotate(Z, theta[:, i])
+            yield dof + i, walker.translate(Z, d[i])
+        yield LINK, (walker.origin, walker.origin)
+    walker.place(robot.T_flange_tool)
+    yield from _error_pose(walker, robot.error("tool"), 5 * dof + 6)
+
+
+def _error_pose(
+    walker: _Walker, values: Array, start: int
+) -> Iterator[tuple[int, tuple[Array, Array]]]:
+    for k in range(3):
+        yield start + k, walker.translate(k, float(values[k]))
+    for k in range(3):
+        yield start + 3 + k, walker.rotate(k, float(values[3 + k]))
 
 
 def forward(robot: RobotModel, joints: Array, shift: Array | None = None) -> Array:
@@ -200,50 +221,13 @@ def forward(robot: RobotModel, joints: Array, shift: Array | None = None) -> Arr
     for start in range(0, len(theta), _BLOCK):
         block = theta[start : start + _BLOCK]
         walker = _Walker(len(block))
-        _pose_only(walker, robot, block)
+        for _ in _walk_chain(walker, robot, block):
+            pass
         part = out[start : start + _BLOCK]
         for k in range(3):
             part[:, :3, k] = walker.columns[k].T
         part[:, :3, 3] = walker.origin.T
     return out
-
-
-def _pose_only(walker: _Walker, robot: RobotModel, theta: Array) -> None:
-    """Walks like :func:`walk`, without marks and without lengths and angles that are zero."""
-
-    def turn(axis: int, angle: float) -> None:
-        if angle != 0.0:
-            walker.rotate(axis, angle)
-
-    def move(axis: int, length: float) -> None:
-        if length != 0.0:
-            walker.translate(axis, length)
-
-    def offset(values: Array) -> None:
-        for k in range(3):
-            move(k, float(values[k]))
-        for k in range(3):
-            turn(k, float(values[3 + k]))
-
-    offset(robot.error("base"))
-    d, a = robot.d + robot.error("d"), robot.a + robot.error("a")
-    alpha, beta = robot.alpha + robot.error("alpha"), robot.error("beta")
-    for i in range(robot.dof):
-        if robot.convention == "dh":
-            walker.rotate(Z, theta[:, i])
-            move(Z, float(d[i]))
-            move(X, float(a[i]))
-            turn(X, float(alpha[i]))
-            turn(Y, float(beta[i]))
-        else:
-            turn(X, float(alpha[i]))
-            move(X, float(a[i]))
-            turn(Y, float(beta[i]))
-            walker.rotate(Z, theta[:, i])
-            move(Z, float(d[i]))
-    if not np.array_equal(robot.T_flange_tool, np.eye(4)):
-        walker.place(robot.T_flange_tool)
-    offset(robot.error("tool"))
 
 
 def joint_jacobian(robot: RobotModel, state: ChainState) -> Array:
@@ -289,3 +273,19 @@ def _columns(state: ChainState, which: slice) -> Array:
     linear = np.where(turning, np.cross(axis, arm), axis)
     angular = np.where(turning, axis, 0.0)
     return np.swapaxes(np.concatenate([linear, angular], axis=2), 1, 2)
+
+
+def wrist_reach(robot: RobotModel) -> float:
+    """Returns the largest distance in m of the wrist from the first axis, to about 0.1 %.
+
+    The wrist is where the last axis but one lies; shoulder and elbow are the axes that move it in a
+    plane. :attr:`RobotModel.reach` is a bound that no posture exceeds, tool included.
+    """
+    elbow = 2 if robot.dof < 7 else 3
+    low, high = robot.limits[:, 0], robot.limits[:, 1]
+    low, high = np.where(np.isfinite(low), low, -np.pi), np.where(np.isfinite(high), high, np.pi)
+    joints = np.zeros((_REACH_STEPS, _REACH_STEPS, robot.dof))
+    joints[..., 1] = np.linspace(low[1], high[1], _REACH_STEPS)[:, None]
+    joints[..., elbow] = np.linspace(low[elbow], high[elbow], _REACH_STEPS)[None]
+    wrist = walk(robot.nominal(), joints.reshape(-1, robot.dof)).joint_origin[:, -2]
+    return float(np.hypot(wrist[:, 0], wrist[:, 1]).max())

@@ -28,6 +28,8 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.columns import EMPTY, Column, Columns
+from robotrue.core.files import sha256
+from robotrue.core.model_identity import ModelIdentity
 from robotrue.core.units import STANDARD_GRAVITY
 from robotrue.errors import ConfigurationError, ShapeError
 
@@ -35,6 +37,8 @@ Convention: TypeAlias = Literal["dh", "mdh"]
 
 PER_JOINT: Final = ("theta", "d", "a", "alpha", "beta", "gear", "compliance")
 """Error parameters that exist once per joint, in the order of the flat vector."""
+_IDENTITY_DIGITS: Final = 9
+"""Decimals of m and rad that count; a table written in mm and deg and read again is the same."""
 POSE_TERMS: Final = ("x", "y", "z", "rx", "ry", "rz")
 UNITS: Final[Mapping[str, str]] = {
     "theta": "rad",
@@ -188,3 +192,19 @@ class RobotModel(Columns):
         errors = self.errors.copy()
         errors[parameter_slice(self.dof, "tool")] = 0.0
         return replace(self, T_flange_tool=T_flange_tool, errors=errors)
+
+
+def nominal_identity(robot: RobotModel) -> ModelIdentity:
+    """Returns the identity of the arm as its controller computes it.
+
+    Convention, DH table, joint coupling and the sense of the joints count; tool, limits, masses and
+    identified errors do not: they may differ between touching and machining.
+    """
+    parts = [robot.convention.encode()]
+    for name in ("theta", "d", "a", "alpha", "joint_map"):
+        # A rounded -0.0 is 0.0.
+        values = (
+            np.round(np.asarray(getattr(robot, name), dtype=np.float64), _IDENTITY_DIGITS) + 0.0
+        )
+        parts.append(name.encode() + values.tobytes())
+    return ModelIdentity(kind="nominal", robot=robot.name, sha256=sha256(b"\0".join(parts)))

@@ -13,6 +13,7 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply
 from robotrue.errors import ConfigurationError
+from robotrue.robot.chain import around_joints, error_pose, turn_about
 from robotrue.robot.model import RobotModel
 
 
@@ -31,15 +32,19 @@ def to_urdf(robot: RobotModel, *, geometry_only: bool = False) -> str:
             and not ``geometry_only``.
     """
     _refuse_loss(robot, geometry_only)
-    before, after = _constants(robot)
+    before, after = around_joints(robot)
     lines = ['<?xml version="1.0"?>', f"<robot name={quoteattr(robot.name)}>"]
     lines.append('  <link name="base_link"/>')
     parent, gap = "base_link", error_pose(robot.error("base"))
     for i in range(robot.dof):
         name = f"link_{i + 1}"
-        lines += _joint(robot, i, parent, gap @ before[i])
-        lines += _link(name, float(robot.link_mass[i]), apply(after[i], robot.link_com[i]))
-        parent, gap = name, after[i]
+        turn = turn_about("z", float(robot.theta[i] + robot.error("theta")[i]))
+        origin, link = before[i] @ turn, after[i]
+        if robot.convention == "mdh":  # the joint stands at its link: Tz(d) commutes with it
+            origin, link = origin @ after[i], np.eye(4)
+        lines += _joint(robot, i, parent, gap @ origin)
+        lines += _link(name, float(robot.link_mass[i]), apply(link, robot.link_com[i]))
+        parent, gap = name, link
     lines += _fixed_joint("flange", parent, gap)
     lines += _fixed_joint("tool0", "flange", robot.T_flange_tool @ error_pose(robot.error("tool")))
     return "\n".join([*lines, "</robot>", ""])
@@ -58,49 +63,6 @@ def _refuse_loss(robot: RobotModel, geometry_only: bool) -> None:
             f"{robot.name} has {' and '.join(lost)} errors, which URDF cannot say.",
             hint="geometry_only=True leaves them out.",
         )
-
-
-def _constants(robot: RobotModel) -> tuple[list[Array], list[Array]]:
-    """What stands before and after the rotation of each joint."""
-    before, after = [], []
-    beta = robot.error("beta")
-    for i in range(robot.dof):
-        turn = _turn(2, float(robot.theta[i] + robot.error("theta")[i]))
-        rise = _move(2, float(robot.d[i] + robot.error("d")[i]))
-        out = _move(0, float(robot.a[i] + robot.error("a")[i]))
-        twist = _turn(0, float(robot.alpha[i] + robot.error("alpha")[i]))
-        tilt = _turn(1, float(beta[i]))
-        if robot.convention == "dh":
-            before.append(turn)
-            after.append(rise @ out @ twist @ tilt)
-        else:
-            before.append(twist @ out @ tilt @ turn @ rise)  # Tz(d) commutes with the joint
-            after.append(np.eye(4))
-    return before, after
-
-
-def _turn(axis: int, angle: float) -> Array:
-    j, k = (axis + 1) % 3, (axis + 2) % 3
-    out = np.eye(4)
-    out[j, j] = out[k, k] = np.cos(angle)
-    out[k, j], out[j, k] = np.sin(angle), -np.sin(angle)
-    return out
-
-
-def _move(axis: int, length: float) -> Array:
-    out = np.eye(4)
-    out[axis, 3] = length
-    return out
-
-
-def error_pose(values: Array) -> Array:
-    """Returns the (4, 4) pose of an error Tx Ty Tz Rx Ry Rz (m, rad), in that order."""
-    out = np.eye(4)
-    for k in range(3):
-        out = out @ _move(k, float(values[k]))
-    for k in range(3):
-        out = out @ _turn(k, float(values[3 + k]))
-    return out
 
 
 def _joint(robot: RobotModel, i: int, parent: str, origin: Array) -> list[str]:

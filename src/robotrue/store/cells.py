@@ -15,7 +15,7 @@ from robotrue.cell.config import read_cell
 from robotrue.cell.toml_edit import named_files, plain_names
 from robotrue.core.files import sha256
 from robotrue.errors import ConfigurationError
-from robotrue.robot.identity import nominal_identity
+from robotrue.robot.model import nominal_identity
 from robotrue.store import items
 from robotrue.store.layout import copy_files
 from robotrue.store.nouns import (

@@ -14,7 +14,7 @@ from robotrue.cell.registration.fit import Registration, point_covariance
 from robotrue.core.arrays import Array
 from robotrue.core.columns import Column, Columns
 from robotrue.core.graduated import GAUSS_POINT
-from robotrue.core.identity import ModelIdentity
+from robotrue.core.model_identity import ModelIdentity
 from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.core.units import MM, UM
 

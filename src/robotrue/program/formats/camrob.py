@@ -12,9 +12,9 @@ from typing import Final
 
 import numpy as np
 
+from robotrue.core.arm_words import NO_WORD, WORDS
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import DEG
-from robotrue.core.words import NO_WORD, WORDS
 from robotrue.errors import FormatError, ShapeError
 from robotrue.program.formats.number_table import NumberTable
 from robotrue.program.formats.number_text import NUMBER

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.core.words import NO_WORD
+from robotrue.core.arm_words import NO_WORD
 from robotrue.errors import ShapeError
 from robotrue.program.formats.fanuc_scan import FanucScan, scan
 from robotrue.program.formats.fanuc_write import config_word, read_config

@@ -7,9 +7,9 @@ from typing import Final
 
 import numpy as np
 
+from robotrue.core.arm_words import NO_WORD, WORDS
 from robotrue.core.arrays import BoolArray, IntArray
 from robotrue.core.units import DEG
-from robotrue.core.words import NO_WORD, WORDS
 from robotrue.program.external_axes import COUNT, Carried, described
 from robotrue.program.formats.fanuc_moves import Moves, moves
 from robotrue.program.formats.fanuc_records import CURRENT

@@ -12,8 +12,8 @@ from typing import Final
 
 import numpy as np
 
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.arrays import IntArray
-from robotrue.core.words import NO_WORD
 from robotrue.errors import ShapeError
 from robotrue.program.formats.pose_write import changed_rows
 from robotrue.program.formats.target_tokens import TargetTokens, rewritten

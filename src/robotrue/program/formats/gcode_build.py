@@ -7,9 +7,9 @@ from typing import Final
 
 import numpy as np
 
+from robotrue.core.arm_words import NO_WORD, WORDS
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import MM
-from robotrue.core.words import NO_WORD, WORDS
 from robotrue.program.formats.gcode_arc_rows import ArcRows, arc_rows
 from robotrue.program.formats.gcode_arcs import ACROSS
 from robotrue.program.formats.gcode_blocks import Blocks

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.core.words import NO_WORD, WORDS
+from robotrue.core.arm_words import NO_WORD, WORDS
 from robotrue.errors import ShapeError
 from robotrue.program.formats.jbi_scan import P_POINTS, UNITS, Header, JbiScan, scan
 from robotrue.program.formats.move_trail import (

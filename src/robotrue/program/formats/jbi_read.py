@@ -7,9 +7,9 @@ from typing import Final
 
 import numpy as np
 
+from robotrue.core.arm_words import NO_WORD, WORDS
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import DEG
-from robotrue.core.words import NO_WORD, WORDS
 from robotrue.errors import ShapeError
 from robotrue.program.external_axes import COUNT, Carried
 from robotrue.program.formats.jbi_moves import Moves, moves

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robotrue.core.arm_words import NO_WORD, WORDS
 from robotrue.core.arrays import IntArray
-from robotrue.core.words import NO_WORD, WORDS
 from robotrue.errors import ShapeError
 from robotrue.program.formats.pose_write import changed_rows
 from robotrue.program.formats.target_tokens import TargetTokens, rewritten

@@ -6,9 +6,9 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import DEG
-from robotrue.core.words import NO_WORD
 from robotrue.program.external_axes import described
 from robotrue.program.formats.krl_columns import lean, si_columns, target_columns
 from robotrue.program.formats.krl_flow import BASE, FOREIGN_BASE, ON_ROBOT, TOOL, differing

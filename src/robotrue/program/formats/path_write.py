@@ -12,9 +12,9 @@ from typing import Final
 
 import numpy as np
 
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import DEG, MM
-from robotrue.core.words import NO_WORD
 from robotrue.errors import ConfigurationError, ShapeError
 from robotrue.program.formats.apt_arcs import MISS
 from robotrue.program.formats.gcode_arcs import Centre, PlaneArcs, middles, moved_words

@@ -6,10 +6,10 @@ from typing import Final
 
 import numpy as np
 
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.rotations import matrix_from_quat_wxyz
 from robotrue.core.units import DEG, MM
-from robotrue.core.words import NO_WORD
 from robotrue.program.external_axes import described
 from robotrue.program.formats.course import DIFFERS
 from robotrue.program.formats.rapid_data import AXIS, NOTHING

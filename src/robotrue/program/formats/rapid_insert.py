@@ -16,10 +16,10 @@ from typing import Final
 
 import numpy as np
 
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.rotations import quat_wxyz_from_matrix
 from robotrue.core.units import MM
-from robotrue.core.words import NO_WORD
 from robotrue.program.formats.move_trail import (
     UNKNOWN,
     Literals,

@@ -12,10 +12,10 @@ from typing import Final
 
 import numpy as np
 
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.rotations import quat_wxyz_from_matrix
 from robotrue.core.units import DEG, MM
-from robotrue.core.words import NO_WORD
 from robotrue.errors import ShapeError
 from robotrue.program.formats.number_table import Numbers, respelled
 from robotrue.program.formats.pose_write import changed_rows, moved, require_printable

@@ -17,8 +17,7 @@ from robotrue.core.rotations import (
     rotation_vector_from_matrix,
 )
 from robotrue.planning.arm_scene import THICK, THIN
-from robotrue.robot.forward import ChainState, walk
-from robotrue.robot.reach import wrist_reach
+from robotrue.robot.forward import ChainState, walk, wrist_reach
 from robotrue.web.questions.packing import packed
 
 POINT: Final = 1e-3

@@ -15,8 +15,8 @@ from robotrue.core.json_values import plain_text
 from robotrue.core.units import MM, UM
 from robotrue.errors import ConfigurationError, ModelMismatchError, ShapeError
 from robotrue.measurement.tracker import DEFAULT_SPECIFICATION
+from robotrue.robot.forward import wrist_reach
 from robotrue.robot.presets import preset, preset_names, rated_payload
-from robotrue.robot.reach import wrist_reach
 from robotrue.store import cells, items
 from robotrue.store.layout import copy_files
 from robotrue.store.nouns import CELL

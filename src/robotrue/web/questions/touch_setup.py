@@ -25,7 +25,7 @@ from robotrue.measurement.formats.part_points import PointsFile, read_points
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.measurement.touch_session import TouchReading, TouchSession, session_csv
 from robotrue.planning.information import settings_of
-from robotrue.robot.identity import nominal_identity
+from robotrue.robot.model import nominal_identity
 from robotrue.store import items, models
 from robotrue.store.nouns import CELL, DOCUMENT, MODEL, CellRecord, DocumentRecord, ModelRecord
 from robotrue.store.registrations import session_in
