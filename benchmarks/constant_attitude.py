@@ -39,9 +39,9 @@ from robotrue.robot.inverse_numeric import solve
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.presets import preset
 from robotrue.robot.statics import NO_LOAD
-from robotrue.validation.auto import fit_auto
 from robotrue.validation.contest import selection_from_summary
 from robotrue.validation.evaluation import evaluate
+from robotrue.validation.selection import fit_auto
 
 ARMS = ("irb120", "kr160", "kr300", "tx2-90l", "ur5", "ur10", "gp225")
 KINDS = ("line", "arc", "raster", "curve")

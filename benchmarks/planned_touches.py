@@ -44,13 +44,9 @@ from robotrue.core.units import MM
 from robotrue.errors import RobotrueError
 from robotrue.measurement.formats.part_points import Features
 from robotrue.measurement.probing_set import ProbingSet
-from robotrue.planning.probing import (
-    Machining,
-    ProbingTask,
-    plan_touches,
-    spread_touches,
-)
+from robotrue.planning.probing import Machining, ProbingTask, plan_touches
 from robotrue.planning.probing_candidates import touch_candidates
+from robotrue.planning.probing_plan import spread_touches
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import inverse_batch
 from robotrue_reproductions.feng2018.machining_cell import (

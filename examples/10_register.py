@@ -19,7 +19,7 @@ from robotrue.measurement.formats.part_points import read_points, write_points
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.validation.part_registration import register
 from robotrue.validation.registered_part import RegisteredPart
-from robotrue.validation.registration_settings import RegistrationSettings
+from robotrue.validation.registration_frame import RegistrationSettings
 from robotrue_reproductions.feng2018 import machining_cell as virtual
 
 COUNTS = (3, 6, 9, 12, 18, 24, 30)

@@ -313,8 +313,8 @@ def store() -> Iterator[str]:
 
 def simulation() -> Iterator[str]:
     """Yields scenarios, faults that simulators make, and reproduced papers with their tables."""
+    from robotrue.simulation.online_faults import FAULTS as WIRE
     from robotrue.simulation.rdt_sensor import FAULTS as SENSOR
-    from robotrue.simulation.wire_faults import FAULTS as WIRE
     from robotrue_reproductions.deng2022.scenarios import SCENARIOS
     from robotrue_reproductions.papers import PAPERS
 

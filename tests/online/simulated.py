@@ -6,12 +6,12 @@ from functools import cache
 
 from robotrue.online.rdt_link import RdtSettings, RdtSource
 from robotrue.online.rtde_link import RtdeSettings
+from robotrue.simulation.online_faults import FAULTS as CONTROLLER_FAULTS
 from robotrue.simulation.online_faults import parse_fault
 from robotrue.simulation.online_scenario import online_scenario
 from robotrue.simulation.rdt_sensor import FAULTS as SENSOR_FAULTS
 from robotrue.simulation.rdt_sensor import RdtSensor, RdtSensorSettings
 from robotrue.simulation.rtde_controller import RtdeController, RtdeControllerSettings
-from robotrue.simulation.wire_faults import FAULTS as CONTROLLER_FAULTS
 
 LIMIT = 120.0
 """s; only a test that hangs takes so long."""

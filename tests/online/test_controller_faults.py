@@ -17,8 +17,7 @@ from robotrue.online.samples import Correction, CorrectionMode, Flag
 from robotrue.robot.presets import preset
 from robotrue.simulation import egm_controller, rsi_controller
 from robotrue.simulation.joint_motion import Jog
-from robotrue.simulation.online_faults import Fault, FaultKind, parse_fault
-from robotrue.simulation.wire_faults import FAULTS, FaultyWire
+from robotrue.simulation.online_faults import FAULTS, Fault, FaultKind, FaultyWire, parse_fault
 
 ABSOLUTE = CorrectionMode.ABSOLUTE
 CYCLES = 80

@@ -12,7 +12,7 @@ from robotrue.core.poses import apply, pose
 from robotrue.errors import ReachError
 from robotrue.measurement.formats.part_points import Features
 from robotrue.planning.facing import facing
-from robotrue.planning.next_touch import next_touch
+from robotrue.planning.next_measurement import next_touch
 from robotrue.planning.probing import Machining, ProbingTask, plan_touches
 from robotrue.planning.probing_candidates import touch_candidates
 from robotrue.robot.forward import forward

@@ -20,10 +20,10 @@ from robotrue.planning.arm_scene import scene_of
 from robotrue.planning.criteria import greedy
 from robotrue.planning.expectation import predict_accuracy, work_of
 from robotrue.planning.information import Postures, before_measuring, settings_of
-from robotrue.planning.next_visit import next_visit
+from robotrue.planning.next_measurement import next_visit
 from robotrue.planning.order import short_order, travel
+from robotrue.planning.plan_sheets import plan_sheet
 from robotrue.planning.pose_plan import PlanSettings, PosePlan, plan_poses
-from robotrue.planning.sheet import plan_sheet
 from robotrue.program.formats import read_job
 from robotrue.program.formats.krl_measure import Trigger, measuring_program
 from robotrue.program.program import Motion

@@ -32,17 +32,11 @@ from robotrue.errors import (
 )
 from robotrue.measurement.formats.part_points import Features, read_points
 from robotrue.measurement.probing_set import ProbingSet
-from robotrue.planning.probing import (
-    ROUGH,
-    ROUGH_TURN,
-    Machining,
-    ProbingTask,
-    plan_touches,
-    spread_touches,
-)
+from robotrue.planning.plan_sheets import touch_sheet
+from robotrue.planning.probing import ROUGH, ROUGH_TURN, Machining, ProbingTask, plan_touches
 from robotrue.planning.probing_candidates import TouchLimits, touch_candidates
 from robotrue.planning.probing_frame import plan_frame_touches
-from robotrue.planning.probing_sheet import touch_sheet
+from robotrue.planning.probing_plan import spread_touches
 from robotrue.robot.forward import forward
 from robotrue_reproductions.feng2018.machining_cell import (
     EDGE,

@@ -23,8 +23,8 @@ from robotrue.report.program_report import program_content
 from robotrue.report.registration_report import registration_content
 from robotrue.validation.budget import Budget, Contribution
 from robotrue.validation.evaluation import evaluate
+from robotrue.validation.iso9283 import repeated_poses
 from robotrue.validation.metrics import error_statistics
-from robotrue.validation.repeats import repeated_poses
 from robotrue.validation.validate import validate
 
 

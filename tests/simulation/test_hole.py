@@ -10,17 +10,26 @@ from robotrue.core.units import MM, UM
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.program.formats import dialect
 from robotrue.program.program import FrameTable, Motion
-from robotrue.simulation.commanded_path import commanded_path, feed_directions, target_poses
-from robotrue.simulation.cutting import SIDE, SLOT, EndMillPass, cutting_wrench, mean_force
 from robotrue.simulation.flange_hole import (
+    SIDE,
+    SLOT,
+    EndMillPass,
     FlangeHole,
     check_rows,
+    cutting_wrench,
     hole_program,
+    mean_force,
     side_rows,
     slot_rows,
     to_part,
 )
-from robotrue.simulation.milling import dry_run, mill_hole
+from robotrue.simulation.milling import (
+    commanded_path,
+    dry_run,
+    feed_directions,
+    mill_hole,
+    target_poses,
+)
 from robotrue.simulation.presets import deng2022
 
 

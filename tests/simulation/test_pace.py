@@ -3,8 +3,8 @@
 import asyncio
 from types import SimpleNamespace
 
-from robotrue.simulation import pace
-from robotrue.simulation.pace import Pace
+from robotrue.simulation import cyclic_controller
+from robotrue.simulation.cyclic_controller import Pace
 
 
 def test_the_pace_says_which_cycles_it_cut_short(monkeypatch):
@@ -19,7 +19,7 @@ def test_the_pace_says_which_cycles_it_cut_short(monkeypatch):
 
     clock = Clock()
     stands_in = SimpleNamespace(get_running_loop=lambda: clock, sleep=clock.sleep)
-    monkeypatch.setattr(pace, "asyncio", stands_in)
+    monkeypatch.setattr(cyclic_controller, "asyncio", stands_in)
 
     async def paced():
         found = Pace(0.2)

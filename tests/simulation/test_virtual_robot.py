@@ -8,8 +8,12 @@ from robotrue.errors import ConfigurationError, ShapeError
 from robotrue.robot.statics import Load, deflected
 from robotrue.simulation.plans import random_joints
 from robotrue.simulation.presets import T_FLANGE_TARGET, deng2022, raw_error
-from robotrue.simulation.unmodelled import draw_unmodelled, thermal_drift
-from robotrue.simulation.virtual_robot import actual_pose, nominal_pose
+from robotrue.simulation.virtual_robot import (
+    actual_pose,
+    draw_unmodelled,
+    nominal_pose,
+    thermal_drift,
+)
 from robotrue_reproductions.deng2022.sampling_plan import paper_plan
 
 

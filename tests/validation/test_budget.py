@@ -7,6 +7,7 @@ import pytest
 
 from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.model import Query
+from robotrue.core.poses import propagate_covariance
 from robotrue.errors import ConfigurationError, ShapeError
 from robotrue.measurement.tracker import DEFAULT_SPECIFICATION, point_covariance
 from robotrue.robot.model import parameter_slice
@@ -14,13 +15,12 @@ from robotrue.robot.presets import preset
 from robotrue.robot.statics import Load, deflected
 from robotrue.validation.budget import (
     force_sensitivity,
-    propagate_covariance,
     stated_line,
     tracker_lines,
     uncertainty_budget,
 )
 from robotrue.validation.conformity import Conformity, conformity
-from robotrue.validation.known_places import known_places
+from robotrue.validation.error_map import known_places
 
 ROBOT = preset("KUKA KR160 R1570")
 RNG = np.random.default_rng(5)

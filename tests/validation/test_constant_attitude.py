@@ -20,8 +20,8 @@ from robotrue.cell.config import read_cell
 from robotrue.cli.inputs import measured
 from robotrue.core.units import MM
 from robotrue.planning.information import settings_of
-from robotrue.validation.auto import fit_auto
 from robotrue.validation.evaluation import evaluate
+from robotrue.validation.selection import fit_auto
 
 FAST = ("nominal", "geometric")
 PATHS = (0, 2, 4, 5, 6, 7, 8, 14, 17, 20, 21, 23, 26, 29, 33)

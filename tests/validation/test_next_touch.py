@@ -11,16 +11,16 @@ from robotrue.calibration.nominal import NominalModel
 from robotrue.core.poses import apply, pose
 from robotrue.core.units import MM
 from robotrue.measurement.probing_set import ProbingSet
-from robotrue.validation.next_touch import (
+from robotrue.validation.part_registration import register
+from robotrue.validation.registration_frame import RegistrationSettings
+from robotrue.validation.touch_expectation import (
     TouchBelief,
     expected_readings,
     judged_reading,
     machined_radius,
+    suspicions,
     update_belief,
 )
-from robotrue.validation.part_registration import register
-from robotrue.validation.registration_settings import RegistrationSettings
-from robotrue.validation.touch_suspicions import suspicions
 from robotrue_reproductions.feng2018 import machining_cell as virtual
 
 SETTINGS = RegistrationSettings(T_flange_tool=virtual.TOOL)

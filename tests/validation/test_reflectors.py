@@ -19,9 +19,9 @@ from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import forward
 from robotrue.robot.model import parameter_slice
 from robotrue.robot.presets import preset
-from robotrue.validation.auto import fit_auto
 from robotrue.validation.drift_check import drift_check
 from robotrue.validation.evaluation import evaluate
+from robotrue.validation.selection import fit_auto
 from robotrue.validation.validate import validate
 
 PLACES = ((0.0, 0.0, 0.1), (0.08, -0.03, 0.06), (-0.05, 0.07, 0.12))

@@ -23,7 +23,7 @@ from robotrue.measurement.probing_set import ProbingSet
 from robotrue.robot.presets import preset
 from robotrue.validation.part_registration import register
 from robotrue.validation.registered_part import RegisteredPart
-from robotrue.validation.registration_settings import RegistrationSettings
+from robotrue.validation.registration_frame import RegistrationSettings
 from robotrue_reproductions.feng2018.machining_cell import (
     FACES,
     SIZE,

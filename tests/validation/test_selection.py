@@ -13,9 +13,8 @@ from robotrue.calibration.settings import FitSettings
 from robotrue.errors import ArchiveError, ConvergenceError, ObservabilityError, ShapeError
 from robotrue.robot.forward import forward
 from robotrue.robot.model import parameter_slice
-from robotrue.validation.auto import fit_auto
 from robotrue.validation.contest import paired_gain, selection_from_summary
-from robotrue.validation.selection import default_splits, select
+from robotrue.validation.selection import default_splits, fit_auto, select
 from robotrue.validation.splits import contiguous_blocks
 
 

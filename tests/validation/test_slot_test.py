@@ -10,8 +10,7 @@ from robotrue.core.poses import apply, pose_from_xyz_abc
 from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ImplausibleDataError, ShapeError
-from robotrue.validation.datum_check import check_datums
-from robotrue.validation.slot_test import SlotTest, evaluate_slots, tip_sensitivity
+from robotrue.validation.slot_test import SlotTest, check_datums, evaluate_slots, tip_sensitivity
 
 FIRST = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])  # axis along part y
 HALF_TURN = np.diag([-1.0, -1.0, 1.0])  # about part z

@@ -135,8 +135,7 @@ def controller_faults(stated: Sequence[str]) -> tuple[Any, ...]:
     Raises:
         ConfigurationError: Text that states none.
     """
-    from robotrue.simulation.online_faults import parse_fault
-    from robotrue.simulation.wire_faults import FAULTS
+    from robotrue.simulation.online_faults import FAULTS, parse_fault
 
     return tuple(parse_fault(text, FAULTS) for text in stated)
 

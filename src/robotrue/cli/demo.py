@@ -39,7 +39,7 @@ from robotrue.simulation.plans import VALIDATION, Region, random_joints
 from robotrue.simulation.presets import STIFFNESS, VirtualCell, deng2022, reflector_at_tool
 from robotrue.simulation.virtual_tracker import measure
 from robotrue.store.model_file import write_model
-from robotrue.validation.selection import select, with_evidence
+from robotrue.validation.selection import select, with_summary
 from robotrue.validation.validate import validate
 
 CALIBRATION_POSES: Final = 80
@@ -185,7 +185,7 @@ def calibrated(cell: Cell, training: MeasurementSet, step: Progress) -> Chosen:
         payload=cell.payload,
         progress=lambda text, done, total: step(text, done / total),
     )
-    model = with_evidence(candidates[selection.winner](training), selection)
+    model = with_summary(candidates[selection.winner](training), {"selection": selection.summary()})
     return Chosen(model=model, selection=selection)
 
 

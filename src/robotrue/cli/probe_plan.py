@@ -27,13 +27,14 @@ from robotrue.errors import ConfigurationError
 from robotrue.measurement.formats.part_points import read_features
 from robotrue.planning.arm_scene import scene_of
 from robotrue.planning.information import settings_of
-from robotrue.planning.probing import Goal, ProbePlan, ProbingTask, plan_touches
+from robotrue.planning.plan_sheets import touch_sheet
+from robotrue.planning.probing import ProbingTask, plan_touches
 from robotrue.planning.probing_candidates import TouchCandidates, TouchLimits, touch_candidates
 from robotrue.planning.probing_frame import plan_frame_touches
-from robotrue.planning.probing_sheet import touch_sheet
+from robotrue.planning.probing_plan import Goal, ProbePlan
 from robotrue.validation.error_map import radius_95
+from robotrue.validation.registration_frame import TOOL
 from robotrue.validation.registration_joint import ENOUGH
-from robotrue.validation.registration_settings import TOOL
 
 RUNS: Final = ("compensated", "unchanged")
 SHOWN: Final = (3, 4, 5, 6, 8, 10, 12, 15, 20, 25, 30, 40, 50, 60, 80, 100)
@@ -212,7 +213,7 @@ def document(
                 "worst_mm": group.worst / MM,
                 "best_mm": group.best / MM,
                 "at_touches_mm": group.at_touches / MM,
-                "radius_95_mm": float(radius[machining.members(group.name)].max() / MM),
+                "radius_95_mm": float(radius[machining.groups[group.name]].max() / MM),
                 "covered": group.covered,
             }
             for group in plan.groups
@@ -251,7 +252,7 @@ def _show(
                 group.name,
                 str(group.postures),
                 _mm(group.uncertainty),
-                _mm(float(radius[task.machining.members(group.name)].max())),
+                _mm(float(radius[task.machining.groups[group.name]].max())),
                 "yes" if group.covered else "NO",
             ]
             for group in plan.groups

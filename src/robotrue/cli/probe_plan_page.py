@@ -7,7 +7,8 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM
-from robotrue.planning.probing import ProbePlan, ProbingTask
+from robotrue.planning.probing import ProbingTask
+from robotrue.planning.probing_plan import ProbePlan
 from robotrue.report.content import Fact, ReportContent, Section, Table, TableColumn, Tile, Verdict
 from robotrue.report.curve_plots import PoseCurves, PoseSeries
 from robotrue.report.map_plots import PartMap
@@ -26,10 +27,10 @@ SAME_SIDE = 45.0 * DEG
 def part_map(plan: ProbePlan, task: ProbingTask, tip_axis: Array) -> PartMap:
     """Returns the map of what each machined point will be known to."""
     machining = task.machining
-    names = machining.groups
+    names = tuple(machining.groups)
     robot = task.belief.robot.nominal()
     axis = forward(robot, machining.joints)[:, :3, :3] @ tip_axis
-    side = np.stack([axis[machining.members(name)].mean(axis=0) for name in names])
+    side = np.stack([axis[machining.groups[name]].mean(axis=0) for name in names])
     alike = (forward(robot, plan.touches.joints)[:, :3, :3] @ tip_axis) @ side.T
     drawn = np.where(alike.max(axis=1) > np.cos(SAME_SIDE), np.argmax(alike, axis=1), -1)
     return PartMap(
@@ -128,7 +129,7 @@ def _groups(plan: ProbePlan, task: ProbingTask) -> Table:
                 group.name,
                 group.postures,
                 group.uncertainty / MM,
-                float(radius[task.machining.members(group.name)].max()),
+                float(radius[task.machining.groups[group.name]].max()),
                 group.best / MM,
                 "yes" if group.covered else "no",
             )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robotrue.core.arrays import Array
-from robotrue.core.rotations import matrix_from_abc
+from robotrue.core.rotations import matrix_from_abc, skew
 
 
 def pose(rotation: Array, translation: Array) -> Array:
@@ -34,6 +34,27 @@ def inverse(transform: Array) -> Array:
 def apply(transform: Array, points: Array) -> Array:
     """Returns ``p_a = T_a_b p_b`` for points (..., 3) in m."""
     return (transform[..., :3, :3] @ points[..., None])[..., 0] + transform[..., :3, 3]
+
+
+def displacement_columns(lever: Array) -> Array:
+    """Returns how a frame's displacement moves its points: (..., 3, 6) = [I, -[lever]x].
+
+    The displacement is that of the origin (m), then the left rotation vector (rad), in the axes of
+    the levers (..., 3) m from the origin to the points.
+    """
+    shift = np.broadcast_to(np.eye(3), (*lever.shape, 3))
+    return np.concatenate([shift, -skew(lever)], axis=-1)
+
+
+def propagate_covariance(covariance: Array, lever: Array) -> Array:
+    """Returns the covariance (n, 3, 3) m^2 of points at levers (n, 3) m from a frame's origin.
+
+    Args:
+        covariance: (6, 6) of the frame's displacement: origin (m) and left rotation vector (rad).
+        lever: Point minus origin, in the same axes.
+    """
+    columns = displacement_columns(lever)
+    return np.asarray(columns @ covariance @ np.swapaxes(columns, -1, -2))
 
 
 def fit_rigid(points_b: Array, points_a: Array, weights: Array | None = None) -> Array:

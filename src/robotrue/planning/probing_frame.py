@@ -9,7 +9,7 @@ can also make things worse: it draws the frame towards its own posture.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Annotated, ClassVar, Final
 
 import numpy as np
 
@@ -17,32 +17,29 @@ from robotrue.calibration.machined import tip_columns, uncarried
 from robotrue.calibration.model import Query
 from robotrue.calibration.update import carry_residual
 from robotrue.core.arrays import Array, IntArray
-from robotrue.core.rotations import skew
+from robotrue.core.columns import Column
+from robotrue.core.poses import displacement_columns
 from robotrue.errors import ConfigurationError, ObservabilityError
-from robotrue.planning.probing import (
-    FACTOR,
-    POWER,
+from robotrue.planning.criteria import BETTER
+from robotrue.planning.probing import ProbingTask
+from robotrue.planning.probing_plan import (
+    DEFAULT_GOAL,
+    MORE_FEATURES,
     Goal,
-    GroupCover,
     ProbePlan,
-    ProbingTask,
-    spread_touches,
+    TouchPosterior,
 )
 
 LEAST: Final = 3
 """Touches of points that a frame needs."""
 SWEEPS: Final = 2
 """Passes of the exchange over a plan, at most."""
-REWEIGHTED: Final = 3
-"""Plans made for the worst point, with weights that grow where the last one left most."""
-BETTER: Final = 1e-6
-"""Relative gain below which an exchange is none."""
 LINE: Final = 1e-2
 """m; touches nearer to one line than this, rms, fix no frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FrameTask:
+class FrameTask(TouchPosterior):
     """The task for least-squares frames. Base axes; k directions of the arm's belief, each of sd 1.
 
     Attributes:
@@ -50,22 +47,23 @@ class FrameTask:
         touch_error: (c, 3, k) m, the arm's own error there.
         noise: (c,) m^2 per axis of a touch.
         part: (c,) frame a candidate belongs to, counted from 0.
-        work: (m, 3, 6) G, the same at the machined points.
-        work_error: (m, 3, k) m.
-        visit: (m,) m^2 per axis, what differs from visit to visit.
-        work_part: (m,) frame of each machined point.
-        turn: (m, 3, 3) R_base_part.
+        work: (n, 3, 6) G, the same at the machined points.
+        work_error: (n, 3, k) m.
+        visit: (n,) m^2 per axis, what differs from visit to visit.
+        work_part: (n,) frame of each machined point.
+        turn: (n, 3, 3) R_base_part.
     """
 
-    touch: Array
-    touch_error: Array
-    noise: Array
-    part: IntArray
-    work: Array
-    work_error: Array
-    visit: Array
-    work_part: IntArray
-    turn: Array
+    touch: Annotated[Array, Column("c 3 6")]
+    touch_error: Annotated[Array, Column("c 3 k", unit="m")]
+    noise: Annotated[Array, Column("c", unit="m^2")]
+    part: Annotated[IntArray, Column("c")]
+    work: Annotated[Array, Column("n 3 6")]
+    work_error: Annotated[Array, Column("n 3 k", unit="m")]
+    visit: Annotated[Array, Column("n", unit="m^2")]
+    work_part: Annotated[IntArray, Column("n")]
+    turn: Annotated[Array, Column("n 3 3")]
+    rounds: ClassVar[int] = 3
 
     def part_sums(self, chosen: IntArray, part: int) -> tuple[Array, Array, Array]:
         """Returns N (6, 6), B (6, k) and sum A' A times the noise over the touches of a part."""
@@ -117,6 +115,101 @@ class FrameTask:
             out[here] += value - kept
         return out
 
+    def _fixes_frames(self, chosen: IntArray) -> bool:
+        for part in np.unique(self.work_part).tolist():
+            mine = chosen[self.part[chosen] == part]
+            if len(mine) < LEAST:
+                return False
+            point = self._centred(mine)
+            if np.linalg.svd(point, compute_uv=False)[1] < LINE * np.sqrt(len(mine)):
+                return False
+        return True
+
+    def _search(self, n: int, weight: Array) -> IntArray:
+        """Three far apart for every frame, the best added, then exchanged."""
+        chosen = self._seeds()
+        while len(chosen) < n:
+            costs = self.costs(chosen, weight)
+            costs[chosen] = np.inf
+            chosen = np.append(chosen, np.argmin(costs))
+        return self._exchange(chosen[:n], weight)
+
+    def _losses(self, chosen: IntArray, weight: Array) -> Array:
+        out = np.full(len(chosen), np.inf)
+        for place in range(len(chosen)):
+            others = np.delete(chosen, place)
+            if self._fixes_frames(others):
+                out[place] = weight @ self.squares(others)
+        return out
+
+    def _uncertainty_at_touches(self, chosen: IntArray) -> float:
+        own = replace(
+            self,
+            work=self.touch[chosen],
+            work_error=self.touch_error[chosen],
+            visit=np.full(len(chosen), float(np.median(self.visit))),
+            work_part=self.part[chosen],
+            turn=np.broadcast_to(np.eye(3), (len(chosen), 3, 3)),
+        )
+        return float(np.sqrt(np.median(own.squares(chosen))))
+
+    def _best_for(self, machined: IntArray, n: int, goal: Goal) -> tuple[float, str, str]:
+        """What as many touches leave if they serve these machined points alone."""
+        alone = self.take(machined)
+        count = max(n, LEAST * len(np.unique(alone.work_part)))
+        square = alone.squares(alone.choose(count, len(machined), goal))
+        least = float(np.sqrt(square.mean()))
+        cure = f"a frame of its own, from {count} touches, would leave {least * 1e3:.2f} mm"
+        return least, cure, f"{cure}: {MORE_FEATURES}"
+
+    def _centred(self, rows: IntArray) -> Array:
+        """Points (n, 3) m of candidates about their middle, base axes."""
+        lever = self.touch[rows, :, 3:]
+        point = np.stack([lever[:, 1, 2], lever[:, 2, 0], lever[:, 0, 1]], axis=1)
+        return np.asarray(point - point.mean(axis=0))
+
+    def _seeds(self) -> IntArray:
+        """Three touches far apart for every frame that will be machined in."""
+        seeds: list[int] = []
+        for part in np.unique(self.work_part).tolist():
+            mine = np.flatnonzero(self.part == part)
+            if len(mine) < LEAST:
+                name = f"part {np.unique(self.candidates.part)[part]}"
+                raise ObservabilityError(f"{name} has {len(mine)} candidates, its frame needs 3.")
+            point = self.candidates.point[mine]
+            a = int(np.argmax(np.linalg.norm(point - point.mean(axis=0), axis=1)))
+            b = int(np.argmax(np.linalg.norm(point - point[a], axis=1)))
+            along = (point[b] - point[a]) / max(float(np.linalg.norm(point[b] - point[a])), LINE)
+            off = np.linalg.norm(np.cross(point - point[a], along), axis=1)
+            c = int(np.argmax(off))
+            if off[c] < LINE:
+                raise ObservabilityError(
+                    f"the candidates of part {self.candidates.part[mine[0]]} lie on one line, "
+                    f"{off[c] * 1e3:.1f} mm off it at most.",
+                    hint="features to the side of that line.",
+                )
+            seeds += [mine[a], mine[b], mine[c]]
+        return np.array(seeds, dtype=np.int64)
+
+    def _exchange(self, chosen: IntArray, weight: Array) -> IntArray:
+        """Single touches exchanged as long as the sum of squares falls and every frame stands."""
+        now = chosen.copy()
+        for _ in range(SWEEPS):
+            moved = False
+            for place in range(len(now)):
+                others = np.delete(now, place)
+                if not self._fixes_frames(others):
+                    continue
+                costs = self.costs(others, weight)
+                old = costs[now[place]]
+                costs[others] = np.inf
+                best = int(np.argmin(costs))
+                if costs[best] < old * (1.0 - BETTER):
+                    now[place], moved = best, True
+            if not moved:
+                break
+        return now
+
 
 def frame_task(task: ProbingTask) -> FrameTask:
     """Returns the task for least-squares frames.
@@ -140,6 +233,7 @@ def frame_task(task: ProbingTask) -> FrameTask:
     later = belief.inflation * uncarried(belief, machining.query)
     turn = _turns(task, machining.part)
     return FrameTask(
+        candidates=candidates,
         touch=_levers(_turns(task, candidates.part), candidates.point),
         touch_error=tip_columns(belief, touched) @ root.T,
         noise=scatter + task.touch_sigma**2 + own,
@@ -158,12 +252,11 @@ def _turns(task: ProbingTask, part: IntArray) -> Array:
 
 def _levers(turn: Array, point: Array) -> Array:
     lever = (turn @ point[:, :, None])[:, :, 0]
-    axes = np.broadcast_to(np.eye(3), (len(point), 3, 3))
-    return np.concatenate([axes, -skew(lever)], axis=2)
+    return displacement_columns(lever)
 
 
 def plan_frame_touches(
-    task: ProbingTask, n: int, *, goal: Goal = "mean", tolerance: float = 0.0
+    task: ProbingTask, n: int, *, goal: Goal = DEFAULT_GOAL, tolerance: float = 0.0
 ) -> ProbePlan:
     """Returns up to n touches for a run with the model as it is and least-squares frames.
 
@@ -183,182 +276,4 @@ def plan_frame_touches(
             f"are {candidates} candidates.",
             hint="more touches, or more features.",
         )
-    chosen = _choose_touches(frames, task, n, goal)
-    mean, worst = _trace_order(frames, chosen)
-    kept = _enough(mean if goal == "mean" else worst, tolerance)
-    chosen, mean, worst = chosen[:kept], mean[: kept + 1], worst[: kept + 1]
-    return ProbePlan(
-        touches=task.candidates.subset(chosen),
-        row=chosen,
-        goal=goal,
-        mean=mean,
-        worst=worst,
-        spread_mean=_trace_order(frames, spread_touches(task.candidates, kept))[0],
-        covariance=frames.covariance(chosen),
-        groups=_cover(frames, task, chosen, goal),
-        stopped=kept < n,
-    )
-
-
-def _choose_touches(frames: FrameTask, task: ProbingTask, n: int, goal: Goal) -> IntArray:
-    weight = np.ones(len(frames.visit))
-    found, left = np.empty(0, dtype=np.int64), np.inf
-    start = _seeds(frames, task)
-    for _ in range(1 if goal == "mean" else REWEIGHTED):
-        chosen = _exchange_touches(frames, _grow_plan(frames, start, n, weight), weight)
-        square = np.trace(frames.covariance(chosen), axis1=1, axis2=2)
-        if goal == "mean" or square.max() < left:
-            found, left = _sort_by_benefit(frames, chosen, weight), float(square.max())
-        weight = weight * (square / square.mean()) ** POWER
-    return found
-
-
-def _seeds(frames: FrameTask, task: ProbingTask) -> IntArray:
-    """Three touches far apart for every frame that will be machined in."""
-    out = []
-    for part in np.unique(frames.work_part).tolist():
-        mine = np.flatnonzero(frames.part == part)
-        named = f"part {sorted(task.T_base_part)[part]}"
-        if len(mine) < LEAST:
-            raise ObservabilityError(f"{named} has {len(mine)} candidates, its frame needs 3.")
-        point = task.candidates.point[mine]
-        a = int(np.argmax(np.linalg.norm(point - point.mean(axis=0), axis=1)))
-        b = int(np.argmax(np.linalg.norm(point - point[a], axis=1)))
-        along = (point[b] - point[a]) / max(float(np.linalg.norm(point[b] - point[a])), LINE)
-        off = np.linalg.norm(np.cross(point - point[a], along), axis=1)
-        c = int(np.argmax(off))
-        if off[c] < LINE:
-            raise ObservabilityError(
-                f"the candidates of {named} lie on one line, {off[c] * 1e3:.1f} mm off it at most.",
-                hint="features to the side of that line.",
-            )
-        out += [mine[a], mine[b], mine[c]]
-    return np.array(out, dtype=np.int64)
-
-
-def _grow_plan(frames: FrameTask, start: IntArray, n: int, weight: Array) -> IntArray:
-    chosen = list(start)
-    while len(chosen) < n:
-        costs = frames.costs(np.array(chosen), weight)
-        costs[chosen] = np.inf
-        chosen.append(int(np.argmin(costs)))
-    return np.array(chosen[:n], dtype=np.int64)
-
-
-def _exchange_touches(frames: FrameTask, chosen: IntArray, weight: Array) -> IntArray:
-    """Single touches exchanged as long as the sum of squares falls and every frame stands."""
-    now = chosen.copy()
-    for _ in range(SWEEPS):
-        moved = False
-        for place in range(len(now)):
-            rest = np.delete(now, place)
-            if not _stands(frames, rest):
-                continue
-            costs = frames.costs(rest, weight)
-            old = costs[now[place]]
-            costs[rest] = np.inf
-            best = int(np.argmin(costs))
-            if costs[best] < old * (1.0 - BETTER):
-                now[place], moved = best, True
-        if not moved:
-            break
-    return now
-
-
-def _sort_by_benefit(frames: FrameTask, chosen: IntArray, weight: Array) -> IntArray:
-    """The same touches by worth: what is missed least goes to the end."""
-    kept, last = chosen.copy(), []
-    while len(kept) > LEAST:
-        left = []
-        for place in range(len(kept)):
-            rest = np.delete(kept, place)
-            if _stands(frames, rest):
-                square = np.trace(frames.covariance(rest), axis1=1, axis2=2)
-                left.append(float(weight @ square))
-            else:
-                left.append(np.inf)
-        place = int(np.argmin(left))
-        if not np.isfinite(left[place]):
-            break
-        last.append(kept[place])
-        kept = np.delete(kept, place)
-    return np.append(kept, np.array(last[::-1], dtype=np.int64))
-
-
-def _stands(frames: FrameTask, chosen: IntArray) -> bool:
-    """Whether the touches fix every frame that is machined in."""
-    for part in np.unique(frames.work_part).tolist():
-        mine = chosen[frames.part[chosen] == part]
-        if len(mine) < LEAST:
-            return False
-        lever = frames.touch[mine, :, 3:]
-        point = np.stack([lever[:, 1, 2], lever[:, 2, 0], lever[:, 0, 1]], axis=1)
-        size = np.linalg.svd(point - point.mean(axis=0), compute_uv=False)
-        if size[1] < LINE * np.sqrt(len(mine)):
-            return False
-    return True
-
-
-def _trace_order(frames: FrameTask, order: IntArray) -> tuple[Array, Array]:
-    """Rms and worst standard uncertainty (n + 1,) m along an order; NaN without a frame."""
-    mean, worst = [], []
-    for k in range(len(order) + 1):
-        if not _stands(frames, order[:k]):
-            mean.append(np.nan)
-            worst.append(np.nan)
-            continue
-        square = np.trace(frames.covariance(order[:k]), axis1=1, axis2=2)
-        mean.append(float(np.sqrt(square.mean())))
-        worst.append(float(np.sqrt(square.max())))
-    return np.array(mean), np.array(worst)
-
-
-def _enough(left: Array, tolerance: float) -> int:
-    with np.errstate(invalid="ignore"):
-        met = np.flatnonzero(left[1:] <= tolerance)
-    return int(met[0]) + 1 if len(met) else len(left) - 1
-
-
-def _cover(
-    frames: FrameTask, task: ProbingTask, chosen: IntArray, goal: Goal
-) -> tuple[GroupCover, ...]:
-    """Cover of each group; its best is what as many touches leave if they serve it alone."""
-    now = np.trace(frames.covariance(chosen), axis1=1, axis2=2)
-    own = replace(
-        frames,
-        work=frames.touch[chosen],
-        work_error=frames.touch_error[chosen],
-        visit=np.full(len(chosen), float(np.median(frames.visit))),
-        work_part=frames.part[chosen],
-        turn=np.broadcast_to(np.eye(3), (len(chosen), 3, 3)),
-    )
-    at_touches = np.sqrt(np.median(np.trace(own.covariance(chosen), axis1=1, axis2=2)))
-    out = []
-    for name in task.machining.groups:
-        mine = task.machining.members(name)
-        alone = replace(
-            frames,
-            work=frames.work[mine],
-            work_error=frames.work_error[mine],
-            visit=frames.visit[mine],
-            work_part=frames.work_part[mine],
-            turn=frames.turn[mine],
-        )
-        count = max(len(chosen), LEAST * len(np.unique(alone.work_part)))
-        best = alone.covariance(_choose_touches(alone, task, count, goal))
-        least = float(np.sqrt(np.trace(best, axis1=1, axis2=2).mean()))
-        cure = f"a frame of its own, from {count} touches, would leave {least * 1e3:.2f} mm"
-        if least > FACTOR * at_touches:
-            cure += ": add features that can be touched in its postures"
-        out.append(
-            GroupCover(
-                name=name,
-                postures=len(mine),
-                uncertainty=float(np.sqrt(now[mine].mean())),
-                worst=float(np.sqrt(now[mine].max())),
-                best=least,
-                at_touches=float(at_touches),
-                cure=cure,
-            )
-        )
-    return tuple(out)
+    return frames.plan(task.machining.groups, n, goal, tolerance)

@@ -30,9 +30,9 @@ from robotrue.report.content import (
 from robotrue.report.map_plots import UncertaintyMap
 from robotrue.report.words import ENGLISH, Lang, Words
 from robotrue.validation.budget import Budget
-from robotrue.validation.known_places import KnownPlaces
+from robotrue.validation.error_map import KnownPlaces
+from robotrue.validation.iso9283 import RepeatedPose
 from robotrue.validation.metrics import ErrorStatistics
-from robotrue.validation.repeats import RepeatedPose
 from robotrue.validation.report import ValidationReport
 
 MOST_POSES: Final = 12

@@ -32,10 +32,10 @@ from robotrue.validation.budget import (
     tracker_lines,
     uncertainty_budget,
 )
+from robotrue.validation.error_map import KnownPlaces, known_places
 from robotrue.validation.evaluation import Evaluation, evaluate, row_loads
-from robotrue.validation.known_places import KnownPlaces, known_places
+from robotrue.validation.iso9283 import repeated_poses
 from robotrue.validation.metrics import ErrorStatistics, error_statistics
-from robotrue.validation.repeats import repeated_poses
 from robotrue.validation.validate import validate
 
 

@@ -24,7 +24,7 @@ from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel
 from robotrue.robot.statics import NO_LOAD, Load, deflected
-from robotrue.validation.known_places import known_places
+from robotrue.validation.error_map import known_places
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,12 +9,13 @@ import numpy as np
 
 from robotrue.cell.part import PartFrame, PartTable
 from robotrue.core.arrays import Array
+from robotrue.core.poses import propagate_covariance
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.report.calibration_report import column, fact, versions
 from robotrue.report.content import Fact, ReportContent, Section, Table, TableColumn, Tile, Verdict
 from robotrue.report.words import ENGLISH, Lang, Words
-from robotrue.validation.budget import COVERAGE_FACTOR, propagate_covariance
+from robotrue.validation.budget import COVERAGE_FACTOR
 
 LEVERS: Final = (0.0, 0.1, 0.25, 0.5, 1.0, 2.0)
 """m from the part's origin."""

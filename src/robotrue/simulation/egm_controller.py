@@ -29,7 +29,7 @@ from robotrue.online.egm import (
     write_robot,
 )
 from robotrue.simulation.cyclic_controller import CyclicController, CyclicSettings
-from robotrue.simulation.motion_grid import Place
+from robotrue.simulation.joint_motion import Place
 from robotrue.simulation.online_faults import FaultKind, clock_leap
 
 _CYCLE: Final = 4e-3

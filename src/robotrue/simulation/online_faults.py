@@ -1,10 +1,10 @@
-"""Faults that simulated controllers and sensors show on demand, so that a user meets them early."""
+"""Faults that simulated controllers and sensors show on demand, and what they do to packets."""
 
 from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -100,3 +100,63 @@ def showing(faults: Sequence[Fault], kind: FaultKind, since: float) -> bool:
 def clock_leap(faults: Sequence[Fault], since: float) -> float:
     """Returns s by which the sender's clock has leapt at a time (s since the simulator began)."""
     return LEAP * sum(f.kind is FaultKind.JUMP and f.start <= since for f in faults)
+
+
+FAULTS: Final = tuple(
+    kind
+    for kind in FaultKind
+    if kind not in (FaultKind.SATURATION, FaultKind.HANG, FaultKind.STATUS)
+)
+"""What simulated controllers can show."""
+
+
+def cut_in_half(packet: bytes) -> bytes:
+    """Returns the first half of a packet."""
+    return packet[: len(packet) // 2]
+
+
+class FaultyWire:
+    """Packets held back, swapped, doubled, damaged or lost.
+
+    Args:
+        faults: When.
+        damage: What a garbled packet becomes.
+
+    Attributes:
+        withheld: Packets lost for good.
+    """
+
+    def __init__(
+        self, faults: Sequence[Fault], damage: Callable[[bytes], bytes] = cut_in_half
+    ) -> None:
+        self.withheld = 0
+        self._faults = tuple(faults)
+        self._damage = damage
+        self._held: list[bytes] = []
+
+    def transmit(self, packets: Sequence[bytes], since: float) -> list[bytes]:
+        """Returns what is sent now, in order, when packets are due.
+
+        Args:
+            packets: Those that are due.
+            since: s since the simulator began.
+        """
+        if self._shows(FaultKind.GAP, since) or self._shows(FaultKind.SILENCE, since):
+            self.withheld += len(packets)
+            return []
+        self._held += packets
+        if self._shows(FaultKind.LATE, since):
+            return []
+        sent, self._held = self._held, []
+        if self._shows(FaultKind.REORDER, since):
+            pairs = len(sent) // 2 * 2
+            self._held = sent[pairs:]
+            sent = [sent[k ^ 1] for k in range(pairs)]
+        if self._shows(FaultKind.REPEAT, since):
+            sent = [packet for packet in sent for _ in range(2)]
+        if self._shows(FaultKind.GARBLE, since):
+            sent = [self._damage(packet) for packet in sent]
+        return sent
+
+    def _shows(self, kind: FaultKind, since: float) -> bool:
+        return showing(self._faults, kind, since)

@@ -17,8 +17,12 @@ from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.presets import preset
 from robotrue.robot.statics import Load
 from robotrue.simulation.plans import VALIDATION, Region, random_joints
-from robotrue.simulation.unmodelled import draw_unmodelled
-from robotrue.simulation.virtual_robot import VirtualRobot, actual_pose, nominal_pose
+from robotrue.simulation.virtual_robot import (
+    VirtualRobot,
+    actual_pose,
+    draw_unmodelled,
+    nominal_pose,
+)
 from robotrue.simulation.virtual_tracker import VirtualTracker
 
 STIFFNESS: Final = np.array([1.75, 1.72, 1.95, 3.73, 2.11, 1.74]) * 1e6
@@ -74,7 +78,7 @@ def deng2022(
 
     Source: Deng et al. 2022, Tables 1 to 3. **Assumed**, since the paper prints none of it: link
     masses and their centres, spindle, reflector, tool, tracker place, and all of
-    :mod:`robotrue.simulation.unmodelled`. Gravity is 9.80665 m/s^2; the paper prints 9.83.
+    :mod:`robotrue.simulation.virtual_robot`. Gravity is 9.80665 m/s^2; the paper prints 9.83.
 
     Args:
         seed: Draws the arm.

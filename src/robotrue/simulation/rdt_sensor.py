@@ -27,9 +27,8 @@ from robotrue.online.rdt import (
     read_request,
 )
 from robotrue.online.rdt_block import RECORD, Records
-from robotrue.simulation.online_faults import Fault, FaultKind, clock_leap, showing
+from robotrue.simulation.online_faults import Fault, FaultKind, FaultyWire, clock_leap, showing
 from robotrue.simulation.online_scenario import OnlineScenario
-from robotrue.simulation.wire_faults import FaultyWire
 
 FAULTS: Final = tuple(k for k in FaultKind if k is not FaultKind.NAN)
 """What the sensor can show; counts are always numbers."""

@@ -18,12 +18,12 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, FormatError
+from robotrue.online.rsi import RobPacket, read_sen, write_rob
 from robotrue.online.rsi_config import RsiConfig
 from robotrue.online.samples import CorrectionMode
 from robotrue.simulation.cyclic_controller import CyclicController, CyclicSettings
-from robotrue.simulation.motion_grid import six
+from robotrue.simulation.joint_motion import six
 from robotrue.simulation.online_faults import FaultKind, clock_leap
-from robotrue.simulation.rsi_wire import RobWriter, SenReader
 
 _AXES: Final = ("X", "Y", "Z", "A", "B", "C")
 _NO_NUMBERS: Final = (math.nan,) * 6
@@ -120,7 +120,7 @@ class RsiController(CyclicController):
         super().__init__(settings, settings.cycle)
         self.settings = settings
         self._report = RsiControllerReport()
-        self._writer, self._reader = RobWriter(self._extra_signals()), SenReader(settings.config)
+        self._signals = self._extra_signals()
         self._ipoc = settings.first_ipoc
         self._answer: Mapping[str, float] | None = None
         self._total = [0.0] * 6
@@ -146,7 +146,15 @@ class RsiController(CyclicController):
             joints = _NO_NUMBERS
         if pose is not None:
             pose = six([a + b for a, b in zip(pose, self._total, strict=True)])
-        return self._writer.write(self._ipoc, self._delay_value(), joints, pose)
+        return write_rob(
+            RobPacket(
+                ipoc=self._ipoc,
+                late=self._delay_value(),
+                joints_deg=joints,
+                pose_mm_deg=pose,
+                signals=self._signals,
+            )
+        )
 
     def _is_over(self) -> bool:
         return bool(self._report.broke_off)
@@ -156,7 +164,7 @@ class RsiController(CyclicController):
         if self.settings.config.only_send or self._shows(FaultKind.SILENCE):
             return
         try:
-            answer = self._reader.read(data, self._ipoc)
+            answer = read_sen(data, self.settings.config, self._ipoc).signals
         except FormatError:
             if self._is_late(data):
                 return

@@ -21,9 +21,8 @@ from robotrue.core.arrays import Array, IntArray
 from robotrue.core.rotations import rotation_vector_from_matrix
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.online import rtde
-from robotrue.simulation.online_faults import Fault, FaultKind, clock_leap, showing
+from robotrue.simulation.online_faults import Fault, FaultKind, FaultyWire, clock_leap, showing
 from robotrue.simulation.online_scenario import OnlineScenario
-from robotrue.simulation.wire_faults import FaultyWire
 
 TICKS: Final = 500.0
 _LATE: Final = 10e-3

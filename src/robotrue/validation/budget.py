@@ -14,8 +14,8 @@ Source: JCGM 100:2008 (GUM), equations 10 (combination) and 18 (expansion), 4.3 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from typing import Final, Literal, TypeAlias
 
 import numpy as np
@@ -23,10 +23,10 @@ import numpy as np
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.calibration.settings import RP_PER_SIGMA
 from robotrue.core.arrays import Array
+from robotrue.core.poses import propagate_covariance
 from robotrue.errors import ShapeError
 from robotrue.measurement.tracker import TrackerSpecification
 from robotrue.robot.forward import forward
-from robotrue.robot.statics import Load
 
 COVERAGE_FACTOR: Final = 2.0
 PROBE_FORCE: Final = 100.0
@@ -45,22 +45,22 @@ class Contribution:
     Attributes:
         name: Which.
         value: Of the input, in ``unit``.
+        evaluation: ``A`` from data, ``B`` from what is stated (GUM 4.2, 4.3).
         unit: ``m`` or ``N``.
         distribution: ``normal``: value is a standard deviation; ``bound``: an instrument's limits,
             read by ``divisor``; ``repeatability``: ISO 9283 RP.
         divisor: Value over this is the input's standard uncertainty.
         sensitivity: Of the measurand, m per unit, root mean square.
-        evaluation: ``A`` from data, ``B`` from what is stated (GUM 4.2, 4.3).
         in_target: Whether it counts for a compensated target; the rest only for a check reading.
     """
 
     name: Name
     value: float
-    unit: str
-    distribution: Distribution
-    divisor: float
-    sensitivity: float
     evaluation: Literal["A", "B"]
+    unit: str = "m"
+    distribution: Distribution = "normal"
+    divisor: float = 1.0
+    sensitivity: float = 1.0
     in_target: bool = True
 
     @property
@@ -130,31 +130,21 @@ def uncertainty_budget(
     if (T_base_part is None) != (part_covariance is None):
         raise ShapeError("a part frame and its covariance go together: one is missing.")
     covariance = model.predict(query).covariance
-    lines, learned = _model_lines(model, covariance, repeatability)
-    other = 0.0
+    learned = _model_lines(model, covariance, repeatability)
+    lines = []
     if T_base_part is not None and part_covariance is not None:
         at = forward(model.robot.nominal(), query.joints)[:, :3, 3]
         spread = propagate_covariance(part_covariance, at - T_base_part[:3, 3])
-        u = _per_axis(spread)
-        lines.append(_normal("registration", u, "A"))
-        other += u**2
+        lines.append(Contribution(name="registration", value=_per_axis(spread), evaluation="A"))
     c = force_sensitivity(model, query)
-    force = Contribution(
-        name="force",
-        value=force_sigma,
-        unit="N",
-        distribution="normal",
-        divisor=1.0,
-        sensitivity=c,
-        evaluation="B",
+    lines.append(
+        Contribution(name="force", value=force_sigma, unit="N", sensitivity=c, evaluation="B")
     )
-    lines.append(force)
-    other += force.standard_uncertainty**2
     worst = float(np.trace(covariance, axis1=1, axis2=2).max()) / 3.0
     return Budget(
         contributions=(*learned, *lines, *instrument),
         poses=n,
-        worst=COVERAGE_FACTOR * float(np.sqrt(worst + other)),
+        worst=COVERAGE_FACTOR * float(np.sqrt(worst + _root_sum(lines) ** 2)),
     )
 
 
@@ -163,29 +153,28 @@ def tracker_lines(specification: TrackerSpecification, distance: Array) -> tuple
 
     One of three axes is along the line of sight, two are across: c^2 = 1/3 and 2/3.
     """
-    out = []
-    for name, c, sigma in (
+    shares: tuple[tuple[Name, float, Array], ...] = (
         ("range", 1.0 / 3.0, specification.sigma_range(distance)),
         ("angle", 2.0 / 3.0, specification.sigma_angle(distance)),
-    ):
-        out.append(
-            Contribution(
-                name="range" if name == "range" else "angle",
-                value=float(np.sqrt(np.mean(sigma**2))) * specification.divisor,
-                unit="m",
-                distribution="normal" if specification.divisor == 1.0 else "bound",
-                divisor=specification.divisor,
-                sensitivity=float(np.sqrt(c)),
-                evaluation="B",
-                in_target=False,
-            )
+    )
+    return tuple(
+        Contribution(
+            name=name,
+            value=float(np.sqrt(np.mean(sigma**2))) * specification.divisor,
+            distribution="normal" if specification.divisor == 1.0 else "bound",
+            divisor=specification.divisor,
+            sensitivity=float(np.sqrt(c)),
+            evaluation="B",
+            in_target=False,
         )
-    return tuple(out)
+        for name, c, sigma in shares
+    )
 
 
 def stated_line(covariance: Array) -> tuple[Contribution, ...]:
     """Returns the one line of readings that came with their own covariance (n, 3, 3) m^2."""
-    return (_normal("instrument", _per_axis(covariance), "B", in_target=False),)
+    value = _per_axis(covariance)
+    return (Contribution(name="instrument", value=value, evaluation="B", in_target=False),)
 
 
 def force_sensitivity(model: ErrorModel, query: Query) -> float:
@@ -195,89 +184,39 @@ def force_sensitivity(model: ErrorModel, query: Query) -> float:
     for axis in range(3):
         wrench = np.array(np.broadcast_to(query.load.wrench, (len(query.joints), 6)))
         wrench[:, axis] += PROBE_FORCE
-        load = Load(mass=query.load.mass, com=query.load.com, wrench=wrench)
-        pushed = model.predict(
-            Query(
-                joints=query.joints,
-                load=load,
-                approach=query.approach,
-                temperature=query.temperature,
-                T_flange_tool=query.T_flange_tool,
-            )
-        ).error
+        load = replace(query.load, wrench=wrench)
+        pushed = model.predict(replace(query, load=load)).error
         size += float(np.mean(np.sum((pushed - base) ** 2, axis=1)))
     return float(np.sqrt(size / 3.0)) / PROBE_FORCE
 
 
-def propagate_covariance(covariance: Array, lever: Array) -> Array:
-    """Returns the covariance (n, 3, 3) m^2 of points at levers (n, 3) m from a frame's origin.
-
-    Args:
-        covariance: (6, 6) of origin (m) and left rotation vector (rad), base axes.
-        lever: Point minus origin, base axes.
-    """
-    a = np.zeros((len(lever), 3, 6))
-    a[:, :, :3] = np.eye(3)
-    x, y, z = lever.T  # -[lever]x, so that a rotation w moves the point by w x lever
-    a[:, 0, 4], a[:, 0, 5] = z, -y
-    a[:, 1, 3], a[:, 1, 5] = -z, x
-    a[:, 2, 3], a[:, 2, 4] = y, -x
-    return np.asarray(a @ covariance @ np.swapaxes(a, 1, 2))
-
-
-def _model_lines(
-    model: ErrorModel, covariance: Array, repeatability: float
-) -> tuple[list[Contribution], list[Contribution]]:
-    """Lines of scatter, and the model's own; all in the model's where it cannot be divided."""
+def _model_lines(model: ErrorModel, covariance: Array, repeatability: float) -> list[Contribution]:
+    """The model's own line, then those of scatter; one line where it cannot be divided."""
     physics = model.belief()
     if physics is None:
-        return [], [_normal("model", _per_axis(covariance), "A")]
-    factor = physics.inflation
-    scatter = factor * (physics.repeatability**2 + physics.white**2)
-    parameters = np.sqrt(max(_per_axis(covariance) ** 2 - scatter, 0.0))
-    lines = [
+        return [Contribution(name="model", value=_per_axis(covariance), evaluation="A")]
+    factor, stated = physics.inflation, physics.repeatability
+    parameters = np.sqrt(
+        max(_per_axis(covariance) ** 2 - factor * (stated**2 + physics.white**2), 0.0)
+    )
+    scale = float(np.sqrt(factor))
+    return [
+        Contribution(name="model", value=float(parameters), evaluation="A"),
         Contribution(
             name="repeatability",
             value=repeatability,
-            unit="m",
             distribution="repeatability",
-            divisor=repeatability / physics.repeatability
-            if physics.repeatability > 0.0
-            else RP_PER_SIGMA,
-            sensitivity=float(np.sqrt(factor)),
+            divisor=repeatability / stated if stated > 0.0 else RP_PER_SIGMA,
+            sensitivity=scale,
             evaluation="B",
         ),
-        Contribution(
-            name="white",
-            value=physics.white,
-            unit="m",
-            distribution="normal",
-            divisor=1.0,
-            sensitivity=float(np.sqrt(factor)),
-            evaluation="A",
-        ),
+        Contribution(name="white", value=physics.white, sensitivity=scale, evaluation="A"),
     ]
-    return lines, [_normal("model", float(parameters), "A")]
-
-
-def _normal(
-    name: Name, u: float, evaluation: Literal["A", "B"], *, in_target: bool = True
-) -> Contribution:
-    return Contribution(
-        name=name,
-        value=u,
-        unit="m",
-        distribution="normal",
-        divisor=1.0,
-        sensitivity=1.0,
-        evaluation=evaluation,
-        in_target=in_target,
-    )
 
 
 def _per_axis(covariance: Array) -> float:
     return float(np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean() / 3.0))
 
 
-def _root_sum(lines: Iterator[Contribution] | tuple[Contribution, ...]) -> float:
+def _root_sum(lines: Iterable[Contribution]) -> float:
     return float(np.sqrt(sum(c.standard_uncertainty**2 for c in lines)))

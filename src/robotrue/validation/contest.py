@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
 import numpy as np
+from pydantic import TypeAdapter, ValidationError
 from scipy.special import stdtrit
 
 from robotrue.core.arrays import Array, IntArray
+from robotrue.core.json_values import json_values
 from robotrue.core.units import MM
-from robotrue.errors import ArchiveError, ObservabilityError
+from robotrue.errors import ArchiveError, ConvergenceError, ObservabilityError, RobotrueError
 from robotrue.validation.splits import Split
 
 BASELINE: Final = "nominal"
 """The method that assumes an arm without errors. No arm is: it gives way to any gain."""
+UNKNOWN: Final = float("nan")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,15 +41,15 @@ class CandidateScore:
     """
 
     name: str
-    n: int
-    mean: float
-    max: float
-    coverage: float
-    log_density: float
-    mean_by_kind: Mapping[str, float]
-    gain: float
-    noise: float
-    failure: str
+    n: int = 0
+    mean: float = UNKNOWN
+    max: float = UNKNOWN
+    coverage: float = UNKNOWN
+    log_density: float = UNKNOWN
+    mean_by_kind: Mapping[str, float] = field(default_factory=dict)
+    gain: float = UNKNOWN
+    noise: float = UNKNOWN
+    failure: str = ""
     unsettled: bool = False
 
 
@@ -57,54 +60,43 @@ class Selection:
     Attributes:
         winner: Name of the method.
         reason: One sentence with the numbers.
-        table: Every candidate, simplest first.
-        splits: Names of the splits used.
         rule: How rows were held out and limited, one sentence.
+        splits: Names of the splits used.
+        table: Every candidate, simplest first.
     """
 
     winner: str
     reason: str
-    table: tuple[CandidateScore, ...]
-    splits: tuple[str, ...]
     rule: str
+    splits: tuple[str, ...]
+    table: tuple[CandidateScore, ...]
 
     def summary(self) -> Mapping[str, Any]:
         """Returns JSON values for a model's training summary; lengths in m."""
-        return {
-            "winner": self.winner,
-            "reason": self.reason,
-            "rule": self.rule,
-            "splits": list(self.splits),
-            "table": [
-                {
-                    "name": score.name,
-                    "n": score.n,
-                    "mean": _json_number(score.mean),
-                    "max": _json_number(score.max),
-                    "coverage": _json_number(score.coverage),
-                    "log_density": _json_number(score.log_density),
-                    "mean_by_kind": dict(score.mean_by_kind),
-                    "gain": _json_number(score.gain),
-                    "noise": _json_number(score.noise),
-                    "failure": score.failure,
-                    **({"unsettled": True} if score.unsettled else {}),
-                }
-                for score in self.table
-            ],
-        }
+        document: dict[str, Any] = json_values(asdict(self))
+        for row in document["table"]:
+            if not row["unsettled"]:
+                del row["unsettled"]
+        return document
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Failure:
-    """Why a candidate has no held-out results.
+_SELECTION: Final = TypeAdapter(Selection)
 
-    Attributes:
-        message: Of the error.
-        unsettled: Whether the fit did not converge: a fault of the fit, not of the data.
+
+def selection_from_summary(summary: Mapping[str, Any]) -> Selection:
+    """Returns the selection that :meth:`Selection.summary` wrote, e.g. from a stored model.
+
+    Raises:
+        ArchiveError: The values are not those of a selection.
     """
-
-    message: str
-    unsettled: bool = False
+    try:
+        table = [
+            {key: UNKNOWN if value is None else value for key, value in row.items()}
+            for row in summary["table"]
+        ]
+        return _SELECTION.validate_python({**summary, "table": table})
+    except (KeyError, TypeError, ValidationError, AttributeError) as cause:
+        raise ArchiveError(f"the selection in this summary cannot be read: {cause}.") from cause
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,113 +114,83 @@ class CandidateResults:
     log_density: float
 
 
-def selection_from_summary(summary: Mapping[str, Any]) -> Selection:
-    """Returns the selection that :meth:`Selection.summary` wrote, e.g. from a stored model.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trials:
+    """Every candidate on every fold.
 
-    Raises:
-        ArchiveError: The values are not those of a selection.
+    Attributes:
+        held: By candidate, simplest first: held-out results, or the error why there are none.
+        folds: The splits.
+        fold_of_row: (n,) fold of each held-out row.
+        rule: How rows were held out, one sentence.
     """
-    try:
-        return Selection(
-            winner=str(summary["winner"]),
-            reason=str(summary["reason"]),
-            table=tuple(_score_from(row) for row in summary["table"]),
-            splits=tuple(summary["splits"]),
-            rule=str(summary["rule"]),
-        )
-    except (KeyError, TypeError, ValueError, AttributeError) as cause:
-        raise ArchiveError(f"the selection in this summary cannot be read: {cause}.") from cause
+
+    held: Mapping[str, CandidateResults | RobotrueError]
+    folds: tuple[Split, ...]
+    fold_of_row: IntArray
+    rule: str
+
+    @property
+    def scored(self) -> dict[str, CandidateResults]:
+        """Candidates that have results."""
+        return {k: r for k, r in self.held.items() if isinstance(r, CandidateResults)}
+
+    def gain(self, first: str, second: str) -> tuple[float, float]:
+        """Returns :func:`paired_gain` of the second candidate over the first, both m."""
+        scored = self.scored
+        return paired_gain(scored[first].error - scored[second].error, self.fold_of_row)
 
 
-def _score_from(row: Mapping[str, Any]) -> CandidateScore:
-    def number(name: str) -> float:
-        return float("nan") if row[name] is None else float(row[name])
-
-    return CandidateScore(
-        name=str(row["name"]),
-        n=int(row["n"]),
-        mean=number("mean"),
-        max=number("max"),
-        coverage=number("coverage"),
-        log_density=number("log_density"),
-        mean_by_kind={str(kind): float(mean) for kind, mean in row["mean_by_kind"].items()},
-        gain=number("gain"),
-        noise=number("noise"),
-        failure=str(row["failure"]),
-        unsettled=bool(row.get("unsettled", False)),
-    )
-
-
-def decide(
-    held: Mapping[str, CandidateResults | Failure],
-    folds: Sequence[Split],
-    fold_of_row: IntArray,
-    rule: str,
-) -> Selection:
+def decide(trials: Trials) -> Selection:
     """Returns the selection, given every candidate's held-out results or why it has none.
-
-    Args:
-        held: By method, simplest first.
-        folds: The splits, in the order of ``fold_of_row``.
-        fold_of_row: (n,) fold number of each held-out row.
-        rule: How rows were held out, for the report.
 
     Raises:
         ObservabilityError: No candidate has results.
     """
-    winner: str | None = None
-    best: CandidateResults | None = None
+    winner = ""
     table, trail = [], []
-    for name, result in held.items():
-        gain, noise = float("nan"), float("nan")
-        if isinstance(result, Failure):
-            table.append(_score_failure(name, result))
-            trail.append(
-                f"{name} " + ("did not converge" if result.unsettled else "could not be fitted")
-            )
+    for name, result in trials.held.items():
+        gain = noise = UNKNOWN
+        if isinstance(result, RobotrueError):
+            unsettled = isinstance(result, ConvergenceError)
+            table.append(CandidateScore(name=name, failure=result.message, unsettled=unsettled))
+            trail.append(f"{name} {'did not converge' if unsettled else 'could not be fitted'}")
             continue
-        if best is None:
-            winner, best = name, result
-            trail.append(f"{name} has {result.error.mean() / MM:.3f} mm on held-out poses")
+        size = f"{result.error.mean() / MM:.3f} mm"
+        if not winner:
+            winner = name
+            trail.append(f"{name} has {size} on held-out poses")
+        elif twin := _find_twin(name, trials):
+            trail.append(f"{name} falls back to {twin}: the same predictions")
         else:
-            twin = _twin(result, held)
-            if twin is not None:
-                trail.append(f"{name} falls back to {twin}: the same predictions")
-                table.append(_score_candidate(name, result, folds, fold_of_row, gain, noise))
-                continue
-            gain, noise = paired_gain(best.error - result.error, fold_of_row)
+            gain, noise = trials.gain(winner, name)
             wins = gain > (0.0 if winner == BASELINE else noise)
-            verdict = "beats" if wins else "does not beat"
             trail.append(
-                f"{name} ({result.error.mean() / MM:.3f} mm) {verdict} {winner}: gain "
+                f"{name} ({size}) {'beats' if wins else 'does not beat'} {winner}: gain "
                 f"{gain / MM:.4f} mm, noise {noise / MM:.4f} mm"
             )
-            if wins:
-                winner, best = name, result
-        table.append(_score_candidate(name, result, folds, fold_of_row, gain, noise))
-    if winner is None:
-        first = next(iter(held.items()))
+            winner = name if wins else winner
+        table.append(_score_candidate(name, trials, result, gain, noise))
+    if not winner:
         raise ObservabilityError(
-            f"no method could be fitted; {first[0]}: {table[0].failure}",
+            f"no method could be fitted; {next(iter(trials.held))}: {table[0].failure}",
             hint="measure more poses, or name one method to see its full message.",
         )
     return Selection(
         winner=winner,
         reason=f"{winner} is used: " + "; ".join(trail) + ".",
+        rule=trials.rule,
+        splits=tuple(fold.name for fold in trials.folds),
         table=tuple(table),
-        splits=tuple(fold.name for fold in folds),
-        rule=rule,
     )
 
 
-def _twin(result: CandidateResults, held: Mapping[str, CandidateResults | Failure]) -> str | None:
-    """Name of an earlier candidate with the very same errors: a richer method that fell back."""
-    for name, other in held.items():
-        if other is result:
-            return None
-        if isinstance(other, CandidateResults) and np.array_equal(other.error, result.error):
-            return name
-    return None
+def _find_twin(name: str, trials: Trials) -> str:
+    """An earlier candidate with the very same errors, if any: a richer method fell back to it."""
+    scored = trials.scored
+    earlier = list(scored)[: list(scored).index(name)]
+    same = (k for k in earlier if np.array_equal(scored[k].error, scored[name].error))
+    return next(same, "")
 
 
 def paired_gain(difference: Array, fold_of_row: IntArray) -> tuple[float, float]:
@@ -252,14 +214,9 @@ def paired_gain(difference: Array, fold_of_row: IntArray) -> tuple[float, float]
 
 
 def _score_candidate(
-    name: str,
-    result: CandidateResults,
-    folds: Sequence[Split],
-    fold_of_row: IntArray,
-    gain: float,
-    noise: float,
+    name: str, trials: Trials, result: CandidateResults, gain: float, noise: float
 ) -> CandidateScore:
-    kinds = np.array([fold.kind for fold in folds])[fold_of_row]
+    kinds = np.array([fold.kind for fold in trials.folds])[trials.fold_of_row]
     return CandidateScore(
         name=name,
         n=len(result.error),
@@ -269,30 +226,8 @@ def _score_candidate(
         log_density=result.log_density,
         mean_by_kind={
             kind: float(result.error[kinds == kind].mean())
-            for kind in dict.fromkeys(fold.kind for fold in folds)
+            for kind in dict.fromkeys(fold.kind for fold in trials.folds)
         },
         gain=gain,
         noise=noise,
-        failure="",
     )
-
-
-def _score_failure(name: str, why: Failure) -> CandidateScore:
-    nan = float("nan")
-    return CandidateScore(
-        name=name,
-        n=0,
-        mean=nan,
-        max=nan,
-        coverage=nan,
-        log_density=nan,
-        mean_by_kind={},
-        gain=nan,
-        noise=nan,
-        failure=why.message,
-        unsettled=why.unsettled,
-    )
-
-
-def _json_number(value: float) -> float | None:
-    return value if np.isfinite(value) else None

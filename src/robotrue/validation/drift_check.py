@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Final, Literal, TypeAlias
+from typing import Annotated, Final, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
@@ -37,6 +37,7 @@ from robotrue.robot.model import POSE_TERMS, parameter_slice
 from robotrue.robot.statics import Load
 from robotrue.validation.drift_defaults import FEWEST, LEVEL
 from robotrue.validation.evaluation import Evaluation, evaluate, row_loads
+from robotrue.validation.metrics import squared_distance
 
 Verdict: TypeAlias = Literal["keep", "update", "recalibrate", "measure again"]
 Kind: TypeAlias = Literal["base", "tool", "joint", "reading"]
@@ -46,6 +47,17 @@ SEEN_ANGLE: Final = 1e-4
 TOGETHER: Final = 10.0
 """How much worse each number of a cause of several may be known."""
 ILL_CONDITIONED: Final = 1e12
+_KINDS: Final[dict[str, Kind]] = {"base": "base", "tool": "tool"}
+
+
+class _Way(NamedTuple):
+    """A cause that is tried."""
+
+    name: str
+    kind: Kind
+    terms: tuple[str, ...]
+    columns: Array
+    """(3n, k), whitened."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -169,7 +181,7 @@ def drift_check(
         causes=causes,
         not_seen=not_seen,
         residual=seen.after,
-        sigmas=_own_sigmas(seen),
+        sigmas=np.sqrt(squared_distance(seen.after, seen.covariance)),
         source_row=seen.measured.source_row.astype(np.float64),
     )
 
@@ -234,33 +246,22 @@ def _checkable(model: ErrorModel) -> Belief:
     return belief
 
 
-_Way: TypeAlias = tuple[str, Kind, tuple[str, ...], Array]
-
-
 def _ways(
     model: ErrorModel, query: Query, root: Array, n: int
 ) -> tuple[list[_Way], tuple[str, ...]]:
-    """Causes to try, with whitened columns (3n, k), and those the poses cannot show."""
-    ways: list[_Way] = []
-    hidden = []
+    """Causes to try, and those the poses cannot show."""
+    ways, hidden = [], []
     for name, (terms, columns) in cause_columns(model, query).items():
         white = solve_triangular(root, columns.reshape(3 * n, -1), lower=True)
-        if not _well_seen(white, terms):
+        if _well_seen(white, terms):
+            ways.append(_Way(name, _KINDS.get(name, "joint"), terms, white))
+        else:
             hidden.append(name)
-            continue
-        ways.append((name, _kind(name), terms, white))
+    white = solve_triangular(root, np.eye(3 * n), lower=True)
     for i in range(n):
-        one = np.zeros((3 * n, 3))
-        one[3 * i : 3 * i + 3] = np.eye(3)
-        white = solve_triangular(root, one, lower=True)
-        ways.append((f"reading {i + 1}", "reading", POSE_TERMS[:3], white))
+        own = white[:, 3 * i : 3 * i + 3]
+        ways.append(_Way(f"reading {i + 1}", "reading", POSE_TERMS[:3], own))
     return ways, tuple(hidden)
-
-
-def _kind(name: str) -> Kind:
-    if name == "base":
-        return "base"
-    return "tool" if name == "tool" else "joint"
 
 
 def _well_seen(white: Array, terms: Sequence[str]) -> bool:
@@ -313,9 +314,3 @@ def _verdict(changed: bool, causes: Sequence[Cause]) -> Verdict:
     if not best.explains:
         return "recalibrate"
     return "measure again" if best.kind == "reading" else "update"
-
-
-def _own_sigmas(seen: Evaluation) -> Array:
-    factor = np.linalg.cholesky(seen.covariance)
-    white = np.linalg.solve(factor, seen.after[..., None])[..., 0]
-    return np.asarray(np.linalg.norm(white, axis=1))

@@ -11,27 +11,29 @@ Without target poses nothing can be checked; the model then says so.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Final, TypeAlias
 
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.training_summary import TrainingSummary
+from robotrue.core.json_values import json_values
 from robotrue.core.progress import Progress
 from robotrue.core.units import MM
 from robotrue.errors import ObservabilityError, RobotrueError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.statics import Load
 from robotrue.validation.contest import (
+    UNKNOWN,
     CandidateResults,
     Selection,
+    Trials,
     decide,
-    paired_gain,
     selection_from_summary,
 )
 from robotrue.validation.metrics import wilson_interval
-from robotrue.validation.selection import Trials, hold_out, with_evidence, with_summary
+from robotrue.validation.selection import hold_out, with_summary
 from robotrue.validation.splits import random_folds
 
 Candidate: TypeAlias = Callable[[MeasurementSet | None], ErrorModel]
@@ -62,22 +64,16 @@ class GuardVerdict:
     winner: str
     checked: bool
     target_rows: int
-    against: str
-    gain: float
-    noise: float
+    against: str = ""
+    gain: float = UNKNOWN
+    noise: float = UNKNOWN
     doubts: tuple[str, ...]
 
     def summary(self) -> Mapping[str, Any]:
         """Returns JSON values; lengths in m."""
-        return {
-            "winner": self.winner,
-            "checked": self.checked,
-            "target_rows": self.target_rows,
-            "against": self.against or None,
-            "gain_m": self.gain if np.isfinite(self.gain) else None,
-            "noise_m": self.noise if np.isfinite(self.noise) else None,
-            "doubts": list(self.doubts),
-        }
+        units = {"gain": "gain_m", "noise": "noise_m"}
+        values = {**asdict(self), "against": self.against or None}
+        return {units.get(name, name): json_values(value) for name, value in values.items()}
 
 
 def select_guarded(
@@ -110,32 +106,25 @@ def select_guarded(
         ObservabilityError: No candidate could be fitted.
     """
     rows = 0 if target is None else len(target)
-    if target is None or rows < FEWEST_ROWS:
-        return _fit_unchecked({**transfers, **alone}, target, tuple(doubts))
     candidates = {**transfers, **alone}
+    if target is None or rows < FEWEST_ROWS:
+        return _fit_unchecked(candidates, target, tuple(doubts))
     folds = random_folds(rows, folds=min(rows, MOST_FOLDS), seed=seed)
     trials = hold_out(candidates, target, splits=folds, payload=payload, progress=progress)
-    selection = decide(trials.held, trials.folds, trials.fold_of_row, _rule(rows, len(folds)))
+    trials = replace(trials, rule=_rule(rows, len(folds)))
+    selection = decide(trials)
     verdict = _verdict(selection, trials, tuple(transfers), tuple(alone), target, reach, doubts)
     model = candidates[selection.winner](target)
-    return _with_verdict(with_evidence(model, selection), verdict)
+    return _with_verdict(model, verdict, {"selection": selection.summary()})
 
 
 def verdict_from_summary(summary: TrainingSummary) -> tuple[GuardVerdict, Selection | None] | None:
     """Returns what the guard wrote into a training summary, None if there was no guard."""
-    stated = summary.guard
-    if not isinstance(stated, Mapping):
+    if not isinstance(summary.guard, Mapping):
         return None
-    nan = float("nan")
-    verdict = GuardVerdict(
-        winner=str(stated["winner"]),
-        checked=bool(stated["checked"]),
-        target_rows=int(stated["target_rows"]),
-        against=str(stated["against"] or ""),
-        gain=nan if stated["gain_m"] is None else float(stated["gain_m"]),
-        noise=nan if stated["noise_m"] is None else float(stated["noise_m"]),
-        doubts=tuple(str(d) for d in stated["doubts"]),
-    )
+    names = {"gain_m": "gain", "noise_m": "noise"}
+    known = {names.get(k, k): v for k, v in summary.guard.items() if v is not None}
+    verdict = GuardVerdict(**{**known, "doubts": tuple(known["doubts"])})
     contest = summary.selection if verdict.checked else None
     return verdict, None if contest is None else selection_from_summary(contest)
 
@@ -156,12 +145,9 @@ def _fit_unchecked(
             winner=name,
             checked=False,
             target_rows=rows,
-            against="",
-            gain=float("nan"),
-            noise=float("nan"),
             doubts=(_nothing_checked(name, rows), *doubts),
         )
-        return _with_verdict(model, verdict)
+        return _with_verdict(model, verdict, {})
     raise ObservabilityError(
         f"no candidate could be fitted; {'; '.join(failures) or 'there is none'}",
         hint="measure target poses, or give a source that can be used.",
@@ -185,11 +171,11 @@ def _rule(rows: int, folds: int) -> str:
     )
 
 
-def _with_verdict(model: ErrorModel, verdict: GuardVerdict) -> ErrorModel:
-    stated = model.training_summary().warnings
-    return with_summary(
-        model, {"guard": dict(verdict.summary()), "doubts": [*verdict.doubts, *stated]}
-    )
+def _with_verdict(
+    model: ErrorModel, verdict: GuardVerdict, evidence: Mapping[str, Any]
+) -> ErrorModel:
+    doubts = [*verdict.doubts, *model.training_summary().warnings]
+    return with_summary(model, {**evidence, "guard": dict(verdict.summary()), "doubts": doubts})
 
 
 def _verdict(
@@ -201,19 +187,18 @@ def _verdict(
     reach: float,
     doubts: Sequence[str],
 ) -> GuardVerdict:
-    held = {name: r for name, r in trials.held.items() if isinstance(r, CandidateResults)}
-    winner = held[selection.winner]
-    rivals = [name for name in alone if name in held]
-    against = min(rivals, key=lambda name: float(held[name].error.mean()), default="")
-    gain, noise = float("nan"), float("nan")
+    scored = trials.scored
+    rivals = [name for name in alone if name in scored]
+    against = min(rivals, key=lambda name: float(scored[name].error.mean()), default="")
+    gain = noise = UNKNOWN
     if against and against != selection.winner:
-        gain, noise = paired_gain(held[against].error - winner.error, trials.fold_of_row)
-    found = [*_harm(selection, trials, held, transfers), *doubts]
+        gain, noise = trials.gain(against, selection.winner)
+    found = [*_harm(selection, trials, transfers), *doubts]
     if transfers and not against:
         found.append(
             "the target poses alone could not be fitted: whether the sources help was not checked."
         )
-    found += _width(winner, len(target)) + _one_place(target, reach)
+    found += _width(scored[selection.winner], len(target)) + _one_place(target, reach)
     return GuardVerdict(
         winner=selection.winner,
         checked=True,
@@ -225,30 +210,24 @@ def _verdict(
     )
 
 
-def _harm(
-    selection: Selection,
-    trials: Trials,
-    held: Mapping[str, CandidateResults],
-    transfers: tuple[str, ...],
-) -> list[str]:
+def _harm(selection: Selection, trials: Trials, transfers: tuple[str, ...]) -> list[str]:
     """What became of the transfer that was believed first, if it was not used."""
     if selection.winner in transfers[:1] or not transfers:
         return []
-    first = transfers[0]
-    failure = trials.held[first]
-    if not isinstance(failure, CandidateResults):
-        return [f"{first} could not be fitted, {selection.winner} is used: {failure.message}"]
-    winner = held[selection.winner]
-    gain, noise = paired_gain(failure.error - winner.error, trials.fold_of_row)
+    first, winner = transfers[0], selection.winner
+    result = trials.held[first]
+    if isinstance(result, RobotrueError):
+        return [f"{first} could not be fitted, {winner} is used: {result.message}"]
+    gain, noise = trials.gain(first, winner)
     numbers = (
-        f"{failure.error.mean() / MM:.3f} mm against {winner.error.mean() / MM:.3f} mm on held-out "
+        f"{result.error.mean() / MM:.3f} mm against "
+        f"{trials.scored[winner].error.mean() / MM:.3f} mm on held-out "
         f"target poses (gain {gain / MM:.3f} mm, noise {noise / MM:.3f} mm)"
     )
-    if selection.winner in transfers:
-        return [f"{selection.winner} is used and not {first}: {numbers}."]
+    if winner in transfers:
+        return [f"{winner} is used and not {first}: {numbers}."]
     return [
-        f"the sources make it worse: {first} has {numbers} for {selection.winner}; the sources "
-        "are not used."
+        f"the sources make it worse: {first} has {numbers} for {winner}; the sources are not used."
     ]
 
 

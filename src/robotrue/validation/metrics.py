@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from scipy.special import chdtr, chdtri, ndtri
 
 from robotrue.core.arrays import Array, frozen
+from robotrue.core.json_values import json_values
+from robotrue.core.units import MM
 from robotrue.errors import ShapeError
 
 
@@ -38,6 +41,11 @@ class ErrorStatistics:
     axis_mean: Array
     axis_std: Array
     axis_max: Array
+
+    def document(self) -> dict[str, Any]:
+        """Returns JSON values, lengths in mm."""
+        lengths = (f.name for f in fields(self) if f.name != "n")
+        return {"n": self.n, **{f"{k}_mm": json_values(getattr(self, k) / MM) for k in lengths}}
 
 
 def error_statistics(errors: Array) -> ErrorStatistics:

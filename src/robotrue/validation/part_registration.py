@@ -24,6 +24,7 @@ from robotrue.validation.registered_part import FoundFrame, RegisteredPart
 from robotrue.validation.registration_frame import (
     GOOD,
     CheckedTouches,
+    RegistrationSettings,
     frame_alone,
     robot_share,
     tips,
@@ -33,7 +34,6 @@ from robotrue.validation.registration_joint import (
     joint_registration,
     require_numbers,
 )
-from robotrue.validation.registration_settings import RegistrationSettings
 from robotrue.validation.touch_checks import (
     check_mirror,
     check_on_mesh,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, Final, Literal
 
 import numpy as np
@@ -145,96 +146,85 @@ def check_frame(
         reasons: Against cutting, found elsewhere.
         doubts: Found elsewhere.
     """
-    T = registration.T_base_part
     with_arm = machined is not None
     if machined is None:
-        machined = T[:3, :3].T @ point_covariance(registration, points) @ T[:3, :3]
-    found = FoundFrame(name=name, registration=registration, points=points, machined=machined)
-    against, open_ = list(reasons), list(doubts)
-    freedom, misfit = registration.degrees_of_freedom, registration.misfit
-    allowed = float(np.sqrt(chi2.ppf(MISFIT, max(freedom, 1)) / max(freedom, 1)))
-    if freedom < 1:
-        open_.append(
-            "No touch is left over that could contradict the frame: touch one or two more."
-        )
-    elif misfit > allowed:
-        against.append(
+        R = registration.T_base_part[:3, :3]
+        machined = R.T @ point_covariance(registration, points) @ R
+    frame = FoundFrame(
+        name=name, registration=registration, points=points, machined=machined, with_arm=with_arm
+    )
+    return replace(
+        frame,
+        reasons=(*reasons, *_find_reasons(frame, tolerance)),
+        doubts=(*doubts, *_find_doubts(frame)),
+    )
+
+
+def _find_reasons(frame: FoundFrame, tolerance: float | None) -> Iterator[str]:
+    """Why not to cut: touches that contradict the frame, and too wide a region."""
+    fit = frame.registration
+    freedom, misfit = max(fit.degrees_of_freedom, 1), fit.misfit
+    allowed = float(np.sqrt(chi2.ppf(MISFIT, freedom) / freedom))
+    if misfit > allowed:
+        yield (
             f"The touches scatter {misfit:.1f} times what touch and arm together should "
-            f"({registration.sigma / MM:.3f} mm per axis; up to {allowed:.1f} times is allowed): "
-            f"{_worst(registration)}."
+            f"({fit.sigma / MM:.3f} mm per axis; up to {allowed:.1f} times is allowed): worst "
+            f"{_list_distances(fit, _believed_by_distance(fit)[:3])}."
         )
-    near = _just_beyond(registration)
-    if len(near) > max(2, FEW_BEYOND * len(registration.names)):
-        against.append(
-            f"{len(near)} of {len(registration.names)} touches lie just beyond what good ones may "
-            f"({GAUSS_POINT * registration.sigma / MM:.3f} mm): {_list_names(registration, near)}. "
+    if near := _many_just_beyond(fit):
+        yield (
+            f"{len(near)} of {len(fit.names)} touches lie just beyond what good ones may "
+            f"({GAUSS_POINT * fit.sigma / MM:.3f} mm): {_list_distances(fit, near)}. "
             "Touch or arm are worth less than stated."
         )
-    elif registration.rms < TOO_GOOD * registration.sigma:
-        open_.append(
-            f"The touches fit to {registration.rms / UM:.2g} um, nobody touches that well: are "
+    worst = int(np.argmax(frame.region))
+    if tolerance is not None and frame.region[worst] > tolerance:
+        yield (
+            f"A point machined at {fit.names[worst]} is known to "
+            f"{frame.region[worst] / MM:.3f} mm (95 %), the tolerance is {tolerance / MM:.3f} mm."
+        )
+
+
+def _find_doubts(frame: FoundFrame) -> Iterator[str]:
+    """What the touches cannot tell."""
+    fit = frame.registration
+    if fit.degrees_of_freedom < 1:
+        yield "No touch is left over that could contradict the frame: touch one or two more."
+    if not _many_just_beyond(fit) and fit.rms < TOO_GOOD * fit.sigma:
+        yield (
+            f"The touches fit to {fit.rms / UM:.2g} um, nobody touches that well: are "
             "planned or computed points in the place of touched ones?"
         )
-    if registration.outliers:
-        open_.append(
-            f"Not believed: {_list_names(registration, registration.outliers)}; touch again."
-        )
-    else:
-        stray = _stray(registration)
-        if stray:
-            open_.append(
-                f"Far off beside the others: {_list_names(registration, stray)}; touch again."
-            )
-    if tolerance is not None and found.region.max() > tolerance:
-        worst = int(np.argmax(found.region))
-        against.append(
-            f"A point machined at {registration.names[worst]} is known to "
-            f"{found.region[worst] / MM:.3f} mm (95 %), the tolerance is {tolerance / MM:.3f} mm."
-        )
-    return FoundFrame(
-        name=name,
-        registration=registration,
-        points=points,
-        machined=machined,
-        with_arm=with_arm,
-        reasons=tuple(against),
-        doubts=tuple(open_),
-    )
+    if fit.outliers:
+        yield f"Not believed: {_list_distances(fit, fit.outliers)}; touch again."
+    elif stray := _stray(fit):
+        yield f"Far off beside the others: {_list_distances(fit, stray)}; touch again."
 
 
-def _just_beyond(registration: Registration) -> tuple[str, ...]:
-    """Touches not believed that are not far off either: a bound through the good ones."""
-    far = dict(zip(registration.names, registration.distances, strict=True))
-    bound = 3.0 * GAUSS_POINT * registration.sigma
-    return tuple(name for name in registration.outliers if far[name] < bound)
+def _many_just_beyond(fit: Registration) -> tuple[str, ...]:
+    """Touches not believed that are not far off either, if many: a bound through the good ones."""
+    far = _distances(fit)
+    near = tuple(k for k in fit.outliers if far[k] < 3.0 * GAUSS_POINT * fit.sigma)
+    return near if len(near) > max(2, FEW_BEYOND * len(fit.names)) else ()
 
 
-def _stray(registration: Registration) -> tuple[str, ...]:
+def _stray(fit: Registration) -> tuple[str, ...]:
     """Touches within the noise stated that stand out among the others: the arm's share is wide."""
-    distance = registration.distances
-    if len(distance) < 6:
+    if len(fit.names) < 6:
         return ()
-    usual = float(np.median(distance)) / 1.5382  # median of a chi with 3 degrees of freedom
-    return tuple(
-        name
-        for name, far in zip(registration.names, distance, strict=True)
-        if far > 6.0 * max(usual, 0.02 * MM)
-    )
+    usual = float(np.median(fit.distances)) / 1.5382  # median of a chi with 3 degrees of freedom
+    return tuple(k for k, far in _distances(fit).items() if far > 6.0 * max(usual, 0.02 * MM))
 
 
-def _list_names(registration: Registration, names: tuple[str, ...]) -> str:
-    far = dict(zip(registration.names, registration.distances, strict=True))
+def _believed_by_distance(fit: Registration) -> list[str]:
+    believed = [(far, k) for k, far in _distances(fit).items() if k not in fit.outliers]
+    return [k for _, k in sorted(believed, reverse=True)]
+
+
+def _distances(fit: Registration) -> dict[str, float]:
+    return dict(zip(fit.names, fit.distances.tolist(), strict=True))
+
+
+def _list_distances(fit: Registration, names: Sequence[str]) -> str:
+    far = _distances(fit)
     return ", ".join(f"{name} ({far[name] / MM:.3f} mm)" for name in names)
-
-
-def _worst(registration: Registration) -> str:
-    believed = [
-        (far, name)
-        for far, name, good in zip(
-            registration.distances, registration.names, registration.believed, strict=True
-        )
-        if good
-    ]
-    return "worst " + ", ".join(
-        f"{name} ({far / MM:.3f} mm)" for far, name in sorted(believed, reverse=True)[:3]
-    )

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Final
+from dataclasses import dataclass, field, replace
+from typing import Final, Literal
 
 import numpy as np
 
@@ -11,18 +11,81 @@ from robotrue.calibration.belief import Belief, add_variance
 from robotrue.calibration.machined import tip_columns, unchanged_covariance
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.calibration.priors import prior_belief
+from robotrue.calibration.settings import FitSettings
 from robotrue.cell.registration.fit import Noise, Registration
 from robotrue.cell.registration.symmetry import symmetric_alternatives
 from robotrue.cell.registration.touches import fit_touches, touch_gain
 from robotrue.core.arrays import Array
-from robotrue.core.rotations import skew
+from robotrue.core.mesh import TriangleMesh
+from robotrue.core.poses import displacement_columns
 from robotrue.core.units import DEG, MM
+from robotrue.errors import ConfigurationError
 from robotrue.measurement.probing_set import NO_SURFACE, ProbingSet
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.validation.registered_part import FoundFrame, check_frame
-from robotrue.validation.registration_settings import TOOL, RegistrationSettings
 from robotrue.validation.touch_checks import check_exchanged, list_names
+
+TOUCH: Final = 0.1 * MM
+"""One touch, per axis: a tip or ball by hand or by a trigger."""
+TOOL: Final = 0.3 * MM
+"""A tip whose place in the flange comes from a drawing or a pointing exercise, per axis."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RegistrationSettings:
+    """Noise, tool, tolerance, mesh. SI.
+
+    Attributes:
+        touch: m per axis, one touch: probe, surface, hand; without the arm.
+        robot: m per axis, the arm's error that is no rigid motion of the part, for telling wrong
+            touches; default: the model's own at the touches, or that of a nominal arm.
+        tool_sigma: m per axis, how well the tip is known in the flange; 0: unchanged since the
+            model was made. Default: 0 where the tip is the point the model was made with, else
+            0.3 mm.
+        tolerance: m that machined points must keep; default: not judged.
+        fit: ``auto``, ``frame`` (the model stays as it is) or ``joint``.
+        T_flange_tool: (4, 4) of the tip; default: the tool of the model.
+        mesh: The part; touches with a normal then lie on it.
+        on_mesh: m, how far a nominal point may be off it.
+        arm: Payload, repeatability and priors of the arm.
+    """
+
+    touch: float = TOUCH
+    robot: float | None = None
+    tool_sigma: float | None = None
+    tolerance: float | None = None
+    fit: Literal["auto", "frame", "joint"] = "auto"
+    T_flange_tool: Array | None = None
+    mesh: TriangleMesh | None = None
+    on_mesh: float = 0.2 * MM
+    arm: FitSettings = field(default_factory=FitSettings)
+
+    def __post_init__(self) -> None:
+        """Refuses sizes that cannot be.
+
+        Raises:
+            ConfigurationError: Negative, not finite, or 0 where nothing is exact.
+        """
+        for name, zero in (
+            ("touch", False),
+            ("robot", True),
+            ("tool_sigma", True),
+            ("tolerance", False),
+            ("on_mesh", False),
+        ):
+            value = getattr(self, name)
+            if value is not None and not (0.0 if zero else 1e-9) <= value < 0.1:
+                raise ConfigurationError(
+                    f"{name.replace('_', ' ')} is {value / MM:g} mm, expected "
+                    f"{'0' if zero else 'above 0'} to 100 mm.",
+                    hint="sizes are in mm on the command line and in m in Python.",
+                )
+        if self.fit not in ("auto", "frame", "joint"):
+            raise ConfigurationError(
+                f"fit {self.fit!r}, expected auto, frame or joint.", hint="--fit auto"
+            )
+
 
 NOMINAL_ROBOT: Final = 0.35 * MM
 """Error per axis of a nominal arm that is no rigid motion of the part: simulated, 0.3 to 0.5 mm."""
@@ -91,8 +154,7 @@ def robot_share(arm: ErrorModel, touches: ProbingSet, settings: RegistrationSett
     off = (tip_columns(belief, query) @ belief.root.T).reshape(3 * len(touches), -1)
     base = tips(arm, touches.joints, settings)
     lever = base - base.mean(axis=0)
-    shift = np.broadcast_to(np.eye(3), (len(base), 3, 3))
-    rigid = np.concatenate([shift, -skew(lever)], axis=2).reshape(-1, 6)
+    rigid = displacement_columns(lever).reshape(-1, 6)
     left = off - rigid @ np.linalg.lstsq(rigid, off, rcond=None)[0]
     distorted = (left**2).sum() / max(len(left) - 6, 1)
     visit = belief.white**2 + belief.repeatability**2
@@ -110,6 +172,29 @@ def frame_alone(
         ConvergenceError: No rest.
     """
     fit = fit_touches(found.touches, found.in_base, noise=found.noise)
+    belief = arm_belief(arm, settings) if found.touches.has_joints else None
+    machined = None
+    if belief is not None:
+        fit, machined = _with_arm(belief, fit, found, settings)
+    return finish_frame(found, fit, machined, settings.tolerance)
+
+
+def finish_frame(
+    found: CheckedTouches,
+    fit: Registration,
+    machined: Array | None,
+    tolerance: float | None,
+    reasons: tuple[str, ...] = (),
+) -> FoundFrame:
+    """Returns a fitted frame with its verdict; touches that fit each other's place raise.
+
+    Args:
+        found: The touches, where the model that was fitted has the tip.
+        fit: The frame.
+        machined: (n, 3, 3) m^2 in part; None takes the frame's share alone.
+        tolerance: m that machined points must keep with 95 %; None: not checked.
+        reasons: Against cutting, found elsewhere.
+    """
     check_exchanged(
         found.touches,
         found.in_base,
@@ -117,23 +202,19 @@ def frame_alone(
         ~fit.believed,
         tolerance=GOOD * found.noise.sigma,
     )
-    doubts = found.doubts + other_poses(found.touches, found.in_base, fit)
-    belief = arm_belief(arm, settings) if found.touches.has_joints else None
-    machined = None
-    if belief is not None:
-        fit, machined = _with_arm(belief, fit, found, settings)
     return check_frame(
         found.name,
         fit,
         found.touches.point,
         machined,
-        tolerance=settings.tolerance,
-        doubts=doubts,
+        tolerance=tolerance,
+        reasons=reasons,
+        doubts=found.doubts + _other_poses(found.touches, found.in_base, fit),
     )
 
 
-def other_poses(touches: ProbingSet, in_base: Array, fit: Registration) -> tuple[str, ...]:
-    """Returns a doubt where the touched mesh looks the same in another pose.
+def _other_poses(touches: ProbingSet, in_base: Array, fit: Registration) -> tuple[str, ...]:
+    """A doubt where the touched mesh looks the same in another pose.
 
     Where three feature points are touched their names decide, and nothing is said.
     """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -23,17 +24,17 @@ from robotrue.errors import ObservabilityError
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel
-from robotrue.validation.registered_part import FoundFrame, RegisteredPart, check_frame
+from robotrue.validation.registered_part import FoundFrame, RegisteredPart
 from robotrue.validation.registration_frame import (
-    GOOD,
+    TOOL,
     CheckedTouches,
+    RegistrationSettings,
     arm_belief,
-    other_poses,
+    finish_frame,
     same_tool,
     tips,
 )
-from robotrue.validation.registration_settings import TOOL, RegistrationSettings
-from robotrue.validation.touch_checks import check_exchanged, list_names
+from robotrue.validation.touch_checks import list_names
 
 ENOUGH: Final = 27
 """Numbers (9 feature points) from which a nominal arm is learned with its frames. Machined rms of
@@ -139,9 +140,8 @@ def joint_registration(
             _frame(
                 estimate,
                 k,
-                found,
+                replace(found, in_base=in_base[touches.part == k]),
                 machined[touches.part == k],
-                in_base[touches.part == k],
                 settings,
             )
             for k, found in enumerate(checked)
@@ -160,36 +160,23 @@ def _frame(
     k: int,
     found: CheckedTouches,
     machined: Array,
-    in_base: Array,
     settings: RegistrationSettings,
 ) -> FoundFrame:
+    """The frame of a part, of touches where the refined arm has the tip."""
     mine = estimate.touches.part == k
     labels = np.array(estimate.touches.labels)[mine]
-    wrong = {label for label in labels if label in estimate.outliers}
-    outliers = tuple(
-        own for own, label in zip(found.touches.labels, labels, strict=True) if label in wrong
-    )
-    T = estimate.T_base_part[k]
+    wrong = np.isin(labels, estimate.outliers)
+    own = found.touches.labels
     fit = Registration(
         method="joint",
-        T_base_part=T,
+        T_base_part=estimate.T_base_part[k],
         covariance=estimate.covariance(k),
-        names=found.touches.labels,
+        names=own,
         residuals=estimate.residuals[mine],
-        outliers=outliers,
+        outliers=tuple(name for name, bad in zip(own, wrong, strict=True) if bad),
         sigma=estimate.sigma,
         sigma_source="stated",
-        degrees_of_freedom=numbers_of(
-            found.touches.subset(np.isin(labels, list(wrong), invert=True))
-        )
-        - 6,
-    )
-    check_exchanged(
-        found.touches,
-        in_base,
-        T,
-        ~fit.believed,
-        tolerance=GOOD * found.noise.sigma,
+        degrees_of_freedom=numbers_of(found.touches.subset(~wrong)) - 6,
     )
     stated = float(np.hypot(settings.touch, estimate.belief.repeatability))
     reasons: tuple[str, ...] = ()
@@ -198,15 +185,7 @@ def _frame(
             f"The touches scatter by {estimate.sigma / MM:.3f} mm per axis, stated are "
             f"{stated / MM:.3f} mm: more than {LOUD:g} times.",
         )
-    return check_frame(
-        found.name,
-        fit,
-        found.touches.point,
-        machined,
-        tolerance=settings.tolerance,
-        reasons=reasons,
-        doubts=found.doubts + other_poses(found.touches, in_base, fit),
-    )
+    return finish_frame(found, fit, machined, settings.tolerance, reasons)
 
 
 def _tool_sigma(

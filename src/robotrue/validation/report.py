@@ -51,6 +51,11 @@ class AxisAngles:
     p95: float
     max: float
 
+    def document(self) -> dict[str, Any]:
+        """Returns JSON values, deg."""
+        angles = {"mean_deg": self.mean, "p95_deg": self.p95, "max_deg": self.max}
+        return {"n": self.n, **{name: value / DEG for name, value in angles.items()}}
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ValidationReport:
@@ -109,15 +114,15 @@ class ValidationReport:
         """
         inside = self.coverage
         return {
-            **_statistics(self.after),
+            **self.after.document(),
             "coverage_95": inside.share,
             "coverage_95_low": inside.low,
             "coverage_95_high": inside.high,
             "coverage_95_axis": inside.axis_share.tolist(),
-            "before": _statistics(self.before),
-            "before_aligned": _maybe(self.before_aligned),
-            "tool_axis_before": _angles(self.axis_before),
-            "tool_axis_after": _angles(self.axis_after),
+            "before": self.before.document(),
+            "before_aligned": self.before_aligned and self.before_aligned.document(),
+            "tool_axis_before": self.axis_before and self.axis_before.document(),
+            "tool_axis_after": self.axis_after and self.axis_after.document(),
             "floor_mm": self.floor / MM,
             "outside_training_region": len(self.outside),
             "worst": [
@@ -135,33 +140,3 @@ class ValidationReport:
             "doubts": list(self.doubts),
             "notes": list(self.notes),
         }
-
-
-def _statistics(statistics: ErrorStatistics) -> dict[str, Any]:
-    return {
-        "n": statistics.n,
-        "mean_mm": statistics.mean / MM,
-        "max_mm": statistics.max / MM,
-        "p95_mm": statistics.p95 / MM,
-        "std_mm": statistics.std / MM,
-        "rms_mm": statistics.rms / MM,
-        "three_sigma_mm": statistics.three_sigma / MM,
-        "axis_mean_mm": (statistics.axis_mean / MM).tolist(),
-        "axis_std_mm": (statistics.axis_std / MM).tolist(),
-        "axis_max_mm": (statistics.axis_max / MM).tolist(),
-    }
-
-
-def _maybe(statistics: ErrorStatistics | None) -> dict[str, Any] | None:
-    return None if statistics is None else _statistics(statistics)
-
-
-def _angles(angles: AxisAngles | None) -> dict[str, Any] | None:
-    if angles is None:
-        return None
-    return {
-        "n": angles.n,
-        "mean_deg": angles.mean / DEG,
-        "p95_deg": angles.p95 / DEG,
-        "max_deg": angles.max / DEG,
-    }

@@ -12,19 +12,30 @@ Cost is bounded by rule, not by luck: at most :data:`MOST_TRAIN` rows fit a fold
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass, replace
 from functools import partial
 from typing import Any, Final, TypeAlias, cast
 
 import numpy as np
 
+from robotrue.calibration.methods import METHODS
+from robotrue.calibration.methods import FitFunction as MethodFunction
 from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.settings import FitSettings
 from robotrue.core.arrays import IntArray
 from robotrue.core.progress import Progress
 from robotrue.errors import ConvergenceError, RobotrueError, ShapeError
 from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.model import RobotModel
 from robotrue.robot.statics import Load
-from robotrue.validation.contest import CandidateResults, Failure, Selection, decide
+from robotrue.validation.contest import (
+    BASELINE,
+    CandidateResults,
+    CandidateScore,
+    Selection,
+    Trials,
+    decide,
+)
 from robotrue.validation.evaluation import evaluate
 from robotrue.validation.metrics import coverage, log_density
 from robotrue.validation.splits import (
@@ -34,17 +45,6 @@ from robotrue.validation.splits import (
     random_folds,
     spatial_regions,
 )
-
-__all__ = [
-    "FitFunction",
-    "Selection",
-    "Trials",
-    "default_splits",
-    "hold_out",
-    "select",
-    "with_evidence",
-    "with_summary",
-]
 
 FitFunction: TypeAlias = Callable[[MeasurementSet], ErrorModel]
 """Fits a model on the rows it is given."""
@@ -102,25 +102,9 @@ def select(
         ShapeError: No candidates or no splits.
         ObservabilityError: No candidate could be fitted; the message carries the first reason.
     """
-    result = hold_out(candidates, measurements, splits=splits, payload=payload, progress=progress)
-    return decide(result.held, result.folds, result.fold_of_row, result.rule)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Trials:
-    """Every candidate on every fold.
-
-    Attributes:
-        held: By candidate, in their order: held-out results, or why there are none.
-        folds: The splits.
-        fold_of_row: (n,) fold of each held-out row.
-        rule: How rows were held out, one sentence.
-    """
-
-    held: Mapping[str, CandidateResults | Failure]
-    folds: tuple[Split, ...]
-    fold_of_row: IntArray
-    rule: str
+    return decide(
+        hold_out(candidates, measurements, splits=splits, payload=payload, progress=progress)
+    )
 
 
 def hold_out(
@@ -139,7 +123,7 @@ def hold_out(
     folds = tuple(default_splits(measurements) if splits is None else splits)
     if not candidates or not folds:
         raise ShapeError("nothing to select from: no candidates or no splits.")
-    held: dict[str, CandidateResults | Failure] = {}
+    held: dict[str, CandidateResults | RobotrueError] = {}
     folds = tuple(f for f in map(partial(_predictable, measurements), folds) if f is not None)
     if not folds:
         raise ShapeError("no split leaves rows of the reflectors that it holds out.")
@@ -162,8 +146,7 @@ def hold_out(
                 log_density=float(log_density(residual, covariance).mean()),
             )
         except RobotrueError as cause:
-            unsettled = isinstance(cause, ConvergenceError)
-            held[name] = Failure(message=cause.message, unsettled=unsettled)
+            held[name] = cause
     if progress is not None:
         progress("chosen", total, total)
     return Trials(
@@ -172,14 +155,6 @@ def hold_out(
         fold_of_row=np.repeat(np.arange(len(parts)), [len(test) for _, test in parts]),
         rule=_rule(folds, parts),
     )
-
-
-def with_evidence(model: ErrorModel, selection: Selection) -> ErrorModel:
-    """Returns the model with the selection in its training summary, under ``"selection"``.
-
-    Only a dataclass with a ``summary`` field can take it; any other model comes back as it is.
-    """
-    return with_summary(model, {"selection": selection.summary()})
 
 
 def with_summary(model: ErrorModel, more: Mapping[str, Any]) -> ErrorModel:
@@ -218,3 +193,69 @@ def _rule(folds: Sequence[Split], parts: Sequence[tuple[IntArray, IntArray]]) ->
         f"held out: {what}; up to {most_train} rows fit and {most_test} score each fold, evenly "
         "spaced; a richer method must win by more than the one-sided 95 % interval over folds"
     )
+
+
+def fit_auto(
+    robot: RobotModel,
+    measurements: MeasurementSet,
+    settings: FitSettings | None = None,
+    *,
+    methods: Mapping[str, MethodFunction] = METHODS,
+    splits: Sequence[Split] | None = None,
+    progress: Progress | None = None,
+) -> ErrorModel:
+    """Returns the model of the method that wins on held-out poses, fitted on all rows.
+
+    The evidence is in its training summary under ``"selection"``; read it back with
+    :func:`robotrue.validation.contest.selection_from_summary`.
+
+    Args:
+        robot: Nominal arm with the measured tool.
+        measurements: All rows.
+        settings: Given to every method; the default payload is taken from it too.
+        methods: Fit functions by name, simplest first.
+        splits: What to hold out; chosen by the number of rows if None.
+        progress: Told before every fit.
+
+    Raises:
+        ObservabilityError: No method could be fitted.
+        ConvergenceError: ``nominal`` is left because a richer method did not converge.
+    """
+    used = FitSettings() if settings is None else settings
+    candidates: dict[str, FitFunction] = {
+        name: partial(_fit_rows, method, robot, used) for name, method in methods.items()
+    }
+    selection = select(
+        candidates, measurements, splits=splits, payload=used.payload, progress=progress
+    )
+    failed = [score for score in selection.table if score.failure and score.name != BASELINE]
+    unsettled = [score for score in failed if score.unsettled]
+    if selection.winner == BASELINE and unsettled:
+        raise ConvergenceError(
+            f"{', '.join(s.name for s in unsettled)} did not converge, {unsettled[0].failure} "
+            f"{BASELINE} would be no result of the poses.",
+            hint=f"check units, joint signs and the reflector; --method {BASELINE} if you want it.",
+        )
+    model = with_summary(
+        candidates[selection.winner](measurements), {"selection": selection.summary()}
+    )
+    return _with_failures(model, failed if selection.winner == BASELINE else unsettled)
+
+
+def _with_failures(model: ErrorModel, failed: Sequence[CandidateScore]) -> ErrorModel:
+    """The model, conditional where richer methods could not be compared with it."""
+    if not failed:
+        return model
+    doubts = [
+        f"{score.name} {'did not converge' if score.unsettled else 'could not be fitted'} and was "
+        f"not compared: {score.failure}"
+        for score in failed
+    ]
+    stated = model.training_summary().warnings
+    return with_summary(model, {"verdict": "conditional", "doubts": [*doubts, *stated]})
+
+
+def _fit_rows(
+    method: MethodFunction, robot: RobotModel, settings: FitSettings, rows: MeasurementSet
+) -> ErrorModel:
+    return method(robot, rows, settings)

@@ -21,9 +21,8 @@ from robotrue.measurement.plausibility import check_plausible
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel
 from robotrue.robot.statics import Load
-from robotrue.validation.alignment import aligned_rows
-from robotrue.validation.doubts import physical_floor
-from robotrue.validation.evaluation import evaluate
+from robotrue.validation.evaluation import aligned_rows, evaluate
+from robotrue.validation.validate import physical_floor
 
 FEWEST_PLAUSIBLE: Final = 6
 """Rows from which a rigid motion says whether joints and positions belong together."""

@@ -13,7 +13,7 @@ from robotrue.cell.registration.points import fit_points
 from robotrue.core.poses import pose, pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.robot.model import RobotModel
-from robotrue.validation.datum_check import DatumCheck, check_datums
+from robotrue.validation.slot_test import DatumCheck, check_datums
 from robotrue_reproductions.feng2018.machining_cell import (
     SIZE,
     CellSizes,

@@ -40,8 +40,7 @@ from robotrue.robot.inverse_numeric import solve
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.presets import preset
 from robotrue.robot.statics import NO_LOAD
-from robotrue.simulation.unmodelled import UnmodelledEffects, drive_shift
-from robotrue.simulation.virtual_robot import VirtualRobot
+from robotrue.simulation.virtual_robot import UnmodelledEffects, VirtualRobot, drive_shift
 
 Posture: TypeAlias = Literal["R", "L", "T"]
 """Side the tool comes from. R: axis along +y, at the front; L: along -y, at the back; T: above."""

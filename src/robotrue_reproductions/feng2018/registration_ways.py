@@ -25,9 +25,9 @@ from robotrue.calibration.probing import (
 from robotrue.calibration.settings import RP_PER_SIGMA, FitSettings
 from robotrue.cell.registration.feature_frame import fit_feature_frame
 from robotrue.core.arrays import Array
-from robotrue.core.poses import apply, fit_rigid, pose
+from robotrue.core.poses import apply, displacement_columns, fit_rigid, pose
 from robotrue.core.provenance import Provenance
-from robotrue.core.rotations import matrix_from_rotation_vector, skew
+from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.core.units import DEG, MM
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.robot.forward import forward
@@ -339,7 +339,7 @@ def _frame_and_tip(robot: RobotModel, touches: Touches) -> tuple[RobotModel, Arr
         now = robot.with_tool(tool)
         residual = tips(now, touches.joints) - apply(T, touches.points)
         lever = touches.points @ T[:3, :3].T
-        frame = np.concatenate([np.broadcast_to(np.eye(3), (n, 3, 3)), -skew(lever)], axis=-1)
+        frame = displacement_columns(lever)
         rows = np.concatenate([frame, -turn], axis=-1).reshape(3 * n, 9)
         step = np.linalg.lstsq(rows, residual.ravel(), rcond=None)[0]
         turned = matrix_from_rotation_vector(step[3:6]) @ T[:3, :3]

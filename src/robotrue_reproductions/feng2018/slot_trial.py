@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.errors import ConfigurationError
-from robotrue.validation.datum_check import DatumCheck
+from robotrue.validation.slot_test import DatumCheck
 from robotrue_reproductions.feng2018.blind_spots import datums_touched, knocked, registered
 from robotrue_reproductions.feng2018.way_results import (
     WAYS,

@@ -123,8 +123,8 @@ def _fit(
     from robotrue.calibration.methods import fit
     from robotrue.errors import ObservabilityError
     from robotrue.planning.information import settings_of
-    from robotrue.validation.auto import fit_auto
     from robotrue.validation.contest import selection_from_summary
+    from robotrue.validation.selection import fit_auto
 
     robot, settings = cell.measured_robot, settings_of(cell)
     try:

@@ -134,7 +134,7 @@ class Planned:
 
     def document(self) -> Mapping[str, Any]:
         """Returns JSON values: mm, deg."""
-        from robotrue.planning.plan_output import plan_document
+        from robotrue.planning.plan_sheets import plan_document
 
         return {"poses_csv": str(self.files[0]), **plan_document(self.plan)}
 
@@ -173,8 +173,7 @@ def run(request: PlanRequest, context: Context) -> Planned:
     from robotrue.app.plan_page import plan_page
     from robotrue.app.registered import provenance_used
     from robotrue.core.files import write_atomic
-    from robotrue.planning.plan_output import measuring_krl
-    from robotrue.planning.sheet import plan_sheet
+    from robotrue.planning.plan_sheets import measuring_krl, plan_sheet
 
     model = None if request.model is None else context.model(request.model).model
     cell = context.cell(request.cell)
@@ -207,8 +206,7 @@ def _chosen(request: PlanRequest, context: Context, cell: Cell, model: Any) -> P
     from robotrue.core.units import UM
     from robotrue.errors import ConfigurationError
     from robotrue.planning.pose_plan import PlanSettings, plan_poses
-    from robotrue.planning.program_postures import program_postures
-    from robotrue.planning.region_text import parse_region
+    from robotrue.planning.work_area import parse_region, program_postures
 
     if request.region is not None and request.program is not None:
         raise ConfigurationError(
@@ -264,7 +262,7 @@ def save(
     request: PlanRequest, result: Planned, into: Transaction, context: WorkspaceContext
 ) -> Mapping[str, Any]:
     """Leaves a document ``plan`` with its files, linked to what it was made for."""
-    from robotrue.planning.plan_output import plan_document
+    from robotrue.planning.plan_sheets import plan_document
     from robotrue.store.nouns import CELL, MODEL, PROGRAM
     from robotrue.store.records import Link
 

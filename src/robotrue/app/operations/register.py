@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from robotrue.core.mesh import TriangleMesh
     from robotrue.program.controller_frames import ControllerFrame
     from robotrue.validation.registered_part import RegisteredPart
-    from robotrue.validation.registration_settings import RegistrationSettings
+    from robotrue.validation.registration_frame import RegistrationSettings
 
 UNITS: Final = {"mm": MM, "m": 1.0, "inch": 25.4 * MM}
 
@@ -186,7 +186,7 @@ def run(request: RegisterRequest, context: Context) -> Registered:
 
 def _settings(cell: Cell, request: RegisterRequest) -> RegistrationSettings:
     from robotrue.planning.information import settings_of
-    from robotrue.validation.registration_settings import RegistrationSettings
+    from robotrue.validation.registration_frame import RegistrationSettings
 
     robot, tool, tolerance = (
         None if size is None else size * MM

@@ -17,8 +17,7 @@ from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from robotrue.core.arrays import Array
-    from robotrue.validation.datum_check import DatumCheck
-    from robotrue.validation.slot_test import SlotEvaluation
+    from robotrue.validation.slot_test import DatumCheck, SlotEvaluation
     from robotrue_reproductions.feng2018.slot_trial import SlotTrial
     from robotrue_reproductions.feng2018.way_results import WayResult
 

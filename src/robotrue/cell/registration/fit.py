@@ -9,8 +9,8 @@ import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.columns import Column, Columns
-from robotrue.core.poses import apply, pose
-from robotrue.core.rotations import matrix_from_rotation_vector, skew
+from robotrue.core.poses import apply, pose, propagate_covariance
+from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.errors import ShapeError
 
 
@@ -114,8 +114,7 @@ def point_covariance(registration: Registration, points: Array) -> Array:
         points: (n, 3) m in part.
     """
     lever = np.asarray(points) @ registration.T_base_part[:3, :3].T
-    jacobian = np.concatenate([np.broadcast_to(np.eye(3), (len(lever), 3, 3)), -skew(lever)], -1)
-    return np.asarray(jacobian @ registration.covariance @ np.swapaxes(jacobian, -1, -2))
+    return propagate_covariance(registration.covariance, lever)
 
 
 def displace_frame(T_base_part: Array, step: Array) -> Array:

@@ -13,8 +13,7 @@ import numpy.typing as npt
 
 from robotrue.cell.registration.fit import Registration, name_touches, point_residuals
 from robotrue.core.arrays import Array, frozen
-from robotrue.core.poses import fit_rigid
-from robotrue.core.rotations import skew
+from robotrue.core.poses import displacement_columns, fit_rigid
 from robotrue.core.units import MM
 from robotrue.errors import ImplausibleDataError, ObservabilityError, ShapeError
 
@@ -101,7 +100,7 @@ def frame_gain(T_base_part: Array, in_part: Array, weights: Array | None = None)
     """
     lever = in_part @ T_base_part[:3, :3].T
     n = len(lever)
-    jacobian = np.concatenate([np.broadcast_to(np.eye(3), (n, 3, 3)), -skew(lever)], axis=-1)
+    jacobian = displacement_columns(lever)
     w = np.ones(n) if weights is None else weights / weights.mean()
     weighted = np.swapaxes(jacobian * w[:, None, None], -1, -2)
     normal = np.einsum("nij,njk->ik", weighted, jacobian)

@@ -37,7 +37,7 @@ from robotrue.store import items, models
 from robotrue.store.nouns import CELL, MODEL
 from robotrue.store.registrations import add_session
 from robotrue.store.workspace import Workspace
-from robotrue.validation.registration_settings import TOUCH
+from robotrue.validation.registration_frame import TOUCH
 from robotrue.web.api.documents import record_document
 from robotrue.web.questions.intake import cell_of
 from robotrue.web.questions.marks import from_simulation

@@ -30,10 +30,10 @@ from robotrue.store import items, models
 from robotrue.store.nouns import CELL, DOCUMENT, MODEL, CellRecord, DocumentRecord, ModelRecord
 from robotrue.store.registrations import session_in
 from robotrue.store.workspace import Workspace
-from robotrue.validation.next_touch import TouchBelief, update_belief
 from robotrue.validation.part_registration import register
 from robotrue.validation.registered_part import RegisteredPart
-from robotrue.validation.registration_settings import RegistrationSettings
+from robotrue.validation.registration_frame import RegistrationSettings
+from robotrue.validation.touch_expectation import TouchBelief, update_belief
 from robotrue.web.questions.intake import cell_of
 
 

@@ -18,16 +18,15 @@ from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.measurement.touch_session import TouchReading
-from robotrue.planning.next_touch import NextTouch, next_touch
+from robotrue.planning.next_measurement import NextTouch, next_touch
 from robotrue.planning.probing import Machining, ProbingTask
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse_numeric import solve
 from robotrue.store.registrations import result_of
 from robotrue.store.workspace import Workspace
-from robotrue.validation.next_touch import TouchBelief, expected_readings
 from robotrue.validation.registered_part import FoundFrame, RegisteredPart
-from robotrue.validation.registration_frame import same_tool, tips
-from robotrue.validation.registration_settings import TOOL
+from robotrue.validation.registration_frame import TOOL, same_tool, tips
+from robotrue.validation.touch_expectation import TouchBelief, expected_readings
 from robotrue.web.questions.packing import answer
 from robotrue.web.questions.touch_setup import (
     Opened,

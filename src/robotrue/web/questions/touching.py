@@ -18,8 +18,13 @@ from robotrue.measurement.touch_session import TouchReading, TouchSession
 from robotrue.store.nouns import DocumentRecord
 from robotrue.store.registrations import save_session
 from robotrue.store.workspace import Workspace
-from robotrue.validation.next_touch import TouchBelief, judged_reading, machined_radius
-from robotrue.validation.touch_suspicions import Suspicion, suspicions
+from robotrue.validation.touch_expectation import (
+    Suspicion,
+    TouchBelief,
+    judged_reading,
+    machined_radius,
+    suspicions,
+)
 from robotrue.web.api.documents import record_document
 from robotrue.web.questions.packing import answer
 from robotrue.web.questions.touch_setup import (

@@ -1,15 +1,17 @@
-"""The next pose while measuring: what is known grows with every pose, results are not needed."""
+"""The next pose or touch while measuring: what is known grows with each, results are not needed."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from robotrue.core.arrays import BoolArray
+from robotrue.measurement.probing_set import ProbingSet
 from robotrue.planning.criteria import Criterion, covariance_after, next_pose
 from robotrue.planning.expectation import WorkErrorPrior, mean_error
 from robotrue.planning.information import LinearModel, Postures
+from robotrue.planning.probing import ProbingTask, linear_task
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,3 +71,63 @@ def next_visit(
         mean_then=mean_error(work, covariance_after(rows[[index]], np.array(before))),
     )
     return found if found.gain >= enough else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NextTouch:
+    """What to touch next, and what it is expected to bring.
+
+    Attributes:
+        index: Row of the candidates.
+        now: m, rms over the machined points of their 3-D standard uncertainty, with what was
+            touched.
+        then: m, the same with this one touched too.
+    """
+
+    index: int
+    now: float
+    then: float
+
+
+def next_touch(
+    task: ProbingTask, touched: ProbingSet | None, *, allowed: BoolArray | None = None
+) -> NextTouch:
+    """Returns the candidate that makes the machined points known best.
+
+    Args:
+        task: What can be touched, and what will be machined, by the model touching gives.
+        touched: Touches made, with joints; None: none yet.
+        allowed: (c,) candidates that may be taken; all if not given.
+
+    Raises:
+        ConfigurationError: No candidate is left.
+    """
+    count = len(task.candidates)
+    both = (
+        task if touched is None else replace(task, candidates=_join_sets(task.candidates, touched))
+    )
+    linear = linear_task(both)
+    done = np.arange(count, len(linear.rows))
+    index, _ = next_pose(
+        linear.rows[done],
+        linear.rows[:count],
+        linear.weight(np.ones(len(linear.columns))),
+        criterion="I",
+        allowed=allowed,
+    )
+    return NextTouch(
+        index=index,
+        now=float(np.sqrt(linear.squares(done).mean())),
+        then=float(np.sqrt(linear.squares(np.append(done, index)).mean())),
+    )
+
+
+def _join_sets(first: ProbingSet, second: ProbingSet) -> ProbingSet:
+    return ProbingSet(
+        names=first.names + second.names,
+        point=np.concatenate([first.point, second.point]),
+        joints=np.concatenate([first.joints, second.joints]),
+        normal=np.concatenate([first.normal, second.normal]),
+        part=np.concatenate([first.part, second.part]),
+        radius=first.radius,
+    )

@@ -1,0 +1,143 @@
+"""Plans as files: tables to be filled in, a KRL program that measures, JSON values.
+
+A table has the columns that a calibration or a registration reads, those of the measured values
+blank: a row that was left blank is refused, not taken for a measurement.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from robotrue.cell.cell import Cell
+from robotrue.core.arrays import Array
+from robotrue.core.csv_text import csv_text
+from robotrue.core.units import DEG, MM
+from robotrue.errors import ModelMismatchError
+from robotrue.measurement.formats.canonical import canonical_mapping
+from robotrue.measurement.formats.part_points import PLANNED
+from robotrue.measurement.probing_set import ProbingSet
+from robotrue.planning.pose_plan import PosePlan
+from robotrue.program.formats.krl_measure import Trigger, measuring_program
+from robotrue.robot.configuration import controller_axes
+
+
+def measuring_krl(cell: Cell, plan: PosePlan, name: str, trigger_output: int) -> bytes:
+    """Returns the KRL program ``name`` that measures the poses.
+
+    Raises:
+        ModelMismatchError: The controller is no KUKA.
+    """
+    if cell.robot.maker != "kuka":
+        raise ModelMismatchError(
+            f"{cell.robot.name} is of maker {cell.robot.maker!r}; programs are written in KRL, for "
+            "KUKA controllers.",
+            hint="take the joints from the CSV.",
+        )
+    return measuring_program(
+        name,
+        controller_axes(cell.robot, plan.joints),
+        controller_axes(cell.robot, plan.pre),
+        Trigger(output=trigger_output),
+    )
+
+
+def plan_document(plan: PosePlan) -> dict[str, Any]:
+    """Returns the plan as JSON values: mm, deg."""
+    expected = plan.expected
+    return {
+        "poses": len(plan),
+        "criterion": plan.criterion,
+        "seed": plan.seed,
+        "candidates": plan.candidates,
+        "drawn": plan.drawn,
+        "rejected": dict(plan.rejected),
+        "stopped": plan.stopped,
+        "expected_mean_mm": expected.mean / MM,
+        "expected_rms_mm": expected.rms / MM,
+        "random_mean_mm": expected.random_mean / MM,
+        "random_low_mm": expected.random_low / MM,
+        "random_high_mm": expected.random_high / MM,
+        "floor_mean_mm": expected.floor_mean / MM,
+        "joints_deg": plan.joints / DEG,
+        "pre_position_deg": plan.pre / DEG,
+        "approach": plan.approach.astype(int),
+        "load": plan.load,
+        "loads": [
+            {"mass_kg": float(load.mass[0]), "centre_of_mass_mm": load.com[0] / MM}
+            for load in plan.loads
+        ],
+        "commanded_mm": plan.position / MM,
+        "rank": plan.rank,
+        "travel_deg": plan.travel / DEG,
+        "travel_as_chosen_deg": plan.travel_as_chosen / DEG,
+        "notes": list(plan.notes),
+    }
+
+
+def plan_sheet(plan: PosePlan) -> bytes:
+    """Returns the plan as CSV, one row per pose in the order of measuring.
+
+    The columns are those a calibration reads. ``x_mm, y_mm, z_mm`` are blank: the measured points
+    go there, and a row that was left blank is refused, not taken for a measurement.
+    """
+    names = canonical_mapping(plan.joints.shape[1])
+    columns = _block(names.joints, plan.joints / DEG)
+    columns |= {name: [""] * len(plan) for name in names.position}
+    columns |= {
+        name: [str(int(sign)) for sign in plan.approach[:, i]]
+        for i, name in enumerate(names.approach)
+    }
+    if len(plan.loads) > 1:
+        mass = np.array([load.mass[0] for load in plan.loads])[plan.load]
+        centre = np.array([load.com[0] for load in plan.loads])[plan.load]
+        wrench = np.array([load.wrench[0] for load in plan.loads])[plan.load]
+        columns |= _block(names.payload_mass, mass[:, None])
+        columns |= _block(names.payload_com, centre / MM)
+        if wrench.any():
+            columns |= _block(names.force, wrench[:, :3]) | _block(names.moment, wrench[:, 3:])
+    head = "# poses to be measured; fill in x_mm, y_mm, z_mm and give the file to calibrate\n"
+    return (head + csv_text([columns, *zip(*columns.values(), strict=True)])).encode()
+
+
+def _block(names: tuple[str, ...], values: Array) -> dict[str, list[str]]:
+    return {name: [_number(v) for v in values[:, i]] for i, name in enumerate(names)}
+
+
+def _number(value: float) -> str:
+    return f"{value:.6f}".rstrip("0").rstrip(".") if value else "0"
+
+
+def touch_sheet(touches: ProbingSet, parts: Sequence[str]) -> bytes:
+    """Returns touches as CSV, one row each in their order: columns of a file of touched points.
+
+    The joints are those planned. At the machine each row gets the joints at its touch instead, and
+    the first line goes; until then the file is refused, since planned joints fit exactly.
+
+    Args:
+        touches: With joints.
+        parts: Name of each part by its number; the column is left out for one part alone.
+    """
+    dof = touches.joints.shape[1]
+    header = ["name", "px_mm", "py_mm", "pz_mm", *(f"j{i + 1}_deg" for i in range(dof))]
+    normals = not touches.full.all()
+    if normals:
+        header += ["nx", "ny", "nz"]
+    if len(parts) > 1:
+        header.append("part")
+    head = f"{PLANNED}: put the joints at each touch in their place, then delete this line\n"
+    rows = [header]
+    for k, name in enumerate(touches.names):
+        row = [name, *_numbers(touches.point[k] / MM), *_numbers(touches.joints[k] / DEG)]
+        if normals:
+            row += _numbers(touches.normal[k])
+        if len(parts) > 1:
+            row.append(parts[int(touches.part[k])])
+        rows.append(row)
+    return (head + csv_text(rows)).encode()
+
+
+def _numbers(values: Sequence[float]) -> list[str]:
+    return ["" if np.isnan(v) else f"{v:.6f}".rstrip("0").rstrip(".") for v in values]
