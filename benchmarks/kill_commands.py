@@ -63,7 +63,7 @@ def jobs(folder: Path, times: int, seed: int) -> Row:
     killed = 0
     with Workspace.open(shop) as workspace:
         while killed < times:
-            waiting = store_jobs.listed(workspace, state="queued", limit=1).total
+            waiting = store_jobs.search(workspace, state="queued", limit=1).total
             for _ in range(waiting, 3):
                 submitted.append(store_jobs.submit(workspace, "write", {}, attempts_allowed=10_000))
             with _process(call) as process:
@@ -173,7 +173,7 @@ def _under_trouble(
         trouble()
         try:
             with Workspace.open(shop, url) as workspace:
-                if kill_store.jobs.listed(workspace, state="queued", limit=1).total < 4:
+                if kill_store.jobs.search(workspace, state="queued", limit=1).total < 4:
                     submitted.append(kill_store._submit(workspace))
         except RobotrueError:
             unanswered += 1

@@ -281,7 +281,7 @@ def _judged(folder: Path, clients: list[Client]) -> dict[str, int | str]:
         )
         away = sum(not _is_there(folder / "incoming" / id, d) for id, d in uploads.items())
         known = [jobs.status(workspace, id) for id in asked]
-        every = jobs.listed(workspace, limit=1000).items
+        every = jobs.search(workspace, limit=1000).items
         done = [each for each in every if each.state == jobs.DONE]
         half = sum(
             items.search(workspace, DOCUMENT, ItemQuery(where={"name": each.id})).total

@@ -33,7 +33,7 @@ from robotrue.errors import RobotrueError
 from robotrue.store import documents, items, jobs
 from robotrue.store.jobs_claim import reclaim
 from robotrue.store.jobs_work import Publish, Work
-from robotrue.store.jobs_worker import Processes, Worker
+from robotrue.store.jobs_worker import ProcessEngine, Worker
 from robotrue.store.nouns import DOCUMENT
 from robotrue.store.records import ItemQuery
 from robotrue.store.verify import verify
@@ -106,7 +106,7 @@ def worker(folder: Path, url: str | None) -> None:
     """Does jobs until it is killed."""
     with Workspace.open(folder, url) as workspace:
         kinds = {"write": f"{__name__}:write"}
-        Worker(workspace, kinds, Processes("fork"), slots=2).run(
+        Worker(workspace, kinds, ProcessEngine("fork"), slots=2).run(
             until_idle=False, stop=lambda: False
         )
 
@@ -127,7 +127,7 @@ def killed(
     submitted: list[str] = []
     for k in range(kills):
         with Workspace.open(folder, url) as workspace:
-            if jobs.listed(workspace, state="queued", limit=1).total < 4:
+            if jobs.search(workspace, state="queued", limit=1).total < 4:
                 submitted += [_submit(workspace) for _ in range(4)]
         time.sleep(draw.uniform(0.0, longest))
         which = draw.randrange(len(begin))
@@ -183,10 +183,10 @@ def _judged(
     """Works off what is left, then compares everything with what was noted."""
     with Workspace.open(folder, url) as workspace:
         until = time.monotonic() + PATIENCE
-        while jobs.listed(workspace, state="running", limit=1).total and time.monotonic() < until:
+        while jobs.search(workspace, state="running", limit=1).total and time.monotonic() < until:
             reclaim(workspace)  # the last ones killed
             time.sleep(0.05)
-        Worker(workspace, {"write": f"{__name__}:write"}, Processes("fork")).run(
+        Worker(workspace, {"write": f"{__name__}:write"}, ProcessEngine("fork")).run(
             until_idle=True, stop=lambda: False
         )
         states = Counter(jobs.status(workspace, id).state for id in submitted)

@@ -22,9 +22,9 @@ from sqlalchemy import insert, text
 
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.store import items, measurements
+from robotrue.store.measurements import RowQuery
 from robotrue.store.nouns import MEASUREMENT
 from robotrue.store.records import ItemQuery
-from robotrue.store.samples import RowQuery
 from robotrue.store.schema import ItemRow, LinkRow, MeasurementRow
 from robotrue.store.workspace import Workspace
 

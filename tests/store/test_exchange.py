@@ -13,7 +13,7 @@ import pytest
 from test_items import some_poses
 
 from robotrue.errors import ArchiveError, ModelMismatchError
-from robotrue.store import documents, exchange_archive, items, jobs, journal, measurements
+from robotrue.store import documents, exchange_import, items, jobs, journal, measurements
 from robotrue.store.exchange import export_project
 from robotrue.store.exchange_import import import_project
 from robotrue.store.nouns import DOCUMENT, MEASUREMENT
@@ -45,7 +45,7 @@ def told(workspace: Workspace) -> list[Any]:
     ]
     deleted = items.search(workspace, MEASUREMENT, ItemQuery(deleted=True)).items
     found += [measurements.rows_of(workspace, each).sources for each in deleted]
-    found += [deleted, jobs.listed(workspace, state="cancelled").items]
+    found += [deleted, jobs.search(workspace, state="cancelled").items]
     return found
 
 
@@ -64,7 +64,7 @@ def test_what_goes_out_comes_in(
         carried = import_project(other, path)
         assert (carried.files, carried.rows["jobs"], carried.rows["documents"]) == (2, 1, 2)
         assert told(other) == told(workspace)
-        assert jobs.listed(other, state="queued").total == 0
+        assert jobs.search(other, state="queued").total == 0
         assert verify(other).faults == verify(other).unnamed == ()
         actions = [entry.action for entry in journal.entries(other).items]
         assert actions[0] == "imported"
@@ -237,7 +237,7 @@ def test_a_zip_bomb_is_refused_before_it_expands(
         members[f"blobs/{hashlib.sha256(content).hexdigest()}"] = content
 
     hostile = rewritten(exported[0], tmp_path / "bomb.zip", bomb)
-    monkeypatch.setattr(exchange_archive, "SMALL", 1 << 20)
+    monkeypatch.setattr(exchange_import, "SMALL", 1 << 20)
     with Workspace.create(tmp_path / "other") as other:
         with pytest.raises(ArchiveError, match="expands to 4 MiB, allowed are"):
             import_project(other, hostile)

@@ -21,9 +21,9 @@ from robotrue.store import (
     programs,
     registrations,
 )
+from robotrue.store.measurements import RowQuery
 from robotrue.store.nouns import CELL, DOCUMENT, DRIFT_CHECK, MEASUREMENT, PROGRAM, ROBOT, TOOL
 from robotrue.store.records import ItemQuery, Link, Ref, links_to
-from robotrue.store.samples import RowQuery
 from robotrue.store.verify import verify
 from robotrue.store.workspace import Workspace
 
@@ -261,7 +261,7 @@ def test_a_transaction_stands_whole_or_not_at_all(workspace: Workspace, tmp_path
     with pytest.raises(ConfigurationError, match="half-way"):
         half()
     assert items.search(workspace, DOCUMENT, ItemQuery()).total == 0
-    assert jobs.listed(workspace).total == 0
+    assert jobs.search(workspace).total == 0
     assert journal.entries(workspace).total == 0
     workspace.close()
     with Workspace.open(workspace.folder, workspace.url) as again:
@@ -300,7 +300,7 @@ def test_jobs_are_submitted_listed_and_cancelled(workspace: Workspace) -> None:
     id = jobs.submit(workspace, "calibrate", {"cell": "abc"})
     found = jobs.status(workspace, id)
     assert (found.state, found.progress, found.parameters) == ("queued", 0.0, {"cell": "abc"})
-    assert jobs.listed(workspace, state="queued").total == 1
+    assert jobs.search(workspace, state="queued").total == 1
     assert jobs.cancel(workspace, id[:8]).state == "cancelled"
     assert jobs.cancel(workspace, id).state == "cancelled"
     with pytest.raises(ConfigurationError, match="no job"):

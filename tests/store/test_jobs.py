@@ -280,7 +280,7 @@ def test_a_stopped_worker_leaves_its_job_to_the_next(workspace: Workspace, tmp_p
 
 def test_states_are_known(workspace: Workspace) -> None:
     with pytest.raises(ConfigurationError, match="state 'lost', expected queued"):
-        jobs.listed(workspace, state="lost")
+        jobs.search(workspace, state="lost")
 
 
 def test_dask_is_an_extra(workspace: Workspace, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -59,7 +59,7 @@ def require_content(opened: Workspace) -> None:
     ]
     assert items.undo(opened, DOCUMENT, plan.id).note == "cold"
     assert items.search(opened, ROBOT, ItemQuery(where={"dof": 6})).total == 1
-    assert jobs.listed(opened, state="queued").items[0].parameters["poses"] == 30
+    assert jobs.search(opened, state="queued").items[0].parameters["poses"] == 30
     assert journal.entries(opened).total == 7
 
 

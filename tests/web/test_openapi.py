@@ -96,7 +96,7 @@ def places(operation: APIOperation[Any, Any, Any, Any], shop: Shop) -> list[dict
         return []
     before = parts[parts.index("{id}") - 1]
     if before == "jobs":
-        return [{"id": jobs.listed(shop.workspace, limit=1).items[0].id}]
+        return [{"id": jobs.search(shop.workspace, limit=1).items[0].id}]
     return [{"id": known[word].id} for word in (before, before.removesuffix("s")) if word in known]
 
 

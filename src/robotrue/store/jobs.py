@@ -140,7 +140,7 @@ def status(where: Workspace | Transaction, id: str) -> Job:
         return job_of(row_of(session, id))
 
 
-def listed(
+def search(
     where: Workspace | Transaction,
     *,
     state: str | None = None,

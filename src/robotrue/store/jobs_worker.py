@@ -10,12 +10,12 @@ import time
 import uuid
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from importlib import import_module
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, Final, Literal, TypeAlias
+from typing import Any, Final, Literal, Protocol, TypeAlias
 
-from robotrue.errors import DatabaseDownError
-from robotrue.store.job_engine import Engine, Run
+from robotrue.errors import ConfigurationError, DatabaseDownError, MissingExtraError
 from robotrue.store.jobs import RUNNING, status
 from robotrue.store.jobs_claim import (
     WORKERS,
@@ -28,7 +28,7 @@ from robotrue.store.jobs_claim import (
     send_heartbeat,
     worker_name,
 )
-from robotrue.store.jobs_work import SCRATCH, attempt_as_child, tidy
+from robotrue.store.jobs_work import SCRATCH, attempt, attempt_as_child, tidy
 from robotrue.store.locks import abandoned, alone
 from robotrue.store.workspace import Workspace
 
@@ -40,11 +40,33 @@ BEAT: Final = 2.0
 SEE: Final = 0.5
 """s between two looks whether a job was cancelled."""
 STOPPED: Final = "its worker was stopped"
+DASK_ANSWER: Final = 10
+"""s within which a Dask scheduler must answer."""
 PATIENCE: Final = 1.0
 """s a cancelled job has to see that it is."""
 
 
-class Process:
+class Run(Protocol):
+    """One attempt that is under way."""
+
+    def poll(self) -> str | None:
+        """Returns None while it goes on, "" when it ended by itself, else what it died of."""
+        ...
+
+    def kill(self) -> None:
+        """Ends it."""
+        ...
+
+
+class Engine(Protocol):
+    """Where attempts are made: processes of this machine, or the workers of a scheduler."""
+
+    def begin(self, workspace: Workspace, target: str, claim: Claim) -> Run:
+        """Returns an attempt that has begun."""
+        ...
+
+
+class ProcessRun:
     """An attempt in a process of this machine."""
 
     def __init__(self, workspace: Workspace, target: str, claim: Claim, start: Start) -> None:
@@ -53,7 +75,7 @@ class Process:
         self._process = context.Process(target=attempt_as_child, args=arguments)
         self._process.start()
 
-    def ended(self) -> str | None:
+    def poll(self) -> str | None:
         """Returns None while it goes on, "" when it ended by itself, else what it died of."""
         code = self._process.exitcode
         if code is None:
@@ -68,7 +90,7 @@ class Process:
         self._process.kill()
 
 
-class Processes:
+class ProcessEngine:
     """Attempts in processes of this machine, each started anew.
 
     Attributes:
@@ -80,7 +102,68 @@ class Processes:
 
     def begin(self, workspace: Workspace, target: str, claim: Claim) -> Run:
         """Returns an attempt that has begun."""
-        return Process(workspace, target, claim, self.start)
+        return ProcessRun(workspace, target, claim, self.start)
+
+
+class DaskEngine:
+    """The workers of a Dask scheduler, on several machines. Needs the extra ``dask``.
+
+    They need this robotrue and must see the workspace's folder and database. If one dies, the
+    scheduler gives its job to another; nothing of the first attempt stands.
+    """
+
+    def __init__(self, address: str) -> None:
+        try:
+            client: Any = import_module("distributed").Client
+        except ImportError as cause:
+            raise MissingExtraError(
+                "a Dask scheduler was named, and the package distributed is not installed.",
+                hint="pip install 'robotrue[dask]'.",
+            ) from cause
+        try:
+            self._client = client(address, timeout=DASK_ANSWER, set_as_default=False)
+        except (OSError, ValueError) as cause:
+            raise ConfigurationError(
+                f"no Dask scheduler answers at {address!r} ({cause}).",
+                hint="the address `dask scheduler` prints, such as tcp://10.0.0.5:8786.",
+            ) from cause
+
+    def begin(self, workspace: Workspace, target: str, claim: Claim) -> Run:
+        """Returns an attempt that was handed to the scheduler."""
+        future = self._client.submit(
+            attempt, workspace.folder, workspace.url, target, claim, pure=False
+        )
+        return DaskRun(future)
+
+    def __enter__(self) -> DaskEngine:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._client.close()
+
+
+class DaskRun:
+    """An attempt on one of the workers."""
+
+    def __init__(self, future: Any) -> None:
+        self._future = future
+
+    def poll(self) -> str | None:
+        """Returns None while it goes on, "" when it ended by itself, else what it died of."""
+        match self._future.status:
+            case "pending":
+                return None
+            case "finished":
+                return ""
+            case "error":
+                cause = self._future.exception()
+                return f"Dask lost it ({type(cause).__name__})"
+            case word:
+                return f"Dask says it is {word}"
+
+    def kill(self) -> None:
+        """Takes it back; what a worker has begun already writes nothing any more."""
+        self._future.cancel(force=True)
 
 
 @dataclass
@@ -148,14 +231,14 @@ class Worker:
 
     def _release_unknown(self) -> None:
         """Queues again what is this worker's only in the database: the claim's answer was lost."""
-        under = {attempt.claim.job for attempt in self._attempts}
+        under = {current.claim.job for current in self._attempts}
         for lost in list_running(self.workspace):
             if lost.worker == self._name and lost.job not in under:
                 requeue(self.workspace, lost, STOPPED, counts=False)
 
     def _look(self) -> None:
-        for attempt in list(self._attempts):
-            self._check(attempt)
+        for current in list(self._attempts):
+            self._check(current)
         if time.monotonic() - self._beaten >= BEAT:
             self._beaten = time.monotonic()
             send_heartbeat(self.workspace, self._name)
@@ -173,38 +256,38 @@ class Worker:
         self._attempts.append(_Attempt(claim=own, run=run))
         return True
 
-    def _check(self, attempt: _Attempt) -> None:
-        why = attempt.run.ended()
+    def _check(self, current: _Attempt) -> None:
+        why = current.run.poll()
         if why is None:
-            self._kill_if_cancelled(attempt)
+            self._kill_if_cancelled(current)
             return
-        requeue(self.workspace, attempt.claim, why or "its process ended without a result")
-        tidy(self.workspace.folder, attempt.claim.job)
-        self._attempts.remove(attempt)
+        requeue(self.workspace, current.claim, why or "its process ended without a result")
+        tidy(self.workspace.folder, current.claim.job)
+        self._attempts.remove(current)
         self.done += 1
 
-    def _kill_if_cancelled(self, attempt: _Attempt) -> None:
+    def _kill_if_cancelled(self, current: _Attempt) -> None:
         """Kills what was cancelled and does not see it."""
         now = time.monotonic()
-        if attempt.cancelled is not None:
-            if now - attempt.cancelled > self.patience:
-                attempt.run.kill()
-        elif now - attempt.seen >= SEE:
-            attempt.seen = now
-            job = status(self.workspace, attempt.claim.job)
-            lost = job.state != RUNNING or job.attempts != attempt.claim.attempt
-            attempt.cancelled = now if job.cancel or lost else None
+        if current.cancelled is not None:
+            if now - current.cancelled > self.patience:
+                current.run.kill()
+        elif now - current.seen >= SEE:
+            current.seen = now
+            job = status(self.workspace, current.claim.job)
+            lost = job.state != RUNNING or job.attempts != current.claim.attempt
+            current.cancelled = now if job.cancel or lost else None
 
     def _leave(self) -> None:
         """Ends what is under way; others, or this one later, begin it anew."""
-        for attempt in self._attempts:
-            attempt.run.kill()
-        for attempt in self._attempts:
+        for current in self._attempts:
+            current.run.kill()
+        for current in self._attempts:
             until = time.monotonic() + self.patience
-            while attempt.run.ended() is None and time.monotonic() < until:
+            while current.run.poll() is None and time.monotonic() < until:
                 time.sleep(LOOK)
-            requeue(self.workspace, attempt.claim, STOPPED, counts=False)
-            tidy(self.workspace.folder, attempt.claim.job)
+            requeue(self.workspace, current.claim, STOPPED, counts=False)
+            tidy(self.workspace.folder, current.claim.job)
         self._attempts.clear()
 
 
@@ -238,11 +321,7 @@ def run_worker(
     """
     with contextlib.ExitStack() as stack:
         workspace = stack.enter_context(Workspace.open(path, url))
-        engine: Engine = Processes()
-        if dask is not None:
-            from robotrue.store.jobs_dask import Dask
-
-            engine = stack.enter_context(Dask(dask))
+        engine = ProcessEngine() if dask is None else stack.enter_context(DaskEngine(dask))
         worker = Worker(workspace, kinds, engine, slots=slots, patience=patience)
         worker.run(until_idle=until_idle, stop=stop)
         return worker.done

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import uuid
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from datetime import datetime
 from typing import Any
 
@@ -87,16 +87,6 @@ def entries(
         rows = session.scalars(
             chosen.order_by(JournalRow.number.desc()).offset(offset).limit(limit)
         )
-        found = tuple(
-            Entry(
-                number=row.number,
-                at=row.at,
-                action=row.action,
-                noun=row.noun,
-                item=row.item,
-                version=row.version,
-                detail=row.detail,
-            )
-            for row in rows
-        )
+        names = [field.name for field in fields(Entry)]
+        found = tuple(Entry(**{name: getattr(row, name) for name in names}) for row in rows)
     return Listing(items=found, total=total, offset=offset)

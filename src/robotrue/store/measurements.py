@@ -1,24 +1,95 @@
-"""Measurement sets in the store: rows in Parquet, the instrument's own files beside them."""
+"""Measurement sets in the store: rows in Parquet, the instrument's own files beside them.
+
+The Parquet file has one row a pose and one column a number, SI; any tool reads it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import io
+import json
+import operator
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from robotrue.calibration.lineage import data_hash
-from robotrue.errors import ImplausibleDataError
+from robotrue.core.arrays import Array
+from robotrue.core.provenance import provenance_from
+from robotrue.errors import ArchiveError, ConfigurationError, ImplausibleDataError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.store import items
 from robotrue.store.blobs import SAMPLES, require_whole
 from robotrue.store.nouns import MEASUREMENT, MeasurementRecord
 from robotrue.store.records import Ref, links_to
-from robotrue.store.samples import RowPage, RowQuery, read_rows, read_samples, samples_bytes
 from robotrue.store.workspace import Transaction, Workspace, transaction
 
 RAW: Final = "raw"
+FORMAT: Final = "robotrue-measurements"
+FORMAT_VERSION: Final = 1
+_KEY: Final = b"robotrue"
+_SHAPES: Final[Mapping[str, tuple[int, ...]]] = {
+    "joints": (-1,),
+    "position": (3,),
+    "covariance": (3, 3),
+    "rotation": (3, 3),
+    "rotation_covariance": (3, 3),
+    "wrench": (6,),
+    "payload_mass": (),
+    "payload_com": (3,),
+    "approach": (-1,),
+    "temperature": (),
+    "target": (),
+    "station": (),
+    "group": (),
+    "source_row": (),
+}
+Comparison = Literal["==", "<", "<=", ">", ">="]
+_COMPARE: Final[Mapping[Comparison, Callable[[Array, float], Array]]] = {
+    "==": operator.eq,
+    "<": operator.lt,
+    "<=": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RowQuery:
+    """Which rows of a measurement set.
+
+    Attributes:
+        columns: Wanted; empty: joints and position.
+        where: Column, comparison and number that all must hold.
+        sort: Column, with ``-`` before it greatest first; empty: as measured.
+        offset: Rows left out before the page.
+        limit: Rows on the page.
+    """
+
+    columns: tuple[str, ...] = ()
+    where: tuple[tuple[str, Comparison, float], ...] = ()
+    sort: str = ""
+    offset: int = 0
+    limit: int = 50
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RowPage:
+    """Some rows.
+
+    Attributes:
+        index: (n,) zero-based number of each row in the set.
+        columns: (n,) per column, SI.
+        total: Rows on all pages.
+    """
+
+    index: Array
+    columns: Mapping[str, Array]
+    total: int
 
 
 def add(
@@ -99,3 +170,117 @@ def some_rows(workspace: Workspace, record: MeasurementRecord, query: RowQuery) 
         ConfigurationError: No such column.
     """
     return read_rows(workspace.path_of(record.samples), query)
+
+
+def column_names(field: str, dof: int) -> list[str]:
+    """Returns the columns of a field: ``joints_1`` and on, ``position_x``, ``covariance_xy``."""
+    shape = tuple(dof if size == -1 else size for size in _SHAPES[field])
+    if shape == ():
+        return [field]
+    if shape == (3,):
+        return [f"{field}_{axis}" for axis in "xyz"]
+    if shape == (3, 3):
+        return [f"{field}_{row}{column}" for row in "xyz" for column in "xyz"]
+    return [f"{field}_{k}" for k in range(1, shape[0] + 1)]
+
+
+def samples_bytes(rows: MeasurementSet) -> bytes:
+    """Returns the content of a Parquet file with every digit of the set."""
+    columns: dict[str, Array] = {}
+    for field in _SHAPES:
+        values = np.asarray(getattr(rows, field)).reshape(len(rows), -1)
+        names = column_names(field, rows.dof)
+        columns |= {name: values[:, k] for k, name in enumerate(names)}
+    head = {
+        "format": FORMAT,
+        "format_version": FORMAT_VERSION,
+        "units": "SI: m, rad, N, N m, kg, K",
+        "dof": rows.dof,
+        "frame": rows.frame,
+        "group_names": list(rows.group_names),
+        "sources": list(rows.sources),
+        "provenance": rows.provenance.to_document(),
+    }
+    table = pa.table({name: pa.array(values) for name, values in columns.items()})
+    table = table.replace_schema_metadata({_KEY: json.dumps(head).encode()})
+    buffer = io.BytesIO()
+    pq.write_table(table, buffer, compression="zstd")
+    return buffer.getvalue()
+
+
+def read_samples(path: Path) -> MeasurementSet:
+    """Returns the set in a Parquet file.
+
+    Raises:
+        ArchiveError: Damaged, of something else, or of a newer robotrue.
+    """
+    head, table = _open_samples(path, None)
+    dof = int(head["dof"])
+    values: dict[str, Any] = {}
+    for each in fields(MeasurementSet):
+        if each.name not in _SHAPES:
+            continue
+        shape = tuple(dof if size == -1 else size for size in _SHAPES[each.name])
+        columns = [table.column(name).to_numpy() for name in column_names(each.name, dof)]
+        values[each.name] = np.stack(columns, axis=1).reshape(table.num_rows, *shape)
+    return MeasurementSet(
+        frame="base" if head["frame"] == "base" else "tracker",
+        group_names=tuple(head["group_names"]),
+        sources=tuple(head["sources"]),
+        provenance=provenance_from(
+            head.get("provenance"), before=(*head["sources"], *head["group_names"])
+        ),
+        **values,
+    )
+
+
+def read_rows(path: Path, query: RowQuery) -> RowPage:
+    """Returns some rows of a Parquet file; only the columns in question are read.
+
+    Raises:
+        ArchiveError: Damaged, or of a newer robotrue.
+        ConfigurationError: No such column.
+    """
+    known = pq.read_schema(path).names
+    wanted = list(query.columns) or [n for n in known if n.startswith(("joints_", "position_"))]
+    for _, comparison, _ in query.where:
+        if comparison not in _COMPARE:
+            raise ConfigurationError(f"comparison {comparison!r}, expected {', '.join(_COMPARE)}.")
+    field = query.sort.removeprefix("-")
+    asked = [*wanted, *(name for name, _, _ in query.where), *([field] if field else [])]
+    for name in asked:
+        if name not in known:
+            raise ConfigurationError(
+                f"measurements have no column {name!r}.", hint=f"one of {', '.join(known)}."
+            )
+    _, table = _open_samples(path, sorted(set(asked)))
+    shown = np.ones(table.num_rows, dtype=bool)
+    for name, comparison, number in query.where:
+        shown &= _COMPARE[comparison](table.column(name).to_numpy(), number)
+    index = np.flatnonzero(shown)
+    if field:
+        order = np.argsort(table.column(field).to_numpy()[index], kind="stable")
+        index = index[order[::-1]] if query.sort.startswith("-") else index[order]
+    page = index[query.offset : query.offset + query.limit]
+    columns = {name: table.column(name).to_numpy()[page] for name in wanted}
+    return RowPage(index=page.astype(np.float64), columns=columns, total=len(index))
+
+
+def _open_samples(path: Path, columns: Sequence[str] | None) -> tuple[dict[str, Any], Any]:
+    try:
+        table = pq.read_table(path, columns=columns)
+        head = json.loads(table.schema.metadata[_KEY])
+        version = int(head["format_version"])
+    except (pa.ArrowException, OSError, ValueError, KeyError, TypeError) as cause:
+        raise ArchiveError(
+            f"not measurements of robotrue, or damaged ({cause}).",
+            source=path,
+            hint="fetch the file from its backup.",
+        ) from cause
+    if version > FORMAT_VERSION:
+        raise ArchiveError(
+            f"measurements of format {version}, this robotrue reads up to {FORMAT_VERSION}.",
+            source=path,
+            hint="update robotrue.",
+        )
+    return head, table

@@ -22,8 +22,12 @@ from robotrue.cell.config import parse_cell
 from robotrue.core.archive import Archive, archive_reader, read_archive, write_archive
 from robotrue.core.files import read_bytes
 from robotrue.errors import ArchiveError
+from robotrue.measurement.tracker import TrackerSpecification
+from robotrue.program.external_axes import ExternalAxis
+from robotrue.program.orientation import OrientationRule
+from robotrue.program.program import FrameTable
 from robotrue.robot.model import RobotModel
-from robotrue.store.cell_schema_1 import cell_from_schema_1
+from robotrue.robot.statics import Load
 
 CELL_SCHEMA: Final = 2
 ZIP: Final = b"PK"
@@ -105,7 +109,7 @@ def unpack_cell(stated: Mapping[str, Any], robot: RobotModel) -> Cell:
             hint="update robotrue.",
         )
     if schema == 1:
-        cell = cell_from_schema_1(stated, robot)
+        cell = _cell_of_schema_1(stated, robot)
     else:
         files = {str(name): b64decode(data) for name, data in stated["files"].items()}
         cell = parse_cell(stated["text"].encode(), stated["source"], files=files)
@@ -119,3 +123,66 @@ def unpack_cell(stated: Mapping[str, Any], robot: RobotModel) -> Cell:
     if not ((mass < 1e5).all() and (np.abs(com) < 100.0).all() and cell.target_sigma < 10.0):
         raise ArchiveError("payload or target of the cell in this model file cannot be.")
     return cell
+
+
+def _cell_of_schema_1(stated: Mapping[str, Any], robot: RobotModel) -> Cell:
+    """Returns the cell of a document of schema 1 and of the nominal robot of its model.
+
+    Raises:
+        LookupError: An entry is missing; other entries raise what NumPy and :class:`Cell` do.
+    """
+    position = stated["tracker_position"]
+    compliance = [np.nan if c is None else c for c in stated["compliance_prior"]]
+    return Cell(
+        robot=robot.nominal().with_tool(np.array(stated["T_flange_tool"])),
+        T_flange_target=np.array(stated["T_flange_target"]),
+        target_sigma=float(stated["target_sigma"]),
+        T_base_frame=np.array(stated["T_base_frame"]),
+        frame=stated["frame"],
+        tracker_position=None if position is None else np.array(position),
+        tracker=TrackerSpecification(**stated["tracker"]),
+        repeatability=stated["repeatability"],
+        payload=Load(
+            mass=np.array([float(stated["payload_mass"])]),
+            com=np.array(stated["payload_com"])[None],
+        ),
+        compliance_prior=np.array(compliance),
+        controller=_read_controller(stated.get("controller", {})),
+        source=stated["source"],
+        digest=stated["digest"],
+    )
+
+
+def _read_controller(stated: Mapping[str, Any]) -> FrameTable:
+    if not stated:
+        return FrameTable()
+    pulses = stated["pulses_per_degree"]
+    return FrameTable(
+        bases={key: np.array(matrix) for key, matrix in stated["bases"].items()},
+        tools={key: np.array(matrix) for key, matrix in stated["tools"].items()},
+        external=tuple(_read_axis(axis) for axis in stated["external"]),
+        external_axes_at_rest=bool(stated["external_axes_at_rest"]),
+        fixed_tool=stated["fixed_tool"],
+        harmless_routines=tuple(stated.get("harmless_routines", ())),
+        orientation=OrientationRule(
+            angles=stated["orientation"]["angles"],
+            cutter=np.array(stated["orientation"]["cutter"]),
+            spin=stated["orientation"]["spin"],
+        ),
+        pulses_per_degree=None if pulses is None else np.array(pulses),
+        start=np.array(stated.get("start", [])),
+    )
+
+
+def _read_axis(stated: Mapping[str, Any]) -> ExternalAxis:
+    point, per_pulse = stated["point"], stated["per_pulse"]
+    return ExternalAxis(
+        number=int(stated["number"]),
+        name=stated["name"],
+        direction=np.array(stated["direction"]),
+        point=None if point is None else np.array(point),
+        at=float(stated["at"]),
+        carries_robot=bool(stated["carries_robot"]),
+        frames=tuple(stated["frames"]),
+        per_pulse=np.nan if per_pulse is None else float(per_pulse),
+    )

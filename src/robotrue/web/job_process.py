@@ -74,7 +74,7 @@ class JobProcess:
             self._orphans = True
         states = (jobs.QUEUED, jobs.RUNNING) if self._orphans else (jobs.QUEUED,)
         try:
-            return any(jobs.listed(self._workspace, state=each, limit=1).total for each in states)
+            return any(jobs.search(self._workspace, state=each, limit=1).total for each in states)
         except RobotrueError:  # a database that is away for a moment
             return False
 

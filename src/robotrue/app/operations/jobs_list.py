@@ -38,7 +38,7 @@ def run(request: JobsListRequest, context: Context) -> PlainResult:
     from robotrue.store.workspace import Workspace
 
     with Workspace.open(request.folder) as workspace:
-        page = jobs.listed(workspace, state=request.state, limit=request.limit)
+        page = jobs.search(workspace, state=request.state, limit=request.limit)
     return PlainResult(
         values={"total": page.total, "jobs": [job_document(job) for job in page.items]},
         shown=(

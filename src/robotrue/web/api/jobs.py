@@ -78,7 +78,7 @@ def router(house: House) -> APIRouter:
         limit: Annotated[int, Query(ge=1, le=1000)] = 50,
     ) -> Jobs:
         """Jobs, the newest first; of one state or kind, or all."""
-        page = jobs.listed(workspace, state=state, kind=kind, offset=offset, limit=limit)
+        page = jobs.search(workspace, state=state, kind=kind, offset=offset, limit=limit)
         return Jobs(
             items=[job_document(each) for each in page.items],
             total=page.total,

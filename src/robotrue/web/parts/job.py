@@ -55,7 +55,7 @@ def under_way(workspace: Workspace, kind: str) -> list[jobs.Job]:
     One that is done within the moment the page takes to come again is among them: its card leads
     who asked for it to the result, and shows itself to nobody else.
     """
-    found = jobs.listed(workspace, kind=kind, limit=20).items
+    found = jobs.search(workspace, kind=kind, limit=20).items
     newest = [each for each in found[:1] if each.state in (jobs.FAILED, jobs.CANCELLED)]
     since = datetime.now(UTC) - JUST_NOW
     just = [each for each in found if each.finished and each.finished > since]

@@ -10,8 +10,8 @@ from robotrue.core.units import MM
 from robotrue.errors import ImplausibleDataError
 from robotrue.measurement.screening import screen
 from robotrue.store import items, measurements, models
+from robotrue.store.measurements import RowQuery
 from robotrue.store.nouns import MEASUREMENT, MODEL
-from robotrue.store.samples import RowQuery
 from robotrue.store.workspace import Workspace
 from robotrue.validation.evaluation import Evaluation, evaluate
 from robotrue.validation.metrics import coverage, error_statistics
