@@ -36,8 +36,8 @@ from unittest import mock
 HERE = Path(__file__).resolve().parent
 RUN = "from robotrue.cli.main import run; run()"
 QUICK_JOBS = (
-    "import robotrue.cli.kinds as kinds, robotrue.cli.main as main\n"
-    "kinds.KINDS = {'write': 'kill_store:write'}\n"
+    "import robotrue.app.operations.jobs_run as jobs_run, robotrue.cli.main as main\n"
+    "jobs_run.job_kinds = lambda: {'write': 'kill_store:write'}\n"
     "main.run()"
 )
 """The command, but for jobs that take a moment instead of minutes."""
