@@ -40,10 +40,9 @@ from robotrue.drilling.head import Head
 from robotrue.drilling.model_archive import from_archive as drilling_from
 from robotrue.drilling.model_archive import to_archive as drilling_archive
 from robotrue.dynamics.deviation import DeviationModel, DeviationSettings, deviation_from_archive
-from robotrue.dynamics.deviation_physics import CompliantArm
+from robotrue.dynamics.deviation_physics import CompliantArm, StaticCompliance
 from robotrue.dynamics.flange_sensor import HeldTool, held_tool_from_archive
 from robotrue.dynamics.modal import ModalModel, modal_model_from_archive
-from robotrue.dynamics.static_row import StaticRow
 from robotrue.dynamics.windows import WindowSet
 from robotrue.errors import ArchiveError
 from robotrue.robot.presets import preset
@@ -93,7 +92,7 @@ def samples() -> dict[str, bytes]:
         settings=DeviationSettings(), windows=windows,
         theta=np.log([1e-5, 0.3, 1e-5, 0.1, 1e-5]), factors=np.ones(dof + 5),
         factors_sd=np.full(dof + 5, 0.1),
-        row=StaticRow(value=np.full(3, 1e-7), sd=np.full(3, 1e-8)),
+        row=StaticCompliance(value=np.full(3, 1e-7), sd=np.full(3, 1e-8)),
     )  # fmt: skip
     vector = np.array([0.1, 0.2, 0.3])
     tool = HeldTool(

@@ -55,7 +55,7 @@ def of_seed(seed: int, kinds: Sequence[str], *, paper: bool) -> dict[str, float]
     experiment = milling_experiment(seed)
     arm, windows = arm_of(experiment.arm), experiment.windows
     row = row_of_hammer(experiment)
-    printed = windows.subset(windows.pass_index == 0)
+    printed = windows.take(windows.pass_index == 0)
     out: dict[str, float] = {}
     methods = ("prediction", "paper", "deviation") if paper else ("prediction", "deviation")
     for kind in kinds:
@@ -65,7 +65,7 @@ def of_seed(seed: int, kinds: Sequence[str], *, paper: bool) -> dict[str, float]
             if found.coverage is not None:
                 out[f"{kind} coverage"] = 100.0 * found.coverage
         miss = [
-            white(data.subset(a), data.subset(b), arm) - data.subset(b).measured
+            white(data.take(a), data.take(b), arm) - data.take(b).measured
             for a, b in folds(data, kind)
         ]
         joined = Score(split=kind, method="prediction", residual=np.concatenate(miss), sd=None)

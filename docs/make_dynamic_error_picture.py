@@ -34,7 +34,7 @@ def main() -> None:
     """Mills, learns, draws, and says the errors on stderr."""
     experiment = milling_experiment(SEED, PASSES)
     windows = experiment.windows
-    one = windows.subset(windows.pass_index == 0)
+    one = windows.take(windows.pass_index == 0)
     sides = [
         (one, folds(one, "blocks"), "one pass, sixths of it held out"),
         (windows, folds(windows, "unseen"), "a pass 250 mm aside, never seen"),
@@ -62,7 +62,7 @@ def panel(
     held = np.concatenate([test for _, test in parts])
     ours, sd, paper = (np.full(len(data), np.nan) for _ in range(3))
     for train, test in parts:
-        known, asked = data.subset(train), data.subset(test)
+        known, asked = data.take(train), data.take(test)
         found = fit_deviation(known, arm, row=row).predict(asked)
         ours[test], sd[test] = found.error, found.sd
         paper[test] = fit_paper(known).predict(asked)

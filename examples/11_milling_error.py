@@ -25,7 +25,7 @@ def main(out: Path) -> None:
     experiment = milling_experiment(7, (0, 4))
     (out / "windows.csv").write_bytes(windows_bytes(experiment.windows))
     windows = read_windows(out / "windows.csv")
-    first, second = (windows.subset(windows.pass_index == k) for k in (0, 1))
+    first, second = (windows.take(windows.pass_index == k) for k in (0, 1))
     arm = CompliantArm(
         robot=milling_robot(),
         stiffness=experiment.arm.stiffness_belief,

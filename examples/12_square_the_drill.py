@@ -15,12 +15,12 @@ import numpy as np
 from robotrue.core.units import DEG, MM, UM
 from robotrue.drilling.adjust import adjustment
 from robotrue.drilling.campaign import Campaign
-from robotrue.drilling.campaign_plan import planned_campaign
+from robotrue.drilling.campaign_plan import plan_campaign
 from robotrue.drilling.evaluate import evaluate_test
 from robotrue.drilling.foot_model import estimate_tilt, fit_model
 from robotrue.drilling.head import Head
 from robotrue.drilling.model_archive import read_model, write_model
-from robotrue.drilling.production import frozen, record_of, update_model
+from robotrue.drilling.production import freeze_model, record_of, update_model
 from robotrue.report.drilling_report import drilling_content
 from robotrue.report.page import report_html
 from robotrue.simulation.drilling_machine import clamp, drilling_machine, random_campaign
@@ -33,14 +33,14 @@ def main(out: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
     machine, random = drilling_machine(4, nonlinear=True, friction=True), np.random.default_rng(4)
     forces, heights = np.linspace(0.0, 1000.0, 5), np.array([-100.0, 0.0, 100.0]) * MM
-    plan = planned_campaign(60, forces=forces, heights=heights, largest=6.0 * DEG, seed=4)
+    plan = plan_campaign(60, forces=forces, heights=heights, largest=6.0 * DEG, seed=4)
     clamps = clamp(machine, plan.tilt, plan.force, plan.height, random)
     head = Head(p_pivot_tip=np.array([0.0, 0.0, -350.0]) * MM)
     model, trials = fit_model(machine.foot, head, Campaign(clamps=clamps, tilt=plan.tilt))
     for trial in trials:
         print(f"held out, {trial.kind:12}: {trial.mean / DEG:.4f} deg left")
     test = random_campaign(machine, 100, random, held_out=True)
-    write_model(out / "drill.robotrue", frozen(model, test, "test", allowed=0.1 * DEG))
+    write_model(out / "drill.robotrue", freeze_model(model, test, "test", allowed=0.1 * DEG))
     model = read_model(out / "drill.robotrue")
     result = evaluate_test(model, test)
     content = drilling_content(model, test, result, digest="test", limit=0.1 * DEG, simulated=True)
@@ -50,7 +50,7 @@ def main(out: Path) -> None:
     for each in (machine, replace(machine, offset=machine.offset + shift)):
         holes = random_campaign(each, HOLES, random, held_out=True)
         for i in range(HOLES):
-            one = holes.clamps.rows(np.array([i]))
+            one = holes.clamps.take(np.array([i]))
             off = holes.tilt[i] - adjustment(model, one, np.zeros(2)).move.axes
             left.append(np.hypot(*off) / DEG)
             found, measured = estimate_tilt(model, one), off + random.normal(0.0, GAUGE, 2)

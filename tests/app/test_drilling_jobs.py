@@ -12,7 +12,7 @@ from robotrue.app.files_context import check_outputs
 from robotrue.app.job_kinds import job_kinds
 from robotrue.app.operations.drill_run import DrillRunRequest
 from robotrue.drilling.campaign_csv import write_campaign
-from robotrue.drilling.kept import CAMPAIGN
+from robotrue.drilling.drill_defaults import CAMPAIGN
 from robotrue.errors import ConfigurationError
 from robotrue.simulation.drilling_machine import drilling_machine, random_campaign
 from robotrue.store import documents, jobs

@@ -8,16 +8,20 @@ import numpy as np
 import pytest
 
 from robotrue.core.units import DEG
-from robotrue.drilling.campaign import Campaign, reading_errors
-from robotrue.drilling.choose import all_tried, choose_kind, held_out_blocks
-from robotrue.drilling.correction import fit_correction, residual_tilt
+from robotrue.drilling.campaign import Campaign, conditions, reading_errors
+from robotrue.drilling.correction import (
+    choose_kind,
+    fit_correction,
+    held_out_blocks,
+    residual_tilt,
+    try_all,
+)
 from robotrue.drilling.evaluate import evaluate_test
+from robotrue.drilling.foot import FLAT, Skin
 from robotrue.drilling.foot_model import fit_model
 from robotrue.drilling.head import Head
 from robotrue.drilling.physics import fit_physics, log_evidence
 from robotrue.drilling.regression import fit_linear, significance
-from robotrue.drilling.skin import FLAT, Skin
-from robotrue.drilling.terms import conditions
 from robotrue.errors import ConfigurationError, ObservabilityError
 from robotrue.simulation.drilling_machine import (
     AS_LEFT,
@@ -97,7 +101,7 @@ def test_regions_hold_what_they_say() -> None:
 
 def test_the_simplest_correction_wins_where_nothing_more_is_to_be_learned() -> None:
     machine, campaign, _ = campaigns(5, 60)
-    assert choose_kind(all_tried(machine.foot, campaign)) == "interactions"
+    assert choose_kind(try_all(machine.foot, campaign)) == "interactions"
 
 
 def test_blocks_hold_out_whole_forces_and_whole_directions() -> None:
@@ -141,7 +145,7 @@ def test_fewer_clamps_than_terms_are_refused() -> None:
 
 def test_one_force_alone_cannot_tell_its_term() -> None:
     machine, campaign, _ = campaigns(9, 60)
-    same = campaign.rows(np.flatnonzero(campaign.clamps.force == 0.0))
+    same = campaign.take(np.flatnonzero(campaign.clamps.force == 0.0))
     with pytest.raises(ObservabilityError, match="cannot tell the term"):
         fit_correction("patent", machine.foot, same)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robotrue.core.units import DEG, MM, UM
-from robotrue.drilling.foot import Foot, plane_under, readings
+from robotrue.drilling.foot import Foot, Skin, plane_under, readings
 from robotrue.drilling.head import (
     Head,
     normal_from_tilt,
@@ -15,7 +15,6 @@ from robotrue.drilling.head import (
     tilt_between,
     tilt_from_normal,
 )
-from robotrue.drilling.skin import Skin
 from robotrue.errors import ConfigurationError, ShapeError
 
 

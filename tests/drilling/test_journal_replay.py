@@ -16,9 +16,8 @@ from robotrue.drilling.clamp_watch import ClampSettings
 from robotrue.drilling.foot_model import NormalModel, estimate_tilt, fit_model
 from robotrue.drilling.head import Head
 from robotrue.drilling.hole_session import HoleAnswer, HoleSession, MovedHole
-from robotrue.drilling.journal import Journal, answer_document, step_document
-from robotrue.drilling.journal_replay import replay_references
-from robotrue.drilling.production import frozen
+from robotrue.drilling.journal import Journal, answer_document, replay_references, step_document
+from robotrue.drilling.production import freeze_model
 from robotrue.errors import ModelMismatchError
 from robotrue.simulation.drilling_machine import drilling_machine, random_campaign
 
@@ -45,22 +44,22 @@ def drill_holes(
     models = [model]
     with Journal(journal) as opened:
         for i in range(len(holes)):
-            model, clamps = models[-1], holes.clamps.rows(np.array([i]))
+            model, clamps = models[-1], holes.clamps.take(np.array([i]))
             found = adjustment(model, clamps, np.zeros(2))
             answer = HoleAnswer(
                 hole=f"H{i}", clamps=clamps, axes=np.zeros(2), refused="", version=model.version,
                 adjustment=found,
             )  # fmt: skip
-            opened.answered(answer, answer_document(answer))
+            opened.write_answer(answer, answer_document(answer))
             moved = MovedHole(clamps=clamps, tilt=found.tilt, version=model.version)
             session = HoleSession(
                 model, settings=ClampSettings(), reference=GAUGE, waiting={f"H{i}": moved}
             )
             left = holes.tilt[i] - found.tilt + offset
-            step = session.remained(f"H{i}", left, "hole gauge")
+            step = session.take_reference(f"H{i}", left, "hole gauge")
             a, b = (left / DEG).tolist()
             document = step_document(f"H{i}", step, (a, b), "hole gauge")
-            opened.recorded(document, sigma=GAUGE, records=step.model.monitor.records)
+            opened.write_reference(document, sigma=GAUGE, records=step.model.monitor.records)
             models.append(step.model)
     return models
 
@@ -98,7 +97,7 @@ def test_a_frozen_models_watch_is_brought_up_and_an_alarm_thaws_it(
 ) -> None:
     """A frozen model keeps its version: the records of its watch tell what it lacks."""
     model, holes = work
-    start = frozen(model, holes, "test", allowed=1.0 * DEG)
+    start = freeze_model(model, holes, "test", allowed=1.0 * DEG)
     models = drill_holes(start, holes, tmp_path / "j.jsonl", offset=0.05 * DEG)
     thawed = next(k for k, each in enumerate(models) if each.frozen is None)
     assert thawed > 2
@@ -133,4 +132,6 @@ def test_a_journal_of_another_model_is_refused(work: Work, tmp_path: Path) -> No
     with pytest.raises(ModelMismatchError, match=r"j\.jsonl: .*moved hole H0 by "):
         replayed(other, tmp_path / "j.jsonl")
     with pytest.raises(ModelMismatchError, match=r"was at version 2 after hole H0, version 1 "):
-        replayed(frozen(replace(model, version=0), holes, "t", allowed=DEG), tmp_path / "j.jsonl")
+        replayed(
+            freeze_model(replace(model, version=0), holes, "t", allowed=DEG), tmp_path / "j.jsonl"
+        )

@@ -10,17 +10,15 @@ import pytest
 
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.adjust import adjustment
-from robotrue.drilling.campaign import Campaign
-from robotrue.drilling.campaign_checks import check_campaign
+from robotrue.drilling.campaign import Campaign, check_campaign
 from robotrue.drilling.campaign_csv import read_campaign, write_campaign
 from robotrue.drilling.foot import Foot
 from robotrue.drilling.foot_file import read_foot
 from robotrue.drilling.foot_model import NormalModel, estimate_tilt, fit_model
 from robotrue.drilling.head import Head
 from robotrue.drilling.model_archive import read_model, write_model
-from robotrue.drilling.monitor import update_watch, watch
-from robotrue.drilling.production import frozen, record_of, update_model
-from robotrue.drilling.refinement import Remaining
+from robotrue.drilling.production import freeze_model, record_of, update_model
+from robotrue.drilling.refinement import Remaining, Watch, update_watch
 from robotrue.errors import (
     ArchiveError,
     ConfigurationError,
@@ -73,7 +71,7 @@ def test_another_archive_is_no_drilling_model(tmp_path: Path) -> None:
 def test_one_move_squares_the_spindle(job: Job) -> None:
     _, model, _, test = job
     for row in range(20):
-        move = adjustment(model, test.clamps.rows(np.array([row])), np.zeros(2))
+        move = adjustment(model, test.clamps.take(np.array([row])), np.zeros(2))
         off = move.move.axes - test.tilt[row]
         sigma = np.sqrt(np.diag(move.covariance))
         assert (np.abs(off) < 5.0 * sigma).all()
@@ -93,13 +91,13 @@ def test_the_machine_is_not_told_to_move_on_a_guess(
 ) -> None:
     _, model, _, test = job
     with pytest.raises(Exception, match=message):
-        adjustment(model, replace(test.clamps.rows(np.array([0])), **change), np.zeros(2))
+        adjustment(model, replace(test.clamps.take(np.array([0])), **change), np.zeros(2))
 
 
 def test_a_sensor_at_its_stop_is_named(job: Job) -> None:
     _, model, _, test = job
     foot = replace(model.foot, reading_range=np.array([-5.0, 5.0]) * MM)
-    clamps = replace(test.clamps.rows(np.array([0])), readings=np.array([[0.1, 5.0, 0.2]]) * MM)
+    clamps = replace(test.clamps.take(np.array([0])), readings=np.array([[0.1, 5.0, 0.2]]) * MM)
     with pytest.raises(ImplausibleDataError, match="sensor 2 reads 5"):
         adjustment(replace(model, foot=foot), clamps, np.zeros(2))
 
@@ -119,13 +117,13 @@ def test_four_sensors_show_the_one_at_an_edge() -> None:
     fallen = np.array(d[:1])
     fallen[0, 2] += 0.5 * MM
     with pytest.raises(ImplausibleDataError, match="lie on no plane"):
-        adjustment(model, replace(clamps.rows(np.array([0])), readings=fallen), np.zeros(2))
+        adjustment(model, replace(clamps.take(np.array([0])), readings=fallen), np.zeros(2))
 
 
 def test_heights_and_approaches_the_campaign_has_not_seen_are_told(job: Job) -> None:
     _, model, _, test = job
     clamps = replace(
-        test.clamps.rows(np.array([0])), height=np.array([0.5]), approach=("from below",)
+        test.clamps.take(np.array([0])), height=np.array([0.5]), approach=("from below",)
     )
     notes = adjustment(model, clamps, np.zeros(2)).notes
     assert "from below" in notes[0]
@@ -151,7 +149,7 @@ def test_campaigns_that_cannot_be(job: Job, spoil, message: str) -> None:  # typ
 def test_a_campaign_of_a_few_clamps_or_one_tilt_is_refused(job: Job) -> None:
     machine, _, campaign, _ = job
     with pytest.raises(ObservabilityError, match="5 clamps, at least 8"):
-        check_campaign(machine.foot, campaign.rows(np.arange(5)))
+        check_campaign(machine.foot, campaign.take(np.arange(5)))
     still = replace(campaign, tilt=np.zeros_like(campaign.tilt))
     with pytest.raises(ObservabilityError, match=r"move the sensors by 0\.0000 mm"):
         check_campaign(machine.foot, still)
@@ -225,7 +223,7 @@ def run_holes(
     random = np.random.default_rng(seed)
     left, alarms = np.empty(len(holes)), []
     for i in range(len(holes)):
-        found = estimate_tilt(model, holes.clamps.rows(np.array([i])))
+        found = estimate_tilt(model, holes.clamps.take(np.array([i])))
         off = holes.tilt[i] - found.tilt[0]
         left[i] = np.hypot(*off) / DEG
         gauge = 0.005 * DEG
@@ -239,7 +237,7 @@ def run_holes(
 
 def test_a_shifted_zero_is_seen_and_learned(job: Job) -> None:
     machine, model, _, test = job
-    model = frozen(model, test, "test", allowed=0.1 * DEG)
+    model = freeze_model(model, test, "test", allowed=0.1 * DEG)
     random = np.random.default_rng(9)
     shifted = replace(machine, offset=machine.offset + np.array([50.0, -50.0, 25.0]) * 1e-6)
     before = random_campaign(machine, 60, random, held_out=True)
@@ -260,17 +258,17 @@ def test_a_shifted_zero_is_seen_and_learned(job: Job) -> None:
 def test_a_model_is_not_frozen_on_its_own_campaign_or_when_it_is_not_good(job: Job) -> None:
     _, model, campaign, test = job
     with pytest.raises(ConfigurationError, match="the campaign the model was learned from"):
-        frozen(model, campaign, "campaign", allowed=1.0 * DEG)
+        freeze_model(model, campaign, "campaign", allowed=1.0 * DEG)
     with pytest.raises(ConfigurationError, match="the model is not frozen"):
-        frozen(model, test, "test", allowed=1e-4 * DEG)
+        freeze_model(model, test, "test", allowed=1e-4 * DEG)
 
 
 def test_plain_noise_raises_hardly_an_alarm_and_one_outlier_none() -> None:
     random = np.random.default_rng(3)
-    state, alarms = watch(2), 0
+    state, alarms = Watch(), 0
     for score in random.normal(size=(4000, 2)):
         state = update_watch(state, score)
         if state.alarm:
-            alarms, state = alarms + 1, watch(2)
+            alarms, state = alarms + 1, Watch()
     assert alarms <= 4
-    assert not update_watch(watch(2), np.array([50.0, 0.0])).alarm
+    assert not update_watch(Watch(), np.array([50.0, 0.0])).alarm

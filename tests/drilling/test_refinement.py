@@ -145,12 +145,12 @@ def test_late_references_count_for_the_model_that_moved_the_hole(
     model, holes, test = job
     with Journal(tmp_path / "holes.jsonl") as journal:
         for i in range(len(holes)):
-            clamps = holes.clamps.rows(np.array([i]))
+            clamps = holes.clamps.take(np.array([i]))
             answer = HoleAnswer(
                 hole=f"H{i}", clamps=clamps, axes=np.zeros(2), refused="", version=model.version,
                 adjustment=adjustment(model, clamps, np.zeros(2)),
             )  # fmt: skip
-            journal.answered(answer, answer_document(answer))
+            journal.write_answer(answer, answer_document(answer))
     with Journal(tmp_path / "holes.jsonl") as journal:
         session = HoleSession(
             model, settings=ClampSettings(), reference=GAUGE, waiting=journal.state.waiting
@@ -158,6 +158,6 @@ def test_late_references_count_for_the_model_that_moved_the_hole(
     random = np.random.default_rng(5)
     left = holes.tilt - estimate_tilt(model, holes.clamps).tilt + random.normal(0.0, GAUGE, (60, 2))
     for i in range(len(holes)):
-        session.remained(f"H{i}", left[i], "hole gauge")
+        session.take_reference(f"H{i}", left[i], "hole gauge")
     assert session.model.refinement.records == 60
     assert mean_left(session.model, test) < 0.5 * mean_left(model, test)

@@ -10,9 +10,8 @@ from known_arms import HOME, TURNED, known_arm
 
 from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector_from_matrix
 from robotrue.core.units import DEG, MM
-from robotrue.drilling.fragments import gcode, robot_fragment
-from robotrue.drilling.head import Head, normal_from_tilt, squaring_move, tilt_between
-from robotrue.drilling.robot_adjust import actual_pose, squaring_joints
+from robotrue.drilling.head import Head, gcode, normal_from_tilt, squaring_move, tilt_between
+from robotrue.drilling.robot_adjust import actual_pose, robot_fragment, squaring_joints
 from robotrue.errors import ConfigurationError, ReachError, ShapeError
 from robotrue.program.formats import dialect
 from robotrue.program.program import FrameTable

@@ -10,7 +10,6 @@ from robotrue.dynamics.flange_sensor import (
     held_tool_from_archive,
     held_tool_remarks,
     identify_held_tool,
-    inertia_left,
     process_wrench,
 )
 from robotrue.errors import ArchiveError, ImplausibleDataError, ObservabilityError, ShapeError
@@ -115,7 +114,6 @@ def test_cut_is_what_is_left_at_the_tool_point():
 def test_inertia_has_to_come_off_too():
     """60 Hz at 20 um with 18.5 kg: 53 N that gravity compensation takes for cutting."""
     tool = identify_held_tool(SIX, readings(SIX, noise=0.0))
-    assert inertia_left(tool, 60.0, 20e-6) == pytest.approx(52.6, abs=0.1)
     rate, n = 5000.0, 1000
     t = np.arange(n) / rate
     path = np.column_stack([20e-6 * np.sin(2 * np.pi * 60.0 * t), 0 * t, 0 * t])

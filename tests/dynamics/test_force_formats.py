@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from robotrue.dynamics.clock import even_rate
 from robotrue.dynamics.force import ForceRecord, check_force
-from robotrue.dynamics.formats.force_csv import read_force_csv, write_force_csv
-from robotrue.dynamics.formats.registry import read_force
+from robotrue.dynamics.formats.column_table import even_rate
+from robotrue.dynamics.formats.force_table import read_force, write_force_csv
 from robotrue.errors import FormatError, ImplausibleDataError, MissingExtraError
 
 nptdms = pytest.importorskip("nptdms")
@@ -30,7 +29,7 @@ def csv(tmp_path, force=FORCE, time=T, head="t_s,fx_N,fy_N,fz_N"):
 def test_csv_there_and_back(tmp_path):
     record = ForceRecord(start=1.5, rate=5000.0, force=FORCE, source="here")
     write_force_csv(tmp_path / "FORCE.csv", record)
-    again, odd = read_force_csv(tmp_path / "FORCE.csv")
+    again, odd = read_force(tmp_path / "FORCE.csv")
     np.testing.assert_allclose(again.force, FORCE, rtol=1e-8)
     assert again.rate == pytest.approx(5000.0)
     assert again.start == pytest.approx(1.5)
@@ -39,12 +38,12 @@ def test_csv_there_and_back(tmp_path):
 
 def test_columns_in_any_order(tmp_path):
     path = csv(tmp_path, FORCE[:, ::-1], head="t_s,fz_N,fy_N,fx_N")
-    np.testing.assert_allclose(read_force_csv(path)[0].force, FORCE, rtol=1e-8)
+    np.testing.assert_allclose(read_force(path)[0].force, FORCE, rtol=1e-8)
 
 
 def test_times_of_few_digits_are_an_even_clock(tmp_path):
     rate = 12800.0
-    record, _ = read_force_csv(csv(tmp_path, time=np.round(np.arange(N) / rate, 5)))
+    record, _ = read_force(csv(tmp_path, time=np.round(np.arange(N) / rate, 5)))
     assert record.rate == pytest.approx(rate, rel=1e-3)
 
 
@@ -59,13 +58,13 @@ def test_times_of_few_digits_are_an_even_clock(tmp_path):
 )
 def test_units_refused(tmp_path, head, said):
     with pytest.raises(FormatError, match=said) as caught:
-        read_force_csv(csv(tmp_path, head=head))
+        read_force(csv(tmp_path, head=head))
     assert caught.value.line == 1
 
 
 def test_a_force_that_was_not_measured_is_not_zero(tmp_path):
     with pytest.raises(FormatError, match="no column fz_N"):
-        read_force_csv(csv(tmp_path, FORCE[:, :2], head="t_s,fx_N,fy_N"))
+        read_force(csv(tmp_path, FORCE[:, :2], head="t_s,fx_N,fy_N"))
 
 
 def spoil(rows, column, value):
@@ -87,7 +86,7 @@ def spoil(rows, column, value):
 )
 def test_sensors_that_cannot_be_right(tmp_path, force, line, said):
     with pytest.raises((FormatError, ImplausibleDataError), match=said) as caught:
-        read_force_csv(csv(tmp_path, force))
+        read_force(csv(tmp_path, force))
     assert caught.value.line is not None
     if line is not None:
         assert caught.value.line == line
@@ -96,7 +95,7 @@ def test_sensors_that_cannot_be_right(tmp_path, force, line, said):
 
 def test_what_looks_odd_and_is_not(tmp_path):
     """No force along an axis, none between the teeth, a step: sound."""
-    _, odd = read_force_csv(csv(tmp_path, spoil(slice(None), 2, 0.0)))
+    _, odd = read_force(csv(tmp_path, spoil(slice(None), 2, 0.0)))
     assert "fz is zero throughout" in odd[0]
     between = np.maximum(FORCE, 0.0)
     assert check_force(ForceRecord(start=0.0, rate=1.0, force=between, source="")) == ()
@@ -116,7 +115,7 @@ def test_what_looks_odd_and_is_not(tmp_path):
 )
 def test_clocks_refused(tmp_path, time, line, said):
     with pytest.raises(ImplausibleDataError, match=said) as caught:
-        read_force_csv(csv(tmp_path, time=time))
+        read_force(csv(tmp_path, time=time))
     assert caught.value.line is not None
     if line is not None:
         assert caught.value.line == line

@@ -7,9 +7,7 @@ import pytest
 from frf_cases import measured, robot_with_tool, single
 from scipy.io import savemat
 
-from robotrue.dynamics.formats.frf_csv import read_frf_csv, write_frf_csv
-from robotrue.dynamics.formats.mat import read_frf_mat
-from robotrue.dynamics.formats.registry import read_frf
+from robotrue.dynamics.formats.frf_table import read_frf, write_frf_csv
 from robotrue.dynamics.formats.uff import read_uff, write_uff
 from robotrue.dynamics.frf import in_form, trusted_lines
 from robotrue.errors import FormatError, ImplausibleDataError
@@ -36,7 +34,7 @@ def test_csv_there_and_back(tmp_path):
     coherence = np.full(FRF.response.shape, 0.97)
     frf = replace(FRF, coherence=coherence)
     write_frf_csv(tmp_path / "FRF.csv", frf)
-    again = read_frf_csv(tmp_path / "FRF.csv")
+    again = read_frf(tmp_path / "FRF.csv")
     np.testing.assert_allclose(again.response, frf.response, rtol=1e-7)
     np.testing.assert_allclose(again.frequency, frf.frequency, rtol=1e-8)
     np.testing.assert_allclose(again.coherence, coherence)
@@ -48,14 +46,14 @@ def test_csv_there_and_back(tmp_path):
 def test_csv_keeps_the_static_deflection_at_0_hz(tmp_path):
     static = robot_with_tool().modal_static
     write_frf_csv(tmp_path / "FRF.csv", replace(FRF, static=static))
-    again = read_frf_csv(tmp_path / "FRF.csv")
+    again = read_frf(tmp_path / "FRF.csv")
     np.testing.assert_allclose(again.static, static, rtol=1e-7)
     assert again.valid[0] == 0.0
 
 
 def test_response_axis_comes_first(tmp_path):
     text = "f_Hz,Gyx_re_m_per_N,Gyx_im_m_per_N\n" + rows(FRF.pair("y", "x"))
-    frf = read_frf_csv(written(tmp_path, text))
+    frf = read_frf(written(tmp_path, text))
     assert frf.response_axes == ("y",)
     assert frf.excitation_axes == ("x",)
 
@@ -71,7 +69,7 @@ def test_response_axis_comes_first(tmp_path):
 )
 def test_units_in_the_name(tmp_path, unit, form, scale):
     text = f"f_Hz,Gxx_re_{unit},Gxx_im_{unit}\n" + rows(scale * FRF.pair("x", "x"), form)
-    frf = read_frf_csv(written(tmp_path, text))
+    frf = read_frf(written(tmp_path, text))
     np.testing.assert_allclose(frf.pair("x", "x"), FRF.pair("x", "x"), rtol=1e-5)
     assert frf.measured_as == form
     assert frf.valid[0] == 4.0
@@ -79,7 +77,7 @@ def test_units_in_the_name(tmp_path, unit, form, scale):
 
 def test_semicolons_and_decimal_commas(tmp_path):
     body = rows(FRF.pair("x", "x")).replace(",", ";").replace(".", ",")
-    frf = read_frf_csv(written(tmp_path, "# lab 3\nf_Hz;Gxx_re_m_per_N;Gxx_im_m_per_N\n" + body))
+    frf = read_frf(written(tmp_path, "# lab 3\nf_Hz;Gxx_re_m_per_N;Gxx_im_m_per_N\n" + body))
     np.testing.assert_allclose(frf.pair("x", "x"), FRF.pair("x", "x"), rtol=1e-5)
 
 
@@ -109,7 +107,7 @@ GOOD = rows(FRF.pair("x", "x"))
 )
 def test_csv_refused(tmp_path, text, line, said):
     with pytest.raises(FormatError) as caught:
-        read_frf_csv(written(tmp_path, text))
+        read_frf(written(tmp_path, text))
     assert said in str(caught.value)
     assert caught.value.line == line
     assert str(tmp_path / "FRF.csv") in str(caught.value)
@@ -118,12 +116,12 @@ def test_csv_refused(tmp_path, text, line, said):
 def test_a_file_that_ends_in_the_middle_of_a_line(tmp_path):
     cut = HEAD + GOOD[: GOOD.rindex(",")]
     with pytest.raises(FormatError, match="ends in the middle of its last line"):
-        read_frf_csv(written(tmp_path, cut + "\n"))
+        read_frf(written(tmp_path, cut + "\n"))
 
 
 def test_accelerance_under_the_name_of_a_receptance(tmp_path):
     with pytest.raises(ImplausibleDataError, match="accelerance"):
-        read_frf_csv(written(tmp_path, HEAD + rows(FRF.pair("x", "x"), "accelerance")))
+        read_frf(written(tmp_path, HEAD + rows(FRF.pair("x", "x"), "accelerance")))
 
 
 def test_integrated_noise_is_not_trusted(tmp_path):
@@ -132,20 +130,20 @@ def test_integrated_noise_is_not_trusted(tmp_path):
     noise = 1e-5 / f**2
     g = single().response(f)[:, 0, 0] + noise
     body = "".join(f"{a:.6g},{b.real:.9e},{b.imag:.9e}\n" for a, b in zip(f, g, strict=True))
-    assert read_frf_csv(written(tmp_path, HEAD + body)).valid == (4.0, 199.5)
+    assert read_frf(written(tmp_path, HEAD + body)).valid == (4.0, 199.5)
 
 
 def test_a_coherence_in_per_cent(tmp_path):
     text = "f_Hz,Gxx_re_m_per_N,Gxx_im_m_per_N,Cxx\n" + GOOD.replace("\n", ",97\n")
     with pytest.raises(ImplausibleDataError, match="coherence Cxx goes from 97 to 97"):
-        read_frf_csv(written(tmp_path, text))
+        read_frf(written(tmp_path, text))
 
 
 def test_binary_is_no_csv(tmp_path):
     path = tmp_path / "FRF.csv"
     path.write_bytes(b"f_Hz,\xff\xfe\n")
     with pytest.raises(FormatError, match="0xff is not UTF-8"):
-        read_frf_csv(path)
+        read_frf(path)
 
 
 def test_unknown_suffix(tmp_path):
@@ -254,7 +252,7 @@ def test_mat_there(tmp_path):
     frf = read_frf(path)
     np.testing.assert_allclose(frf.pair("x", "x"), FRF.pair("x", "x"))
     savemat(path, {"f_Hz": LINES, "G_m_per_N": FRF.response})
-    np.testing.assert_allclose(read_frf_mat(path).response, FRF.response)
+    np.testing.assert_allclose(read_frf(path).response, FRF.response)
 
 
 @pytest.mark.parametrize(
@@ -272,7 +270,7 @@ def test_mat_refused(tmp_path, variables, said):
     path = tmp_path / "FRF.mat"
     savemat(path, variables)
     with pytest.raises(FormatError, match=said):
-        read_frf_mat(path)
+        read_frf(path)
 
 
 def test_mat_that_is_none(tmp_path):

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from robotrue.dynamics.cutter import Cutter, CutterEngagement, CuttingCoefficients
-from robotrue.dynamics.milling_force import mean_force
-from robotrue.dynamics.path_force import MillingAlongPath
+from robotrue.dynamics.milling_force import MillingAlongPath, mean_force
 from robotrue.errors import ConfigurationError
 from robotrue.program.cut_path import CutPath
 from robotrue.program.program import Motion

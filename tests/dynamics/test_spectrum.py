@@ -1,12 +1,11 @@
-"""Densities integrate to mean squares; lines are those of spindle and teeth."""
+"""Lines of a force record are those of spindle and teeth."""
 
 import numpy as np
 import pytest
 
 from robotrue.dynamics.cutter import Cutter, CutterEngagement, CuttingCoefficients
-from robotrue.dynamics.force import ForceRecord
+from robotrue.dynamics.force import ForceRecord, spindle_lines
 from robotrue.dynamics.milling_force import force_over_time
-from robotrue.dynamics.spectrum import force_density, spindle_lines
 from robotrue.errors import ConfigurationError
 
 STEEL = CuttingCoefficients(tangential=8e8, radial=1.7e8, axial=2.2e8)
@@ -16,15 +15,6 @@ CUT = CutterEngagement(mode="up", depth=1e-3, width=6e-3, feed_per_tooth=5e-5, s
 def cutting(runout):
     cutter = Cutter(kind="flat", diameter=0.016, teeth=3, helix=0.5, runout=runout)
     return force_over_time(cutter, CUT, STEEL, rate=18000.0, duration=2.0)
-
-
-def test_density_integrates_to_the_mean_square():
-    rng = np.random.default_rng(2)
-    force = rng.normal(size=(40000, 3)) * [1.0, 2.0, 5.0] + 30.0
-    record = ForceRecord(start=0.0, rate=4000.0, force=force, source="noise")
-    frequency, density = force_density(record, segment=0.25)
-    whole = np.trapezoid(density, frequency, axis=0)
-    np.testing.assert_allclose(whole, force.var(axis=0), rtol=0.05)
 
 
 def test_a_plain_cosine_is_one_line():
@@ -49,8 +39,6 @@ def test_runout_moves_power_off_the_tooth_lines():
     assert odd.frequency[odd.is_tooth][:2] == pytest.approx([180.0, 360.0])
 
 
-def test_records_too_short():
-    with pytest.raises(ConfigurationError, match="segments of 9 s"):
-        force_density(cutting(0.0), segment=9.0)
+def test_a_record_too_short():
     with pytest.raises(ConfigurationError, match="1 turns of"):
         spindle_lines(cutting(0.0), spindle=0.6, teeth=3)

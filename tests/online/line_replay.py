@@ -107,9 +107,9 @@ def replay_force(path: str | Path, *, frame: str = "sensor") -> Iterator[ForceSa
 
 
 def _tdms(path: str | Path, frame: str) -> Iterator[ForceSample]:
-    from robotrue.dynamics.formats.force_tdms import read_force_tdms
+    from robotrue.dynamics.formats.force_table import read_force
 
-    record, _ = read_force_tdms(path)
+    record, _ = read_force(path)
     for i, (time, force) in enumerate(zip(record.time.tolist(), record.force, strict=True)):
         yield ForceSample(
             controller_time=time,

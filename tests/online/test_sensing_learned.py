@@ -13,9 +13,9 @@ from test_sensing import estimated, same
 
 from robotrue.core.units import UM
 from robotrue.dynamics.deviation import WindowTrust, fit_deviation
+from robotrue.dynamics.deviation_physics import static_compliance
 from robotrue.dynamics.oscillators import join_oscillators
 from robotrue.dynamics.pose_modes import pose_modes
-from robotrue.dynamics.static_row import static_row
 from robotrue.dynamics.streaming import ModalFilter
 from robotrue.dynamics.windows import WindowSet, concatenate_windows, peaks_per_turn
 from robotrue.online.blocks import ForceBlock, JointBlock
@@ -84,7 +84,7 @@ def learned():
         rows.append(
             window(read, stream.push(read)[:, 1], joints, peaks_per_turn(seen, TURN).mean())
         )
-    return fit_deviation(concatenate_windows(rows), STATED, row=static_row(-OWN.static[1]))
+    return fit_deviation(concatenate_windows(rows), STATED, row=static_compliance(-OWN.static[1]))
 
 
 def models(*, with_learned=True):

@@ -69,7 +69,7 @@ class Desk:
             self._session.broken()
             return None
         if sample.values.get(SIMULATED, 0.0) and not self._session.provenance.simulated:
-            self._session.simulated()
+            self._session.mark_simulated()
             self.reporter.report(Message(mark_sentence(self._session.provenance)))
         if is_reference(sample.values):
             return self._reference(sample)
@@ -101,7 +101,7 @@ class Desk:
         document = answer_document(answer)
         if self.robot is not None and answer.adjustment is not None:
             answer, document = self._by_robot(answer, self.robot)
-        self._journal.answered(answer, document)
+        self._journal.write_answer(answer, document)
         self.moves += answer.adjustment is not None
         self.refusals += answer.adjustment is None
         return self._told(document)
@@ -125,12 +125,12 @@ class Desk:
         truth = sample.texts.get("truth", self._truth)
         try:
             left = read_reference_tilt(sample.values)
-            step = self._session.remained(hole, left, truth)
+            step = self._session.take_reference(hole, left, truth)
         except RobotrueError as cause:
             return self._unread(cause, hole=hole)
         a, b = (left / DEG).tolist()
         document = step_document(hole, step, (a, b), truth)
-        self._journal.recorded(
+        self._journal.write_reference(
             document,
             sigma=self._session.reference_sigma,
             records=step.model.monitor.records,

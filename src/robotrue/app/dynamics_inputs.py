@@ -11,11 +11,10 @@ from robotrue.app.number_options import parse_numbers
 from robotrue.cell.config import read_cell
 from robotrue.core.provenance import Provenance, merge
 from robotrue.core.units import UM
-from robotrue.dynamics.deviation_physics import CompliantArm
-from robotrue.dynamics.formats.registry import read_frf
+from robotrue.dynamics.deviation_physics import CompliantArm, StaticCompliance, compliance_of
+from robotrue.dynamics.formats.frf_table import read_frf
 from robotrue.dynamics.frf import AXES
 from robotrue.dynamics.interpolation import fit_curve
-from robotrue.dynamics.static_row import StaticRow, row_of
 from robotrue.dynamics.windows import WindowSet
 from robotrue.errors import ConfigurationError
 
@@ -70,14 +69,16 @@ def read_arm(cell_path: Path, direction: str) -> CompliantArm:
     return CompliantArm(robot=cell.robot, stiffness=stiffness, direction=value / size)
 
 
-def read_static_row(frf: Path | None, arm: CompliantArm, context: Context) -> StaticRow | None:
+def read_static_row(
+    frf: Path | None, arm: CompliantArm, context: Context
+) -> StaticCompliance | None:
     """Returns the static row of the response the windows were predicted with, if it is given."""
     if frf is None:
         context.note(
             "without --frf the static row of the response is learned from the windows alone"
         )
         return None
-    return row_of(fit_curve(read_frf(frf)), arm.direction)
+    return compliance_of(fit_curve(read_frf(frf)), arm.direction)
 
 
 def windows_origin(windows: WindowSet, frf: Path | None) -> Provenance:

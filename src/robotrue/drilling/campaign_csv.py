@@ -8,6 +8,7 @@ foot came down; blank is the usual way.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -15,16 +16,15 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array
-from robotrue.core.csv_text import csv_text
-from robotrue.core.files import write_atomic
-from robotrue.core.provenance import Provenance, mark_line
-from robotrue.core.units import DEG, MM
-from robotrue.drilling.campaign import Campaign, Clamps
+from robotrue.core.provenance import MEASURED, Provenance
+from robotrue.core.units import DEG, MM, UM
+from robotrue.drilling.campaign import Campaign, Clamps, check_campaign
 from robotrue.drilling.campaign_plan import CampaignPlan
-from robotrue.drilling.foot_file import FootSetup
+from robotrue.drilling.foot_file import FootSetup, read_foot
+from robotrue.drilling.foot_model import NormalModel
 from robotrue.drilling.head import AxisOrder
 from robotrue.errors import ConfigurationError, FormatError
-from robotrue.measurement.formats.sheet import Sheet, column_key
+from robotrue.measurement.formats.sheet import Sheet, column_key, write_columns
 from robotrue.measurement.formats.sheet_file import read_sheet
 
 TILT: Final = ("a_deg", "b_deg")
@@ -32,6 +32,9 @@ CONDITIONS: Final = ("force_N", "z_mm")
 APPROACH: Final = "approach"
 LEFT: Final = ("left_a_deg", "left_b_deg")
 HOLE: Final = "hole"
+FORMS: Final = ("d{}_mm", "raw{}_mm", "raw{}_counts")
+"""Names of the readings of sensor 1, 2, ...: less their zero, raw as lengths, raw as counts."""
+FORMS_HINT: Final = f"one of {', '.join(form.format(1) + ', ...' for form in FORMS)}."
 STEEPEST: Final = 45.0
 """deg; a tilt beyond it is in another unit or of another angle."""
 
@@ -45,15 +48,14 @@ def read_campaign(path: str | Path, setup: FootSetup, order: AxisOrder) -> tuple
         ConfigurationError: Raw readings without the foot's zero.
     """
     sheet = read_sheet(path)
-    clamps = _clamps(sheet, setup, TILT)
-    lines, tilt = sheet.lines, sheet.numbers(TILT)
+    clamps, tilt = _read_clamps(sheet, setup, TILT), sheet.numbers(TILT)
     steep = np.flatnonzero(np.abs(tilt).max(axis=1) > STEEPEST)
     if len(steep):
         row = int(steep[0])
         raise FormatError(
             f"a tilt of {np.abs(tilt[row]).max():g} deg, up to {STEEPEST:g} deg is possible.",
             source=sheet.source,
-            line=lines[row],
+            line=sheet.lines[row],
             hint="a_deg and b_deg are the surface's tilt against the spindle, in degrees.",
         )
     campaign = Campaign(
@@ -61,7 +63,6 @@ def read_campaign(path: str | Path, setup: FootSetup, order: AxisOrder) -> tuple
         tilt=tilt * DEG,
         order=order,
         source=sheet.source,
-        lines=lines,
         provenance=sheet.provenance,
     )
     return campaign, sheet.digest
@@ -75,14 +76,12 @@ class ProductionRecord:
         clamps: The n clamps.
         left: (n, 2) rad, tilt that remained.
         hole: n names.
-        lines: (n,) of the file.
         provenance: Simulated or measured, and the file.
     """
 
     clamps: Clamps
     left: Array
     hole: tuple[str, ...]
-    lines: tuple[int, ...]
     provenance: Provenance
 
 
@@ -97,13 +96,11 @@ def read_production(path: str | Path, setup: FootSetup) -> ProductionRecord:
         ConfigurationError: As :func:`read_campaign`.
     """
     sheet = read_sheet(path)
-    clamps = _clamps(sheet, setup, (*LEFT, HOLE))
-    hole = tuple(str(i + 1) for i in range(len(sheet)))
+    counted = tuple(str(i + 1) for i in range(len(sheet)))
     return ProductionRecord(
-        clamps=clamps,
+        clamps=_read_clamps(sheet, setup, (*LEFT, HOLE)),
         left=sheet.numbers(LEFT) * DEG,
-        hole=sheet.column(HOLE) if sheet.has(HOLE) else hole,
-        lines=sheet.lines,
+        hole=sheet.column(HOLE) if sheet.has(HOLE) else counted,
         provenance=sheet.provenance,
     )
 
@@ -115,19 +112,13 @@ def write_campaign(path: str | Path, campaign: Campaign) -> None:
         FormatError: The file cannot be written.
     """
     clamps = campaign.clamps
-    sensors = [f"d{k + 1}_mm" for k in range(clamps.readings.shape[1])]
-    rows: list[list[object]] = [[*TILT, *sensors, *CONDITIONS, APPROACH]]
-    for i in range(len(campaign)):
-        rows.append(
-            [
-                *(f"{v / DEG:.6f}" for v in campaign.tilt[i]),
-                *(f"{v / MM:.6f}" for v in clamps.readings[i]),
-                f"{clamps.force[i]:.3f}",
-                f"{clamps.height[i] / MM:.3f}",
-                clamps.approach[i],
-            ]
-        )
-    write_atomic(path, (mark_line(campaign.provenance) + csv_text(rows)).encode())
+    columns: dict[str, Sequence[str]] = dict(
+        zip(TILT, (_print(tilt / DEG, ".6f") for tilt in campaign.tilt.T), strict=True)
+    )
+    columns |= {f"d{k + 1}_mm": _print(d / MM, ".6f") for k, d in enumerate(clamps.readings.T)}
+    conditions = (_print(clamps.force, ".3f"), _print(clamps.height / MM, ".3f"))
+    columns |= dict(zip(CONDITIONS, conditions, strict=True)) | {APPROACH: clamps.approach}
+    write_columns(path, columns, campaign.provenance)
 
 
 def write_sheet(path: str | Path, plan: CampaignPlan, sensors: int) -> None:
@@ -136,27 +127,24 @@ def write_sheet(path: str | Path, plan: CampaignPlan, sensors: int) -> None:
     Raises:
         FormatError: The file cannot be written.
     """
-    names = [f"d{k + 1}_mm" for k in range(sensors)]
-    rows: list[list[object]] = [[*TILT, *names, *CONDITIONS, APPROACH]]
-    for i in range(len(plan)):
-        rows.append(
-            [
-                *(f"{v / DEG:.4f}" for v in plan.tilt[i]),
-                *[""] * sensors,
-                f"{plan.force[i]:g}",
-                f"{plan.height[i] / MM:g}",
-                "",
-            ]
-        )
-    write_atomic(path, csv_text(rows).encode())
+    blank = [""] * len(plan)
+    columns: dict[str, Sequence[str]] = dict(
+        zip(TILT, (_print(tilt / DEG, ".4f") for tilt in plan.tilt.T), strict=True)
+    )
+    columns |= {f"d{k + 1}_mm": blank for k in range(sensors)}
+    conditions = (_print(plan.force, "g"), _print(plan.height / MM, "g"))
+    columns |= dict(zip(CONDITIONS, conditions, strict=True)) | {APPROACH: blank}
+    write_columns(path, columns, MEASURED)
 
 
-def subtract_zeros(values: Array, setup: FootSetup, *, counts: bool) -> Array:
-    """Returns raw readings (n, k), mm or counts, as readings less their zero in m.
+def readings_less_zero(raw: Array, form: str, setup: FootSetup) -> Array:
+    """Returns readings (n, k) m less their zero of values (n, k) in one of :data:`FORMS`.
 
     Raises:
-        ConfigurationError: The foot file has no zero, or no size of a count.
+        ConfigurationError: Raw readings, and the foot file has no zero, or no size of a count.
     """
+    if form == FORMS[0]:
+        return raw * MM
     if setup.zero is None:
         raise ConfigurationError(
             "raw readings, and the foot has no zero.",
@@ -164,6 +152,7 @@ def subtract_zeros(values: Array, setup: FootSetup, *, counts: bool) -> Array:
             hint="put the readings on the mandrel or calibration plane into zero_mm or "
             "zero_counts; a zero that is guessed is a tilt of every hole.",
         )
+    counts = form.endswith("_counts")
     if counts and setup.count is None:
         raise ConfigurationError(
             "readings in counts, and the foot does not say how long a count is.",
@@ -171,47 +160,75 @@ def subtract_zeros(values: Array, setup: FootSetup, *, counts: bool) -> Array:
             hint="count_um = 1.0",
         )
     size = (setup.count or 0.0) if counts else MM
-    return np.asarray(values * size - setup.zero)
+    return np.asarray(raw * size - setup.zero)
 
 
-def _clamps(sheet: Sheet, setup: FootSetup, beside: tuple[str, ...]) -> Clamps:
+def setup_of(model: NormalModel, path: Path, foot: Path | None) -> FootSetup:
+    """Returns the setup readings are read with: the foot file's zero, the model's sensors.
+
+    Args:
+        model: What the readings are for.
+        path: Its file, for messages.
+        foot: Foot file; None for readings less their zero.
+
+    Raises:
+        ConfigurationError: A foot whose sensors stand elsewhere.
+    """
+    if foot is None:
+        return FootSetup(foot=model.foot, head=model.head, count=None, zero=None, source=str(path))
+    stated = read_foot(foot)
+    same = len(stated.foot.radius) == len(model.foot.radius) and np.allclose(
+        stated.foot.seat, model.foot.seat, rtol=0.0, atol=1.0 * UM
+    )
+    if not same:
+        raise ConfigurationError(
+            f"the sensors of {foot.name} stand elsewhere than those the model was learned with.",
+            source=foot,
+            hint="pass the foot file of the campaign, or learn anew.",
+        )
+    return stated
+
+
+def read_test(
+    model: NormalModel, path: Path, rows: Path, foot: Path | None
+) -> tuple[Campaign, str]:
+    """Returns checked clamps to evaluate a model on, and the SHA-256 of their file.
+
+    Args:
+        model: To be evaluated.
+        path: Its file, for messages.
+        rows: The clamps.
+        foot: As in :func:`setup_of`.
+    """
+    test, digest = read_campaign(rows, setup_of(model, path, foot), model.head.order)
+    check_campaign(model.foot, test)
+    return test, digest
+
+
+def _read_clamps(sheet: Sheet, setup: FootSetup, beside: tuple[str, ...]) -> Clamps:
     """The readings and conditions of every row; ``beside`` are the other columns known."""
-    readings = _readings(sheet, setup, beside)
-    force, height = sheet.numbers(CONDITIONS).T
-    return Clamps(readings=readings, force=force, height=height * MM, approach=_approach(sheet))
-
-
-def _readings(sheet: Sheet, setup: FootSetup, beside: tuple[str, ...]) -> Array:
     sensors = len(setup.foot.radius)
-    have = {column_key(name) for name in sheet.header}
-    forms = {
-        form: tuple(form.format(k + 1) for k in range(sensors))
-        for form in ("d{}_mm", "raw{}_mm", "raw{}_counts")
-    }
-    present = [form for form, names in forms.items() if column_key(names[0]) in have]
-    if len(present) != 1:
-        said = "several forms of readings" if present else "no readings"
-        raise FormatError(
-            f"{said} among the columns {', '.join(sheet.header)}.",
-            source=sheet.source,
-            line=sheet.header_line,
-            hint=f"one of {', '.join(names[0] + ', ...' for names in forms.values())}.",
-        )
-    form = present[0]
-    known = {column_key(n) for n in (*forms[form], *beside, *CONDITIONS, APPROACH)}
-    unknown = [name for name in sheet.header if column_key(name) not in known]
+    forms = [form for form in FORMS if sheet.has(form.format(1))]
+    if len(forms) != 1:
+        said = "several forms of readings" if forms else "no readings"
+        raise sheet.fault(f"{said} among the columns {', '.join(sheet.header)}.", FORMS_HINT)
+    names = tuple(forms[0].format(k + 1) for k in range(sensors))
+    known = (*beside, *names, *CONDITIONS, APPROACH)
+    keys = set(map(column_key, known))
+    unknown = [name for name in sheet.header if column_key(name) not in keys]
     if unknown:
-        raise FormatError(
+        raise sheet.fault(
             f"column {unknown[0]!r} is not known for a foot of {sensors} sensors.",
-            source=sheet.source,
-            line=sheet.header_line,
-            hint=f"{', '.join((*beside, *forms[form], *CONDITIONS, APPROACH))}.",
+            f"{', '.join(known)}.",
         )
-    values = sheet.numbers(forms[form])
-    if form == "d{}_mm":
-        return values * MM
-    return subtract_zeros(values, setup, counts=form == "raw{}_counts")
+    force, height = sheet.numbers(CONDITIONS).T
+    return Clamps(
+        readings=readings_less_zero(sheet.numbers(names), forms[0], setup),
+        force=force,
+        height=height * MM,
+        approach=sheet.column(APPROACH) if sheet.has(APPROACH) else (),
+    )
 
 
-def _approach(sheet: Sheet) -> tuple[str, ...]:
-    return sheet.column(APPROACH) if sheet.has(APPROACH) else ()
+def _print(values: Array, digits: str) -> list[str]:
+    return [f"{value:{digits}}" for value in values]

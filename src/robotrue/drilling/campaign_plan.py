@@ -10,10 +10,9 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.columns import Column, Columns
 from robotrue.core.units import DEG
+from robotrue.drilling.campaign import FORCE, HEIGHT, Conditions
 from robotrue.drilling.drill_defaults import By
-from robotrue.drilling.physics import prior_covariance
-from robotrue.drilling.physics_prior import start
-from robotrue.drilling.terms import FORCE, HEIGHT, Conditions
+from robotrue.drilling.physics import signal_covariance, start
 from robotrue.errors import ConfigurationError
 
 FEWEST: Final = 15
@@ -44,14 +43,14 @@ class CampaignPlan(Columns):
         return len(self.force)
 
 
-def planned_campaign(
+def plan_campaign(
     count: int, *, forces: Array, heights: Array, largest: float, seed: int, by: By = "information"
 ) -> CampaignPlan:
     """Returns a campaign over every force and height, in random order.
 
     By chance, tilts are uniform within a disc and forces and heights go round. By information,
     each clamp is the candidate that brings the variance of the error down most, in the mean over
-    clamps that production may make and by the prior of ``physics_prior``.
+    clamps that production may make and by the prior of :mod:`robotrue.drilling.physics`.
 
     Args:
         count: Clamps.
@@ -101,7 +100,8 @@ def _by_information(
         _by_chance(n, forces, heights, largest, random) for n in (CANDIDATES, WANTED)
     )
     theta = start(SCATTER, rest_alone=False)
-    spread = prior_covariance(theta, _causes(np.concatenate([candidates, wanted])))
+    causes = _causes(np.concatenate([candidates, wanted]))
+    spread = signal_covariance(theta, causes, causes)
     noise = float(np.exp(2.0 * theta[-1]))
     chosen: list[int] = []
     for _ in range(count):

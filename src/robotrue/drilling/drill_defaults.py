@@ -1,7 +1,12 @@
-"""What users choose of drilling and what it is unless they say so, without numeric libraries."""
+"""Choices of drilling with their defaults, and its documents in a workspace.
+
+Imports no numeric library: commands and pages read it.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
 Kind: TypeAlias = Literal["patent", "interactions", "quadratic", "cubic", "gp", "physics"]
@@ -27,3 +32,14 @@ PATIENCE_S: Final = 5.0
 """Then a clamp that does not come to rest is given up."""
 PORT: Final = 47600
 """UDP, on which the machine's values come in."""
+CAMPAIGN: Final = "drilling campaign"
+MODEL: Final = "drilling model"
+TEST: Final = "drilling test"
+JOURNAL: Final = "drilling journal"
+
+
+def campaign_parts(files: Sequence[Path]) -> tuple[Path, Path | None]:
+    """Returns the rows of a campaign and its foot file, which lies beside them if it is known."""
+    feet = [path for path in files if len(files) > 1 and path.suffix.lower() == ".toml"]
+    (rows,) = (path for path in files if path not in feet)
+    return rows, feet[0] if feet else None

@@ -19,19 +19,63 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from robotrue.cell.schema import Above0, Number, Three, Two
 from robotrue.cell.schema_faults import configuration_error, line_of_key
 from robotrue.core.arrays import Array
 from robotrue.core.toml_text import read_toml
 from robotrue.core.units import DEG, MM, UM
-from robotrue.drilling.foot import Foot
-from robotrue.drilling.foot_schema import FootFile, FootTable, SkinTable
+from robotrue.drilling.foot import FLAT, Foot, Skin
 from robotrue.drilling.head import Head
-from robotrue.drilling.skin import FLAT, Skin
 from robotrue.errors import ConfigurationError, ShapeError
+
+Numbers = Annotated[list[Number], Field(min_length=3)]
+Sense = Annotated[list[Literal[-1, 1]], Field(min_length=2, max_length=2)]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+class FootTable(_Table):
+    """``[foot]``: places of the sensors and what they can do."""
+
+    radius_mm: Above0 | Annotated[list[Above0], Field(min_length=3)]
+    angles_deg: Numbers
+    reading_sigma_um: Above0 = 2.0
+    range_mm: Two | None = None
+    max_tilt_deg: Above0 = 8.0
+    count_um: Above0 | None = None
+    zero_mm: Numbers | None = None
+    zero_counts: Numbers | None = None
+
+
+class SkinTable(_Table):
+    """``[skin]``: what sensors without a foot plate look at."""
+
+    shape: Literal["plane", "sphere", "cylinder"]
+    radius_mm: Number | Literal["fitted"]
+    axis_deg: Number = 0.0
+
+
+class HeadTable(_Table):
+    """``[head]``: the rotary axes."""
+
+    order: Literal["AB", "BA"] = "AB"
+    pivot_to_tip_mm: Three
+    sense: Sense = [1, 1]
+
+
+class FootFile(_Table):
+    """A whole foot file."""
+
+    foot: FootTable
+    skin: SkinTable | None = None
+    head: HeadTable | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

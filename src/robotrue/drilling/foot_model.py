@@ -11,20 +11,22 @@ from robotrue.core.arrays import Array
 from robotrue.core.columns import Column, Columns
 from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.core.units import DEG
-from robotrue.drilling.campaign import Campaign, Clamps
-from robotrue.drilling.choose import Step, Trial, all_tried, choose_kind, cross_validate
+from robotrue.drilling.campaign import Campaign, Clamps, conditions
 from robotrue.drilling.correction import (
     CorrectedReadings,
     ReadingCorrection,
+    Step,
+    Trial,
+    choose_kind,
     correct_readings,
+    cross_validate,
     fit_correction,
+    try_all,
 )
 from robotrue.drilling.drill_defaults import Kind
 from robotrue.drilling.foot import Foot
 from robotrue.drilling.head import Head
-from robotrue.drilling.monitor import Watch, watch
-from robotrue.drilling.refinement import Refinement, refinement
-from robotrue.drilling.terms import conditions
+from robotrue.drilling.refinement import Refinement, Watch
 from robotrue.errors import ConfigurationError, ObservabilityError
 
 SMALLEST: Final = 1e-3 * DEG
@@ -101,7 +103,7 @@ class NormalModel:
     stretch: float
     campaign: str
     refinement: Refinement
-    monitor: Watch = field(default_factory=lambda: watch(2))
+    monitor: Watch = field(default_factory=Watch)
     version: int = 1
     frozen: Frozen | None = None
     provenance: Provenance = MEASURED
@@ -157,7 +159,7 @@ def fit_model(
             f"the campaign's tilts are in order {campaign.order}, the head's is {head.order}."
         )
     trials = (
-        all_tried(foot, campaign, step=step)
+        try_all(foot, campaign, step=step)
         if kind is None
         else (cross_validate(kind, foot, campaign),)
     )
@@ -180,7 +182,7 @@ def fit_model(
         left=trial.mean,
         stretch=trial.stretch,
         campaign=digest,
-        refinement=refinement(max(trial.mean, SMALLEST)),
+        refinement=Refinement(sigma=max(trial.mean, SMALLEST)),
         provenance=campaign.provenance,
     )
     return model, trials

@@ -14,14 +14,13 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
-from robotrue.drilling.campaign_csv import LEFT, STEEPEST, subtract_zeros
+from robotrue.drilling.campaign_csv import FORMS, FORMS_HINT, LEFT, STEEPEST, readings_less_zero
 from robotrue.drilling.clamp_watch import FootSample
 from robotrue.drilling.foot_file import FootSetup
 from robotrue.errors import FormatError, ImplausibleDataError
 
 SIMULATED: Final = "simulated"
 """Name of the value by which a simulated machine says what it is; not 0."""
-_FORMS: Final = ("d{}_mm", "raw{}_mm", "raw{}_counts")
 
 
 def is_reference(values: Mapping[str, float]) -> bool:
@@ -45,25 +44,20 @@ def foot_sample(
         ConfigurationError: Raw readings without the foot's zero.
     """
     sensors = range(1, len(setup.foot.radius) + 1)
-    forms = [form for form in _FORMS if form.format(1) in values]
+    forms = [form for form in FORMS if form.format(1) in values]
     if len(forms) != 1:
         raise FormatError(
             f"{'several forms of' if forms else 'no'} readings among {', '.join(values)}.",
-            hint=f"one of {', '.join(form.format(1) + ', ...' for form in _FORMS)}.",
+            hint=FORMS_HINT,
         )
-    form = forms[0]
-    raw = _select_values(values, tuple(form.format(k) for k in sensors))
+    raw = _select_values(values, tuple(forms[0].format(k) for k in sensors))
     force, height = _select_values(values, ("force_N", "z_mm"))
-    axes = _select_values(values, ("A_deg", "B_deg")) * DEG if head else np.zeros(2)
-    counts = form == "raw{}_counts"
     return FootSample(
         time=time,
-        readings=raw * MM
-        if form == "d{}_mm"
-        else subtract_zeros(raw[None], setup, counts=counts)[0],
+        readings=readings_less_zero(raw[None], forms[0], setup)[0],
         force=float(force),
         height=float(height * MM),
-        axes=axes,
+        axes=_select_values(values, ("A_deg", "B_deg")) * DEG if head else np.zeros(2),
     )
 
 

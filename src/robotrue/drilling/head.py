@@ -14,6 +14,7 @@ import numpy as np
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.columns import Column, Columns
 from robotrue.core.rotations import matrix_from_rotation_vector
+from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ShapeError
 
 AxisOrder: TypeAlias = Literal["AB", "BA"]
@@ -119,3 +120,19 @@ def tilt_between(first: Array, second: Array) -> Array:
     cross = np.linalg.norm(np.cross(first, second), axis=-1)
     out: Array = np.arctan2(cross, np.sum(np.asarray(first) * second, axis=-1))
     return out
+
+
+def gcode(move: HeadMove, *, feed_mm_per_min: float) -> str:
+    """Returns the move of an XYZAB machine: relative X, Y, Z with A and B, then absolute again.
+
+    Raises:
+        ConfigurationError: X, Y and Z are not known: the tip would leave the hole.
+    """
+    if not np.isfinite(move.shift).all():
+        raise ConfigurationError(
+            "X, Y and Z of the move are not known: the tip would leave the hole.",
+            hint="give [head] pivot_to_tip_mm in the foot file and learn the model again.",
+        )
+    words = [f"{a}{v / MM:+.4f}" for a, v in zip("XYZ", move.shift, strict=True)]
+    words += [f"{a}{v / DEG:+.5f}" for a, v in zip("AB", move.turn, strict=True)]
+    return f"G91\nG1 {' '.join(words)} F{feed_mm_per_min:g}\nG90\n"

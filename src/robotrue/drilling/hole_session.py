@@ -102,7 +102,7 @@ class HoleSession:
         """Returns the deviation of the outside reference in each of a and b, rad."""
         return self._reference
 
-    def simulated(self) -> None:
+    def mark_simulated(self) -> None:
         """Takes note that the machine says it is simulated; it stays so."""
         self._machine = SIMULATED
 
@@ -126,7 +126,7 @@ class HoleSession:
         if event.clamps is None:
             refused = f"the foot does not come to rest: {event.said}. Clamp again."
         else:
-            found, refused = self._found(event.clamps, event.axes)
+            found, refused = self._adjust(event.clamps, event.axes)
             if found is not None:
                 moved = MovedHole(clamps=event.clamps, tilt=found.tilt, version=self.model.version)
                 self._keep(name, moved)
@@ -148,7 +148,7 @@ class HoleSession:
         """Takes back that a hole was moved for: the machine was not told to after all."""
         self._waiting.pop(hole, None)
 
-    def remained(self, hole: str, left: Array, truth: str) -> RecordUpdate:
+    def take_reference(self, hole: str, left: Array, truth: str) -> RecordUpdate:
         """Takes what an outside reference measured at a hole after its move, into the model.
 
         Args:
@@ -172,7 +172,7 @@ class HoleSession:
         del self._waiting[hole]
         return step
 
-    def _found(self, clamps: Clamps, axes: Array) -> tuple[HoleAdjustment | None, str]:
+    def _adjust(self, clamps: Clamps, axes: Array) -> tuple[HoleAdjustment | None, str]:
         try:
             return adjustment(self.model, clamps, axes), ""
         except RobotrueError as cause:

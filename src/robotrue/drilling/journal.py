@@ -3,31 +3,40 @@
 After a stop of any kind the session goes on from it: which clamps wait for a reference, how many
 holes there were, and which references the model has to hold. A last line without its end was cut by
 that stop and is left out.
+
+A reference is in the journal before the refined model is written, and without an output file no
+refined model is written at all. A stop in between leaves the model behind its journal;
+:func:`replay_references` brings it up to it.
 """
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from io import FileIO
 from math import isfinite
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Final, Self
 
 import numpy as np
 
 from robotrue.core.arrays import Array
+from robotrue.core.provenance import MEASURED
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.adjust import move_document, surface_document
 from robotrue.drilling.campaign import Clamps
-from robotrue.drilling.hole_session import HoleAnswer, MovedHole
-from robotrue.drilling.journal_lines import whole_lines
-from robotrue.drilling.production import RecordUpdate
-from robotrue.errors import FormatError
+from robotrue.drilling.foot_model import NormalModel, estimate_tilt
+from robotrue.drilling.hole_session import SIMULATED, HoleAnswer, MovedHole
+from robotrue.drilling.journal_lines import foreign_line, whole_lines
+from robotrue.drilling.production import RecordUpdate, record_of, update_model
+from robotrue.errors import FormatError, ModelMismatchError
+
+SAME_TILT: Final = 1e-6 * DEG
+"""rad; tilts of one model at one clamp differ by less, after their way through the journal."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,10 +67,6 @@ class BookedReference:
     def position(self) -> tuple[int, int]:
         """Grows with each reference: a frozen model keeps its version and counts records."""
         return self.version, -1 if self.records is None else self.records
-
-    def is_booked_as(self, version: int, records: int) -> bool:
-        """Returns whether the journal says that the model came to this version and count."""
-        return self.version == version and self.records in (None, records)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,7 +140,7 @@ class Journal:
                 f"cannot write: {cause.strerror}.", source=path, hint="check the folder."
             ) from cause
         try:
-            self.state = self._settled()
+            self.state = self._read_state()
         except BaseException:
             self._file.close()
             raise
@@ -151,7 +156,7 @@ class Journal:
     ) -> None:
         self._file.close()
 
-    def answered(self, answer: HoleAnswer, document: Mapping[str, Any]) -> None:
+    def write_answer(self, answer: HoleAnswer, document: Mapping[str, Any]) -> None:
         """Puts an answer on the disk.
 
         Raises:
@@ -169,7 +174,7 @@ class Journal:
             }
         self._put(line)
 
-    def recorded(self, document: Mapping[str, Any], *, sigma: float, records: int) -> None:
+    def write_reference(self, document: Mapping[str, Any], *, sigma: float, records: int) -> None:
         """Puts what a reference did on the disk.
 
         Args:
@@ -200,7 +205,7 @@ class Journal:
                 f"cannot write: {cause.strerror}.", source=self._path, hint="make room on the disk."
             ) from cause
 
-    def _settled(self) -> JournalState:
+    def _read_state(self) -> JournalState:
         """Reads what is there and cuts off a last line without its end."""
         self._file.seek(0)
         data = self._file.readall()
@@ -218,12 +223,7 @@ class Journal:
                     references.append(_booked_reference(entry, moved))
                 version = int(entry["version"])
             except (ValueError, KeyError, TypeError) as cause:
-                raise FormatError(
-                    "not a line of a drilling journal.",
-                    source=self._path,
-                    line=number,
-                    hint="another file for the journal; this one is left as it is.",
-                ) from cause
+                raise foreign_line(self._path, number) from cause
         if whole < len(data):
             self._file.truncate(whole)
         return JournalState(
@@ -253,4 +253,64 @@ def _booked_reference(entry: Mapping[str, Any], moved: MovedHole) -> BookedRefer
         simulated=entry.get("simulated") is True,
         version=int(entry["version"]),
         records=None if records is None else int(records),
+    )
+
+
+def replay_references(
+    model: NormalModel,
+    references: Iterable[BookedReference],
+    *,
+    reference_sigma: float,
+    source: str | Path,
+) -> tuple[NormalModel, int]:
+    """Returns the model after the references it lacks, and how many those were.
+
+    Args:
+        model: As read from its file.
+        references: All of the journal, in its order.
+        reference_sigma: rad, deviation of references whose line does not state it.
+        source: The journal.
+
+    Raises:
+        ModelMismatchError: The journal was not written with this model.
+    """
+    replayed = 0
+    for reference in references:
+        if reference.position <= (model.version, model.monitor.records):
+            continue
+        solution = estimate_tilt(model, reference.moved.clamps)
+        # Only a hole that this very version moved can show whether it is this model.
+        if reference.moved.version == model.version:
+            off = np.abs(solution.tilt[0] - reference.moved.tilt).max()
+            if not off <= SAME_TILT:
+                raise _mismatch(
+                    f"moved hole {reference.hole} by {off / DEG:.4f} deg more or less than", source
+                )
+        record = record_of(
+            reference.hole,
+            solution,
+            reference.left,
+            reference.truth,
+            SIMULATED if reference.simulated and not model.provenance.simulated else MEASURED,
+            moved=reference.moved.tilt,
+        )
+        sigma = reference_sigma if reference.sigma is None else reference.sigma
+        step = update_model(model, solution, record, reference=sigma)
+        booked = reference.records in (None, step.model.monitor.records)
+        if not booked or reference.version != step.model.version:
+            raise _mismatch(
+                f"was at version {reference.version} after hole {reference.hole}, version "
+                f"{step.model.version} would follow from",
+                source,
+            )
+        model = step.model
+        replayed += 1
+    return model, replayed
+
+
+def _mismatch(difference: str, source: str | Path) -> ModelMismatchError:
+    return ModelMismatchError(
+        f"the model that wrote this journal {difference} the model given.",
+        source=source,
+        hint="the model that run began with or wrote with -o, or another journal.",
     )

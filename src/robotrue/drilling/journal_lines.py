@@ -9,6 +9,16 @@ from typing import Any
 from robotrue.errors import FormatError
 
 
+def foreign_line(source: str | Path, number: int) -> FormatError:
+    """Returns the error of a line that is none of a journal."""
+    return FormatError(
+        "not a line of a drilling journal.",
+        source=source,
+        line=number,
+        hint="another file for the journal; this one is left as it is.",
+    )
+
+
 def whole_lines(
     data: bytes, *, source: str | Path, first: int = 1
 ) -> tuple[list[dict[str, Any]], int]:
@@ -31,11 +41,6 @@ def whole_lines(
                 raise KeyError(entry["kind"])
             str(entry["hole"]), str(entry["status"]), int(entry["version"])
         except (ValueError, KeyError, TypeError, RecursionError) as cause:
-            raise FormatError(
-                "not a line of a drilling journal.",
-                source=source,
-                line=number,
-                hint="another file for the journal; this one is left as it is.",
-            ) from cause
+            raise foreign_line(source, number) from cause
         out.append(entry)
     return out, whole

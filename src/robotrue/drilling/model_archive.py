@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final, get_args
@@ -11,21 +12,29 @@ import numpy as np
 from robotrue.core.archive import Archive, archive_reader, read_archive, write_archive
 from robotrue.core.arrays import Array
 from robotrue.core.provenance import provenance_from
+from robotrue.drilling.campaign import Conditions
 from robotrue.drilling.correction import ReadingCorrection
 from robotrue.drilling.drill_defaults import Kind
-from robotrue.drilling.foot import Foot
+from robotrue.drilling.foot import Foot, Skin
 from robotrue.drilling.foot_model import Envelope, Frozen, NormalModel
 from robotrue.drilling.head import Head
-from robotrue.drilling.monitor import Watch
 from robotrue.drilling.physics import PhysicsCorrection
-from robotrue.drilling.refinement import Refinement
+from robotrue.drilling.refinement import Refinement, Watch
 from robotrue.drilling.regression import LinearCorrection
-from robotrue.drilling.skin import Skin
-from robotrue.drilling.terms import Conditions
 from robotrue.errors import ArchiveError
 
 KIND: Final = "drilling-normal"
 SCHEMA: Final = 1
+_ARRAYS: Final = {
+    "refinement": ("coefficients", "covariance"),
+    "monitor": ("sums", "since", "spread"),
+    "linear": ("coefficients", "covariance", "sigma"),
+    "process": ("causes", "errors", "theta", "learned"),
+}
+_NUMBERS: Final = {
+    "refinement": ("sigma", "forgetting", "records"),
+    "monitor": ("records", "allowance", "limit"),
+}
 
 
 def write_model(path: str | Path, model: NormalModel) -> None:
@@ -51,8 +60,7 @@ def read_model(path: str | Path) -> NormalModel:
 
 def to_archive(model: NormalModel) -> Archive:
     """Returns a model as document and arrays (SI)."""
-    skin, refinement, monitor = model.foot.skin, model.refinement, model.monitor
-    low, high = (float(v) for v in model.foot.reading_range)
+    skin, reading_range = model.foot.skin, model.foot.reading_range.tolist()
     document: dict[str, Any] = {
         "kind": model.kind,
         "order": model.head.order,
@@ -63,23 +71,14 @@ def to_archive(model: NormalModel) -> Archive:
             "axis": skin.axis,
         },
         "reading_sigma": model.foot.reading_sigma,
-        "reading_range": [low, high] if np.isfinite([low, high]).all() else None,
+        "reading_range": reading_range if np.isfinite(reading_range).all() else None,
         "max_tilt": model.foot.max_tilt,
         "envelope": {"tilt": model.envelope.tilt, "approach": list(model.envelope.approach)},
         "left": model.left,
         "stretch": model.stretch,
         "campaign_sha256": model.campaign,
-        "refinement": {
-            "sigma": refinement.sigma,
-            "forgetting": refinement.forgetting,
-            "records": refinement.records,
-            "truths": list(refinement.truths),
-        },
-        "monitor": {
-            "records": monitor.records,
-            "allowance": monitor.allowance,
-            "limit": monitor.limit,
-        },
+        "refinement": {"truths": list(model.refinement.truths)},
+        "monitor": {},
         "version": model.version,
         "frozen": None if model.frozen is None else asdict(model.frozen),
         "provenance": model.provenance.to_document(),
@@ -90,15 +89,14 @@ def to_archive(model: NormalModel) -> Archive:
         "p_pivot_tip": model.head.p_pivot_tip,
         "force": model.envelope.force,
         "height": model.envelope.height,
-        "refinement_coefficients": refinement.coefficients,
-        "refinement_covariance": refinement.covariance,
-        "monitor_sums": monitor.sums,
-        "monitor_since": monitor.since,
-        "monitor_spread": monitor.spread,
-        **_correction_arrays("own", model.correction, document),
     }
-    if model.patent is not None:
-        arrays |= _correction_arrays("patent", model.patent, document)
+    for name, state in (("refinement", model.refinement), ("monitor", model.monitor)):
+        document[name] |= {key: getattr(state, key) for key in _NUMBERS[name]}
+        arrays |= {f"{name}_{key}": getattr(state, key) for key in _ARRAYS[name]}
+    for name, correction in (("own", model.correction), ("patent", model.patent)):
+        if correction is not None:
+            document[name], values = _store_correction(correction)
+            arrays |= {f"{name}_{key}": value for key, value in values.items()}
     return Archive(kind=KIND, schema=SCHEMA, document=document, arrays=arrays)
 
 
@@ -109,63 +107,60 @@ def from_archive(archive: Archive) -> NormalModel:
     Raises:
         ArchiveError: An array or an entry is missing, or cannot be.
     """
-    d, a = archive.document, archive.array
-    foot = _foot(d, archive)
-    watch, kept = d["monitor"], d["refinement"]
-    kind: Kind = d["kind"]
-    if kind not in get_args(Kind):
-        raise ArchiveError(f"a correction of kind {kind!r}, expected {get_args(Kind)}.")
-    force, height, tilt = a("force"), a("height"), float(d["envelope"]["tilt"])
-    if force[0] > force[1] or height[0] > height[1] or not 0.0 < tilt < 1.6:
-        raise ArchiveError("an envelope whose lowest is above its highest, or of no tilt.")
-    counts = (int(kept["records"]), int(watch["records"]), int(d["version"]) - 1)
-    if min(counts) < 0:
+    d = archive.document
+    _check_document(d)
+    return NormalModel(
+        foot=_read_foot(d, archive),
+        head=Head(
+            order=d["order"],
+            p_pivot_tip=archive.array("p_pivot_tip", finite=False),
+            sense=(float(d["sense"][0]), float(d["sense"][1])),
+        ),
+        kind=d["kind"],
+        correction=_read_correction("own", archive),
+        patent=_read_correction("patent", archive) if "patent" in d else None,
+        envelope=_read_envelope(d["envelope"], archive),
+        left=float(d["left"]),
+        stretch=float(d["stretch"]),
+        campaign=str(d["campaign_sha256"]),
+        refinement=Refinement(
+            **_read_state("refinement", archive), truths=tuple(d["refinement"]["truths"])
+        ),
+        monitor=Watch(**_read_state("monitor", archive)),
+        version=int(d["version"]),
+        frozen=None if d["frozen"] is None else Frozen(**d["frozen"]),
+        provenance=provenance_from(d.get("provenance"), before=d["refinement"]["truths"]),
+    )
+
+
+def _check_document(d: Mapping[str, Any]) -> None:
+    """Passes if kind and numbers are possible."""
+    if d["kind"] not in get_args(Kind):
+        raise ArchiveError(f"a correction of kind {d['kind']!r}, expected {get_args(Kind)}.")
+    counts = (d["refinement"]["records"], d["monitor"]["records"], d["version"] - 1)
+    if min(map(int, counts)) < 0:
         raise ArchiveError("counts below 0.")
     left, stretch = float(d["left"]), float(d["stretch"])
     if not 0.0 <= left < 1.6 or not 1.0 <= stretch < 1e9:
         raise ArchiveError(f"a tilt left of {left:g} rad, or a stretch of {stretch:g}.")
-    return NormalModel(
-        foot=foot,
-        head=Head(
-            order=d["order"],
-            p_pivot_tip=a("p_pivot_tip", finite=False),
-            sense=(float(d["sense"][0]), float(d["sense"][1])),
-        ),
-        kind=kind,
-        correction=_correction("own", archive),
-        patent=_correction("patent", archive) if "patent" in d else None,
-        envelope=Envelope(
-            force=force,
-            height=height,
-            tilt=tilt,
-            approach=tuple(d["envelope"]["approach"]),
-        ),
-        left=left,
-        stretch=stretch,
-        campaign=str(d["campaign_sha256"]),
-        refinement=Refinement(
-            coefficients=a("refinement_coefficients"),
-            covariance=a("refinement_covariance"),
-            sigma=float(kept["sigma"]),
-            forgetting=float(kept["forgetting"]),
-            records=int(kept["records"]),
-            truths=tuple(kept["truths"]),
-        ),
-        monitor=Watch(
-            sums=a("monitor_sums"),
-            since=a("monitor_since"),
-            spread=a("monitor_spread"),
-            records=int(watch["records"]),
-            allowance=float(watch["allowance"]),
-            limit=float(watch["limit"]),
-        ),
-        version=int(d["version"]),
-        frozen=None if d["frozen"] is None else Frozen(**d["frozen"]),
-        provenance=provenance_from(d.get("provenance"), before=kept["truths"]),
-    )
 
 
-def _foot(d: Any, archive: Archive) -> Foot:
+def _read_state(name: str, archive: Archive) -> dict[str, Any]:
+    """Numbers and arrays of the refinement or the monitor."""
+    stated = archive.document[name]
+    numbers = {key: float(stated[key]) for key in _NUMBERS[name]}
+    arrays = {key: archive.array(f"{name}_{key}") for key in _ARRAYS[name]}
+    return {**numbers, **arrays, "records": int(stated["records"])}
+
+
+def _read_envelope(stated: Mapping[str, Any], archive: Archive) -> Envelope:
+    force, height, tilt = archive.array("force"), archive.array("height"), float(stated["tilt"])
+    if force[0] > force[1] or height[0] > height[1] or not 0.0 < tilt < 1.6:
+        raise ArchiveError("an envelope whose lowest is above its highest, or of no tilt.")
+    return Envelope(force=force, height=height, tilt=tilt, approach=tuple(stated["approach"]))
+
+
+def _read_foot(d: Mapping[str, Any], archive: Archive) -> Foot:
     skin, limits = d["skin"], d["reading_range"]
     curvature = skin["curvature"]
     radius = np.nan if curvature is None else (1.0 / curvature if curvature else np.inf)
@@ -179,42 +174,31 @@ def _foot(d: Any, archive: Archive) -> Foot:
     )
 
 
-def _correction_arrays(
-    name: str, correction: ReadingCorrection, document: dict[str, Any]
-) -> dict[str, Array]:
-    """Adds what a correction is to the document; returns its arrays under its name."""
+def _store_correction(correction: ReadingCorrection) -> tuple[dict[str, Any], dict[str, Array]]:
+    """What a correction is, for the document, and its arrays."""
     if isinstance(correction, LinearCorrection):
-        document[name] = {"form": "linear", "family": correction.family}
-        kept = {k: getattr(correction, k) for k in ("coefficients", "covariance", "sigma")}
-    elif isinstance(correction, PhysicsCorrection):
-        learned = np.isfinite(correction.theta)
-        document[name] = {"form": "process", "widening": correction.widening}
-        kept = {
-            "causes": correction.causes.table,
-            "errors": correction.errors,
-            "theta": np.where(learned, correction.theta, 0.0),
-            "learned": learned.astype(np.float64),
-        }
-    else:
+        stated = {"form": "linear", "family": correction.family}
+        return stated, {key: getattr(correction, key) for key in _ARRAYS["linear"]}
+    if not isinstance(correction, PhysicsCorrection):
         raise ArchiveError(f"a correction of type {type(correction).__name__} has no file form.")
-    return {f"{name}_{key}": value for key, value in kept.items()}
-
-
-def _correction(name: str, archive: Archive) -> ReadingCorrection:
-    stated = archive.document[name]
-    values = {
-        key: archive.array(f"{name}_{key}")
-        for key in (
-            ("coefficients", "covariance", "sigma")
-            if stated["form"] == "linear"
-            else ("causes", "errors", "theta", "learned")
-        )
+    learned = np.isfinite(correction.theta)
+    return {"form": "process", "widening": correction.widening}, {
+        "causes": correction.causes.table,
+        "errors": correction.errors,
+        "theta": np.where(learned, correction.theta, 0.0),
+        "learned": learned.astype(np.float64),
     }
-    if stated["form"] == "linear":
+
+
+def _read_correction(name: str, archive: Archive) -> ReadingCorrection:
+    stated = archive.document[name]
+    form = "linear" if stated["form"] == "linear" else "process"
+    values = {key: archive.array(f"{name}_{key}") for key in _ARRAYS[form]}
+    if form == "linear":
         return LinearCorrection(family=stated["family"], **values)
-    causes = values["causes"]
+    a, b, force, height = values["causes"].T
     return PhysicsCorrection(
-        causes=Conditions(a=causes[:, 0], b=causes[:, 1], force=causes[:, 2], height=causes[:, 3]),
+        causes=Conditions(a=a, b=b, force=force, height=height),
         errors=values["errors"],
         theta=np.where(values["learned"] > 0.0, values["theta"], -np.inf),
         widening=float(stated["widening"]),

@@ -1,70 +1,146 @@
 """The default correction: known causes with learned sizes, a smooth rest, one evidence.
 
-A Gaussian process whose covariance is the sum over the groups of ``physics_prior``. The sensors
-share its hyper-parameters and nothing else. With few clamps the groups carry it, with many the rest
-learns what they leave.
+A Gaussian process. The sensors share its hyper-parameters and nothing else. With few clamps the
+groups carry it, with many the rest learns what they leave.
+
+The error of each sensor is a sum of groups, each a few columns with independent normal coefficients
+of one deviation per group, a smooth rest, and noise:
+
+    1; a, b; F; z; F a, F b; F^2; a^2, a b, b^2; (1, t_a, t_b) exp(-F / F_0); rest; noise.
+
+t is the direction of the tilt from where the foot hangs at rest, (a_0, b_0). The foot is free when
+it meets the skin and turns towards it until the joint's friction stops it: it stays behind by an
+angle that the growing clamp force takes away, along the way it turned. That is the group with
+exp(-F / F_0); no polynomial has its edge at rest.
+
+The deviations are learned by the evidence, from starts and with spreads that say what such feet
+do: offsets of tenths of a millimetre, a fifth of that per degree, nothing much from the height.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated, Final
 
 import numpy as np
 
 from robotrue.calibration.learners.posterior import Solved, correlation, solve
 from robotrue.calibration.learners.search import inflation_factor, search_theta
-from robotrue.core.arrays import Array, frozen
-from robotrue.drilling.physics_prior import (
-    SPREAD,
-    WIDTHS,
-    bounds,
-    fix_values,
-    friction_by_rest,
-    groups,
-    start,
-)
-from robotrue.drilling.terms import Conditions
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
+from robotrue.core.units import MM, UM
+from robotrue.drilling.campaign import Conditions
 from robotrue.errors import ShapeError
 
-_G = len(WIDTHS)
+WIDTHS: Final = np.log(np.array([1.0, 0.1, 0.5, 0.02, 0.05, 0.2, 0.0025, 0.1]) * MM)
+"""Log deviation of the coefficients of offset, tilt, force, height, force x tilt, force^2, tilt^2
+and friction, m per unit of the column, where the search begins."""
+_G: Final = len(WIDTHS)
+REST_AMPLITUDE: Final = 10.0 * UM
+WIDE: Final = 0.2 * MM
+REST: Final = np.log(np.array([REST_AMPLITUDE, 4.0, 4.0, 1.0, 7.0]))
+"""Log amplitude (m) and lengths (deg, deg, kN, 100 mm) of the smooth rest."""
+FADING: Final = float(np.log(0.6))
+"""Log of F_0 in kN."""
+SPREAD: Final = np.array([1.0] * len(WIDTHS) + [1.0, 0.7, 0.7, 0.7, 1.0, 0.5, 0.3, 0.3, 0.7])
+"""Deviation of the prior of each of theta: log widths, rest, F_0; a_0 and b_0 in deg; log noise."""
+STILL: Final = 0.02  # deg: a tilt seen smaller than this has no sure direction
+
+
+def groups(c: Conditions, fading: float, rest: Array) -> list[Array]:
+    """Returns the columns (n, .) of each group, in the order of :data:`WIDTHS`.
+
+    Args:
+        c: Causes of n clamps.
+        fading: kN, clamp force that takes the friction's share down to 1/e.
+        rest: (2,) deg, tilt the readings show where the foot hangs at rest.
+    """
+    a, b, force, one = c.a, c.b, c.force, np.ones_like(c.a)
+    parts = (
+        [one],
+        [a, b],
+        [force],
+        [c.height],
+        [force * a, force * b],
+        [force**2],
+        [a * a, a * b, b * b],
+    )
+    return [*(np.stack(part, axis=-1) for part in parts), _friction(c, fading, rest)[0]]
+
+
+def friction_by_rest(c: Conditions, fading: float, rest: Array) -> Array:
+    """Returns the change (2, n, 3) of the friction's columns per degree of the rest position."""
+    columns, x, y, size = _friction(c, fading, rest)
+    fades = columns[:, 0]
+    by_a = np.stack([-(y**2 + STILL**2), x * y], axis=-1)
+    by_b = np.stack([x * y, -(x**2 + STILL**2)], axis=-1)
+    out = np.zeros((2, len(x), 3))
+    out[:, :, 1:] = (fades / size**3)[:, None] * np.stack([by_a, by_b])
+    return out
+
+
+def _friction(c: Conditions, fading: float, rest: Array) -> tuple[Array, Array, Array, Array]:
+    """Columns (n, 3) of the friction, the way (n,) in a and b from the rest, and its length."""
+    x, y = c.a - rest[0], c.b - rest[1]
+    size = np.sqrt(x**2 + y**2 + STILL**2)
+    fades = np.exp(-c.force / fading)
+    return np.stack([fades, fades * x / size, fades * y / size], axis=-1), x, y, size
+
+
+def start(reading_sigma: float, *, rest_alone: bool) -> Array:
+    """Returns theta (17,) where the search begins: its prior mean.
+
+    With ``rest_alone`` the smooth rest has to carry what the groups would: the groups but the
+    offset are none, the rest begins as wide as the error.
+    """
+    rest = REST + np.array([np.log(WIDE / REST_AMPLITUDE), 0.0, 0.0, 0.0, 0.0]) * rest_alone
+    return np.concatenate([WIDTHS, rest, [FADING, 0.0, 0.0, np.log(reading_sigma)]])
+
+
+def fix_values(*, rest_alone: bool) -> Array:
+    """Returns theta (17,): the values that are not learned, NaN where they are."""
+    out = np.full(len(SPREAD), np.nan)
+    if rest_alone:
+        out[1 : len(WIDTHS)] = -np.inf
+        out[len(WIDTHS) + 5 : -1] = FADING, 0.0, 0.0
+    return out
+
+
+def bounds(mean: Array) -> Array:
+    """Returns the limits (17, 2) of theta: four deviations of the prior on either side."""
+    return np.stack([mean - 4.0 * SPREAD, mean + 4.0 * SPREAD], axis=-1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PhysicsCorrection:
+class PhysicsCorrection(Columns):
     """The learned error of every sensor.
 
     Attributes:
         causes: The n clamps it was learned from.
         errors: (n, k) m, their reading errors.
-        theta: (17,) log hyper-parameters in the order of ``physics_prior``; -inf: not there.
+        theta: (17,) log hyper-parameters in the order of :data:`SPREAD`; -inf: not there.
         widening: Factor on the variance, for hyper-parameters are known no better than few clamps
             tell.
     """
 
-    causes: Conditions
-    errors: Array
-    theta: Array
+    causes: Annotated[Conditions, Column("n")]
+    errors: Annotated[Array, Column("n k", unit="m")]
+    theta: Annotated[Array, Column(f"{len(SPREAD)}", inf=True)]
     widening: float = 1.0
 
-    def __post_init__(self) -> None:
-        """Freezes."""
-        n = len(self.causes.a)
-        object.__setattr__(self, "errors", frozen(self.errors, (n, None), "errors"))
-        theta = np.array(self.theta, dtype=np.float64)
-        if theta.shape != SPREAD.shape or np.isnan(theta).any():
-            raise ShapeError(f"theta {theta}, expected {SPREAD.size} numbers.")
+    def _check_rules(self) -> None:
+        """Checks the values."""
         if not self.widening > 0.0:
             raise ShapeError(f"widening is {self.widening:g}, expected above 0.")
-        theta.flags.writeable = False
-        object.__setattr__(self, "theta", theta)
 
     def predict(self, c: Conditions) -> tuple[Array, Array]:
         """Returns the expected error (m, k) m and its variance (m,) m^2 without the readings' own.
 
         The sensors share the variance, for they share causes and hyper-parameters.
         """
-        solved = _solve_readings(self.theta, self.causes, self.errors)
-        across = _signal(self.theta, c, self.causes)
+        known = signal_covariance(self.theta, self.causes, self.causes)
+        solved = _solve_errors(self.theta, known, self.errors)
+        across = signal_covariance(self.theta, c, self.causes)
         spread = solved.whitened(across.T)
         own = _own(self.theta, c)
         variance = np.maximum(own - np.sum(spread**2, axis=0), 0.0)
@@ -100,25 +176,22 @@ def fit_physics(
         off = np.where(free, (theta - mean) / SPREAD, 0.0)
         return value - 0.5 * float(off @ off), gradient - off / SPREAD
 
-    def left_out(theta: Array) -> tuple[Array, Array]:
-        return _solve_readings(theta, causes, errors).left_out()
+    def leave_out(theta: Array) -> tuple[Array, Array]:
+        covariance = signal_covariance(theta, causes, causes)
+        return _solve_errors(theta, covariance, errors).left_out()
 
     limits = bounds(mean)
     theta = search_theta(log_posterior, mean, limits, fixed, 0, np.random.RandomState(0))
-    widening = inflation_factor(log_posterior, left_out, theta, limits, free)
+    widening = inflation_factor(log_posterior, leave_out, theta, limits, free)
     return PhysicsCorrection(causes=causes, errors=errors, theta=theta, widening=widening)
 
 
 def log_evidence(theta: Array, causes: Conditions, errors: Array) -> tuple[float, Array]:
     """Returns the log evidence of all sensors and its gradient (17,) by theta."""
     fading, place = _friction_of(theta)
-    columns = groups(causes, fading, place)
-    parts = [np.exp(2.0 * width) * (g @ g.T) for width, g in zip(theta[:_G], columns, strict=True)]
-    rest = _rest(theta, causes, causes)
+    parts, rest = _covariance_parts(theta, causes, causes)
     noise = float(np.exp(2.0 * theta[-1]))
-    n = len(errors)
-    covariance = np.add.reduce(parts) + rest + noise * np.eye(n)
-    solved = solve(covariance, errors, np.empty((n, 0)))
+    solved = _solve_errors(theta, np.add.reduce(parts) + rest, errors)
     half = 0.5 * solved.sensitivity()
     gradient = np.empty(len(theta))
     gradient[:_G] = [2.0 * np.sum(half * part) for part in parts]
@@ -131,29 +204,31 @@ def log_evidence(theta: Array, causes: Conditions, errors: Array) -> tuple[float
     faded = (causes.force[:, None] + causes.force) / fading
     gradient[_G + 5] = np.sum(half * parts[-1] * faded)
     moved = friction_by_rest(causes, fading, place)
-    turned = 2.0 * np.exp(2.0 * theta[_G - 1]) * (half @ columns[-1])
+    turned = 2.0 * np.exp(2.0 * theta[_G - 1]) * (half @ _friction(causes, fading, place)[0])
     gradient[_G + 6 : _G + 8] = np.einsum("inj,nj->i", moved, turned)
     gradient[-1] = 2.0 * noise * np.trace(half)
     return solved.log_evidence, gradient
 
 
-def prior_covariance(theta: Array, c: Conditions) -> Array:
-    """Returns the covariance (n, n) m^2 of the errors at causes before any is measured."""
-    return _signal(theta, c, c)
+def signal_covariance(theta: Array, c: Conditions, other: Conditions) -> Array:
+    """Returns the covariance (m, n) m^2 of what is not noise between two sets of clamps."""
+    parts, rest = _covariance_parts(theta, c, other)
+    return np.asarray(np.add.reduce([rest, *parts]))
 
 
-def _solve_readings(theta: Array, causes: Conditions, errors: Array) -> Solved:
-    covariance = _signal(theta, causes, causes) + np.exp(2.0 * theta[-1]) * np.eye(len(errors))
-    return solve(covariance, errors, np.empty((len(errors), 0)))
-
-
-def _signal(theta: Array, c: Conditions, other: Conditions) -> Array:
-    """(m, n) covariance of what is not noise between two sets of clamps."""
+def _covariance_parts(theta: Array, c: Conditions, other: Conditions) -> tuple[list[Array], Array]:
+    """(m, n) covariance of each group, and of the smooth rest."""
+    length = np.exp(theta[_G + 1 : _G + 5])
+    rest = np.exp(2.0 * theta[_G]) * correlation(c.table / length, other.table / length)
     own, others = (groups(each, *_friction_of(theta)) for each in (c, other))
-    out = _rest(theta, c, other)
-    for width, g, h in zip(theta[:_G], own, others, strict=True):
-        out += np.exp(2.0 * width) * (g @ h.T)
-    return out
+    parts = [np.exp(2.0 * w) * (g @ h.T) for w, g, h in zip(theta, own, others, strict=False)]
+    return parts, np.asarray(rest)
+
+
+def _solve_errors(theta: Array, covariance: Array, errors: Array) -> Solved:
+    """Solves errors (n, k) against their covariance (n, n) with the noise added."""
+    noise = np.exp(2.0 * theta[-1]) * np.eye(len(errors))
+    return solve(covariance + noise, errors, np.empty((len(errors), 0)))
 
 
 def _own(theta: Array, c: Conditions) -> Array:
@@ -167,10 +242,3 @@ def _own(theta: Array, c: Conditions) -> Array:
 def _friction_of(theta: Array) -> tuple[float, Array]:
     """F_0 in kN and the rest position (2,) deg."""
     return float(np.exp(theta[_G + 5])), theta[_G + 6 : _G + 8]
-
-
-def _rest(theta: Array, c: Conditions, other: Conditions) -> Array:
-    """(m, n) covariance of the smooth rest."""
-    length = np.exp(theta[_G + 1 : _G + 5])
-    out: Array = np.exp(2.0 * theta[_G]) * correlation(c.table / length, other.table / length)
-    return out

@@ -13,8 +13,13 @@ from robotrue.drilling.campaign import Campaign
 from robotrue.drilling.correction import CorrectedReadings
 from robotrue.drilling.evaluate import evaluate_test
 from robotrue.drilling.foot_model import Frozen, NormalModel
-from robotrue.drilling.monitor import Watch, update_watch, watch
-from robotrue.drilling.refinement import Remaining, forget_constants, update_refinement
+from robotrue.drilling.refinement import (
+    Remaining,
+    Watch,
+    forget_constants,
+    update_refinement,
+    update_watch,
+)
 from robotrue.errors import ConfigurationError
 
 
@@ -80,7 +85,7 @@ def _restart_after_alarm(
 ) -> RecordUpdate:
     a, b = (shift / DEG).tolist()
     was = "" if model.frozen is None else f"version {model.frozen.version} is thawed; "
-    fresh = replace(watch(2), spread=state.spread, allowance=state.allowance, limit=state.limit)
+    fresh = Watch(spread=state.spread, allowance=state.allowance, limit=state.limit)
     changed = replace(
         model,
         refinement=update_refinement(
@@ -97,7 +102,7 @@ def _restart_after_alarm(
     return RecordUpdate(model=changed, score=score, alarm=True, shift=shift, said=said)
 
 
-def frozen(
+def freeze_model(
     model: NormalModel,
     test: Campaign,
     digest: str,
@@ -146,7 +151,7 @@ def frozen(
             largest=result.ours.largest,
         ),
         version=model.version + 1,
-        monitor=watch(2),
+        monitor=Watch(),
         provenance=merge([model.provenance, test.provenance]),
     )
 

@@ -8,6 +8,16 @@ left, and the foot's own sensors are no such thing.
     P <- P / lambda after each record: what was learned long ago counts less.
 
 The variance of the noise is that of the reference plus that of what the correction leaves.
+
+A watch on the residuals tells a shifted zero from noise: two one-sided cumulative sums per channel
+(Page, Biometrika 41 (1954)), in standard deviations::
+
+    up <- max(0, up + z - k),  down <- max(0, down - z - k),  alarm where one exceeds h.
+
+With k = 0.5 and h = 8 a channel of plain noise alarms once in some 10^4 records; a shift of two
+deviations is seen after about six records. What a correction leaves is wider than it says where
+it was learned from few clamps; a slow mean square of the scores widens the deviation then, never
+narrows it.
 """
 
 from __future__ import annotations
@@ -17,8 +27,8 @@ from typing import Annotated, Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array
-from robotrue.core.columns import Column, Columns
+from robotrue.core.arrays import Array, frozen
+from robotrue.core.columns import EMPTY, Column, Columns
 from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.core.units import DEG
 from robotrue.errors import ConfigurationError, ShapeError
@@ -33,15 +43,12 @@ SHIFT: Final = 0.1 * DEG
 WIDEST: Final = 4.0
 """Variance never grows beyond this many times its start, however long nothing new is seen."""
 OWN: Final = (
-    "foot",
-    "self",
-    "own",
-    "sensors",
-    "reading",
-    "readings",
-    "pressure foot",
-    "re-reading",
-)
+    "foot", "self", "own", "sensors", "reading", "readings", "pressure foot", "re-reading",
+)  # fmt: skip
+MEMORY: Final = 0.98
+"""Weight of the past in the mean square of the scores."""
+LARGEST: Final = 4.0
+"""Deviations one record may count: an outlier alone raises no alarm."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +87,7 @@ class Remaining(Columns):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refinement(Columns):
-    """What production has added to a correction.
+    """What production has added to a correction; by default, what has seen nothing.
 
     Attributes:
         coefficients: (4, 2) rad per unit of (1, a, b, F): tilt to be added to the corrected one.
@@ -91,10 +98,10 @@ class Refinement(Columns):
         truths: What measured them, each once.
     """
 
-    coefficients: Annotated[Array, Column(f"{TERMS} 2")] = field(
-        default_factory=lambda: np.zeros((TERMS, 2))
+    coefficients: Annotated[Array, Column(f"{TERMS} 2", fill=0.0)] = EMPTY
+    covariance: Annotated[Array, Column(f"{TERMS} {TERMS}")] = field(
+        default_factory=lambda: np.diag(START**2)
     )
-    covariance: Annotated[Array, Column(f"{TERMS} {TERMS}")]
     sigma: float
     forgetting: float = FORGETTING
     records: int = 0
@@ -117,16 +124,6 @@ class Refinement(Columns):
         x = _row(cause)
         share = np.einsum("ij,jk,ik->i", x, self.covariance, x) * (self.records > 0)
         return x @ self.coefficients, self.sigma**2 * share
-
-
-def refinement(sigma: float, *, forgetting: float = FORGETTING) -> Refinement:
-    """Returns a refinement that has seen nothing.
-
-    Args:
-        sigma: rad, deviation of what the correction leaves.
-        forgetting: Weight of the past at each record.
-    """
-    return Refinement(covariance=np.diag(START**2), sigma=sigma, forgetting=forgetting)
 
 
 def update_refinement(state: Refinement, record: Remaining, *, reference: float) -> Refinement:
@@ -171,3 +168,59 @@ def _row(cause: Array) -> Array:
     if cause.shape[1] != TERMS - 1:
         raise ShapeError(f"causes have shape {cause.shape}, expected (n, 3).")
     return np.concatenate([np.ones((len(cause), 1)), cause], axis=1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Watch(Columns):
+    """Cumulative sums of the tilts a and b; without values one that has seen nothing.
+
+    Attributes:
+        sums: (2, 2) upward and downward, in standard deviations.
+        since: (2, 2) records since each last stood at zero: where the shift began.
+        spread: (2,) slow mean square of the scores, not below 1.
+        records: How many were seen.
+        allowance: k.
+        limit: h.
+    """
+
+    sums: Annotated[Array, Column("2 2", fill=0.0)] = EMPTY
+    since: Annotated[Array, Column("2 2", fill=0.0)] = EMPTY
+    spread: Annotated[Array, Column("2", fill=1.0)] = EMPTY
+    records: int = 0
+    allowance: float = 0.5
+    limit: float = 8.0
+
+    def _check_rules(self) -> None:
+        """Checks the values."""
+        if not self.limit > 0.0 or not self.allowance >= 0.0:
+            raise ConfigurationError("limit of a watch is above 0, its allowance not below 0.")
+
+    @property
+    def alarm(self) -> bool:
+        """Whether a sum is beyond its limit."""
+        return bool((self.sums > self.limit).any())
+
+    @property
+    def shift(self) -> Array:
+        """(2,) estimated shift in standard deviations, 0 where no sum is beyond its limit."""
+        rate = self.sums / np.maximum(self.since, 1.0) + self.allowance
+        out: Array = np.where(self.sums > self.limit, rate, 0.0)
+        return np.asarray(out[0] - out[1])
+
+
+def update_watch(state: Watch, score: Array) -> Watch:
+    """Returns the watch after one more record.
+
+    Args:
+        state: The watch before it.
+        score: (2,) residual over its predicted standard deviation.
+
+    Raises:
+        ShapeError: Not two numbers, or a residual that is not finite.
+    """
+    z = frozen(score, (2,), "score") / np.sqrt(state.spread)
+    z = np.clip(z, -LARGEST, LARGEST)
+    spread = np.maximum(state.spread * (MEMORY + (1.0 - MEMORY) * z**2), 1.0)
+    sums = np.maximum(state.sums + np.stack([z, -z]) - state.allowance, 0.0)
+    since = np.where(sums > 0.0, state.since + 1.0, 0.0)
+    return replace(state, sums=sums, since=since, spread=spread, records=state.records + 1)

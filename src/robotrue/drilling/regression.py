@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from itertools import combinations_with_replacement
+from typing import Annotated, Final, Literal, TypeAlias
 
 import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.columns import Column, Columns
-from robotrue.drilling.terms import Conditions, Family, columns
+from robotrue.drilling.campaign import Conditions
 from robotrue.errors import ObservabilityError
 
-STRENGTHS = np.logspace(-8.0, 2.0, 41)
+Family: TypeAlias = Literal["patent", "interactions", "quadratic", "cubic"]
+STRENGTHS: Final = np.logspace(-8.0, 2.0, 41)
 """Ridge strengths tried, in units of the columns' own scatter."""
 
 
@@ -140,3 +142,29 @@ def significance(fitted: LinearCorrection, causes: Conditions) -> tuple[Signific
         )
         for i, name in enumerate(names)
     )
+
+
+def columns(family: Family, c: Conditions) -> tuple[tuple[str, ...], Array]:
+    """Returns the names of a family's terms and their columns (n, p), the constant first.
+
+    ``patent`` are the terms of the patent's step 7; ``interactions`` adds F a, F b and F^2;
+    ``quadratic`` and ``cubic`` are all products of two and three.
+    """
+    named: list[tuple[str, Array]] = [("1", np.ones(len(c.a)))]
+    single = [("a", c.a), ("b", c.b), ("F", c.force), ("z", c.height)]
+    named += single
+    if family == "interactions":
+        named += [("F a", c.force * c.a), ("F b", c.force * c.b), ("F F", c.force**2)]
+    if family in ("quadratic", "cubic"):
+        named += _products(single, 2)
+    if family == "cubic":
+        named += _products(single, 3)
+    return tuple(name for name, _ in named), np.stack([value for _, value in named], axis=-1)
+
+
+def _products(single: list[tuple[str, Array]], degree: int) -> list[tuple[str, Array]]:
+    """All products of ``degree`` of the single terms, repetition allowed."""
+    return [
+        (" ".join(name for name, _ in chosen), np.prod([value for _, value in chosen], axis=0))
+        for chosen in combinations_with_replacement(single, degree)
+    ]

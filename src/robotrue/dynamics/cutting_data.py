@@ -1,14 +1,19 @@
-"""Cutter, cut and coefficients as users write them: one table of keys with their units."""
+"""Cutter, cut and coefficients as users write them; tables of slots and of cuts along a path."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
+from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM, UM
+from robotrue.dynamics.coefficients import CuttingTest
 from robotrue.dynamics.cutter import Cutter, CutterEngagement, CuttingCoefficients
+from robotrue.dynamics.formats.column_table import read_column_table
 from robotrue.errors import ConfigurationError
 
 _WORDS: Final = ("kind", "mode")
@@ -21,6 +26,8 @@ _CUT: Final = {
 _SHEAR: Final = ("tangential_N_per_mm2", "radial_N_per_mm2", "axial_N_per_mm2")
 _EDGE: Final = ("tangential_edge_N_per_mm", "radial_edge_N_per_mm", "axial_edge_N_per_mm")
 _SCALE: Final = _TOOL | _CUT | dict.fromkeys(_SHEAR, 1e6) | dict.fromkeys(_EDGE, 1e3)
+_SLOTS: Final = ("feed_per_tooth_mm", "fx_mean_N", "fy_mean_N", "fz_mean_N")
+_ALONG: Final = ("path_mm", "depth_mm", "width_mm")
 _OPTIONAL: Final = ("helix_deg", "runout_um", "runout_angle_deg", *_EDGE)
 
 
@@ -100,3 +107,39 @@ def _toml(value: Any) -> str:
     if isinstance(value, str):
         return f'"{value}"'
     return str(value) if isinstance(value, int) else repr(float(value))
+
+
+def read_slots(path: Path, cut: CutterEngagement) -> list[CuttingTest]:
+    """Returns slotting tests with their mean forces.
+
+    Args:
+        path: One row per test.
+        cut: What the table does not say: mode and spindle, depth and width where it has none.
+
+    Raises:
+        FormatError: A column that is missing or not known.
+    """
+    table = read_column_table(path)
+    table.require(_SLOTS, ("depth_mm", "width_mm"))
+    values = {name: table.column(name) for name in table.names}
+    sizes = {"depth_mm": "depth", "width_mm": "width", "feed_per_tooth_mm": "feed_per_tooth"}
+    stated = {field: values[name] * MM for name, field in sizes.items() if name in values}
+    return [
+        CuttingTest(
+            cut=replace(cut, **{field: rows[k] for field, rows in stated.items()}),
+            force=np.array([values[name][k] for name in _SLOTS[1:]]),
+        )
+        for k in range(len(table.values))
+    ]
+
+
+def read_along(path: Path) -> tuple[Array, Array, Array]:
+    """Returns length along a path, depth and width there, (n,) m each.
+
+    Raises:
+        FormatError: A column that is missing or not known.
+    """
+    table = read_column_table(path)
+    table.require(_ALONG)
+    along, depth, width = (table.column(name) * MM for name in _ALONG)
+    return along, depth, width

@@ -4,8 +4,8 @@
 
 x_i is the bending of joint i under the mean force, with the stiffness the data sheet states;
 alpha_i is near one. g takes back the static part that e_w has from a single pose: it is the static
-row of the frequency response, where that is given (:mod:`robotrue.dynamics.static_row`). b and c
-are offset and gain of e_w. The factors have Gaussian priors and are solved in closed form,
+row of the frequency response, where that is given, see :class:`StaticCompliance`. b and c are
+offset and gain of e_w. The factors have Gaussian priors and are solved in closed form,
 ``(X^T C^-1 X + S^-1)^-1 (X^T C^-1 y + S^-1 m)``, with the covariance C of
 :mod:`robotrue.dynamics.deviation_kernel`, whose sizes are learned by evidence. Where a pose or
 force is unlike all those learned from, the residual process is left out and physics stand alone.
@@ -30,15 +30,18 @@ from robotrue.dynamics.deviation_kernel import (
     NAMES,
     WindowRows,
     covariance,
-    learned,
-    shared,
-    solved,
+    learn_sizes,
+    pose_covariance,
+    solve_windows,
     variance,
 )
-from robotrue.dynamics.deviation_physics import CompliantArm, PhysicsTerms, physics_terms
-from robotrue.dynamics.static_row import StaticRow
-from robotrue.dynamics.window_checks import check_for_fit
-from robotrue.dynamics.windows import WindowSet
+from robotrue.dynamics.deviation_physics import (
+    CompliantArm,
+    PhysicsTerms,
+    StaticCompliance,
+    physics_terms,
+)
+from robotrue.dynamics.windows import WindowSet, check_for_fit
 from robotrue.errors import ConfigurationError
 
 KIND: Final = "dynamic-deviation"
@@ -123,7 +126,7 @@ class DeviationModel(Columns):
     theta: Annotated[Array, Column(f"{len(NAMES)}")]
     factors: Annotated[Array, Column("q")]
     factors_sd: Annotated[Array, Column("q")]
-    row: StaticRow | None = None
+    row: StaticCompliance | None = None
     _old: WindowRows = field(init=False, repr=False, compare=False)
     _known: Solved = field(init=False, repr=False, compare=False)
 
@@ -134,7 +137,7 @@ class DeviationModel(Columns):
         """Solves once what every prediction asks for."""
         old = _own_rows(self.settings, self.windows, physics_terms(self.arm, self.windows))
         mean, spread = _priors(self.arm, self.settings, self.row)
-        known = solved(old, self.windows.deviation - old.basis @ mean, self.theta, spread**2)
+        known = solve_windows(old, self.windows.deviation - old.basis @ mean, self.theta, spread**2)
         object.__setattr__(self, "_old", old)
         object.__setattr__(self, "_known", known)
 
@@ -163,7 +166,7 @@ class DeviationModel(Columns):
         cross = covariance(new, old, self.theta, prior)
         standing = self._standing(windows, terms, new, old)
         far = standing != WindowTrust.INSIDE
-        cross[far] -= shared(new, old, self.theta)[far]
+        cross[far] -= pose_covariance(new, old, self.theta)[far]
         deviation = new.basis @ mean + cross @ known.alpha[:, 0]
         half = known.whitened(cross.T)
         left = variance(new, self.theta, prior) - np.einsum("ij,ij->j", half, half)
@@ -181,7 +184,7 @@ class DeviationModel(Columns):
     def _standing(
         self, windows: WindowSet, terms: PhysicsTerms, new: WindowRows, old: WindowRows
     ) -> IntArray:
-        nearest = shared(new, old, self.theta).max(axis=1) / np.exp(2.0 * self.theta[0])
+        nearest = pose_covariance(new, old, self.theta).max(axis=1) / np.exp(2.0 * self.theta[0])
         low, high = self.windows.force.min(axis=0), self.windows.force.max(axis=0)
         room = FORCE_ROOM * (high - low) + 0.1 * np.abs(self.windows.force).max()
         strange = ((windows.force < low - room) | (windows.force > high + room)).any(axis=1)
@@ -222,7 +225,7 @@ def fit_deviation(
     arm: CompliantArm,
     settings: DeviationSettings | None = None,
     *,
-    row: StaticRow | None = None,
+    row: StaticCompliance | None = None,
 ) -> DeviationModel:
     """Returns the deviation learned from measured windows.
 
@@ -249,8 +252,8 @@ def fit_deviation(
     for trusted in (None,) if row is None else (row, row.wider(WIDER)):
         mean, spread = _priors(arm, settings, trusted)
         values = windows.deviation - rows.basis @ mean
-        theta = learned(rows, values, spread**2)
-        known = solved(rows, values, theta, spread**2)
+        theta = learn_sizes(rows, values, spread**2)
+        known = solve_windows(rows, values, theta, spread**2)
         trials.append((known.log_evidence, trusted, theta, known))
     _, trusted, theta, known = max(trials, key=lambda trial: trial[0])
     mean, spread = _priors(arm, settings, trusted)
@@ -296,14 +299,14 @@ def deviation_from_archive(archive: Archive) -> DeviationModel:
         theta=archive.array("theta"),
         factors=archive.array("factors"),
         factors_sd=archive.array("factors_sd"),
-        row=StaticRow(value=archive.array("row"), sd=archive.array("row_sd"))
+        row=StaticCompliance(value=archive.array("row"), sd=archive.array("row_sd"))
         if "row" in archive.arrays
         else None,
     )
 
 
 def _priors(
-    arm: CompliantArm, settings: DeviationSettings, row: StaticRow | None
+    arm: CompliantArm, settings: DeviationSettings, row: StaticCompliance | None
 ) -> tuple[Array, Array]:
     """Mean and standard deviation (q,) of alpha, g, b, c."""
     n = arm.robot.dof

@@ -15,13 +15,14 @@ known when they are not, and carries them wrongly to other poses.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
 from robotrue.calibration.learners.posterior import Solved, solve
 from robotrue.calibration.learners.search import search_theta
 from robotrue.core.arrays import Array, IntArray
+from robotrue.core.columns import Column, Columns
 from robotrue.core.units import MM, UM
 
 NAMES: Final = ("pose_m", "pose_length_rad", "pass_m", "pass_length_m", "white_m")
@@ -43,7 +44,7 @@ BOUNDS: Final = np.log(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WindowRows:
+class WindowRows(Columns):
     """Windows as the covariance sees them.
 
     Attributes:
@@ -54,28 +55,19 @@ class WindowRows:
         drift: (n, 3) m, C times the unsureness d of the dynamometer's zero.
     """
 
-    basis: Array
-    joints: Array
-    place: Array
-    member: IntArray
-    drift: Array
-
-    def thinned(self, stride: int) -> WindowRows:
-        """Returns every stride-th window."""
-        every = slice(None, None, stride)
-        return WindowRows(
-            basis=self.basis[every],
-            joints=self.joints[every],
-            place=self.place[every],
-            member=self.member[every],
-            drift=self.drift[every],
-        )
+    basis: Annotated[Array, Column("n q")]
+    joints: Annotated[Array, Column("n dof", unit="rad")]
+    place: Annotated[Array, Column("n 3", unit="m")]
+    member: Annotated[IntArray, Column("n")]
+    drift: Annotated[Array, Column("n 3", unit="m")]
 
 
-def shared(one: WindowRows, two: WindowRows, theta: Array) -> Array:
+def pose_covariance(one: WindowRows, two: WindowRows, theta: Array) -> Array:
     """Returns the pose part of the covariance between windows (n, m)."""
     amplitude, length = np.exp(theta[0]), np.exp(theta[1])
-    return np.asarray(amplitude**2 * np.exp(-0.5 * _squared(one.joints, two.joints) / length**2))
+    return np.asarray(
+        amplitude**2 * np.exp(-0.5 * _squared_distance(one.joints, two.joints) / length**2)
+    )
 
 
 def covariance(one: WindowRows, two: WindowRows, theta: Array, prior: Array) -> Array:
@@ -88,8 +80,10 @@ def covariance(one: WindowRows, two: WindowRows, theta: Array, prior: Array) -> 
         prior: (q,) variance of each factor.
     """
     same = one.member[:, None] == two.member
-    along = np.exp(2.0 * theta[2] - 0.5 * _squared(one.place, two.place) / np.exp(2.0 * theta[3]))
-    out = (one.basis * prior) @ two.basis.T + shared(one, two, theta)
+    along = np.exp(
+        2.0 * theta[2] - 0.5 * _squared_distance(one.place, two.place) / np.exp(2.0 * theta[3])
+    )
+    out = (one.basis * prior) @ two.basis.T + pose_covariance(one, two, theta)
     out += same * (along + one.drift @ two.drift.T)
     return np.asarray(out)
 
@@ -101,7 +95,7 @@ def variance(rows: WindowRows, theta: Array, prior: Array) -> Array:
     return np.asarray(rows.basis**2 @ prior + drift + level)
 
 
-def solved(rows: WindowRows, values: Array, theta: Array, prior: Array) -> Solved:
+def solve_windows(rows: WindowRows, values: Array, theta: Array, prior: Array) -> Solved:
     """Returns values (n,) solved against their covariance, white noise included.
 
     Raises:
@@ -112,7 +106,7 @@ def solved(rows: WindowRows, values: Array, theta: Array, prior: Array) -> Solve
     return solve(total, values[:, None], np.zeros((len(values), 0)))
 
 
-def learned(rows: WindowRows, values: Array, prior: Array) -> Array:
+def learn_sizes(rows: WindowRows, values: Array, prior: Array) -> Array:
     """Returns theta (5,) of largest evidence under the weak prior.
 
     Of many windows every second, third, ... is looked at, so that the search stays short.
@@ -121,11 +115,14 @@ def learned(rows: WindowRows, values: Array, prior: Array) -> Array:
         ObservabilityError: Windows that coincide and carry no noise.
     """
     stride = -(-len(values) // SEARCHED)
-    rows, values = rows.thinned(stride), values[::stride]
+    rows, values = rows.take(slice(None, None, stride)), values[::stride]
     fixed = (rows.basis * prior) @ rows.basis.T
     same = rows.member[:, None] == rows.member
     fixed += same * (rows.drift @ rows.drift.T)
-    turn, way = _squared(rows.joints, rows.joints), _squared(rows.place, rows.place)
+    turn, way = (
+        _squared_distance(rows.joints, rows.joints),
+        _squared_distance(rows.place, rows.place),
+    )
     nothing = np.zeros((len(values), 0))
 
     def log_posterior(theta: Array) -> tuple[float, Array]:
@@ -152,7 +149,7 @@ def learned(rows: WindowRows, values: Array, prior: Array) -> Array:
     return search_theta(log_posterior, CENTRE, BOUNDS, held, 0, np.random.RandomState(0))
 
 
-def _squared(one: Array, two: Array) -> Array:
+def _squared_distance(one: Array, two: Array) -> Array:
     product = one @ two.T
     size = np.einsum("ij,ij->i", one, one)[:, None] + np.einsum("ij,ij->i", two, two)
     return np.asarray(np.maximum(size - 2.0 * product, 0.0))

@@ -15,9 +15,8 @@ import numpy as np
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.units import UM
 from robotrue.dynamics.deviation import DeviationSettings, fit_deviation
-from robotrue.dynamics.deviation_physics import CompliantArm
+from robotrue.dynamics.deviation_physics import CompliantArm, StaticCompliance
 from robotrue.dynamics.paper_regression import fit_paper
-from robotrue.dynamics.static_row import StaticRow
 from robotrue.dynamics.windows import WindowSet
 from robotrue.errors import ConfigurationError, ObservabilityError
 
@@ -129,7 +128,7 @@ def scores(
     kinds: Sequence[str] = tuple(QUESTIONS),
     methods: Sequence[str] = METHODS,
     settings: DeviationSettings | None = None,
-    row: StaticRow | None = None,
+    row: StaticCompliance | None = None,
     known: str | None = None,
     seed: int = 0,
 ) -> list[Score]:
@@ -155,8 +154,8 @@ def scores(
             estimate = _estimate(method, arm, settings, row)
             residual, deviation = [], []
             for train, test in folds(windows, kind, known=known, seed=seed):
-                held = windows.subset(test)
-                error, sd = estimate(windows.subset(train), held)
+                held = windows.take(test)
+                error, sd = estimate(windows.take(train), held)
                 residual.append(error - held.measured)
                 deviation.append(sd)
             stated = [sd for sd in deviation if sd is not None]
@@ -172,19 +171,17 @@ def scores(
 
 
 def _estimate(
-    method: str, arm: CompliantArm, settings: DeviationSettings | None, row: StaticRow | None
+    method: str, arm: CompliantArm, settings: DeviationSettings | None, row: StaticCompliance | None
 ) -> Estimate:
-    def prediction(train: WindowSet, test: WindowSet) -> tuple[Array, Array | None]:
-        return test.predicted, None
-
-    def paper(train: WindowSet, test: WindowSet) -> tuple[Array, Array | None]:
-        return fit_paper(train).predict(test), None
-
     def deviation(train: WindowSet, test: WindowSet) -> tuple[Array, Array | None]:
         found = fit_deviation(train, arm, settings, row=row).predict(test)
         return found.error, found.sd
 
-    known: dict[str, Estimate] = {"prediction": prediction, "paper": paper, "deviation": deviation}
+    known: dict[str, Estimate] = {
+        "prediction": lambda train, test: (test.predicted, None),
+        "paper": lambda train, test: (fit_paper(train).predict(test), None),
+        "deviation": deviation,
+    }
     if method not in known:
         raise ConfigurationError(f"no method {method!r}; there are {', '.join(METHODS)}.")
     return known[method]

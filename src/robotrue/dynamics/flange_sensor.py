@@ -139,25 +139,7 @@ def identify_held_tool(R_base_sensor: Array, readings: Array) -> HeldTool:
     mass = float(np.linalg.norm(weight)) / STANDARD_GRAVITY
     mass_sd = float(np.sqrt(weight @ cov[:3, :3] @ weight) / np.linalg.norm(weight))
     mass_sd /= STANDARD_GRAVITY
-    spread = float(np.ptp(wrench[:, :3], axis=0).max())
-    if force_noise > 0.2 * spread and spread > 10.0 * _WEIGHED * STANDARD_GRAVITY:
-        raise ImplausibleDataError(
-            f"forces change by {spread:.4g} N from pose to pose and are {force_noise:.3g} N off "
-            "any weight.",
-            hint="the arm at rest, the cutter off the part, R_base_sensor of the same poses; a "
-            "sensor frame that is turned must be stated.",
-        )
-    if mass < max(_WEIGHED, 5.0 * mass_sd):
-        raise ImplausibleDataError(
-            f"the tool would weigh {mass:.3g} +- {mass_sd:.2g} kg: nothing hangs on the sensor, or "
-            "its force is not in N.",
-            hint="check the unit and the sensor's own tare function, which must be off.",
-        )
-    if mass > _HEAVIEST:
-        raise ImplausibleDataError(
-            f"the tool would weigh {mass:.4g} kg, expected at most {_HEAVIEST:g} kg.",
-            hint="check the unit: counts, mN or grams are not N.",
-        )
+    _check_forces(wrench, force_noise, mass, mass_sd)
     pull = turned @ weight
     lever = np.concatenate([-skew(pull), np.tile(np.eye(3), (n, 1, 1))], axis=2)
     placed, moment_noise, moment_cov = _solve_least_squares(
@@ -258,14 +240,6 @@ def centre_acceleration(centre_in_base: Array, rate: float, *, half_width: int =
     return np.asarray(savgol_filter(path, width, 2, deriv=2, delta=1.0 / rate, axis=0))
 
 
-def inertia_left(tool: HeldTool, frequency: float, amplitude: float) -> float:
-    """Returns the force, N, that gravity compensation alone leaves of a vibration.
-
-    m a of the whole mass moving with ``amplitude`` m at ``frequency`` Hz: an upper bound.
-    """
-    return float(tool.mass * amplitude * (2.0 * np.pi * frequency) ** 2)
-
-
 def _solve_least_squares(design: Array, values: Array) -> tuple[Array, float, Array]:
     """Least squares: unknowns, noise of a value, covariance of the unknowns."""
     found = np.linalg.lstsq(design, values, rcond=None)[0]
@@ -274,6 +248,28 @@ def _solve_least_squares(design: Array, values: Array) -> tuple[Array, float, Ar
     noise = float(np.sqrt(residual @ residual / freedom))
     covariance = noise**2 * np.linalg.inv(design.T @ design)
     return np.asarray(found), noise, np.asarray(covariance, dtype=np.float64)
+
+
+def _check_forces(wrench: Array, force_noise: float, mass: float, mass_sd: float) -> None:
+    spread = float(np.ptp(wrench[:, :3], axis=0).max())
+    if force_noise > 0.2 * spread and spread > 10.0 * _WEIGHED * STANDARD_GRAVITY:
+        raise ImplausibleDataError(
+            f"forces change by {spread:.4g} N from pose to pose and are {force_noise:.3g} N off "
+            "any weight.",
+            hint="the arm at rest, the cutter off the part, R_base_sensor of the same poses; a "
+            "sensor frame that is turned must be stated.",
+        )
+    if mass < max(_WEIGHED, 5.0 * mass_sd):
+        raise ImplausibleDataError(
+            f"the tool would weigh {mass:.3g} +- {mass_sd:.2g} kg: nothing hangs on the sensor, or "
+            "its force is not in N.",
+            hint="check the unit and the sensor's own tare function, which must be off.",
+        )
+    if mass > _HEAVIEST:
+        raise ImplausibleDataError(
+            f"the tool would weigh {mass:.4g} kg, expected at most {_HEAVIEST:g} kg.",
+            hint="check the unit: counts, mN or grams are not N.",
+        )
 
 
 def _check_moments(wrench: Array, moment_noise: float, mass: float, centre: Array) -> None:

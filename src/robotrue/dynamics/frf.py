@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Final, TypeAlias
+from typing import Annotated, Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -23,9 +23,10 @@ from robotrue.errors import ConfigurationError, ImplausibleDataError, ShapeError
 ComplexArray: TypeAlias = npt.NDArray[np.complex128]
 """complex128 array; shape and unit are in the docstring of whoever names it."""
 AXES: Final = ("x", "y", "z")
+COHERENT: Final = 0.8
+"""Least coherence of a line to be trusted."""
 FORMS: Final = {"receptance": 0, "mobility": 1, "accelerance": 2}
 """Form to the power of j omega in it."""
-FORM_UNITS: Final = {"receptance": "m/N", "mobility": "m/s/N", "accelerance": "m/s^2/N"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,12 +34,12 @@ class FrequencyResponse(Columns):
     """Displacement of the tool over the force on it, axis by axis.
 
     Attributes:
-        frequency: (m,) Hz, rising, from 0 on.
-        response: (m, r, e) m/N; zero where ``present`` is false.
+        frequency: (n,) Hz, rising, from 0 on.
+        response: (n, r, e) m/N; zero where ``present`` is false.
         response_axes: r of x, y, z: where the displacement goes.
         excitation_axes: e of x, y, z: where the force acts.
         present: (r, e), false for a pair that nobody measured.
-        coherence: (m, r, e) 0..1, or None.
+        coherence: (n, r, e) 0..1, or None.
         valid: Hz, lowest and highest frequency the numbers are to be trusted at.
         measured_as: Form it was measured in: receptance, mobility or accelerance. The latter two
             know nothing of the static deflection.
@@ -47,19 +48,19 @@ class FrequencyResponse(Columns):
         provenance: Simulated or measured, and the files.
     """
 
-    frequency: Annotated[Array, Column("m", unit="Hz")]
-    response: Annotated[ComplexArray, Column("m r e")]
+    frequency: Annotated[Array, Column("n", unit="Hz")]
+    response: Annotated[ComplexArray, Column("n r e")]
     response_axes: Annotated[tuple[str, ...], Column("r")]
     excitation_axes: Annotated[tuple[str, ...], Column("e")]
     present: Annotated[BoolArray, Column("r e")]
-    coherence: Annotated[Array | None, Column("m r e")]
+    coherence: Annotated[Array | None, Column("n r e")]
     valid: tuple[float, float]
     measured_as: str
     static: Annotated[Array | None, Column("r e", nan=True)]
     source: str
     provenance: Provenance = MEASURED
 
-    def _known_sizes(self) -> dict[Any, int]:
+    def _known_sizes(self) -> dict[str, int]:
         return {"r": len(self.response_axes), "e": len(self.excitation_axes)}
 
     def _check_rules(self) -> None:
@@ -77,31 +78,42 @@ class FrequencyResponse(Columns):
         if not 0.0 <= low < high:
             raise ShapeError(f"band of validity {low:g} to {high:g} Hz, expected low < high.")
 
+    def index(self, pair: str) -> tuple[int, int]:
+        """Returns row and column of a pair of axes, response first, of axes that are there."""
+        return self.response_axes.index(pair[0]), self.excitation_axes.index(pair[1])
+
     def pair(self, response: str, excitation: str) -> ComplexArray:
-        """Returns (m,) m/N of one pair of axes, response first.
+        """Returns (n,) m/N of one pair of axes, response first.
 
         Raises:
             ConfigurationError: The pair was not measured.
         """
-        if response in self.response_axes and excitation in self.excitation_axes:
-            i, j = self.response_axes.index(response), self.excitation_axes.index(excitation)
-            if self.present[i, j]:
-                return self.response[:, i, j]
+        pair = response + excitation
+        if pair in self.pairs:
+            return self.response[:, *self.index(pair)]
         raise ConfigurationError(
-            f"the frequency response holds no pair {response}{excitation}; "
-            f"it holds {', '.join(self.pairs)}.",
+            f"the frequency response holds no pair {pair}; it holds {', '.join(self.pairs)}.",
             source=self.source,
         )
 
     @property
     def pairs(self) -> tuple[str, ...]:
         """Measured pairs, response axis first: xx, yx, ..."""
-        return tuple(
-            a + b
-            for i, a in enumerate(self.response_axes)
-            for j, b in enumerate(self.excitation_axes)
-            if self.present[i, j]
-        )
+        all_pairs = (a + b for a in self.response_axes for b in self.excitation_axes)
+        return tuple(pair for pair in all_pairs if self.present[self.index(pair)])
+
+    @property
+    def in_band(self) -> BoolArray:
+        """(n,) true where the response is to be trusted."""
+        low, high = self.valid
+        inside = (self.frequency >= low) & (self.frequency <= high)
+        return np.asarray(inside & (self.frequency > 0.0))
+
+    def is_coherent(self, pair: str) -> BoolArray:
+        """Returns the lines (n,) of good coherence; all where it was not measured."""
+        if self.coherence is None:
+            return np.ones(len(self.frequency), dtype=np.bool_)
+        return np.asarray(self.coherence[:, *self.index(pair)] >= COHERENT)
 
 
 def in_form(response: ComplexArray, frequency: Array, have: str, want: str) -> ComplexArray:
@@ -154,20 +166,14 @@ def with_static(frf: FrequencyResponse, static: Mapping[str, float]) -> Frequenc
                 "yields the way it is pushed.",
                 source=frf.source,
             )
-        known[frf.response_axes.index(pair[0]), frf.excitation_axes.index(pair[1])] = value
+        known[frf.index(pair)] = value
     return replace(frf, static=known)
 
 
 def trusted_lines(frf: FrequencyResponse) -> FrequencyResponse:
     """Returns the response without the lines outside its band of validity."""
     low, high = frf.valid
-    keep = (frf.frequency >= low) & (frf.frequency <= high)
-    return replace(
-        frf,
-        frequency=frf.frequency[keep],
-        response=frf.response[keep],
-        coherence=None if frf.coherence is None else frf.coherence[keep],
-    )
+    return frf.take((frf.frequency >= low) & (frf.frequency <= high))
 
 
 def _check_axes(axes: tuple[str, ...], name: str) -> None:

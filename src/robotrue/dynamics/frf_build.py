@@ -64,8 +64,7 @@ def assemble_response(
         raise FormatError(
             f"{int(moving.sum())} lines above 0 Hz, expected eight or more.", source=source
         )
-    present_axes = [{pair[k] for pair in pairs.response} for k in (0, 1)]
-    out, into = (tuple(a for a in AXES if a in found) for found in present_axes)
+    out, into = (tuple(a for a in AXES if a in {p[k] for p in pairs.response}) for k in (0, 1))
     shape = (len(frequency), len(out), len(into))
     raw = np.zeros(shape, dtype=np.complex128)
     coherence = np.ones(shape) if pairs.coherence else None
@@ -84,10 +83,9 @@ def assemble_response(
             coherence = None if coherence is None else coherence[1:]
     response = in_form(raw, frequency, pairs.form, "receptance")
     low = 0.0 if static is not None else lowest
-    direct = [a + a for a in out if a + a in pairs.response]
-    blind = any(diverges_below(frequency, response[:, out.index(p[0]), into.index(p[1])])
-                for p in direct)  # fmt: skip
-    if pairs.form != "receptance" or (static is None and blind):
+    direct = (response[:, out.index(a), into.index(a)] for a in out if a + a in pairs.response)
+    blind = static is None and any(diverges_below(frequency, curve) for curve in direct)
+    if pairs.form != "receptance" or blind:
         low = max(low, BLIND_BELOW)
     found = FrequencyResponse(
         frequency=frequency,

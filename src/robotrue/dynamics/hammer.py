@@ -105,17 +105,11 @@ def evaluate_hits(
         raise ShapeError(f"window of {end:g} at its end, expected above 0 and at most 1.")
     decay = abs(np.log(end)) / (count / record.rate)
     fade = np.exp(-decay * (np.arange(count) - _lead(count)) / record.rate)
-    spectra = scipy.fft.rfft(forces * fade, axis=1), scipy.fft.rfft(motions * fade[:, None], axis=1)
     frequency = scipy.fft.rfftfreq(count, 1.0 / record.rate)
-    power = (np.abs(spectra[0]) ** 2).mean(axis=0)
-    cross = (spectra[1] * spectra[0].conj()[:, :, None]).mean(axis=0)
-    moved = (np.abs(spectra[1]) ** 2).mean(axis=0)
-    coherence = None
-    if len(whole) > 1:
-        coherence = np.abs(cross) ** 2 / np.maximum(moved * power[:, None], 1e-300)
+    response, coherence, power = _average(forces * fade, motions * fade[:, None])
     return HammerResult(
         frequency=frequency,
-        response=np.asarray(cross / np.maximum(power, 1e-300)[:, None], dtype=np.complex128),
+        response=response,
         coherence=coherence,
         record=record,
         hits=tuple(whole),
@@ -158,7 +152,7 @@ def combine_axes(results: Sequence[HammerResult]) -> FrequencyResponse:
         ImplausibleDataError: Numbers that cannot be (``checks.check_response``).
         ObservabilityError: No band in common.
     """
-    first = results[0]
+    first = results[0]  # a hit says nothing about the line at 0 Hz
     response: dict[str, ComplexArray] = {}
     coherence: dict[str, Array] = {}
     for one in results:
@@ -171,9 +165,9 @@ def combine_axes(results: Sequence[HammerResult]) -> FrequencyResponse:
                     source=one.record.source,
                     hint="one file per axis.",
                 )
-            response[pair] = one.response[:, k]
+            response[pair] = one.response[1:, k]
             if one.coherence is not None:
-                coherence[pair] = one.coherence[:, k]
+                coherence[pair] = one.coherence[1:, k]
     valid = max(r.valid[0] for r in results), min(r.valid[1] for r in results)
     if not valid[0] < valid[1]:
         raise ObservabilityError(
@@ -184,7 +178,7 @@ def combine_axes(results: Sequence[HammerResult]) -> FrequencyResponse:
     names = ", ".join(r.record.source for r in results)
     return assemble_response(
         first.frequency[1:],
-        _without_rest(pairs),
+        pairs,
         source=names,
         provenance=merge(r.record.provenance for r in results),
         valid=valid,
@@ -255,6 +249,19 @@ def _segments(record: HammerRecord, hits: list[int], count: int) -> tuple[Array,
     return forces, np.array(motions)
 
 
+def _average(forces: Array, motions: Array) -> tuple[ComplexArray, Array | None, Array]:
+    """H1 (m, r), coherence (m, r) or None and mean power of the force (m,) over all hits."""
+    force, motion = scipy.fft.rfft(forces, axis=1), scipy.fft.rfft(motions, axis=1)
+    power = (np.abs(force) ** 2).mean(axis=0)
+    cross = (motion * force.conj()[:, :, None]).mean(axis=0)
+    coherence = None
+    if len(forces) > 1:
+        moved = (np.abs(motion) ** 2).mean(axis=0)
+        coherence = np.abs(cross) ** 2 / np.maximum(moved * power[:, None], 1e-300)
+    response = cross / np.maximum(power, 1e-300)[:, None]
+    return np.asarray(response, dtype=np.complex128), coherence, power
+
+
 def _compare_last_quarter(motions: Array, record: HammerRecord) -> float:
     """Rms displacement of the last quarter of the segments over that of the first.
 
@@ -313,12 +320,3 @@ def _check_alike(first: HammerResult, one: HammerResult) -> None:
             source=one.record.source,
             hint="one rate, one kind of sensor, one duration and window for all records.",
         )
-
-
-def _without_rest(pairs: AxisPairCurves) -> AxisPairCurves:
-    """The curves without their line at 0 Hz, which a hit says nothing about."""
-    return AxisPairCurves(
-        form=pairs.form,
-        response={pair: values[1:] for pair, values in pairs.response.items()},
-        coherence={pair: values[1:] for pair, values in pairs.coherence.items()},
-    )

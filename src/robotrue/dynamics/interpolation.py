@@ -16,10 +16,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from robotrue.core.arrays import Array
-from robotrue.dynamics.checks import in_band
 from robotrue.dynamics.frf import ComplexArray, FrequencyResponse
 from robotrue.dynamics.modal import ModalModel
-from robotrue.dynamics.modal_fit import fit_modes
+from robotrue.dynamics.modal_fit import fit_modal
 from robotrue.errors import ObservabilityError, RobotrueError
 
 COARSE: Final = 0.05
@@ -128,7 +127,7 @@ def fit_curve(frf: FrequencyResponse, between: str = "auto") -> ResponseCurve:
     if between == "lines":
         return response_curve(frf)
     try:
-        modes = fit_modes(frf)
+        modes = fit_modal(frf).model
     except RobotrueError:
         if between == "modes":
             raise
@@ -161,7 +160,7 @@ def held_out_error(frf: FrequencyResponse) -> float:
 
 def rebuild_error(frf: FrequencyResponse, modes: ModalModel) -> float:
     """Returns the rms difference of the modes from the lines of the band, over the lines' rms."""
-    band = in_band(frf)
+    band = frf.in_band
     values = frf.response[band]
     return _relative(
         (modes.response(frf.frequency[band]) - values)[:, frf.present], values[:, frf.present]
@@ -174,7 +173,7 @@ def _relative(difference: ComplexArray, of: ComplexArray) -> float:
 
 def _select_band(frf: FrequencyResponse) -> tuple[Array, ComplexArray]:
     """Lines of the band, with that at 0 Hz where it is a static deflection."""
-    band = np.array(in_band(frf))
+    band = np.array(frf.in_band)
     if frf.static is not None and frf.frequency[0] == 0.0 and frf.valid[0] == 0.0:
         band[0] = True
     return frf.frequency[band], frf.response[band]

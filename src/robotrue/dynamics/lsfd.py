@@ -10,40 +10,32 @@ A static deflection is one more line, at s = 0, and then there is no lower resid
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from robotrue.core.arrays import Array, IntArray
+from robotrue.core.arrays import Array
+from robotrue.core.columns import Column, Columns
 from robotrue.dynamics.frf import ComplexArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Curves:
+class Curves(Columns):
     """Lines to fit, all pairs side by side.
 
     Attributes:
-        frequency: (m,) Hz above zero.
-        values: (m, c) m/N.
-        weight: (m, c) one over the error to be expected.
+        frequency: (n,) Hz above zero.
+        values: (n, c) m/N.
+        weight: (n, c) one over the error to be expected.
         static: (c,) m/N or None.
         static_weight: (c,) likewise.
     """
 
-    frequency: Array
-    values: ComplexArray
-    weight: Array
-    static: Array | None
-    static_weight: Array | None
-
-    def rows(self, keep: IntArray) -> Curves:
-        """Returns some of the lines."""
-        return Curves(
-            frequency=self.frequency[keep],
-            values=self.values[keep],
-            weight=self.weight[keep],
-            static=self.static,
-            static_weight=self.static_weight,
-        )
+    frequency: Annotated[Array, Column("n", unit="Hz")]
+    values: Annotated[ComplexArray, Column("n c", unit="m/N")]
+    weight: Annotated[Array, Column("n c")]
+    static: Annotated[Array | None, Column("c", unit="m/N")]
+    static_weight: Annotated[Array | None, Column("c")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,13 +73,19 @@ def fit_residues(curves: Curves, poles: ComplexArray, *, lower: bool) -> Residue
         x = np.linalg.lstsq(a / scale, b, rcond=None)[0] / scale
         found.append(x)
         misfit.append(a @ x - b)
-    return _sort_residues(np.array(found).T, np.array(misfit).T, len(poles), lower)
+    x, k = np.array(found).T, len(poles)
+    return Residues(
+        residues=x[:k] + 1j * x[k : 2 * k],
+        upper=x[2 * k],
+        lower=x[2 * k + 1] if lower else np.zeros(x.shape[1]),
+        misfit=np.array(misfit).T,
+    )
 
 
-def residues_and_slopes(
+def misfit_slopes(
     curves: Curves, poles: ComplexArray, moves: ComplexArray, *, lower: bool
-) -> tuple[Residues, Array]:
-    """Returns the residues and how the misfit changes with the poles (rows, c, parameters).
+) -> Array:
+    """Returns how the misfit of :func:`fit_residues` changes with the poles (rows, c, parameters).
 
     Residues follow the poles: the slopes are those of variable projection in Kaufman's form
     (BIT 15, 1975).
@@ -102,7 +100,7 @@ def residues_and_slopes(
     at_rest = None if curves.static is None else _at_rest(poles, lower)
     s = 2j * np.pi * curves.frequency[:, None]
     one, two = 1.0 / (s - poles) ** 2, 1.0 / (s - poles.conj()) ** 2
-    found, misfit, slopes = [], [], []
+    slopes = []
     for c in range(curves.values.shape[1]):
         a, b = _weight_rows(curves, c, design, at_rest)
         scale = np.linalg.norm(a, axis=0)
@@ -110,44 +108,26 @@ def residues_and_slopes(
         x = np.linalg.lstsq(upper, q.T @ b, rcond=None)[0] / scale
         residue = x[: len(poles)] + 1j * x[len(poles) : 2 * len(poles)]
         change = one @ (residue * moves).T + two @ (residue * moves).conj().T
-        slope = (
-            np.vstack([change.real, change.imag])
-            * _repeat_for_imaginary(curves.weight[:, c])[:, None]
-        )
-        if at_rest is not None and curves.static_weight is not None:
+        weight = np.tile(curves.weight[:, c], 2)[:, None]
+        slope = np.vstack([change.real, change.imag]) * weight
+        if curves.static_weight is not None:
             rest = 2.0 * (moves @ (residue / poles**2)).real * curves.static_weight[c]
             slope = np.vstack([slope, rest])
-        found.append(x)
-        misfit.append(a @ x - b)
         slopes.append(slope - q @ (q.T @ slope))
-    whole = _sort_residues(np.array(found).T, np.array(misfit).T, len(poles), lower)
-    return whole, np.stack(slopes, axis=1)
+    return np.stack(slopes, axis=1)
 
 
 def _weight_rows(
     curves: Curves, c: int, design: Array, at_rest: Array | None
 ) -> tuple[Array, Array]:
     """Weighted rows and right-hand side of one pair, real parts first, at rest last."""
-    weight = _repeat_for_imaginary(curves.weight[:, c])
+    weight = np.tile(curves.weight[:, c], 2)
     a = design * weight[:, None]
     b = np.concatenate([curves.values[:, c].real, curves.values[:, c].imag]) * weight
     if at_rest is not None and curves.static is not None and curves.static_weight is not None:
         a = np.vstack([a, at_rest * curves.static_weight[c]])
         b = np.append(b, curves.static[c] * curves.static_weight[c])
     return a, b
-
-
-def _repeat_for_imaginary(values: Array) -> Array:
-    return np.concatenate([values, values])
-
-
-def _sort_residues(x: Array, misfit: Array, k: int, lower: bool) -> Residues:
-    return Residues(
-        residues=x[:k] + 1j * x[k : 2 * k],
-        upper=x[2 * k],
-        lower=x[2 * k + 1] if lower else np.zeros(x.shape[1]),
-        misfit=misfit,
-    )
 
 
 def _design(frequency: Array, poles: ComplexArray, lower: bool) -> Array:

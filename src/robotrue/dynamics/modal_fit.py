@@ -17,10 +17,9 @@ from scipy.ndimage import median_filter
 from scipy.optimize import least_squares
 
 from robotrue.core.arrays import Array, BoolArray, IntArray
-from robotrue.dynamics.checks import in_band
 from robotrue.dynamics.frf import ComplexArray, FrequencyResponse
 from robotrue.dynamics.lscf import Stabilisation, stabilised_poles
-from robotrue.dynamics.lsfd import Curves, Residues, fit_residues, residues_and_slopes
+from robotrue.dynamics.lsfd import Curves, Residues, fit_residues, misfit_slopes
 from robotrue.dynamics.modal import ModalModel
 from robotrue.errors import ObservabilityError
 
@@ -59,15 +58,6 @@ class ModalFit:
     model: ModalModel
     diagram: Stabilisation
     rms: float
-
-
-def fit_modes(frf: FrequencyResponse) -> ModalModel:
-    """Returns the modes of a response; see ``fit_modal``.
-
-    Raises:
-        ObservabilityError: No pole comes back.
-    """
-    return fit_modal(frf).model
 
 
 def fit_modal(frf: FrequencyResponse, *, lower: bool | None = None) -> ModalFit:
@@ -115,7 +105,7 @@ def measured_curves(frf: FrequencyResponse) -> Curves:
     Raises:
         ObservabilityError: Fewer than sixteen lines.
     """
-    band = in_band(frf)
+    band = frf.in_band
     values = frf.response[band][:, frf.present]
     if len(values) < 16:
         raise ObservabilityError(
@@ -144,7 +134,7 @@ def measured_curves(frf: FrequencyResponse) -> Curves:
 
 def _select_poles(curves: Curves, poles: ComplexArray, lower: bool) -> ComplexArray:
     """Poles without which the lines are described worse, by Schwarz's criterion."""
-    sample = curves.rows(_lines(curves.frequency, poles))
+    sample = curves.take(_lines(curves.frequency, poles))
     best = _criterion(fit_residues(sample, poles, lower=lower), len(poles))
     while len(poles) > 1:
         trials = [
@@ -160,7 +150,7 @@ def _select_poles(curves: Curves, poles: ComplexArray, lower: bool) -> ComplexAr
 
 def _polish_poles(curves: Curves, poles: ComplexArray, lower: bool) -> ComplexArray:
     """Poles of least squares on all pairs, residues solved at every step."""
-    sample = curves.rows(_lines(curves.frequency, poles))
+    sample = curves.take(_lines(curves.frequency, poles))
     k = len(poles)
     start = np.concatenate([np.log(poles.imag), np.log(-poles.real)])
 
@@ -173,8 +163,7 @@ def _polish_poles(curves: Curves, poles: ComplexArray, lower: bool) -> ComplexAr
         return np.asarray(fit_residues(sample, at(x)[0], lower=lower).misfit.ravel())
 
     def slopes(x: Array) -> Array:
-        found = residues_and_slopes(sample, *at(x), lower=lower)[1]
-        return np.asarray(found.reshape(-1, 2 * k))
+        return misfit_slopes(sample, *at(x), lower=lower).reshape(-1, 2 * k)
 
     width = np.concatenate([-poles.real / poles.imag, np.full(k, 1.0)])
     reach = 1.5 * np.maximum(width, 0.01)
@@ -226,7 +215,7 @@ def _split(curves: Curves, poles: ComplexArray, lower: bool, present: BoolArray)
         apart = 0.3j * -poles[k].real
         two = np.append(np.delete(poles, k), [poles[k] - apart, poles[k] + apart])
         two = _polish_poles(curves, two, lower)
-        sample = curves.rows(_lines(curves.frequency, two))
+        sample = curves.take(_lines(curves.frequency, two))
         before = _criterion(fit_residues(sample, poles, lower=lower), len(poles))
         if _criterion(fit_residues(sample, two, lower=lower), len(two)) < before:
             poles = two

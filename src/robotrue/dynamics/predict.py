@@ -16,7 +16,7 @@ import scipy.fft
 
 from robotrue.core.arrays import Array
 from robotrue.core.units import UM
-from robotrue.dynamics.checks import in_band, response_remarks
+from robotrue.dynamics.checks import response_remarks
 from robotrue.dynamics.force import ForceRecord, find_stuck_channels
 from robotrue.dynamics.frf import AXES, ComplexArray, FrequencyResponse
 from robotrue.dynamics.interpolation import COARSE, ResponseCurve
@@ -126,7 +126,7 @@ def _check_rate(curve: ResponseCurve, record: ForceRecord) -> None:
             f"{frf.frequency[0]:g} Hz.",
             source=record.source,
         )
-    size = np.linalg.norm(frf.response, axis=(1, 2)) * in_band(frf)
+    size = np.linalg.norm(frf.response, axis=(1, 2)) * frf.in_band
     peak = float(frf.frequency[int(np.argmax(size))])
     if reach < peak:
         raise ModelMismatchError(

@@ -1,4 +1,4 @@
-"""Windows of a milling pass: where the arm stood, what force acted, the error it made.
+"""Windows of a milling pass: where the arm stood, what force acted, the error it made; its checks.
 
 The paper's sample is a window of about a second: mean joints, peak and mean force, the error
 predicted from the frequency response and the one measured. Ours adds the mean force as a vector.
@@ -8,14 +8,32 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Final
 
 import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.columns import Column, Columns, concat
 from robotrue.core.provenance import MEASURED, Provenance, merge
-from robotrue.errors import ShapeError
+from robotrue.core.units import DEG, UM
+from robotrue.errors import (
+    ImplausibleDataError,
+    ModelMismatchError,
+    ObservabilityError,
+    ShapeError,
+)
+
+FEWEST: Final = 12
+"""Windows below which nothing is learned."""
+LARGEST_ERROR: Final = 5e-3
+LARGEST_FORCE: Final = 2e4
+_SMALLEST_PEAK: Final = 1.0
+"""N; a cut with less moves no tool by what a sensor sees."""
+_OPPOSITE: Final = 0.3
+"""Part of the deviation that is left when the sign of the measured error is turned round."""
+SMALLEST_TURN: Final = 0.01 * DEG
+_RADIANS: Final = 0.12
+"""rad; joints that never exceed this in degrees would be all within 7 deg of zero."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,10 +82,6 @@ class WindowSet(Columns):
         at = {name: k for k, name in enumerate(self.pass_names)}
         return np.array([at[name] for name in self.passes], dtype=np.int64)
 
-    def subset(self, which: IntArray | BoolArray) -> WindowSet:
-        """Returns some of the windows, by index or mask."""
-        return self.take(which)
-
 
 def concatenate_windows(parts: Sequence[WindowSet]) -> WindowSet:
     """Returns several sets as one.
@@ -94,3 +108,169 @@ def peaks_per_turn(signal: Array, samples_per_turn: float) -> Array:
     edges = np.rint(np.arange(turns) * samples_per_turn).astype(np.int64)
     last = round(turns * samples_per_turn)
     return np.asarray(np.maximum.reduceat(signal[:last], edges))
+
+
+def check_for_fit(windows: WindowSet, outside: BoolArray) -> None:
+    """Passes if windows can be learned from.
+
+    Args:
+        windows: To learn from.
+        outside: (n,) of them beyond the joint limits.
+
+    Raises:
+        ObservabilityError: Too few windows, or nobody measured.
+        ModelMismatchError: A joint beyond its limits: another arm, or other units.
+        ImplausibleDataError: A column that does not vary, or of another unit.
+    """
+    n, source = len(windows), windows.source or None
+    if n < FEWEST:
+        raise ObservabilityError(
+            f"{n} windows, {FEWEST} are the least to learn a deviation from.",
+            source=source,
+            hint="shorter windows, or another pass.",
+        )
+    unmeasured = np.flatnonzero(~np.isfinite(windows.measured))
+    if unmeasured.size:
+        raise ObservabilityError(
+            f"window {int(unmeasured[0]) + 1} has no measured error; "
+            f"{unmeasured.size} of {n} have none.",
+            source=source,
+            hint="leave them out of the fit.",
+        )
+    check_units(windows)
+    if outside.any():
+        k = int(np.flatnonzero(outside)[0])
+        shown = ", ".join(f"{v:.1f}" for v in windows.joints[k] / DEG)
+        raise ModelMismatchError(
+            f"window {k + 1} at joints {shown} deg, beyond the limits of the arm.",
+            source=source,
+            hint="check the robot, the sense of its joints and their unit.",
+        )
+    _check_columns(windows)
+    _check_repeated(windows)
+    if np.ptp(windows.joints, axis=0).max() < SMALLEST_TURN:
+        raise ImplausibleDataError(
+            "no joint moves by 0.01 deg over all windows: the arm stood still.", source=source
+        )
+
+
+def _check_columns(windows: WindowSet) -> None:
+    """Passes if every column varies that a sensor fills, and the errors count the same way."""
+    n, source = len(windows), windows.source or None
+    columns: dict[str, Array] = {
+        "measured_um": windows.measured / UM,
+        "predicted_um": windows.predicted / UM,
+        "f_peak_N": windows.force_peak,
+        "f_mean_N": windows.force_mean,
+    }
+    # A force that is not there is zero; one that stands at another value was not measured.
+    columns |= {
+        f"f{axis}_mean_N": values
+        for axis, values in zip("xyz", windows.force.T, strict=True)
+        if values.any()
+    }
+    for name, values in columns.items():
+        if np.ptp(values) <= 1e-9 * max(float(np.abs(values).max()), 1e-300):
+            raise ImplausibleDataError(
+                f"column {name} does not vary: {values[0]:.6g} in all {n} windows.",
+                source=source,
+                hint="a sensor that is not connected, or a column that was filled in.",
+            )
+    against = np.sqrt(((windows.measured + windows.predicted) ** 2).mean())
+    if against < _OPPOSITE * np.sqrt((windows.deviation**2).mean()):
+        raise ImplausibleDataError(
+            f"measured_um is the negative of predicted_um to {against / UM:.1f} um rms.",
+            source=source,
+            hint="count both errors positive along --direction.",
+        )
+
+
+def _check_repeated(windows: WindowSet) -> None:
+    """Passes if no window stands twice: held out and learned from, it would flatter."""
+    rows = np.column_stack([windows.joints, windows.force, windows.force_peak, windows.measured])
+    _, first, count = np.unique(rows, axis=0, return_index=True, return_counts=True)
+    if (count > 1).any():
+        k = int(first[count > 1].min())
+        again = int(np.flatnonzero((rows == rows[k]).all(axis=1))[1])
+        raise ImplausibleDataError(
+            f"window {again + 1} is window {k + 1} again; {int((count - 1).sum())} of "
+            f"{len(windows)} are repeated.",
+            source=windows.source or None,
+            hint="keep each window once.",
+        )
+
+
+def check_units(windows: WindowSet) -> None:
+    """Passes if sizes are those of a milling arm.
+
+    Raises:
+        ImplausibleDataError: Joints in radians, errors in mm or m, force in counts or kN.
+    """
+    source = windows.source or None
+
+    def wrong(what: str, hint: str) -> ImplausibleDataError:
+        return ImplausibleDataError(what, source=source, hint=hint)
+
+    largest = float(np.abs(windows.joints).max(initial=0.0))
+    if 0.0 < largest < _RADIANS:
+        raise wrong(
+            f"all joints lie within {largest / DEG:.2f} deg of zero.",
+            "joints in degrees; these look like radians.",
+        )
+    for name, values in (("predicted_um", windows.predicted), ("measured_um", windows.measured)):
+        known = np.abs(values[np.isfinite(values)])
+        if known.size and known.max() > LARGEST_ERROR:
+            raise wrong(
+                f"{name} of up to {known.max() / UM:.0f} um.", "errors in um; are these nm?"
+            )
+        if known.size and 0.0 < known.max() < 0.1 * UM:
+            raise wrong(
+                f"{name} of no more than {known.max() / UM:.4f} um.",
+                "errors in um; these look like mm or m.",
+            )
+    size = np.linalg.norm(windows.force, axis=1)
+    if size.size and size.max() > LARGEST_FORCE:
+        raise wrong(f"a mean force of {size.max():.0f} N.", "forces in N; these look like counts.")
+    if size.size and 0.0 < windows.force_peak.max() < _SMALLEST_PEAK:
+        raise wrong(
+            f"f_peak_N of no more than {windows.force_peak.max():.3g} N.",
+            "forces in N; these look like kN.",
+        )
+    mean, peak = np.abs(windows.force_mean), windows.force_peak
+    odd = np.flatnonzero(peak < mean)
+    if odd.size:
+        k = int(odd[0])
+        raise wrong(
+            f"window {k + 1}: f_peak_N {peak[k]:.3f} is below the size of f_mean_N {mean[k]:.3f}.",
+            "f_peak_N is the largest force of a turn, either way, along the same direction.",
+        )
+
+
+def check_direction(windows: WindowSet, direction: Array) -> None:
+    """Passes unless ``f_mean_N`` is the mean force along another base axis than the error.
+
+    Args:
+        windows: As measured.
+        direction: (3,) unit vector in base along which the error counts positive.
+
+    Raises:
+        ModelMismatchError: It is.
+    """
+    axis = int(np.abs(direction).argmax())
+    if abs(direction[axis]) < 0.999 or len(windows) < 2:
+        return
+    if windows.force_mean.any() and not windows.force[:, axis].any():
+        raise ModelMismatchError(
+            f"f{'xyz'[axis]}_mean_N is zero in all windows and f_mean_N is not, though both are "
+            f"along {'xyz'[axis]}.",
+            source=windows.source or None,
+            hint="a channel that is not connected, or --direction along the measured error.",
+        )
+    for k, name in enumerate("xyz"):
+        same = np.allclose(np.abs(windows.force_mean), np.abs(windows.force[:, k]), atol=1e-6)
+        if same and k != axis:
+            raise ModelMismatchError(
+                f"f_mean_N is the force along {name}, the error is said to be along {'xyz'[axis]}.",
+                source=windows.source or None,
+                hint="--direction along the measured error, e.g. --direction=0,-1,0.",
+            )

@@ -88,9 +88,9 @@ def read_tdms_table(path: str | Path) -> Iterator[tuple[tuple[str, ...], Array]]
         ImplausibleDataError: A record that no sensor can have made.
         MissingExtraError: Without npTDMS.
     """
-    from robotrue.dynamics.formats.force_tdms import read_force_tdms
+    from robotrue.dynamics.formats.force_table import read_force
 
-    record, _ = read_force_tdms(path)
+    record, _ = read_force(path)
     for first in range(0, len(record), _TDMS_ROWS):
         part = slice(first, first + _TDMS_ROWS)
         yield (*TIME, *FORCE), np.column_stack([record.time[part], record.force[part]])

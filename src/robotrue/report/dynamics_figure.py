@@ -85,7 +85,7 @@ def _response(
     ends = max(0.5 * low, first), min(1.3 * high, float(frf.frequency[-1]))
     shown = (frf.frequency >= ends[0]) & (frf.frequency <= ends[1])
     for pair in frf.pairs:
-        i, j = frf.response_axes.index(pair[0]), frf.excitation_axes.index(pair[1])
+        i, j = frf.index(pair)
         lines, values = frf.frequency[shown], frf.response[shown, i, j]
         direct = pair[0] == pair[1]
         look = "-" if direct else ":"
@@ -100,7 +100,7 @@ def _response(
     if curve is not None and curve.modes is not None:
         grid = np.geomspace(max(low, first), high, 2000)
         for k, pair in enumerate(frf.pairs):
-            i, j = frf.response_axes.index(pair[0]), frf.excitation_axes.index(pair[1])
+            i, j = frf.index(pair)
             between = np.abs(curve.at(grid)[:, i, j]) / UM
             label = "modes" if k == 0 else None
             size.loglog(grid, between, color="#222222", lw=0.5, label=label)

@@ -14,11 +14,9 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM, UM
-from robotrue.drilling.campaign import Campaign, Clamps
-from robotrue.drilling.foot import Foot, readings
+from robotrue.drilling.campaign import FORCE, HEIGHT, Campaign, Clamps
+from robotrue.drilling.foot import FLAT, Foot, Skin, readings
 from robotrue.drilling.head import AxisOrder, normal_from_tilt
-from robotrue.drilling.skin import FLAT, Skin
-from robotrue.drilling.terms import FORCE, HEIGHT
 
 RECENTRED: Final = ""
 """The foot hangs in its own rest position before every clamp."""

@@ -121,7 +121,7 @@ def _drilled(
 ) -> tuple[NormalModel, Array, list[int]]:
     left, alarms = np.empty(len(holes)), []
     for i in range(len(holes)):
-        found = estimate_tilt(model, holes.clamps.rows(np.array([i])))
+        found = estimate_tilt(model, holes.clamps.take(np.array([i])))
         off = holes.tilt[i] - found.tilt[0]
         left[i] = np.hypot(*off)
         measured = off + random.normal(0.0, GAUGE, 2)

@@ -15,11 +15,9 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM, UM
 from robotrue.dynamics.deviation import fit_deviation
-from robotrue.dynamics.deviation_physics import CompliantArm
+from robotrue.dynamics.deviation_physics import CompliantArm, StaticCompliance, static_compliance
 from robotrue.dynamics.deviation_validation import METHODS, folds, scores
-from robotrue.dynamics.paper_components import count_components
-from robotrue.dynamics.paper_regression import fit_paper
-from robotrue.dynamics.static_row import StaticRow, static_row
+from robotrue.dynamics.paper_regression import count_components, fit_paper
 from robotrue.robot.forward import forward
 from robotrue.robot.presets import preset
 from robotrue.simulation.milling_arm import SHIFTS, MillingArm, milling_robot
@@ -149,10 +147,10 @@ _FLOOR_PRINTED: Final[dict[tuple[str, str], float | None]] = {
 def as_printed(experiment: MillingExperiment) -> dict[tuple[str, str], float]:
     """Returns the paper's figures in um on the printed pass, noise and split as in the paper."""
     arm, seed = arm_of(experiment.arm), experiment.seed
-    clean = experiment.windows.subset(experiment.windows.pass_index == 0)
+    clean = experiment.windows.take(experiment.windows.pass_index == 0)
     windows = with_noise(clean, FLOOR, seed)
     train, test = folds(windows, "random", seed=seed)[0]
-    known = windows.subset(train)
+    known = windows.take(train)
     out = {
         ("before: e_w only", "mean"): float(np.abs(windows.deviation).mean()),
         ("before: e_w only", "largest"): float(np.abs(windows.deviation).max()),
@@ -173,7 +171,7 @@ def as_printed(experiment: MillingExperiment) -> dict[tuple[str, str], float]:
 def held_out(experiment: MillingExperiment) -> dict[tuple[str, str], float]:
     """Returns RMSE in um of windows held out, low noise, and coverage of our 95 % band in %."""
     windows, arm = experiment.windows, arm_of(experiment.arm)
-    one = windows.subset(windows.pass_index == 0)
+    one = windows.take(windows.pass_index == 0)
     out: dict[tuple[str, str], float] = {}
     for kind, word in SPLITS.items():
         if kind != "blocks" and len(windows.pass_names) == 1:
@@ -195,9 +193,9 @@ def arm_of(arm: MillingArm) -> CompliantArm:
     )
 
 
-def row_of_hammer(experiment: MillingExperiment) -> StaticRow:
+def row_of_hammer(experiment: MillingExperiment) -> StaticCompliance:
     """Returns the static row the predictions contain: the lowest line, constant below."""
-    return static_row(-experiment.hammer[0].real)
+    return static_compliance(-experiment.hammer[0].real)
 
 
 def _simulated(

@@ -55,9 +55,9 @@ def run(request: DrillAdjustRequest, context: Context) -> PlainResult:
     """
     from robotrue.app.registered import opened, provenance_used
     from robotrue.drilling.adjust import move_document, surface_document
-    from robotrue.drilling.fragments import robot_fragment
-    from robotrue.drilling.kept import MODEL
+    from robotrue.drilling.drill_defaults import MODEL
     from robotrue.drilling.model_archive import read_model
+    from robotrue.drilling.robot_adjust import robot_fragment
 
     (path,) = context.document_files(request.model, MODEL)
     model = read_model(path)
@@ -105,7 +105,7 @@ def _adjustment(request: DrillAdjustRequest, model: NormalModel) -> HoleAdjustme
 
 
 def _head_program(request: DrillAdjustRequest, found: HoleAdjustment) -> str:
-    from robotrue.drilling.fragments import gcode
+    from robotrue.drilling.head import gcode
 
     if request.language is None:
         return ""

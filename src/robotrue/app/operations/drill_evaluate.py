@@ -25,11 +25,10 @@ class DrillEvaluateRequest(Request):
 
 def run(request: DrillEvaluateRequest, context: Context) -> PlainResult:
     """Says what one move leaves on clamps with known tilts."""
-    from robotrue.drilling.evaluate import evaluate_test
-    from robotrue.drilling.kept import MODEL
+    from robotrue.drilling.campaign_csv import read_test
+    from robotrue.drilling.drill_defaults import MODEL
+    from robotrue.drilling.evaluate import evaluate_test, evaluation_document
     from robotrue.drilling.model_archive import read_model
-    from robotrue.drilling.model_document import evaluation_document
-    from robotrue.drilling.model_setup import read_test
 
     (path,) = context.document_files(request.model, MODEL)
     model = read_model(path)

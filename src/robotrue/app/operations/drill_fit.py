@@ -19,7 +19,7 @@ from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from robotrue.app.workspace_context import WorkspaceContext
-    from robotrue.drilling.choose import Trial
+    from robotrue.drilling.correction import Trial
     from robotrue.drilling.foot_model import NormalModel
     from robotrue.store.workspace import Transaction
 
@@ -71,7 +71,7 @@ class FootLearned:
 
     def document(self) -> Mapping[str, Any]:
         """Returns the model as JSON values in deg, mm and N."""
-        from robotrue.drilling.model_document import model_document
+        from robotrue.drilling.evaluate import model_document
 
         numbers = model_document(self.model, self.trials)
         return {"output": str(self.output), **numbers, "terms": self.terms}
@@ -120,14 +120,14 @@ def run(request: DrillFitRequest, context: Context) -> FootLearned:
     """
     import numpy as np
 
-    from robotrue.drilling.campaign_checks import check_campaign
+    from robotrue.drilling.campaign import check_campaign
     from robotrue.drilling.campaign_csv import read_campaign
+    from robotrue.drilling.drill_defaults import CAMPAIGN, campaign_parts
+    from robotrue.drilling.evaluate import terms_of
     from robotrue.drilling.foot_file import read_foot
     from robotrue.drilling.foot_model import fit_model
     from robotrue.drilling.head import Head
-    from robotrue.drilling.kept import CAMPAIGN, campaign_parts
     from robotrue.drilling.model_archive import write_model
-    from robotrue.drilling.model_document import terms_of
 
     rows, beside = campaign_parts(context.document_files(request.campaign, CAMPAIGN))
     foot = request.foot or beside
@@ -163,7 +163,7 @@ def save(
 ) -> Mapping[str, Any]:
     """Leaves a document ``drilling model`` with the trials it was chosen by."""
     from robotrue.core.json_values import json_values
-    from robotrue.drilling.kept import CAMPAIGN, MODEL
+    from robotrue.drilling.drill_defaults import CAMPAIGN, MODEL
     from robotrue.store.records import Link
 
     record = context.document(request.campaign, CAMPAIGN)

@@ -51,7 +51,7 @@ def run(request: DrillPlanRequest, context: Context) -> PlainResult:
     """
     from robotrue.app.number_options import parse_numbers
     from robotrue.drilling.campaign_csv import write_sheet
-    from robotrue.drilling.campaign_plan import planned_campaign
+    from robotrue.drilling.campaign_plan import plan_campaign
     from robotrue.drilling.foot_file import read_foot
 
     foot = read_foot(request.foot).foot
@@ -60,7 +60,7 @@ def run(request: DrillPlanRequest, context: Context) -> PlainResult:
             f"--tilt-deg {request.tilt_deg:g}, the foot follows up to {foot.max_tilt / DEG:g} deg.",
             hint="a smaller tilt, or max_tilt_deg of the foot.",
         )
-    plan = planned_campaign(
+    plan = plan_campaign(
         request.clamps,
         forces=parse_numbers("--forces-n", request.forces_N, hint="--forces-n 0,250,500"),
         heights=parse_numbers("--z-mm", request.z_mm, hint="--z-mm 0,250,500") * MM,

@@ -57,11 +57,10 @@ def run(request: DrillRefineRequest, context: Context) -> PlainResult:
     Raises:
         ConfigurationError: Neither records nor a test to freeze it by, or a test it fails.
     """
-    from robotrue.drilling.campaign_csv import read_campaign, read_production
-    from robotrue.drilling.kept import MODEL
+    from robotrue.drilling.campaign_csv import read_campaign, read_production, setup_of
+    from robotrue.drilling.drill_defaults import MODEL
     from robotrue.drilling.model_archive import read_model, write_model
-    from robotrue.drilling.model_setup import setup_of
-    from robotrue.drilling.production import frozen
+    from robotrue.drilling.production import freeze_model
 
     (path,) = context.document_files(request.model, MODEL)
     before = model = read_model(path)
@@ -79,7 +78,7 @@ def run(request: DrillRefineRequest, context: Context) -> PlainResult:
     if request.freeze is not None:
         test, digest = read_campaign(request.freeze, setup, model.head.order)
         allowed = request.allowed_deg * DEG
-        model = frozen(model, test, digest, allowed=allowed, before=before)
+        model = freeze_model(model, test, digest, allowed=allowed, before=before)
     output = context.output(request.output)
     write_model(output, model)
     taken = f"{count(holes, 'record')} of {request.truth}, {count(len(alarms), 'alarm')}"
@@ -112,7 +111,7 @@ def _refine(
     plain = correct_readings(before.foot, before.head.order, before.correction, holes.clamps)
     moved = with_refinement(before, plain).tilt
     for i, name in enumerate(holes.hole):
-        found = with_refinement(model, plain.row(i))
+        found = with_refinement(model, plain.take(slice(i, i + 1)))
         record = record_of(
             name, found, holes.left[i], request.truth, holes.provenance, moved=moved[i]
         )
@@ -126,8 +125,7 @@ def _refine(
 
 def _document(model: NormalModel) -> dict[str, Any]:
     """Version, refinement and what it was frozen by, as JSON values."""
-    from robotrue.drilling.evaluate import Residuals
-    from robotrue.drilling.model_document import residuals_document
+    from robotrue.drilling.evaluate import Residuals, residuals_document
 
     kept, learned = model.frozen, model.refinement
     return {

@@ -80,7 +80,7 @@ class DrillJudged:
 
     def document(self) -> Mapping[str, Any]:
         """Returns JSON values in deg."""
-        from robotrue.drilling.model_document import evaluation_document
+        from robotrue.drilling.evaluate import evaluation_document
 
         files = {"output": str(self.written[0]), "json": str(self.written[-1])}
         return {**files, **evaluation_document(self.result)}
@@ -96,10 +96,10 @@ def run(request: DrillReportRequest, context: Context) -> DrillJudged:
     Raises:
         ConfigurationError: A job that judges a model by the campaign it was learned from.
     """
+    from robotrue.drilling.campaign_csv import read_test
+    from robotrue.drilling.drill_defaults import CAMPAIGN, MODEL, campaign_parts
     from robotrue.drilling.evaluate import evaluate_test
-    from robotrue.drilling.kept import CAMPAIGN, MODEL, campaign_parts
     from robotrue.drilling.model_archive import read_model
-    from robotrue.drilling.model_setup import read_test
     from robotrue.report.drilling_report import drilling_content
     from robotrue.report.report_files import write_reports
     from robotrue.report.words import language
@@ -139,8 +139,8 @@ def save(
     import numpy as np
 
     from robotrue.core.json_values import json_values
-    from robotrue.drilling.kept import CAMPAIGN, MODEL, TEST
-    from robotrue.drilling.model_document import evaluation_document
+    from robotrue.drilling.drill_defaults import CAMPAIGN, MODEL, TEST
+    from robotrue.drilling.evaluate import evaluation_document
     from robotrue.store.records import Link
 
     held = context.document(request.model, MODEL)

@@ -119,11 +119,11 @@ def run(request: DrillRunRequest, context: Context) -> DrillServed:
     from robotrue.app.drilling_desk import Desk
     from robotrue.app.drilling_robot import drilling_robot
     from robotrue.app.drilling_service import serve_desk
+    from robotrue.drilling.campaign_csv import setup_of
+    from robotrue.drilling.drill_defaults import MODEL
     from robotrue.drilling.hole_session import HoleSession
     from robotrue.drilling.journal import Journal
-    from robotrue.drilling.kept import MODEL
     from robotrue.drilling.model_archive import read_model
-    from robotrue.drilling.model_setup import setup_of
 
     (path,) = context.document_files(request.model, MODEL)
     model, settings = read_model(path), _settings(request)
@@ -177,7 +177,7 @@ def _replay(
     request: DrillRunRequest, model: NormalModel, kept: Journal, path: Path
 ) -> tuple[NormalModel, str]:
     """The model brought up to its journal, and what is said of it."""
-    from robotrue.drilling.journal_replay import replay_references
+    from robotrue.drilling.journal import replay_references
     from robotrue.drilling.model_archive import write_model
 
     journal = request.journal

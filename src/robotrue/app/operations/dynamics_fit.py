@@ -40,7 +40,7 @@ def run(request: DynamicsFitRequest, context: Context) -> PlainResult:
     from robotrue.core.archive import write_archive
     from robotrue.dynamics.deviation import fit_deviation
     from robotrue.dynamics.formats.windows_csv import read_windows
-    from robotrue.dynamics.window_checks import check_direction
+    from robotrue.dynamics.windows import check_direction
 
     windows = read_windows(request.windows)
     arm = read_arm(request.cell, request.direction)

@@ -103,8 +103,7 @@ def _predict(
     context: Context,
 ) -> dict[str, Any]:
     from robotrue.dynamics.coefficients import check_axes_agree
-    from robotrue.dynamics.formats.force_csv import write_force_csv
-    from robotrue.dynamics.formats.registry import read_force
+    from robotrue.dynamics.formats.force_table import read_force, write_force_csv
     from robotrue.dynamics.milling_force import force_over_time, mean_force
 
     record = force_over_time(
@@ -137,7 +136,7 @@ def _extremes(record: ForceRecord, mean: Array) -> dict[str, Any]:
 def _lines(record: ForceRecord, cut: CutterEngagement, cutter: Cutter) -> dict[str, Any]:
     import numpy as np
 
-    from robotrue.dynamics.spectrum import spindle_lines
+    from robotrue.dynamics.force import spindle_lines
 
     lines = spindle_lines(record, spindle=cut.spindle, teeth=cutter.teeth)
     return {
@@ -162,8 +161,7 @@ def _identify(
 ) -> dict[str, Any]:
     from robotrue.core.files import write_atomic
     from robotrue.dynamics.coefficients import identify_coefficients
-    from robotrue.dynamics.cutting_data import coefficient_keys, cutting_text
-    from robotrue.dynamics.formats.cutting_csv import read_slots
+    from robotrue.dynamics.cutting_data import coefficient_keys, cutting_text, read_slots
 
     tests = read_slots(slots, cut)
     found = identify_coefficients(cutter, tests)
@@ -200,10 +198,9 @@ def _along(
     import numpy as np
 
     from robotrue.core.files import write_atomic
+    from robotrue.dynamics.cutting_data import read_along
     from robotrue.dynamics.formats.column_table import table_bytes
-    from robotrue.dynamics.formats.cutting_csv import read_along
-    from robotrue.dynamics.milling_force import CALCULATED
-    from robotrue.dynamics.path_force import MillingAlongPath
+    from robotrue.dynamics.milling_force import CALCULATED, MillingAlongPath
 
     lengths, depth, width = read_along(along)
     model = MillingAlongPath(

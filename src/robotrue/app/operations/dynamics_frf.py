@@ -84,8 +84,8 @@ def run(request: DynamicsFrfRequest, context: Context) -> PlainResult:
 
 def _read(request: DynamicsFrfRequest) -> tuple[FrequencyResponse, Sequence[HammerResult]]:
     """The response in a file, or that of hammer records with their evaluations."""
+    from robotrue.dynamics.formats.frf_table import read_frf
     from robotrue.dynamics.formats.hammer_csv import read_hammer_csv
-    from robotrue.dynamics.formats.registry import read_frf
     from robotrue.dynamics.hammer import combine_axes, evaluate_together
 
     if len(request.files) == 1 and not _is_hammer(request.files[0]):
@@ -109,10 +109,10 @@ def _with_modes(
 ) -> tuple[FrequencyResponse, ModalModel | None, tuple[str, ...]]:
     """The response and its modes; under an exponential window the response is that of the modes."""
     from robotrue.dynamics.hammer import without_window
-    from robotrue.dynamics.modal_fit import fit_modes
+    from robotrue.dynamics.modal_fit import fit_modal
 
     try:
-        fitted = fit_modes(frf)
+        fitted = fit_modal(frf).model
     except ObservabilityError as cause:
         if added_damping > 0.0:
             raise
@@ -144,7 +144,7 @@ def _write(
     """Writes figure, modes and receptance, those that were asked for."""
     from robotrue.core.archive import write_archive
     from robotrue.core.files import write_atomic
-    from robotrue.dynamics.formats.frf_csv import write_frf_csv
+    from robotrue.dynamics.formats.frf_table import write_frf_csv
     from robotrue.dynamics.frf import trusted_lines
     from robotrue.dynamics.interpolation import response_curve
 

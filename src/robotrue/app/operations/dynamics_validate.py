@@ -83,7 +83,7 @@ def _hold_out(
     """Errors of windows that were held out, by each split."""
     from robotrue.app.dynamics_inputs import read_arm, read_static_row, windows_origin
     from robotrue.dynamics.deviation_validation import QUESTIONS, scores
-    from robotrue.dynamics.window_checks import check_direction
+    from robotrue.dynamics.windows import check_direction
 
     arm = read_arm(cell, request.direction)
     check_direction(windows, arm.direction)
@@ -114,7 +114,7 @@ def _judge(
     from robotrue.core.archive import read_archive
     from robotrue.core.files import write_atomic
     from robotrue.dynamics.deviation import deviation_from_archive
-    from robotrue.dynamics.window_checks import check_units
+    from robotrue.dynamics.windows import check_units
 
     check_units(windows)
     model = deviation_from_archive(read_archive(path))

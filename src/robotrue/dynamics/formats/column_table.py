@@ -1,12 +1,16 @@
-"""Long tables of numbers with named columns: fast where they are sound, exact about where not."""
+"""Long tables of numbers with named columns: fast where they are sound, exact about where not.
+
+Columns of a CSV file or variables of a MAT file, and whether their times are an even clock.
+"""
 
 from __future__ import annotations
 
 import io
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final, TypeVar
 
 import numpy as np
 
@@ -15,7 +19,12 @@ from robotrue.core.csv_text import as_written, csv_text
 from robotrue.core.files import read_bytes, sha256
 from robotrue.core.provenance import Provenance, read_provenance
 from robotrue.core.utf8 import utf8_text
-from robotrue.errors import FormatError
+from robotrue.dynamics.frf import ComplexArray
+from robotrue.errors import FormatError, ImplausibleDataError
+
+Samples = TypeVar("Samples", Array, ComplexArray)
+_OFF: Final = 0.25
+"""Part of a sample by which a printed time may be off an even clock (rounding of its digits)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,6 +64,22 @@ class ColumnTable:
     def fault(self, message: str, hint: str) -> FormatError:
         """Returns the error of the header, with its line."""
         return FormatError(message, source=self.source, line=self.header_line, hint=hint)
+
+    def require(self, needed: Sequence[str], optional: Sequence[str] = (), hint: str = "") -> None:
+        """Passes if the needed columns are there, and no others but the optional ones.
+
+        Raises:
+            FormatError: A column that is missing, with the hint, or not known.
+        """
+        missing = [f"no column {name}" for name in needed if name not in self.names]
+        known = {*needed, *optional}
+        unknown = [f"column {name!r} is not known" for name in self.names if name not in known]
+        if missing or unknown:
+            raise self.fault(
+                f"{', '.join(missing[:1] + unknown[:1])}; expected "
+                f"{','.join((*needed, *optional))}.",
+                hint if missing else "remove the column.",
+            )
 
 
 def read_column_table(path: str | Path) -> ColumnTable:
@@ -112,6 +137,120 @@ def table_bytes(names: list[str], values: Array) -> bytes:
     rows[~np.isfinite(values)] = ""
     lines = (",".join(row) + "\n" for row in rows.tolist())
     return "".join([csv_text([names]), *lines]).encode()
+
+
+def read_mat(path: str | Path) -> dict[str, ComplexArray]:
+    """Returns the variables of a MAT file (to version 7.2) by name.
+
+    Raises:
+        FormatError: Unreadable.
+    """
+    from scipy.io import loadmat  # here, so that text files do not pay for it
+
+    data = read_bytes(path)
+    if data[:8] == b"\x89HDF\r\n\x1a\n" or data.startswith(b"MATLAB 7.3"):
+        raise FormatError(
+            "a MAT file of version 7.3 (HDF5).", source=path, hint="save it with -v7."
+        )
+    try:
+        variables = loadmat(io.BytesIO(data))  # type: ignore[arg-type]  # files work, too
+    except Exception as cause:  # SciPy raises whatever its parsing meets
+        raise FormatError(
+            f"cannot be read as a MAT file ({cause}).", source=path, hint="save it with -v7."
+        ) from cause
+    return {name: np.asarray(v) for name, v in variables.items() if not name.startswith("__")}
+
+
+def mat_column(
+    variables: Mapping[str, ComplexArray], name: str, path: str | Path, length: int | None = None
+) -> Array:
+    """Returns a variable of :func:`read_mat` as a real column.
+
+    Raises:
+        FormatError: It is missing, of another length, or holds what is no number.
+    """
+    if name not in variables:
+        raise FormatError(
+            f"no variable {name}; the file has {', '.join(variables) or 'none'}.",
+            source=path,
+            hint="names carry their units, as in the CSV.",
+        )
+    column = finite_samples(np.ravel(variables[name]), name, path, length)
+    return np.asarray(column.real, dtype=np.float64)
+
+
+def finite_samples(
+    values: Samples, name: str, path: str | Path, length: int | None = None
+) -> Samples:
+    """Returns samples (n,) that are numbers.
+
+    Raises:
+        FormatError: Another length than stated, or a sample that is no finite number.
+    """
+    if length is not None and len(values) != length:
+        raise FormatError(f"{name} has {len(values)} values, expected {length}.", source=path)
+    if values.dtype.kind not in "fiuc" or not np.isfinite(values).all():
+        bad = int(np.argmin(np.isfinite(values))) if values.dtype.kind in "fc" else 0
+        raise FormatError(
+            f"sample {bad} of {name} is {values[bad]}, expected a finite number.",
+            source=path,
+            hint="cut the record before it.",
+        )
+    return values
+
+
+def even_rate(
+    time: Array, source: str | Path, line_of: Callable[[int], int] | None = None
+) -> tuple[float, float]:
+    """Returns the first time (s) and the rate (samples/s) of evenly spaced times (n,) s.
+
+    Args:
+        time: As read.
+        source: Of the message.
+        line_of: Row to line of the file, for the message.
+
+    Raises:
+        ImplausibleDataError: Fewer than two samples, a time that does not rise, missing samples
+            or an uneven clock.
+    """
+
+    def refuse(row: int, what: str, hint: str) -> ImplausibleDataError:
+        place = None if line_of is None else line_of(row)
+        named = what if line_of is not None else f"sample {row}: {what}"
+        return ImplausibleDataError(named, source=source, line=place, hint=hint)
+
+    if len(time) < 2:
+        raise refuse(0, f"{len(time)} sample, expected two or more.", "record for longer.")
+    step = np.diff(time)
+    if (step <= 0.0).any():
+        row = int(np.argmax(step <= 0.0)) + 1
+        raise refuse(
+            row,
+            f"time goes from {time[row - 1]:.9g} to {time[row]:.9g} s: duplicated or reordered "
+            "samples.",
+            "sort them out at the recorder; a record is not repaired here.",
+        )
+    usual = float(np.median(step))
+    if step.max() > 1.6 * usual:
+        row = int(np.argmax(step > 1.6 * usual)) + 1
+        missing = round(step[row - 1] / usual) - 1
+        raise refuse(
+            row,
+            f"time jumps by {step[row - 1]:.6g} s where samples are {usual:.6g} s apart: about "
+            f"{max(missing, 1)} missing.",
+            "cut the record there, and predict each piece.",
+        )
+    index = np.arange(len(time))
+    period = (time[-1] - time[0]) / (len(time) - 1)
+    off = np.abs(time - time[0] - index * period)
+    if off.max() > _OFF * period * max(1.0, 1e-4 * len(time)) or step.min() < 0.4 * usual:
+        row = int(np.argmax(off))
+        raise refuse(
+            row,
+            f"an uneven clock: {off[row]:.3g} s off samples of {period:.6g} s.",
+            "record with a hardware clock, or resample at the recorder.",
+        )
+    return float(time[0]), float(1.0 / period)
 
 
 def _text(data: bytes, path: str | Path) -> str:

@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Final
 
 from robotrue.core.units import STANDARD_GRAVITY, UM
-from robotrue.dynamics.clock import even_rate
-from robotrue.dynamics.formats.column_table import read_column_table
+from robotrue.dynamics.formats.column_table import even_rate, read_column_table
 from robotrue.dynamics.hits import HammerRecord
 
 _HAMMER: Final = re.compile(r"f([xyz])_N")

@@ -31,18 +31,7 @@ def read_sensor_csv(path: str | Path) -> tuple[Array, Array]:
             its line.
     """
     table = read_column_table(path)
-    expected = ",".join(COLUMNS)
-    for name in COLUMNS:
-        if name not in table.names:
-            raise table.fault(
-                f"no column {name}; expected {expected}.",
-                "angles in deg, forces in N, moments in N m.",
-            )
-    for name in table.names:
-        if name not in COLUMNS:
-            raise table.fault(
-                f"column {name!r} is not known; expected {expected}.", "remove the column."
-            )
+    table.require(COLUMNS, hint="angles in deg, forces in N, moments in N m.")
     return matrix_from_abc(table.stack(ATTITUDE[::-1]) * DEG), table.stack(WRENCH)
 
 

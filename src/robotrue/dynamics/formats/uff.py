@@ -11,7 +11,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -24,7 +24,6 @@ from robotrue.dynamics.frf_build import AxisPairCurves, assemble_response
 from robotrue.errors import FormatError, MissingExtraError
 
 _FORM: Final = {8: "receptance", 11: "mobility", 12: "accelerance"}
-_TYPE: Final = {form: kind for kind, form in _FORM.items()}
 _FORCE: Final = (9, 13)
 _RESPONSE, _COHERENCE = 4, 6
 _MOTION_UNITS: Final = {
@@ -36,7 +35,18 @@ _MOTION_UNITS: Final = {
 _ID: Final = 80
 """Characters of an identification line."""
 _FORCE_UNITS: Final = {"n": 1.0, "kn": 1e3, "mn": 1e-3}
-_LABELS: Final = {"receptance": "m", "mobility": "m/s", "accelerance": "m/s^2"}
+_Set: TypeAlias = dict[str, Any]
+"""A data set by the names of pyuff, which has no types."""
+
+
+class _Curve(NamedTuple):
+    """A response in the SI unit of its form, or a coherence, whose form is empty."""
+
+    number: int
+    pair: str
+    form: str
+    lines: Array
+    values: ComplexArray
 
 
 def read_uff(path: str | Path) -> FrequencyResponse:
@@ -48,57 +58,42 @@ def read_uff(path: str | Path) -> FrequencyResponse:
         ImplausibleDataError: Numbers that cannot be what the file says they are.
         MissingExtraError: pyuff is not installed.
     """
-    sets = _sets(path)
-    lengths, forces = _system_of_units(sets)
-    response: dict[str, ComplexArray] = {}
-    coherence: dict[str, Array] = {}
-    forms: set[str] = set()
-    frequency: Array | None = None
-    for number, one in enumerate(sets, 1):
-        if int(one.get("type", 0)) != 58 or int(one["func_type"]) not in (_RESPONSE, _COHERENCE):
-            continue
-        pair, sign = _pair(one, number, path)
-        lines = np.asarray(one["x"], dtype=float)
-        if frequency is None:
-            frequency = lines
-        elif len(lines) != len(frequency) or not np.allclose(lines, frequency, rtol=1e-6):
+    sets = _read_sets(path)
+    units = _system_of_units(sets)
+    curves = [
+        _read_curve(one, number, path, units)
+        for number, one in enumerate(sets, 1)
+        if int(one.get("type", 0)) == 58 and int(one["func_type"]) in (_RESPONSE, _COHERENCE)
+    ]
+    for k, curve in enumerate(curves):
+        lines = curves[0].lines
+        if len(curve.lines) != len(lines) or not np.allclose(curve.lines, lines, rtol=1e-6):
             raise FormatError(
-                f"set {number} ({pair}) has other lines than those before it.",
+                f"set {curve.number} ({curve.pair}) has other lines than those before it.",
                 source=path,
                 hint="export all curves from one spectrum.",
             )
-        values = np.asarray(one["data"])
-        if not np.isfinite(values).all():
-            where = int(np.argmin(np.isfinite(values)))
+        if any(c.pair == curve.pair and bool(c.form) == bool(curve.form) for c in curves[:k]):
             raise FormatError(
-                f"set {number} ({pair}) holds no number at {lines[where]:g} Hz.", source=path
-            )
-        into: Mapping[str, Any] = coherence if int(one["func_type"]) == _COHERENCE else response
-        if pair in into:
-            raise FormatError(
-                f"set {number} is {pair} for the second time.",
+                f"set {curve.number} is {curve.pair} for the second time.",
                 source=path,
                 hint="keep one driving point per file.",
             )
-        if int(one["func_type"]) == _COHERENCE:
-            coherence[pair] = np.asarray(values.real, dtype=np.float64)
-            continue
-        form, scale = _form_and_scale(one, number, path, lengths, forces)
-        forms.add(form)
-        response[pair] = np.asarray(sign * scale * values, dtype=np.complex128)
-    if frequency is None or not response:
+    response = {c.pair: c.values for c in curves if c.form}
+    forms = sorted({curve.form for curve in curves if curve.form})
+    if not forms:
         raise FormatError(
             "no frequency response in it (dataset 58, function type 4).",
             source=path,
             hint="export frequency response functions.",
         )
     if len(forms) > 1:
-        raise FormatError(f"curves of {' and '.join(sorted(forms))}.", source=path)
-    coherence = {pair: values for pair, values in coherence.items() if pair in response}
-    pairs = AxisPairCurves(form=forms.pop(), response=response, coherence=coherence)
+        raise FormatError(f"curves of {' and '.join(forms)}.", source=path)
+    coherence = {c.pair: c.values.real for c in curves if not c.form and c.pair in response}
+    pairs = AxisPairCurves(form=forms[0], response=response, coherence=coherence)
     stated = provenance_of_lines(f"# {one.get('id5', '')}" for one in sets)
     origin = merge([read_provenance(path), stated])
-    return assemble_response(frequency, pairs, source=str(path), provenance=origin)
+    return assemble_response(curves[0].lines, pairs, source=str(path), provenance=origin)
 
 
 def write_uff(path: str | Path, frf: FrequencyResponse) -> None:
@@ -116,19 +111,17 @@ def write_uff(path: str | Path, frf: FrequencyResponse) -> None:
         beside = Path(folder) / "response.uff"
         out = pyuff.UFF(str(beside))
         for pair in frf.pairs:
-            i, j = frf.response_axes.index(pair[0]), frf.excitation_axes.index(pair[1])
+            i, j = frf.index(pair)
             out.write_sets(_set(frf, pair, frf.response[:, i, j], _RESPONSE), "add")
             if frf.coherence is not None:
                 out.write_sets(_set(frf, pair, frf.coherence[:, i, j], _COHERENCE), "add")
         write_atomic(path, read_bytes(beside))
 
 
-def _set(
-    frf: FrequencyResponse, pair: str, values: ComplexArray | Array, kind: int
-) -> dict[str, Any]:
+def _set(frf: FrequencyResponse, pair: str, values: ComplexArray | Array, kind: int) -> _Set:
     step = np.diff(frf.frequency)
     even = bool(np.allclose(step, step[0], rtol=1e-9))
-    numerator, label = (8, _LABELS["receptance"]) if kind == _RESPONSE else (0, "NONE")
+    numerator, label = (8, "m") if kind == _RESPONSE else (0, "NONE")
     return {
         "type": 58,
         "binary": 0,
@@ -171,7 +164,7 @@ def _pyuff() -> Any:
     return pyuff
 
 
-def _sets(path: str | Path) -> list[dict[str, Any]]:
+def _read_sets(path: str | Path) -> list[_Set]:
     pyuff = _pyuff()
     data = read_bytes(path)
     if b"    -1" not in data[:400]:
@@ -197,7 +190,10 @@ def _sets(path: str | Path) -> list[dict[str, Any]]:
     return [found] if isinstance(found, dict) else list(found)
 
 
-def _pair(one: Mapping[str, Any], number: int, path: str | Path) -> tuple[str, float]:
+def _read_curve(
+    one: _Set, number: int, path: str | Path, units: tuple[float | None, float | None]
+) -> _Curve:
+    """The curve of a set; ``units`` are length and force of the file in m and N, if stated."""
     axes, sign = "", 1.0
     for what in ("rsp_dir", "ref_dir"):
         direction = int(one[what])
@@ -210,11 +206,21 @@ def _pair(one: Mapping[str, Any], number: int, path: str | Path) -> tuple[str, f
             )
         axes += AXES[abs(direction) - 1]
         sign *= float(np.sign(direction))
-    return axes, sign
+    lines = np.asarray(one["x"], dtype=np.float64)
+    values = np.asarray(one["data"], dtype=np.complex128)
+    if not np.isfinite(values).all():
+        where = int(np.argmin(np.isfinite(values)))
+        raise FormatError(
+            f"set {number} ({axes}) holds no number at {lines[where]:g} Hz.", source=path
+        )
+    if int(one["func_type"]) == _COHERENCE:
+        return _Curve(number, axes, "", lines, values)
+    form, scale = _form_and_scale(one, number, path, *units)
+    return _Curve(number, axes, form, lines, np.asarray(sign * scale * values, np.complex128))
 
 
 def _form_and_scale(
-    one: Mapping[str, Any], number: int, path: str | Path, length: float | None, force: float | None
+    one: _Set, number: int, path: str | Path, length: float | None, force: float | None
 ) -> tuple[str, float]:
     """Form of the curve and the factor to its SI unit."""
     kinds = (int(one["ordinate_spec_data_type"]), int(one["orddenom_spec_data_type"]))
@@ -240,14 +246,14 @@ def _form_and_scale(
     return form, above / below
 
 
-def _unit(one: Mapping[str, Any], key: str, known: Mapping[str, float]) -> float | None:
+def _unit(one: _Set, key: str, known: Mapping[str, float]) -> float | None:
     label = str(one.get(key) or "").strip()
     if label in known:
         return known[label]
     return known.get(label.lower().replace(" ", ""))
 
 
-def _system_of_units(sets: list[dict[str, Any]]) -> tuple[float | None, float | None]:
+def _system_of_units(sets: list[_Set]) -> tuple[float | None, float | None]:
     """Length and force of the file in m and N (dataset 164 gives SI over file), or None."""
     for one in sets:
         if int(one.get("type", 0)) == 164:

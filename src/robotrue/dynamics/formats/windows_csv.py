@@ -7,20 +7,17 @@ Forces act on the tool, in base axes. ``measured_um`` may be blank or missing wh
 
 from __future__ import annotations
 
-import csv
 import math
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from robotrue.core.csv_text import as_written, csv_text
-from robotrue.core.files import read_bytes
-from robotrue.core.provenance import mark_line, read_provenance
+from robotrue.core.csv_text import csv_text
+from robotrue.core.provenance import mark_line
 from robotrue.core.units import DEG, UM
-from robotrue.core.utf8 import utf8_text
 from robotrue.dynamics.windows import WindowSet
-from robotrue.errors import FormatError
+from robotrue.measurement.formats.sheet_file import read_sheet
 
 FORCES: Final = ("fx_mean_N", "fy_mean_N", "fz_mean_N", "f_peak_N", "f_mean_N")
 ERRORS: Final = ("predicted_um", "measured_um")
@@ -32,69 +29,33 @@ def read_windows(path: str | Path) -> WindowSet:
     Raises:
         FormatError: No header, a column missing, a cell that is no finite number; with its line.
     """
-    text = utf8_text(read_bytes(path), path)
-    lines = [
-        (number, line)
-        for number, line in enumerate(text.splitlines(), start=1)
-        if line.strip() and not line.startswith("#")
-    ]
-    if len(lines) < 2:
-        raise FormatError("no header with windows below it.", source=path)
-    head = lines[0][1]
-    mark = max(",;\t", key=head.count)
-    try:
-        table = list(csv.reader((line for _, line in lines), delimiter=mark))
-    except csv.Error as cause:
-        raise FormatError(
-            f"cannot be split into cells ({cause}).",
-            source=path,
-            hint="look for a stray quotation mark.",
-        ) from None
-    names = [name.strip() for name in table[0]]
-    joints = [name for name in names if name.startswith("j") and name.endswith("_deg")]
-    wanted = ["pass", *(f"j{i + 1}_deg" for i in range(max(len(joints), 6))), *FORCES]
-    missing = [name for name in (*wanted, ERRORS[0]) if name not in names]
+    sheet = read_sheet(path)
+    count = sum(name.startswith("j") and name.endswith("_deg") for name in sheet.header)
+    joints = [f"j{i + 1}_deg" for i in range(max(count, 6))]
+    wanted = ["pass", *joints, *FORCES, ERRORS[0]]
+    missing = [name for name in wanted if not sheet.has(name)]
     if missing:
-        raise FormatError(
-            f"no column {missing[0]!r}; there are {', '.join(names)}.",
-            source=path,
-            line=lines[0][0],
-            hint=f"the columns are {','.join((*wanted, *ERRORS))}.",
+        raise sheet.lacking_columns(
+            missing[:1], f"the columns are {','.join((*wanted, ERRORS[1]))}."
         )
-    if len(set(names)) != len(names):
-        raise FormatError("a column stands twice.", source=path, line=lines[0][0])
-    at = {name: names.index(name) for name in (*wanted, *ERRORS) if name in names}
-    passes, rows = [], []
-    for (number, _), row in zip(lines[1:], table[1:], strict=True):
-        if len(row) != len(names):
-            raise FormatError(
-                f"{len(row)} cells, the header has {len(names)}.", source=path, line=number
-            )
-        passes.append(as_written(row[at["pass"]].strip()))
-        if not passes[-1]:
-            raise FormatError(
-                "a window without a pass.",
-                source=path,
-                line=number,
-                hint="name its pass.",
-            )
-        rows.append(
-            [
-                _number(row[at[name]] if name in at else "", name, path, number)
-                for name in (*wanted[1:], *ERRORS)
-            ]
-        )
-    values, n = np.array(rows), len(wanted) - 1 - len(FORCES)
+    passes = sheet.column("pass")
+    if not all(passes):
+        raise sheet.fault("a window without a pass.", "name its pass.", row=passes.index(""))
+    forces = sheet.numbers(FORCES)
+    measured = np.full(len(sheet), np.nan)
+    if sheet.has(ERRORS[1]):
+        known = [row for row, cell in enumerate(sheet.column(ERRORS[1])) if cell]
+        measured[known] = sheet.take(known).numbers(ERRORS[1:])[:, 0] * UM
     return WindowSet(
-        passes=tuple(passes),
-        joints=values[:, :n] * DEG,
-        force=values[:, n : n + 3],
-        force_peak=values[:, n + 3],
-        force_mean=values[:, n + 4],
-        predicted=values[:, n + 5] * UM,
-        measured=values[:, n + 6] * UM,
+        passes=passes,
+        joints=sheet.numbers(joints) * DEG,
+        force=forces[:, :3],
+        force_peak=forces[:, 3],
+        force_mean=forces[:, 4],
+        predicted=sheet.numbers(ERRORS[:1])[:, 0] * UM,
+        measured=measured,
         source=str(path),
-        provenance=read_provenance(path),
+        provenance=sheet.provenance,
     )
 
 
@@ -113,21 +74,3 @@ def windows_bytes(windows: WindowSet) -> bytes:
         ]
         rows.append([name, *("" if math.isnan(v) else f"{v:.12g}" for v in numbers)])
     return (mark_line(windows.provenance) + csv_text(rows)).encode()
-
-
-def _number(cell: str, name: str, path: str | Path, line: int) -> float:
-    cell = cell.strip()
-    if not cell and name == ERRORS[1]:
-        return math.nan
-    try:
-        value = float(cell)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise FormatError(
-            f"{name} is {cell!r}, expected a finite number.",
-            source=path,
-            line=line,
-            hint="leave the window out, or mark a sensor that failed.",
-        )
-    return value

@@ -10,7 +10,7 @@ from fastapi import APIRouter, Path, Query
 from fastapi.responses import Response
 from pydantic import BaseModel
 
-from robotrue.drilling.kept import JOURNAL
+from robotrue.drilling.drill_defaults import JOURNAL
 from robotrue.store.nouns import DOCUMENT
 from robotrue.web import drill_journals
 from robotrue.web.api.intake import FromFiles

@@ -8,7 +8,7 @@ from typing import Final
 from nicegui import ui
 
 from robotrue import __version__
-from robotrue.drilling.kept import CAMPAIGN, JOURNAL, MODEL, TEST
+from robotrue.drilling.drill_defaults import CAMPAIGN, JOURNAL, MODEL, TEST
 from robotrue.store import items
 from robotrue.store.nouns import DOCUMENT, DocumentRecord
 from robotrue.store.records import ItemQuery

@@ -11,13 +11,13 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.core.units import DEG, MM
-from robotrue.drilling.campaign_checks import check_campaign
+from robotrue.drilling.campaign import check_campaign
 from robotrue.drilling.campaign_csv import read_campaign
+from robotrue.drilling.drill_defaults import CAMPAIGN, JOURNAL, MODEL
+from robotrue.drilling.evaluate import model_document
 from robotrue.drilling.foot_file import read_foot
 from robotrue.drilling.journal_lines import whole_lines
-from robotrue.drilling.kept import CAMPAIGN, JOURNAL, MODEL
 from robotrue.drilling.model_archive import read_model
-from robotrue.drilling.model_document import model_document
 from robotrue.errors import ConfigurationError
 from robotrue.store import documents, items
 from robotrue.store.nouns import DOCUMENT
