@@ -18,8 +18,8 @@ from typing import Protocol
 import numpy as np
 
 from robotrue.online.guard import CorrectionGuard, CorrectionLimits, GuardState
+from robotrue.online.robot_correction import Correction, CorrectionMode
 from robotrue.online.rsi_booking import SILENCE, RsiBooking
-from robotrue.online.samples import Correction, CorrectionMode
 from robotrue.online.sequence import SequenceState
 
 NM = 1e-9

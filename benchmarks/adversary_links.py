@@ -19,10 +19,10 @@ from robotrue.online import egm, egm_link, robot_link, rsi_link
 from robotrue.online.egm import GuidanceState, RobotWare
 from robotrue.online.egm_link import EgmSettings, EgmSource
 from robotrue.online.guard import CorrectionGuard
+from robotrue.online.robot_correction import CorrectionMode
 from robotrue.online.rsi import RobPacket, write_rob
 from robotrue.online.rsi_config import usual_rsi_config
 from robotrue.online.rsi_link import RsiSettings, RsiSource
-from robotrue.online.samples import CorrectionMode
 from robotrue.online.sequence import SequenceState
 
 ROBOT = ("192.0.2.10", 30000)

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from robotrue.online import rdt
-from robotrue.online.rdt_block import RECORD, decode_records, rdt_block
+from robotrue.online.rdt import RECORD, decode_records, rdt_block
 from robotrue.online.replay_blocks import force_blocks
-from robotrue.online.sequence_block import advance_block
+from robotrue.online.sequence import advance_block
 
 SCALE = rdt.RdtScale(newton=1e-6, newton_metre=1e-6)
 RATE = 7000.0

@@ -43,9 +43,9 @@ from robotrue.online.guard import CorrectionGuard, CorrectionLimits
 from robotrue.online.rdt import parse_netftapi
 from robotrue.online.rdt_link import RdtSettings, RdtSource
 from robotrue.online.remote_guard import RemoteGuard
+from robotrue.online.robot_correction import Correction, CorrectionMode
 from robotrue.online.rsi_config import RsiConfig, usual_rsi_config, write_rsi_config
 from robotrue.online.rsi_link import RsiSettings, RsiSource
-from robotrue.online.samples import Correction, CorrectionMode
 from robotrue.online.sensing import Sensing
 from robotrue.online.sensing_chain import SensingChain
 from robotrue.online.udp import prompt_answers

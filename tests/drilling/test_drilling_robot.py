@@ -18,10 +18,10 @@ from robotrue.drilling.head import HeadMove, normal_from_tilt
 from robotrue.drilling.robot_adjust import squaring_joints
 from robotrue.errors import ImplausibleDataError, ModelMismatchError
 from robotrue.online.addresses import SourceSettings, open_stream
-from robotrue.online.blocks import JointBlock, joint_block
+from robotrue.online.blocks import Flag, JointBlock
 from robotrue.online.link import Health
+from robotrue.online.robot_correction import CorrectionMode
 from robotrue.online.rsi_config import usual_rsi_config
-from robotrue.online.samples import CorrectionMode, Flag, JointSample, unknown_pose
 from robotrue.robot.statics import NO_LOAD
 from robotrue.simulation.joint_motion import Jog
 from robotrue.simulation.rsi_controller import RsiControllerSettings, run
@@ -48,11 +48,10 @@ class Silent:
 
 
 def block(at: Array, joints: Array, flags: Flag = Flag.NONE) -> JointBlock:
-    return joint_block([
-        JointSample(controller_time=t, host_time=t, joints=q, T_frame_tool=unknown_pose(),
-                    sequence=k, flags=flags)
-        for k, (t, q) in enumerate(zip(at.tolist(), joints, strict=True))
-    ])  # fmt: skip
+    return JointBlock(
+        controller_time=at, host_time=at, joints=joints, sequence=np.arange(len(at)),
+        T_frame_tool=np.full((len(at), 4, 4), np.nan), flags=np.full(len(at), int(flags)),
+    )  # fmt: skip
 
 
 def robot(source: object = None) -> DrillingRobot:

@@ -15,14 +15,15 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from single_samples import ForceSample, JointSample, unknown_pose
 
 from robotrue.core.arrays import Array
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import FormatError, ImplausibleDataError
+from robotrue.online.blocks import Flag
 from robotrue.online.rdt import LATCHED
 from robotrue.online.replay_columns import CLOCKS, FORCE, JOINTS, POSE, TIME, TORQUE
-from robotrue.online.samples import Flag, ForceSample, JointSample, unknown_pose
 from robotrue.online.sequence import SequenceState, advance
 
 JUMP: Final = 1.0

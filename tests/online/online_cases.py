@@ -57,6 +57,11 @@ _STATES = (
 EGM_SIX = _HEADER + _BACK + _STATES + _message(9, _doubles(1, FORCE))
 EGM_SEVEN = _HEADER + _BACK + _STATES + _message(9, b"\x08\x01" + _doubles(2, FORCE))
 EGM_BARE = _HEADER + _BACK + _STATES
+# seqno 5, tm 20, MSGTYPE_CORRECTION = 3
+_TARGET = _message(1, b"\x08\x05\x10\x14\x18\x03")
+EGM_JOINT_TARGET = _TARGET + _message(2, _message(1, _doubles(1, JOINTS)))
+_POINT = _message(1, _doubles(1, [1000.0]) + _doubles(2, [2000.0]) + _doubles(3, [3000.0]))
+EGM_POSE_TARGET = _TARGET + _message(2, _message(2, _POINT + _TURN))
 
 RDT = struct.pack(">III6i", 7, 7000, 0, 1_500_000, -2_000_000, 250_000_000, 250_000, -500_000, 0)
 

@@ -7,13 +7,16 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from single_samples import ForceSample
 
 from robotrue.errors import FormatError
-from robotrue.online.rdt import EXTREME, LATCHED, SATURATED, RdtDevice, RdtScale
-from robotrue.online.samples import Flag, ForceSample
+from robotrue.online.blocks import Flag
+from robotrue.online.rdt import LATCHED, RdtDevice, RdtScale
 
 _RECORD: Final = struct.Struct(">III6i")
 _MOST_RECORDS: Final = 40
+_EXTREME: Final = (2**31 - 1, -(2**31))
+_SATURATED: Final = {"net": 1 << 17, "axia": 1 << 30 | 1 << 27}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,7 +86,7 @@ def force_sample(
     """
     if record.status & ~LATCHED:
         flags |= Flag.SENSOR_FAULT
-    if record.status & SATURATED[device.value] or any(c in EXTREME for c in record.counts):
+    if record.status & _SATURATED[device.value] or any(c in _EXTREME for c in record.counts):
         flags |= Flag.SATURATED
     if (
         before is not None

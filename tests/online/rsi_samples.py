@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from single_samples import JointSample, unknown_pose
 
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import FormatError
+from robotrue.online.blocks import Flag
 from robotrue.online.rsi import RobPacket
-from robotrue.online.samples import Flag, JointSample, unknown_pose
 
 
 def joint_sample(packet: RobPacket, host_time: float, flags: Flag = Flag.NONE) -> JointSample:

@@ -14,7 +14,7 @@ from robotrue.online import egm
 from robotrue.online.egm import RobotWare
 from robotrue.online.egm_link import EgmSettings, EgmSource
 from robotrue.online.guard import CorrectionGuard, CorrectionLimits
-from robotrue.online.samples import Correction, CorrectionMode
+from robotrue.online.robot_correction import Correction, CorrectionMode
 from robotrue.robot.presets import preset
 from robotrue.simulation.egm_controller import EgmControllerSettings, run
 from robotrue.simulation.joint_motion import Jog

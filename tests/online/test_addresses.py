@@ -11,9 +11,9 @@ from robotrue.online.answering_link import AVAILABLE, AnsweringLink
 from robotrue.online.rdt import RdtDevice
 from robotrue.online.rdt_link import RdtSource
 from robotrue.online.replay_link import ReplayForce, ReplayJoints
+from robotrue.online.robot_correction import CorrectionMode
 from robotrue.online.rsi_link import RsiSource
 from robotrue.online.rtde_link import RtdeForce, RtdeSource
-from robotrue.online.samples import CorrectionMode
 
 PROCESS = pytest.mark.skipif(not AVAILABLE, reason="answering processes: Linux")
 FORCE = SourceSettings(role="force")

@@ -14,7 +14,7 @@ from robotrue.errors import ConfigurationError
 from robotrue.online.addresses import SourceSettings, open_source
 from robotrue.online.egm import GuidanceState
 from robotrue.online.guard import CorrectionGuard
-from robotrue.online.samples import Correction
+from robotrue.online.robot_correction import Correction
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import adversary

@@ -31,11 +31,12 @@ from robotrue.online.answering_wire import (
     read_settings,
     settings_document,
 )
+from robotrue.online.blocks import Flag
 from robotrue.online.guard import CorrectionGuard, GuardState
 from robotrue.online.remote_guard import RemoteGuard
+from robotrue.online.robot_correction import Correction, CorrectionMode
 from robotrue.online.rsi_config import usual_rsi_config
 from robotrue.online.rsi_link import RsiSource
-from robotrue.online.samples import Correction, CorrectionMode, Flag
 from robotrue.robot.presets import preset
 from robotrue.simulation.joint_motion import Jog
 from robotrue.simulation.rsi_controller import RsiController, RsiControllerSettings

@@ -1,4 +1,4 @@
-"""Blocks hold samples as they came; an estimate without standing holds no numbers."""
+"""Blocks hold samples as they came; an invalid estimate holds no numbers."""
 
 from __future__ import annotations
 
@@ -6,44 +6,20 @@ import numpy as np
 import pytest
 
 from robotrue.errors import ShapeError
-from robotrue.online.blocks import force_block, joint_block
+from robotrue.online.blocks import Flag, ForceBlock, check_wrenches
 from robotrue.online.estimates import Doubt, EstimateBlock
-from robotrue.online.samples import Flag, ForceSample, JointSample, unknown_pose
 
 
-def joints(k: int, dof: int = 6) -> JointSample:
-    return JointSample(
-        controller_time=k * 4e-3, host_time=1.0 + k, joints=np.full(dof, 0.1 * k),
-        T_frame_tool=unknown_pose(), sequence=k,
+def test_force_keeps_flags_and_is_frozen() -> None:
+    wrench = np.array([[1.0, 0, 0, 0, 0, 0], [np.inf, 0, 0, 0, 0, 0]])
+    wrench, flags = check_wrenches(wrench, np.zeros(2, dtype=np.int64))
+    block = ForceBlock(
+        controller_time=np.zeros(2), host_time=np.zeros(2), wrench=wrench, frame="sensor",
+        sequence=np.array([1, 2]), status=np.array([3, 3]), flags=flags,
     )  # fmt: skip
-
-
-def force(k: int, frame: str = "sensor", fx: float = 1.0) -> ForceSample:
-    return ForceSample(
-        controller_time=k * 1e-3, host_time=1.0 + k, wrench=np.array([fx, 0, 0, 0, 0, 0]),
-        frame=frame, sequence=k, status=3,
-    )  # fmt: skip
-
-
-def test_joints() -> None:
-    block = joint_block([joints(1), joints(2)])
-    np.testing.assert_array_equal(block.joints[:, 0], [0.1, 0.2])
-    np.testing.assert_array_equal(block.sequence, [1, 2])
-    assert len(block) == 2
-    assert block.valid.all()
-    with pytest.raises(ShapeError, match="different numbers of joints"):
-        joint_block([joints(1), joints(2, dof=7)])
-    with pytest.raises(ShapeError, match="no samples"):
-        joint_block([])
-
-
-def test_force_keeps_flags_and_frame() -> None:
-    block = force_block([force(1), force(2, fx=np.nan)])
     np.testing.assert_array_equal(block.valid, [True, False])
     assert Flag(int(block.flags[1])) is Flag.NOT_FINITE
     np.testing.assert_array_equal(block.status, [3, 3])
-    with pytest.raises(ShapeError, match="different frames"):
-        force_block([force(1), force(2, frame="tool")])
     with pytest.raises(ValueError, match="read-only"):
         block.wrench[0, 0] = 7.0
 

@@ -8,12 +8,13 @@ import pytest
 
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
+from robotrue.online.blocks import Flag
 from robotrue.online.egm import RobotWare
 from robotrue.online.egm_link import EgmSettings, EgmSource
 from robotrue.online.guard import CorrectionGuard, CorrectionLimits
+from robotrue.online.robot_correction import Correction, CorrectionMode
 from robotrue.online.rsi_config import usual_rsi_config
 from robotrue.online.rsi_link import RsiSettings, RsiSource
-from robotrue.online.samples import Correction, CorrectionMode, Flag
 from robotrue.robot.presets import preset
 from robotrue.simulation import egm_controller, rsi_controller
 from robotrue.simulation.joint_motion import Jog

@@ -2,20 +2,39 @@
 
 import math
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from online_cases import EGM_BARE, EGM_SEVEN, EGM_SIX, FORCE, JOINTS, flipped
+from online_cases import (
+    EGM_BARE,
+    EGM_JOINT_TARGET,
+    EGM_POSE_TARGET,
+    EGM_SEVEN,
+    EGM_SIX,
+    FORCE,
+    JOINTS,
+    flipped,
+)  # fmt: skip
 
 from robotrue.core.units import DEG, MM
 from robotrue.errors import FormatError, RobotrueError, ShapeError
 from robotrue.online import egm
+from robotrue.online.blocks import Flag
 from robotrue.online.egm import RobotWare
-from robotrue.online.samples import Correction, CorrectionMode, Flag
+from robotrue.online.robot_correction import Correction, CorrectionMode
 
 BOTH = [(RobotWare.SIX, EGM_SIX), (RobotWare.SEVEN, EGM_SEVEN)]
+
+
+def _joints(*robots):
+    return egm.egm_joint_block([(robot, 1.25, Flag.NONE) for robot in robots])
+
+
+def _force(*robots, frame="sensor"):
+    return egm.egm_force_block([(robot, 1.25, Flag.NONE) for robot in robots], frame)
 
 
 @pytest.mark.parametrize(("generation", "data"), BOTH)
@@ -28,13 +47,12 @@ def test_a_message_written_by_hand(generation, data):
     assert robot.guidance is egm.GuidanceState.RUNNING
     assert robot.rapid is egm.RapidState.RUNNING
     assert robot.converged is True
-    joints = egm.joint_sample(robot, 1.25)
-    assert joints.valid
-    assert joints.controller_time == 4.0
-    np.testing.assert_allclose(joints.joints, np.array(JOINTS) * DEG)
-    np.testing.assert_allclose(joints.T_frame_tool[:3, 3], [1.0, 0.0, 0.5])
-    force = egm.force_sample(robot, 1.25, frame="sensor")
-    np.testing.assert_array_equal(force.wrench, FORCE)
+    joints = _joints(robot)
+    assert joints.valid.all()
+    assert joints.controller_time.tolist() == [4.0]
+    np.testing.assert_allclose(joints.joints, [np.array(JOINTS) * DEG])
+    np.testing.assert_allclose(joints.T_frame_tool[0, :3, 3], [1.0, 0.0, 0.5])
+    np.testing.assert_array_equal(_force(robot).wrench, [FORCE])
     assert egm.write_robot(robot, generation) == data
 
 
@@ -57,7 +75,7 @@ def test_no_force_is_no_zero_force():
     robot = egm.read_robot(EGM_BARE, RobotWare.SIX)
     assert not robot.force_sent
     with pytest.raises(FormatError, match="without a measured force"):
-        egm.force_sample(robot, 0.0, frame="sensor")
+        _force(robot)
 
 
 def test_packed_doubles_read_alike():
@@ -73,7 +91,7 @@ def test_euler_angles_win_over_the_quaternion():
     sent = egm.write_robot(
         egm.EgmRobot(seqno=1, tm_ms=1, joints_deg=JOINTS, pose=pose), RobotWare.SIX
     )
-    T = egm.joint_sample(egm.read_robot(sent, RobotWare.SIX), 0.0).T_frame_tool
+    T = _joints(egm.read_robot(sent, RobotWare.SIX)).T_frame_tool[0]
     np.testing.assert_allclose(T[:3, 0], [0.0, 1.0, 0.0], atol=1e-15)
 
 
@@ -87,12 +105,13 @@ def test_values_that_are_not_finite_are_marked_and_gone():
         pose=egm.EgmPose(xyz_mm=(1.0, 2.0, 3.0), quat_wxyz=(0.5, 0.0, 0.0, 0.0)),
     )
     back = egm.read_robot(egm.write_robot(robot, RobotWare.SEVEN), RobotWare.SEVEN)
-    joints = egm.joint_sample(back, 0.0)
-    assert joints.flags == Flag.NOT_FINITE | Flag.IMPLAUSIBLE
+    sound = replace(back, joints_deg=JOINTS, pose=None, force=FORCE)
+    joints = _joints(back, sound)
+    assert joints.flags.tolist() == [Flag.NOT_FINITE | Flag.IMPLAUSIBLE, Flag.NONE]
     assert np.isnan(joints.T_frame_tool).all()
-    force = egm.force_sample(back, 0.0, frame="tool")
-    assert force.flags == Flag.NOT_FINITE
-    assert np.isnan(force.wrench[0])
+    force = _force(back, sound, frame="tool")
+    assert force.flags.tolist() == [Flag.NOT_FINITE, Flag.NONE]
+    assert np.isnan(force.wrench[0, 0])
 
 
 def test_inactive_force_control_and_motors_are_said():
@@ -105,16 +124,14 @@ def test_inactive_force_control_and_motors_are_said():
         force_active=False,
         force=FORCE,
     )
-    assert egm.joint_sample(robot, 0.0).flags == Flag.INACTIVE
-    assert egm.force_sample(robot, 0.0, frame="tool").flags == Flag.INACTIVE
+    assert _joints(robot).flags.tolist() == [Flag.INACTIVE]
+    assert _force(robot, frame="tool").flags.tolist() == [Flag.INACTIVE]
 
 
 def test_what_is_sent_reads_back():
-    seqno, joints, pose = egm.read_target(egm.write_joint_target(5, 20, JOINTS))
+    seqno, joints, pose = egm.read_target(EGM_JOINT_TARGET)
     assert (seqno, joints, pose) == (5, JOINTS, None)
-    T = np.eye(4)
-    T[:3, 3] = [1.0, 2.0, 3.0]
-    _, joints, pose = egm.read_target(egm.write_pose_target(6, 24, T))
+    _, joints, pose = egm.read_target(EGM_POSE_TARGET)
     assert joints == ()
     assert pose is not None
     np.testing.assert_allclose(pose.xyz_mm, [1000.0, 2000.0, 3000.0])
@@ -131,8 +148,6 @@ def test_what_is_sent_reads_back():
 
 
 def test_what_cannot_be_sent_raises():
-    with pytest.raises(ShapeError, match="finite"):
-        egm.write_joint_target(1, 1, (math.nan, *JOINTS[1:]))
     turned = Correction(
         shift=np.zeros(3), turn=np.array([0, 0, 1e-3]), mode=CorrectionMode.ABSOLUTE
     )
@@ -159,7 +174,7 @@ def test_one_flipped_bit_raises_or_changes_one_thing(generation, data):
         try:
             robot = egm.read_robot(damaged, generation)
             if robot.joints_deg:
-                egm.joint_sample(robot, 0.0)
+                _joints(robot)
         except RobotrueError:
             refused += 1
             continue

@@ -6,16 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from online_cases import EGM_BARE, EGM_SEVEN, EGM_SIX, FORCE, JOINTS
+from online_cases import EGM_BARE, EGM_JOINT_TARGET, EGM_SEVEN, EGM_SIX, FORCE, JOINTS
 from robots import Robot, milling_force, until
 
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.online import egm
+from robotrue.online.blocks import Flag
 from robotrue.online.egm import RobotWare
 from robotrue.online.egm_link import EgmSettings, EgmSource
 from robotrue.online.guard import CorrectionGuard, CorrectionLimits
-from robotrue.online.samples import Correction, CorrectionMode, Flag
+from robotrue.online.robot_correction import Correction, CorrectionMode
 from robotrue.robot.presets import preset
 from robotrue.simulation.egm_controller import (
     EgmController,
@@ -215,7 +216,7 @@ def test_the_simulated_robot_follows_with_its_lag_and_stops_beyond_its_limit():
     at_rest = _jog().along(np.array([16e-3]))[1][0, :3, 3] / MM
     np.testing.assert_allclose(np.array(pose.xyz_mm) - at_rest, robot.report.offset / MM)
     robot.take(b"\xff")
-    robot.take(egm.write_joint_target(1, 0, JOINTS))
+    robot.take(EGM_JOINT_TARGET)
     assert (robot.report.faulty, robot.report.targets) == (1, 1)
     far = Correction(shift=np.array([6 * MM, 0, 0]), turn=np.zeros(3), mode=ABSOLUTE)
     robot.take(egm.write_path_correction(2, 0, far, 0.0))

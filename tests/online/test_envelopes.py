@@ -9,9 +9,8 @@ from estimate_cases import estimates
 
 from robotrue.errors import ConfigurationError, ShapeError
 from robotrue.online.envelopes import Envelopes
-from robotrue.online.estimate_columns import doubt_words, number_columns, numbers
-from robotrue.online.estimates import Doubt
-from robotrue.online.live_frames import estimates_frame
+from robotrue.online.estimates import Doubt, doubt_words, number_columns, numbers
+from robotrue.online.live_page import estimates_frame
 
 
 def _bins(cuts, doubt):

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ModelMismatchError, ShapeError
 from robotrue.online.guard import CorrectionGuard, CorrectionLimits
-from robotrue.online.samples import Correction, CorrectionMode
+from robotrue.online.robot_correction import Correction, CorrectionMode
 
 ABSOLUTE, RELATIVE = CorrectionMode.ABSOLUTE, CorrectionMode.RELATIVE
 CYCLE = 4e-3

@@ -16,8 +16,7 @@ from robotrue.errors import ConfigurationError
 from robotrue.online.envelopes import Envelopes
 from robotrue.online.estimates import Doubt
 from robotrue.online.link import Health
-from robotrue.online.opcua_nodes import readings, status_name
-from robotrue.online.opcua_robotics import nodeset_files
+from robotrue.online.opcua_nodes import nodeset_files, readings, status_name
 from robotrue.online.sink_addresses import open_sink
 from robotrue.online.sink_settings import SinkSettings
 

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from robotrue.core.rotations import matrix_from_abc
-from robotrue.online.corrections import Corrections
+from robotrue.online.corrections import Corrections, PathAxes
 from robotrue.online.estimates import EstimateBlock
 from robotrue.online.guard import CorrectionGuard, CorrectionLimits
-from robotrue.online.path_axes import PathAxes
-from robotrue.online.samples import CorrectionMode
+from robotrue.online.robot_correction import CorrectionMode
 
 TILTED = matrix_from_abc(np.array([0.2, 0.3, -0.4]))
 

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from online_cases import CONFIG, FORCE, JOINTS, NETFT, ROB
+from online_cases import CONFIG, EGM_JOINT_TARGET, EGM_POSE_TARGET, FORCE, JOINTS, NETFT, ROB
 from rdt_records import RdtRecord, force_sample, write_record
 
 from robotrue.core.units import MM
 from robotrue.errors import FormatError
 from robotrue.online import egm, rdt, rsi, rtde
+from robotrue.online.robot_correction import Correction, CorrectionMode
 from robotrue.online.rsi_config import parse_rsi_config
-from robotrue.online.samples import Correction, CorrectionMode
 
 pytestmark = pytest.mark.peer
 ABSOLUTE = CorrectionMode.ABSOLUTE
@@ -110,13 +110,10 @@ def test_the_trap_is_real(egm_pb2):
 
 
 def test_protobuf_reads_what_we_send_to_the_robot(egm_pb2):
-    sensor = egm_pb2.EgmSensor.FromString(egm.write_joint_target(5, 20, JOINTS))
-    assert tuple(sensor.planned.joints.joints) == JOINTS
-    assert sensor.header.mtype == 3
-    T = np.eye(4)
-    T[:3, 3] = [1.0, 2.0, 3.0]
-    sensor = egm_pb2.EgmSensor.FromString(egm.write_pose_target(5, 20, T))
-    assert (sensor.planned.cartesian.pos.y, sensor.planned.cartesian.orient.u0) == (2000.0, 1.0)
+    for target in (EGM_JOINT_TARGET, EGM_POSE_TARGET):
+        sensor = egm_pb2.EgmSensor.FromString(target)
+        assert sensor.header.mtype == 3
+        assert egm.read_target(sensor.SerializeToString()) == egm.read_target(target)
     shift = Correction(shift=np.array([0.0, 0.5 * MM, 0.0]), turn=np.zeros(3), mode=ABSOLUTE)
     path = egm_pb2.EgmSensorPathCorr.FromString(egm.write_path_correction(6, 24, shift, 0.004))
     assert (path.pathCorr.pos.y, path.pathCorr.age, path.header.mtype) == (0.5, 4, 4)

@@ -11,9 +11,8 @@ from rdt_records import RdtRecord, read_records, write_record
 
 from robotrue.errors import FormatError, ImplausibleDataError, RobotrueError
 from robotrue.online import rdt
-from robotrue.online.rdt import RdtCommand, RdtDevice
-from robotrue.online.rdt_block import decode_records, rdt_block
-from robotrue.online.samples import Flag
+from robotrue.online.blocks import Flag
+from robotrue.online.rdt import RdtCommand, RdtDevice, decode_records, rdt_block
 from robotrue.online.sequence import advance
 
 SCALE = rdt.RdtScale(newton=1e-6, newton_metre=1e-6)

@@ -12,15 +12,14 @@ import pytest
 from online_cases import RDT
 from rdt_records import RdtRecord, force_sample, read_records
 from simulated import flagged, rdt_source, rows, scenario, sensor, timed, until, until_shown
+from single_samples import force_block
 
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.online import rdt, udp
-from robotrue.online.blocks import force_block
-from robotrue.online.rdt_block import RECORD, arrival_times, decode_records, rdt_block
+from robotrue.online.blocks import Flag
+from robotrue.online.rdt import RECORD, arrival_times, decode_records, rdt_block
 from robotrue.online.rdt_link import RdtSettings
-from robotrue.online.samples import Flag
-from robotrue.online.sequence import SequenceState, advance
-from robotrue.online.sequence_block import advance_block, in_order
+from robotrue.online.sequence import SequenceState, advance, advance_block, in_order
 from robotrue.online.udp import TOLD, tell_arrivals, waited
 from robotrue.simulation.rdt_sensor import RdtSensor, RdtSensorSettings
 

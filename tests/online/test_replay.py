@@ -7,8 +7,8 @@ import pytest
 
 from robotrue.core.units import DEG
 from robotrue.errors import FormatError, ImplausibleDataError
+from robotrue.online.blocks import Flag
 from robotrue.online.replay_blocks import force_blocks, joint_blocks
-from robotrue.online.samples import Flag
 
 JOINTS = "t_s,host_s,sequence,a1_deg,a2_deg,a3_deg,a4_deg,a5_deg,a6_deg"
 POSE = ",x_mm,y_mm,z_mm,rx_deg,ry_deg,rz_deg"

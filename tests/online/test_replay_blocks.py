@@ -6,13 +6,13 @@ import itertools
 import numpy as np
 import pytest
 from line_replay import replay_force, replay_joints
+from single_samples import force_block, joint_block
 
 from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.online import replay_columns
-from robotrue.online.blocks import force_block, joint_block
+from robotrue.online.blocks import Flag
 from robotrue.online.replay_blocks import Repeats, force_blocks, joint_blocks
 from robotrue.online.replay_link import ReplayForce, ReplayJoints, ReplaySettings
-from robotrue.online.samples import Flag
 
 ODD_NUMBERS = ["nan", "", "1e9", " 2.5", "-0", ".5", "5.", "+1e-3", "NaN", "1_0", "inf"]
 ODD_LINES = ["# a remark", "", "1,2", "x", "\r", "1e,2,3", "--1"]

@@ -18,9 +18,10 @@ from robotrue.errors import (
     ShapeError,
 )
 from robotrue.online import rsi
+from robotrue.online.blocks import Flag
+from robotrue.online.robot_correction import Correction, CorrectionMode
 from robotrue.online.rsi_block import rob_block
 from robotrue.online.rsi_config import parse_rsi_config
-from robotrue.online.samples import Correction, CorrectionMode, Flag
 from robotrue.online.sequence import advance
 
 ABSOLUTE = CorrectionMode.ABSOLUTE

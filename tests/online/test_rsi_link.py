@@ -11,13 +11,14 @@ from robots import Robot, collected, ipoc_of, rob, until
 
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
+from robotrue.online.blocks import Flag
 from robotrue.online.guard import CorrectionGuard, CorrectionLimits
+from robotrue.online.robot_correction import Correction, CorrectionMode
+from robotrue.online.robot_link import Turnaround
 from robotrue.online.rsi import write_sen
 from robotrue.online.rsi_answer import SenWriter
 from robotrue.online.rsi_config import parse_rsi_config, usual_rsi_config, write_rsi_config
 from robotrue.online.rsi_link import RsiSettings, RsiSource
-from robotrue.online.samples import Correction, CorrectionMode, Flag
-from robotrue.online.turnaround import Turnaround
 from robotrue.robot.presets import preset
 from robotrue.simulation.joint_motion import Jog
 from robotrue.simulation.rsi_controller import RsiController, RsiControllerSettings, run

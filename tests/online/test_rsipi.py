@@ -12,9 +12,9 @@ import pytest
 
 from robotrue.core.units import MM
 from robotrue.online.guard import CorrectionGuard, CorrectionLimits
+from robotrue.online.robot_correction import Correction, CorrectionMode
 from robotrue.online.rsi_config import usual_rsi_config, write_rsi_config
 from robotrue.online.rsi_link import RsiSettings, RsiSource
-from robotrue.online.samples import Correction, CorrectionMode
 
 pytestmark = [
     pytest.mark.peer,

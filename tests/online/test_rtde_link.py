@@ -19,8 +19,8 @@ from simulated import (
 
 from robotrue.errors import ConfigurationError
 from robotrue.online import rtde
+from robotrue.online.blocks import Flag
 from robotrue.online.rtde_link import RtdeForce, RtdeSettings, RtdeSource
-from robotrue.online.samples import Flag
 from robotrue.robot.forward import forward
 
 
@@ -248,7 +248,7 @@ def test_a_simulated_controller_answers_like_one():
                 await ask(rtde.write_frame("v")),
                 await ask(rtde.write_frame("S")),  # nothing was asked for
                 await ask(rtde.write_output_request(("timestamp", "actual_speed"), 125.0)),
-                await ask(rtde.write_input_request(("speed_slider_mask",))),
+                await ask(rtde.write_frame("I", b"speed_slider_mask")),
             ]
             writer.write(b"\x00\x01?")
             assert await reader.read() == b""  # what is no RTDE is hung up on

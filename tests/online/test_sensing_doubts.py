@@ -21,11 +21,10 @@ from sensing_cases import (
 from robotrue.core.units import DEG
 from robotrue.dynamics.flange_sensor import HeldTool
 from robotrue.errors import ConfigurationError, ModelMismatchError, ReachError
+from robotrue.online.blocks import Flag
 from robotrue.online.estimates import Doubt
-from robotrue.online.samples import Flag
 from robotrue.online.sensing import Sensing
-from robotrue.online.sensing_models import SensingModels
-from robotrue.online.sensing_settings import SensingSettings
+from robotrue.online.sensing_models import SensingModels, SensingSettings
 
 AT = 22_000
 """Sample that is spoilt, long after the start has settled."""

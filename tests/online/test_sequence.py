@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robotrue.errors import ConfigurationError
-from robotrue.online.samples import Flag
+from robotrue.online.blocks import Flag
 from robotrue.online.sequence import SequenceState, advance
 
 

@@ -24,7 +24,7 @@ from robotrue.online.record import Record, read_record
 from robotrue.online.record_frames import Kind
 from robotrue.online.record_writer import RecordWriter
 from robotrue.online.resume import read_estimates_after, resume
-from robotrue.online.samples import CorrectionMode
+from robotrue.online.robot_correction import CorrectionMode
 from robotrue.online.sensing_chain import SensingChain
 from robotrue.online.service import ServiceSettings, SinkPlan, Snapshot, sense
 

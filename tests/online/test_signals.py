@@ -11,9 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robotrue.errors import FormatError
-from robotrue.online.samples import Flag
-from robotrue.online.signals import SignalSample, read_signals, write_signals
-from robotrue.online.signals_udp import UdpSignals
+from robotrue.online.blocks import Flag
+from robotrue.online.signals import SignalSample, UdpSignals, read_signals, write_signals
 
 
 def test_numbers_texts_and_clocks() -> None:

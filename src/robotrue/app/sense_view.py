@@ -7,7 +7,7 @@ import numpy as np
 from robotrue.app.presentation import LiveView, Table
 from robotrue.core.units import UM
 from robotrue.online.clocks import ClockFix
-from robotrue.online.estimate_columns import doubt_words
+from robotrue.online.estimates import doubt_words
 from robotrue.online.link import Health
 from robotrue.online.service import Snapshot
 

@@ -15,7 +15,7 @@ from robotrue.online.egm import RobotWare
 from robotrue.online.link import Corrector, Source
 from robotrue.online.net_address import NetAddress, net_address
 from robotrue.online.rdt import RdtDevice, parse_netftapi, parse_rate
-from robotrue.online.samples import CorrectionMode
+from robotrue.online.robot_correction import CorrectionMode
 from robotrue.online.udp import Address
 
 if TYPE_CHECKING:

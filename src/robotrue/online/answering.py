@@ -42,9 +42,9 @@ from robotrue.online.answering_wire import (
 from robotrue.online.blocks import Block
 from robotrue.online.egm_link import EgmForce, EgmSource
 from robotrue.online.guard import CorrectionGuard
+from robotrue.online.robot_correction import Correction, CorrectionMode
 from robotrue.online.robot_link import LinkState, RobotLink
 from robotrue.online.rsi_link import RsiSettings, RsiSource
-from robotrue.online.samples import Correction, CorrectionMode
 from robotrue.online.udp import prompt_answers
 
 _BEAT: Final = 0.03

@@ -41,10 +41,9 @@ from robotrue.online.egm_link import EgmSettings
 from robotrue.online.guard import CorrectionGuard, CorrectionLimits
 from robotrue.online.link import Health
 from robotrue.online.remote_guard import RemoteGuard
-from robotrue.online.robot_link import LinkState
-from robotrue.online.samples import CorrectionMode
+from robotrue.online.robot_correction import CorrectionMode
+from robotrue.online.robot_link import LinkState, Turnaround
 from robotrue.online.sequence import SequenceState
-from robotrue.online.turnaround import Turnaround
 from robotrue.online.udp import Inbox
 
 AVAILABLE: Final = sys.platform == "linux" and bool(sys.executable)

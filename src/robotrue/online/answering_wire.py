@@ -21,10 +21,10 @@ from robotrue.online.egm_link import EgmSettings
 from robotrue.online.guard import CorrectionLimits, GuardState
 from robotrue.online.link import Health
 from robotrue.online.record_frames import HEAD, Kind, frame_bytes, frame_from
+from robotrue.online.robot_correction import CorrectionMode
 from robotrue.online.robot_link import LinkState
 from robotrue.online.rsi_config import parse_rsi_config, write_rsi_config
 from robotrue.online.rsi_link import RsiSettings
-from robotrue.online.samples import CorrectionMode
 from robotrue.online.sequence import SequenceState
 from robotrue.online.udp import Address
 

@@ -5,16 +5,53 @@ A block of one row is a sample. How a stream is cut into blocks changes nothing 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import enum
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Final
 
 import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.columns import Column, Columns
-from robotrue.errors import ShapeError
-from robotrue.online.samples import Flag, ForceSample, JointSample
+from robotrue.core.units import DEG
+from robotrue.dynamics.force import MOST
+
+FARTHEST: Final = 100.0
+"""m; no tool point is farther from its frame, on the longest rail."""
+MOST_TURNS: Final = 36000.0 * DEG
+"""rad; endless wrist axes count full turns, but not more than a hundred in one program."""
+STRONGEST: Final = np.array([MOST] * 3 + [MOST] * 3)
+"""N and N m; a wrench beyond it is counts or a flipped bit."""
+
+
+class Flag(enum.IntFlag):
+    """What is wrong with a sample, or odd about it; ``INVALID`` are those that forbid its use."""
+
+    NONE = 0
+    NOT_FINITE = 1
+    """A value was NaN or infinite; it is NaN here."""
+    IMPLAUSIBLE = 2
+    """A value beyond what any robot or sensor gives; it is NaN here."""
+    REPEATED = 4
+    """The same sequence number again: nothing new."""
+    REORDERED = 8
+    """Older than a packet that has come."""
+    CLOCK_JUMP = 16
+    """The sender's count left its grid, fell far back or leapt; or the host's clock went back."""
+    SENSOR_FAULT = 32
+    """The sender says that it is not well."""
+    SATURATED = 64
+    """The sensor is beyond its range."""
+    GAP = 128
+    """Packets before this one are missing; the sample itself is sound."""
+    LATE = 256
+    """It came late, or the controller has counted an answer of ours as late."""
+    INACTIVE = 512
+    """The controller says that force control or the motors are off."""
+
+    INVALID = (
+        NOT_FINITE | IMPLAUSIBLE | REPEATED | REORDERED | CLOCK_JUMP | SENSOR_FAULT | SATURATED
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,7 +64,7 @@ class JointBlock(Columns):
         joints: (n, dof) rad as the controller displays them.
         T_frame_tool: (n, 4, 4) m, the tool point in the controller's frame; NaN where not known.
         sequence: (n,) the sender's numbers.
-        flags: (n,) :class:`~robotrue.online.samples.Flag` values.
+        flags: (n,) :class:`Flag` values.
     """
 
     controller_time: Annotated[Array, Column("n", unit="s", nan=True)]
@@ -57,7 +94,7 @@ class ForceBlock(Columns):
         frame: Frame of its axes: "sensor", "tool", "base".
         sequence: (n,) the sender's numbers.
         status: (n,) status words; 0 where it sends none.
-        flags: (n,) :class:`~robotrue.online.samples.Flag` values.
+        flags: (n,) :class:`Flag` values.
     """
 
     controller_time: Annotated[Array, Column("n", unit="s", nan=True)]
@@ -80,45 +117,47 @@ class ForceBlock(Columns):
 Block = JointBlock | ForceBlock
 
 
-def joint_block(samples: Sequence[JointSample]) -> JointBlock:
-    """Returns samples of one stream as a block.
+def check_wrenches(wrench: Array, flags: IntArray) -> tuple[Array, IntArray]:
+    """Returns wrenches (n, 6) with NaN for what no sensor gives, and the flags (n,) with it.
 
-    Raises:
-        ShapeError: None, or arms of different numbers of joints.
+    Torques that are all NaN were not measured: no fault.
     """
-    _some(samples)
-    if len({len(s.joints) for s in samples}) > 1:
-        raise ShapeError("samples of arms with different numbers of joints in one stream.")
-    return JointBlock(
-        controller_time=np.array([s.controller_time for s in samples]),
-        host_time=np.array([s.host_time for s in samples]),
-        joints=np.array([s.joints for s in samples]),
-        T_frame_tool=np.array([s.T_frame_tool for s in samples]),
-        sequence=np.array([s.sequence for s in samples], dtype=np.int64),
-        flags=np.array([int(s.flags) for s in samples], dtype=np.int64),
-    )
+    size = np.abs(wrench)
+    if (size <= STRONGEST).all():
+        return wrench, flags
+    measured = np.ones(wrench.shape, dtype=bool)
+    measured[:, 3:] = ~np.isnan(wrench[:, 3:]).all(axis=1, keepdims=True)
+    return _mark_values(wrench, size, STRONGEST, measured, flags)
 
 
-def force_block(samples: Sequence[ForceSample]) -> ForceBlock:
-    """Returns samples of one stream as a block.
-
-    Raises:
-        ShapeError: None, or in different frames.
-    """
-    _some(samples)
-    if len({s.frame for s in samples}) > 1:
-        raise ShapeError("forces in different frames in one stream.")
-    return ForceBlock(
-        controller_time=np.array([s.controller_time for s in samples]),
-        host_time=np.array([s.host_time for s in samples]),
-        wrench=np.array([s.wrench for s in samples]),
-        frame=samples[0].frame,
-        sequence=np.array([s.sequence for s in samples], dtype=np.int64),
-        status=np.array([s.status for s in samples], dtype=np.int64),
-        flags=np.array([int(s.flags) for s in samples], dtype=np.int64),
-    )
+def check_joints(joints: Array, flags: IntArray) -> tuple[Array, IntArray]:
+    """Returns joints (n, dof) rad with NaN for what no arm has, and the flags (n,) with it."""
+    size = np.abs(joints)
+    if (size <= MOST_TURNS).all():
+        return joints, flags
+    return _mark_values(joints, size, MOST_TURNS, np.ones(joints.shape, dtype=bool), flags)
 
 
-def _some(samples: Sequence[Any]) -> None:
-    if not samples:
-        raise ShapeError("a block of no samples, expected one or more.")
+def check_poses(poses: Array, flags: IntArray) -> tuple[Array, IntArray]:
+    """Returns poses (n, 4, 4) m, known whole or NaN whole, and the flags (n,) with it."""
+    if (np.abs(poses) <= FARTHEST).all():  # as nearly all are; no entry of a rotation is larger
+        return poses, flags
+    known = ~np.isnan(poses).all(axis=(1, 2))
+    finite = np.isfinite(poses).all(axis=(1, 2))
+    near = finite & ~(np.abs(poses[:, :3, 3]).max(axis=1) > FARTHEST)
+    flags = flags | np.where(known & ~finite, int(Flag.NOT_FINITE), 0)
+    flags = flags | np.where(finite & ~near, int(Flag.IMPLAUSIBLE), 0)
+    if (near | ~known).all():
+        return poses, flags
+    return np.where(near[:, None, None], poses, np.nan), flags
+
+
+def _mark_values(
+    values: Array, size: Array, most: float | Array, measured: BoolArray, flags: IntArray
+) -> tuple[Array, IntArray]:
+    finite = np.isfinite(values)
+    strange = (measured & ~finite).any(axis=1)
+    large = (measured & finite & (size > most)).any(axis=1)
+    flags = flags | np.where(strange, int(Flag.NOT_FINITE), 0)
+    flags = flags | np.where(large, int(Flag.IMPLAUSIBLE), 0)
+    return np.where(size <= most, values, np.nan), flags

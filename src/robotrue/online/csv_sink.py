@@ -17,8 +17,7 @@ from typing import Final
 
 from robotrue.core.provenance import mark_line
 from robotrue.errors import ConfigurationError, FormatError, ShapeError
-from robotrue.online.estimate_columns import doubt_words, number_columns, numbers
-from robotrue.online.estimates import EstimateBlock
+from robotrue.online.estimates import EstimateBlock, doubt_words, number_columns, numbers
 from robotrue.online.link import Health
 from robotrue.online.sink_settings import SinkSettings
 

@@ -10,26 +10,33 @@ from __future__ import annotations
 
 import enum
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, TypeVar
 
 import numpy as np
 
-from robotrue.core.arrays import Array
+from robotrue.core.arrays import Array, IntArray
 from robotrue.core.poses import pose
-from robotrue.core.rotations import (
-    matrix_from_abc,
-    matrix_from_quat_wxyz,
-    quat_wxyz_from_matrix,
-)
+from robotrue.core.rotations import matrix_from_abc, matrix_from_quat_wxyz
 from robotrue.core.units import DEG, MM
 from robotrue.errors import FormatError, ShapeError
 from robotrue.online import protobuf as wire
-from robotrue.online.samples import Correction, Flag, ForceSample, JointSample, unknown_pose
+from robotrue.online.blocks import (
+    Flag,
+    ForceBlock,
+    JointBlock,
+    check_joints,
+    check_poses,
+    check_wrenches,
+)
+from robotrue.online.protobuf import WireMessage
+from robotrue.online.robot_correction import Correction
 from robotrue.online.sequence import SequenceState
 
 _State = TypeVar("_State", bound=enum.IntEnum)
 _CYCLE: Final = 4e-3
+_NO_POSE: Final = np.full((4, 4), np.nan)
 _QUAT_OFF: Final = 1e-3
 """How far from unit length a quaternion may be printed."""
 
@@ -126,6 +133,10 @@ class EgmRobot:
     force: tuple[float, ...] = ()
 
 
+SeenMessage = tuple[EgmRobot, float, Flag]
+"""A message, s on the host's clock when it came, and what its number says."""
+
+
 def egm_sequence() -> SequenceState:
     """Returns the state that watches the seqno of a link, 4 ms a message."""
     return SequenceState(modulus=1 << 32, late_after=1.5 * _CYCLE)
@@ -138,90 +149,96 @@ def read_robot(data: bytes, generation: RobotWare) -> EgmRobot:
         FormatError: Damaged, not an EgmRobot, or with a measured force that is empty or not of
             six values: then of the other generation.
     """
-    fields = wire.read_fields(data, "EgmRobot")
-    seqno, tm, kind = _header(fields, "EgmRobot")
+    message = WireMessage(data, "EgmRobot")
+    seqno, tm, kind = _read_header(message)
     if kind is not MessageType.DATA:
         raise FormatError(
             f"EGM message of type {kind.name}, expected DATA from a controller.",
             hint="does another sensor answer on this port?",
         )
-    back = _fields(fields, 2, "feedBack")
-    joints = _joints(back, "feedBack")
-    planned = _joints(_fields(fields, 3, "planned"), "planned")
-    sent, active, force = _force(fields, generation)
-    converged = wire.one_varint(fields, 6, "EgmRobot")
+    back = message.message(2, "feedBack")
+    sent, active, force = _read_force(message, generation)
+    converged = message.varint(6)
     return EgmRobot(
         seqno=seqno,
         tm_ms=tm,
-        joints_deg=joints,
-        pose=_pose(back),
-        planned_deg=planned,
-        clock=_clock(back),
-        motors=_state(fields, 4, MotorState),
-        guidance=_state(fields, 5, GuidanceState),
+        joints_deg=_read_joints(back),
+        pose=_read_pose(back),
+        planned_deg=_read_joints(message.message(3, "planned")),
+        clock=_read_clock(back),
+        motors=_read_state(message, 4, MotorState),
+        guidance=_read_state(message, 5, GuidanceState),
         converged=None if converged is None else bool(converged),
-        rapid=_state(fields, 8, RapidState),
+        rapid=_read_state(message, 8, RapidState),
         force_sent=sent,
         force_active=active,
         force=force,
     )
 
 
-def joint_sample(robot: EgmRobot, host_time: float, flags: Flag = Flag.NONE) -> JointSample:
-    """Returns the sample of a message; its pose is in the work object of EGM.
+def egm_joint_block(messages: Sequence[SeenMessage]) -> JointBlock:
+    """Returns the block of messages; its poses are in the work object of EGM.
 
     Raises:
-        FormatError: The message has no joints.
+        FormatError: A message has no joints.
+        ShapeError: Messages of arms with different numbers of joints.
     """
-    if not robot.joints_deg:
+    robots = [robot for robot, _, _ in messages]
+    if not all(robot.joints_deg for robot in robots):
         raise FormatError(
             "EgmRobot without measured joints.", hint="EGMSetupUC with the joints of the arm."
         )
-    if robot.motors is MotorState.OFF:
-        flags |= Flag.INACTIVE
-    if robot.guidance is GuidanceState.ERROR:
-        flags |= Flag.SENSOR_FAULT
-    T_frame_tool, wrong = _matrix(robot.pose)
-    return JointSample(
-        controller_time=_time(robot),
-        host_time=host_time,
-        joints=np.array(robot.joints_deg) * DEG,
+    if len({len(robot.joints_deg) for robot in robots}) > 1:
+        raise ShapeError("messages of arms with different numbers of joints in one stream.")
+    poses, faults = zip(*(_matrix(robot.pose) for robot in robots), strict=True)
+    off = [Flag.INACTIVE * (robot.motors is MotorState.OFF) for robot in robots]
+    ill = [Flag.SENSOR_FAULT * (robot.guidance is GuidanceState.ERROR) for robot in robots]
+    flags = _flags_of(messages) | np.array(faults) | np.array(off) | np.array(ill)
+    joints, flags = check_joints(np.array([robot.joints_deg for robot in robots]) * DEG, flags)
+    T_frame_tool, flags = check_poses(np.array(poses), flags)
+    return JointBlock(
+        controller_time=np.array([_time(robot) for robot in robots]),
+        host_time=np.array([time for _, time, _ in messages]),
+        joints=joints,
         T_frame_tool=T_frame_tool,
-        sequence=robot.seqno,
-        flags=flags | wrong,
+        sequence=np.array([robot.seqno for robot in robots], dtype=np.int64),
+        flags=flags,
     )
 
 
-def force_sample(
-    robot: EgmRobot, host_time: float, *, frame: str, flags: Flag = Flag.NONE
-) -> ForceSample:
-    """Returns the measured force of a message.
+def egm_force_block(messages: Sequence[SeenMessage], frame: str) -> ForceBlock:
+    """Returns the measured forces of messages.
 
     Args:
-        robot: As read.
-        host_time: s.
-        frame: The axes the controller was set up to report it in; the message does not say.
-        flags: What is wrong with the message.
+        messages: As read.
+        frame: The axes the controller was set up to report them in; no message says.
 
     Raises:
-        FormatError: The message has no measured force.
+        FormatError: A message has no measured force.
     """
-    if not robot.force:
+    robots = [robot for robot, _, _ in messages]
+    if not all(robot.force for robot in robots):
         raise FormatError(
             "EgmRobot without a measured force.",
             hint="a force sensor and its calibration (FCCalib) on the controller, or --force "
             "from another source.",
         )
-    if robot.force_active is False:
-        flags |= Flag.INACTIVE
-    return ForceSample(
-        controller_time=_time(robot),
-        host_time=host_time,
-        wrench=np.array(robot.force),
+    off = [Flag.INACTIVE * (robot.force_active is False) for robot in robots]
+    flags = _flags_of(messages) | np.array(off)
+    wrench, flags = check_wrenches(np.array([robot.force for robot in robots]), flags)
+    return ForceBlock(
+        controller_time=np.array([_time(robot) for robot in robots]),
+        host_time=np.array([time for _, time, _ in messages]),
+        wrench=wrench,
         frame=frame,
-        sequence=robot.seqno,
+        sequence=np.array([robot.seqno for robot in robots], dtype=np.int64),
+        status=np.zeros(len(robots), dtype=np.int64),
         flags=flags,
     )
+
+
+def _flags_of(messages: Sequence[SeenMessage]) -> IntArray:
+    return np.array([int(flags) for _, _, flags in messages], dtype=np.int64)
 
 
 def write_robot(robot: EgmRobot, generation: RobotWare) -> bytes:
@@ -230,13 +247,13 @@ def write_robot(robot: EgmRobot, generation: RobotWare) -> bytes:
     if robot.joints_deg:
         back += wire.write_message(1, wire.write_doubles(1, robot.joints_deg))
     if robot.pose is not None:
-        back += wire.write_message(2, _written_pose(robot.pose))
+        back += wire.write_message(2, _write_pose(robot.pose))
     if robot.clock is not None:
         second, microsecond = robot.clock
         back += wire.write_message(
             4, wire.write_varint(1, second) + wire.write_varint(2, microsecond)
         )
-    out = _written_header(robot.seqno, robot.tm_ms, MessageType.DATA) + wire.write_message(2, back)
+    out = _write_header(robot.seqno, robot.tm_ms, MessageType.DATA) + wire.write_message(2, back)
     if robot.planned_deg:
         joints = wire.write_message(1, wire.write_doubles(1, robot.planned_deg))
         out += wire.write_message(3, joints)
@@ -254,33 +271,6 @@ def write_robot(robot: EgmRobot, generation: RobotWare) -> bytes:
         force += wire.write_doubles(1 if generation is RobotWare.SIX else 2, robot.force)
         out += wire.write_message(9, force)
     return out
-
-
-def write_joint_target(seqno: int, tm_ms: int, joints_deg: tuple[float, ...]) -> bytes:
-    """Returns an ``EgmSensor`` that sends the robot to joints.
-
-    Raises:
-        ShapeError: A joint that is not finite.
-    """
-    _finite(joints_deg, "joints")
-    planned = wire.write_message(1, wire.write_doubles(1, joints_deg))
-    return _written_header(seqno, tm_ms, MessageType.CORRECTION) + wire.write_message(2, planned)
-
-
-def write_pose_target(seqno: int, tm_ms: int, T_frame_tool: Array) -> bytes:
-    """Returns an ``EgmSensor`` that sends the tool to a pose (4, 4) m in the work object.
-
-    Raises:
-        ShapeError: A pose that is not finite.
-    """
-    target = np.asarray(T_frame_tool, dtype=np.float64)
-    _finite(target.ravel().tolist(), "T_frame_tool")
-    printed = EgmPose(
-        xyz_mm=tuple((target[:3, 3] / MM).tolist()),
-        quat_wxyz=tuple(quat_wxyz_from_matrix(target[:3, :3]).tolist()),
-    )
-    planned = wire.write_message(2, _written_pose(printed))
-    return _written_header(seqno, tm_ms, MessageType.CORRECTION) + wire.write_message(2, planned)
 
 
 def write_path_correction(seqno: int, tm_ms: int, correction: Correction, age: float) -> bytes:
@@ -301,9 +291,9 @@ def write_path_correction(seqno: int, tm_ms: int, correction: Correction, age: f
             f"turn {correction.turn / DEG} deg, age {age:g} s; expected no turn and an age from 0.",
             hint="EGM corrects the path in x, y, z only.",
         )
-    body = wire.write_message(1, _written_three(tuple((correction.shift / MM).tolist())))
+    body = wire.write_message(1, _write_numbers(tuple((correction.shift / MM).tolist())))
     body += wire.write_varint(2, round(age * 1e3))
-    return _written_header(seqno, tm_ms, MessageType.PATH_CORRECTION) + wire.write_message(2, body)
+    return _write_header(seqno, tm_ms, MessageType.PATH_CORRECTION) + wire.write_message(2, body)
 
 
 def read_path_correction(data: bytes) -> tuple[int, tuple[float, ...], int]:
@@ -312,11 +302,10 @@ def read_path_correction(data: bytes) -> tuple[int, tuple[float, ...], int]:
     Raises:
         FormatError: Damaged, or another message.
     """
-    fields = wire.read_fields(data, "EgmSensorPathCorr")
-    seqno, _, kind = _header(fields, "EgmSensorPathCorr")
-    body = _fields(fields, 2, "pathCorr")
-    xyz = _numbers(body, 1, 3, "pathCorr")
-    age = wire.one_varint(body, 2, "pathCorr")
+    message = WireMessage(data, "EgmSensorPathCorr")
+    seqno, _, kind = _read_header(message)
+    body = message.message(2, "pathCorr")
+    xyz, age = _read_numbers(body, 1, 3), body.varint(2)
     if kind is not MessageType.PATH_CORRECTION or xyz is None or age is None:
         raise FormatError(f"EGM message {kind.name} without pos and age, expected both.")
     return seqno, xyz, age
@@ -328,22 +317,20 @@ def read_target(data: bytes) -> tuple[int, tuple[float, ...], EgmPose | None]:
     Raises:
         FormatError: Damaged, or another message.
     """
-    fields = wire.read_fields(data, "EgmSensor")
-    seqno, _, kind = _header(fields, "EgmSensor")
+    message = WireMessage(data, "EgmSensor")
+    seqno, _, kind = _read_header(message)
     if kind is not MessageType.CORRECTION:
         raise FormatError(f"EGM message {kind.name}, expected CORRECTION.")
-    planned = _fields(fields, 2, "planned")
-    return seqno, _joints(planned, "planned"), _pose(planned)
+    planned = message.message(2, "planned")
+    return seqno, _read_joints(planned), _read_pose(planned)
 
 
-def _header(fields: tuple[wire.WireField, ...], what: str) -> tuple[int, int, MessageType]:
-    header = _fields(fields, 1, f"{what} header")
-    seqno = wire.one_varint(header, 1, f"{what} header")
-    tm = wire.one_varint(header, 2, f"{what} header")
+def _read_header(message: WireMessage) -> tuple[int, int, MessageType]:
+    what, header = message.what, message.message(1, f"{message.what} header")
+    seqno, tm, kind = header.varint(1), header.varint(2), header.varint(3)
     # the proto asks for none; a controller sends it always, and sensors do without
     if tm is None and what != "EgmRobot":
         tm = 0
-    kind = wire.one_varint(header, 3, f"{what} header")
     if seqno is None or tm is None or max(seqno, tm) >= 1 << 32:
         raise FormatError(f"{what} without a header of seqno and tm.", hint="is this EGM's port?")
     if kind is None or kind not in MessageType.__members__.values():
@@ -351,92 +338,89 @@ def _header(fields: tuple[wire.WireField, ...], what: str) -> tuple[int, int, Me
     return seqno, tm, MessageType(kind)
 
 
-def _force(
-    fields: tuple[wire.WireField, ...], generation: RobotWare
+def _read_force(
+    message: WireMessage, generation: RobotWare
 ) -> tuple[bool, bool | None, tuple[float, ...]]:
-    body = wire.one_message(fields, 9, "EgmRobot")
-    if body is None:
+    """Returns whether a force was sent, whether force control is active, and the force."""
+    if not message.values(9):
         return False, None, ()
-    inner = wire.read_fields(body, "measuredForce")
+    inner = message.message(9, "measuredForce")
     number = 1 if generation is RobotWare.SIX else 2
-    other = RobotWare.SEVEN if generation is RobotWare.SIX else RobotWare.SIX
-    values = wire.doubles(
-        tuple(f for f in inner if f.wire_type != wire.VARINT), number, "measuredForce"
-    )
+    values: tuple[float, ...] = ()
+    if all(wire_type != wire.VARINT for wire_type, _ in inner.values(number)):
+        values = inner.doubles(number)
     if len(values) != 6:
-        elsewhere = any(
-            f.number == 3 - number and f.wire_type != wire.VARINT and f.value for f in inner
-        )
+        other = RobotWare.SEVEN if generation is RobotWare.SIX else RobotWare.SIX
+        elsewhere = any(v for kind, v in inner.values(3 - number) if kind != wire.VARINT)
         raise FormatError(
             f"measuredForce has {len(values)} values as RobotWare {generation.value}, expected 6.",
             hint=f"RobotWare {other.value}: its force stands in the other field."
             if elsewhere
             else f"RobotWare {other.value}, or calibrate the force sensor (FCCalib).",
         )
-    active = wire.one_varint(inner, 1, "measuredForce") if number == 2 else None
+    active = inner.varint(1) if number == 2 else None
     return True, None if active is None else bool(active), values
 
 
-def _fields(
-    fields: tuple[wire.WireField, ...], number: int, what: str
-) -> tuple[wire.WireField, ...]:
-    body = wire.one_message(fields, number, what)
-    return () if body is None else wire.read_fields(body, what)
-
-
-def _joints(fields: tuple[wire.WireField, ...], what: str) -> tuple[float, ...]:
-    values = wire.doubles(_fields(fields, 1, f"{what} joints"), 1, f"{what} joints")
+def _read_joints(message: WireMessage) -> tuple[float, ...]:
+    values = message.message(1, f"{message.what} joints").doubles(1)
     if len(values) not in (0, 6, 7):
-        raise FormatError(f"{what} has {len(values)} joints, expected 6 or 7.")
+        raise FormatError(f"{message.what} has {len(values)} joints, expected 6 or 7.")
     return values
 
 
-def _numbers(
-    fields: tuple[wire.WireField, ...], number: int, size: int, what: str
-) -> tuple[float, ...] | None:
+def _read_numbers(message: WireMessage, number: int, size: int) -> tuple[float, ...] | None:
     """A message of required doubles 1..size, or None where it does not stand."""
-    body = wire.one_message(fields, number, what)
-    if body is None:
+    if not message.values(number):
         return None
-    inner = wire.read_fields(body, what)
-    found = [wire.one_double(inner, i, what) for i in range(1, size + 1)]
-    values = tuple(v for v in found if v is not None)
+    inner = message.message(number, message.what)
+    values = tuple(v for i in range(1, size + 1) if (v := inner.double(i)) is not None)
     if len(values) != size:
-        raise FormatError(f"{what}: {len(values)} of {size} numbers in field {number}.")
+        raise FormatError(f"{message.what}: {len(values)} of {size} numbers in field {number}.")
     return values
 
 
-def _pose(fields: tuple[wire.WireField, ...]) -> EgmPose | None:
-    inner = _fields(fields, 2, "cartesian")
-    xyz = _numbers(inner, 1, 3, "cartesian")
+def _read_pose(message: WireMessage) -> EgmPose | None:
+    inner = message.message(2, "cartesian")
+    xyz = _read_numbers(inner, 1, 3)
     if xyz is None:
         return None
-    quat, euler = _numbers(inner, 2, 4, "cartesian"), _numbers(inner, 3, 3, "cartesian")
-    return EgmPose(xyz_mm=xyz, quat_wxyz=quat, euler_deg=euler)
+    return EgmPose(
+        xyz_mm=xyz, quat_wxyz=_read_numbers(inner, 2, 4), euler_deg=_read_numbers(inner, 3, 3)
+    )
 
 
-def _matrix(printed: EgmPose | None) -> tuple[Array, Flag]:
-    if printed is None or (printed.euler_deg is None and printed.quat_wxyz is None):
-        return unknown_pose(), Flag.NONE
-    turn = np.array(printed.euler_deg or printed.quat_wxyz)
-    xyz = np.array(printed.xyz_mm)
-    if not (np.isfinite(turn).all() and np.isfinite(xyz).all()):
-        return unknown_pose(), Flag.NOT_FINITE
-    if printed.euler_deg is not None:
-        return pose(matrix_from_abc(turn[::-1] * DEG), xyz * MM), Flag.NONE
-    if not abs(math.hypot(*turn.tolist()) - 1.0) <= _QUAT_OFF:
-        return unknown_pose(), Flag.IMPLAUSIBLE
-    return pose(matrix_from_quat_wxyz(turn), xyz * MM), Flag.NONE
-
-
-def _clock(fields: tuple[wire.WireField, ...]) -> tuple[int, int] | None:
-    inner = _fields(fields, 4, "time")
-    second, microsecond = (wire.one_varint(inner, i, "time") for i in (1, 2))
+def _read_clock(message: WireMessage) -> tuple[int, int] | None:
+    inner = message.message(4, "time")
+    second, microsecond = inner.varint(1), inner.varint(2)
     if second is None or microsecond is None:
         return None
     if microsecond >= 1_000_000 or second >= 1 << 40:
         raise FormatError(f"time {second} s {microsecond} us, expected below 1000000 us.")
     return second, microsecond
+
+
+def _read_state(message: WireMessage, number: int, kind: type[_State]) -> _State | None:
+    if not message.values(number):
+        return None
+    value = message.message(number, kind.__name__).varint(1)
+    if value is None or value not in kind.__members__.values():
+        raise FormatError(f"{kind.__name__} {value}, expected 0 to {max(kind)}.")
+    return kind(value)
+
+
+def _matrix(printed: EgmPose | None) -> tuple[Array, Flag]:
+    if printed is None or (printed.euler_deg is None and printed.quat_wxyz is None):
+        return _NO_POSE, Flag.NONE
+    turn = np.array(printed.euler_deg or printed.quat_wxyz)
+    xyz = np.array(printed.xyz_mm)
+    if not (np.isfinite(turn).all() and np.isfinite(xyz).all()):
+        return _NO_POSE, Flag.NOT_FINITE
+    if printed.euler_deg is not None:
+        return pose(matrix_from_abc(turn[::-1] * DEG), xyz * MM), Flag.NONE
+    if not abs(math.hypot(*turn.tolist()) - 1.0) <= _QUAT_OFF:
+        return _NO_POSE, Flag.IMPLAUSIBLE
+    return pose(matrix_from_quat_wxyz(turn), xyz * MM), Flag.NONE
 
 
 def _time(robot: EgmRobot) -> float:
@@ -445,33 +429,18 @@ def _time(robot: EgmRobot) -> float:
     return robot.clock[0] + robot.clock[1] * 1e-6
 
 
-def _state(fields: tuple[wire.WireField, ...], number: int, kind: type[_State]) -> _State | None:
-    body = wire.one_message(fields, number, kind.__name__)
-    if body is None:
-        return None
-    value = wire.one_varint(wire.read_fields(body, kind.__name__), 1, kind.__name__)
-    if value is None or value not in kind.__members__.values():
-        raise FormatError(f"{kind.__name__} {value}, expected 0 to {max(kind)}.")
-    return kind(value)
-
-
-def _written_header(seqno: int, tm_ms: int, kind: MessageType) -> bytes:
+def _write_header(seqno: int, tm_ms: int, kind: MessageType) -> bytes:
     body = wire.write_varint(1, seqno % (1 << 32)) + wire.write_varint(2, tm_ms % (1 << 32))
     return wire.write_message(1, body + wire.write_varint(3, kind))
 
 
-def _written_three(values: tuple[float, ...]) -> bytes:
+def _write_numbers(values: tuple[float, ...]) -> bytes:
     return b"".join(wire.write_double(i + 1, value) for i, value in enumerate(values))
 
 
-def _written_pose(printed: EgmPose) -> bytes:
-    out = wire.write_message(1, _written_three(printed.xyz_mm))
+def _write_pose(printed: EgmPose) -> bytes:
+    out = wire.write_message(1, _write_numbers(printed.xyz_mm))
     for number, values in ((2, printed.quat_wxyz), (3, printed.euler_deg)):
         if values is not None:
-            out += wire.write_message(number, _written_three(values))
+            out += wire.write_message(number, _write_numbers(values))
     return out
-
-
-def _finite(values: tuple[float, ...] | list[float], what: str) -> None:
-    if not all(math.isfinite(v) for v in values):
-        raise ShapeError(f"{what} {list(values)}, expected finite numbers.")

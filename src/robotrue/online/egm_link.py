@@ -14,20 +14,20 @@ from dataclasses import dataclass
 from typing import Final
 
 from robotrue.errors import ConfigurationError, FormatError
-from robotrue.online.blocks import ForceBlock, JointBlock, force_block, joint_block
+from robotrue.online.blocks import Flag, ForceBlock, JointBlock
 from robotrue.online.egm import (
-    EgmRobot,
     GuidanceState,
     RobotWare,
+    SeenMessage,
+    egm_force_block,
+    egm_joint_block,
     egm_sequence,
-    force_sample,
-    joint_sample,
     read_robot,
     write_path_correction,
 )
 from robotrue.online.link import Corrector, Health
+from robotrue.online.robot_correction import CorrectionMode
 from robotrue.online.robot_link import LinkState, RobotLink
-from robotrue.online.samples import CorrectionMode, Flag, ForceSample, JointSample
 from robotrue.online.sequence import SequenceState, advance
 from robotrue.online.udp import CROWDED, Address, Inbox
 
@@ -81,7 +81,7 @@ class EgmSettings:
         return self.mode
 
 
-class EgmSource(RobotLink[JointSample]):
+class EgmSource(RobotLink[SeenMessage]):
     """An ABB controller as a source of :class:`~robotrue.online.blocks.JointBlock`.
 
     Listens from the moment it is made; answers only where a corrector is given, and only while the
@@ -132,7 +132,7 @@ class EgmSource(RobotLink[JointSample]):
     def _packet(self, data: bytes, sender: Address, host_time: float, *, begins: bool) -> None:
         """Reads, answers, and keeps joints and force."""
         robot = read_robot(data, self.settings.generation)
-        sample = joint_sample(robot, host_time)
+        wrong = int(egm_joint_block([(robot, host_time, Flag.NONE)]).flags[0])
         same = self._begin(sender) if begins else True
         before = self._watch
         self._watch, flags = advance(before, robot.seqno, host_time)
@@ -143,14 +143,13 @@ class EgmSource(RobotLink[JointSample]):
             missed = max(0, self._watch.lost - before.lost) + bool(flags & Flag.LATE)
             if missed:
                 self._corrector.count_late(missed, host_time)
-        if flags:
-            sample = joint_sample(robot, host_time, flags)
-        self._keep(sample, sample.sequence, host_time, sample.flags)
+        seen = robot, host_time, flags
+        self._keep(seen, robot.seqno, host_time, flags | Flag(wrong))
         if self._view is not None:
-            self._view.take(robot, host_time, flags)
+            self._view.take(seen)
 
-    def _block(self, kept: list[JointSample]) -> JointBlock:
-        return joint_block(kept)
+    def _block(self, kept: list[SeenMessage]) -> JointBlock:
+        return egm_joint_block(kept)
 
     def _follow(
         self,
@@ -196,14 +195,14 @@ class EgmForce:
 
     def __init__(self, link: EgmSource) -> None:
         self._link = link
-        self._inbox: Inbox[ForceSample] = Inbox(link.settings.waiting)
+        self._inbox: Inbox[SeenMessage] = Inbox(link.settings.waiting)
         self._received = self._refused = 0
         self._fault = ""
 
     async def blocks(self) -> AsyncIterator[ForceBlock]:
         """Gives samples as they come; ends when the link is closed."""
-        while samples := await self._inbox.take():
-            yield force_block(samples)
+        while messages := await self._inbox.take():
+            yield egm_force_block(messages, self._link.settings.force_frame)
 
     async def close(self) -> None:
         """Gives no more; the link itself stays open."""
@@ -223,19 +222,17 @@ class EgmForce:
             last_fault=self._inbox.crowding or self._fault or link.last_fault,
         )
 
-    def take(self, robot: EgmRobot, host_time: float, flags: Flag) -> None:
+    def take(self, seen: SeenMessage) -> None:
         """Keeps the force of a message; a message without one is refused here, not there."""
         try:
-            sample = force_sample(
-                robot, host_time, frame=self._link.settings.force_frame, flags=flags
-            )
+            egm_force_block([seen], self._link.settings.force_frame)
         except FormatError as refused:
             self._refused += 1
             self._fault = str(refused)
             return
         self._received += 1
         self._fault = ""
-        self._inbox.put(sample)
+        self._inbox.put(seen)
 
     def end(self, fault: BaseException | None) -> None:
         """Says that no more will come."""

@@ -13,15 +13,14 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.errors import ConfigurationError
-from robotrue.online.estimate_columns import numbers
-from robotrue.online.estimates import EstimateBlock
+from robotrue.online.estimates import EstimateBlock, numbers
 
 MOST_PER_SECOND: Final = 100.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bin:
-    """What a short time held, columns as of :func:`~robotrue.online.estimate_columns.numbers`.
+    """What a short time held, columns as of :func:`~robotrue.online.estimates.numbers`.
 
     Attributes:
         index: Of the bin on the grid of the host's clock.

@@ -19,11 +19,12 @@ from typing import Final
 
 from robotrue.core.units import DEG
 from robotrue.errors import ConfigurationError, ModelMismatchError
-from robotrue.online.samples import Correction, CorrectionMode
-from robotrue.online.wire_steps import (
+from robotrue.online.robot_correction import (
     MICRODEGREE,
     NANOMETRE,
     NONE,
+    Correction,
+    CorrectionMode,
     Steps,
     correction_of,
     step_toward,

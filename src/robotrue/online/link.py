@@ -6,13 +6,14 @@ service knows nothing of packets. A sink is slow or gone without anybody else no
 
 from __future__ import annotations
 
+import math
 from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
 from robotrue.online.blocks import Block
 from robotrue.online.estimates import EstimateBlock
-from robotrue.online.samples import Correction
+from robotrue.online.robot_correction import Correction
 
 B_co = TypeVar("B_co", bound=Block, covariant=True)
 
@@ -120,3 +121,27 @@ class Sink(Protocol):
 
     def health(self) -> Health:
         """Returns the counters as they stand."""
+
+
+HealthDocument = dict[str, str | bool | int | float | None]
+
+
+def health_document(health: Health) -> HealthDocument:
+    """Returns the counters; a turnaround that is not measured is None."""
+    return {
+        "name": health.name,
+        "connected": health.connected,
+        "received": health.received,
+        "lost": health.lost,
+        "late": health.late,
+        "refused": health.refused,
+        "dropped": health.dropped,
+        "reconnects": health.reconnects,
+        "turnaround_p50_ms": _ms(health.turnaround_p50),
+        "turnaround_p99_ms": _ms(health.turnaround_p99),
+        "last_fault": health.last_fault,
+    }
+
+
+def _ms(seconds: float) -> float | None:
+    return round(seconds * 1e3, 3) if math.isfinite(seconds) else None

@@ -4,7 +4,7 @@ Topics below ``<prefix>`` (``robotrue/<cell>`` unless the address names another)
 
 * ``estimate``, QoS 0: JSON object with ``schema``, ``cell``, ``note``, ``utc_s`` (of the last row),
   ``rows`` and one list for each column: ``host_s``, ``sequence``, those of
-  :func:`~robotrue.online.estimate_columns.number_columns`, ``doubt``; ``doubt_words`` names the
+  :func:`~robotrue.online.estimates.number_columns`, ``doubt``; ``doubt_words`` names the
   values that occur. null is not known.
 * ``health``, QoS 0, once a second: ``links``, the counters of the sources and sinks.
 * ``status``, QoS 1, retained: ``online``; ``offline`` when the service ends, and as its last will.
@@ -23,14 +23,11 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.errors import ConfigurationError, MissingExtraError
-from robotrue.online.estimate_columns import doubt_words, number_columns, numbers
-from robotrue.online.estimates import EstimateBlock
-from robotrue.online.health_document import health_document
-from robotrue.online.link import Health
+from robotrue.online.estimates import EstimateBlock, doubt_words, number_columns, numbers
+from robotrue.online.link import Health, health_document
 from robotrue.online.net_address import NetAddress
 from robotrue.online.queues import Latest
-from robotrue.online.sink_settings import SinkSettings
-from robotrue.online.wall_clock import utc_seconds
+from robotrue.online.sink_settings import SinkSettings, utc_seconds
 
 USER_VARIABLE: Final = "ROBOTRUE_MQTT_USER"
 PASSWORD_VARIABLE: Final = "ROBOTRUE_MQTT_PASSWORD"  # noqa: S105 (the name of a variable)

@@ -20,14 +20,11 @@ from typing import Any, Final
 from robotrue.errors import ConfigurationError, MissingExtraError, ShapeError
 from robotrue.online import opcua_nodes as nodes
 from robotrue.online.envelopes import Bin, Envelopes
-from robotrue.online.estimate_columns import doubt_words
-from robotrue.online.estimates import EstimateBlock
-from robotrue.online.health_document import health_document
-from robotrue.online.link import Health
+from robotrue.online.estimates import EstimateBlock, doubt_words
+from robotrue.online.link import Health, health_document
 from robotrue.online.net_address import NetAddress
 from robotrue.online.queues import Latest
-from robotrue.online.sink_settings import SinkSettings
-from robotrue.online.wall_clock import utc_seconds
+from robotrue.online.sink_settings import SinkSettings, utc_seconds
 
 USER_VARIABLE: Final = "ROBOTRUE_OPCUA_USER"
 PASSWORD_VARIABLE: Final = "ROBOTRUE_OPCUA_PASSWORD"  # noqa: S105 (the name of a variable)
@@ -124,11 +121,9 @@ class OpcUaSink:
             [ua.UserNameIdentityToken] if self._user else [ua.AnonymousIdentityToken]
         )
         if self._settings.nodesets is not None:
-            from robotrue.online.opcua_robotics import add_robot, import_models
-
-            await import_models(server, Path(self._settings.nodesets))
+            await nodes.import_models(server, Path(self._settings.nodesets))
             index = await server.register_namespace(nodes.URI)
-            self._tree.positions = await add_robot(
+            self._tree.positions = await nodes.add_robot(
                 server, index, self._settings.cell, self._settings.joints
             )
         index = await server.register_namespace(nodes.URI)

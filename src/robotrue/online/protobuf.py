@@ -7,67 +7,125 @@ Written here because two packages that register the same ``egm.proto`` cannot li
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from typing import Final
 
 from robotrue.errors import FormatError
 
 VARINT: Final = 0
-FIXED64: Final = 1
-BYTES: Final = 2
-FIXED32: Final = 5
+_FIXED64: Final = 1
+_BYTES: Final = 2
+_FIXED32: Final = 5
 _DOUBLE: Final = struct.Struct("<d")
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WireField:
-    """One field as it stands in a message.
-
-    Attributes:
-        number: From the schema, from 1.
-        wire_type: VARINT, FIXED64, BYTES or FIXED32.
-        value: Whole number of a varint, else the raw bytes.
-    """
-
-    number: int
-    wire_type: int
-    value: int | bytes
+WireValue = tuple[int, int | bytes]
+"""Wire type and value of a field: whole number of a varint, else the raw bytes."""
 
 
-def read_fields(data: bytes, what: str) -> tuple[WireField, ...]:
-    """Returns the fields of a message in their order.
+class WireMessage:
+    """The fields of one message by their numbers.
+
+    Args:
+        data: The message.
+        what: Its name in error messages.
 
     Raises:
         FormatError: Cut short, a varint longer than 64 bits, field 0, or a retired wire type.
     """
-    fields = []
-    at = 0
-    while at < len(data):
-        key, at = _varint(data, at, what)
-        number, wire_type = key >> 3, key & 7
-        if number == 0 or number >= 1 << 29:
-            raise FormatError(f"{what}: field number {number} at byte {at}.")
-        value: int | bytes
-        if wire_type == VARINT:
-            value, at = _varint(data, at, what)
-        else:
-            if wire_type == BYTES:
-                size, at = _varint(data, at, what)
-            elif wire_type in (FIXED64, FIXED32):
-                size = 8 if wire_type == FIXED64 else 4
-            else:
-                raise FormatError(f"{what}: wire type {wire_type} of field {number}.")
-            if at + size > len(data):
-                raise FormatError(
-                    f"{what}: field {number} has {size} bytes, {len(data) - at} are left.",
-                    hint="a datagram cut short, or not a message of this protocol.",
-                )
-            value, at = data[at : at + size], at + size
-        fields.append(WireField(number=number, wire_type=wire_type, value=value))
-    return tuple(fields)
+
+    __slots__ = ("_fields", "what")
+
+    def __init__(self, data: bytes, what: str) -> None:
+        self.what = what
+        self._fields: dict[int, list[WireValue]] = {}
+        at = 0
+        while at < len(data):
+            number, value, at = _read_field(data, at, what)
+            self._fields.setdefault(number, []).append(value)
+
+    def __bool__(self) -> bool:
+        return bool(self._fields)
+
+    def values(self, number: int) -> list[WireValue]:
+        """Returns every value of a field as it stands."""
+        return self._fields.get(number, [])
+
+    def message(self, number: int, what: str) -> WireMessage:
+        """Returns the message within; without fields where it does not stand.
+
+        Raises:
+            FormatError: Of another wire type, twice, or damaged.
+        """
+        value = self._find_one(number, _BYTES)
+        return WireMessage(value if isinstance(value, bytes) else b"", what)
+
+    def varint(self, number: int) -> int | None:
+        """Returns a whole number, enumeration or bool, or None where it does not stand.
+
+        Raises:
+            FormatError: Of another wire type, or twice.
+        """
+        value = self._find_one(number, VARINT)
+        return value if isinstance(value, int) else None
+
+    def double(self, number: int) -> float | None:
+        """Returns a double, or None where it does not stand.
+
+        Raises:
+            FormatError: Of another wire type, or twice.
+        """
+        value = self._find_one(number, _FIXED64)
+        return float(_DOUBLE.unpack(value)[0]) if isinstance(value, bytes) else None
+
+    def doubles(self, number: int) -> tuple[float, ...]:
+        """Returns a list of doubles, packed or one by one; empty where it does not stand.
+
+        Raises:
+            FormatError: Of another wire type, or packed in no multiple of eight bytes.
+        """
+        found: list[float] = []
+        for wire_type, value in self.values(number):
+            if not isinstance(value, bytes) or wire_type == _FIXED32 or len(value) % 8:
+                raise FormatError(f"{self.what}: field {number} holds no doubles.")
+            found += [float(v[0]) for v in _DOUBLE.iter_unpack(value)]
+        return tuple(found)
+
+    def _find_one(self, number: int, wire_type: int) -> int | bytes | None:
+        values = self.values(number)
+        if not values:
+            return None
+        # The format lets the last one win; a controller sends each once, and a second is damage.
+        if len(values) > 1 or values[0][0] != wire_type:
+            raise FormatError(
+                f"{self.what}: field {number} has wire type {values[0][0]} and stands "
+                f"{len(values)} times, expected type {wire_type}, once."
+            )
+        return values[0][1]
 
 
-def _varint(data: bytes, at: int, what: str) -> tuple[int, int]:
+def _read_field(data: bytes, at: int, what: str) -> tuple[int, WireValue, int]:
+    """Returns number, value and end of the field that begins at a byte."""
+    key, at = _read_varint(data, at, what)
+    number, wire_type = key >> 3, key & 7
+    if number == 0 or number >= 1 << 29:
+        raise FormatError(f"{what}: field number {number} at byte {at}.")
+    if wire_type == VARINT:
+        value, at = _read_varint(data, at, what)
+        return number, (wire_type, value), at
+    if wire_type == _BYTES:
+        size, at = _read_varint(data, at, what)
+    elif wire_type in (_FIXED64, _FIXED32):
+        size = 8 if wire_type == _FIXED64 else 4
+    else:
+        raise FormatError(f"{what}: wire type {wire_type} of field {number}.")
+    if at + size > len(data):
+        raise FormatError(
+            f"{what}: field {number} has {size} bytes, {len(data) - at} are left.",
+            hint="a datagram cut short, or not a message of this protocol.",
+        )
+    return number, (wire_type, data[at : at + size]), at + size
+
+
+def _read_varint(data: bytes, at: int, what: str) -> tuple[int, int]:
     value = 0
     for place, byte in enumerate(data[at : at + 10]):
         value |= (byte & 0x7F) << (7 * place)
@@ -78,67 +136,6 @@ def _varint(data: bytes, at: int, what: str) -> tuple[int, int]:
     raise FormatError(f"{what}: a number at byte {at} is cut short or longer than 64 bits.")
 
 
-def one_message(fields: tuple[WireField, ...], number: int, what: str) -> bytes | None:
-    """Returns the bytes of a message within, or None where it does not stand.
-
-    Raises:
-        FormatError: Of another wire type, or twice.
-    """
-    value = _one(fields, number, BYTES, what)
-    return value if isinstance(value, bytes) else None
-
-
-def one_varint(fields: tuple[WireField, ...], number: int, what: str) -> int | None:
-    """Returns a whole number, enumeration or bool, or None where it does not stand.
-
-    Raises:
-        FormatError: Of another wire type, or twice.
-    """
-    value = _one(fields, number, VARINT, what)
-    return value if isinstance(value, int) else None
-
-
-def one_double(fields: tuple[WireField, ...], number: int, what: str) -> float | None:
-    """Returns a double, or None where it does not stand.
-
-    Raises:
-        FormatError: Of another wire type, or twice.
-    """
-    value = _one(fields, number, FIXED64, what)
-    return float(_DOUBLE.unpack(value)[0]) if isinstance(value, bytes) else None
-
-
-def doubles(fields: tuple[WireField, ...], number: int, what: str) -> tuple[float, ...]:
-    """Returns a list of doubles, packed or one by one; empty where it does not stand.
-
-    Raises:
-        FormatError: Of another wire type, or packed in no multiple of eight bytes.
-    """
-    found: list[float] = []
-    for item in fields:
-        if item.number != number:
-            continue
-        if not isinstance(item.value, bytes) or item.wire_type == FIXED32 or len(item.value) % 8:
-            raise FormatError(f"{what}: field {number} holds no doubles.")
-        found += [float(v[0]) for v in _DOUBLE.iter_unpack(item.value)]
-    return tuple(found)
-
-
-def _one(
-    fields: tuple[WireField, ...], number: int, wire_type: int, what: str
-) -> int | bytes | None:
-    found = [item for item in fields if item.number == number]
-    if not found:
-        return None
-    # The format lets the last one win; a controller sends each once, and a second is damage.
-    if len(found) > 1 or found[0].wire_type != wire_type:
-        raise FormatError(
-            f"{what}: field {number} has wire type {found[0].wire_type} and stands "
-            f"{len(found)} times, expected type {wire_type}, once."
-        )
-    return found[0].value
-
-
 def write_varint(number: int, value: int) -> bytes:
     """Returns a field that holds a whole number from 0 to 2^64 - 1."""
     return _encode_varint(number << 3 | VARINT) + _encode_varint(value)
@@ -146,7 +143,7 @@ def write_varint(number: int, value: int) -> bytes:
 
 def write_double(number: int, value: float) -> bytes:
     """Returns a field that holds a double."""
-    return _encode_varint(number << 3 | FIXED64) + _DOUBLE.pack(value)
+    return _encode_varint(number << 3 | _FIXED64) + _DOUBLE.pack(value)
 
 
 def write_doubles(number: int, values: tuple[float, ...]) -> bytes:
@@ -156,7 +153,7 @@ def write_doubles(number: int, values: tuple[float, ...]) -> bytes:
 
 def write_message(number: int, body: bytes) -> bytes:
     """Returns a field that holds a message."""
-    return _encode_varint(number << 3 | BYTES) + _encode_varint(len(body)) + body
+    return _encode_varint(number << 3 | _BYTES) + _encode_varint(len(body)) + body
 
 
 def _encode_varint(value: int) -> bytes:

@@ -1,4 +1,4 @@
-"""ATI Net F/T and Ethernet Axia, Raw Data Transfer: requests and the sensor's scale.
+"""ATI Net F/T and Ethernet Axia, Raw Data Transfer: requests, the sensor's scale, records.
 
 UDP 49152, big-endian. Records hold counts; what a count is worth stands in the sensor's own page
 ``netftapi2.xml``, with its unit, and differs from sensor to sensor.
@@ -13,15 +13,25 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+import numpy.typing as npt
+
+from robotrue.core.arrays import Array, IntArray
 from robotrue.core.units import MM, STANDARD_GRAVITY
 from robotrue.errors import FormatError, ImplausibleDataError
+from robotrue.online.blocks import Flag, ForceBlock, check_wrenches
 from robotrue.online.sequence import SequenceState
 from robotrue.online.xml_text import parse_xml
 
 PORT: Final = 49152
 _REQUEST: Final = struct.Struct(">HHI")
 _MAGIC: Final = 0x1234
-EXTREME: Final = (2**31 - 1, -(2**31))
+RECORD: Final = np.dtype(
+    [("rdt", ">u4"), ("ft", ">u4"), ("status", ">u4"), ("counts", ">i4", (6,))]
+)
+"""One record as it is sent, 36 bytes."""
+Records = npt.NDArray[np.void]
+_EXTREME: Final = (2**31 - 1, -(2**31))
 LATCHED: Final = 1 << 16
 """A monitored limit was crossed once; the data are sound."""
 SATURATED: Final = {"net": 1 << 17, "axia": 1 << 30 | 1 << 27}
@@ -202,3 +212,80 @@ def _unit(
             hint="http://SENSOR/netftapi2.xml",
         )
     return known[unit]
+
+
+def decode_records(data: bytes | bytearray | memoryview) -> Records:
+    """Returns the records (n,) of bytes that hold whole ones, without copying.
+
+    Raises:
+        FormatError: A size that is no multiple of 36 bytes.
+    """
+    if len(data) % RECORD.itemsize:
+        raise FormatError(
+            f"RDT records of {len(data)} bytes, expected a multiple of {RECORD.itemsize}.",
+            hint="port 49152 of the sensor itself.",
+        )
+    return np.frombuffer(data, dtype=RECORD)
+
+
+def rdt_block(
+    records: Records,
+    scale: RdtScale,
+    host_time: Array,
+    flags: IntArray,
+    *,
+    device: RdtDevice,
+    rate: float,
+    frame: str = "sensor",
+    before: tuple[int, int] | None = None,
+) -> ForceBlock:
+    """Returns the block of records, in the axes of the sensor.
+
+    Any bit of the status word but "limit latched" makes a record invalid; so does a measurement
+    that has not moved since the record before, and a channel at the end of its range.
+
+    Args:
+        records: (n,), as received.
+        scale: Of this sensor.
+        host_time: (n,) s.
+        flags: (n,), what the sequence says.
+        device: Family of the sensor.
+        rate: Records per second as configured.
+        frame: Of the axes, where the sensor itself turns them.
+        before: rdt and ft sequence of the record before the first.
+    """
+    status = records["status"].astype(np.int64)
+    counts = records["counts"].astype(np.float64)
+    rdt = records["rdt"].astype(np.int64)
+    ft = records["ft"].astype(np.int64)
+    full = ((counts == _EXTREME[0]) | (counts == _EXTREME[1])).any(axis=1)
+    full |= (status & SATURATED[device.value]) != 0
+    hangs = np.zeros(len(rdt), dtype=bool)
+    hangs[1:] = (ft[1:] == ft[:-1]) & (rdt[1:] != rdt[:-1])
+    if before is not None:
+        hangs[0] = ft[0] == before[1] and rdt[0] != before[0]
+    ill = hangs | ((status & ~LATCHED) != 0)
+    flags = flags | np.where(full, int(Flag.SATURATED), 0)
+    flags = flags | np.where(ill, int(Flag.SENSOR_FAULT), 0)
+    wrench = counts * np.repeat([scale.newton, scale.newton_metre], 3)
+    wrench, flags = check_wrenches(wrench, flags)
+    return ForceBlock(
+        controller_time=rdt / rate,
+        host_time=host_time,
+        wrench=wrench,
+        frame=frame,
+        sequence=rdt,
+        status=status,
+        flags=flags,
+    )
+
+
+def arrival_times(rdt: IntArray, now: float, earliest: float, rate: float) -> Array:
+    """Returns when records (n,) that were read together came, s on the host's clock.
+
+    The last came just now, those before it as much earlier as the sensor's count says, but none
+    before ``earliest``, when the socket was last found empty.
+    """
+    age = (int(rdt[-1]) - rdt) / rate
+    times = np.clip(now - np.maximum(age, 0.0), earliest, now)
+    return np.asarray(np.maximum.accumulate(times))

@@ -21,23 +21,24 @@ import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
 from robotrue.errors import ConfigurationError
-from robotrue.online.blocks import ForceBlock
+from robotrue.online.blocks import Flag, ForceBlock
 from robotrue.online.link import Health
 from robotrue.online.rdt import (
     PORT,
+    RECORD,
     RdtCommand,
     RdtDevice,
     RdtScale,
+    arrival_times,
     checked_rate,
+    decode_records,
     parse_netftapi,
     parse_rate,
+    rdt_block,
     rdt_sequence,
     write_request,
 )
-from robotrue.online.rdt_block import RECORD, arrival_times, decode_records, rdt_block
-from robotrue.online.samples import Flag
-from robotrue.online.sequence import SequenceState
-from robotrue.online.sequence_block import advance_block
+from robotrue.online.sequence import SequenceState, advance_block
 from robotrue.online.udp import TOLD, tell_arrivals, waited
 
 Told = list[tuple[int, int, bytes]]

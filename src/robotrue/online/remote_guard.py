@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from robotrue.online.guard import CorrectionLimits, GuardState, check_whole
-from robotrue.online.samples import Correction, CorrectionMode
+from robotrue.online.robot_correction import Correction, CorrectionMode
 
 Tell = Callable[[Mapping[str, Any]], None]
 

@@ -18,7 +18,14 @@ from robotrue.core.arrays import Array, IntArray
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, FormatError
-from robotrue.online.blocks import ForceBlock, JointBlock
+from robotrue.online.blocks import (
+    Flag,
+    ForceBlock,
+    JointBlock,
+    check_joints,
+    check_poses,
+    check_wrenches,
+)
 from robotrue.online.rdt import LATCHED
 from robotrue.online.replay_columns import (
     CLOCKS,
@@ -30,9 +37,7 @@ from robotrue.online.replay_columns import (
     read_columns,
     read_tdms_table,
 )
-from robotrue.online.samples import Flag, check_joints, check_poses, check_wrenches
-from robotrue.online.sequence import SequenceState
-from robotrue.online.sequence_block import advance_block, in_order
+from robotrue.online.sequence import SequenceState, advance_block, in_order
 
 _KEPT: Final = 20_000_000
 """Numbers of a record that is repeated and small enough to be kept: 160 MB."""

@@ -13,10 +13,9 @@ from typing import Final, Generic, TypeVar
 import numpy as np
 
 from robotrue.errors import ConfigurationError
-from robotrue.online.blocks import Block, ForceBlock, JointBlock
+from robotrue.online.blocks import Block, Flag, ForceBlock, JointBlock
 from robotrue.online.link import Health
 from robotrue.online.replay_blocks import Repeats, force_blocks, joint_blocks
-from robotrue.online.samples import Flag
 
 _TICK: Final = 5e-3
 """s between two blocks in real time."""

@@ -20,11 +20,8 @@ import numpy as np
 from robotrue.core.rotations import abc_from_matrix, matrix_from_rotation_vector
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, FormatError, ModelMismatchError
+from robotrue.online.robot_correction import Correction, CorrectionMode
 from robotrue.online.rsi_config import RsiConfig
-from robotrue.online.samples import (
-    Correction,
-    CorrectionMode,
-)
 from robotrue.online.sequence import SequenceState
 from robotrue.online.xml_text import parse_xml
 

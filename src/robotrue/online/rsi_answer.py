@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Final
 
 from robotrue.core.units import MM
+from robotrue.online.robot_correction import Correction, CorrectionMode, no_correction
 from robotrue.online.rsi import write_sen
 from robotrue.online.rsi_config import RsiConfig
-from robotrue.online.samples import Correction, CorrectionMode, no_correction
 
 _STRAIGHT: Final = [0.0, 0.0, 0.0]
 _SHIFT: Final = ("RKorr.X", "RKorr.Y", "RKorr.Z")

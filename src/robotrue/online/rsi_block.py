@@ -14,9 +14,8 @@ import numpy as np
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import FormatError
-from robotrue.online.blocks import JointBlock
+from robotrue.online.blocks import FARTHEST, MOST_TURNS, Flag, JointBlock, check_joints, check_poses
 from robotrue.online.rsi import RobPacket
-from robotrue.online.samples import FARTHEST, MOST_TURNS, Flag, check_joints, check_poses
 
 SeenPacket: TypeAlias = tuple[RobPacket, float, Flag]
 """A packet with joints, s on the host's clock when it came, and what its count says."""

@@ -14,6 +14,7 @@ from typing import Final
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.online.blocks import JointBlock
 from robotrue.online.link import Corrector
+from robotrue.online.robot_correction import Correction, CorrectionMode, no_correction
 from robotrue.online.robot_link import LinkState, RobotLink
 from robotrue.online.rsi import (
     RobPacket,
@@ -27,7 +28,6 @@ from robotrue.online.rsi_answer import SenWriter
 from robotrue.online.rsi_block import SeenPacket, packet_flags, rob_block
 from robotrue.online.rsi_booking import RsiBooking
 from robotrue.online.rsi_config import RsiConfig
-from robotrue.online.samples import Correction, CorrectionMode, no_correction
 from robotrue.online.sequence import advance
 from robotrue.online.udp import CROWDED, Address
 

@@ -8,20 +8,30 @@ values without any further mark. All units are SI.
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
-from robotrue.core.arrays import Array
+from robotrue.core.arrays import Array, IntArray
 from robotrue.core.poses import pose
 from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.errors import ConfigurationError, FormatError
-from robotrue.online.samples import Flag, ForceSample, JointSample, unknown_pose
+from robotrue.online.blocks import (
+    Flag,
+    ForceBlock,
+    JointBlock,
+    check_joints,
+    check_poses,
+    check_wrenches,
+)
 from robotrue.online.sequence import SequenceState
 
 Value = tuple[float, ...]
+Rows = npt.NDArray[np.void]
+"""Data packets as they were sent, with the names of their recipe."""
 PORT: Final = 30004
 PROTOCOL: Final = 2
 KINDS: Final = "VvOISPUM"
@@ -43,11 +53,10 @@ _FORMATS: Final = {
     "VECTOR6INT32": "6i",
     "VECTOR6UINT32": "6I",
 }
-_SIZES: Final = {"VECTOR3D": 3, "VECTOR6D": 6, "VECTOR6INT32": 6, "VECTOR6UINT32": 6}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Frame:
+class RtdePacket:
     """One packet.
 
     Attributes:
@@ -78,13 +87,19 @@ class Recipe:
         """The values in a packet, after the byte of the recipe."""
         return struct.Struct(">" + "".join(_FORMATS[t] for t in self.types))
 
+    @property
+    def dtype(self) -> np.dtype[np.void]:
+        """The same layout as a record."""
+        kinds = (np.dtype(_FORMATS[t]).newbyteorder(">") for t in self.types)
+        return np.dtype(list(zip(self.names, kinds, strict=True)))
+
 
 def rtde_sequence(rate: float) -> SequenceState:
     """Returns the state that watches the ticks of a stream at ``rate`` packets per second."""
     return SequenceState(late_after=1.5 / rate)
 
 
-def split_frames(buffer: bytes) -> tuple[tuple[Frame, ...], bytes]:
+def split_frames(buffer: bytes) -> tuple[tuple[RtdePacket, ...], bytes]:
     """Returns the whole packets at the start of a stream's bytes, and the bytes left over.
 
     Raises:
@@ -103,7 +118,7 @@ def split_frames(buffer: bytes) -> tuple[tuple[Frame, ...], bytes]:
             )
         if len(buffer) - at < size:
             break
-        frames.append(Frame(kind=chr(code), payload=buffer[at + _HEADER.size : at + size]))
+        frames.append(RtdePacket(kind=chr(code), payload=buffer[at + _HEADER.size : at + size]))
         at += size
     return tuple(frames), buffer[at:]
 
@@ -136,49 +151,28 @@ def write_output_request(names: tuple[str, ...], rate: float) -> bytes:
     return write_frame("O", struct.pack(">d", rate) + _write_names(names))
 
 
-def write_input_request(names: tuple[str, ...]) -> bytes:
-    """Returns the request to write variables.
-
-    Raises:
-        ConfigurationError: No names, or one that is not a name.
-    """
-    return write_frame("I", _write_names(names))
-
-
-def read_accepted(frame: Frame) -> bool:
+def read_accepted(packet: RtdePacket) -> bool:
     """Returns whether the controller accepted a ``V``, ``S`` or ``P``.
 
     Raises:
         FormatError: Another packet.
     """
-    if frame.kind not in "VSP" or len(frame.payload) != 1 or frame.payload[0] > 1:
-        raise FormatError(f"RTDE packet {frame.kind!r} {frame.payload!r}, expected yes or no.")
-    return frame.payload == b"\x01"
+    if packet.kind not in "VSP" or len(packet.payload) != 1 or packet.payload[0] > 1:
+        raise FormatError(f"RTDE packet {packet.kind!r} {packet.payload!r}, expected yes or no.")
+    return packet.payload == b"\x01"
 
 
-def read_controller_version(frame: Frame) -> tuple[int, int, int, int]:
-    """Returns major, minor, bug fix and build of the controller.
-
-    Raises:
-        FormatError: Another packet.
-    """
-    if frame.kind != "v" or len(frame.payload) != 16:
-        raise FormatError(f"RTDE packet {frame.kind!r} of {len(frame.payload)} bytes, expected v.")
-    major, minor, fix, build = struct.unpack(">4I", frame.payload)
-    return major, minor, fix, build
-
-
-def read_recipe(frame: Frame, names: tuple[str, ...]) -> Recipe:
+def read_recipe(packet: RtdePacket, names: tuple[str, ...]) -> Recipe:
     """Returns the recipe that the controller answers to a request for ``names``.
 
     Raises:
         ConfigurationError: A variable the controller does not have, or another client writes.
         FormatError: Another packet, another number of types, or types that are none.
     """
-    if frame.kind not in "OI" or not frame.payload:
-        raise FormatError(f"RTDE packet {frame.kind!r}, expected a recipe.")
+    if packet.kind not in "OI" or not packet.payload:
+        raise FormatError(f"RTDE packet {packet.kind!r}, expected a recipe.")
     try:
-        types = tuple(frame.payload[1:].decode("ascii").split(","))
+        types = tuple(packet.payload[1:].decode("ascii").split(","))
     except UnicodeDecodeError as cause:
         raise FormatError("RTDE recipe that is not text.") from cause
     if len(types) != len(names):
@@ -194,9 +188,9 @@ def read_recipe(frame: Frame, names: tuple[str, ...]) -> Recipe:
                 f"RTDE type {kind!r} of {name}, expected one of {', '.join(_FORMATS)}.",
                 hint="protocol version 2 answers with types.",
             )
-    if frame.payload[0] == 0:
+    if packet.payload[0] == 0:
         raise FormatError("RTDE recipe 0: the controller did not accept it.")
-    return Recipe(number=frame.payload[0], names=names, types=types)
+    return Recipe(number=packet.payload[0], names=names, types=types)
 
 
 def write_recipe(kind: str, recipe: Recipe) -> bytes:
@@ -204,28 +198,22 @@ def write_recipe(kind: str, recipe: Recipe) -> bytes:
     return write_frame(kind, bytes([recipe.number]) + ",".join(recipe.types).encode("ascii"))
 
 
-def read_data(frame: Frame, recipe: Recipe) -> dict[str, Value]:
-    """Returns the values of a data packet by name, each as a tuple.
+def read_data(packets: Sequence[RtdePacket], recipe: Recipe) -> Rows:
+    """Returns the values of data packets (n,) by name.
 
     Raises:
         FormatError: Another packet, another recipe, or another size.
     """
-    layout = recipe.layout
-    if frame.kind != "U" or len(frame.payload) != 1 + layout.size:
-        raise FormatError(
-            f"RTDE packet {frame.kind!r} with {len(frame.payload)} bytes, expected U with "
-            f"{1 + layout.size}."
-        )
-    if frame.payload[0] != recipe.number:
-        raise FormatError(f"RTDE data of recipe {frame.payload[0]}, expected {recipe.number}.")
-    flat = layout.unpack_from(frame.payload, 1)
-    values: dict[str, Value] = {}
-    at = 0
-    for name, kind in zip(recipe.names, recipe.types, strict=True):
-        size = _SIZES.get(kind, 1)
-        values[name] = flat[at : at + size]
-        at += size
-    return values
+    dtype = recipe.dtype
+    for packet in packets:
+        if packet.kind != "U" or len(packet.payload) != 1 + dtype.itemsize:
+            raise FormatError(
+                f"RTDE packet {packet.kind!r} with {len(packet.payload)} bytes, expected U with "
+                f"{1 + dtype.itemsize}."
+            )
+        if packet.payload[0] != recipe.number:
+            raise FormatError(f"RTDE data of recipe {packet.payload[0]}, expected {recipe.number}.")
+    return np.frombuffer(b"".join(packet.payload[1:] for packet in packets), dtype)
 
 
 def write_data(recipe: Recipe, values: Mapping[str, Value]) -> bytes:
@@ -242,17 +230,19 @@ def write_data(recipe: Recipe, values: Mapping[str, Value]) -> bytes:
     return write_frame("U", bytes([recipe.number]) + body)
 
 
-def read_text(frame: Frame) -> tuple[str, str, int]:
+def read_text(packet: RtdePacket) -> tuple[str, str, int]:
     """Returns message, source and level (0 exception to 3 info) of a text packet.
 
     Raises:
         FormatError: Another packet, or lengths that do not fit.
     """
     texts = []
-    rest = frame.payload if frame.kind == "M" else b""
+    rest = packet.payload if packet.kind == "M" else b""
     for _ in range(2):
         if not rest or len(rest) < 1 + rest[0]:
-            raise FormatError(f"RTDE packet {frame.kind!r} {frame.payload!r}, expected a message.")
+            raise FormatError(
+                f"RTDE packet {packet.kind!r} {packet.payload!r}, expected a message."
+            )
         texts.append(rest[1 : 1 + rest[0]].decode("utf-8", "replace"))
         rest = rest[1 + rest[0] :]
     if len(rest) != 1:
@@ -260,69 +250,69 @@ def read_text(frame: Frame) -> tuple[str, str, int]:
     return texts[0], texts[1], rest[0]
 
 
-def joint_sample(
-    values: Mapping[str, Value], host_time: float, *, rate: float, flags: Flag = Flag.NONE
-) -> JointSample:
-    """Returns the sample of a data packet that holds ``JOINT_NAMES``; its pose is in base.
+def rtde_joint_block(rows: Rows, host_time: float, *, rate: float) -> JointBlock:
+    """Returns the block of packets that hold ``JOINT_NAMES``; its poses are in base.
 
     RTDE numbers no packets: the sequence is the controller's time in ticks of ``rate``.
 
     Raises:
         FormatError: The recipe has no timestamp or joints.
     """
-    time, tick, wrong = _clock(values, rate)
-    joints = _six(values, "actual_q")
-    T_frame_tool = unknown_pose()
-    if "actual_TCP_pose" in values:
-        numbers = _six(values, "actual_TCP_pose")
-        if np.isfinite(numbers).all() and np.abs(numbers[3:]).max() < 1e3:
-            T_frame_tool = pose(matrix_from_rotation_vector(numbers[3:]), numbers[:3])
-        else:
-            wrong |= Flag.IMPLAUSIBLE if np.isfinite(numbers).all() else Flag.NOT_FINITE
-    return JointSample(
+    time, ticks, flags = _read_clock(rows, rate)
+    joints, flags = check_joints(_column(rows, "actual_q", 6), flags)
+    poses = np.full((len(rows), 4, 4), np.nan)
+    if "actual_TCP_pose" in (rows.dtype.names or ()):
+        printed = _column(rows, "actual_TCP_pose", 6)
+        finite = np.isfinite(printed).all(axis=1)
+        sound = finite & (np.abs(printed[:, 3:]) < 1e3).all(axis=1)
+        poses[sound] = pose(matrix_from_rotation_vector(printed[sound, 3:]), printed[sound, :3])
+        flags = flags | np.where(finite & ~sound, int(Flag.IMPLAUSIBLE), 0)
+        flags = flags | np.where(finite, 0, int(Flag.NOT_FINITE))
+    poses, flags = check_poses(poses, flags)
+    return JointBlock(
         controller_time=time,
-        host_time=host_time,
+        host_time=np.full(len(rows), host_time),
         joints=joints,
-        T_frame_tool=T_frame_tool,
-        sequence=tick,
-        flags=flags | wrong,
+        T_frame_tool=poses,
+        sequence=ticks,
+        flags=flags,
     )
 
 
-def force_sample(
-    values: Mapping[str, Value], host_time: float, *, rate: float, flags: Flag = Flag.NONE
-) -> ForceSample:
-    """Returns the force at the tool point, in base axes, of a packet that holds ``FORCE_NAMES``.
+def rtde_force_block(rows: Rows, host_time: float, *, rate: float) -> ForceBlock:
+    """Returns the forces at the tool point, in base axes, of packets that hold ``FORCE_NAMES``.
 
     Raises:
         FormatError: The recipe has no timestamp or force.
     """
-    time, tick, wrong = _clock(values, rate)
-    return ForceSample(
+    time, ticks, flags = _read_clock(rows, rate)
+    wrench, flags = check_wrenches(_column(rows, "actual_TCP_force", 6), flags)
+    return ForceBlock(
         controller_time=time,
-        host_time=host_time,
-        wrench=_six(values, "actual_TCP_force"),
+        host_time=np.full(len(rows), host_time),
+        wrench=wrench,
         frame="base",
-        sequence=tick,
-        flags=flags | wrong,
+        sequence=ticks,
+        status=np.zeros(len(rows), dtype=np.int64),
+        flags=flags,
     )
 
 
-def _clock(values: Mapping[str, Value], rate: float) -> tuple[float, int, Flag]:
-    stamp = values.get("timestamp")
-    if stamp is None or len(stamp) != 1:
-        raise FormatError("RTDE data without timestamp.", hint="ask for it in the recipe.")
-    time = float(stamp[0])
-    if not 0.0 <= time < 1e10:
-        return float("nan"), -1, Flag.CLOCK_JUMP
-    return time, round(time * rate), Flag.NONE
+def _read_clock(rows: Rows, rate: float) -> tuple[Array, IntArray, IntArray]:
+    """Returns times (n,) s, ticks (n,) and flags (n,); -1 and a jump where there is no time."""
+    time = _column(rows, "timestamp", 1)[:, 0]
+    sound = (time >= 0.0) & (time < 1e10)
+    time = np.where(sound, time, np.nan)
+    ticks = np.where(sound, np.rint(np.where(sound, time, 0.0) * rate), -1.0).astype(np.int64)
+    return time, ticks, np.where(sound, 0, int(Flag.CLOCK_JUMP))
 
 
-def _six(values: Mapping[str, Value], name: str) -> Array:
-    found = values.get(name)
-    if found is None or len(found) != 6:
+def _column(rows: Rows, name: str, size: int) -> Array:
+    names = rows.dtype.names or ()
+    values = rows[name].reshape(len(rows), -1) if name in names else np.empty((len(rows), 0))
+    if values.shape[1] != size:
         raise FormatError(f"RTDE data without {name}.", hint="ask for it in the recipe.")
-    return np.array(found, dtype=np.float64)
+    return values.astype(np.float64)
 
 
 def _write_names(names: tuple[str, ...]) -> bytes:

@@ -13,12 +13,13 @@ from collections.abc import AsyncIterator
 from dataclasses import dataclass, replace
 from typing import Final, Generic, TypeVar
 
+import numpy as np
+
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.online import rtde
-from robotrue.online.blocks import Block, ForceBlock, JointBlock, force_block, joint_block
+from robotrue.online.blocks import Flag, ForceBlock, JointBlock
 from robotrue.online.link import Health
-from robotrue.online.samples import Flag, ForceSample, JointSample
-from robotrue.online.sequence import SequenceState, advance
+from robotrue.online.sequence import SequenceState, advance, advance_block
 
 _RETRY: Final = (0.2, 2.0)
 """s between attempts to reach a controller that is not there: the first, and the longest."""
@@ -28,8 +29,7 @@ _LOOK: Final = 0.1
 """s, at most, from close() to the end of a read."""
 _CHUNK: Final = 1 << 16
 
-B = TypeVar("B", bound=Block)
-S = TypeVar("S", JointSample, ForceSample)
+B = TypeVar("B", JointBlock, ForceBlock)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -163,17 +163,18 @@ class _RtdeLink(Generic[B]):
                 raise EOFError("the controller closed it")
             frames, rest = rtde.split_frames(rest + data)
         now = time.monotonic()
-        values = [rtde.read_data(frame, recipe) for frame in self._data(frames)]
-        if not values or self._closed:
+        packets = self._data(frames)
+        if not packets or self._closed:
             return (rest, None) if not self._closed else None
-        block = self._block(values, now)
+        rows = rtde.read_data(packets, recipe)
+        block = self._watch_clock(self._block(rows, now, rate=self._settings.rate))
         self._health = replace(
             self._health, connected=True, received=self._health.received + len(block)
         )
         self._came = True
         return rest, block
 
-    def _data(self, frames: tuple[rtde.Frame, ...]) -> list[rtde.Frame]:
+    def _data(self, frames: tuple[rtde.RtdePacket, ...]) -> list[rtde.RtdePacket]:
         """The data packets; what the controller says in words is kept as the latest fault."""
         for frame in frames:
             if frame.kind == "M":
@@ -182,27 +183,40 @@ class _RtdeLink(Generic[B]):
                     self._fault(f"{source}: {message}")
         return [frame for frame in frames if frame.kind != "M"]
 
-    def _block(self, values: list[dict[str, rtde.Value]], now: float) -> B:
+    def _block(self, rows: rtde.Rows, now: float, *, rate: float) -> B:
         raise NotImplementedError
 
-    def _watch_clock(self, sample: S) -> S:
-        """The sample with what its clock says; the first after a return is another clock's."""
-        if sample.flags & Flag.CLOCK_JUMP:  # no time at all: the clock stays where it was
-            return sample
-        watch, flags, window = self._watch, Flag.NONE, self._watch.window
+    def _watch_clock(self, block: B) -> B:
+        """The block with what its clock says; the first sample after a return is another clock's.
+
+        Samples without a time leave the clock where it was.
+        """
+        timed = np.flatnonzero((block.flags & int(Flag.CLOCK_JUMP)) == 0)
+        if not len(timed):
+            return block
+        flags, sequence, host = block.flags.copy(), block.sequence[timed], block.host_time[timed]
         if self._fresh:
             self._fresh = False
-            self._health = replace(self._health, reconnects=self._health.reconnects + 1)
-            if watch.last is not None and sample.sequence <= watch.last:
-                self._health = replace(self.health(), connected=True)
-                watch = SequenceState(late_after=watch.late_after)
-                flags = Flag.CLOCK_JUMP
-            elif watch.last is not None:  # its clock may have gone on for as long as it was away
-                away = (sample.host_time - watch.host_time) * self._settings.rate
-                watch = replace(watch, window=window + round(1.1 * away))
-        watch, odd = advance(watch, sample.sequence, sample.host_time)
+            flags[timed[0]] |= int(self._return(int(sequence[0]), float(host[0])))
+            timed, sequence, host = timed[1:], sequence[1:], host[1:]
+        self._watch, odd = advance_block(self._watch, sequence, host)
+        flags[timed] |= odd
+        return replace(block, flags=flags)
+
+    def _return(self, tick: int, host_time: float) -> Flag:
+        """Takes the first packet after a return; returns what its clock says."""
+        self._health = replace(self._health, reconnects=self._health.reconnects + 1)
+        watch, window, flags = self._watch, self._watch.window, Flag.NONE
+        if watch.last is not None and tick <= watch.last:
+            self._health = replace(self.health(), connected=True)
+            watch = SequenceState(late_after=watch.late_after)
+            flags = Flag.CLOCK_JUMP
+        elif watch.last is not None:  # its clock may have gone on for as long as it was away
+            away = (host_time - watch.host_time) * self._settings.rate
+            watch = replace(watch, window=window + round(1.1 * away))
+        watch, odd = advance(watch, tick, host_time)
         self._watch = replace(watch, window=window)
-        return replace(sample, flags=sample.flags | flags | odd)
+        return flags | odd
 
     def _leave(self) -> None:
         if self._writer is not None:
@@ -218,24 +232,14 @@ class RtdeSource(_RtdeLink[JointBlock]):
     """A controller as a source of joints and the pose of its tool point in base."""
 
     _names = rtde.JOINT_NAMES
-
-    def _block(self, values: list[dict[str, rtde.Value]], now: float) -> JointBlock:
-        rate = self._settings.rate
-        return joint_block(
-            [self._watch_clock(rtde.joint_sample(v, now, rate=rate)) for v in values]
-        )
+    _block = staticmethod(rtde.rtde_joint_block)
 
 
 class RtdeForce(_RtdeLink[ForceBlock]):
     """A controller as a source of the force at its tool point, in base axes."""
 
     _names = rtde.FORCE_NAMES
-
-    def _block(self, values: list[dict[str, rtde.Value]], now: float) -> ForceBlock:
-        rate = self._settings.rate
-        return force_block(
-            [self._watch_clock(rtde.force_sample(v, now, rate=rate)) for v in values]
-        )
+    _block = staticmethod(rtde.rtde_force_block)
 
 
 class _Talk:
@@ -245,7 +249,7 @@ class _Talk:
         self._reader, self._writer = reader, writer
         self.rest = b""
 
-    async def ask(self, request: bytes, kind: str) -> rtde.Frame:
+    async def ask(self, request: bytes, kind: str) -> rtde.RtdePacket:
         """Returns the answer; text packets in between are left out, later ones kept."""
         self._writer.write(request)
         await self._writer.drain()

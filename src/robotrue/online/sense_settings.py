@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import parse_qs
 
 import numpy as np
 
+from robotrue.cell.cell import Cell
+from robotrue.core.arrays import Array
 from robotrue.core.provenance import Provenance, read_provenance, simulation_mark
+from robotrue.core.rotations import matrix_from_abc
+from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
-from robotrue.online.correction_settings import CorrectionSettings, without_password
+from robotrue.online.answering_link import answering_guard
+from robotrue.online.corrections import Corrections, PathAxes, fixed_axes
+from robotrue.online.guard import CorrectionLimits
 from robotrue.online.replay_blocks import Repeats, force_blocks
+from robotrue.online.robot_correction import CorrectionMode
 from robotrue.online.sensing_files import SensingFiles, provenances
+from robotrue.robot.forward import forward
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,3 +120,131 @@ def force_rate(settings: SenseSettings) -> float:
 def path_of(address: str) -> str:
     """Returns the path of a file in a ``replay://`` address."""
     return address.partition("://")[2].partition("?")[0]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CorrectionSettings:
+    """How the robot is corrected.
+
+    Attributes:
+        limits: Largest correction, its fastest change, the watchdog.
+        host: Address of the controller; other senders are ignored.
+        axes: Of the controller's correction: "base", "tool", "path", or "A,B,C" in deg.
+        cutoff: Hz, of the low-pass on corrections.
+        trust_restart: RSI: a Delay near zero after a pause is a new RSI_ON without correction.
+        confirm_zero: Somebody has checked that the robot holds no correction.
+    """
+
+    limits: CorrectionLimits
+    host: str
+    axes: str
+    cutoff: float
+    trust_restart: bool = False
+    confirm_zero: bool = False
+
+
+def correction_limits(
+    robot: str,
+    *,
+    limit_mm: float | None,
+    rate_mm_per_s: float | None,
+    watchdog_ms: float,
+    recover: bool,
+) -> CorrectionLimits:
+    """Returns what corrections keep within.
+
+    Args:
+        robot: Its address, which may state the cycle.
+        limit_mm: Largest correction.
+        rate_mm_per_s: Its fastest change.
+        watchdog_ms: Corrections ramp to zero when the newest estimate is older.
+        recover: After a fault corrections begin again from zero.
+
+    Raises:
+        ConfigurationError: No limit or no rate is stated, or one that cannot be.
+    """
+    if limit_mm is None or rate_mm_per_s is None:
+        raise ConfigurationError(
+            "corrections without limits.",
+            hint="--limit-mm 0.2 --rate-mm-per-s 1, and the same in the controller (POSCORR).",
+        )
+    return CorrectionLimits(
+        shift=limit_mm * MM,
+        shift_rate=rate_mm_per_s * MM,
+        cycle=12e-3 if _query_value(robot, "cycle").startswith("12") else 4e-3,
+        timeout=watchdog_ms * 1e-3,
+        latch=not recover,
+    )
+
+
+def answers(robot: str) -> bool:
+    """Returns whether the robot of an address is one that waits for answers."""
+    return robot.lower().startswith(("rsi://", "egm://"))
+
+
+def require_correctable(robot: str, axes: str) -> None:
+    """Passes if the robot of an address takes corrections in such axes.
+
+    Raises:
+        ConfigurationError: It takes none, or none in the axes of its path.
+    """
+    if not answers(robot):
+        raise ConfigurationError(
+            f"corrections to {without_password(robot)}: only rsi:// and egm:// robots take them.",
+            hint="leave --correct out.",
+        )
+    if axes == "path" and not robot.lower().startswith("egm://"):
+        raise ConfigurationError(
+            f"--correct-in path with {without_password(robot)}: only egm:// controllers take a "
+            "correction in the axes of their path.",
+            hint="base, tool, or A,B,C in deg.",
+        )
+
+
+def corrections_of(settings: CorrectionSettings, robot: str, cell: Cell) -> Corrections:
+    """Returns the corrections that a robot is sent.
+
+    Raises:
+        ConfigurationError: It takes none of these, or axes that cannot be read.
+    """
+    require_correctable(robot, settings.axes)
+    relative = _query_value(robot, "mode") == CorrectionMode.RELATIVE.value
+    mode = CorrectionMode.RELATIVE if relative else CorrectionMode.ABSOLUTE
+    guard = answering_guard(settings.limits, mode)
+    return Corrections(guard, _axes(settings.axes, cell), cutoff=settings.cutoff)
+
+
+def without_password(address: str) -> str:
+    """Returns an address as it may be written down."""
+    scheme, mark, rest = address.partition("://")
+    head, at, tail = rest.rpartition("@")
+    return f"{scheme}{mark}{'...@' if at and head else ''}{tail}"
+
+
+def _query_value(address: str, name: str) -> str:
+    """What an address says of ``name`` behind its question mark, or nothing."""
+    return parse_qs(address.partition("?")[2]).get(name, [""])[0]
+
+
+def _axes(text: str, cell: Cell) -> Callable[[Array], Array]:
+    """The axes of the controller's correction in base, for joints as displayed."""
+    if text == "base":
+        return fixed_axes(np.eye(3))
+    if text in ("tool", "path"):
+        controller = cell.robot.controller
+
+        def pose(joints: Array) -> Array:
+            own = joints if controller is None else controller.to_model(joints)
+            return np.asarray(forward(cell.robot, own[None])[0])
+
+        return PathAxes(pose) if text == "path" else lambda joints: pose(joints)[:3, :3]
+    try:
+        angles = np.array([float(part) for part in text.split(",")])
+    except ValueError:
+        angles = np.zeros(0)
+    if angles.shape != (3,) or not np.isfinite(angles).all():
+        raise ConfigurationError(
+            f"--correct-in {text!r}, expected base, tool, path, or A,B,C in deg.",
+            hint="as RSI_ON and the sensor's frame of the running program say.",
+        )
+    return fixed_axes(matrix_from_abc(angles * DEG))

@@ -25,7 +25,7 @@ from robotrue.online.blocks import ForceBlock, JointBlock
 from robotrue.online.estimates import Doubt, EstimateBlock
 from robotrue.online.sensing_constants import constants, noise_variance, parameters
 from robotrue.online.sensing_joints import JointTrack
-from robotrue.online.sensing_models import PoseResponse, SensingModels
+from robotrue.online.sensing_models import PoseResponse, SensingModels, SensingSettings
 from robotrue.online.sensing_pose import BASE, SENSOR, TOOL, write_pose
 from robotrue.online.sensing_records import (
     POSE_DTYPE,
@@ -35,7 +35,6 @@ from robotrue.online.sensing_records import (
     state_dtype,
     window_dtype,
 )
-from robotrue.online.sensing_settings import SensingSettings
 from robotrue.online.sensing_watch import new_watch
 from robotrue.online.sensing_windows import WindowDeviation
 

@@ -14,11 +14,10 @@ import numpy.typing as npt
 
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.errors import ModelMismatchError
-from robotrue.online.blocks import ForceBlock, JointBlock
+from robotrue.online.blocks import Flag, ForceBlock, JointBlock
 from robotrue.online.clocks import ClockFix, StreamClock
 from robotrue.online.estimates import EstimateBlock
 from robotrue.online.record_frames import HEAD, Kind, frame_bytes, frame_from
-from robotrue.online.samples import Flag
 
 Stream: TypeAlias = Literal["joints", "force"]
 STREAMS: Final[tuple[Stream, Stream]] = ("joints", "force")

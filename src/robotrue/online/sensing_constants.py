@@ -14,10 +14,14 @@ from robotrue.dynamics.oscillators import Oscillators
 from robotrue.dynamics.predict import RINGS
 from robotrue.dynamics.streaming import ModalFilter
 from robotrue.errors import ReachError
-from robotrue.online.sensing_models import MeasuredResponse, PoseResponse, SensingModels
+from robotrue.online.sensing_models import (
+    MeasuredResponse,
+    PoseResponse,
+    SensingModels,
+    SensingSettings,
+)
 from robotrue.online.sensing_pose import Constants
 from robotrue.online.sensing_records import PARAMETERS_DTYPE, new_record
-from robotrue.online.sensing_settings import SensingSettings
 from robotrue.robot.chain import chain_dtype, links_of
 from robotrue.robot.forward import drive_jacobian, walk
 

@@ -32,8 +32,8 @@ from robotrue.online.sensing_models import (
     LearnedPart,
     MeasuredResponse,
     SensingModels,
+    SensingSettings,
 )
-from robotrue.online.sensing_settings import SensingSettings
 from robotrue.robot.model import parameter_slice
 
 STATED_SD: Final = 0.25

@@ -14,13 +14,11 @@ import numpy as np
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.compiled import EXACT, compiled
 from robotrue.errors import ModelMismatchError
-from robotrue.online.blocks import JointBlock
+from robotrue.online.blocks import Flag, JointBlock
 from robotrue.online.estimates import Doubt
-from robotrue.online.samples import Flag
-from robotrue.online.sensing_models import SensingModels
+from robotrue.online.sensing_models import SensingModels, SensingSettings
 from robotrue.online.sensing_pose import walk_drives
 from robotrue.online.sensing_records import HEAD
-from robotrue.online.sensing_settings import SensingSettings
 from robotrue.robot.chain import ORIGIN, chain_dtype, links_of
 
 MOST_ROWS: Final = 1 << 18

@@ -16,8 +16,8 @@ import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.compiled import EXACT, SUMS, compiled
+from robotrue.online.blocks import Flag
 from robotrue.online.estimates import Doubt
-from robotrue.online.samples import Flag
 from robotrue.online.sensing_pose import SENSOR, Constants, write_pose
 from robotrue.online.sensing_records import HEAD
 from robotrue.online.sensing_watch import refuse_force

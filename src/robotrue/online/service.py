@@ -18,8 +18,7 @@ from robotrue.online.blocks import ForceBlock, JointBlock
 from robotrue.online.clocks import ClockFix
 from robotrue.online.corrections import Corrections
 from robotrue.online.estimates import EstimateBlock
-from robotrue.online.health_document import health_document
-from robotrue.online.link import Health, Sink, Source
+from robotrue.online.link import Health, Sink, Source, health_document
 from robotrue.online.queues import Latest, Lossless
 from robotrue.online.record_frames import Kind
 from robotrue.online.record_writer import RecordWriter

@@ -23,7 +23,6 @@ from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.online.addresses import SourceSettings, open_stream
 from robotrue.online.blocks import ForceBlock, JointBlock
 from robotrue.online.clock_file import read_clock
-from robotrue.online.correction_settings import answers, corrections_of, without_password
 from robotrue.online.corrections import Corrections
 from robotrue.online.guard import CorrectionGuard
 from robotrue.online.held_note import begin_note, end_note
@@ -33,7 +32,14 @@ from robotrue.online.record_frames import Kind
 from robotrue.online.record_writer import RecordWriter
 from robotrue.online.remote_guard import RemoteGuard
 from robotrue.online.resume import Resumed, read_estimates_after, resume
-from robotrue.online.sense_settings import SenseSettings, force_rate, path_of
+from robotrue.online.sense_settings import (
+    SenseSettings,
+    answers,
+    corrections_of,
+    force_rate,
+    path_of,
+    without_password,
+)
 from robotrue.online.sensing import Sensing
 from robotrue.online.sensing_chain import SensingChain, StreamShift
 from robotrue.online.sensing_files import sensing_of

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Final
 
 from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.errors import ConfigurationError
@@ -55,3 +57,16 @@ class SinkSettings:
             raise ConfigurationError(
                 f"an arm of {self.joints} joints, expected 1 to {MOST_JOINTS}."
             )
+
+
+LIVE: Final = 60.0
+"""s; a sample older than this, or from later than now, is a replay and not live."""
+
+
+def utc_seconds(host_time: float) -> float:
+    """Returns s since 1970 in UTC at which the monotonic clock stood at ``host_time``.
+
+    A replay has its own clock; what it gives now is stamped with now.
+    """
+    age = time.monotonic() - host_time
+    return time.time() - (age if 0.0 <= age <= LIVE else 0.0)

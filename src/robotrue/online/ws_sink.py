@@ -18,8 +18,13 @@ from robotrue.errors import ConfigurationError, MissingExtraError, ShapeError
 from robotrue.online.envelopes import MOST_PER_SECOND, Bin, Envelopes
 from robotrue.online.estimates import EstimateBlock
 from robotrue.online.link import Health
-from robotrue.online.live_frames import estimates_frame, health_frame, hello_frame
-from robotrue.online.live_page import HEADERS, page_files
+from robotrue.online.live_page import (
+    HEADERS,
+    estimates_frame,
+    health_frame,
+    hello_frame,
+    page_files,
+)
 from robotrue.online.net_address import NetAddress
 from robotrue.online.queues import Latest
 from robotrue.online.sink_settings import SinkSettings
@@ -39,7 +44,7 @@ _LOGGER: Final = logging.getLogger("robotrue.online.ws")
 
 
 class WebSocketSink:
-    """A server of frames (:mod:`robotrue.online.live_frames`) and of the page that draws them."""
+    """A server of frames (:mod:`robotrue.online.live_page`) and of the page that draws them."""
 
     def __init__(self, address: NetAddress, settings: SinkSettings) -> None:
         """Takes ``ws://host:port?rate=50&origin=https://host``; port 0 is a free one.

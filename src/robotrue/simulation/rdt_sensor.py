@@ -19,14 +19,15 @@ from robotrue.core.arrays import Array
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.online.rdt import (
     PORT,
+    RECORD,
     SATURATED,
     RdtCommand,
     RdtDevice,
     RdtScale,
+    Records,
     checked_rate,
     read_request,
 )
-from robotrue.online.rdt_block import RECORD, Records
 from robotrue.simulation.online_faults import Fault, FaultKind, FaultyWire, clock_leap, showing
 from robotrue.simulation.online_scenario import OnlineScenario
 

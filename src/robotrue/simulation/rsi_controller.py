@@ -19,8 +19,8 @@ from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.online.rsi import RobPacket, read_sen, write_rob
+from robotrue.online.robot_correction import CorrectionMode
 from robotrue.online.rsi_config import RsiConfig
-from robotrue.online.samples import CorrectionMode
 from robotrue.simulation.cyclic_controller import CyclicController, CyclicSettings
 from robotrue.simulation.joint_motion import six
 from robotrue.simulation.online_faults import FaultKind, clock_leap

@@ -244,7 +244,7 @@ class RtdeController:
         finally:
             self._drop(client)
 
-    def _answer(self, client: _Client, frame: rtde.Frame) -> bytes:
+    def _answer(self, client: _Client, frame: rtde.RtdePacket) -> bytes:
         """What the controller says to a request."""
         if frame.kind == "V":
             wanted = struct.unpack(">H", frame.payload)[0]

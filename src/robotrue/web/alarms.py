@@ -77,7 +77,7 @@ class AlarmWatch:
         """Returns the alarms that begin or end in some bins of a stream.
 
         Args:
-            bins: As :mod:`robotrue.online.live_frames` tells them, in the order of time.
+            bins: As :mod:`robotrue.online.live_page` tells them, in the order of time.
             at: When the last of them came.
         """
         out: list[Alarm] = []

@@ -12,8 +12,7 @@ from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from robotrue.core.provenance import Provenance
-    from robotrue.online.correction_settings import CorrectionSettings
-    from robotrue.online.sense_settings import SenseSettings
+    from robotrue.online.sense_settings import CorrectionSettings, SenseSettings
     from robotrue.online.service import Snapshot
 
 
@@ -151,12 +150,12 @@ def _settings(request: SenseRunRequest, context: Context) -> SenseSettings:
 
 
 def _correction(request: SenseRunRequest) -> CorrectionSettings | None:
-    from robotrue.online.correction_settings import (
+    from robotrue.online.net_address import parse_peer
+    from robotrue.online.sense_settings import (
         CorrectionSettings,
         correction_limits,
         require_correctable,
     )
-    from robotrue.online.net_address import parse_peer
 
     if not request.correct:
         stated = request.recover or request.trust_restart or request.confirm_zero

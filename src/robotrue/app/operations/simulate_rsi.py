@@ -52,8 +52,8 @@ def run(request: SimulateRsiRequest, context: Context) -> PlainResult:
     import time
     from dataclasses import replace
 
+    from robotrue.online.robot_correction import CorrectionMode
     from robotrue.online.rsi_config import read_rsi_config, usual_rsi_config
-    from robotrue.online.samples import CorrectionMode
     from robotrue.simulation import rsi_controller
     from robotrue.simulation.online_scenario import ScenarioMotion, online_scenario
 

@@ -65,8 +65,12 @@ def _sensing() -> Sensing:
     import numpy as np
 
     from robotrue.online.sensing import Sensing
-    from robotrue.online.sensing_models import JointCompliance, MeasuredResponse, SensingModels
-    from robotrue.online.sensing_settings import SensingSettings
+    from robotrue.online.sensing_models import (
+        JointCompliance,
+        MeasuredResponse,
+        SensingModels,
+        SensingSettings,
+    )
     from robotrue.simulation.milling_arm import milling_arm
 
     arm = milling_arm(1)

@@ -1,15 +1,19 @@
-"""Corrections in whole steps of the wire, 1 nm and 1e-6 deg, so that what was sent adds up."""
+"""A correction as a controller takes it: in SI, and in whole steps of the wire.
+
+A step is 1 nm or 1e-6 deg, so that what was sent adds up.
+"""
 
 from __future__ import annotations
 
+import enum
 import math
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.units import DEG
-from robotrue.online.samples import Correction, CorrectionMode
 
 Steps = tuple[int, int, int]
 NANOMETRE: Final = 1e-9
@@ -20,6 +24,53 @@ _FUZZ: Final = 1e-6
 _INSIDE: Final = 10
 """Steps inside the limit that are aimed for, so that steps made whole stay within."""
 _ZEROS: Final[Array] = frozen(np.zeros(3), (3,), "zeros")
+
+
+class CorrectionMode(enum.Enum):
+    """How the controller takes a correction: the setting that is most dangerous to get wrong."""
+
+    RELATIVE = "relative"
+    """Added anew in every cycle: the same value sent twice moves twice as far."""
+    ABSOLUTE = "absolute"
+    """Against the programmed path: the same value sent twice changes nothing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Correction:
+    """How far the robot is to leave its programmed path.
+
+    Attributes:
+        shift: (3,) m in the frame of the controller's correction.
+        turn: (3,) rad, rotation vector in the same frame.
+        mode: Whether the controller adds it up in every cycle; there is no default.
+    """
+
+    shift: Array
+    turn: Array
+    mode: CorrectionMode
+
+    def __post_init__(self) -> None:
+        """Freezes and checks; a correction that is not finite never reaches a robot."""
+        if not _is_settled(self.shift):
+            object.__setattr__(self, "shift", frozen(self.shift, (3,), "shift"))
+        if not _is_settled(self.turn):
+            object.__setattr__(self, "turn", frozen(self.turn, (3,), "turn"))
+
+
+def _is_settled(vector: Array) -> bool:
+    """Whether ``frozen`` would leave it as it is; asked while a controller waits."""
+    return (
+        isinstance(vector, np.ndarray)
+        and not vector.flags.writeable
+        and vector.shape == (3,)
+        and vector.dtype == np.float64
+        and math.isfinite(sum(vector.tolist()))
+    )
+
+
+def no_correction(mode: CorrectionMode) -> Correction:
+    """Returns the correction that leaves the robot on its path (absolute) or where it is."""
+    return Correction(shift=np.zeros(3), turn=np.zeros(3), mode=mode)
 
 
 def steps_within(vector: list[float], limit: float, unit: float) -> Steps:
