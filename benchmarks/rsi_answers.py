@@ -39,10 +39,10 @@ from machine_stalls import Probe, Stalls
 
 from robotrue.core.units import MM
 from robotrue.online.answering_link import AnsweringLink
+from robotrue.online.answering_wire import RemoteGuard
 from robotrue.online.guard import CorrectionGuard, CorrectionLimits
 from robotrue.online.rdt import parse_netftapi
 from robotrue.online.rdt_link import RdtSettings, RdtSource
-from robotrue.online.remote_guard import RemoteGuard
 from robotrue.online.robot_correction import Correction, CorrectionMode
 from robotrue.online.rsi_config import RsiConfig, usual_rsi_config, write_rsi_config
 from robotrue.online.rsi_link import RsiSettings, RsiSource
@@ -228,7 +228,7 @@ def measured(name: str, command: list[str], *, thread: bool, service: bool) -> t
     print(
         f"{name:<28} {counted['taken']:>8} {counted['faulty']:>6} "
         f"{counted.get('overslept', '-'):>6} {health.refused:>7} "
-        f"{counted['rows']:>8} {guard.trips:>5} "
+        f"{counted['rows']:>8} {guard.state().trips:>5} "
         + " ".join(f"{1e6 * t:>8.0f}" for t in times)
         + f" {1e6 * busy / counted['taken']:>8.0f} {wall:>6.0f}s"
         + ("" if source.preferred else "  (no real-time priority)"),

@@ -8,8 +8,8 @@ import numpy as np
 
 from robotrue.core.units import MM
 from robotrue.online.answering_link import AnsweringLink
+from robotrue.online.answering_wire import RemoteGuard
 from robotrue.online.guard import CorrectionLimits
-from robotrue.online.remote_guard import RemoteGuard
 from robotrue.online.robot_correction import Correction, CorrectionMode
 from robotrue.online.rsi_config import usual_rsi_config
 from robotrue.online.rsi_link import RsiSettings

@@ -1,7 +1,6 @@
 """A robot answered by a process of its own: as by a thread, and when either side is killed."""
 
 import asyncio
-import json
 import os
 import signal
 import socket
@@ -9,7 +8,6 @@ import subprocess
 import sys
 import threading
 import time
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -24,19 +22,22 @@ from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.online import answering_link
 from robotrue.online.answering_link import AnsweringLink, answering_guard
 from robotrue.online.answering_wire import (
-    fault_document,
-    guard_state,
-    plain,
-    read_fault,
-    read_settings,
-    settings_document,
-)
+    EndedLink,
+    Fault,
+    Opening,
+    RemoteGuard,
+    Report,
+    read_message,
+    write_message,
+)  # fmt: skip
 from robotrue.online.blocks import Flag
 from robotrue.online.guard import CorrectionGuard, GuardState
-from robotrue.online.remote_guard import RemoteGuard
+from robotrue.online.link import Health
 from robotrue.online.robot_correction import Correction, CorrectionMode
+from robotrue.online.robot_link import LinkState
 from robotrue.online.rsi_config import usual_rsi_config
 from robotrue.online.rsi_link import RsiSource
+from robotrue.online.sequence import SequenceState
 from robotrue.robot.presets import preset
 from robotrue.simulation.joint_motion import Jog
 from robotrue.simulation.rsi_controller import RsiController, RsiControllerSettings
@@ -147,7 +148,9 @@ def test_a_killed_answering_process_is_told_and_another_goes_on():
                         guard.want(WANTED, time.monotonic())
                     return
                 except RobotrueError as fault:
-                    faults.append((fault, source.health(), guard.active, guard.held.shift[0]))
+                    faults.append(
+                        (fault, source.health(), guard.state().active, guard.state().held.shift[0])
+                    )
 
         reader = asyncio.create_task(read())
         with Controller(source.address) as controller:
@@ -160,10 +163,10 @@ def test_a_killed_answering_process_is_told_and_another_goes_on():
             controller.wait(2500)
             await asyncio.to_thread(until, lambda: controller.cycle() == 0.0)
             assert controller.inner.report.largest_step_mm <= 2.0 * STEP
-            assert not guard.active
+            assert not guard.state().active
             guard.rearm()
             await asyncio.to_thread(until, lambda: controller.cycle() > 0.199)
-            await asyncio.to_thread(until, lambda: guard.active)
+            await asyncio.to_thread(until, lambda: guard.state().active)
             drive = threading.Event()
             driving = asyncio.create_task(asyncio.to_thread(_driven, controller, drive))
             await asyncio.wait_for(source.close(), 15.0)
@@ -180,7 +183,7 @@ def test_a_killed_answering_process_is_told_and_another_goes_on():
     assert "has ended" in then.last_fault
     assert not active
     assert held == pytest.approx(2e-4, abs=2e-5)
-    assert (guard.trips, health.reconnects) == (1, 1)
+    assert (guard.state().trips, health.reconnects) == (1, 1)
     # what was answered by the first is counted on by the second
     assert health.received == pytest.approx(sum(map(len, seen)), abs=1)
     flags = np.concatenate([b.flags for b in seen])
@@ -228,7 +231,7 @@ def test_a_controller_that_has_not_counted_what_was_missed_began_anew(counted, f
 
     shift_mm, guard = asyncio.run(session())
     assert shift_mm == pytest.approx(first * 1e3, abs=STEP)
-    assert guard.why == "killed"
+    assert guard.state().why == "killed"
 
 
 def test_twenty_thousand_samples_reach_a_service_that_slept(monkeypatch):
@@ -260,18 +263,27 @@ def test_twenty_thousand_samples_reach_a_service_that_slept(monkeypatch):
 
 
 def test_what_is_said_over_the_pipe_comes_back_as_it_was():
-    for made in (settings(), settings(mode=None, port=None), egm._settings(egm.SEVEN)):
-        assert read_settings(settings_document(made)) == made
-    pinned = settings(peer=("192.0.2.1", 0), trust_restart=True)
-    assert read_settings(json.loads(json.dumps(settings_document(pinned)))) == pinned
     state = GuardState(
         shift=(3, 2, 1), pending=((1, 0, 0), (0, 2, 0)), spread=(7, 1), refused=True, frozen=True
     )
-    assert guard_state(json.loads(json.dumps(plain(state)))) == state
-    assert guard_state(asdict(state)) == state
-    fault = ConfigurationError("no.", source="here", hint="yes.")
-    again = read_fault(fault_document(fault))
-    assert (type(again), str(again)) == (ConfigurationError, str(fault))
+    link = LinkState(watch=SequenceState(last=7), peer=("192.0.2.1", 5), slowest=0.5)
+    before = EndedLink(link=link, guard=state, why="killed")
+    for made in (
+        settings(),
+        settings(mode=None, port=None),
+        settings(peer=("192.0.2.1", 0), trust_restart=True),
+        egm._settings(egm.SEVEN),
+    ):
+        opening = Opening(settings=made, limits=LIMITS, mode=ABSOLUTE, before=before)
+        assert read_message(write_message(opening), Opening) == (opening, b"")
+    fault = Fault.of(ConfigurationError("no.", source="here", hint="yes."))
+    report = Report(guard=state, watch=link.watch, peer=link.peer, fault=fault)
+    again, frame = read_message(write_message(report, b"samples"), Report)
+    assert (again, frame) == (report, b"samples")
+    error = again.fault.error()
+    assert (type(error), str(error)) == (ConfigurationError, "here: no. Try: yes.")
+    full, _ = read_message(write_message(Report(health=Health(name="x", connected=True))), Report)
+    assert np.isnan(full.health.turnaround_p50)
 
 
 def test_a_guard_that_is_asked_for_an_increment():

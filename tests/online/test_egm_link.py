@@ -138,7 +138,7 @@ def test_corrections_follow_with_their_age_and_only_while_guided():
 
     def play(robot, source):
         for n in range(1000):
-            if not guard.active:
+            if not guard.state().active:
                 guard.rearm()  # a machine that sleeps for long is a fault, too
             guard.want(WANTED, time.monotonic() - 0.02)
             number, xyz, age = egm.read_path_correction(robot.ask(_message(n)))
@@ -155,10 +155,10 @@ def test_corrections_follow_with_their_age_and_only_while_guided():
         guard.rearm()
         guard.want(WANTED, time.monotonic())
         robot.ask(_message(n + 2, joints_deg=(float("inf"), *JOINTS[1:])))
-        until(lambda: not guard.active)
+        until(lambda: not guard.state().active)
 
     health, _, _, _ = _session(play, guard, mode=ABSOLUTE, force=False)
-    assert "NOT_FINITE" in guard.why
+    assert "NOT_FINITE" in guard.state().why
     assert 0.0 < health.turnaround_p50 < 1.0
 
 

@@ -103,7 +103,7 @@ def test_whatever_comes_the_robot_stays_within_limit_and_rate(mode, script):
             now += values[0]
             cycle(lost=name == "lost")
         elif name == "doubt":
-            guard.doubt("invalid")
+            guard.fault("invalid")
         elif name == "fault":
             guard.fault("NaN")
         elif name == "rearm":
@@ -133,7 +133,7 @@ def test_without_losses_limit_and_rate_hold_exactly(mode, script):
         assert moved <= LIMITS.shift_rate * min(later, CYCLE) + SLACK or now == later
         assert moved <= STEP + SLACK
         assert np.linalg.norm(controller.shift) <= LIMITS.shift + SLACK
-        np.testing.assert_allclose(controller.shift, guard.held.shift, atol=1e-15)
+        np.testing.assert_allclose(controller.shift, guard.state().held.shift, atol=1e-15)
 
 
 @pytest.mark.parametrize("mode", [ABSOLUTE, RELATIVE])
@@ -162,7 +162,7 @@ def test_too_much_is_cut_along_itself():
     ("harm", "why"),
     [
         (lambda guard, now: None, "behind the answer"),
-        (lambda guard, now: guard.doubt("outside the model"), "outside the model"),
+        (lambda guard, now: guard.fault("outside the model"), "outside the model"),
         (lambda guard, now: guard.fault("NaN"), "NaN"),
         (lambda guard, now: guard.count_late(2, now), "2 late answers within 1 s"),
         (lambda guard, now: guard.want(_wanted((0.0, 0.0, 0.0)), now + 1.0), "ahead of the answer"),
@@ -218,7 +218,7 @@ def test_without_a_latch_it_comes_back_by_the_ramp_on_fresh_estimates():
     guard, controller = CorrectionGuard(LIMITS, ABSOLUTE), Controller(ABSOLUTE)
     wanted = _wanted((0.2 * MM, 0.0, 0.0))
     now = _run(guard, controller, 0.0, 60, wanted)
-    guard.doubt("settling")
+    guard.fault("settling")
     now = _run(guard, controller, now, 12, wanted)
     assert guard.at_rest or controller.shift[0] < 0.2 * MM
     _run(guard, controller, now, 60, wanted)
@@ -228,7 +228,7 @@ def test_without_a_latch_it_comes_back_by_the_ramp_on_fresh_estimates():
 def test_nothing_bites_before_something_is_wanted():
     guard = CorrectionGuard(LIMITS, ABSOLUTE)
     guard.next(0.0)
-    guard.doubt("settling")
+    guard.fault("settling")
     guard.fault("the first packet")
     guard.count_late(5, 0.0)
     assert guard.active

@@ -114,8 +114,8 @@ def test_nan_is_answered_flagged_and_ends_the_correction():
     def play(robot, source):
         now = _led(robot, guard, 30)
         robot.ask(rob(now, a1="nan"))
-        until(lambda: not guard.active)
-        assert "NOT_FINITE" in guard.why
+        until(lambda: not guard.state().active)
+        assert "NOT_FINITE" in guard.state().why
         until(lambda: "NOT_FINITE" in source.health().last_fault)
 
     _, flags, blocks = _session(play, guard, mode=ABSOLUTE)
@@ -183,7 +183,7 @@ def test_a_controller_that_comes_back_is_not_moved(mode, answered):
 
     def play(robot, source):
         _led(robot, guard, 30)
-        assert not guard.at_rest
+        assert not guard.state().at_rest
         until(lambda: not source.health().connected)
         with Robot(source.address) as again:
             for ipoc in (17, 21):
@@ -193,9 +193,9 @@ def test_a_controller_that_comes_back_is_not_moved(mode, answered):
                 else:
                     assert again.quiet()
             until(lambda: source.health().received == 32)
-            assert "may have begun anew or still hold 0." in guard.why
+            assert "may have begun anew or still hold 0." in guard.state().why
             guard.rearm()
-            assert not guard.active
+            assert not guard.state().active
 
     config = DROP if mode is RELATIVE else HOLD
     health, flags, _ = _session(play, guard, mode=mode, config=config)
@@ -211,14 +211,14 @@ def test_answers_that_were_late_bite():
         now = _led(robot, guard, 30)
         robot.ask(rob(now, late=1))
         robot.ask(rob(now + 4, late=1))
-        assert guard.active
+        assert guard.state().active
         robot.ask(rob(now + 8, late=2))
-        until(lambda: not guard.active)
+        until(lambda: not guard.state().active)
 
     health, flags, _ = _session(
         play, guard, mode=RELATIVE, config=usual_rsi_config("127.0.0.1", 49152, hold=False)
     )
-    assert "2 late answers" in guard.why
+    assert "2 late answers" in guard.state().why
     assert sum(bool(f & Flag.LATE) for f in flags.values()) >= 2
     assert health.late >= 2
 
@@ -381,10 +381,10 @@ def test_a_simulated_robot_is_led_within_limits_and_left_without_correction(mode
         wanted = Correction(shift=shift, turn=np.zeros(3), mode=ABSOLUTE)
         began = time.monotonic()
         async for block in source.blocks():
-            if not guard.active:
+            if not guard.state().active:
                 guard.rearm()  # a machine that sleeps for long is a fault, too
             guard.want(wanted, float(block.host_time[-1]))
-            if np.abs(guard.held.shift - shift).max() < 2e-9:
+            if np.abs(guard.state().held.shift - shift).max() < 2e-9:
                 break
             assert time.monotonic() < began + 20.0
         await asyncio.wait_for(source.close(), 15.0)

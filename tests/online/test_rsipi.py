@@ -82,8 +82,8 @@ def test_the_echo_server_takes_our_answers_and_moves_by_them(tmp_path, mode):
     # it prints hundredths of a millimetre; a machine at its limits may lose an answer
     lost = result["faulty"] * limits.shift_rate * limits.cycle / MM
     pose = [result["pose"][axis] for axis in "XYZ"]
-    np.testing.assert_allclose(pose, guard.held.shift / MM, atol=1e-4 + lost)
+    np.testing.assert_allclose(pose, guard.state().held.shift / MM, atol=1e-4 + lost)
     seen = blocks[-1].T_frame_tool[-1, :3, 3]
-    np.testing.assert_allclose(seen, guard.held.shift, atol=(0.031 + lost) * MM)
+    np.testing.assert_allclose(seen, guard.state().held.shift, atol=(0.031 + lost) * MM)
     if not guard.trips:  # a machine that sleeps for long is a fault
         np.testing.assert_allclose(pose, SHIFT / MM, atol=1e-4 + lost)

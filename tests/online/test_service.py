@@ -334,7 +334,7 @@ asyncio.run(main())
 
 def test_killed_again_and_again_the_record_ends_whole_and_the_same(tmp_path: Path) -> None:
     """SIGKILL at moments that chance chose, in the middle of whatever was going on."""
-    forces = 16_000
+    forces = 64_000
     text = KILLED.format(
         tests=str(Path(__file__).parent),
         path=str(tmp_path / "r"),

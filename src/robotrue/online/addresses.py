@@ -19,8 +19,8 @@ from robotrue.online.robot_correction import CorrectionMode
 from robotrue.online.udp import Address
 
 if TYPE_CHECKING:
+    from robotrue.online.answering_wire import RemoteGuard
     from robotrue.online.egm_link import EgmSettings
-    from robotrue.online.remote_guard import RemoteGuard
     from robotrue.online.rsi_link import RsiSettings
 
 Role = Literal["robot", "force"]
@@ -72,7 +72,7 @@ class SourceSettings:
     Attributes:
         role: Whether joints or forces are wanted.
         corrector: Asked by a robot's link for each of its answers; None corrects nothing. A
-            :class:`~robotrue.online.remote_guard.RemoteGuard` stands in the answering process.
+            :class:`~robotrue.online.answering_wire.RemoteGuard` stands in the answering process.
         start_row: Samples a record of the service holds already; only a replay can leave them out.
         robot: The robot's source, for a force that comes in the same messages (EGM).
         own_process: Whether a process of its own answers an RSI or EGM robot, on Linux. A
@@ -228,8 +228,8 @@ def _build_answering_source(
 ) -> Source[JointBlock]:
     """The source of a controller that waits for answers: from a process of its own, or a thread."""
     from robotrue.online.answering_link import AVAILABLE, AnsweringLink
+    from robotrue.online.answering_wire import RemoteGuard
     from robotrue.online.egm_link import EgmSource
-    from robotrue.online.remote_guard import RemoteGuard
     from robotrue.online.rsi_link import RsiSettings, RsiSource
 
     corrector = settings.corrector

@@ -20,6 +20,7 @@ import socket
 import sys
 import time
 from collections.abc import AsyncIterator, Callable
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -27,23 +28,19 @@ import numpy as np
 from robotrue.errors import RobotrueError
 from robotrue.online.answering_wire import (
     MOST,
-    Document,
-    LinkSettings,
-    fault_document,
+    Fault,
+    Opening,
+    Report,
+    Request,
     frames,
-    guard_state,
-    link_state,
-    message,
-    plain,
-    read_guard,
     read_message,
-    read_settings,
+    write_message,
 )
 from robotrue.online.blocks import Block
 from robotrue.online.egm_link import EgmForce, EgmSource
-from robotrue.online.guard import CorrectionGuard
+from robotrue.online.guard import CorrectionGuard, GuardState
 from robotrue.online.robot_correction import Correction, CorrectionMode
-from robotrue.online.robot_link import LinkState, RobotLink
+from robotrue.online.robot_link import RobotLink
 from robotrue.online.rsi_link import RsiSettings, RsiSource
 from robotrue.online.udp import prompt_answers
 
@@ -68,11 +65,11 @@ def main(descriptor: int) -> None:
     with contextlib.suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, 0, _NICE)
     with socket.socket(fileno=descriptor) as pipe:
-        opening, _ = read_message(pipe.recv(MOST))
+        opening, _ = read_message(pipe.recv(MOST), Opening)
         try:
             guard, link = _open_link(opening)
         except RobotrueError as refused:
-            pipe.send(message({"refused": fault_document(refused)}))
+            pipe.send(write_message(Report(fault=Fault.of(refused))))
             return
         pipe.setblocking(False)
         _stay_in_memory()
@@ -86,23 +83,16 @@ def _stay_in_memory() -> None:
         ctypes.CDLL(None).mlockall(_RESIDENT)
 
 
-def _open_link(opening: Document) -> tuple[CorrectionGuard | None, RobotLink[Any]]:
-    guard, before = None, None
-    if opening["guard"] is not None:
-        guard = CorrectionGuard(*read_guard(opening["guard"]))
-    if opening["before"] is not None:
-        before = link_state(opening["before"]["link"])
-        if guard is not None:
-            guard.resume(guard_state(opening["before"]["guard"]), opening["before"]["why"])
-    return guard, _link(read_settings(opening["settings"]), guard, before)
-
-
-def _link(
-    settings: LinkSettings, guard: CorrectionGuard | None, before: LinkState | None
-) -> RobotLink[Any]:
+def _open_link(opening: Opening) -> tuple[CorrectionGuard | None, RobotLink[Any]]:
+    guard, before, settings = None, opening.before, opening.settings
+    if opening.limits is not None and opening.mode is not None:
+        guard = CorrectionGuard(opening.limits, opening.mode)
+        if before is not None and before.guard is not None:
+            guard.resume(before.guard, before.why)
+    link = None if before is None else before.link
     if isinstance(settings, RsiSettings):
-        return RsiSource(settings, guard, before=before)
-    return EgmSource(settings, guard, before=before)
+        return guard, RsiSource(settings, guard, before=link)
+    return guard, EgmSource(settings, guard, before=link)
 
 
 class _Answering:
@@ -120,7 +110,7 @@ class _Answering:
 
     async def run(self) -> None:
         """Serves until closed, left alone, or until the link has failed."""
-        await self._send(lambda: {"address": self._link.address, **self._state()})
+        await self._send(lambda: replace(self._report(), address=self._link.address))
         self._pump(self._link.blocks())
         asked = asyncio.create_task(self._serve_requests())
         beat = asyncio.create_task(self._beat())
@@ -129,7 +119,7 @@ class _Answering:
         await asyncio.wait(self._pumps, timeout=_LAST)
         beat.cancel()
         asked.cancel()
-        await self._send(self._state)
+        await self._send(self._report)
         for pump in self._pumps:
             if pump.done():
                 pump.result()
@@ -145,32 +135,30 @@ class _Answering:
             if not data:
                 self._alone = True
                 return
-            document, _ = read_message(data)
-            if document["do"] == "close":
+            request, _ = read_message(data, Request)
+            if request.do == "close":
                 return
-            if not self._done(document):
-                await self._send(self._state)
+            if not self._fulfil(request):
+                await self._send(self._report)
 
-    def _done(self, document: Document) -> bool:
+    def _fulfil(self, request: Request) -> bool:
         """Does one thing; returns whether the service need not be told at once how it stands."""
-        what, guard = document["do"], self._guard
-        if what == "force" and isinstance(self._link, EgmSource) and self._force is None:
+        guard = self._guard
+        if request.do == "force" and isinstance(self._link, EgmSource) and self._force is None:
             self._force = self._link.force()
             self._pump(self._force.blocks())
         elif guard is None:
             return True
-        elif what == "want":
-            wanted = np.array(document["by"])
-            guard.want(
-                Correction(shift=wanted[:3], turn=wanted[3:], mode=CorrectionMode.ABSOLUTE),
-                document["time"],
-            )
+        elif request.do == "want":
+            shift, turn = np.array(request.shift), np.array(request.turn)
+            wanted = Correction(shift=shift, turn=turn, mode=CorrectionMode.ABSOLUTE)
+            guard.want(wanted, request.time)
             return True
-        elif what == "fault":
-            guard.fault(document["why"])
-        elif what == "release":
+        elif request.do == "fault":
+            guard.fault(request.why)
+        elif request.do == "release":
             guard.release()
-        elif what == "rearm":
+        elif request.do == "rearm":
             guard.rearm()
         return False
 
@@ -183,50 +171,50 @@ class _Answering:
                 # right behind an answer there is time for the counters
                 due = time.monotonic() - self._told >= _BEAT
                 for frame in frames(block):
-                    await self._send(self._state if due else self._brief, frame)
+                    await self._send(self._report if due else self._brief, frame)
                     due = False
                 # every message wakes the service; but what the robot holds is told at once
                 if self._guard is None or self._guard.at_rest:
                     await asyncio.sleep(_GATHER)
         except RobotrueError as fault:
-            told = {"fault": fault_document(fault)}
-            await self._send(lambda: told)
+            failed = Report(guard=self._guard_state(), fault=Fault.of(fault))
+            await self._send(lambda: failed)
 
     async def _beat(self) -> None:
         """Tells the counters of a controller that is silent."""
         while True:
             await asyncio.sleep(_BEAT)
             if time.monotonic() - self._told >= 1.3 * _BEAT:
-                await self._send(self._state)
+                await self._send(self._report)
 
-    async def _send(self, document: Callable[[], Document], frame: bytes = b"") -> None:
+    async def _send(self, report: Callable[[], Report], frame: bytes = b"") -> None:
         """Waits while the service is slow, then tells it; says nothing to one that is gone."""
         if self._alone:
             return
         async with self._sending:
             try:
-                data = message(document(), frame)
+                data = write_message(report(), frame)
                 await asyncio.get_running_loop().sock_sendall(self._pipe, data)
             except OSError:
                 self._alone = True
 
-    def _brief(self) -> dict[str, Any]:
+    def _guard_state(self) -> GuardState | None:
+        return None if self._guard is None else self._guard.state()
+
+    def _brief(self) -> Report:
         """What has to be known of the last answers if this process should end now."""
         watch, peer = self._link.seen
-        return {"watch": plain(watch), "peer": peer, "guard": self._held()}
+        return Report(watch=watch, peer=peer, guard=self._guard_state())
 
-    def _held(self) -> dict[str, Any] | None:
-        return None if self._guard is None else plain(self._guard.state())
-
-    def _state(self) -> dict[str, Any]:
+    def _report(self) -> Report:
         self._told = time.monotonic()
-        return {
-            "link": plain(self._link.state()),
-            "guard": self._held(),
-            "health": plain(self._link.health()),
-            "force": None if self._force is None else plain(self._force.health()),
-            "preferred": self._link.preferred,
-        }
+        return Report(
+            link=self._link.state(),
+            guard=self._guard_state(),
+            health=self._link.health(),
+            force=None if self._force is None else self._force.health(),
+            preferred=self._link.preferred,
+        )
 
 
 if __name__ == "__main__":

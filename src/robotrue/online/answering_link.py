@@ -16,35 +16,32 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import AsyncIterator, Mapping
-from dataclasses import asdict, replace
-from typing import Any, Final, Generic, TypeVar
+from collections.abc import AsyncIterator
+from dataclasses import replace
+from typing import Final, Generic, TypeVar
 
 from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.online.answering_wire import (
     MOST,
+    EndedLink,
     LinkSettings,
+    Opening,
+    RemoteGuard,
+    Report,
+    Request,
     decode_block,
-    guard_document,
-    guard_state,
     join_blocks,
-    link_state,
-    message,
-    read_fault,
-    read_health,
     read_message,
-    read_watch,
-    settings_document,
+    write_message,
 )
 from robotrue.online.blocks import ForceBlock, JointBlock
 from robotrue.online.egm_link import EgmSettings
-from robotrue.online.guard import CorrectionGuard, CorrectionLimits
+from robotrue.online.guard import CorrectionGuard, CorrectionLimits, GuardState
 from robotrue.online.link import Health
-from robotrue.online.remote_guard import RemoteGuard
 from robotrue.online.robot_correction import CorrectionMode
 from robotrue.online.robot_link import LinkState, Turnaround
 from robotrue.online.sequence import SequenceState
-from robotrue.online.udp import Inbox
+from robotrue.online.udp import Address, Inbox
 
 AVAILABLE: Final = sys.platform == "linux" and bool(sys.executable)
 """Whether this computer can have an answering process; else a thread answers."""
@@ -92,6 +89,7 @@ class AnsweringLink:
             guard.connect(self._tell)
         self.settings, self._guard = settings, guard
         self._link = LinkState(watch=SequenceState())
+        self._before: GuardState | None = None
         self._health = Health(name=settings.name, connected=False)
         self.preferred = False
         self._view: AnsweringForce | None = None
@@ -130,14 +128,14 @@ class AnsweringLink:
             raise ConfigurationError("force of a KUKA controller, which sends none by RSI alone.")
         if self._view is None:
             self._view = AnsweringForce(self, self.settings.waiting)
-            self._tell({"do": "force"})
+            self._tell(Request(do="force"))
         return self._view
 
     async def close(self) -> None:
         """Has the correction brought to zero at its rate, and the process ended."""
         async with self._again:
             self._closing = True
-            self._tell({"do": "close"})
+            self._tell(Request(do="close"))
             until = time.monotonic() + _END
             while self._thread.is_alive():
                 if time.monotonic() > until:
@@ -152,7 +150,7 @@ class AnsweringLink:
             return health
         return replace(health, connected=health.connected and not self._died, last_fault=fault)
 
-    def _start(self, before: Mapping[str, Any] | None) -> None:
+    def _start(self, before: EndedLink | None) -> None:
         """Starts a process, and waits until it listens."""
         settings = self.settings
         if before is not None:
@@ -169,35 +167,36 @@ class AnsweringLink:
                 process_group=0,
             )
         guard = self._guard
-        opening = {
-            "settings": settings_document(settings),
-            "guard": None if guard is None else guard_document(guard.limits, guard.mode),
-            "before": before,
-        }
+        opening = Opening(
+            settings=settings,
+            limits=None if guard is None else guard.limits,
+            mode=None if guard is None else guard.mode,
+            before=before,
+        )
         try:
-            document = self._open_process(opening)
+            self.address, report = self._open_process(opening)
         except BaseException:
             self._pipe.close()
             self._process.kill()
             self._process.wait()
             raise
-        self.address: tuple[str, int] = (document["address"][0], document["address"][1])
         self._stream: _Stream[JointBlock] = _Stream(settings.waiting)
         self._died = ""
-        self._take_state(document)
+        self._take_report(report)
         self._thread = threading.Thread(
             target=self._listen, name=f"answers {settings.name}", daemon=True
         )
         self._thread.start()
         if self._view is not None:
             self._view.begin(settings.waiting)
-            self._tell({"do": "force"})
+            self._tell(Request(do="force"))
 
-    def _open_process(self, opening: Mapping[str, Any]) -> dict[str, Any]:
+    def _open_process(self, opening: Opening) -> tuple[Address, Report]:
+        """Returns where it listens, and its first report."""
         self._pipe.settimeout(_START)
         data, slow = b"", ""
         try:
-            self._pipe.send(message(opening))
+            self._pipe.send(write_message(opening))
             data = self._pipe.recv(MOST)
         except TimeoutError:
             slow = f" within {_START:g} s"
@@ -209,10 +208,12 @@ class AnsweringLink:
                 hint=f"{sys.executable} -P -m robotrue.online.answering",
             )
         self._pipe.settimeout(None)
-        document, _ = read_message(data)
-        if "refused" in document:
-            raise read_fault(document["refused"])
-        return document
+        report, _ = read_message(data, Report)
+        if report.fault is not None or report.address is None:
+            raise (
+                ConfigurationError("no address.") if report.fault is None else report.fault.error()
+            )
+        return report.address, report
 
     async def _restart_process(self) -> None:
         """Starts a process anew where one has ended by itself."""
@@ -220,20 +221,16 @@ class AnsweringLink:
             if not self._died or self._closing:
                 return
             self._pipe.close()
-            before = {
-                "link": asdict(self._link),
-                "guard": None if self._guard is None else asdict(self._before),
-                "why": self._died,
-            }
+            before = EndedLink(link=self._link, guard=self._before, why=self._died)
             await asyncio.to_thread(self._start, before)
 
-    def _tell(self, what: Mapping[str, Any]) -> None:
+    def _tell(self, request: Request) -> None:
         """Asks something of the process; one that does not read misses what is wanted of it."""
         if self._died:
             return
-        data = message(what)
+        data = write_message(request)
         # a correction that has to wait is old; all else may wait for a moment
-        until = time.monotonic() + (0.0 if what["do"] == "want" else _PATIENCE)
+        until = time.monotonic() + (0.0 if request.do == "want" else _PATIENCE)
         while True:
             try:
                 self._pipe.send(data, socket.MSG_DONTWAIT)
@@ -257,11 +254,10 @@ class AnsweringLink:
                 break
             if not data:
                 break
-            document, frame = read_message(data)
-            if "fault" in document:
-                fault = read_fault(document["fault"])
-            else:
-                self._take_state(document)
+            report, frame = read_message(data, Report)
+            if report.fault is not None:
+                fault = report.fault.error()
+            self._take_report(report)
             if frame:
                 self._take(frame)
         self._handle_end(fault)
@@ -273,18 +269,16 @@ class AnsweringLink:
         elif self._view is not None:
             self._view.put(block)
 
-    def _take_state(self, document: Mapping[str, Any]) -> None:
-        if self._guard is not None:
-            self._guard.take_state(guard_state(document["guard"]))
-        if "link" in document:
-            self._link = link_state(document["link"])
-            self._health = read_health(document["health"])
-            self.preferred = document["preferred"]
-            if self._view is not None and document["force"] is not None:
-                self._view.take_health(read_health(document["force"]))
-        else:
-            watch, peer = read_watch(document)
-            self._link = replace(self._link, watch=watch, peer=peer)
+    def _take_report(self, report: Report) -> None:
+        if self._guard is not None and report.guard is not None:
+            self._guard.take_state(report.guard)
+        if report.link is not None and report.health is not None:
+            self._link, self._health = report.link, report.health
+            self.preferred = report.preferred
+            if self._view is not None and report.force is not None:
+                self._view.take_health(report.force)
+        elif report.watch is not None:
+            self._link = replace(self._link, watch=report.watch, peer=report.peer)
 
     def _handle_end(self, fault: RobotrueError | None) -> None:
         code = self._process.wait()

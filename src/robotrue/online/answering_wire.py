@@ -7,30 +7,32 @@ socket keeps messages whole, so neither side ever reads half of one.
 from __future__ import annotations
 
 import json
+import math
 import struct
-from collections.abc import Iterator, Mapping
-from dataclasses import asdict, fields, replace
-from typing import Any, Final, TypeVar
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any, Final, Literal, TypeVar
+
+from pydantic import TypeAdapter
 
 from robotrue import errors
 from robotrue.core.columns import concat
 from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.online.blocks import Block, ForceBlock, JointBlock
-from robotrue.online.egm import RobotWare
 from robotrue.online.egm_link import EgmSettings
-from robotrue.online.guard import CorrectionLimits, GuardState
+from robotrue.online.guard import CorrectionLimits, GuardState, check_whole
 from robotrue.online.link import Health
 from robotrue.online.record_frames import HEAD, Kind, frame_bytes, frame_from
-from robotrue.online.robot_correction import CorrectionMode
+from robotrue.online.robot_correction import Correction, CorrectionMode
 from robotrue.online.robot_link import LinkState
-from robotrue.online.rsi_config import parse_rsi_config, write_rsi_config
 from robotrue.online.rsi_link import RsiSettings
 from robotrue.online.sequence import SequenceState
 from robotrue.online.udp import Address
 
 LinkSettings = RsiSettings | EgmSettings
-Document = Mapping[str, Any]
 B = TypeVar("B", JointBlock, ForceBlock)
+M = TypeVar("M")
 
 MOST: Final = 1 << 17
 """Bytes of a message, at most."""
@@ -39,25 +41,127 @@ _ROWS: Final = 256
 _LENGTH: Final = struct.Struct("<I")
 
 
-def message(document: Document, frame: bytes = b"") -> bytes:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EndedLink:
+    """What is known of a process that has ended, for the one that goes on for it.
+
+    Attributes:
+        link: Of its link.
+        guard: Of its guard, if it had one.
+        why: What ended it.
+    """
+
+    link: LinkState
+    guard: GuardState | None
+    why: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Opening:
+    """The first message of the service.
+
+    Attributes:
+        settings: Of the link.
+        limits: Of the guard; None corrects nothing.
+        mode: What the controller does with an answer; None without limits.
+        before: The process that this one goes on for.
+    """
+
+    settings: LinkSettings
+    limits: CorrectionLimits | None = None
+    mode: CorrectionMode | None = None
+    before: EndedLink | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Request:
+    """What the service asks for.
+
+    Attributes:
+        do: Which of the guard's requests, ``force`` for its stream, or ``close``.
+        shift: m, of ``want``.
+        turn: rad, of ``want``.
+        time: s on the monotonic clock, of ``want``.
+        why: Of ``fault``.
+    """
+
+    do: Literal["want", "fault", "release", "rearm", "force", "close"]
+    shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    time: float = math.nan
+    why: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fault:
+    """An error of the answering process.
+
+    Attributes:
+        kind: Its class in :mod:`robotrue.errors`.
+        message, source, hint: As of :class:`~robotrue.errors.RobotrueError`.
+    """
+
+    kind: str
+    message: str
+    source: str | None
+    hint: str | None
+
+    @classmethod
+    def of(cls, error: RobotrueError) -> Fault:
+        """Returns what is told of an error."""
+        kind = type(error).__name__
+        return cls(kind=kind, message=error.message, source=error.source, hint=error.hint)
+
+    def error(self) -> RobotrueError:
+        """Returns the error that was told of."""
+        kind = getattr(errors, self.kind, ConfigurationError)
+        made: RobotrueError = kind(self.message, source=self.source, hint=self.hint)
+        return made
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Report:
+    """What the answering process tells: behind each answer in brief, now and then in full.
+
+    Attributes:
+        guard: How its guard stands.
+        watch: The count of the controller's packets, in brief.
+        peer: Who sends them, in brief.
+        link: In full, likewise the rest.
+        health: Counters of the link.
+        force: Counters of the measured force.
+        preferred: Whether its thread may run before all others.
+        address: Where it listens; in the first report.
+        fault: What it has failed with.
+    """
+
+    guard: GuardState | None = None
+    watch: SequenceState | None = None
+    peer: Address | None = None
+    link: LinkState | None = None
+    health: Health | None = None
+    force: Health | None = None
+    preferred: bool = False
+    address: Address | None = None
+    fault: Fault | None = None
+
+
+@cache
+def _adapter(kind: type[M]) -> TypeAdapter[M]:
+    return TypeAdapter(kind)
+
+
+def write_message(content: Opening | Request | Report, frame: bytes = b"") -> bytes:
     """Returns the bytes of a message."""
+    document = _adapter(type(content)).dump_python(content, mode="json", exclude_defaults=True)
     text = json.dumps(document, separators=(",", ":")).encode()
     return b"".join((_LENGTH.pack(len(text)), text, frame))
 
 
-def read_message(data: bytes) -> tuple[dict[str, Any], bytes]:
-    """Returns the JSON object of a message, and its frame or nothing."""
+def read_message(data: bytes, kind: type[M]) -> tuple[M, bytes]:
+    """Returns the content of a message, and its frame or nothing."""
     end = _LENGTH.size + _LENGTH.unpack_from(data)[0]
-    document: dict[str, Any] = json.loads(data[_LENGTH.size : end])
-    return document, data[end:]
-
-
-def plain(state: SequenceState | GuardState | LinkState | Health) -> dict[str, Any]:
-    """Returns the fields of a state as JSON values; sooner than ``asdict`` does."""
-    found = {name: getattr(state, name) for name in state.__slots__}
-    if isinstance(state, LinkState):
-        found["watch"] = plain(state.watch)
-    return found
+    return _adapter(kind).validate_python(json.loads(data[_LENGTH.size : end])), data[end:]
 
 
 def frames(block: Block) -> Iterator[bytes]:
@@ -75,89 +179,6 @@ def decode_block(frame: bytes) -> Any:
     return frame_from(frame[: HEAD.size], frame[HEAD.size :]).content
 
 
-def settings_document(settings: LinkSettings) -> dict[str, Any]:
-    """Returns the settings of a link as JSON values."""
-    found = {f.name: getattr(settings, f.name) for f in fields(settings)}
-    found["mode"] = None if settings.mode is None else settings.mode.value
-    if isinstance(settings, RsiSettings):
-        # a port that is free for all is none that a controller can have
-        port = settings.config.port
-        config = write_rsi_config(replace(settings.config, port=max(port, 1))).decode()
-        return found | {"scheme": "rsi", "config": config, "config_port": port}
-    return found | {"scheme": "egm", "generation": settings.generation.value}
-
-
-def read_settings(document: Document) -> LinkSettings:
-    """Returns the settings that :func:`settings_document` told of."""
-    found = dict(document)
-    scheme = found.pop("scheme")
-    found["mode"] = None if found["mode"] is None else CorrectionMode(found["mode"])
-    peer = found["peer"]
-    found["peer"] = None if peer is None else (str(peer[0]), int(peer[1]))
-    if scheme == "rsi":
-        config = parse_rsi_config(found["config"].encode())
-        found["config"] = replace(config, port=found.pop("config_port"))
-        return RsiSettings(**found)
-    found["generation"] = RobotWare(found["generation"])
-    return EgmSettings(**found)
-
-
-def guard_document(limits: CorrectionLimits, mode: CorrectionMode) -> dict[str, Any]:
-    """Returns what a guard is made of as JSON values."""
-    return {"limits": asdict(limits), "mode": mode.value}
-
-
-def read_guard(document: Document) -> tuple[CorrectionLimits, CorrectionMode]:
-    """Returns what :func:`guard_document` told of."""
-    return CorrectionLimits(**document["limits"]), CorrectionMode(document["mode"])
-
-
-def guard_state(document: Document) -> GuardState:
-    """Returns the state of a guard from its fields."""
-    shift, turn = (_steps(document[name]) for name in ("shift", "turn"))
-    pending = _steps(document["pending"][0]), _steps(document["pending"][1])
-    spread = tuple(document["spread"])
-    held = {"shift": shift, "turn": turn, "pending": pending, "spread": spread}
-    return GuardState(**{**document, **held})
-
-
-def link_state(document: Document) -> LinkState:
-    """Returns the state of a link from its fields."""
-    watch, peer = read_watch(document)
-    return LinkState(**{**document, "watch": watch, "peer": peer})
-
-
-def read_watch(document: Document) -> tuple[SequenceState, Address | None]:
-    """Returns the count of a controller's packets, and who sends them."""
-    peer = document["peer"]
-    peer = None if peer is None else (str(peer[0]), int(peer[1]))
-    return SequenceState(**document["watch"]), peer
-
-
-def read_health(document: Document) -> Health:
-    """Returns the counters from their fields."""
-    return Health(**document)
-
-
-def fault_document(fault: RobotrueError) -> dict[str, Any]:
-    """Returns an error as JSON values."""
-    return {
-        "kind": type(fault).__name__,
-        "message": fault.message,
-        "source": fault.source,
-        "hint": fault.hint,
-    }
-
-
-def read_fault(document: Document) -> RobotrueError:
-    """Returns the error that :func:`fault_document` told of."""
-    kind = getattr(errors, document["kind"], ConfigurationError)
-    made: RobotrueError = kind(
-        document["message"], source=document["source"], hint=document["hint"]
-    )
-    return made
-
-
 def join_blocks(blocks: list[B]) -> list[B]:
     """Returns consecutive blocks of one stream as one; as many as arms differ in their joints."""
     if len({_alike(block) for block in blocks}) != 1:
@@ -169,6 +190,59 @@ def _alike(block: Block) -> object:
     return block.joints.shape[1] if isinstance(block, JointBlock) else block.frame
 
 
-def _steps(values: list[int]) -> tuple[int, int, int]:
-    x, y, z = values
-    return x, y, z
+class RemoteGuard:
+    """The :class:`~robotrue.online.guard.CorrectionGuard` of an answering process, seen from here.
+
+    Given to :class:`~robotrue.online.answering_link.AnsweringLink`, which has it made there. What
+    :meth:`state` returns was so a few milliseconds ago.
+
+    Args:
+        limits: What it keeps to.
+        mode: What the controller does with an answer.
+    """
+
+    def __init__(self, limits: CorrectionLimits, mode: CorrectionMode) -> None:
+        self.limits, self.mode = limits, mode
+        self._state = GuardState()
+        self._ask: Callable[[Request], None] = lambda _: None
+
+    def want(self, correction: Correction, host_time: float) -> None:
+        """Asks for a correction to be reached: the whole of it, in ABSOLUTE terms.
+
+        Raises:
+            ModelMismatchError: It is meant as an increment.
+        """
+        check_whole(correction)
+        shift, turn = tuple(correction.shift.tolist()), tuple(correction.turn.tolist())
+        self._ask(Request(do="want", shift=shift, turn=turn, time=host_time))
+
+    def fault(self, why: str) -> None:
+        """Trips the watchdog, for the stated reason."""
+        self._ask(Request(do="fault", why=why))
+
+    def release(self) -> None:
+        """Goes to zero at the stated rate, for good."""
+        self._ask(Request(do="release"))
+
+    def rearm(self) -> None:
+        """Lets corrections grow again after a trip."""
+        self._ask(Request(do="rearm"))
+
+    def state(self) -> GuardState:
+        """Returns how it stood when it was last heard of."""
+        return self._state
+
+    def connect(self, ask: Callable[[Request], None]) -> None:
+        """Says how it is reached."""
+        self._ask = ask
+
+    def take_state(self, state: GuardState) -> None:
+        """Takes note of how it stands."""
+        self._state = state
+
+    def mark_ended(self, why: str) -> GuardState:
+        """Takes note that its process has ended; returns how it stood before."""
+        before = self._state
+        if before.active:
+            self._state = replace(before, active=False, why=why, trips=before.trips + 1)
+        return before

@@ -27,22 +27,14 @@ come out of step and make the error larger. The static part of a cut is slower t
 class Guard(Protocol):
     """What corrections are handed to (:class:`robotrue.online.guard.CorrectionGuard`)."""
 
-    @property
-    def why(self) -> str:
-        """Why corrections are at zero, or empty."""
-
     def want(self, correction: Correction, host_time: float) -> None:
         """Takes the whole correction to be reached."""
 
-    def doubt(self, why: str) -> None:
+    def fault(self, why: str) -> None:
         """Goes to zero."""
 
     def release(self) -> None:
         """Goes to zero for good."""
-
-    @property
-    def held(self) -> Correction:
-        """The correction that the robot holds."""
 
     def state(self) -> GuardState:
         """Returns how it stands."""
@@ -90,7 +82,7 @@ class Corrections:
                 self._time = time
         if math.isnan(self._time):
             words = doubt_words(int(estimates.doubt[-1]))
-            self.guard.doubt(f"the estimate is not valid: {words}")
+            self.guard.fault(f"the estimate is not valid: {words}")
             return
         shift = -(self._axes(estimates.joints[-1]).T @ self._smooth)
         wanted = Correction(shift=shift, turn=np.zeros(3), mode=CorrectionMode.ABSOLUTE)

@@ -175,10 +175,6 @@ class CorrectionGuard:
             elif self._wanted is None or host_time >= self._wanted[2]:
                 self._wanted = (shift, turn, host_time)
 
-    def doubt(self, why: str) -> None:
-        """Reports that the estimate is invalid."""
-        self.fault(why)
-
     def next(self, host_time: float) -> Correction | None:
         """Returns the correction to send now, which is finite and within the limits.
 
@@ -391,11 +387,6 @@ class CorrectionGuard:
     def active(self) -> bool:
         """Whether estimates are followed."""
         return self._tripped_at is None and not self._released
-
-    @property
-    def held(self) -> Correction:
-        """The whole correction that the robot holds, as far as its controller has told."""
-        return correction_of(self._shift, self._turn, CorrectionMode.ABSOLUTE)
 
     def _elapsed(self, host_time: float) -> float:
         """Seconds this answer may move for: a cycle at most, none on a broken clock."""

@@ -338,7 +338,7 @@ class _Service:
             except (RobotrueError, OSError) as fault:
                 self.faults[stream] = str(fault)
                 if self.corrections is not None:
-                    self.corrections.guard.doubt(f"{stream}: {fault}")
+                    self.corrections.guard.fault(f"{stream}: {fault}")
             await asyncio.sleep(wait)
             wait = min(2.0 * wait, _RETRY[1])
         if not self.stopping:
@@ -438,7 +438,7 @@ class _Service:
                 self.watch(shot)
 
     def snapshot(self) -> Snapshot:
-        held = None if self.corrections is None else self.corrections.guard.held
+        guard = None if self.corrections is None else self.corrections.guard.state()
         return Snapshot(
             running=time.monotonic() - self.begun,
             rows=dict(self.chain.rows),
@@ -450,8 +450,8 @@ class _Service:
             record=None if self.record is None else self.record.health(),
             clocks={s: self.chain.fix(s) for s in STREAMS},
             faults=dict(self.faults),
-            correction_um=None if held is None else tuple((held.shift * 1e6).tolist()),
-            correction_why="" if self.corrections is None else self.corrections.guard.why,
+            correction_um=None if guard is None else tuple((guard.held.shift * 1e6).tolist()),
+            correction_why="" if guard is None else guard.why,
         )
 
 

@@ -21,6 +21,7 @@ from robotrue.core.files import sha256_of_file
 from robotrue.core.provenance import Provenance, merge, simulation_mark
 from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.online.addresses import SourceSettings, open_stream
+from robotrue.online.answering_wire import RemoteGuard
 from robotrue.online.blocks import ForceBlock, JointBlock
 from robotrue.online.clock_file import read_clock
 from robotrue.online.corrections import Corrections
@@ -30,7 +31,6 @@ from robotrue.online.link import Health
 from robotrue.online.record import Record, RecordHeader, segments
 from robotrue.online.record_frames import Kind
 from robotrue.online.record_writer import RecordWriter
-from robotrue.online.remote_guard import RemoteGuard
 from robotrue.online.resume import Resumed, read_estimates_after, resume
 from robotrue.online.sense_settings import (
     SenseSettings,
