@@ -20,7 +20,8 @@ from robotrue.online.egm import GuidanceState, RobotWare
 from robotrue.online.egm_link import EgmSettings, EgmSource
 from robotrue.online.guard import CorrectionGuard
 from robotrue.online.robot_correction import CorrectionMode
-from robotrue.online.rsi import RobPacket, write_rob
+from robotrue.online.rsi import RobPacket
+from robotrue.online.rsi_answer import write_rob
 from robotrue.online.rsi_config import usual_rsi_config
 from robotrue.online.rsi_link import RsiSettings, RsiSource
 from robotrue.online.sequence import SequenceState

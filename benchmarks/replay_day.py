@@ -23,7 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robotrue.online.record import Record, segments
+from robotrue.online.record import StreamRecord, segments
 from robotrue.online.record_frames import Kind
 
 PERIOD, JOINT_RATE, FORCE_RATE = 30, 250, 1000
@@ -120,7 +120,7 @@ def checked(record: Path, first: int) -> tuple[dict[str, int], str]:
     rows = {"joints": 0, "force": 0, "estimates": 0}
     digest = hashlib.sha256()
     kinds = {Kind.JOINTS: "joints", Kind.FORCE: "force", Kind.ESTIMATES: "estimates"}
-    for frame in Record(record).frames(kinds):
+    for frame in StreamRecord(record).frames(kinds):
         name, block = kinds[frame.kind], frame.content
         begin = rows[name]
         if not np.array_equal(block.sequence, np.arange(begin, begin + len(block))):

@@ -38,6 +38,7 @@ from robotrue.online.robot_link import LinkState
 from robotrue.online.rsi_config import usual_rsi_config
 from robotrue.online.rsi_link import RsiSource
 from robotrue.online.sequence import SequenceState
+from robotrue.online.udp import Inbox
 from robotrue.robot.presets import preset
 from robotrue.simulation.joint_motion import Jog
 from robotrue.simulation.rsi_controller import RsiController, RsiControllerSettings
@@ -236,8 +237,8 @@ def test_a_controller_that_has_not_counted_what_was_missed_began_anew(counted, f
 
 def test_twenty_thousand_samples_reach_a_service_that_slept(monkeypatch):
     count, awake = 20_000, threading.Event()
-    put = answering_link._Stream.put
-    monkeypatch.setattr(answering_link._Stream, "put", lambda *given: awake.wait() and put(*given))
+    put = Inbox.put
+    monkeypatch.setattr(Inbox, "put", lambda *given: awake.wait() and put(*given))
 
     async def session():
         source = AnsweringLink(settings(mode=None))

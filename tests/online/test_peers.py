@@ -13,7 +13,7 @@ from rdt_records import RdtRecord, force_sample, write_record
 
 from robotrue.core.units import MM
 from robotrue.errors import FormatError
-from robotrue.online import egm, rdt, rsi, rtde
+from robotrue.online import egm, rdt, rsi, rsi_answer, rtde
 from robotrue.online.robot_correction import Correction, CorrectionMode
 from robotrue.online.rsi_config import parse_rsi_config
 
@@ -42,18 +42,18 @@ def test_rsipi_takes_our_answers_and_we_its_packets(echo_server):
     for cycle in range(5):
         sent = echo_server.generate_message().encode()
         packet = rsi.read_rob(sent, config)
-        assert packet == rsi.read_rob(rsi.write_rob(packet))
+        assert packet == rsi.read_rob(rsi_answer.write_rob(packet))
         assert rsi.read_rob_fast(sent).joints_deg == packet.joints_deg
         echo_server.last_sent_ipoc = packet.ipoc
         shift = Correction(shift=np.array([0, 0, cycle]) * MM, turn=np.zeros(3), mode=ABSOLUTE)
-        answer = rsi.write_sen(config, packet.ipoc, shift, ABSOLUTE)
+        answer = rsi_answer.write_sen(config, packet.ipoc, shift, ABSOLUTE)
         assert echo_server.process_reply(answer.decode()) is True
         pose = rsi.read_rob(echo_server.generate_message().encode()).pose_mm_deg
         assert pose is not None
         assert cycle == 0 or pose[2] - before == pytest.approx(1.0)
         before = pose[2]
         echo_server.ipoc_value += 4
-    wrong = rsi.write_sen(config, packet.ipoc + 7, shift, ABSOLUTE).decode()
+    wrong = rsi_answer.write_sen(config, packet.ipoc + 7, shift, ABSOLUTE).decode()
     assert echo_server.process_reply(wrong) is False
 
 

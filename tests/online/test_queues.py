@@ -7,12 +7,12 @@ import asyncio
 import pytest
 
 from robotrue.errors import ConfigurationError
-from robotrue.online.queues import Latest, Lossless
+from robotrue.online.queues import LatestQueue, LosslessQueue
 
 
 def test_latest_drops_the_oldest_and_counts() -> None:
     async def story() -> tuple[list[int], int]:
-        queue: Latest[int] = Latest(3)
+        queue: LatestQueue[int] = LatestQueue(3)
         for k in range(10):
             queue.put(k)
         queue.close()
@@ -27,7 +27,7 @@ def test_latest_drops_the_oldest_and_counts() -> None:
 
 def test_latest_wakes_who_waits() -> None:
     async def story() -> int | None:
-        queue: Latest[int] = Latest(1)
+        queue: LatestQueue[int] = LatestQueue(1)
         waiting = asyncio.create_task(queue.take())
         await asyncio.sleep(0)
         queue.put(5)
@@ -38,7 +38,7 @@ def test_latest_wakes_who_waits() -> None:
 
 def test_lossless_waits_and_keeps_everything() -> None:
     async def story() -> tuple[list[int], int, int]:
-        queue: Lossless[int] = Lossless(2)
+        queue: LosslessQueue[int] = LosslessQueue(2)
         longest = 0
 
         async def fill() -> None:
@@ -62,7 +62,7 @@ def test_lossless_waits_and_keeps_everything() -> None:
 
 def test_closed_and_too_small() -> None:
     async def story() -> None:
-        queue: Lossless[int] = Lossless(1)
+        queue: LosslessQueue[int] = LosslessQueue(1)
         await queue.put(1)
         late = asyncio.create_task(queue.put(2))
         await asyncio.sleep(0)
@@ -74,4 +74,4 @@ def test_closed_and_too_small() -> None:
 
     asyncio.run(story())
     with pytest.raises(ConfigurationError, match="room for 0"):
-        Latest(0)
+        LatestQueue(0)

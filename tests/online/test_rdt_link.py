@@ -20,7 +20,7 @@ from robotrue.online.blocks import Flag
 from robotrue.online.rdt import RECORD, arrival_times, decode_records, rdt_block
 from robotrue.online.rdt_link import RdtSettings
 from robotrue.online.sequence import SequenceState, advance, advance_block, in_order
-from robotrue.online.udp import TOLD, tell_arrivals, waited
+from robotrue.online.udp import TOLD, tell_arrivals, time_waited
 from robotrue.simulation.rdt_sensor import RdtSensor, RdtSensorSettings
 
 SCALE = rdt.RdtScale(newton=1e-6, newton_metre=2e-6)
@@ -184,7 +184,7 @@ def test_records_read_late_came_when_they_came(monkeypatch):
     assert before <= arrived <= time.time_ns()
     for late, found in ((0.05, 0.05), (0.9, 0.9), (1.1, 0.0), (-0.01, 0.0)):  # s
         monkeypatch.setattr(udp.time, "time_ns", lambda late=late: arrived + round(1e9 * late))
-        assert waited(told) == pytest.approx(found, abs=1e-9)
+        assert time_waited(told) == pytest.approx(found, abs=1e-9)
 
 
 def test_scale_and_rate_from_the_sensors_own_page():

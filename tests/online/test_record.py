@@ -16,7 +16,7 @@ import pytest
 from record_cases import HEADER, estimate_rows, force_rows, joint_rows, same
 
 from robotrue.errors import ArchiveError, ConfigurationError, FormatError, ShapeError
-from robotrue.online.record import Record, header_bytes, read_record, segments
+from robotrue.online.record import StreamRecord, header_bytes, segments
 from robotrue.online.record_frames import Kind, frame_bytes, frame_from
 from robotrue.online.record_writer import RecordWriter
 
@@ -44,7 +44,7 @@ def filled(path: Path, start: int = 0) -> Path:
 
 
 def test_frames_come_back_bit_for_bit(tmp_path: Path) -> None:
-    record = Record(filled(tmp_path / "r"))
+    record = StreamRecord(filled(tmp_path / "r"))
     frames = list(record.frames())
     assert [f.kind for f in frames] == [1, 2, 3, 4, 6]
     assert [f.number for f in frames] == list(range(5))
@@ -75,7 +75,8 @@ def test_cut_at_every_byte(tmp_path: Path) -> None:
     """Wherever the last segment ends, whole frames are read and the next writer goes on."""
     whole = segments(filled(tmp_path / "whole"))[0].read_bytes()
     lengths = [
-        len(frame_bytes(f.kind, f.number, f.content)) for f in read_record(tmp_path / "whole")
+        len(frame_bytes(f.kind, f.number, f.content))
+        for f in StreamRecord(tmp_path / "whole").frames()
     ]
     ends = len(header_bytes(HEADER)) + np.cumsum([0, *lengths])
     path = tmp_path / "cut"
@@ -83,7 +84,7 @@ def test_cut_at_every_byte(tmp_path: Path) -> None:
     near = {int(end) + k for end in ends for k in range(-3, 26)}
     for cut in sorted({*range(0, len(whole), 29), *near} & {*range(len(whole) + 1)}):
         (path / "segment-000001.rtr").write_bytes(whole[:cut])
-        record = Record(path)
+        record = StreamRecord(path)
         frames = list(record.frames())
         assert len(frames) == max(0, int(np.sum(ends <= cut)) - 1)
         left = cut - int(ends[ends <= cut].max(initial=0))
@@ -99,7 +100,7 @@ def test_goes_on_behind_a_torn_frame(tmp_path: Path) -> None:
     assert writer.first == 4
     put_all(writer, 100)
     writer.close()
-    record = Record(path)
+    record = StreamRecord(path)
     frames = list(record.frames())
     assert [f.number for f in frames] == list(range(9))
     assert same(frames[4].content, joint_rows(100, 3))
@@ -113,8 +114,8 @@ def test_damage_inside_is_refused_or_left_out(tmp_path: Path) -> None:
     data[len(header_bytes(HEADER)) + 40] ^= 1
     segment.write_bytes(data)
     with pytest.raises(FormatError, match=r"damaged at byte \d+; whole frames follow"):
-        list(read_record(path))
-    record = Record(path)
+        list(StreamRecord(path).frames())
+    record = StreamRecord(path)
     assert [f.number for f in record.frames(skip_damage=True)] == [1, 2, 3, 4]
     assert [t.inside for t in record.torn] == [True]
 
@@ -125,7 +126,7 @@ def test_segments_roll_and_keep_their_order(tmp_path: Path) -> None:
         writer.put(Kind.FORCE, force_rows(k * 10, 10))
     writer.close()
     assert len(segments(tmp_path / "r")) > 5
-    frames = list(read_record(tmp_path / "r"))
+    frames = list(StreamRecord(tmp_path / "r").frames())
     assert [f.number for f in frames] == list(range(60))
     assert np.concatenate([f.content.sequence for f in frames]).tolist() == list(range(600))
 
@@ -140,10 +141,10 @@ def test_two_writers_of_one_record(tmp_path: Path) -> None:
 
 def test_no_record_and_a_newer_one(tmp_path: Path) -> None:
     with pytest.raises(FormatError, match="no segment in this folder"):
-        list(read_record(tmp_path))
+        list(StreamRecord(tmp_path).frames())
     (tmp_path / "segment-000001.rtr").write_bytes(b"PK\x03\x04 something else")
     with pytest.raises(FormatError, match="not a segment of a record"):
-        list(read_record(tmp_path))
+        list(StreamRecord(tmp_path).frames())
     text = json.dumps({"schema": 99}).encode()
     import zlib
 
@@ -151,7 +152,7 @@ def test_no_record_and_a_newer_one(tmp_path: Path) -> None:
     new = b"robotrue record\n" + numbers + text + b"\n"
     (tmp_path / "segment-000001.rtr").write_bytes(new)
     with pytest.raises(ArchiveError, match="record schema 99"):
-        list(read_record(tmp_path))
+        list(StreamRecord(tmp_path).frames())
 
 
 class FullDisk:
@@ -183,7 +184,7 @@ def test_a_full_disk_loses_nothing_once_there_is_room(tmp_path: Path) -> None:
     disk.room = 10**9
     writer.close()
     assert writer.health().connected
-    frames = list(read_record(tmp_path / "r"))
+    frames = list(StreamRecord(tmp_path / "r").frames())
     assert np.concatenate([f.content.sequence for f in frames]).tolist() == list(range(410))
 
 
@@ -238,7 +239,7 @@ def test_killed_while_it_writes(tmp_path: Path) -> None:
                 if sum(len(f.content.sequence) for f in read_record(path)) >= 1000 * (kill + 1):
                     break
             process.send_signal(signal.SIGKILL)
-    frames = list(read_record(path))
+    frames = list(StreamRecord(path).frames())
     assert [f.number for f in frames] == list(range(len(frames)))
     rows = np.concatenate([f.content.sequence for f in frames])
     assert rows.tolist() == list(range(len(rows)))

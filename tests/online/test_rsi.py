@@ -17,10 +17,10 @@ from robotrue.errors import (
     RobotrueError,
     ShapeError,
 )
-from robotrue.online import rsi
+from robotrue.online import rsi, rsi_answer
 from robotrue.online.blocks import Flag
 from robotrue.online.robot_correction import Correction, CorrectionMode
-from robotrue.online.rsi_block import rob_block
+from robotrue.online.rsi import rob_block
 from robotrue.online.rsi_config import parse_rsi_config
 from robotrue.online.sequence import advance
 
@@ -153,38 +153,32 @@ def test_what_no_robot_does_is_marked():
 
 def test_an_answer():
     config = parse_rsi_config(CONFIG)
-    sent = rsi.write_sen(config, 42, _correction(0.5 * MM), ABSOLUTE, {"DiO": 7, "Tech.T21": 0.5})
+    sent = rsi_answer.write_sen(config, 42, _correction(0.5 * MM), ABSOLUTE)
     assert sent == (
-        b'<Sen Type="ImFree"><RKorr X="0.500000" Y="0.000000" Z="0.000000" /><DiO>7</DiO>'
-        b'<Tech T21="0.500000" /><IPOC>42</IPOC></Sen>'
+        b'<Sen Type="ImFree"><RKorr X="0.500000" Y="0.000000" Z="0.000000" /><IPOC>42</IPOC></Sen>'
     )
-    answer = rsi.read_sen(sent, config, 42)
-    assert answer.signals["RKorr.X"] == 0.5
+    assert rsi_answer.read_sen(sent, config, 42)["RKorr.X"] == 0.5
     with pytest.raises(FormatError, match="IPOC 42, expected 46"):
-        rsi.read_sen(sent, config, 46)
+        rsi_answer.read_sen(sent, config, 46)
     with pytest.raises(FormatError, match="expected <Sen Type='ImFree'>"):
-        rsi.read_sen(sent.replace(b"ImFree", b"Free"), config, 42)
+        rsi_answer.read_sen(sent.replace(b"ImFree", b"Free"), config, 42)
 
 
 def test_an_answer_that_turns():
     config = parse_rsi_config(CONFIG.replace(b'"DiO" TYPE="LONG"', b'"RKorr.A" TYPE="DOUBLE"'))
-    sent = rsi.write_sen(config, 1, _correction(turn=(0.0, 0.0, 0.25 * DEG)), ABSOLUTE)
+    sent = rsi_answer.write_sen(config, 1, _correction(turn=(0.0, 0.0, 0.25 * DEG)), ABSOLUTE)
     assert b'A="0.250000"' in sent
 
 
 def test_answers_that_must_not_be_sent():
     config = parse_rsi_config(CONFIG)
     with pytest.raises(ModelMismatchError, match="RELATIVE"):
-        rsi.write_sen(config, 1, _correction(), CorrectionMode.RELATIVE)
+        rsi_answer.write_sen(config, 1, _correction(), CorrectionMode.RELATIVE)
     with pytest.raises(ConfigurationError, match=r"takes no RKorr\.A"):
-        rsi.write_sen(config, 1, _correction(turn=(0.0, 0.0, 1e-3)), ABSOLUTE)
-    with pytest.raises(ConfigurationError, match="DiX = 1 cannot be sent"):
-        rsi.write_sen(config, 1, _correction(), ABSOLUTE, {"DiX": 1})
-    with pytest.raises(ConfigurationError, match="DiO = nan cannot"):
-        rsi.write_sen(config, 1, _correction(), ABSOLUTE, {"DiO": math.nan})
+        rsi_answer.write_sen(config, 1, _correction(turn=(0.0, 0.0, 1e-3)), ABSOLUTE)
     only = parse_rsi_config(CONFIG.replace(b"FALSE", b"TRUE"))
     with pytest.raises(ConfigurationError, match="ONLYSEND"):
-        rsi.write_sen(only, 1, _correction(), ABSOLUTE)
+        rsi_answer.write_sen(only, 1, _correction(), ABSOLUTE)
     with pytest.raises(ShapeError, match="finite"):
         _correction(math.nan)
 
@@ -251,7 +245,7 @@ def test_anything_else_raises_our_own_error(data):
 )
 def test_round_trip(ipoc, six, late):
     packet = rsi.RobPacket(ipoc=ipoc, late=late, joints_deg=six, pose_mm_deg=six)
-    data = rsi.write_rob(packet)
+    data = rsi_answer.write_rob(packet)
     assert rsi.read_rob(data) == packet
     assert rsi.read_rob_fast(data) == packet
     assert rsi.read_ipoc(data) == ipoc

@@ -12,8 +12,7 @@ from single_samples import joint_block
 
 from robotrue.errors import FormatError
 from robotrue.online.blocks import Flag, JointBlock
-from robotrue.online.rsi import RobPacket
-from robotrue.online.rsi_block import packet_flags, rob_block
+from robotrue.online.rsi import RobPacket, packet_flags, rob_block
 
 _usual = st.floats(-360.0, 360.0)
 _odd = st.sampled_from([math.nan, math.inf, -3.6e4, 3.61e4, 1e5, 1.1e5, 1e300, -0.0])

@@ -15,8 +15,7 @@ from robotrue.online.blocks import Flag
 from robotrue.online.guard import CorrectionGuard, CorrectionLimits
 from robotrue.online.robot_correction import Correction, CorrectionMode
 from robotrue.online.robot_link import Turnaround
-from robotrue.online.rsi import write_sen
-from robotrue.online.rsi_answer import SenWriter
+from robotrue.online.rsi_answer import SenWriter, write_sen
 from robotrue.online.rsi_config import parse_rsi_config, usual_rsi_config, write_rsi_config
 from robotrue.online.rsi_link import RsiSettings, RsiSource
 from robotrue.robot.presets import preset

@@ -17,7 +17,7 @@ from robotrue.cli.terminal import run_operation
 from robotrue.errors import ConfigurationError, FormatError, ModelMismatchError
 from robotrue.online.guard import GuardState
 from robotrue.online.held_note import end_note, note_path
-from robotrue.online.record import Record
+from robotrue.online.record import StreamRecord
 from robotrue.online.record_frames import Kind
 from robotrue.online.sense_settings import correction_limits
 
@@ -107,8 +107,8 @@ def test_a_torn_record_and_a_short_file_are_gone_on_with(
     asked = replace(options, record=record, out=(f"csv:{out}",))
     run_sense(asked)
     wanted = out.read_bytes()
-    (segment,) = Record(record).segments()
-    frames = [f.number for f in Record(record).frames({Kind.FORCE})]
+    (segment,) = StreamRecord(record).segments()
+    frames = [f.number for f in StreamRecord(record).frames({Kind.FORCE})]
     segment.write_bytes(segment.read_bytes()[: segment.stat().st_size * 2 // 3])
     out.write_bytes(wanted[: len(wanted) // 3])
     assert len(frames) > 2
@@ -120,7 +120,7 @@ def test_a_torn_record_and_a_short_file_are_gone_on_with(
     run_sense(replace(asked, resume=True))
     assert said(capsys)["rows"] == {"joints": ROWS // 4, "force": ROWS}
     assert out.read_bytes() == wanted
-    taken = [f.content for f in Record(record).frames({Kind.ESTIMATES})]
+    taken = [f.content for f in StreamRecord(record).frames({Kind.ESTIMATES})]
     assert np.concatenate([b.sequence for b in taken]).tolist() == list(range(ROWS))
 
 

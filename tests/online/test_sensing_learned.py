@@ -21,15 +21,14 @@ from robotrue.dynamics.windows import WindowSet, concatenate_windows, peaks_per_
 from robotrue.online.blocks import ForceBlock, JointBlock
 from robotrue.online.estimates import Doubt
 from robotrue.online.sensing import Sensing
-from robotrue.online.sensing_kernels import add_peak
 from robotrue.online.sensing_models import (
     JointCompliance,
     LearnedPart,
     MeasuredResponse,
     SensingModels,
 )
-from robotrue.online.sensing_records import new_record, window_dtype
-from robotrue.online.sensing_windows import peaks
+from robotrue.online.sensing_records import new_record
+from robotrue.online.sensing_windows import add_peak, peaks, window_dtype
 from robotrue.simulation.milling_arm import FEED, milling_arm, pass_joints
 from robotrue.simulation.milling_cut import RATE, TURN, pass_force, read_force, tooling
 from robotrue_reproductions.jin2022.tables import arm_of

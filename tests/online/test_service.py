@@ -20,7 +20,7 @@ from robotrue.online.blocks import ForceBlock
 from robotrue.online.corrections import Corrections, fixed_axes
 from robotrue.online.estimates import Doubt
 from robotrue.online.guard import CorrectionGuard, CorrectionLimits
-from robotrue.online.record import Record, read_record
+from robotrue.online.record import StreamRecord
 from robotrue.online.record_frames import Kind
 from robotrue.online.record_writer import RecordWriter
 from robotrue.online.resume import read_estimates_after, resume
@@ -70,7 +70,7 @@ def test_every_sample_reaches_record_and_file_however_it_was_cut(tmp_path: Path)
         assert shot.rows == {"joints": 1500, "force": 6000}
         assert shot.given == 6000
         assert equal(joined(sink.blocks), wanted)
-        frames = list(read_record(tmp_path / f"r{seed}"))
+        frames = list(StreamRecord(tmp_path / f"r{seed}").frames())
         assert equal(joined(f.content for f in frames if f.kind is Kind.ESTIMATES), wanted)
         taken = [f.content.sequence for f in frames if f.kind is Kind.FORCE]
         assert np.concatenate(taken).tolist() == list(range(6000))
@@ -247,7 +247,7 @@ def test_a_record_without_room_stops_the_service_and_says_so(tmp_path: Path) -> 
 def test_a_checkpoint_of_other_models_is_refused(tmp_path: Path) -> None:
     run(replayed(tmp_path / "r"))
     chain = SensingChain(StandIn(), patient=True)
-    first = resume(Record(tmp_path / "r"), chain)
+    first = resume(StreamRecord(tmp_path / "r"), chain)
     assert first.rows == {"joints": 1500, "force": 6000}
     state = chain.state()
     with pytest.raises(ShapeError, match="clock state fit"):
@@ -272,15 +272,15 @@ def test_other_models_than_those_of_the_record_are_seen(tmp_path: Path) -> None:
         for estimates in made:
             writer.put(Kind.ESTIMATES, estimates)
     writer.close()
-    again = resume(Record(tmp_path / "r"), SensingChain(StandIn(), patient=True))
+    again = resume(StreamRecord(tmp_path / "r"), SensingChain(StandIn(), patient=True))
     assert again.checked == 200
     with pytest.raises(ModelMismatchError, match="error of frame 2 is not what these models make"):
-        resume(Record(tmp_path / "r"), SensingChain(Other(), patient=True))
+        resume(StreamRecord(tmp_path / "r"), SensingChain(Other(), patient=True))
 
 
 def test_a_file_is_given_what_it_has_missed(tmp_path: Path) -> None:
     run(replayed(tmp_path / "r"))
-    record = Record(tmp_path / "r")
+    record = StreamRecord(tmp_path / "r")
     wanted = truth(1500, 6000)
     row = 2345
     line = f"{wanted['host_time'][row]:.9f},{wanted['sequence'][row]},1.0"
@@ -300,7 +300,7 @@ sys.path[:0] = [{tests!r}]
 from pathlib import Path
 from record_cases import HEADER, force_rows, joint_rows
 from service_cases import ListSource, StandIn, cut
-from robotrue.online.record import Record, segments
+from robotrue.online.record import StreamRecord, segments
 from robotrue.online.record_writer import RecordWriter
 from robotrue.online.resume import resume
 from robotrue.online.sensing_chain import SensingChain
@@ -311,7 +311,7 @@ async def main():
     path, seed = Path({path!r}), int(sys.argv[1])
     chain, again, missing = SensingChain(StandIn(), patient=True), 0, []
     if segments(path):
-        found = resume(Record(path), chain)
+        found = resume(StreamRecord(path), chain)
         again, missing = found.again, found.missing
     writer = RecordWriter(path, HEADER, segment=200_000)
     for block in missing:
@@ -334,7 +334,7 @@ asyncio.run(main())
 
 def test_killed_again_and_again_the_record_ends_whole_and_the_same(tmp_path: Path) -> None:
     """SIGKILL at moments that chance chose, in the middle of whatever was going on."""
-    forces = 64_000
+    forces = 28_000
     text = KILLED.format(
         tests=str(Path(__file__).parent),
         path=str(tmp_path / "r"),
@@ -354,7 +354,7 @@ def test_killed_again_and_again_the_record_ends_whole_and_the_same(tmp_path: Pat
             if process.stdout.readline() == b"whole\n":
                 break
     assert kills >= 3
-    frames = list(read_record(tmp_path / "r"))
+    frames = list(StreamRecord(tmp_path / "r").frames())
     found = joined(f.content for f in frames if f.kind is Kind.ESTIMATES)
     assert equal(found, truth(forces // 4, forces))
     for kind, rows in ((Kind.JOINTS, forces // 4), (Kind.FORCE, forces)):

@@ -1,6 +1,7 @@
 """Viewers that look, sleep, go away or have no business here."""
 
 import asyncio
+import gc
 import json
 import socket
 import tracemalloc
@@ -91,6 +92,7 @@ def test_one_that_sleeps_holds_up_nobody_and_costs_bounded_memory():
                         frame = await _until(awake, "estimates")
                         rows += sum(b["rows"] for b in frame["bins"])
                     if k in (500, 699):
+                        gc.collect()  # or what is measured is when it last ran
                         grown.append(tracemalloc.get_traced_memory()[0])
             finally:
                 tracemalloc.stop()
@@ -191,9 +193,9 @@ def test_other_computers_need_the_token(query, more, let_in):
         ("ws://0.0.0.0:0", {}, "expected a token of 16 characters"),
         ("ws://cell.example:8765", {}, "set ROBOTRUE_WS_TOKEN"),
         ("ws://127.0.0.1:0", {"ROBOTRUE_WS_TOKEN": "short"}, "a token of 5 characters"),
-        ("ws://127.0.0.1:0?rate=fast", {}, "rate 'fast'"),
-        ("ws://127.0.0.1:0?rate=1000", {}, "expected 1 to 100"),
-        ("ws://127.0.0.1:0?color=red", {}, "option color, expected rate, origin"),
+        ("ws://127.0.0.1:0?rate=fast", {}, "rate=fast"),
+        ("ws://127.0.0.1:0?rate=1000", {}, "second, 1 to 100"),
+        ("ws://127.0.0.1:0?color=red", {}, "option color is not known here, expected rate="),
         ("ws://127.0.0.1:0?origin=evil.example", {}, "expected one like https://"),
         ("ws://127.0.0.1:99999", {}, "cannot be read"),
         ("ws:127.0.0.1", {}, "without a host"),

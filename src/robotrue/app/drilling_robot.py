@@ -24,7 +24,7 @@ from robotrue.drilling.robot_adjust import squaring_joints
 from robotrue.errors import ConfigurationError, ImplausibleDataError, ModelMismatchError
 from robotrue.online.addresses import SourceSettings, open_stream
 from robotrue.online.blocks import JointBlock
-from robotrue.online.link import Source
+from robotrue.online.link import StreamSource
 from robotrue.robot.statics import Load
 
 OLDEST: Final = 0.5
@@ -51,7 +51,7 @@ class DrillingRobot:
         load: Load,
         order: AxisOrder,
         R_tool_foot: Array,
-        source: Source[JointBlock],
+        source: StreamSource[JointBlock],
         *,
         still: float,
     ) -> None:

@@ -9,7 +9,7 @@ from robotrue.app.context import Context
 from robotrue.app.request import InputFile, Option
 
 if TYPE_CHECKING:
-    from robotrue.online.record import Record
+    from robotrue.online.record import StreamRecord
 
 RecordFolder: TypeAlias = Annotated[
     Path, InputFile(argument="RECORD", help="Folder of `sense --record`.")
@@ -17,7 +17,7 @@ RecordFolder: TypeAlias = Annotated[
 SkipDamage: TypeAlias = Annotated[bool, Option(help="Go on behind damage inside a segment.")]
 
 
-def damage_document(record: Record) -> list[dict[str, Any]]:
+def damage_document(record: StreamRecord) -> list[dict[str, Any]]:
     """Returns the bytes that reading the record left out, as JSON values."""
     return [
         {"segment": t.segment.name, "offset": t.offset, "bytes": t.length, "inside": t.inside}
@@ -25,7 +25,7 @@ def damage_document(record: Record) -> list[dict[str, Any]]:
     ]
 
 
-def note_damage(record: Record, context: Context) -> None:
+def note_damage(record: StreamRecord, context: Context) -> None:
     """Reports the bytes that reading the record left out."""
     for torn in record.torn:
         what = "damage" if torn.inside else "a torn frame"

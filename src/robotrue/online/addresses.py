@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Any, Final, Literal, cast, overload
 
 from robotrue.core.files import read_bytes
 from robotrue.errors import ConfigurationError
-from robotrue.online.address_options import AddressOptions
 from robotrue.online.blocks import Block, ForceBlock, JointBlock
 from robotrue.online.egm import RobotWare
-from robotrue.online.link import Corrector, Source
-from robotrue.online.net_address import NetAddress, net_address
+from robotrue.online.link import Corrector, StreamSource
+from robotrue.online.net_address import AddressOptions, NetAddress, net_address
 from robotrue.online.rdt import RdtDevice, parse_netftapi, parse_rate
 from robotrue.online.robot_correction import CorrectionMode
 from robotrue.online.udp import Address
@@ -84,13 +83,13 @@ class SourceSettings:
     role: Role = "robot"
     corrector: Corrector | RemoteGuard | None = None
     start_row: int = 0
-    robot: Source[JointBlock] | None = None
+    robot: StreamSource[JointBlock] | None = None
     own_process: bool = True
     peer: Address | None = None
     trust_restart: bool = False
 
 
-def open_source(address: str, settings: SourceSettings | None = None) -> Source[Block]:
+def open_source(address: str, settings: SourceSettings | None = None) -> StreamSource[Block]:
     """Returns the source of an address; robots' links listen from now on, the rest waits.
 
     Args:
@@ -131,20 +130,20 @@ def open_source(address: str, settings: SourceSettings | None = None) -> Source[
 @overload
 def open_stream(
     address: str, role: Literal["robot"], settings: SourceSettings | None = None
-) -> Source[JointBlock]: ...
+) -> StreamSource[JointBlock]: ...
 @overload
 def open_stream(
     address: str, role: Literal["force"], settings: SourceSettings | None = None
-) -> Source[ForceBlock]: ...
+) -> StreamSource[ForceBlock]: ...
 def open_stream(
     address: str, role: Role, settings: SourceSettings | None = None
-) -> Source[JointBlock] | Source[ForceBlock]:
+) -> StreamSource[JointBlock] | StreamSource[ForceBlock]:
     """Returns :func:`open_source` of one role, with the type of its blocks."""
     found = open_source(address, replace(settings or SourceSettings(), role=role))
-    return cast("Source[JointBlock] | Source[ForceBlock]", found)
+    return cast("StreamSource[JointBlock] | StreamSource[ForceBlock]", found)
 
 
-def _rsi(address: str, settings: SourceSettings) -> Source[Block]:
+def _rsi(address: str, settings: SourceSettings) -> StreamSource[Block]:
     from robotrue.online.rsi_config import read_rsi_config, usual_rsi_config
     from robotrue.online.rsi_link import RsiSettings
 
@@ -177,7 +176,7 @@ def _rsi(address: str, settings: SourceSettings) -> Source[Block]:
     )
 
 
-def _egm(address: str, settings: SourceSettings) -> Source[Block]:
+def _egm(address: str, settings: SourceSettings) -> StreamSource[Block]:
     from robotrue.online.answering_link import AnsweringLink
     from robotrue.online.egm_link import PORT, EgmSettings, EgmSource
 
@@ -225,7 +224,7 @@ def _egm(address: str, settings: SourceSettings) -> Source[Block]:
 
 def _build_answering_source(
     link: RsiSettings | EgmSettings, settings: SourceSettings
-) -> Source[JointBlock]:
+) -> StreamSource[JointBlock]:
     """The source of a controller that waits for answers: from a process of its own, or a thread."""
     from robotrue.online.answering_link import AVAILABLE, AnsweringLink
     from robotrue.online.answering_wire import RemoteGuard
@@ -242,7 +241,7 @@ def _build_answering_source(
     return EgmSource(link, corrector)
 
 
-def _rtde(address: str, settings: SourceSettings) -> Source[Block]:
+def _rtde(address: str, settings: SourceSettings) -> StreamSource[Block]:
     from robotrue.online.rtde import PORT
     from robotrue.online.rtde_link import RtdeForce, RtdeSettings, RtdeSource
 
@@ -257,7 +256,7 @@ def _rtde(address: str, settings: SourceSettings) -> Source[Block]:
     return RtdeSource(made) if settings.role == "robot" else RtdeForce(made)
 
 
-def _rdt(address: str, settings: SourceSettings) -> Source[Block]:
+def _rdt(address: str, settings: SourceSettings) -> StreamSource[Block]:
     from robotrue.online.rdt import PORT
     from robotrue.online.rdt_link import RdtSettings, RdtSource
 
@@ -287,7 +286,7 @@ def _rdt(address: str, settings: SourceSettings) -> Source[Block]:
     )
 
 
-def _replay(address: str, settings: SourceSettings) -> Source[Block]:
+def _replay(address: str, settings: SourceSettings) -> StreamSource[Block]:
     from robotrue.online.replay_blocks import Repeats
     from robotrue.online.replay_link import ReplayForce, ReplayJoints, ReplaySettings
 
@@ -327,8 +326,7 @@ def _calling(address: str, port: int) -> tuple[NetAddress, AddressOptions]:
             f"{where.shown}: a path in the address of a {where.scheme} source.",
             hint=next(e for e in EXAMPLES if e.startswith(where.scheme)),
         )
-    options = AddressOptions(where.shown, where.options, OPTIONS[where.scheme])
-    return where, options
+    return where, where.read_options(OPTIONS[where.scheme])
 
 
 def _only(role: Role, settings: SourceSettings, address: str, why: str) -> None:
@@ -340,7 +338,7 @@ def _only(role: Role, settings: SourceSettings, address: str, why: str) -> None:
         )
 
 
-_MAKERS: Final[Mapping[str, Callable[[str, SourceSettings], Source[Any]]]] = {
+_MAKERS: Final[Mapping[str, Callable[[str, SourceSettings], StreamSource[Any]]]] = {
     "rsi": _rsi,
     "egm": _egm,
     "rtde": _rtde,

@@ -18,7 +18,7 @@ import threading
 import time
 from collections.abc import AsyncIterator
 from dataclasses import replace
-from typing import Final, Generic, TypeVar
+from typing import Final
 
 from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.online.answering_wire import (
@@ -52,7 +52,6 @@ _END: Final = 20.0
 _LOOK: Final = 0.005
 _PATIENCE: Final = 0.2
 """s that what is asked may wait for a process that is not reading."""
-B = TypeVar("B", JointBlock, ForceBlock)
 
 
 def answering_guard(
@@ -90,6 +89,7 @@ class AnsweringLink:
         self.settings, self._guard = settings, guard
         self._link = LinkState(watch=SequenceState())
         self._before: GuardState | None = None
+        self.address: Address = (settings.host, 0)
         self._health = Health(name=settings.name, connected=False)
         self.preferred = False
         self._view: AnsweringForce | None = None
@@ -115,8 +115,9 @@ class AnsweringLink:
             RobotrueError: A correction that this controller cannot take, or a process that ended.
         """
         await self._restart_process()
-        async for block in self._stream.blocks():
-            yield block
+        while found := await self._inbox.take():
+            for block in join_blocks(found):
+                yield block
 
     def force(self) -> AnsweringForce:
         """Returns the measured force of the same messages as a source of its own; always one.
@@ -145,7 +146,7 @@ class AnsweringLink:
 
     def health(self) -> Health:
         """Returns the counters as they stood when they were last told."""
-        health, fault = self._health, self._stream.crowding or self._died
+        health, fault = self._health, self._inbox.crowding or self._died
         if not fault:
             return health
         return replace(health, connected=health.connected and not self._died, last_fault=fault)
@@ -180,7 +181,7 @@ class AnsweringLink:
             self._process.kill()
             self._process.wait()
             raise
-        self._stream: _Stream[JointBlock] = _Stream(settings.waiting)
+        self._inbox: Inbox[JointBlock] = Inbox(settings.waiting, len)
         self._died = ""
         self._take_report(report)
         self._thread = threading.Thread(
@@ -265,7 +266,7 @@ class AnsweringLink:
     def _take(self, frame: bytes) -> None:
         block = decode_block(frame)
         if isinstance(block, JointBlock):
-            self._stream.put(block)
+            self._inbox.put(block)
         elif self._view is not None:
             self._view.put(block)
 
@@ -296,7 +297,7 @@ class AnsweringLink:
             if self._guard is not None:
                 self._before = self._guard.mark_ended(fault.message)
             self._died = fault.message
-        self._stream.close(fault)
+        self._inbox.close(fault)
         if self._view is not None:
             self._view.end(fault)
 
@@ -316,16 +317,17 @@ class AnsweringForce:
             RobotrueError: The process that answers has ended.
         """
         await self._link._restart_process()
-        async for block in self._stream.blocks():
-            yield block
+        while found := await self._inbox.take():
+            for block in join_blocks(found):
+                yield block
 
     async def close(self) -> None:
         """Gives no more; the link itself stays open."""
-        self._stream.close(None)
+        self._inbox.close()
 
     def health(self) -> Health:
         """Returns the counters as they stood when they were last told."""
-        fault = self._stream.crowding or self._fault
+        fault = self._inbox.crowding or self._fault
         if not fault:
             return self._health
         there = self._health.connected and not self._fault
@@ -333,12 +335,12 @@ class AnsweringForce:
 
     def begin(self, waiting: int) -> None:
         """Begins a stream, the first or after a process that has ended."""
-        self._stream: _Stream[ForceBlock] = _Stream(waiting)
+        self._inbox: Inbox[ForceBlock] = Inbox(waiting, len)
         self._fault = ""
 
     def put(self, block: ForceBlock) -> None:
         """Keeps what came."""
-        self._stream.put(block)
+        self._inbox.put(block)
 
     def take_health(self, health: Health) -> None:
         """Takes note of the counters."""
@@ -347,33 +349,4 @@ class AnsweringForce:
     def end(self, fault: RobotrueError | None) -> None:
         """Says that no more will come."""
         self._fault = "" if fault is None else fault.message
-        self._stream.close(fault)
-
-
-class _Stream(Generic[B]):
-    """Blocks on their way from the listening thread to their reader."""
-
-    def __init__(self, limit: int) -> None:
-        self._inbox: Inbox[B] = Inbox(limit)
-        self._limit = limit
-        self._put = self._taken = 0
-
-    def put(self, block: B) -> None:
-        self._put += len(block)
-        self._inbox.put(block)
-
-    def close(self, fault: RobotrueError | None) -> None:
         self._inbox.close(fault)
-
-    async def blocks(self) -> AsyncIterator[B]:
-        while found := await self._inbox.take():
-            self._taken += sum(map(len, found))
-            for block in join_blocks(found):
-                yield block
-
-    @property
-    def crowding(self) -> str:
-        waiting = self._put - self._taken
-        if waiting <= self._limit:
-            return ""
-        return f"{waiting} samples wait to be read, more than {self._limit}"

@@ -11,7 +11,6 @@ import math
 import struct
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import Any, Final, Literal, TypeVar
 
 from pydantic import TypeAdapter
@@ -146,14 +145,14 @@ class Report:
     fault: Fault | None = None
 
 
-@cache
-def _adapter(kind: type[M]) -> TypeAdapter[M]:
-    return TypeAdapter(kind)
+_ADAPTERS: Final[dict[type, TypeAdapter[Any]]] = {
+    kind: TypeAdapter(kind) for kind in (Opening, Request, Report)
+}
 
 
 def write_message(content: Opening | Request | Report, frame: bytes = b"") -> bytes:
     """Returns the bytes of a message."""
-    document = _adapter(type(content)).dump_python(content, mode="json", exclude_defaults=True)
+    document = _ADAPTERS[type(content)].dump_python(content, mode="json", exclude_defaults=True)
     text = json.dumps(document, separators=(",", ":")).encode()
     return b"".join((_LENGTH.pack(len(text)), text, frame))
 
@@ -161,7 +160,8 @@ def write_message(content: Opening | Request | Report, frame: bytes = b"") -> by
 def read_message(data: bytes, kind: type[M]) -> tuple[M, bytes]:
     """Returns the content of a message, and its frame or nothing."""
     end = _LENGTH.size + _LENGTH.unpack_from(data)[0]
-    return _adapter(kind).validate_python(json.loads(data[_LENGTH.size : end])), data[end:]
+    content: M = _ADAPTERS[kind].validate_python(json.loads(data[_LENGTH.size : end]))
+    return content, data[end:]
 
 
 def frames(block: Block) -> Iterator[bytes]:

@@ -93,11 +93,11 @@ class StreamClock:
             raise ShapeError(f"{controller.shape} controller times for {host.shape} host times.")
         known = np.isfinite(controller) & np.isfinite(host)
         if known.all():
-            time, doubt = self._known(controller, host)
+            time, doubt = self._align_known(controller, host)
         else:
             time, doubt = host.copy(), ~np.isfinite(host)
             if known.any():
-                time[known], doubt[known] = self._known(controller[known], host[known])
+                time[known], doubt[known] = self._align_known(controller[known], host[known])
         return self._rising(time), doubt
 
     def fix(self) -> ClockFix:
@@ -134,7 +134,7 @@ class StreamClock:
                 raise ShapeError(f"clock state {name} has shape {state[name].shape}.")
             own[:] = state[name]
 
-    def _known(self, controller: Array, host: Array) -> tuple[Array, BoolArray]:
+    def _align_known(self, controller: Array, host: Array) -> tuple[Array, BoolArray]:
         time, doubt = np.empty_like(host), np.zeros(len(host), dtype=np.bool_)
         delay, done = host - controller, 0
         while done < len(host):

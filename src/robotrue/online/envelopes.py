@@ -19,7 +19,7 @@ MOST_PER_SECOND: Final = 100.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Bin:
+class EstimateBin:
     """What a short time held, columns as of :func:`~robotrue.online.estimates.numbers`.
 
     Attributes:
@@ -61,9 +61,9 @@ class Envelopes:
             )
         self._rate = per_second
         self._joints = joints
-        self._open: Bin | None = None
+        self._open: EstimateBin | None = None
 
-    def add(self, block: EstimateBlock) -> list[Bin]:
+    def add(self, block: EstimateBlock) -> list[EstimateBin]:
         """Returns the bins that are whole now; the last one stays open for what comes.
 
         Raises:
@@ -80,12 +80,12 @@ class Envelopes:
         self._open = found.pop()
         return found
 
-    def flush(self) -> list[Bin]:
+    def flush(self) -> list[EstimateBin]:
         """Returns the open bin, if there is one: for a stream that has stopped."""
         found, self._open = self._open, None
         return [] if found is None else [found]
 
-    def _bins(self, block: EstimateBlock) -> list[Bin]:
+    def _bins(self, block: EstimateBlock) -> list[EstimateBin]:
         values = numbers(block, self._joints)
         index = np.floor(block.host_time * self._rate).astype(np.int64)
         starts = np.concatenate([[0], np.flatnonzero(np.diff(index)) + 1])
@@ -94,7 +94,7 @@ class Envelopes:
         invalid = np.add.reduceat((~block.valid).astype(np.int64), starts)
         doubt = np.bitwise_or.reduceat(block.doubt, starts)
         return [
-            Bin(
+            EstimateBin(
                 index=int(index[end - 1]),
                 host_time=float(block.host_time[end - 1]),
                 sequence=int(block.sequence[end - 1]),
@@ -109,8 +109,8 @@ class Envelopes:
         ]
 
 
-def _merge_bins(first: Bin, second: Bin) -> Bin:
-    return Bin(
+def _merge_bins(first: EstimateBin, second: EstimateBin) -> EstimateBin:
+    return EstimateBin(
         index=second.index,
         host_time=second.host_time,
         sequence=second.sequence,

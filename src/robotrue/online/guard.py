@@ -184,7 +184,7 @@ class CorrectionGuard:
             host_time: s on the monotonic clock.
         """
         with self._lock:
-            elapsed = self._elapsed(host_time)
+            elapsed = self._find_elapsed(host_time)
             gain = self._gain(host_time)
             moved = turned = NONE
             if not (self._frozen or self._doubtful):
@@ -388,7 +388,7 @@ class CorrectionGuard:
         """Whether estimates are followed."""
         return self._tripped_at is None and not self._released
 
-    def _elapsed(self, host_time: float) -> float:
+    def _find_elapsed(self, host_time: float) -> float:
         """Seconds this answer may move for: a cycle at most, none on a broken clock."""
         before = self._time
         if not math.isfinite(host_time) or host_time < before:

@@ -49,7 +49,7 @@ class Health:
     last_fault: str = ""
 
 
-class Source(Protocol[B_co]):
+class StreamSource(Protocol[B_co]):
     """A stream of blocks."""
 
     def blocks(self) -> AsyncIterator[B_co]:

@@ -21,7 +21,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array
-from robotrue.online.envelopes import Bin
+from robotrue.online.envelopes import EstimateBin
 from robotrue.online.estimates import Doubt, doubt_names
 from robotrue.online.link import Health, health_document
 from robotrue.online.sink_settings import SinkSettings
@@ -99,7 +99,7 @@ def hello_frame(settings: SinkSettings, *, per_second: float) -> str:
     )
 
 
-def estimates_frame(bins: Sequence[Bin]) -> str:
+def estimates_frame(bins: Sequence[EstimateBin]) -> str:
     """Returns bins as a frame."""
     return _text({"type": "estimates", "bins": [_bin(b) for b in bins]})
 
@@ -110,7 +110,7 @@ def health_frame(healths: Sequence[Health], *, dropped: int) -> str:
     return _text({"type": "health", "links": links, "dropped": dropped})
 
 
-def _bin(b: Bin) -> dict[str, object]:
+def _bin(b: EstimateBin) -> dict[str, object]:
     return {
         "t_s": round(b.host_time, 6),
         "rows": b.rows,

@@ -18,15 +18,16 @@ import json
 import logging
 import ssl
 from collections.abc import Coroutine, Sequence
-from typing import Any, Final
+from typing import Final
 
+import aiomqtt
 import numpy as np
 
-from robotrue.errors import ConfigurationError, MissingExtraError
+from robotrue.errors import ConfigurationError
 from robotrue.online.estimates import EstimateBlock, doubt_words, number_columns, numbers
 from robotrue.online.link import Health, health_document
 from robotrue.online.net_address import NetAddress
-from robotrue.online.queues import Latest
+from robotrue.online.queues import LatestQueue
 from robotrue.online.sink_settings import SinkSettings, utc_seconds
 
 USER_VARIABLE: Final = "ROBOTRUE_MQTT_USER"
@@ -60,17 +61,16 @@ class MqttSink:
         Raises:
             ConfigurationError: A prefix no topic can have, a rate that is none, or a certificate
                 that cannot be read.
-            MissingExtraError: aiomqtt is not installed.
         """
-        _library()
-        self._address = address.only("rate")
+        self._address = address
+        options = address.read_options({"rate": "messages per second, 0.1 to 100"})
         self._settings = settings
         self._prefix = address.path or f"robotrue/{settings.cell}"
         if bad := sorted(set(self._prefix) & set("+#\0")):
             raise ConfigurationError(f"{address.shown}: {bad} in a topic, expected none.")
-        self._span = 1.0 / address.number("rate", _PER_SECOND, low=0.1, high=100.0)
+        self._span = 1.0 / options.number("rate", "Hz", default=_PER_SECOND, low=0.1, high=100.0)
         self._tls = _tls(address, settings)
-        self._waiting: Latest[_Message] = Latest(_MOST_MESSAGES)
+        self._waiting: LatestQueue[_Message] = LatestQueue(_MOST_MESSAGES)
         self._blocks: list[EstimateBlock] = []
         self._rows = 0
         self._tasks: list[asyncio.Task[None]] = []
@@ -116,8 +116,6 @@ class MqttSink:
 
     async def _keep(self) -> None:
         """Stays connected until the queue is closed and empty."""
-        import aiomqtt
-
         wait = _FIRST_WAIT
         while True:
             try:
@@ -135,7 +133,7 @@ class MqttSink:
             await asyncio.sleep(wait)
             wait = min(2.0 * wait, _LONGEST_WAIT)
 
-    async def _send(self, client: Any) -> None:
+    async def _send(self, client: aiomqtt.Client) -> None:
         """Sends messages until there are no more to come. One that fails to go is lost."""
         while (blocks := await self._waiting.take()) is not None:
             if not blocks:
@@ -148,9 +146,7 @@ class MqttSink:
                 self._refused += len(blocks)
                 raise
 
-    def _client(self) -> Any:
-        import aiomqtt
-
+    def _client(self) -> aiomqtt.Client:
         env = self._settings.environment
         return aiomqtt.Client(
             self._address.host,
@@ -164,7 +160,9 @@ class MqttSink:
             logger=_LOGGER,
         )
 
-    async def _say(self, client: Any, topic: str, text: str, *, lasting: bool = False) -> None:
+    async def _say(
+        self, client: aiomqtt.Client, topic: str, text: str, *, lasting: bool = False
+    ) -> None:
         await client.publish(
             f"{self._prefix}/{topic}", text, qos=1 if lasting else 0, retain=lasting
         )
@@ -197,7 +195,7 @@ class MqttSink:
         )
 
 
-async def _until_gone(client: Any) -> None:
+async def _until_gone(client: aiomqtt.Client) -> None:
     """Reads what nobody sends: the one way to hear at once that the broker went away.
 
     Raises:
@@ -207,7 +205,7 @@ async def _until_gone(client: Any) -> None:
         pass
 
 
-async def _wait_for_first(*work: Coroutine[Any, Any, None]) -> None:
+async def _wait_for_first(*work: Coroutine[object, object, None]) -> None:
     """Waits until one is done, ends the others and raises what the one raised."""
     tasks = [asyncio.ensure_future(w) for w in work]
     try:
@@ -265,13 +263,4 @@ def _tls(address: NetAddress, settings: SinkSettings) -> ssl.SSLContext | None:
             f"{address.shown}: the certificates cannot be read: {cause.strerror}.",
             source=path,
             hint=f"{AUTHORITY_VARIABLE} names a PEM file.",
-        ) from cause
-
-
-def _library() -> None:
-    try:
-        import aiomqtt  # noqa: F401
-    except ImportError as cause:
-        raise MissingExtraError(
-            "mqtt:// needs aiomqtt.", hint="pip install 'robotrue[online]'"
         ) from cause

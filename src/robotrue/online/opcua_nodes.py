@@ -15,13 +15,14 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
+from asyncua import Node, Server, ua
 
 from robotrue.core.files import read_bytes
 from robotrue.errors import ConfigurationError, FormatError
-from robotrue.online.envelopes import Bin
+from robotrue.online.envelopes import EstimateBin
 from robotrue.online.estimates import Doubt
 
 URI: Final = "urn:robotrue:online"
@@ -73,7 +74,7 @@ def readings(joints: int) -> tuple[Reading, ...]:
     return tuple(found)
 
 
-def reading_value(reading: Reading, b: Bin) -> float:
+def reading_value(reading: Reading, b: EstimateBin) -> float:
     """Returns the number of a bin in the reading's unit; NaN where it is not known."""
     if reading.peak:
         return float(np.fmax(abs(b.low[reading.column]), abs(b.high[reading.column])))
@@ -104,10 +105,8 @@ def status_name(doubt: int, *, known: bool, whole: bool) -> str:
     return "BadNoData"
 
 
-async def add_reading(folder: Any, index: int, name: str, unit: str) -> Any:
+async def add_reading(folder: Node, index: int, name: str, unit: str) -> Node:
     """Returns a new variable of a number with its engineering unit, without a value yet."""
-    from asyncua import ua
-
     empty = ua.DataValue(
         ua.Variant(float("nan"), ua.VariantType.Double),
         ua.StatusCode(ua.UInt32(ua.StatusCodes.BadWaitingForInitialData)),
@@ -124,10 +123,8 @@ async def add_reading(folder: Any, index: int, name: str, unit: str) -> Any:
     return node
 
 
-async def set_unit(node: Any, unit: str) -> None:
+async def set_unit(node: Node, unit: str) -> None:
     """Gives a variable its engineering unit, in the codes of UNECE Recommendation 20."""
-    from asyncua import ua
-
     code, words = _UNITS[unit]
     information = ua.EUInformation(
         NamespaceUri="http://www.opcfoundation.org/UA/units/un/cefact",
@@ -174,7 +171,7 @@ def nodeset_files(folder: Path) -> tuple[Path, ...]:
     return tuple(paths[0] for paths in found.values())
 
 
-async def import_models(server: Any, folder: Path) -> None:
+async def import_models(server: Server, folder: Path) -> None:
     """Imports the four models into a server that has not been started.
 
     Raises:
@@ -190,7 +187,7 @@ async def import_models(server: Any, folder: Path) -> None:
             ) from cause
 
 
-async def add_robot(server: Any, index: int, cell: str, joints: int) -> list[Any]:
+async def add_robot(server: Server, index: int, cell: str, joints: int) -> list[Node]:
     """Returns the ``ActualPosition`` nodes of a new robot of the companion model, A1 first.
 
     States that are not known here, as of safety, are left out and never claimed.
@@ -198,8 +195,6 @@ async def add_robot(server: Any, index: int, cell: str, joints: int) -> list[Any
     Raises:
         FormatError: The model has not what it should have.
     """
-    from asyncua import ua
-
     di, robotics = [await server.get_namespace_index(uri) for uri in (_DI, _ROBOTICS)]
     types = await _types(server, robotics)
     system = await _make_object(server.nodes.objects, index, f"{cell} robot", types[_SYSTEM])
@@ -221,10 +216,10 @@ async def add_robot(server: Any, index: int, cell: str, joints: int) -> list[Any
     return found
 
 
-async def _types(server: Any, robotics: int) -> dict[str, Any]:
+async def _types(server: Server, robotics: int) -> dict[str, Node]:
     """Returns the object types of the Robotics namespace by name."""
     wanted = {_SYSTEM, _DEVICE, _AXIS}
-    found: dict[str, Any] = {}
+    found: dict[str, Node] = {}
     waiting = [server.nodes.base_object_type]
     while waiting and wanted - set(found):
         node = waiting.pop()
@@ -237,14 +232,14 @@ async def _types(server: Any, robotics: int) -> dict[str, Any]:
     return found
 
 
-async def _make_object(parent: Any, index: int, name: str, kind: Any) -> Any:
+async def _make_object(parent: Node, index: int, name: str, kind: Node) -> Node:
     """Returns a new object of a type, without the placeholders its type has for a reader."""
     node = await parent.add_object(index, name, objecttype=kind.nodeid, instantiate_optional=False)
     await _without_placeholders(node)
     return node
 
 
-async def _without_placeholders(node: Any) -> None:
+async def _without_placeholders(node: Node) -> None:
     for child in await node.get_children():
         if (await child.read_browse_name()).Name.startswith("<"):
             await child.delete(delete_references=True, recursive=True)

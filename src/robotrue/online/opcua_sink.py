@@ -15,15 +15,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
-from robotrue.errors import ConfigurationError, MissingExtraError, ShapeError
+from asyncua import Node, Server, ua
+from asyncua.crypto.permission_rules import User, UserRole
+
+from robotrue.errors import ConfigurationError, ShapeError
 from robotrue.online import opcua_nodes as nodes
-from robotrue.online.envelopes import Bin, Envelopes
+from robotrue.online.envelopes import Envelopes, EstimateBin
 from robotrue.online.estimates import EstimateBlock, doubt_words
 from robotrue.online.link import Health, health_document
 from robotrue.online.net_address import NetAddress
-from robotrue.online.queues import Latest
+from robotrue.online.queues import LatestQueue
 from robotrue.online.sink_settings import SinkSettings, utc_seconds
 
 USER_VARIABLE: Final = "ROBOTRUE_OPCUA_USER"
@@ -40,11 +43,11 @@ _HEALTH_BEATS: Final = 5
 class _Tree:
     """Nodes of a running server."""
 
-    numbers: list[tuple[nodes.Reading, Any]] = field(default_factory=list)
-    positions: list[Any] = field(default_factory=list)
-    marks: dict[str, Any] = field(default_factory=dict)
-    health: Any = None
-    links: dict[str, dict[str, Any]] = field(default_factory=dict)
+    numbers: list[tuple[nodes.Reading, Node]] = field(default_factory=list)
+    positions: list[Node] = field(default_factory=list)
+    marks: dict[str, Node] = field(default_factory=dict)
+    health: Node = None
+    links: dict[str, dict[str, Node]] = field(default_factory=dict)
 
 
 class OpcUaSink:
@@ -59,10 +62,9 @@ class OpcUaSink:
         Raises:
             ConfigurationError: A rate that is none, or other computers could look without a
                 password.
-            MissingExtraError: asyncua is not installed.
         """
-        _library()
-        self._address = address.only("rate")
+        self._address = address
+        options = address.read_options({"rate": "updates per second, 1 to 50"})
         self._settings = settings
         env = settings.environment
         self._user = address.user or env.get(USER_VARIABLE, "")
@@ -74,10 +76,10 @@ class OpcUaSink:
                 + ("." if address.loopback else ": other computers can reach it."),
                 hint=f"set {USER_VARIABLE} and {PASSWORD_VARIABLE}, or opcua://127.0.0.1.",
             )
-        rate = address.number("rate", _PER_SECOND, low=1.0, high=50.0)
+        rate = options.number("rate", "Hz", default=_PER_SECOND, low=1.0, high=50.0)
         self._envelopes = Envelopes(per_second=rate, joints=settings.joints)
-        self._waiting: Latest[Bin | None] = Latest(8)
-        self._server: Any = None
+        self._waiting: LatestQueue[EstimateBin | None] = LatestQueue(8)
+        self._server: Server | None = None
         self._tree = _Tree()
         self._tasks: list[asyncio.Task[None]] = []
         self._received = self._refused = 0
@@ -95,7 +97,7 @@ class OpcUaSink:
         try:
             with socket.create_server((self._address.host, self._address.port)):
                 pass  # said now, not after the seconds that the tree takes
-            server = await self._built()
+            server = await self._build_server()
             await server.start()
         except OSError as cause:
             if server is not None:
@@ -108,9 +110,7 @@ class OpcUaSink:
         self._server = server
         self._tasks = [asyncio.create_task(self._show()), asyncio.create_task(self._beat())]
 
-    async def _built(self) -> Any:
-        from asyncua import Server, ua
-
+    async def _build_server(self) -> Server:
         server = Server(user_manager=_Users(self._user, self._password) if self._user else None)
         await self._secure(server)
         await server.init()
@@ -130,9 +130,7 @@ class OpcUaSink:
         await self._grow(server.nodes.objects, index)
         return server
 
-    async def _secure(self, server: Any) -> None:
-        from asyncua import ua
-
+    async def _secure(self, server: Server) -> None:
         env: Mapping[str, str] = self._settings.environment
         certificate, key = env.get(CERTIFICATE_VARIABLE, ""), env.get(KEY_VARIABLE, "")
         if not certificate and not key:
@@ -149,9 +147,7 @@ class OpcUaSink:
             ) from cause
         server.set_security_policy([ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt])
 
-    async def _grow(self, objects: Any, index: int) -> None:
-        from asyncua import ua
-
+    async def _grow(self, objects: Node, index: int) -> None:
         cell = await objects.add_object(index, self._settings.cell)
         kinds = {
             "Note": (self._settings.note, ua.VariantType.String),
@@ -162,7 +158,7 @@ class OpcUaSink:
         }
         for name, (value, kind) in kinds.items():
             self._tree.marks[name] = await cell.add_variable(index, name, value, kind)
-        folders: dict[str, Any] = {}
+        folders: dict[str, Node] = {}
         for reading in nodes.readings(self._settings.joints):
             if reading.folder not in folders:
                 folders[reading.folder] = await cell.add_object(index, reading.folder)
@@ -209,9 +205,7 @@ class OpcUaSink:
             else:
                 await self._show_bin(each)
 
-    async def _show_bin(self, b: Bin) -> None:
-        from asyncua import ua
-
+    async def _show_bin(self, b: EstimateBin) -> None:
         at = datetime.fromtimestamp(utc_seconds(b.host_time), UTC)
         for reading, node in self._tree.numbers:
             value = nodes.reading_value(reading, b)
@@ -230,8 +224,6 @@ class OpcUaSink:
         await self._put(marks["Sequence"], b.sequence, "Good", at, ua.VariantType.Int64)
 
     async def _show_nothing(self) -> None:
-        from asyncua import ua
-
         now = datetime.now(UTC)
         numbers = [node for _, node in self._tree.numbers] + self._tree.positions
         for node in numbers:
@@ -241,21 +233,22 @@ class OpcUaSink:
         await self._put(self._tree.marks["DoubtText"], text, "Good", now, ua.VariantType.String)
 
     async def _put(
-        self, node: Any, value: Any, status: str, at: datetime, kind: Any = None
+        self,
+        node: Node,
+        value: float | bool | str,
+        status: str,
+        at: datetime,
+        kind: ua.VariantType = ua.VariantType.Double,
     ) -> None:
-        from asyncua import ua
-
         await node.write_value(
             ua.DataValue(
-                ua.Variant(value, kind or ua.VariantType.Double),
+                ua.Variant(value, kind),
                 ua.StatusCode(ua.UInt32(getattr(ua.StatusCodes, status))),
                 SourceTimestamp=at,
             )
         )
 
     async def _show_health(self) -> None:
-        from asyncua import ua
-
         for health in self._settings.healths():
             values = health_document(health)
             found = self._tree.links.get(health.name)
@@ -271,14 +264,11 @@ class OpcUaSink:
                 elif isinstance(value, str):
                     await node.write_value(value, ua.VariantType.String)
                 else:
-                    known = value is not None
-                    status = "Good" if known else "BadNoData"
-                    number = value if known else float("nan")
+                    status = "BadNoData" if value is None else "Good"
+                    number = math.nan if value is None else value
                     await self._put(node, number, status, datetime.now(UTC))
 
-    async def _new_link(self, name: str) -> dict[str, Any]:
-        from asyncua import ua
-
+    async def _new_link(self, name: str) -> dict[str, Node]:
         folder = self._tree.health
         index = folder.nodeid.NamespaceIndex
         link = await folder.add_object(index, name)
@@ -327,23 +317,12 @@ class _Users:
 
     def get_user(
         self,
-        iserver: Any,
+        iserver: Server,
         username: str | None = None,
         password: str | None = None,
-        certificate: Any = None,
-    ) -> Any:
+        certificate: object = None,
+    ) -> User | None:
         """Returns the user, or None for anybody else."""
-        from asyncua.crypto.permission_rules import User, UserRole
-
         right = hmac.compare_digest((username or "").encode(), self._user)
         right &= hmac.compare_digest((password or "").encode(), self._password)
         return User(role=UserRole.User, name=username) if right else None
-
-
-def _library() -> None:
-    try:
-        import asyncua  # noqa: F401
-    except ImportError as cause:
-        raise MissingExtraError(
-            "opcua:// needs asyncua.", hint="pip install 'robotrue[online]'"
-        ) from cause

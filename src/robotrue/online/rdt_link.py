@@ -39,7 +39,7 @@ from robotrue.online.rdt import (
     write_request,
 )
 from robotrue.online.sequence import SequenceState, advance_block
-from robotrue.online.udp import TOLD, tell_arrivals, waited
+from robotrue.online.udp import TOLD, tell_arrivals, time_waited
 
 Told = list[tuple[int, int, bytes]]
 _DATAGRAM: Final = 40 * RECORD.itemsize
@@ -274,7 +274,7 @@ class RdtSource:
                 break
             size += got if got == whole else self._whole_size(got)
         # a computer that was busy reads late what came in time
-        self._waited = waited(told)
+        self._waited = time_waited(told)
         return size
 
     def _whole_size(self, got: int) -> int:

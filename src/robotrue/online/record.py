@@ -20,8 +20,8 @@ from robotrue.errors import ArchiveError, FormatError
 from robotrue.online.record_frames import (
     HEAD,
     MAGIC,
-    Frame,
     Kind,
+    RecordFrame,
     frame_from,
     frame_kind,
     frame_number,
@@ -79,7 +79,7 @@ class Torn:
 
 
 @dataclass(slots=True)
-class Record:
+class StreamRecord:
     """A record on disk.
 
     Attributes:
@@ -116,7 +116,7 @@ class Record:
 
     def frames(
         self, kinds: Collection[Kind] | None = None, *, skip_damage: bool = False
-    ) -> Iterator[Frame]:
+    ) -> Iterator[RecordFrame]:
         """Gives the frames in their order, holding one at a time.
 
         Args:
@@ -131,7 +131,7 @@ class Record:
 
     def segment_frames(
         self, segment: Path, kinds: Collection[Kind] | None = None, *, skip_damage: bool = False
-    ) -> Iterator[Frame]:
+    ) -> Iterator[RecordFrame]:
         """Gives the frames of one segment, as :meth:`frames`."""
         for head, payload in self._read_whole_frames(segment, skip_damage):
             if kinds is None or frame_kind(head) in kinds:
@@ -180,16 +180,6 @@ class Record:
         found = Torn(segment=segment, offset=offset, length=length, inside=inside)
         if found not in self.torn:
             self.torn.append(found)
-
-
-def read_record(path: str | Path, *, skip_damage: bool = False) -> Iterator[Frame]:
-    """Gives the frames of a record up to the last whole one of each segment.
-
-    Raises:
-        FormatError: No record, or damaged inside.
-        ArchiveError: Written by a newer robotrue.
-    """
-    yield from Record(Path(path)).frames(skip_damage=skip_damage)
 
 
 def segments(path: Path) -> list[Path]:

@@ -16,7 +16,7 @@ from robotrue.errors import FormatError
 from robotrue.online.blocks import ForceBlock, JointBlock
 from robotrue.online.csv_sink import estimate_columns, estimate_lines
 from robotrue.online.estimates import EstimateBlock
-from robotrue.online.record import Record, RecordHeader
+from robotrue.online.record import RecordHeader, StreamRecord
 from robotrue.online.record_frames import Kind
 from robotrue.online.replay_columns import FORCE, JOINTS, POSE, TORQUE
 
@@ -30,7 +30,7 @@ _LOOKED_AT: Final = 16
 
 
 def export_lines(
-    record: Record, stream: Exported, *, skip_damage: bool = False
+    record: StreamRecord, stream: Exported, *, skip_damage: bool = False
 ) -> Iterator[tuple[bytes, int]]:
     """Gives the header and then the lines of each block of a stream, with how many they are.
 

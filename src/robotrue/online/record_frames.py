@@ -54,7 +54,7 @@ class Kind(enum.IntEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Frame:
+class RecordFrame:
     """One entry of a record.
 
     Attributes:
@@ -146,7 +146,7 @@ def frame_number(head: bytes) -> int:
     return int.from_bytes(head[12:20], "little")
 
 
-def frame_from(head: bytes, payload: bytes) -> Frame:
+def frame_from(head: bytes, payload: bytes) -> RecordFrame:
     """Returns the frame of a sound head and payload.
 
     Raises:
@@ -162,7 +162,7 @@ def frame_from(head: bytes, payload: bytes) -> Frame:
             content = json.loads(payload)
     except (struct.error, ValueError, ShapeError, KeyError) as cause:
         raise FormatError(f"frame {number} is no {kind.name.lower()}: {cause}.") from cause
-    return Frame(number=number, kind=kind, content=content)
+    return RecordFrame(number=number, kind=kind, content=content)
 
 
 def content_size(content: Content | Arrays) -> int:

@@ -21,7 +21,7 @@ from typing import Any, Final
 
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.online.link import Health
-from robotrue.online.record import Record, RecordHeader, header_bytes, segments
+from robotrue.online.record import RecordHeader, StreamRecord, header_bytes, segments
 from robotrue.online.record_frames import Arrays, Content, Kind, content_size, frame_bytes
 
 SYNC: Final = 1.0
@@ -82,7 +82,7 @@ class RecordWriter:
                 f"cannot write: {cause.strerror}.", source=path, hint="check the folder."
             ) from cause
         _lock(self._lock_file, self.path)
-        self.first = self._number = Record(self.path).next_number()
+        self.first = self._number = StreamRecord(self.path).next_number()
         self._segment_number = _last_segment(self.path)
         self._file, self._length, self._synced = -1, 0, time.monotonic()
         self._queue: deque[tuple[Kind, int, Content | Arrays, int]] = deque()

@@ -139,7 +139,7 @@ def _at_once(body: bytes, names: tuple[str, ...]) -> Array | None:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")  # what cannot be read to its end is only warned of
-            flat = np.fromstring(_filled(body), dtype=np.float64, sep=",")
+            flat = np.fromstring(_fill_empty_cells(body), dtype=np.float64, sep=",")
     except (DeprecationWarning, ValueError):
         return None
     if len(flat) != len(ends) * columns:
@@ -150,7 +150,7 @@ def _at_once(body: bytes, names: tuple[str, ...]) -> Array | None:
     return np.asarray(table)
 
 
-def _filled(body: bytes) -> bytes:
+def _fill_empty_cells(body: bytes) -> bytes:
     """The cells one after the other, the empty ones as nan."""
     body = body[:-1].replace(b"\n", b",")
     if body.startswith(b","):

@@ -16,8 +16,8 @@ import numpy as np
 
 from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.online.estimates import EstimateBlock
-from robotrue.online.record import Record
-from robotrue.online.record_frames import Frame, Kind
+from robotrue.online.record import StreamRecord
+from robotrue.online.record_frames import Kind, RecordFrame
 from robotrue.online.sensing_chain import SensingChain, Stream
 
 _SAMPLES = (Kind.JOINTS, Kind.FORCE, Kind.ESTIMATES)
@@ -40,7 +40,7 @@ class Resumed:
     checked: int
 
 
-def resume(record: Record, chain: SensingChain) -> Resumed:
+def resume(record: StreamRecord, chain: SensingChain) -> Resumed:
     """Returns where a record ended, and brings a fresh chain there.
 
     Raises:
@@ -63,7 +63,9 @@ def resume(record: Record, chain: SensingChain) -> Resumed:
     return Resumed(rows=dict(chain.rows), missing=list(made), again=again, checked=checked)
 
 
-def read_estimates_after(record: Record, line: str | None, before: int) -> Iterator[EstimateBlock]:
+def read_estimates_after(
+    record: StreamRecord, line: str | None, before: int
+) -> Iterator[EstimateBlock]:
     """Gives the recorded estimates after the one that a line of a CSV file stands for.
 
     Args:
@@ -113,7 +115,7 @@ def later_than(block: EstimateBlock | None, line: str | None) -> EstimateBlock |
     return block.take(slice(int(rows[0]), None)) if len(rows) else None
 
 
-def _since_checkpoint(record: Record) -> Iterator[Frame]:
+def _since_checkpoint(record: StreamRecord) -> Iterator[RecordFrame]:
     """Gives the last checkpoint, if there is one, and the samples after it."""
     path, last = record.segments(), None
     start = len(path)
@@ -129,7 +131,7 @@ def _since_checkpoint(record: Record) -> Iterator[Frame]:
                 yield frame
 
 
-def _compare_estimates(frame: Frame, made: deque[EstimateBlock]) -> int:
+def _compare_estimates(frame: RecordFrame, made: deque[EstimateBlock]) -> int:
     """Takes from ``made`` what a frame holds; returns how many rows there were to compare."""
     block: EstimateBlock = frame.content
     done = 0
@@ -150,7 +152,7 @@ def _compare_estimates(frame: Frame, made: deque[EstimateBlock]) -> int:
     return done
 
 
-def _from_before(record: Record, segment: Path, host: float) -> bool:
+def _from_before(record: StreamRecord, segment: Path, host: float) -> bool:
     """Whether a segment begins with estimates up to a time."""
     for frame in record.segment_frames(segment, (Kind.ESTIMATES,), skip_damage=True):
         return bool(frame.content.host_time[0] <= host + 1e-9)

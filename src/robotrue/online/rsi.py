@@ -1,4 +1,4 @@
-"""KUKA RSI: ``<Rob>`` packets of the controller, and ``<Sen>`` answers with the same IPOC.
+"""KUKA RSI: ``<Rob>`` packets of the controller, read one by one and made into blocks.
 
 The controller owns the clock. Every 4 ms (IPO_FAST) or 12 ms it sends a packet with its time in
 ms, IPOC, and drops an answer with another one. RSI_ON in the KRL program says whether corrections
@@ -9,34 +9,43 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Final
 from xml.etree.ElementTree import Element
-from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
-from robotrue.core.rotations import abc_from_matrix, matrix_from_rotation_vector
+from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
-from robotrue.errors import ConfigurationError, FormatError, ModelMismatchError
-from robotrue.online.robot_correction import Correction, CorrectionMode
+from robotrue.errors import ConfigurationError, FormatError
+from robotrue.online.blocks import (
+    FARTHEST,
+    MOST_TURNS,
+    Flag,
+    JointBlock,
+    check_joints,
+    check_poses,
+)
 from robotrue.online.rsi_config import RsiConfig
 from robotrue.online.sequence import SequenceState
 from robotrue.online.xml_text import parse_xml
 
 Six = tuple[float, float, float, float, float, float]
-_JOINTS: Final = ("A1", "A2", "A3", "A4", "A5", "A6")
-_POSE: Final = ("X", "Y", "Z", "A", "B", "C")
+JOINTS: Final = ("A1", "A2", "A3", "A4", "A5", "A6")
+POSE: Final = ("X", "Y", "Z", "A", "B", "C")
 _NUMBER: Final = re.compile(r"[+-]?(\d++\.?+\d*+|\.\d++)([eE][+-]?\d+)?")
 _NOT_A_NUMBER: Final = re.compile(r"[+-]?(nan|inf(inity)?|1\.#\w+)", re.IGNORECASE)
+_UNKNOWN: Final = (math.nan,) * 6
+_TURNS: Final = 0.9 * MOST_TURNS / DEG
+_FAR: Final = 0.9 * FARTHEST / MM
 _IPOC: Final = re.compile(rb"<IPOC>(\d{1,18})</IPOC>")
 _VALUE: Final = rb'="([+-]?\d++\.?+\d*+(?:[eE][+-]?\d+)?)"'
 _FAST_JOINTS: Final = re.compile(
-    rb"<AIPos " + rb" ".join(n.encode() + _VALUE for n in _JOINTS) + rb" ?/>"
+    rb"<AIPos " + rb" ".join(n.encode() + _VALUE for n in JOINTS) + rb" ?/>"
 )
 _FAST_POSE: Final = re.compile(
-    rb"<RIst " + rb" ".join(n.encode() + _VALUE for n in _POSE) + rb" ?/>"
+    rb"<RIst " + rb" ".join(n.encode() + _VALUE for n in POSE) + rb" ?/>"
 )
 _FAST_DELAY: Final = re.compile(rb'<Delay D="(\d{1,9})" ?/>')
 
@@ -60,19 +69,8 @@ class RobPacket:
     signals: Mapping[str, float] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SenAnswer:
-    """One answer to the controller, as a controller reads it.
-
-    Attributes:
-        sen_type: Must be that of the configuration.
-        ipoc: Must be that of the packet answered.
-        signals: Values, ``Tag`` or ``Tag.Attribute`` (RKorr.X in mm, RKorr.A in deg).
-    """
-
-    sen_type: str
-    ipoc: int
-    signals: Mapping[str, float]
+SeenPacket = tuple[RobPacket, float, Flag]
+"""A packet with joints, s on the host's clock when it came, and what its count says."""
 
 
 def rsi_sequence(cycle_ms: int) -> SequenceState:
@@ -128,14 +126,14 @@ def read_rob_fast(data: bytes) -> RobPacket:
         and data.count(b"<Rob") == 1
     )
     if not plain or data.count(b"<IPOC>") != 1:
-        return _without_signals(read_rob(data))
+        return replace(read_rob(data), signals={})
     ipoc, joints = _IPOC.search(data), _FAST_JOINTS.search(data)
     pose, delay = _FAST_POSE.search(data), _FAST_DELAY.search(data)
     for name, match in ((b"<AIPos", joints), (b"<RIst", pose), (b"<Delay", delay)):
         if data.count(name) != (match is not None):
-            return _without_signals(read_rob(data))
+            return replace(read_rob(data), signals={})
     if ipoc is None:
-        return _without_signals(read_rob(data))
+        return replace(read_rob(data), signals={})
     return RobPacket(
         ipoc=int(ipoc[1]),
         late=None if delay is None else int(delay[1]),
@@ -160,7 +158,7 @@ def read_rob(data: bytes, config: RsiConfig | None = None) -> RobPacket:
         raise FormatError(
             f"RSI packet <{root.tag}>, expected <Rob>.", hint="the port of another service?"
         )
-    ipoc, values = _values(root)
+    ipoc, values = read_values(root)
     if config is not None:
         groups = {name.partition(".")[0] for name in values}
         numeric = [e.tag for e in config.send if e.kind != "STRING" and e.tag != "IPOC"]
@@ -170,8 +168,8 @@ def read_rob(data: bytes, config: RsiConfig | None = None) -> RobPacket:
                 f"RSI packet without {', '.join(missing)}.",
                 hint="give the EthernetConfig.xml that the controller runs.",
             )
-    joints = _take_six(values, "AIPos", _JOINTS)
-    pose = _take_six(values, "RIst", _POSE)
+    joints = _take_six(values, "AIPos", JOINTS)
+    pose = _take_six(values, "RIst", POSE)
     late = values.pop("Delay.D", None)
     if late is not None and not (0 <= late < 1e9 and late == int(late)):
         raise FormatError(f"Delay D={late:g}, expected a count.")
@@ -184,112 +182,12 @@ def read_rob(data: bytes, config: RsiConfig | None = None) -> RobPacket:
     )
 
 
-def write_sen(
-    config: RsiConfig,
-    ipoc: int,
-    correction: Correction,
-    mode: CorrectionMode,
-    signals: Mapping[str, float] | None = None,
-) -> bytes:
-    """Returns the answer to the packet of an IPOC.
-
-    Args:
-        config: Which elements the controller takes.
-        ipoc: That of the packet answered, unchanged.
-        correction: Written as RKorr, X Y Z in mm and A B C in deg, to 1e-6 of them.
-        mode: What RSI_ON of the running program says.
-        signals: Further values by tag (``DiO``, ``Tech.T21``).
+def read_values(root: Element) -> tuple[int, dict[str, float]]:
+    """Returns the IPOC of a packet or answer, and every number by ``Tag`` or ``Tag.Attribute``.
 
     Raises:
-        ConfigurationError: The link takes no answers, not this element, or not this direction.
-        ModelMismatchError: A correction for the other mode.
+        FormatError: No IPOC or two, a value twice, or one that is no number.
     """
-    if config.only_send:
-        raise ConfigurationError(
-            "ONLYSEND is TRUE: the controller takes no answers.", hint="set it to FALSE."
-        )
-    if correction.mode is not mode:
-        raise ModelMismatchError(
-            f"a correction meant as {correction.mode.value} for a controller that takes it as "
-            f"{mode.value}.",
-            hint="RSI_ON(#RELATIVE) adds it up in every cycle, RSI_ON(#ABSOLUTE) does not.",
-        )
-    abc = correction.turn
-    if abc.any():
-        abc = abc_from_matrix(matrix_from_rotation_vector(abc))
-    numbers = np.concatenate([correction.shift / MM, abc / DEG]) + 0.0
-    values = dict(zip((f"RKorr.{name}" for name in _POSE), numbers.tolist(), strict=True))
-    for tag, number in values.items():
-        if config.receives(tag) is None and abs(number) >= 5e-7:
-            raise ConfigurationError(
-                f"the controller takes no {tag}, and {number:.6f} is to be sent.",
-                hint=f'<ELEMENT TAG="{tag}" .../> under RECEIVE, or correct without it.',
-            )
-    values = {tag: number for tag, number in values.items() if config.receives(tag) is not None}
-    for tag, number in (signals or {}).items():
-        if config.receives(tag) is None or tag in values or not math.isfinite(number):
-            raise ConfigurationError(
-                f"{tag} = {number} cannot be sent; the controller takes "
-                f"{', '.join(e.tag for e in config.receive) or 'nothing'}."
-            )
-        values[tag] = number
-    whole = {
-        tag for tag in values if (e := config.receives(tag)) is not None and e.kind != "DOUBLE"
-    }
-    return _document("Sen", config.sen_type, values, ipoc, whole)
-
-
-def write_rob(packet: RobPacket) -> bytes:
-    """Returns a packet as a controller sends it, for simulators and tests."""
-    values: dict[str, float] = {}
-    for tag, names, numbers in (
-        ("RIst", _POSE, packet.pose_mm_deg),
-        ("AIPos", _JOINTS, packet.joints_deg),
-    ):
-        if numbers is not None:
-            values |= {f"{tag}.{n}": v for n, v in zip(names, numbers, strict=True)}
-    if packet.late is not None:
-        values["Delay.D"] = packet.late
-    return _document("Rob", "KUKA", values | dict(packet.signals), packet.ipoc, {"Delay.D"})
-
-
-def read_sen(data: bytes, config: RsiConfig, ipoc: int) -> SenAnswer:
-    """Returns an answer as a controller reads it.
-
-    Raises:
-        FormatError: Not a ``<Sen>``, another type, or the IPOC of another packet.
-    """
-    root = parse_xml(data, "RSI answer")
-    sen_type = root.get("Type", "")
-    if root.tag != "Sen" or sen_type != config.sen_type:
-        raise FormatError(
-            f"RSI answer <{root.tag} Type={sen_type!r}>, expected <Sen Type={config.sen_type!r}>.",
-            hint="SENTYPE of EthernetConfig.xml.",
-        )
-    answered, values = _values(root)
-    if answered != ipoc:
-        raise FormatError(f"RSI answer to IPOC {answered}, expected {ipoc}.")
-    return SenAnswer(sen_type=sen_type, ipoc=answered, signals=values)
-
-
-def _document(
-    root: str, kind: str, values: Mapping[str, float], ipoc: int, whole: set[str]
-) -> bytes:
-    parts = [f"<{root} Type={quoteattr(kind)}>"]
-    groups: dict[str, list[str]] = {}
-    for tag, number in values.items():
-        group, _, name = tag.partition(".")
-        text = str(int(number)) if tag in whole else f"{number:.6f}"
-        groups.setdefault(group, []).append(f' {name}="{text}"' if name else escape(text))
-    for group, texts in groups.items():
-        attributes = texts[0].startswith(" ")
-        body = "".join(texts)
-        parts.append(f"<{group}{body} />" if attributes else f"<{group}>{body}</{group}>")
-    parts.append(f"<IPOC>{ipoc}</IPOC></{root}>")
-    return "".join(parts).encode("ascii", "xmlcharrefreplace")
-
-
-def _values(root: Element) -> tuple[int, dict[str, float]]:
     ipoc: int | None = None
     values: dict[str, float] = {}
     for element in root:
@@ -346,10 +244,50 @@ def _has_group(tag: str, groups: set[str]) -> bool:
     return ("." not in tag or tag.startswith("Tech.")) and tag.partition(".")[0] in groups
 
 
-def _without_signals(packet: RobPacket) -> RobPacket:
-    return RobPacket(
-        ipoc=packet.ipoc,
-        late=packet.late,
-        joints_deg=packet.joints_deg,
-        pose_mm_deg=packet.pose_mm_deg,
+def packet_flags(packet: RobPacket) -> Flag:
+    """Returns what is wrong with the values of a packet.
+
+    Raises:
+        FormatError: The packet has no joints.
+    """
+    joints, pose = packet.joints_deg, packet.pose_mm_deg
+    # sums: below the limit all are, and none is NaN
+    if joints is not None and sum(map(abs, joints)) < _TURNS:
+        if pose is None:
+            return Flag.NONE
+        if sum(map(abs, pose[:3])) < _FAR and sum(map(abs, pose[3:])) < math.inf:
+            return Flag.NONE
+    if joints is None:
+        raise FormatError(
+            "RSI packet without AIPos: no joints.",
+            hint='<ELEMENT TAG="DEF_AIPos" TYPE="DOUBLE" INDX="INTERNAL"/> under SEND.',
+        )
+    return Flag(int(rob_block([(packet, 0.0, Flag.NONE)]).flags[0]))
+
+
+def rob_block(seen: Sequence[SeenPacket]) -> JointBlock:
+    """Returns the block of packets with joints; poses are in the frame of RSI_ON."""
+    packets = [packet for packet, _, _ in seen]
+    flags = np.array([int(flag) for _, _, flag in seen], dtype=np.int64)
+    joints = np.array([packet.joints_deg for packet in packets]) * DEG
+    printed = np.array([packet.pose_mm_deg or _UNKNOWN for packet in packets])
+    finite = np.isfinite(printed).all(axis=1)
+    whole = bool(finite.all())
+    if not whole:
+        sent = np.array([packet.pose_mm_deg is not None for packet in packets])
+        flags = flags | np.where(sent & ~finite, int(Flag.NOT_FINITE), 0)
+        printed[~finite] = np.nan
+    poses = pose_from_xyz_abc(printed[:, :3] * MM, printed[:, 3:] * DEG)
+    if not whole:
+        poses[~finite] = np.nan
+    joints, flags = check_joints(joints, flags)
+    poses, flags = check_poses(poses, flags)
+    ipoc = np.array([packet.ipoc for packet in packets], dtype=np.int64)
+    return JointBlock(
+        controller_time=np.asarray(ipoc * 1e-3),
+        host_time=np.array([time for _, time, _ in seen]),
+        joints=joints,
+        T_frame_tool=poses,
+        sequence=ipoc,
+        flags=flags,
     )

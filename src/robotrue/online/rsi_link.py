@@ -18,14 +18,16 @@ from robotrue.online.robot_correction import Correction, CorrectionMode, no_corr
 from robotrue.online.robot_link import LinkState, RobotLink
 from robotrue.online.rsi import (
     RobPacket,
+    SeenPacket,
+    packet_flags,
     read_ipoc,
     read_late,
     read_rob,
     read_rob_fast,
+    rob_block,
     rsi_sequence,
 )
 from robotrue.online.rsi_answer import SenWriter
-from robotrue.online.rsi_block import SeenPacket, packet_flags, rob_block
 from robotrue.online.rsi_booking import RsiBooking
 from robotrue.online.rsi_config import RsiConfig
 from robotrue.online.sequence import advance

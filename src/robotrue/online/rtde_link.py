@@ -183,7 +183,7 @@ class _RtdeLink(Generic[B]):
                     self._fault(f"{source}: {message}")
         return [frame for frame in frames if frame.kind != "M"]
 
-    def _block(self, rows: rtde.Rows, now: float, *, rate: float) -> B:
+    def _block(self, rows: rtde.Rows, host_time: float, *, rate: float) -> B:
         raise NotImplementedError
 
     def _watch_clock(self, block: B) -> B:

@@ -23,20 +23,21 @@ from robotrue.errors import ModelMismatchError
 from robotrue.online import sensing_kernels as kernels
 from robotrue.online.blocks import ForceBlock, JointBlock
 from robotrue.online.estimates import Doubt, EstimateBlock
-from robotrue.online.sensing_constants import constants, noise_variance, parameters
 from robotrue.online.sensing_joints import JointTrack
 from robotrue.online.sensing_models import PoseResponse, SensingModels, SensingSettings
 from robotrue.online.sensing_pose import BASE, SENSOR, TOOL, write_pose
 from robotrue.online.sensing_records import (
     POSE_DTYPE,
     WORK_DTYPE,
+    constants,
     new_record,
+    noise_variance,
     numbers_of,
+    parameters,
     state_dtype,
-    window_dtype,
 )
 from robotrue.online.sensing_watch import new_watch
-from robotrue.online.sensing_windows import WindowDeviation
+from robotrue.online.sensing_windows import WindowDeviation, window_dtype
 
 ROWS: Final = 1024
 """Rows of work at a time; bounds the memory of long blocks."""

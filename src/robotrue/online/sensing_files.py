@@ -84,17 +84,17 @@ def sensing_of(files: SensingFiles, rate: float) -> tuple[Sensing, tuple[str, ..
     """
     cell = read_cell(files.cell)
     remarks: list[str] = []
-    compliance = _compliance(cell, files, remarks)
-    response = _response(cell, files, remarks)
-    learned = _learned(files, remarks)
-    held = _held(files, remarks)
+    compliance = _find_compliance(cell, files, remarks)
+    response = _read_response(cell, files, remarks)
+    learned = _read_deviation(files, remarks)
+    held = _read_held_tool(files, remarks)
     models = SensingModels(
         robot=cell.robot,
         rate=rate,
         compliance=compliance,
         response=response,
         held=held,
-        T_flange_sensor=np.eye(4) if files.sensor is None else _placed(files.sensor),
+        T_flange_sensor=np.eye(4) if files.sensor is None else _read_pose(files.sensor),
         learned=learned,
     )
     settings = SensingSettings()
@@ -108,9 +108,9 @@ def sensing_of(files: SensingFiles, rate: float) -> tuple[Sensing, tuple[str, ..
     return sensing, tuple(remarks)
 
 
-def _compliance(cell: Cell, files: SensingFiles, remarks: list[str]) -> JointCompliance | None:
+def _find_compliance(cell: Cell, files: SensingFiles, remarks: list[str]) -> JointCompliance | None:
     if files.calibrated is not None:
-        return _calibrated(cell, files.calibrated, files.model, remarks)
+        return _take_compliance(cell, files.calibrated, files.model, remarks)
     known = np.nan_to_num(np.asarray(cell.compliance_prior))
     if known.any():
         remarks.append(
@@ -125,7 +125,7 @@ def _compliance(cell: Cell, files: SensingFiles, remarks: list[str]) -> JointCom
     return None
 
 
-def _calibrated(
+def _take_compliance(
     cell: Cell, model: ErrorModel, path: Path | None, remarks: list[str]
 ) -> JointCompliance:
     """Compliances of a calibrated model, with their covariance where it has one."""
@@ -153,7 +153,7 @@ def _calibrated(
     return JointCompliance(compliance=np.maximum(known, 0.0), covariance=whole[part, part])
 
 
-def _response(cell: Cell, files: SensingFiles, remarks: list[str]) -> MeasuredResponse | None:
+def _read_response(cell: Cell, files: SensingFiles, remarks: list[str]) -> MeasuredResponse | None:
     if files.frf is None:
         if files.frf_joints is not None or files.frf_frame is not None:
             raise ConfigurationError("--frf-joints and --frf-frame say where --frf was measured.")
@@ -204,7 +204,7 @@ def provenances(files: SensingFiles) -> dict[str, Provenance]:
     return made
 
 
-def _learned(files: SensingFiles, remarks: list[str]) -> LearnedPart | None:
+def _read_deviation(files: SensingFiles, remarks: list[str]) -> LearnedPart | None:
     if files.deviation is None:
         return None
     if files.spindle_rpm is None:
@@ -221,7 +221,7 @@ def _learned(files: SensingFiles, remarks: list[str]) -> LearnedPart | None:
     return LearnedPart(model=model, spindle=files.spindle_rpm / 60.0)
 
 
-def _held(files: SensingFiles, remarks: list[str]) -> HeldTool | None:
+def _read_held_tool(files: SensingFiles, remarks: list[str]) -> HeldTool | None:
     if files.tool is None:
         remarks.append(
             "no held tool: the force is taken as the process alone, so the sensor has to be tared "
@@ -236,7 +236,7 @@ def _held(files: SensingFiles, remarks: list[str]) -> HeldTool | None:
     return tool
 
 
-def _placed(text: str) -> Array:
+def _read_pose(text: str) -> Array:
     numbers = _numbers(text, 6, "--sensor")
     return pose_from_xyz_abc(numbers[:3] * MM, numbers[3:] * DEG)
 

@@ -21,6 +21,7 @@ from robotrue.online.estimates import Doubt
 from robotrue.online.sensing_pose import SENSOR, Constants, write_pose
 from robotrue.online.sensing_records import HEAD
 from robotrue.online.sensing_watch import refuse_force
+from robotrue.online.sensing_windows import add_peak, clear_window
 
 NO_JOINTS: Final = int(Doubt.NO_JOINTS)
 BAD_FORCE: Final = int(Doubt.BAD_FORCE)
@@ -201,14 +202,6 @@ def _restart(now: Array, p: Any, s: Any, window: Any) -> None:
 
 
 @compiled(EXACT)
-def clear_window(window: Any) -> None:
-    """Sets the sums over a window to zero."""
-    window.rows = window.turn_peak = window.turn_force = window.peaks = 0.0
-    window.force_peaks = window.turns = window.seen = 0.0
-    window.force[:], window.joints[:] = 0.0, 0.0
-
-
-@compiled(EXACT)
 def _count_missing(time: float, flag: int, p: Any, s: Any) -> bool:
     """Counts the samples that never came; says whether the sender's clock is not to be trusted."""
     if not np.isfinite(time):
@@ -382,21 +375,3 @@ def combine(
             static[i, r] = row.still[r] + direction[r] * learned
             if doubts[i] & INVALID:
                 error[i, r] = sd[i, r] = static[i, r] = np.nan
-
-
-@compiled(EXACT)
-def add_peak(bent: float, pushed: float, turn: float, window: Any) -> None:
-    """Adds a sample to the peaks per turn of the spindle in the window, as ``peaks_per_turn``."""
-    seen, turns = window.seen, window.turns
-    edge = np.rint(turns * turn)
-    if seen >= np.rint((turns + 1.0) * turn):
-        window.peaks += window.turn_peak
-        window.force_peaks += window.turn_force
-        window.turns = turns + 1.0
-        edge = seen
-    if seen == edge:
-        window.turn_peak, window.turn_force = bent, abs(pushed)
-    else:
-        window.turn_peak = max(window.turn_peak, bent)
-        window.turn_force = max(window.turn_force, abs(pushed))
-    window.seen = seen + 1.0

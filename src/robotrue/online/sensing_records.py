@@ -10,12 +10,29 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.core.arrays import Array
+from robotrue.core.poses import inverse
+from robotrue.core.units import STANDARD_GRAVITY
+from robotrue.dynamics.deviation import FORCE_ROOM, DeviationModel
+from robotrue.dynamics.oscillators import Oscillators
+from robotrue.dynamics.predict import RINGS
+from robotrue.dynamics.streaming import ModalFilter
+from robotrue.errors import ReachError
+from robotrue.online.sensing_models import (
+    MeasuredResponse,
+    PoseResponse,
+    SensingModels,
+    SensingSettings,
+)
+from robotrue.online.sensing_pose import Constants
+from robotrue.robot.chain import chain_dtype, links_of
+from robotrue.robot.forward import drive_jacobian, walk
 
 HEAD: Final = 7
 """Columns of a row of joints before the joints, see ``JointTrack``."""
 
 
-def _dtype(*fields: tuple[str, tuple[int, ...]]) -> np.dtype[np.void]:
+def record_dtype(*fields: tuple[str, tuple[int, ...]]) -> np.dtype[np.void]:
+    """Returns a record of float64 fields with these names and shapes."""
     return np.dtype([(name, np.float64, shape) for name, shape in fields])
 
 
@@ -31,7 +48,7 @@ def state_dtype(dof: int) -> np.dtype[np.void]:
     """
     one = ("last_time", "anchor", "steps", "pending", "started", "left", "window_left", "row",
            "lost", "debt")  # fmt: skip
-    return _dtype(
+    return record_dtype(
         *((name, ()) for name in one),
         ("wrench", (6,)),
         ("stage_1", (6,)),
@@ -43,45 +60,24 @@ def state_dtype(dof: int) -> np.dtype[np.void]:
     )
 
 
-def window_dtype(dof: int) -> np.dtype[np.void]:
-    """Returns the record of sums over a window of milling.
-
-    Fields: ``rows``; ``force`` sum (3,) N; ``turn_peak`` m and ``turn_force`` N of the present
-    turn of the spindle; ``peaks``, ``force_peaks`` their sums over whole turns; ``turns``;
-    ``seen`` samples; ``joints`` sum (dof,) rad.
-    """
-    return _dtype(
-        ("rows", ()), ("force", (3,)), ("turn_peak", ()), ("turn_force", ()), ("peaks", ()),
-        ("force_peaks", ()), ("turns", ()), ("seen", ()), ("joints", (dof,)),
-    )  # fmt: skip
-
-
 _PARAMETERS: Final = (
     "rate", "joints_age", "soft", "bridged", "force_most", "longest_lever", "room", "refresh",
     "memory", "held_mass", "learned", "offset", "window", "misfit",
 )  # fmt: skip
-PARAMETERS_DTYPE: Final = _dtype(*((name, ()) for name in _PARAMETERS))
+PARAMETERS_DTYPE: Final = record_dtype(*((name, ()) for name in _PARAMETERS))
 """Numbers of models and settings: Hz, s, gain of the low-passes, samples, N, m, rad, rad, samples,
 kg, 1 with a learned deviation, m, samples, part of the displacement."""
-POSE_DTYPE: Final = _dtype(
+POSE_DTYPE: Final = record_dtype(
     ("read", (3, 3)), ("lever", (3,)), ("turned", (3, 3)), ("added", (3, 6)), ("still", (3, 6)),
     ("physics", (3,)), ("spread", (3, 6, 6)), ("zero", (3,)),
 )  # fmt: skip
 """Numbers of a pose, see :func:`robotrue.online.sensing_pose.write_pose`."""
-WORK_DTYPE: Final = _dtype(
+WORK_DTYPE: Final = record_dtype(
     ("index", ()), ("turned", (3, 3)), ("added", (3,)), ("still", (3,)), ("spread", (3,)),
     ("physics", ()), ("along", ()),
 )  # fmt: skip
 """A sample that enters the filters: its index in the block, -1 inside a bridged gap, and what is
 added to what the filters make of it."""
-WATCH_DTYPE: Final = _dtype(
-    ("last", (3,)), ("whole_run", ()), ("whole_largest", ()), ("equal_run", ()),
-    ("channels", (3, 5)),
-)  # fmt: skip
-"""Force watch: last force N; run of whole numbers and its largest size; run of equal samples; for
-each axis the columns below."""
-HIGHEST, TIMES_HIGHEST, LOWEST, TIMES_LOWEST, RUN = range(5)
-"""Extreme values of an axis, how often it was flat there, and its run at one value."""
 
 
 def new_record(dtype: np.dtype[np.void]) -> np.ndarray[tuple[int], np.dtype[np.void]]:
@@ -92,3 +88,136 @@ def new_record(dtype: np.dtype[np.void]) -> np.ndarray[tuple[int], np.dtype[np.v
 def numbers_of(record: np.ndarray[Any, np.dtype[np.void]]) -> Array:
     """Returns the numbers of one record (k,), a view."""
     return record.view(np.float64)
+
+
+_STAGES: Final = 1.5
+"""Two low-passes take so much longer to forget than one."""
+
+
+def parameters(
+    models: SensingModels, settings: SensingSettings, own: Oscillators | None
+) -> np.ndarray[tuple[int], np.dtype[np.void]]:
+    """Returns ``PARAMETERS_DTYPE`` (1,); ``own`` is what is filtered with, or None."""
+    record = new_record(PARAMETERS_DTYPE)
+    p, held, learned, response = record[0], models.held, models.learned, models.response
+    p["rate"], p["joints_age"] = models.rate, settings.joints_age
+    p["soft"] = -np.expm1(-2.0 * np.pi * settings.static_band / models.rate)
+    p["bridged"], p["force_most"] = settings.bridged, settings.force_most
+    p["room"] = response.room if isinstance(response, MeasuredResponse) else np.inf
+    p["longest_lever"] = settings.lever
+    p["refresh"] = response.refresh if isinstance(response, PoseResponse) else np.inf
+    p["misfit"] = 0.0 if response is None else response.misfit
+    if held is not None:
+        p["held_mass"] = held.mass if settings.acceleration_samples > 0 else 0.0
+    forgets = _STAGES * RINGS / (2.0 * np.pi * settings.static_band)
+    if own is not None and len(own):
+        forgets = max(forgets, RINGS / float(-own.poles.real.max()))
+    memory = float(np.ceil(forgets * models.rate))
+    if learned is not None:
+        rows = max(round(learned.window * models.rate), 1)
+        memory = (np.ceil(memory / rows) + 1.0) * rows
+        p["learned"], p["window"] = 1.0, rows
+        p["offset"] = learned.model.factors[-2]
+    p["memory"] = memory
+    return record
+
+
+def constants(models: SensingModels, settings: SensingSettings) -> Constants:
+    """Returns the models as the kernels take them.
+
+    Raises:
+        ReachError: A response measured at a pose outside the limits of the joints.
+    """
+    robot, response, dof = models.robot, models.response, models.robot.dof
+    zero = settings.force_zero
+    held = np.zeros((4, 3))
+    if models.held is not None:
+        tool = models.held
+        held = np.array([tool.weight_in_base, tool.centre, tool.force_offset, tool.moment_offset])
+        zero = float(np.hypot(tool.force_offset_sd.max(), tool.mass_sd * STANDARD_GRAVITY))
+    compliance, covariance = np.zeros(dof), np.zeros((dof, dof))
+    if isinstance(response, PoseResponse):
+        compliance = 1.0 / response.arm.stiffness
+    elif models.compliance is not None:
+        compliance = np.array(models.compliance.compliance)
+        covariance = np.array(models.compliance.covariance)
+    home, jacobian, rest = np.full(dof, np.nan), np.zeros((3, dof)), np.zeros((3, 3))
+    if isinstance(response, PoseResponse):
+        rest = response.tool.static
+    elif response is not None:
+        _check_limits(models, response.joints)
+        home = np.array(response.joints)
+        state = walk(robot, home[None])
+        jacobian = drive_jacobian(robot, state)[0, :3]
+        if response.frame == "tool":
+            jacobian = state.rotation[0].T @ jacobian
+        rest = response.oscillators.static - (jacobian * compliance) @ jacobian.T
+    return Constants(
+        links=links_of(robot.nominal()),
+        chain=np.zeros(1, chain_dtype(dof)),
+        zero_angle=np.array(robot.theta),
+        joint_map=np.array(robot.joint_map),
+        limits=np.array(robot.limits),
+        T_tool_sensor=np.ascontiguousarray(inverse(robot.T_flange_tool) @ models.T_flange_sensor),
+        weight=held[0],
+        centre=held[1],
+        force_offset=held[2],
+        moment_offset=held[3],
+        compliance=compliance,
+        covariance=np.ascontiguousarray(covariance),
+        home=home,
+        home_jacobian=np.ascontiguousarray(jacobian),
+        rest=np.array(rest),
+        **_learned_constants(models),
+        own=float(not isinstance(response, PoseResponse)),
+        turns=isinstance(response, MeasuredResponse) and response.frame == "tool",
+        zero_sd=zero,
+        projected=models.learned is not None,
+    )
+
+
+def noise_variance(
+    own: Oscillators | None, models: SensingModels, settings: SensingSettings
+) -> Array:
+    """Returns (3,) m^2: what white noise of the force becomes in the filters' output."""
+    if own is None:
+        return np.zeros(3)
+    size = settings.force_noise if models.held is None else models.held.force_noise
+    steps = 2 + int(np.ceil(RINGS / float(-own.poles.real.max()) * models.rate)) if len(own) else 2
+    total = np.zeros(3)
+    for axis in range(3):
+        knock = np.zeros((steps, 3))
+        knock[1, axis] = size
+        total += (ModalFilter(own, models.rate).push(knock) ** 2).sum(axis=0)
+    return total
+
+
+def _learned_constants(models: SensingModels) -> dict[str, Array]:
+    """Returns the constants of the learned deviation; zeros without one."""
+    if models.learned is None:
+        dof = models.robot.dof
+        empty = ("learned_tool", "direction", "force_low", "force_high")
+        return {"learned_compliance": np.zeros(dof), **{name: np.zeros(3) for name in empty}}
+    model: DeviationModel = models.learned.model
+    dof, arm = model.arm.robot.dof, model.arm
+    low, high = model.windows.force.min(axis=0), model.windows.force.max(axis=0)
+    room = FORCE_ROOM * (high - low) + 0.1 * np.abs(model.windows.force).max()
+    return {
+        "learned_compliance": model.factors[:dof] / arm.stiffness,
+        "learned_tool": np.array(model.factors[dof : dof + 3]),
+        "direction": np.array(arm.direction),
+        "force_low": low - room,
+        "force_high": high + room,
+    }
+
+
+def _check_limits(models: SensingModels, joints: Array) -> None:
+    limits = models.robot.limits
+    beyond = np.flatnonzero((joints < limits[:, 0]) | (joints > limits[:, 1]))
+    if beyond.size:
+        i = int(beyond[0])
+        raise ReachError(
+            f"the frequency response is of joint {i + 1} at {np.rad2deg(joints[i]):.2f} deg, "
+            f"limits {np.rad2deg(limits[i, 0]):.1f} to {np.rad2deg(limits[i, 1]):.1f} deg.",
+            hint="joints as the controller displays them, in deg.",
+        )

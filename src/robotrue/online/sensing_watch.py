@@ -12,7 +12,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.compiled import EXACT, compiled
-from robotrue.online.sensing_records import HIGHEST, LOWEST, RUN, WATCH_DTYPE, new_record
+from robotrue.online.sensing_records import new_record, record_dtype
 
 _WHOLE: Final = 8
 _COUNTS: Final = 1000.0
@@ -22,6 +22,14 @@ _STILL: Final = 200
 _FLAT: Final = 4
 _HIGH: Final = 20.0
 """N; a channel that stands at its extreme for so many samples, twice, beyond this: clipped."""
+WATCH_DTYPE: Final = record_dtype(
+    ("last", (3,)), ("whole_run", ()), ("whole_largest", ()), ("equal_run", ()),
+    ("channels", (3, 5)),
+)  # fmt: skip
+"""Force watch: last force N; run of whole numbers and its largest size; run of equal samples; for
+each axis the columns below."""
+HIGHEST, TIMES_HIGHEST, LOWEST, TIMES_LOWEST, RUN = range(5)
+"""Extreme values of an axis, how often it was flat there, and its run at one value."""
 
 
 def new_watch() -> np.ndarray[tuple[int], np.dtype[np.void]]:

@@ -11,14 +11,29 @@ from typing import Any, Final
 
 import numpy as np
 
+from robotrue.core.compiled import EXACT, compiled
 from robotrue.dynamics.deviation import WindowTrust
 from robotrue.dynamics.windows import WindowSet
 from robotrue.online.sensing_models import SensingModels
+from robotrue.online.sensing_records import record_dtype
 
 _NAME: Final = "online"
 INSIDE, EXTRAPOLATED, INVALID = 0.0, 1.0, 2.0
 _WHOLE: Final = 1e-9
 """Turn; a turn is whole but for rounding."""
+
+
+def window_dtype(dof: int) -> np.dtype[np.void]:
+    """Returns the record of sums over a window of milling.
+
+    Fields: ``rows``; ``force`` sum (3,) N; ``turn_peak`` m and ``turn_force`` N of the present
+    turn of the spindle; ``peaks``, ``force_peaks`` their sums over whole turns; ``turns``;
+    ``seen`` samples; ``joints`` sum (dof,) rad.
+    """
+    return record_dtype(
+        ("rows", ()), ("force", (3,)), ("turn_peak", ()), ("turn_force", ()), ("peaks", ()),
+        ("force_peaks", ()), ("turns", ()), ("seen", ()), ("joints", (dof,)),
+    )  # fmt: skip
 
 
 class WindowDeviation:
@@ -84,3 +99,29 @@ def peaks(sums: Any, turn: float) -> tuple[float, float]:
         bent, pushed = bent + float(sums["turn_peak"]), pushed + float(sums["turn_force"])
         turns += 1.0
     return bent / turns, pushed / turns
+
+
+@compiled(EXACT)
+def clear_window(window: Any) -> None:
+    """Sets the sums over a window to zero."""
+    window.rows = window.turn_peak = window.turn_force = window.peaks = 0.0
+    window.force_peaks = window.turns = window.seen = 0.0
+    window.force[:], window.joints[:] = 0.0, 0.0
+
+
+@compiled(EXACT)
+def add_peak(bent: float, pushed: float, turn: float, window: Any) -> None:
+    """Adds a sample to the peaks per turn of the spindle in the window, as ``peaks_per_turn``."""
+    seen, turns = window.seen, window.turns
+    edge = np.rint(turns * turn)
+    if seen >= np.rint((turns + 1.0) * turn):
+        window.peaks += window.turn_peak
+        window.force_peaks += window.turn_force
+        window.turns = turns + 1.0
+        edge = seen
+    if seen == edge:
+        window.turn_peak, window.turn_force = bent, abs(pushed)
+    else:
+        window.turn_peak = max(window.turn_peak, bent)
+        window.turn_force = max(window.turn_force, abs(pushed))
+    window.seen = seen + 1.0

@@ -80,20 +80,6 @@ def advance(
     if late_count > state.late_count or host_time - state.host_time > state.late_after:
         flags |= Flag.LATE
     moved = count - state.last
-    if (
-        moved == state.step
-        and not flags
-        and not state.modulus
-        and late_count == state.late_count
-        and host_time >= state.host_time
-    ):  # as nearly all of them
-        return replace(
-            state,
-            last=count,
-            host_time=host_time,
-            total=state.total + 1,
-            received=state.received + 1,
-        ), flags
     if state.modulus:
         half = state.modulus // 2
         moved = (moved + half) % state.modulus - half

@@ -18,8 +18,8 @@ from robotrue.online.blocks import ForceBlock, JointBlock
 from robotrue.online.clocks import ClockFix
 from robotrue.online.corrections import Corrections
 from robotrue.online.estimates import EstimateBlock
-from robotrue.online.link import Health, Sink, Source, health_document
-from robotrue.online.queues import Latest, Lossless
+from robotrue.online.link import Health, Sink, StreamSource, health_document
+from robotrue.online.queues import LatestQueue, LosslessQueue
 from robotrue.online.record_frames import Kind
 from robotrue.online.record_writer import RecordWriter
 from robotrue.online.resume import later_than
@@ -126,8 +126,8 @@ class Snapshot:
 
 
 async def sense(
-    joints: Source[JointBlock],
-    force: Source[ForceBlock],
+    joints: StreamSource[JointBlock],
+    force: StreamSource[ForceBlock],
     chain: SensingChain,
     *,
     sinks: Sequence[SinkPlan] = (),
@@ -172,12 +172,12 @@ class _Served:
     def __init__(self, plan: SinkPlan, settings: ServiceSettings) -> None:
         self.plan, self.fault, self.failed = plan, "", 0
         self.line: str | None = None
-        self.latest: Latest[EstimateBlock] | None = None
-        self.whole: Lossless[EstimateBlock] | None = None
+        self.latest: LatestQueue[EstimateBlock] | None = None
+        self.whole: LosslessQueue[EstimateBlock] | None = None
         if plan.whole and settings.patient:
-            self.whole = Lossless(plan.blocks)
+            self.whole = LosslessQueue(plan.blocks)
         else:
-            self.latest = Latest(plan.blocks)
+            self.latest = LatestQueue(plan.blocks)
 
     async def put(self, block: EstimateBlock) -> None:
         if self.latest is not None:

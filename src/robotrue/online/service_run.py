@@ -28,7 +28,7 @@ from robotrue.online.corrections import Corrections
 from robotrue.online.guard import CorrectionGuard
 from robotrue.online.held_note import begin_note, end_note
 from robotrue.online.link import Health
-from robotrue.online.record import Record, RecordHeader, segments
+from robotrue.online.record import RecordHeader, StreamRecord, segments
 from robotrue.online.record_frames import Kind
 from robotrue.online.record_writer import RecordWriter
 from robotrue.online.resume import Resumed, read_estimates_after, resume
@@ -104,7 +104,7 @@ def run_service(
     if correction is not None:
         corrections = corrections_of(correction, settings.robot, cell)
     header = _header(settings, rate, origins)
-    resumed = _resumed(settings, header, chain, listener)
+    resumed = _resume_record(settings, header, chain, listener)
     if correction is not None:
         begin_note(correction.host, correction.limits.shift, confirmed=correction.confirm_zero)
     writer = None if settings.record is None else RecordWriter(settings.record, header)
@@ -236,21 +236,21 @@ def _sinks(
         if whole and writer is not None and resumed is not None:
             plan = replace(
                 plan,
-                before=partial(_missed, writer, resumed, sink),
+                before=partial(_give_missing, writer, resumed, sink),
                 after=partial(getattr, sink, "resumed_after", None),
             )
         plans.append(plan)
     return plans
 
 
-def _missed(writer: RecordWriter, resumed: Resumed, sink: Any) -> Any:
+def _give_missing(writer: RecordWriter, resumed: Resumed, sink: Any) -> Any:
     """What a file has missed of the record, up to where this service goes on."""
     line = getattr(sink, "resumed_after", None)
-    yield from read_estimates_after(Record(writer.path), line, writer.first)
+    yield from read_estimates_after(StreamRecord(writer.path), line, writer.first)
     yield from resumed.missing
 
 
-def _resumed(
+def _resume_record(
     settings: SenseSettings, header: RecordHeader, chain: SensingChain, listener: Listener
 ) -> Resumed | None:
     """Where the record ended, if it is to be gone on with and the streams are files."""
@@ -262,7 +262,7 @@ def _resumed(
             source=settings.record,
             hint="--resume to go on with it, or another folder.",
         )
-    record = Record(settings.record)
+    record = StreamRecord(settings.record)
     before = record.header()
     for what in ("addresses", "provenance", "settings"):
         old, new = dict(getattr(before, what)), dict(getattr(header, what))

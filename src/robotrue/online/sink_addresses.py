@@ -9,7 +9,7 @@ from typing import Final
 from robotrue.errors import ConfigurationError
 from robotrue.online.link import Sink
 from robotrue.online.net_address import NetAddress, net_address
-from robotrue.online.sink_settings import SinkSettings
+from robotrue.online.sink_settings import SinkSettings, require_library
 
 EXAMPLES: Final = (
     "csv:out.csv",
@@ -57,18 +57,21 @@ def _csv(path: str, settings: SinkSettings) -> Sink:
 
 
 def _mqtt(address: NetAddress, settings: SinkSettings) -> Sink:
+    require_library("aiomqtt", "mqtt")
     from robotrue.online.mqtt_sink import MqttSink
 
     return MqttSink(address, settings)
 
 
 def _opcua(address: NetAddress, settings: SinkSettings) -> Sink:
+    require_library("asyncua", "opcua")
     from robotrue.online.opcua_sink import OpcUaSink
 
     return OpcUaSink(address, settings)
 
 
 def _ws(address: NetAddress, settings: SinkSettings) -> Sink:
+    require_library("websockets", "ws")
     from robotrue.online.ws_sink import WebSocketSink
 
     return WebSocketSink(address, settings)

@@ -6,11 +6,12 @@ import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Final
 
 from robotrue.core.provenance import MEASURED, Provenance
-from robotrue.errors import ConfigurationError
+from robotrue.errors import ConfigurationError, MissingExtraError
 from robotrue.online.link import Health
 
 MOST_JOINTS = 12
@@ -70,3 +71,13 @@ def utc_seconds(host_time: float) -> float:
     """
     age = time.monotonic() - host_time
     return time.time() - (age if 0.0 <= age <= LIVE else 0.0)
+
+
+def require_library(name: str, scheme: str) -> None:
+    """Checks that the library of a sink is installed.
+
+    Raises:
+        MissingExtraError: It is not.
+    """
+    if find_spec(name) is None:
+        raise MissingExtraError(f"{scheme}:// needs {name}.", hint="pip install 'robotrue[online]'")

@@ -143,7 +143,7 @@ class UdpEndpoint:
             data, sender = self._socket.recvfrom(_LARGEST)
             return data, 0.0, sender
         data, told, _, sender = self._socket.recvmsg(_LARGEST, TOLD)
-        return data, waited(told), sender
+        return data, time_waited(told), sender
 
 
 class Inbox(Generic[T]):
@@ -151,20 +151,21 @@ class Inbox(Generic[T]):
 
     Args:
         limit: How many may wait before it is crowded; none is ever dropped.
+        count: How many samples an item holds.
     """
 
-    def __init__(self, limit: int = CROWDED) -> None:
+    def __init__(self, limit: int = CROWDED, count: Callable[[T], int] = lambda _: 1) -> None:
         self._items: deque[T] = deque()
-        self._limit = limit
+        self._limit, self._count = limit, count
+        self._put = self._taken = 0
         self._waiter: tuple[asyncio.AbstractEventLoop, asyncio.Future[None]] | None = None
         self._over = False
         self._fault: BaseException | None = None
-        self.most = 0
 
     def put(self, item: T) -> None:
         """Adds a sample; from any thread."""
+        self._put += self._count(item)
         self._items.append(item)
-        self.most = max(self.most, len(self._items))
         self._wake()
 
     def close(self, fault: BaseException | None = None) -> None:
@@ -175,8 +176,8 @@ class Inbox(Generic[T]):
 
     @property
     def waiting(self) -> int:
-        """How many wait now."""
-        return len(self._items)
+        """How many samples wait now."""
+        return self._put - self._taken
 
     @property
     def crowding(self) -> str:
@@ -196,6 +197,7 @@ class Inbox(Generic[T]):
             over = self._over
             items = [self._items.popleft() for _ in range(min(_AT_ONCE, len(self._items)))]
             if items:
+                self._taken += sum(map(self._count, items))
                 return items
             if over:
                 if self._fault is not None:
@@ -223,7 +225,7 @@ def tell_arrivals(link: socket.socket) -> None:
         link.setsockopt(socket.SOL_SOCKET, _STAMP, 1)
 
 
-def waited(told: list[tuple[int, int, bytes]]) -> float:
+def time_waited(told: list[tuple[int, int, bytes]]) -> float:
     """Returns s since a datagram arrived, of what came with it; 0 where the system did not tell."""
     stamp = next((data for _, kind, data in told if kind == _STAMP), b"")
     if len(stamp) != _TIMESPEC.size:

@@ -11,11 +11,16 @@ import contextlib
 import http
 import logging
 import socket
-from typing import Any, Final
+from typing import Final
 from urllib.parse import urlsplit
 
-from robotrue.errors import ConfigurationError, MissingExtraError, ShapeError
-from robotrue.online.envelopes import MOST_PER_SECOND, Bin, Envelopes
+from websockets.asyncio.server import Server, ServerConnection, serve
+from websockets.datastructures import Headers
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
+
+from robotrue.errors import ConfigurationError, ShapeError
+from robotrue.online.envelopes import MOST_PER_SECOND, Envelopes, EstimateBin
 from robotrue.online.estimates import EstimateBlock
 from robotrue.online.link import Health
 from robotrue.online.live_page import (
@@ -26,13 +31,18 @@ from robotrue.online.live_page import (
     page_files,
 )
 from robotrue.online.net_address import NetAddress
-from robotrue.online.queues import Latest
+from robotrue.online.queues import LatestQueue
 from robotrue.online.sink_settings import SinkSettings
 from robotrue.online.ws_door import door
 
 FRAMES: Final = "/frames"
 """Path of the WebSocket; every other path is the page."""
 _PER_SECOND: Final = 50.0
+_OPTIONS: Final = {
+    "rate": f"frames per second, 1 to {MOST_PER_SECOND:g}",
+    "origin": "https://host of another page that may connect",
+    "token": "of every viewer",
+}
 _MOST_VIEWERS: Final = 32
 _QUEUE_S: Final = 2.0
 """s of frames kept for a viewer that does not read."""
@@ -51,17 +61,17 @@ class WebSocketSink:
 
         Raises:
             ConfigurationError: A rate that is none, or no token where one is needed.
-            MissingExtraError: websockets is not installed.
         """
-        _library()
-        self._address = address.only("rate", "origin", "token")
+        self._address, options = address, address.read_options(_OPTIONS)
         self._settings = settings
         self._door = door(address, settings.environment)
-        self._rate = address.number("rate", _PER_SECOND, low=1.0, high=MOST_PER_SECOND)
+        self._rate = options.number(
+            "rate", "Hz", default=_PER_SECOND, low=1.0, high=MOST_PER_SECOND
+        )
         self._envelopes = Envelopes(per_second=self._rate, joints=settings.joints)
         self._files = page_files()
-        self._viewers: set[Latest[str]] = set()
-        self._server: Any = None
+        self._viewers: set[LatestQueue[str]] = set()
+        self._server: Server | None = None
         self._beats: asyncio.Task[None] | None = None
         self._received = self._refused = self._gone_dropped = self._joined = 0
         self._fault = ""
@@ -77,8 +87,6 @@ class WebSocketSink:
         Raises:
             ConfigurationError: The port is taken, or the host is not this computer.
         """
-        from websockets.asyncio.server import serve
-
         _LOGGER.setLevel(logging.CRITICAL)  # a browser that goes away is no error of ours
         try:
             self._server = await serve(
@@ -113,7 +121,7 @@ class WebSocketSink:
         self._received += 1
         self._give(bins)
 
-    def _give(self, bins: list[Bin]) -> None:
+    def _give(self, bins: list[EstimateBin]) -> None:
         if bins and self._viewers:
             frame = estimates_frame(bins[-int(self._rate * _QUEUE_S) :])
             for viewer in self._viewers:
@@ -132,10 +140,8 @@ class WebSocketSink:
                 for viewer in self._viewers:
                     viewer.put(health_frame(healths, dropped=viewer.dropped))
 
-    async def _viewer(self, connection: Any) -> None:
-        from websockets.exceptions import ConnectionClosed
-
-        waiting: Latest[str] = Latest(int(self._rate * _QUEUE_S))
+    async def _viewer(self, connection: ServerConnection) -> None:
+        waiting: LatestQueue[str] = LatestQueue(int(self._rate * _QUEUE_S))
         raw = connection.transport.get_extra_info("socket")
         raw.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
         waiting.put(hello_frame(self._settings, per_second=self._rate))
@@ -151,7 +157,7 @@ class WebSocketSink:
             self._viewers.discard(waiting)
             self._gone_dropped += waiting.dropped
 
-    def _answer(self, connection: Any, request: Any) -> Any:
+    def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """Returns what is sent instead of a WebSocket, or None to go on to one."""
         headers = request.headers
         path = urlsplit(request.path).path
@@ -173,10 +179,7 @@ class WebSocketSink:
             return connection.respond(http.HTTPStatus.SERVICE_UNAVAILABLE, f"{self._fault}\n")
         return None
 
-    def _page(self, path: str) -> Any:
-        from websockets.datastructures import Headers
-        from websockets.http11 import Response
-
+    def _page(self, path: str) -> Response:
         file = self._files.get(path)
         status = http.HTTPStatus.NOT_FOUND if file is None else http.HTTPStatus.OK
         body = b"not here\n" if file is None else file.body
@@ -213,16 +216,7 @@ class WebSocketSink:
         )
 
 
-def _one(headers: Any, name: str) -> str | None:
+def _one(headers: Headers, name: str) -> str | None:
     """Returns a header; one that stands twice counts as a wrong one."""
     values = headers.get_all(name)
     return None if not values else values[0] if len(values) == 1 else "\n".join(values)
-
-
-def _library() -> None:
-    try:
-        import websockets.asyncio.server  # noqa: F401
-    except ImportError as cause:
-        raise MissingExtraError(
-            "ws:// needs websockets.", hint="pip install 'robotrue[online]'"
-        ) from cause

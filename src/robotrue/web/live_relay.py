@@ -17,7 +17,7 @@ from datetime import UTC, datetime
 from typing import Any, Final
 
 from robotrue.errors import MissingExtraError, RobotrueError
-from robotrue.online.queues import Latest
+from robotrue.online.queues import LatestQueue
 from robotrue.online.ws_door import TOKEN_VARIABLE
 from robotrue.store.workspace import Workspace
 from robotrue.web.alarms import Alarm, AlarmWatch
@@ -40,7 +40,7 @@ class Viewer:
     """One who looks."""
 
     def __init__(self) -> None:
-        self.waiting: Latest[str] = Latest(KEPT)
+        self.waiting: LatestQueue[str] = LatestQueue(KEPT)
         self._unseen = 0
         self._room = asyncio.Event()
 

@@ -24,7 +24,8 @@ def service_address(text: str) -> str:
     Raises:
         ConfigurationError: It is none.
     """
-    where = net_address(text.strip(), default_port=SENSE_PORT).only()
+    where = net_address(text.strip(), default_port=SENSE_PORT)
+    where.read_options({})
     if where.scheme != "ws" or where.user or where.path:
         raise ConfigurationError(
             f"{where.scheme}:// is no address of robotrue sense --out ws://..., expected "

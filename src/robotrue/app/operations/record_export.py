@@ -38,7 +38,7 @@ def run(request: RecordExportRequest, context: Context) -> PlainResult:
     from robotrue.app.record_fields import damage_document, note_damage
     from robotrue.core.files import atomic_stream
     from robotrue.errors import ConfigurationError
-    from robotrue.online.record import Record
+    from robotrue.online.record import StreamRecord
     from robotrue.online.record_export import STREAMS, export_lines, stream_provenance
 
     stream = next((name for name in STREAMS if name == request.stream), None)
@@ -47,7 +47,7 @@ def run(request: RecordExportRequest, context: Context) -> PlainResult:
             f"stream {request.stream!r}, expected {', '.join(STREAMS)}.",
             hint="--stream estimates",
         )
-    record, rows = Record(request.folder), 0
+    record, rows = StreamRecord(request.folder), 0
     output = context.output(request.output)
     with atomic_stream(output) as file:
         for data, contained in export_lines(record, stream, skip_damage=request.skip_damage):

@@ -27,11 +27,11 @@ def run(request: RecordInfoRequest, context: Context) -> PlainResult:
     from collections import Counter
 
     from robotrue.app.record_fields import damage_document, note_damage
-    from robotrue.online.record import Record
+    from robotrue.online.record import StreamRecord
     from robotrue.online.record_export import stream_provenance
     from robotrue.online.record_frames import Kind
 
-    record = Record(request.folder)
+    record = StreamRecord(request.folder)
     header = record.header()
     rows: Counter[str] = Counter()
     frames: Counter[str] = Counter()

@@ -158,7 +158,8 @@ def _settings(machine: DrillingMachine, request: SimulateDrillRequest) -> Drilli
 def _address(text: str) -> NetAddress:
     from robotrue.online.net_address import net_address
 
-    address = net_address(text, default_port=PORT).only()
+    address = net_address(text, default_port=PORT)
+    address.read_options({})
     if address.scheme != "udp":
         raise ConfigurationError(
             f"--to {address.scheme}://, expected udp://.", hint=f"--to udp://127.0.0.1:{PORT}"
