@@ -17,8 +17,7 @@ from robotrue.core.provenance import mark_sentence
 from robotrue.drilling.drill_defaults import PORT
 from robotrue.errors import ConfigurationError
 from robotrue.online.net_address import net_address
-from robotrue.online.signals import write_signals
-from robotrue.online.signals_udp import UdpSignals
+from robotrue.online.signals import UdpSignals, write_signals
 
 
 async def serve_desk(desk: Desk, address: str, seconds: float | None, *, begin: str) -> None:
@@ -33,7 +32,8 @@ async def serve_desk(desk: Desk, address: str, seconds: float | None, *, begin: 
     Raises:
         ConfigurationError: Another kind of address.
     """
-    where = net_address(address, default_port=PORT).only("from")
+    where = net_address(address, default_port=PORT)
+    where.read_options({"from": "HOST, the only one that is listened to"})
     if where.scheme != "udp":
         raise ConfigurationError(
             f"--from {where.scheme}://, expected udp://.", hint=f"--from udp://0.0.0.0:{PORT}"

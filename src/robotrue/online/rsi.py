@@ -19,14 +19,7 @@ import numpy as np
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, FormatError
-from robotrue.online.blocks import (
-    FARTHEST,
-    MOST_TURNS,
-    Flag,
-    JointBlock,
-    check_joints,
-    check_poses,
-)
+from robotrue.online.blocks import FARTHEST, MOST_TURNS, Flag, JointBlock, check_joints, check_poses
 from robotrue.online.rsi_config import RsiConfig
 from robotrue.online.sequence import SequenceState
 from robotrue.online.xml_text import parse_xml
