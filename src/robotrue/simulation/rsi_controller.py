@@ -18,8 +18,9 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, FormatError
-from robotrue.online.rsi import RobPacket, read_sen, write_rob
 from robotrue.online.robot_correction import CorrectionMode
+from robotrue.online.rsi import RobPacket
+from robotrue.online.rsi_answer import read_sen, write_rob
 from robotrue.online.rsi_config import RsiConfig
 from robotrue.simulation.cyclic_controller import CyclicController, CyclicSettings
 from robotrue.simulation.joint_motion import six
@@ -164,7 +165,7 @@ class RsiController(CyclicController):
         if self.settings.config.only_send or self._shows(FaultKind.SILENCE):
             return
         try:
-            answer = read_sen(data, self.settings.config, self._ipoc).signals
+            answer = read_sen(data, self.settings.config, self._ipoc)
         except FormatError:
             if self._is_late(data):
                 return
